@@ -132,6 +132,8 @@ def structure_matrices(
     attachments: NDArray[float64] | None,
     position: NDArray[float64],
     rotation: NDArray[float64] | None,
+    radii: NDArray[float64] | None,
+    axes: NDArray[float64] | None,
     least_share: float,
 ) -> tuple[NDArray[float64], NDArray[bool_]]: ...
 def capacity_margin(
@@ -269,7 +271,12 @@ class Watchdog:
 
 class PoseTracker:
     def __init__(
-        self, anchors: NDArray[float64], attachments: NDArray[float64], position: NDArray[float64]
+        self,
+        anchors: NDArray[float64],
+        attachments: NDArray[float64],
+        position: NDArray[float64],
+        radii: NDArray[float64],
+        axes: NDArray[float64],
     ) -> None: ...
     def follow(
         self, lengths: NDArray[float64], known: NDArray[bool_], steps: int, found: float

@@ -135,6 +135,7 @@ JOINTS = {
 STIFF = "cable_ideal"
 ELASTIC = ("cable_linear_spring", "cable_vsd_torsion_spring", "cable_vsd_flexure_linear", "cable_vsd_polynomial")
 PASSIVE = "cable_passive_linear_spring"
+PULLEY = "base_rotating_pulley"
 
 
 class _Cable(NamedTuple):
@@ -144,6 +145,8 @@ class _Cable(NamedTuple):
     attachment: Floats
     lower: float
     upper: float
+    pulley_radius: float | None = None
+    pulley_axis: Floats | None = None
 
 
 def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_set: str | None = None) -> Rig:
@@ -159,8 +162,8 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
 
     The files are such as ``IPAnema_2_bodies.xml`` and ``IPAnema_2_cables.xml``; ``cable_set`` is the id of a
     ``<cable_set>``, the file's own default if left out. RigError names the file, the line, the element and the
-    attribute; also for robots that are no rig: several bodies, a body that turns about a fixed point, pulleys,
-    cables that run past several points.
+    attribute; also for robots that are no rig: several bodies, a body that turns about a fixed point, pulleys on
+    screw drives, cables that run past several points.
     """
     links = read_xml(bodies, "bodies_system").only("links").children
     if len(links) != 1:
@@ -181,7 +184,8 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
     for part in parts:
         if not kind.turns and not np.array_equal(part.attachment, parts[0].attachment):
             part.element.fail("ends elsewhere than the first cable, but the body can't turn; no rig is like that")
-        if np.delete(part.anchor - parent - part.attachment, axes).any():
+        away = [part.anchor - parent - part.attachment, *([] if part.pulley_axis is None else [part.pulley_axis])]
+        if np.delete(away, axes, axis=1).any():
             part.element.fail(f"leaves the {joint.axes} plane in which the body moves; no rig is like that")
     point = np.zeros(3) if kind.turns else parts[0].attachment
     up = {"xyz": "z", "xz": "y", "yz": "y"}.get(joint.axes)  # its z, if that is an axis of the rig
@@ -189,7 +193,15 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
         name=Path(bodies).stem.removesuffix("_bodies"),
         kind=joint.kind,
         modules=tuple(
-            Module(name, part.anchor[axes], part.lower, part.upper, (part.attachment - point)[axes])
+            Module(
+                name,
+                part.anchor[axes],
+                part.lower,
+                part.upper,
+                (part.attachment - point)[axes],
+                pulley_radius=part.pulley_radius,
+                pulley_axis=None if part.pulley_axis is None else part.pulley_axis[axes],
+            )
             for name, part in zip(_names(parts), parts, strict=True)
         ),
         home=(parent + point)[axes] + initial[: kind.dimension],
@@ -218,17 +230,24 @@ def _cable(element: Element, com: Floats) -> _Cable:
     if reference not in ("joint", "com"):
         element.fail(f'attribute "attachment_reference" is {reference!r}; give "joint" or "com"')
     ends = {}
+    radius, axis = None, None
     attachments = element.only("attachments")
     for end in attachments.children:
-        if end.tag != "attachment":
-            end.fail("pulleys change where a cable leaves, and a rig's anchors stay; choose another set of cables")
-        ends[end.number("link")] = end.only("location").numbers(3)
+        if end.tag == PULLEY:
+            ends[0.0] = end.only("fixed_location").numbers(3)
+            radius, axis = end.number("pulley_radius"), end.only("cable_entry_vector").numbers(3)
+        elif end.tag == "attachment":
+            ends[end.number("link")] = end.only("location").numbers(3)
+        else:
+            end.fail(
+                f"no attachment of a rig; only attachment and {PULLEY} are read, so choose another set of cables"
+            )
     if len(attachments.children) != 2 or sorted(ends) != [0, 1]:
         attachments.fail("a cable of a rig has two attachments, to the links 0 and 1; no other is read")
     properties = element.only("properties")
     lower, upper = properties.number("force_min"), properties.number("force_max")
     attachment = ends[1] + com if reference == "com" else ends[1]
-    return _Cable(element, element.attribute("name"), ends[0], attachment, lower, upper)
+    return _Cable(element, element.attribute("name"), ends[0], attachment, lower, upper, radius, axis)
 
 
 def _names(parts: list[_Cable]) -> list[str]:

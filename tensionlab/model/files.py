@@ -18,7 +18,7 @@ from tensionlab.model.pose import RestPose
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 
-SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius")
+SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius", "pulley_radius", "pulley_axis")
 """Keys of a module that the table ``[limits]`` can give for all."""
 
 
@@ -152,7 +152,11 @@ def rig_to_toml(rig: Rig) -> str:
             document[key] = getattr(rig, key)
     document["home"] = rig.home.tolist()
     first, *others = rig.modules
-    common = [key for key in SHARED if all(getattr(module, key) == getattr(first, key) for module in others)]
+    common = [
+        key
+        for key in SHARED
+        if all(np.array_equal(getattr(module, key), getattr(first, key)) for module in others)
+    ]
     document["limits"] = _given(first, common)
     if rig.platform is not None:
         document["platform"] = _given(rig.platform, ["mass", "com", "inertia"])

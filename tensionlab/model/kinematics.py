@@ -6,7 +6,7 @@ reference point to the attachment, in world axes. A twist is (velocity of the re
 world axes). The structure matrix W has the columns ``[u; r x u]``: ``W t`` is the wrench of the tensions t on the
 platform, and ``W = -J'`` with J the derivative of the cable lengths with respect to the twist (Verhoeven 2004,
 "Analysis of the workspace of tendon-based Stewart platforms"; Pott 2018, "Cable-Driven Parallel Robots", chapter
-3). Cables are straight, massless and stiff, and leave the module at a fixed point.
+3). Cables are massless and stiff, straight from a fixed anchor or from a pulley (`tensionlab.model.pulleys`).
 
 Nothing is validated here; `tensionlab.model.rig.Rig` does that, because it knows the names.
 """
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats, Integers, common_axes
+from tensionlab.model.pulleys import Pulleys, go_over, turn_gradient
 
 
 def planar_rotation(angle: Floats) -> Floats:
@@ -78,17 +79,26 @@ def rotate(rotation: Floats, points: Floats) -> Floats:
     return turned
 
 
-def cables(anchors: Floats, position: Floats, arms: Floats | None) -> tuple[Floats, Floats]:
+def cables(
+    anchors: Floats, position: Floats, arms: Floats | None, pulleys: Pulleys | None = None
+) -> tuple[Floats, Floats]:
     """Return lengths (..., m), in m, and directions (..., m, d), zeros for a cable of no length.
 
     From anchors (..., m, d), the position (..., d) of the reference point, and arms (..., m, d), None where all
-    attach at the point; in world axes, in m.
+    attach at the point; in world axes, in m. Of a cable over a pulley, the length is that from the anchor.
     """
-    vectors = anchors - position[..., None, :]
-    if arms is not None:
-        vectors = vectors - arms
+    vectors = to_anchors(anchors, position, arms)
+    if pulleys is not None:
+        lengths, directions, _ = go_over(vectors, pulleys)
+        return lengths, directions
     lengths = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
     return lengths, vectors / np.where(lengths > 0.0, lengths, 1.0)[..., None]
+
+
+def to_anchors(anchors: Floats, position: Floats, arms: Floats | None) -> Floats:
+    """Return the vectors (..., m, d) from attachments to anchors; arguments as in `cables`."""
+    vectors: Floats = anchors - position[..., None, :]
+    return vectors if arms is None else vectors - arms
 
 
 def structure_matrix(directions: Floats, arms: Floats | None) -> Floats:
@@ -109,14 +119,16 @@ def structure_matrix(directions: Floats, arms: Floats | None) -> Floats:
     return W
 
 
-def anchor_gradient(gradient: Floats, lengths: Floats, directions: Floats, arms: Floats | None) -> Floats:
+def anchor_gradient(
+    gradient: Floats, vectors: Floats, arms: Floats | None, pulleys: Pulleys | None = None
+) -> Floats:
     """Return the derivative of a number with respect to the anchors, from that with respect to W.
 
     A column changes by ``[du; r x du]``, and u by what of the anchor's motion is across the cable, over its
     length. Moving the reference point without a turn changes the same number by the opposite of all anchors
-    together. From (..., n, m) to (..., m, d), in world axes, per m.
+    together. From (..., n, m), and vectors (..., m, d) to the anchors, to (..., m, d), in world axes, per m.
     """
-    d = directions.shape[-1]
+    d = vectors.shape[-1]
     columns = np.swapaxes(gradient, -1, -2)
     pull = columns[..., :d]
     if arms is not None:  # torque . (r x du) = du . (torque x r)
@@ -125,8 +137,11 @@ def anchor_gradient(gradient: Floats, lengths: Floats, directions: Floats, arms:
             pull = pull + torque * np.stack([-arms[..., 1], arms[..., 0]], axis=-1)
         else:
             pull = pull + np.cross(torque, arms)
-    along = np.einsum("...i,...i->...", pull, directions)[..., None]
-    across: Floats = (pull - along * directions) / lengths[..., None]
+    if pulleys is not None:
+        return turn_gradient(pull, vectors, pulleys)
+    squares = np.einsum("...i,...i->...", vectors, vectors)[..., None]
+    along = np.einsum("...i,...i->...", pull, vectors)[..., None]
+    across: Floats = (pull - along / squares * vectors) / np.sqrt(squares)
     return across
 
 
@@ -172,19 +187,27 @@ class PoseEstimate:
 
 
 def estimate_pose(
-    anchors: Floats, attachments: Floats | None, lengths: Floats, position: Floats, rotation: Floats | None
+    anchors: Floats,
+    attachments: Floats | None,
+    lengths: Floats,
+    position: Floats,
+    rotation: Floats | None,
+    pulleys: Pulleys | None = None,
 ) -> PoseEstimate:
     """Find poses as `solve_pose` does, for arrays that broadcast. Without a rotation the guess is the identity."""
     m, d = anchors.shape[-2:]
     turn = np.eye(d) if rotation is None else rotation
     shapes = {"lengths": lengths.shape[:-1], "position": position.shape[:-1], "rotation": turn.shape[:-2]}
     batch = common_axes({**shapes, "frames": anchors.shape[:-2]})
+    if pulleys is not None and pulleys.axes.ndim > 2:
+        pulleys = Pulleys(pulleys.radii, np.broadcast_to(pulleys.axes, (*batch, m, d)).reshape(-1, m, d))
     p, R, residual, iterations = solve_pose(
         np.broadcast_to(anchors, (*batch, m, d)).reshape(-1, m, d),
         attachments,
         np.broadcast_to(lengths, (*batch, m)).reshape(-1, m),
         np.broadcast_to(position, (*batch, d)).reshape(-1, d),
         None if attachments is None else np.broadcast_to(turn, (*batch, d, d)).reshape(-1, d, d),
+        pulleys,
     )
     if R is None:
         found = None
@@ -196,7 +219,12 @@ def estimate_pose(
 
 
 def solve_pose(
-    anchors: Floats, attachments: Floats | None, lengths: Floats, position: Floats, rotation: Floats | None
+    anchors: Floats,
+    attachments: Floats | None,
+    lengths: Floats,
+    position: Floats,
+    rotation: Floats | None,
+    pulleys: Pulleys | None = None,
 ) -> tuple[Floats, Floats | None, Floats, Integers]:
     """Find the poses near the guesses that fit the cable lengths best, in the least-squares sense.
 
@@ -204,8 +232,9 @@ def solve_pose(
     form, the damping is scaled by the diagonal of ``J'J`` so that metres and radians need no common unit,
     and a step turns the platform by the exponential map. A pose that has been found leaves the batch.
 
-    Anchors are (B, m, d), attachments (m, d) in platform axes, lengths (B, m), and guesses (B, d) and (B, d, d); a
-    point has no attachments and no rotation. Returns what `PoseEstimate` has, with rotations as matrices.
+    Anchors are (B, m, d), attachments (m, d) in platform axes, lengths (B, m), and guesses (B, d) and (B, d, d);
+    axes of pulleys (m, d) or (B, m, d). A point has no attachments and no rotation. Returns what `PoseEstimate`
+    has, with rotations as matrices.
     """
     position = position.copy()
     rotation = None if rotation is None else rotation.copy()
@@ -218,7 +247,8 @@ def solve_pose(
     while active.size:
         A, L, p = anchors[active], lengths[active], position[active]
         R = None if rotation is None else rotation[active]
-        error, W = _errors(A, attachments, L, p, R)
+        over = None if pulleys is None else pulleys.rows(active)
+        error, W = _errors(A, attachments, L, p, R, over)
         cost = np.mean(error**2, axis=-1)
         residual[active] = np.sqrt(cost)
 
@@ -231,7 +261,7 @@ def solve_pose(
         predicted = np.sqrt(np.mean(np.einsum("...nm,...n->...m", W, step) ** 2, axis=-1))
 
         trial_p, trial_R = p + step[:, :d], None if R is None else _turn(R, step[:, d:])
-        trial_cost = np.mean(_errors(A, attachments, L, trial_p, trial_R)[0] ** 2, axis=-1)
+        trial_cost = np.mean(_errors(A, attachments, L, trial_p, trial_R, over)[0] ** 2, axis=-1)
         better = trial_cost < cost
         position[active[better]] = trial_p[better]
         if rotation is not None and trial_R is not None:
@@ -247,10 +277,12 @@ def solve_pose(
     return position, rotation, residual, iterations
 
 
-def _errors(A: Floats, b: Floats | None, L: Floats, p: Floats, R: Floats | None) -> tuple[Floats, Floats]:
+def _errors(
+    A: Floats, b: Floats | None, L: Floats, p: Floats, R: Floats | None, over: Pulleys | None
+) -> tuple[Floats, Floats]:
     """Measured minus modelled lengths, and the structure matrices."""
     arms = None if b is None or R is None else rotate(R, b)
-    lengths, directions = cables(A, p, arms)
+    lengths, directions = cables(A, p, arms, over)
     return L - lengths, structure_matrix(directions, arms)
 
 

@@ -9,12 +9,19 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
+from tensionlab.model import pose
 from tensionlab.model.kinematics import in_space
-from tensionlab.model.module import GRAVITY_M_S2, KINDS, WORLD
+from tensionlab.model.module import GRAVITY_M_S2, KINDS, WORLD, Module
 from tensionlab.model.rig import Rig
 
 MASS = 1.0
 """Of what the cables hold where the rig has no platform, in kg."""
+PULLEY_DENSITY = 1e3
+"""Moment of inertia of a pulley over its radius to the fourth, in kg/m²: how fast it swivels."""
+RIM_SHARE = 0.2
+"""Half the width of a pulley, of its radius."""
+OFF_RIM_SHARE = 1e-6
+"""So far before its pulley, of the radius, is the site of the anchor: MuJoCo takes none on the rim itself."""
 JOINTS = {"planar-point": "xy", "point": "xyz", "planar": "xy"}
 """The sliding joints of each kind of rig; a platform is free."""
 
@@ -23,6 +30,8 @@ def rig_to_mjcf(rig: Rig) -> str:
     """Return a rig as a model of MuJoCo.
 
     - Each cable is a spatial tendon from the site ``<module> anchor`` to the site ``<module> attachment``.
+    - A pulley is a cylinder, over which the tendon runs, on the body ``<module> pulley``, which swivels.
+      In the plane it stays on the side of home. Arcs are of less than half a round.
     - Each module is a motor on its tendon. Its control is the tension in N, within the limits of the module; the
       gear of -1 lets it only pull.
     - What the cables hold is the body ``platform``, with sliding joints for a point, a hinge as well in the plane,
@@ -44,6 +53,7 @@ def rig_to_mjcf(rig: Rig) -> str:
     Xml.SubElement(root, "compiler", angle="radian")
     Xml.SubElement(root, "option", gravity=_row(in_space(-GRAVITY_M_S2 * rig.upward) if rig.up else np.zeros(3)))
     world = Xml.SubElement(root, "worldbody")
+    platform = _platform(world, rig, size)  # first, so that its coordinates are
     frames = {WORLD: world}
     for name in rig.frames:
         frames[name] = Xml.SubElement(world, "body", name=f"frame {name}", mocap="true")
@@ -54,10 +64,11 @@ def rig_to_mjcf(rig: Rig) -> str:
             angle = float(np.linalg.norm(turn))
             axis = turn / angle if angle else np.array([0.0, 0.0, 1.0])
             frames[rest.name].set("axisangle", _row([*axis, angle]))
-    platform = _platform(world, rig, size)
+    placed = pose.place_anchors(rig.modules, rig.anchors, rig.at_rest)
+    away = pose.in_own_axes(rig.modules, rig.home + rig.attachments - placed, rig.at_rest)
     tendons = Xml.SubElement(root, "tendon")
     motors = Xml.SubElement(root, "actuator")
-    for module, attachment in zip(rig.modules, rig.attachments, strict=True):
+    for number, (module, attachment) in enumerate(zip(rig.modules, rig.attachments, strict=True)):
         if module.lower == module.upper:
             raise RigError(
                 f'module "{module.name}": "lower" equals "upper", {module.lower}; MuJoCo needs a range, give one'
@@ -66,8 +77,10 @@ def rig_to_mjcf(rig: Rig) -> str:
         cable = Xml.SubElement(tendons, "spatial", name=module.name, width=_row([size / 3]))
         for end, (body, place) in ends.items():
             name = f"{module.name} {end}"
-            Xml.SubElement(body, "site", name=name, pos=_row(in_space(place)), size=_row([size]))
+            site = Xml.SubElement(body, "site", name=name, pos=_row(in_space(place)), size=_row([size]))
             Xml.SubElement(cable, "site", site=name)
+            if end == "anchor" and module.pulley_radius is not None:
+                _pulley(body, site, cable, module, away[number])
         motor = Xml.SubElement(motors, "motor", name=module.name, tendon=module.name, gear="-1")
         motor.attrib.update(ctrllimited="true", ctrlrange=_row([module.lower, module.upper]))
     Xml.indent(root)
@@ -90,6 +103,44 @@ def _platform(world: Xml.Element, rig: Rig, size: float) -> Xml.Element:
     Xml.SubElement(body, "inertial", mass=_row([mass]), pos=_row(com), fullinertia=_row(moments))
     Xml.SubElement(body, "geom", type="sphere", size=_row([2 * size]), contype="0", conaffinity="0")
     return body
+
+
+def _pulley(body: Xml.Element, site: Xml.Element, cable: Xml.Element, module: Module, away: Floats) -> None:
+    """Add a pulley after the site of the anchor; at first, it is turned to ``away``, (d,) in the body's axes."""
+    radius, axis, anchor = (
+        float(module.pulley_radius or 0.0),
+        in_space(np.asarray(module.pulley_axis)),
+        module.anchor,
+    )
+    axis = axis / np.linalg.norm(axis)
+    outward = in_space(away) - (in_space(away) @ axis) * axis
+    if not outward.any():  # in line with the axis: any side will do
+        outward = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    outward = outward / np.linalg.norm(outward)
+    centre, name = radius * outward, f"{module.name} pulley"
+    site.set("pos", _row(in_space(anchor) - OFF_RIM_SHARE * radius * axis))
+    swivel = Xml.SubElement(body, "body", name=name, pos=_row(in_space(anchor)))
+    if anchor.size == 3:
+        moment = PULLEY_DENSITY * radius**4
+        damping = 2.0 * np.sqrt(moment * max(module.upper, 1.0) * radius)
+        Xml.SubElement(swivel, "joint", name=name, type="hinge", axis=_row(axis), damping=_row([damping]))
+        mass, moments = _row([moment / radius**2]), _row([moment] * 3)
+        Xml.SubElement(swivel, "inertial", pos="0 0 0", mass=mass, diaginertia=moments)
+    across = np.cross(axis, outward)
+    ends = np.concatenate([centre - RIM_SHARE * radius * across, centre + RIM_SHARE * radius * across])
+    Xml.SubElement(
+        swivel,
+        "geom",
+        name=name,
+        type="cylinder",
+        size=_row([radius]),
+        fromto=_row(ends),
+        contype="0",
+        conaffinity="0",
+    )
+    side = f"{module.name} rim"
+    Xml.SubElement(swivel, "site", name=side, pos=_row(centre + 1.5 * radius * (axis - outward)))
+    Xml.SubElement(cable, "geom", geom=name, sidesite=side)
 
 
 def _inertia(rig: Rig) -> tuple[float, Floats, Floats]:

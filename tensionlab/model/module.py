@@ -57,7 +57,7 @@ class Module:
     Attributes
     ----------
     anchor : (d,) read-only array
-        Where the cable leaves the module, in the axes of ``frame``, in m.
+        Where the cable leaves the module, or comes to its pulley, in the axes of ``frame``, in m.
     lower, upper : float
         Tension limits, in N; a cable cannot push, so ``0 <= lower <= upper``.
     attachment : (d,) read-only array
@@ -70,6 +70,11 @@ class Module:
         Tension per motor current, in N/A; None if not known.
     spool_radius : float or None
         In m; None if not known.
+    pulley_radius : float or None
+        Of the swivelling pulley that the cable goes over, in m; None where it leaves from a fixed point.
+    pulley_axis : (d,) read-only array or None
+        Along the cable that comes to the pulley, towards the anchor, in the axes of ``frame``: the pulley swivels
+        about it. Any length; only with ``pulley_radius``.
 
     Examples
     --------
@@ -92,6 +97,8 @@ class Module:
     brake: float | None = None
     newton_per_ampere: float | None = None
     spool_radius: float | None = None
+    pulley_radius: float | None = None
+    pulley_axis: Floats | None = None
 
     def __post_init__(self) -> None:
         require_name(self.name, "module", "name", "give every module a name")
@@ -121,12 +128,27 @@ class Module:
                 "give lower <= upper, both in N"
             )
         most = {"brake": MAX_TENSION, "newton_per_ampere": MAX_TENSION, "spool_radius": MAX_LENGTH}
+        most["pulley_radius"] = MAX_LENGTH
         for key, limit in most.items():
             value = getattr(self, key)
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise RigError(f'{here}: key "{key}" is {value}; give a finite number above zero, or leave it out')
             if value is not None and value > limit:
                 raise RigError(f'{here}: key "{key}" is {value:g}; give {limit:g} or less')
+        if self.pulley_axis is None:
+            if self.pulley_radius is not None:
+                give = "give the direction in which the cable comes to the pulley"
+                raise RigError(f'{here}: key "pulley_axis" is missing; {give}')
+            return
+        if self.pulley_radius is None:
+            raise RigError(f'{here}: key "pulley_radius" is missing; give the radius of the pulley in m')
+        axis = vector(self.pulley_axis, here, "pulley_axis")
+        if axis.shape != anchor.shape or not axis.any():
+            raise RigError(
+                f'{here}: key "pulley_axis" is {brief(axis.tolist())}; give a direction with {anchor.size} '
+                "coordinates, not all zero"
+            )
+        object.__setattr__(self, "pulley_axis", axis)
 
     def __repr__(self) -> str:
         anchor = f"{display.vector(self.anchor)} m" + (f" on {self.frame}" if self.frame != WORLD else "")

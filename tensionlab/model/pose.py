@@ -162,13 +162,17 @@ def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | N
     return placed
 
 
+def place_axes(modules: Sequence[Module], axes: Floats, frames: Frames | None) -> Floats:
+    """Return directions, (m, d), one a module in the axes of its own frame, in world axes, (..., m, d)."""
+    return place_anchors(modules, axes, frames) - place_anchors(modules, np.zeros_like(axes), frames)
+
+
 def in_own_axes(modules: Sequence[Module], vectors: Floats, frames: Frames | None) -> Floats:
     """Turn vectors, (..., m, d), one a module, from world axes to those of each module's own frame."""
     if all(module.frame == WORLD for module in modules):
         return vectors
     corners = np.eye(vectors.shape[-1])
-    here = place_anchors(modules, np.zeros(vectors.shape[-2:]), frames)
-    axes = [place_anchors(modules, np.tile(each, (len(modules), 1)), frames) - here for each in corners]
+    axes = [place_axes(modules, np.tile(each, (len(modules), 1)), frames) for each in corners]
     return np.stack([np.einsum("...i,...i->...", vectors, axis) for axis in axes], axis=-1)
 
 

@@ -31,6 +31,7 @@ from tensionlab.model.module import (
     vector,
 )
 from tensionlab.model.pose import Frame, Frames, RestPose
+from tensionlab.model.pulleys import Pulleys, go_over
 from tensionlab.model.requirement import Requirement
 
 if TYPE_CHECKING:
@@ -41,13 +42,15 @@ if TYPE_CHECKING:
 class Cables(NamedTuple):
     """Cables of a rig at a pose: lengths (..., m), in m, directions and arms (..., m, d), in world axes.
 
-    Directions are unit vectors from attachment to anchor; arms lead from the reference point to the attachments,
-    in m, and are None for a point.
+    Directions are unit vectors from the attachment along the cable; arms lead from the reference point to the
+    attachments, in m, and are None for a point. ``straight``, (..., m), is the length without what lies on a
+    pulley.
     """
 
     lengths: Floats
     directions: Floats
     arms: Floats | None
+    straight: Floats
 
 
 class RigPage(Protocol):
@@ -168,6 +171,7 @@ class Rig:
             "brake N": [module.brake for module in self.modules],
             "N/A": [module.newton_per_ampere for module in self.modules],
             "spool radius m": [module.spool_radius for module in self.modules],
+            "pulley radius m": [module.pulley_radius for module in self.modules],
         }
         shown = {head: each for head, each in columns.items() if any(value is not None for value in each)}
         held = "" if self.platform is None else f", platform of {self.platform.mass:g} kg"
@@ -214,7 +218,7 @@ class Rig:
             for name, values in (("anchor", self.anchors), ("attachment", self.attachments))
             for i, axis in enumerate("xyz"[: self.dimension])
         }
-        keys = ("frame", "lower", "upper", "brake", "newton_per_ampere", "spool_radius")
+        keys = ("frame", "lower", "upper", "brake", "newton_per_ampere", "spool_radius", "pulley_radius")
         table |= {key: [getattr(module, key) for module in self.modules] for key in keys}
         return records.data_frame(table, [module.name for module in self.modules])
 
@@ -275,7 +279,12 @@ class Rig:
             return rotation @ point + 0.0  # no minus zero
 
         modules = tuple(
-            replace(each, anchor=turn(each.anchor), attachment=turn(np.asarray(each.attachment)))
+            replace(
+                each,
+                anchor=turn(each.anchor),
+                attachment=turn(np.asarray(each.attachment)),
+                pulley_axis=None if each.pulley_axis is None else turn(each.pulley_axis),
+            )
             for each in self.modules
         )
         platform = self.platform
@@ -368,6 +377,22 @@ class Rig:
         """Attachments of all cables, (m, d), in platform axes, in m; zeros for a point rig. Read-only."""
         return frozen(np.stack([np.asarray(module.attachment) for module in self.modules]))
 
+    @cached_property
+    def pulleys(self) -> Pulleys | None:
+        """Pulleys of all modules, axes each in its own frame; None if there is none. Read-only."""
+        if all(module.pulley_radius is None for module in self.modules):
+            return None
+        nowhere = np.zeros(self.dimension)
+        axes = np.stack([nowhere if each.pulley_axis is None else each.pulley_axis for each in self.modules])
+        lengths = np.linalg.norm(axes, axis=1, keepdims=True)
+        radii = np.array([each.pulley_radius or 0.0 for each in self.modules])
+        return Pulleys(frozen(radii), frozen(axes / np.where(lengths > 0.0, lengths, 1.0)))
+
+    def pulleys_in_world(self, frames: Frames | None = None) -> Pulleys | None:
+        """Return the pulleys of all modules with axes in the world; ``frames`` as in `structure_matrix`."""
+        own = self.pulleys
+        return None if own is None else Pulleys(own.radii, pose.place_axes(self.modules, own.axes, frames))
+
     def cables(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
     ) -> Cables:
@@ -376,27 +401,36 @@ class Rig:
         arms = None
         if self._kind.turns:
             arms = self.attachments if R is None else kinematics.rotate(R, self.attachments)
-        lengths, directions = kinematics.cables(anchors, p, arms)
-        short = lengths == 0.0
+        pulleys = self.pulleys_in_world(frames)
+        if pulleys is None:
+            lengths, directions = kinematics.cables(anchors, p, arms)
+            straight = lengths
+        else:
+            lengths, directions, straight = go_over(kinematics.to_anchors(anchors, p, arms), pulleys)
+        short = straight == 0.0
         if short.any():
             *where, index = (int(i) for i in np.argwhere(short)[0])
             at = f" at pose {where}" if where else ""
+            lies = "on the anchor" if self.modules[index].pulley_radius is None else "in its pulley"
             raise RigError(
                 f'rig "{self.name}": module "{self.modules[index].name}" (index {index}): the attachment '
-                f"lies on the anchor{at}, so its cable has no direction; move the pose or the anchor"
+                f"lies {lies}{at}, so its cable has no direction; move the pose or the anchor"
             )
-        return Cables(lengths, directions, arms)
+        return Cables(lengths, directions, arms, straight)
 
     def lengths(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
     ) -> Floats:
-        """Return the length of each cable, (..., m), in m; parameters and errors as in `structure_matrix`."""
+        """Return the length of each cable from its anchor, (..., m), in m.
+
+        Parameters and errors as in `structure_matrix`.
+        """
         return self.cables(position, rotation, frames).lengths
 
     def directions(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
     ) -> Floats:
-        """Return the unit vector from attachment to anchor of each cable, (..., m, d), in world axes.
+        """Return the unit vector from the attachment along each cable, (..., m, d), in world axes.
 
         Parameters and errors as in `structure_matrix`.
         """
@@ -467,7 +501,12 @@ class Rig:
             raise ShapeError(f"lengths{pose.first(measured <= 0)} is not positive; give cable lengths in m")
         guess, turn, anchors = self._pose(self.home if position is None else position, rotation, frames)
         return kinematics.estimate_pose(
-            anchors, self.attachments if self._kind.turns else None, measured, guess, turn
+            anchors,
+            self.attachments if self._kind.turns else None,
+            measured,
+            guess,
+            turn,
+            self.pulleys_in_world(frames),
         )
 
     def _pose(

@@ -39,7 +39,16 @@ class LimitsTable(Table):
     spool_radius: float | None = Field(None, description="the radius of the spool in m, a number")
 
 
-class ModuleTable(LimitsTable):
+class DefaultsTable(LimitsTable):
+    """Defaults for every module of a rig."""
+
+    pulley_radius: float | None = Field(None, description="the radius of the pulley in m, a number")
+    pulley_axis: list[float] | None = Field(
+        None, description="the direction in which the cable comes to the pulley, a list of numbers"
+    )
+
+
+class ModuleTable(DefaultsTable):
     """One ``[[modules]]`` entry."""
 
     name: str = Field(min_length=1, description="a name in quotes that no other module has")
@@ -90,7 +99,7 @@ class RigFile(Table):
     description: str = Field("", description="a text in quotes")
     source: str = Field("", description="a text in quotes")
     up: str | None = Field(None, description='the axis that points up, in quotes, as in up = "z"')
-    limits: LimitsTable = Field(LimitsTable(), description="a [limits] table")
+    limits: DefaultsTable = Field(DefaultsTable(), description="a [limits] table")
     platform: PlatformTable | None = Field(None, description="a [platform] table")
     required: RequiredTable = Field(RequiredTable(), description="a [required] table")
     frames: list[FrameTable] = Field([], description="[[frames]] tables")

@@ -192,11 +192,12 @@ def segment_distance(start: ArrayLike, end: ArrayLike, start2: ArrayLike, end2: 
 
 
 def _cables(rig: Rig, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None) -> Floats:
-    """Return the anchor and attachment of every cable in the world, (..., m, 2, d)."""
+    """Return the ends of the straight part of every cable in the world, (..., m, 2, d)."""
     cables = rig.cables(position, rotation, frames)
-    vectors = cables.lengths[..., None] * cables.directions
-    anchors = np.broadcast_to(pose.place_anchors(rig.modules, rig.anchors, frames), vectors.shape)
-    return np.stack([anchors, anchors - vectors], axis=-2)
+    vectors = cables.straight[..., None] * cables.directions
+    ends = pose.points(position, rig.dimension, "position")[..., None, :]
+    ends = np.broadcast_to(ends if cables.arms is None else ends + cables.arms, vectors.shape)
+    return np.stack([ends + vectors, ends], axis=-2)
 
 
 def body_pairs(rig: Rig, bodies: Sequence[Capsule]) -> Integers:

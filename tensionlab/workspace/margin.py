@@ -181,7 +181,9 @@ def rig_margin_gradient(
     cables = rig.cables(position, rotation, frames)
     W = kinematics.structure_matrix(cables.directions, cables.arms)
     margin, by_structure = margin_gradient(W, rig.limits, required)
-    by_anchor = kinematics.anchor_gradient(by_structure, *cables)
+    anchors = pose.place_anchors(rig.modules, rig.anchors, frames)
+    vectors = kinematics.to_anchors(anchors, np.asarray(position, dtype=np.float64), cables.arms)
+    by_anchor = kinematics.anchor_gradient(by_structure, vectors, cables.arms, rig.pulleys_in_world(frames))
     own = pose.in_own_axes(rig.modules, by_anchor, frames)
     return RigMarginGradient(margin, -by_anchor.sum(axis=-2), own)
 

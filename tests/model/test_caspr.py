@@ -15,7 +15,7 @@ from tensionlab.model.files import load_rig, rig_from_toml, rig_to_toml
 
 ROOT = Path(__file__).parents[2]
 ROBOTS = json.loads((ROOT / "tests/data/geometries.json").read_text(encoding="utf-8"))["robots"]
-# Sets of cables between two points; the others run over pulleys.
+# Sets of cables between two points, without pulleys.
 SETS = [
     (robot, name)
     for robot, numbers in ROBOTS.items()
@@ -280,14 +280,48 @@ def test_errors_name_the_file_the_element_and_the_attribute(write, change):
         assert str(caught.value).startswith(str(files[which]))
 
 
-def test_pulleys_are_refused(write):
-    bodies, cables = model(write)
-    pulley = "<base_rotating_pulley><fixed_location>1 2 3</fixed_location></base_rotating_pulley>"
+def over(write, tag="base_rotating_pulley", body=()):
+    """A model whose cable goes over a pulley of 45 mm, which it comes to upwards."""
+    bodies, cables = model(write, body)
+    pulley = (
+        f"<{tag}><fixed_location>4 0 5</fixed_location><pulley_radius>0.045</pulley_radius>"
+        f"<cable_entry_vector>0 0 2</cable_entry_vector></{tag}>"
+    )
     text = cables.read_text()
     start, end = text.index("<attachment>"), text.index("</attachment>") + len("</attachment>")
     cables.write_text(text[:start] + pulley + text[end:])
-    with pytest.raises(RigError, match=r"line \d+: <base_rotating_pulley>: pulleys change where"):
-        load_caspr(bodies, cables)
+    return bodies, cables
+
+
+def test_pulleys_are_those_of_caspr(write):
+    """By its construction: the centre, the point where the cable leaves, and the arc by the angle between them."""
+    rig = load_caspr(*over(write))
+    assert [(module.pulley_radius, module.pulley_axis.tolist()) for module in rig.modules] == [(0.045, [0, 0, 2])]
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        position = rig.home + rng.uniform(-1, 1, 3)
+        enters, end, entry = np.array([4.0, 0, 5]), [*position, 0.5, 0, 0], np.array([0.0, 0, 2])
+        normal = np.cross(entry, end - enters)
+        normal /= np.linalg.norm(normal)
+        outward = np.cross(normal, entry)
+        centre = enters + 0.045 * outward / np.linalg.norm(outward)
+        ratio = 0.045 / np.linalg.norm(end - centre)
+        leaves = centre + ratio**2 * (end - centre)
+        leaves -= ratio * np.sqrt(1 - ratio**2) * np.cross(normal, end - centre)
+        angle = np.arccos((enters - centre) @ (leaves - centre) / 0.045**2)
+        length = 0.045 * angle + np.linalg.norm(end - leaves)
+        assert rig.lengths(position)[0] == pytest.approx(length, rel=1e-12)
+        np.testing.assert_allclose(
+            rig.directions(position)[0], (leaves - end) / np.linalg.norm(leaves - end), atol=1e-12
+        )
+
+
+def test_other_pulleys_are_refused(write):
+    with pytest.raises(RigError, match=r"line \d+: <screw_base_rotating_pulley>: no attachment of a rig"):
+        load_caspr(*over(write, "screw_base_rotating_pulley"))
+    plane = {"joint": {"type": "PLANAR_XY", "q_initial": "0 0 0"}, "com": "0 0 0"}
+    with pytest.raises(RigError, match="leaves the xy plane"):
+        load_caspr(*over(write, body=plane))
 
 
 def test_several_bodies_are_refused(write):

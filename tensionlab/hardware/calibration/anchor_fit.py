@@ -131,20 +131,21 @@ class Problem:
             self.lengths - offsets,
             poses.position,
             poses.rotation,
+            self.rig.pulleys,
         )
         return Poses(p, R)
 
     def residuals(self, shared: Floats, poses: Poses) -> Floats:
         """Return measured less modelled lengths, (K, m)."""
         anchors, offsets = self.split(shared)
-        modelled, _ = kinematics.cables(anchors, poses.position, poses.arms(self.rig))
+        modelled, _ = kinematics.cables(anchors, poses.position, poses.arms(self.rig), self.rig.pulleys)
         return self.lengths - offsets - modelled
 
     def jacobian(self, shared: Floats, poses: Poses) -> Floats:
         """Return the derivatives of the lengths by shared parameters, (K, m, p), less what the poses take up."""
         anchors, _ = self.split(shared)
         arms = poses.arms(self.rig)
-        _, directions = kinematics.cables(anchors, poses.position, arms)
+        _, directions = kinematics.cables(anchors, poses.position, arms, self.rig.pulleys)
         count, m, d = directions.shape
         rows = np.zeros((count, m, self.size))
         for j in range(m):

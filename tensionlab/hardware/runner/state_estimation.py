@@ -156,7 +156,8 @@ class PoseTracker:
     def _at_home(self) -> _native.PoseTracker:
         rig = self._rig
         attachments = rig.attachments if rig.n > rig.dimension else np.zeros((0, rig.dimension))
-        return _native.PoseTracker(rig.anchors, attachments, rig.home)
+        radii, axes = rig.pulleys or (np.zeros(0), np.zeros((0, rig.dimension)))
+        return _native.PoseTracker(rig.anchors, attachments, rig.home, radii, axes)
 
     def velocity(self, speeds: Floats, known: NDArray[np.bool_]) -> Floats:
         """Return the same as the function `velocity`, at the latest pose."""

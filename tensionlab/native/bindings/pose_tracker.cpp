@@ -78,12 +78,16 @@ nb::tuple delays_of(SetPointDelays& delays, const Numbers& last, double now) {
 void bind_pose_tracker(nb::module_& module) {
   nb::class_<PoseTracker>(module, "PoseTracker")
       .def("__init__",
-           [](PoseTracker* self, const Table& anchors, const Table& attachments, const Lengths& position) {
+           [](PoseTracker* self, const Table& anchors, const Table& attachments, const Lengths& position,
+              const Lengths& radii, const Table& axes) {
              const std::size_t m = anchors.shape(0), d = position.size();
              require(m > 0 && (d == 2 || d == 3) && has_shape(anchors, m, d) &&
                          (has_shape(attachments, m, d) || has_shape(attachments, 0, d)),
                      "anchors must be (m, d), attachments too or (0, d), and position (d), with d = 2 or 3");
-             new (self) PoseTracker(copied(anchors), copied(attachments), copied(position));
+             require((radii.size() == m && has_shape(axes, m, d)) || (radii.size() == 0 && has_shape(axes, 0, d)),
+                     "radii must be (m) and axes (m, d), or (0) and (0, d)");
+             new (self)
+                 PoseTracker(copied(anchors), copied(attachments), copied(position), copied(radii), copied(axes));
            })
       .def("follow", &follow)
       .def("velocity", &velocity);

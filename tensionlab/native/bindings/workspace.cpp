@@ -25,9 +25,10 @@ Poses poses_of(const In<3>& structure, const In<2>& lower, const In<2>& upper, d
   return poses;
 }
 
-// Anchors and attachments (m, d), position (B, d), rotation (B, d, d).
+// Anchors, attachments and axes of pulleys (m, d), radii of pulleys (m), position (B, d), rotation (B, d, d).
 nb::tuple matrices_at(const In<2>& anchors, const std::optional<In<2>>& attachments, const In<2>& position,
-                      const std::optional<In<3>>& rotation, double least_share) {
+                      const std::optional<In<3>>& rotation, const std::optional<In<1>>& radii,
+                      const std::optional<In<2>>& axes, double least_share) {
   const std::size_t size = position.shape(0), m = anchors.shape(0), d = anchors.shape(1);
   const std::size_t n = attachments ? 3 * (d - 1) : d;
   require(d == 2 || d == 3, "space has two or three dimensions");
@@ -38,8 +39,15 @@ nb::tuple matrices_at(const In<2>& anchors, const std::optional<In<2>>& attachme
   require(rows_of(anchors).stride == static_cast<std::int64_t>(d) || m < 2, "anchors must be contiguous");
   require(!attachments || rows_of(*attachments).stride == static_cast<std::int64_t>(d) || m < 2,
           "attachments must be contiguous");
-  const Cables cables{static_cast<int>(d), static_cast<int>(m), anchors.data(),
-                      attachments ? attachments->data() : nullptr};
+  require(radii.has_value() == axes.has_value(), "pulleys have radii and axes");
+  require(!radii || (radii->shape(0) == m && has_shape(*axes, m, d)), "pulleys do not fit the anchors");
+  require(!axes || rows_of(*axes).stride == static_cast<std::int64_t>(d) || m < 2, "axes must be contiguous");
+  const Cables cables{static_cast<int>(d),
+                      static_cast<int>(m),
+                      anchors.data(),
+                      attachments ? attachments->data() : nullptr,
+                      radii ? radii->data() : nullptr,
+                      axes ? axes->data() : nullptr};
   const Rows turns = rotation ? rows_of(*rotation) : Rows{};
   const Places places{rows_of(position), rotation ? &turns : nullptr};
   const Structures found{allocate<double>(size * n * m), allocate<bool>(size)};
@@ -145,7 +153,8 @@ nb::tuple all_half_spaces(const In<3>& structure, const In<2>& lower, const In<2
 
 void bind_workspace(nb::module_& module) {
   module.def("structure_matrices", &matrices_at, nb::arg("anchors"), nb::arg("attachments").none(),
-             nb::arg("position"), nb::arg("rotation").none(), nb::arg("least_share"));
+             nb::arg("position"), nb::arg("rotation").none(), nb::arg("radii").none(), nb::arg("axes").none(),
+             nb::arg("least_share"));
   module.def("capacity_margin", &margins);
   module.def("tension_factor", &factors);
   module.def("isotropic_force", &forces);

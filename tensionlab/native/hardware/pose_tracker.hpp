@@ -11,12 +11,16 @@
 #include <limits>
 #include <vector>
 
+#include "workspace/pulley.hpp"
+
 namespace tensionlab {
 
 constexpr int kMaxFreedoms = 6;
 // Eigenvalues of W W' below this share of the largest are none: the square of that for singular values of W.
 constexpr double kSmallestShare = 1e-12;
 constexpr int kJacobiSweeps = 30;
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kRounding = 1e-6;  // rad: an arc that is negative by more than that has gone round the pulley
 
 using Vector = std::array<double, kMaxFreedoms>;
 using Matrix = std::array<Vector, kMaxFreedoms>;
@@ -71,9 +75,15 @@ inline Vector shortest_solution(Matrix a, const Vector& b, int n) {
 
 class PoseTracker {
  public:
-  // Anchors and attachments are (m, d), row by row; a rig that cannot turn has no attachments.
-  PoseTracker(std::vector<double> anchors, std::vector<double> attachments, std::vector<double> position)
-      : anchors_(std::move(anchors)), attachments_(std::move(attachments)), position_(std::move(position)) {
+  // Anchors, attachments and axes of pulleys are (m, d), row by row; a rig that cannot turn has no attachments.
+  // One radius of a pulley a cable, and none if no cable goes over one.
+  PoseTracker(std::vector<double> anchors, std::vector<double> attachments, std::vector<double> position,
+              std::vector<double> radii, std::vector<double> axes)
+      : anchors_(std::move(anchors)),
+        attachments_(std::move(attachments)),
+        position_(std::move(position)),
+        radii_(std::move(radii)),
+        axes_(std::move(axes)) {
     d_ = static_cast<int>(position_.size());
     m_ = static_cast<int>(anchors_.size()) / d_;
     n_ = attachments_.empty() ? d_ : 3 * (d_ - 1);
@@ -127,16 +137,14 @@ class PoseTracker {
       return rows[static_cast<std::size_t>(cable * d_ + axis)];
     };
     for (int cable = 0; cable < m_; ++cable) {
-      double arm[3] = {0.0, 0.0, 0.0}, u[3] = {0.0, 0.0, 0.0}, square = 0.0;
+      double arm[3] = {0.0, 0.0, 0.0}, u[3] = {0.0, 0.0, 0.0};
       for (int i = 0; i < d_; ++i) {
         if (!attachments_.empty()) {
           for (int j = 0; j < d_; ++j) arm[i] += rotation_[i][j] * at(attachments_, cable, j);
         }
         u[i] = at(anchors_, cable, i) - position_[static_cast<std::size_t>(i)] - arm[i];
-        square += u[i] * u[i];
       }
-      const double length = std::sqrt(square);
-      for (int i = 0; i < d_; ++i) u[i] /= std::max(length, std::numeric_limits<double>::min());
+      const double length = leave(cable, u);
       for (int i = 0; i < d_; ++i) set(i, cable, u[i]);
       if (n_ == 6) {
         for (int i = 0; i < 3; ++i) {
@@ -148,6 +156,23 @@ class PoseTracker {
       }
       missing_[static_cast<std::size_t>(cable)] = known[cable] ? lengths[cable] - length : 0.0;
     }
+  }
+
+  // u, from attachment to anchor, becomes a unit vector along the cable; how long that is, from its anchor.
+  double leave(int cable, double (&u)[3]) const {
+    if (!radii_.empty()) {
+      const double radius = radii_[static_cast<std::size_t>(cable)];
+      const double* axis = axes_.data() + static_cast<std::size_t>(cable * d_);
+      const auto root = [](double x) { return std::sqrt(x); };
+      const auto choose = [](bool test, double yes, double no) { return test ? yes : no; };
+      const auto arc = go_over_pulley(u, d_, radius, axis, root, choose);
+      double angle = std::atan2(arc.sine, arc.cosine);
+      if (angle < -kRounding) angle += 2.0 * kPi;
+      return arc.straight + radius * angle;
+    }
+    const double length = std::sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
+    for (int i = 0; i < d_; ++i) u[i] /= std::max(length, std::numeric_limits<double>::min());
+    return length;
   }
 
   void set(int row, int cable, double value) { structure_[static_cast<std::size_t>(row * m_ + cable)] = value; }
@@ -177,7 +202,7 @@ class PoseTracker {
     rotation_ = turned;
   }
 
-  std::vector<double> anchors_, attachments_, position_, missing_, structure_;
+  std::vector<double> anchors_, attachments_, position_, radii_, axes_, missing_, structure_;
   std::array<std::array<double, 3>, 3> rotation_{};
   int d_, m_, n_;
 };

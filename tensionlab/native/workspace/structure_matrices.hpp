@@ -1,5 +1,5 @@
-// Structure matrices of straight cables at many poses, side by side: W has the columns [u; r x u], with u the unit
-// vector from a cable's attachment to its anchor and r the arm of the attachment, in world axes (Verhoeven 2004).
+// Structure matrices at many poses, side by side: W has the columns [u; r x u], with u the unit vector from the
+// attachment along the cable, and r the arm of the attachment, in world axes (Verhoeven 2004).
 // The same as tensionlab/model/kinematics.py, whose conventions hold here.
 #pragma once
 
@@ -7,6 +7,7 @@
 #include <cstddef>
 
 #include "simd/lanes.hpp"
+#include "workspace/pulley.hpp"
 #include "workspace/workspace_batch.hpp"
 
 namespace tensionlab {
@@ -54,20 +55,18 @@ class StructureMatrices {
     const int m = cables_.m;
     V longest = V{}, shortest = V{};
     for (int i = 0; i < m; ++i) {
-      V arm[D], u[D], square = V{};
+      V arm[D], u[D];
       if (n_ > D) find_arm(i, arm);
       TENSIONLAB_UNROLL
       for (int k = 0; k < D; ++k) {
         u[k] = cables_.anchors[i * D + k] - position_[k];
         if (n_ > D) u[k] -= arm[k];
-        square += u[k] * u[k];
       }
-      const V length = square_root<double, L>(square);
+      const V length = leave(i, u);
       longest = i == 0 ? length : larger(longest, length);
       shortest = i == 0 ? length : smaller(shortest, length);
-      const V inverse = V{} + 1 / (length > V{} ? length : V{} + 1);
       TENSIONLAB_UNROLL
-      for (int k = 0; k < D; ++k) structure_[k * m + i] = u[k] *= inverse;
+      for (int k = 0; k < D; ++k) structure_[k * m + i] = u[k];
       if (n_ == D) continue;
       if constexpr (D == 2) {
         structure_[2 * m + i] = arm[0] * u[1] - arm[1] * u[0];
@@ -80,6 +79,23 @@ class StructureMatrices {
       }
     }
     return shortest > least_share_ * longest;
+  }
+
+  // u, from attachment to anchor, becomes a unit vector along the cable; how long that is without its pulley.
+  V leave(int i, V (&u)[D]) const {
+    if (cables_.radii != nullptr) {
+      const auto root = [](const V& x) { return square_root<double, L>(x); };
+      const auto choose = [](const auto& test, const V& yes, const V& no) -> V { return test ? yes : no; };
+      return go_over_pulley(u, D, cables_.radii[i], cables_.axes + i * D, root, choose).straight;
+    }
+    V square = V{};
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < D; ++k) square += u[k] * u[k];
+    const V length = square_root<double, L>(square);
+    const V inverse = V{} + 1 / (length > V{} ? length : V{} + 1);
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < D; ++k) u[k] *= inverse;
+    return length;
   }
 
   void find_arm(int i, V (&arm)[D]) const {

@@ -37,7 +37,7 @@ struct Facets {
 // Where m cables begin and end: d coordinates each, one cable after the other. No attachments where none turns.
 struct Cables {
   int d, m;
-  const double *anchors, *attachments;
+  const double *anchors, *attachments, *radii, *axes;  // of pulleys, if there are any
 };
 
 // Of each pose, d coordinates, and d x d of its rotation, if there is one.

@@ -108,6 +108,10 @@ def cell_problem(
         raise InputError(f"angle is {angle}; give an angle in rad, 0 to {MAX_ANGLE_RAD}")
     if n == d and (rotations is not None or angle):
         raise InputError(f'rig "{rig.name}" is a {rig.kind} rig and cannot turn; leave rotations and angle out')
+    if rig.pulleys is not None:
+        raise InputError(
+            f'rig "{rig.name}" has pulleys, and these proofs hold for fixed anchors; sweep it instead'
+        )
     anchors = pose.place_anchors(rig.modules, rig.anchors, frames)
     if anchors.ndim > 2:
         raise InputError("frames: give one pose for each body frame; it is the same all over the region")

@@ -109,7 +109,7 @@ def target_slopes(space: Space, places: Places, limits: TensionLimits, target: F
     """Return the margins (P,) of one layout, in N, and their slopes (P, k, d), in N per length of an edge."""
     lengths, directions = kinematics.cables(space.anchors(places), target, None)
     found = margin_gradient(kinematics.structure_matrix(directions, None), limits, space.required_forces)
-    by_anchor = kinematics.anchor_gradient(found.structure, lengths, directions, None)
+    by_anchor = kinematics.anchor_gradient(found.structure, lengths[..., None] * directions, None)
     edges = space.placed.edges[places.surfaces]
     put = by_anchor[:, : len(places.surfaces)]
     return found.margin - space.required.ball, np.einsum("pkd,ked->pke", put, edges)

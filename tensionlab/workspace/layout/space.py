@@ -200,6 +200,9 @@ class Space:
                 raise RigError(
                     f'{what} "{name}": has {size} coordinates and surface "{names[0]}" {d}; give both {d}'
                 )
+        for module in self.fixed:
+            if module.pulley_radius is not None:
+                raise RigError(f'module "{module.name}": its pulley cannot be part of a search; leave it out')
         if not self.counts or min(self.counts) < 1 or len(set(self.counts)) < len(self.counts):
             raise RigError(
                 f'key "counts" is {brief(list(self.counts))}; give one or more different numbers above zero'

@@ -334,7 +334,10 @@ def _batch(
     anchors = pose.place_anchors(rig.modules, rig.anchors, own)
     attachments = rig.attachments if rig.n > rig.dimension else None
     turn = kinematics.planar_rotation(rotation) if rotation is not None and rig.dimension == 2 else rotation
-    structure, sound = _native.structure_matrices(anchors, attachments, position, turn, MIN_LENGTH_RATIO)
+    radii, axes = rig.pulleys_in_world(own) or (None, None)
+    structure, sound = _native.structure_matrices(
+        anchors, attachments, position, turn, radii, axes, MIN_LENGTH_RATIO
+    )
     if not sound.all():
         position, structure = position[sound], structure[sound]
         rotation = None if rotation is None else rotation[sound]

@@ -71,11 +71,11 @@ def test_structure_matrices_of_a_batch_are_those_of_the_rig(kind, dimension, cou
         matrices = planar_rotation(turns) if dimension == 2 else turns
     attachments = rig.attachments if rig.n > rig.dimension else None
     for given, turn in ((turns, matrices), (None, None)):
-        found, sound = _native.structure_matrices(rig.anchors, attachments, position, turn, 1e-12)
+        found, sound = _native.structure_matrices(rig.anchors, attachments, position, turn, None, None, 1e-12)
         np.testing.assert_allclose(found, rig.structure_matrix(position, given), rtol=0, atol=2e-15)
         assert sound.all()
     position[count // 2] = rig.anchors[0] - (0 if attachments is None else attachments[0])
-    found, sound = _native.structure_matrices(rig.anchors, attachments, position, None, 1e-12)
+    found, sound = _native.structure_matrices(rig.anchors, attachments, position, None, None, None, 1e-12)
     assert np.flatnonzero(~sound).tolist() == [count // 2]
     assert np.isfinite(found).all()
 
