@@ -15,6 +15,7 @@ from tensionlab.arrays import Floats
 from tensionlab.demand import Pose
 from tensionlab.errors import InputError, needs
 from tensionlab.model.mjcf import rig_to_mjcf
+from tensionlab.model.pose import in_own_axes, place_anchors
 from tensionlab.model.rig import Rig
 
 __all__ = ["RigBody", "TendonAllocator", "gravity", "structure_matrix"]
@@ -251,6 +252,9 @@ class RigBody:
         self.held = True
         self._number = _number(self.model, "body", "platform")
         self._time = 0.0
+        # In the plane, pulleys do not swivel.
+        self._swivels = _Swivels(self.model, rig) if rig.pulleys is not None and rig.dimension == 3 else None
+        self.turn_pulleys()
         self._mujoco.mj_step1(self.model, self.data)
 
     @property
@@ -272,8 +276,20 @@ class RigBody:
                 self.model.opt.timestep = seconds / steps
                 # In this order, lengths and pose are those after the step.
                 self._mujoco.mj_step2(self.model, self.data)
+                self.turn_pulleys()
                 self._mujoco.mj_step1(self.model, self.data)
         return self._pose()
+
+    def turn_pulleys(self) -> None:
+        """Turn the rig's pulleys to where the cables are; only after you have changed ``data.qpos``."""
+        if self._swivels is None:
+            return
+        attachments = self._rig.attachments
+        if self._rig.kind == "platform":
+            turn = np.zeros(9)
+            self._mujoco.mju_quat2Mat(turn, self.data.qpos[3:7])
+            attachments = attachments @ turn.reshape(3, 3).T
+        self.model.body_quat[self._swivels.bodies] = self._swivels.quaternions(self.data.qpos[:3] + attachments)
 
     def _pose(self) -> Pose:
         rig, data = self._rig, self.data
@@ -284,6 +300,30 @@ class RigBody:
         elif rig.kind == "planar":
             rotation = np.array(data.qpos[2])
         return Pose(place, rotation, rig.at_rest)
+
+
+class _Swivels:
+    """Pulleys of a rig in space whose bodies MuJoCo keeps where they are told to be.
+
+    A pulley turns at once: what it weighs is nothing beside the pull of its cable.
+    """
+
+    def __init__(self, model: Any, rig: Rig) -> None:
+        names = [f"{module.name} pulley" for module in rig.modules if module.pulley_radius is not None]
+        self._rig = rig
+        self._of = [number for number, module in enumerate(rig.modules) if module.pulley_radius is not None]
+        self._anchors = place_anchors(rig.modules, rig.anchors, rig.at_rest)
+        self._axes = rig.pulleys.axes[self._of] if rig.pulleys is not None else np.zeros((0, 3))
+        self._at_first = np.array([model.geom(name).pos for name in names])
+        self.bodies = [_number(model, "body", name) for name in names]
+
+    def quaternions(self, attachments: Floats) -> Floats:
+        """Return the quaternions w, x, y, z of the pulleys that are turned to attachments (m, 3) in the world."""
+        away = in_own_axes(self._rig.modules, attachments - self._anchors, self._rig.at_rest)[self._of]
+        sine = np.einsum("pi,pi->p", self._axes, np.cross(self._at_first, away))
+        cosine = np.einsum("pi,pi->p", self._at_first, away)  # the first is across the axis
+        half = 0.5 * np.arctan2(sine, cosine)[:, None]
+        return np.concatenate([np.cos(half), np.sin(half) * self._axes], axis=1)
 
 
 def _import_mujoco(what: str) -> ModuleType:

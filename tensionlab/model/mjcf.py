@@ -16,8 +16,6 @@ from tensionlab.model.rig import Rig
 
 MASS = 1.0
 """Of what the cables hold where the rig has no platform, in kg."""
-PULLEY_DENSITY = 1e3
-"""Moment of inertia of a pulley over its radius to the fourth, in kg/m²: how fast it swivels."""
 RIM_SHARE = 0.2
 """Half the width of a pulley, of its radius."""
 OFF_RIM_SHARE = 1e-6
@@ -30,8 +28,9 @@ def rig_to_mjcf(rig: Rig) -> str:
     """Return a rig as a model of MuJoCo.
 
     - Each cable is a spatial tendon from the site ``<module> anchor`` to the site ``<module> attachment``.
-    - A pulley is a cylinder, over which the tendon runs, on the body ``<module> pulley``, which swivels.
-      In the plane it stays on the side of home. Arcs are of less than half a round.
+    - A pulley is a cylinder, over which the tendon runs, on the body ``<module> pulley``, which is turned to where
+      the cable is at home: on a hinge, MuJoCo's tendons would slip off it, since its cylinders have no groove.
+      `tensionlab.mujoco.RigBody` turns it. Arcs are of less than half a round.
     - Each module is a motor on its tendon. Its control is the tension in N, within the limits of the module; the
       gear of -1 lets it only pull.
     - What the cables hold is the body ``platform``, with sliding joints for a point, a hinge as well in the plane,
@@ -53,7 +52,6 @@ def rig_to_mjcf(rig: Rig) -> str:
     Xml.SubElement(root, "compiler", angle="radian")
     Xml.SubElement(root, "option", gravity=_row(in_space(-GRAVITY_M_S2 * rig.upward) if rig.up else np.zeros(3)))
     world = Xml.SubElement(root, "worldbody")
-    platform = _platform(world, rig, size)  # first, so that its coordinates are
     frames = {WORLD: world}
     for name in rig.frames:
         frames[name] = Xml.SubElement(world, "body", name=f"frame {name}", mocap="true")
@@ -64,6 +62,7 @@ def rig_to_mjcf(rig: Rig) -> str:
             angle = float(np.linalg.norm(turn))
             axis = turn / angle if angle else np.array([0.0, 0.0, 1.0])
             frames[rest.name].set("axisangle", _row([*axis, angle]))
+    platform = _platform(world, rig, size)
     placed = pose.place_anchors(rig.modules, rig.anchors, rig.at_rest)
     away = pose.in_own_axes(rig.modules, rig.home + rig.attachments - placed, rig.at_rest)
     tendons = Xml.SubElement(root, "tendon")
@@ -106,7 +105,7 @@ def _platform(world: Xml.Element, rig: Rig, size: float) -> Xml.Element:
 
 
 def _pulley(body: Xml.Element, site: Xml.Element, cable: Xml.Element, module: Module, away: Floats) -> None:
-    """Add a pulley after the site of the anchor; at first, it is turned to ``away``, (d,) in the body's axes."""
+    """Add a pulley after the site of the anchor, turned to ``away``, (d,) in the body's axes."""
     radius, axis, anchor = (
         float(module.pulley_radius or 0.0),
         in_space(np.asarray(module.pulley_axis)),
@@ -120,12 +119,6 @@ def _pulley(body: Xml.Element, site: Xml.Element, cable: Xml.Element, module: Mo
     centre, name = radius * outward, f"{module.name} pulley"
     site.set("pos", _row(in_space(anchor) - OFF_RIM_SHARE * radius * axis))
     swivel = Xml.SubElement(body, "body", name=name, pos=_row(in_space(anchor)))
-    if anchor.size == 3:
-        moment = PULLEY_DENSITY * radius**4
-        damping = 2.0 * np.sqrt(moment * max(module.upper, 1.0) * radius)
-        Xml.SubElement(swivel, "joint", name=name, type="hinge", axis=_row(axis), damping=_row([damping]))
-        mass, moments = _row([moment / radius**2]), _row([moment] * 3)
-        Xml.SubElement(swivel, "inertial", pos="0 0 0", mass=mass, diaginertia=moments)
     across = np.cross(axis, outward)
     ends = np.concatenate([centre - RIM_SHARE * radius * across, centre + RIM_SHARE * radius * across])
     Xml.SubElement(

@@ -68,10 +68,21 @@ def go_over(vectors: Floats, pulleys: Pulleys) -> Way:
     The straight part is 0 for an attachment that is inside its pulley.
     """
     plane = _plane(vectors, pulleys)
-    angle = np.arctan2(plane.sine, plane.cosine)
-    angle = np.where(angle < -ROUNDING_RAD, angle + 2 * np.pi, angle)
     towards = plane.sine[..., None] * plane.outward + plane.cosine[..., None] * pulleys.axes
-    return Way(plane.straight + pulleys.radii * angle, -towards, plane.straight)
+    return Way(plane.straight + pulleys.radii * _angle(plane), -towards, plane.straight)
+
+
+def arcs(vectors: Floats, pulleys: Pulleys, count: int) -> Floats:
+    """Return points (count, ..., m, d) along the rims, relative to the anchors, to where cables leave.
+
+    Vectors as in `go_over`.
+    """
+    plane = _plane(vectors, pulleys)
+    angle = _angle(plane)
+    angles = np.linspace(0.0, 1.0, count).reshape(-1, *[1] * angle.ndim) * angle
+    inward, along = pulleys.radii * (1.0 - np.cos(angles)), pulleys.radii * np.sin(angles)
+    points: Floats = inward[..., None] * plane.outward + along[..., None] * pulleys.axes
+    return points
 
 
 def turn_gradient(pull: Floats, vectors: Floats, pulleys: Pulleys) -> Floats:
@@ -105,6 +116,12 @@ def _plane(vectors: Floats, pulleys: Pulleys) -> _Plane:
         (straight * (across - r) + r * z) / square,
         (straight * z - r * (across - r)) / square,
     )
+
+
+def _angle(plane: _Plane) -> Floats:
+    """Return the angles (..., m) of the arcs, in rad."""
+    angle = np.arctan2(plane.sine, plane.cosine)
+    return np.where(angle < -ROUNDING_RAD, angle + 2 * np.pi, angle)
 
 
 def _dot(one: Floats, other: Floats) -> Floats:

@@ -300,7 +300,7 @@ def test_pulleys_are_those_of_caspr(write):
     rng = np.random.default_rng(0)
     for _ in range(20):
         position = rig.home + rng.uniform(-1, 1, 3)
-        enters, end, entry = np.array([4.0, 0, 5]), [*position, 0.5, 0, 0], np.array([0.0, 0, 2])
+        enters, end, entry = np.array([4.0, 0, 5]), position + np.array([0.5, 0, 0]), np.array([0.0, 0, 2])
         normal = np.cross(entry, end - enters)
         normal /= np.linalg.norm(normal)
         outward = np.cross(normal, entry)

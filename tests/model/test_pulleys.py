@@ -8,13 +8,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import tensionlab as tl
+from tensionlab.demand import Demand
 from tensionlab.errors import InputError, RigError
+from tensionlab.hardware import Runner, RunSettings, World, WorldClock
 from tensionlab.hardware.calibration.anchor_fit import Poses
 from tensionlab.hardware.calibration.anchors import calibrate_anchors
 from tensionlab.hardware.runner.state_estimation import PoseTracker
 from tensionlab.model.kinematics import exponential
-from tensionlab.model.mjcf import rig_to_mjcf
 from tensionlab.model.pose import in_own_axes, place_anchors
+from tensionlab.model.pulleys import arcs
 from tensionlab.workspace import Capsule, Grid, body_distance, rig_margin_gradient
 from tests.support.examples import many
 
@@ -96,6 +98,18 @@ def test_the_straight_part_is_a_tangent_of_the_rim_that_goes_on_in_its_sense():
         np.testing.assert_allclose(-found.directions[0], clockwise, atol=1e-12)
         arc = (found.lengths[0] - found.straight[0]) / 0.5
         np.testing.assert_allclose(out / 0.5, [-np.cos(arc), np.sin(arc)], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_arcs_go_from_the_anchors_to_the_straight_parts(name):
+    rig = over_pulleys(tl.load_rig(name))
+    own = replace(rig, modules=tuple(replace(module, frame="world") for module in rig.modules), rest=())
+    cables, ends = own.cables(own.home), own.home + own.attachments
+    points = own.anchors + arcs(own.anchors - ends, own.pulleys, 2001)
+    np.testing.assert_allclose(points[0], own.anchors, atol=1e-15)
+    np.testing.assert_allclose(points[-1], ends + cables.straight[:, None] * cables.directions, atol=1e-12)
+    length = np.linalg.norm(np.diff(points, axis=0), axis=2).sum(axis=0)
+    np.testing.assert_allclose(length, cables.lengths - cables.straight, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", RIGS)
@@ -214,14 +228,12 @@ def test_distances_are_those_of_the_straight_part():
 def test_mujoco_has_the_same_lengths_and_structure_matrices(name):
     """Once its pulleys have swivelled to where the cables pull them."""
     mujoco = pytest.importorskip("mujoco")
-    from tensionlab.mujoco import structure_matrix
+    from tensionlab.mujoco import RigBody, structure_matrix
 
     rig = around(over_pulleys(tl.load_rig(name)))
     home = np.array([0.05, 0.35, 0.1]) if name == "body-mounted" else rig.home
-    model = mujoco.MjModel.from_xml_string(rig_to_mjcf(rig))
-    data, tendons = mujoco.MjData(model), [module.name for module in rig.modules]
-    frames, pulleys = rig.at_rest, rig.pulleys_in_world(rig.at_rest)
-    placed = place_anchors(rig.modules, rig.anchors, frames)
+    body = RigBody(rig)
+    model, data, tendons = body.model, body.data, [module.name for module in rig.modules]
     rng = np.random.default_rng(0)
     for _ in range(20):
         position = home + 0.05 * rng.uniform(-1, 1, rig.dimension)
@@ -233,26 +245,41 @@ def test_mujoco_has_the_same_lengths_and_structure_matrices(name):
             mujoco.mju_mat2Quat(data.qpos[3:7], rotation.ravel())
         elif rig.kind == "planar":
             rotation = data.qpos[2] = turn[2]
+        body.turn_pulleys()
         mujoco.mj_forward(model, data)
-        cables = rig.cables(position, rotation, frames)
-        ends = position + (0.0 if cables.arms is None else cables.arms)
-        for number, module in enumerate(rig.modules):
-            if module.pulley_radius is None or rig.dimension == 2:
-                continue
-            geom, joint = data.geom(f"{module.name} pulley"), model.joint(f"{module.name} pulley")
-            axis = pulleys.axes[number]
-            now, wanted = (
-                each - placed[number] for each in (geom.xpos, np.broadcast_to(ends, placed.shape)[number])
-            )
-            wanted = wanted - (wanted @ axis) * axis
-            data.qpos[joint.qposadr] += np.arctan2(axis @ np.cross(now, wanted), now @ wanted)
-        mujoco.mj_forward(model, data)
-        np.testing.assert_allclose(data.ten_length, cables.lengths, atol=1e-6)
+        np.testing.assert_allclose(
+            data.ten_length,
+            rig.lengths(position, rotation, rig.at_rest),
+            atol=1e-7,  # its anchors are off the rim
+        )
         np.testing.assert_allclose(
             structure_matrix(model, data, tendons, "platform"),
-            rig.structure_matrix(position, rotation, frames),
-            atol=1e-6,
+            rig.structure_matrix(position, rotation, rig.at_rest),
+            atol=1e-13,
         )
+
+
+def test_a_world_of_mujoco_has_pulleys_that_swivel():
+    """While a platform goes round: the run, which knows the pulleys, is where MuJoCo has it."""
+    pytest.importorskip("mujoco")
+    from tensionlab.mujoco import RigBody
+
+    rig = around(over_pulleys(tl.load_rig("bartels2026-validation"), 0.03))
+    rig = replace(rig, platform=tl.Platform(mass=0.1))
+    body = RigBody(rig)
+    world, off = World(rig, body), []
+
+    def demand(state):
+        body.held = False
+        around = [0.05 * np.sin(3 * state.time), 0.0, 0.05 * np.cos(3 * state.time) - 0.05]
+        off.append(np.linalg.norm(state.pose.position - body.data.qpos[:3]))
+        spring = 60.0 * (rig.home + around - state.pose.position)
+        return Demand(spring - 4.0 * body.data.qvel[:3] - rig.weight)
+
+    Runner(rig, world.group(), "newton", demand, RunSettings(rate=200.0), clock=WorldClock(world)).run(1.0)
+    before = RigBody(rig).model.body_quat
+    assert np.abs(body.model.body_quat - before).max() > 0.01, "the pulleys have turned"
+    assert max(off) < 1e-3
 
 
 def test_pulleys_are_read_written_and_turned(tmp_path):
