@@ -3,7 +3,7 @@
 Cables of the rig go over pulleys, and the program that runs it takes them for fixed anchors. Forces of 1 N, in
 random directions, are rendered at random positions at which every such force can be. The table has the error of
 the force for pulleys of several radii, once where the position is tracked and once where it comes from the lengths
-of the cables, calibrated at home as on the device; and how far off that position is. ``--plot FILE`` draws it.
+of the cables, calibrated at home as on the device; and how far off that position is.
 
 The pulleys swivel about axes at right angles to the cables at home, upright where they can be.
 """
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -65,41 +64,24 @@ def errors(rig: Rig, radius: float, position: Floats, direction: Floats) -> Floa
     return np.array([*rows, 1e3 * np.linalg.norm(found - position, axis=1)])
 
 
-def plot(found: dict[float, Floats], path: Path) -> None:
-    """Draw medians and 95 % ranges over the radius."""
-    from matplotlib.figure import Figure
-
-    from tensionlab import plots
-
-    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
-    axes = figure.subplots()
-    radii = np.array(list(found))
-    for row, (name, colour) in enumerate((("tracked position", "#0072B2"), ("position by lengths", "#D55E00"))):
-        values = np.array([np.quantile(each[row], [0.5, 0.95]) for each in found.values()])
-        axes.plot(radii, values[:, 0], color=colour, marker="o", label=f"{name}: median")
-        axes.plot(radii, values[:, 1], color=colour, marker="o", linestyle=":", label="95 % are below")
-    axes.set(xlabel="radius of the pulleys / mm", ylabel="error of the force / %", xlim=(0, None), ylim=(0, None))
-    axes.set_title(f"{RIG}: what fixed anchors make of pulleys")
-    axes.legend(frameon=False)
-    plots.save_figure(figure, path)
+def study(count: int) -> tuple[int, dict[float, Floats]]:
+    """Return how many positions there are, and the errors for each radius in mm."""
+    rig = tl.load_rig(RIG)
+    position, direction = samples(rig, count)
+    found = {radius: errors(rig, 1e-3 * radius, position, direction) for radius in RADII_MM}
+    return len(position), found
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=5000, help="positions")
-    parser.add_argument("--plot", type=Path, help="file for a picture")
-    asked = parser.parse_args()
-    rig = tl.load_rig(RIG)
-    position, direction = samples(rig, asked.count)
-    found = {radius: errors(rig, 1e-3 * radius, position, direction) for radius in RADII_MM}
-    print(f"{len(position):,} positions, a force of {FORCE_N:g} N at each; median, and below what 95 % are")
+    count, found = study(parser.parse_args().count)
+    print(f"{count:,} positions, a force of {FORCE_N:g} N at each; median, and below what 95 % are")
     print(f"{'radius':>8}  " + "  ".join(f"{column:>22}" for column in COLUMNS))
     for radius, values in found.items():
         cells = [f"{np.median(row):.2f} ({np.quantile(row, 0.95):.2f})" for row in values]
         print(f"{radius:5g} mm  " + "  ".join(f"{cell:>22}" for cell in cells))
-    if asked.plot is not None:
-        plot(found, asked.plot)
 
 
 if __name__ == "__main__":

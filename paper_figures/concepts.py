@@ -8,6 +8,7 @@ import numpy as np
 from portraits import demonstration_rig
 
 import tensionlab as tl
+from benchmarks import pulley_error
 from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.haptics.brakes.choice import brake_map, brake_strengths
 from tensionlab.haptics.rendering.stability import MARGIN, stiffness_bound
@@ -182,6 +183,27 @@ def draw_stiffness_bounds(found: dict[str, Any]) -> Any:
         axes.set(xlabel="delay there and back (ms)", ylabel="stiffness (N/m)", xlim=(0.0, 50.0))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.legend(loc="upper right")
+    return figure
+
+
+def pulley_errors() -> dict[float, Any]:
+    """Return what fixed anchors cost where cables go over pulleys, by their radius in mm."""
+    return {radius: np.round(found, 6) for radius, found in pulley_error.study(count=2000)[1].items()}
+
+
+def draw_pulley_errors(found: dict[float, Any]) -> Any:
+    """Draw the median errors of the force and below what 95 % are, over the radius."""
+    radii, columns = list(found), (("position tracked", BLUE, "o"), ("position by lengths", ORANGE, "s"))
+    with new_figure((6.6, 3.4)) as figure:
+        axes = figure.subplots()
+        for row, (name, colour, marker) in enumerate(columns):
+            middle, most = np.array([np.quantile(each[row], [0.5, 0.95]) for each in found.values()]).T
+            axes.plot(radii, most, ":", color=colour, marker=marker, label=f"{name}: 95 % are below")
+            axes.plot(radii, middle, color=colour, marker=marker, label=f"{name}: median")
+        axes.set(
+            xlabel="radius of the pulleys (mm)", ylabel="error of the force (%)", xlim=(0, None), ylim=(0, None)
+        )
+        axes.legend(loc="upper left")
     return figure
 
 

@@ -97,6 +97,7 @@ DRAWINGS = {
     "brake-cones": Drawing(lambda _: None, concepts.draw_brake_cones, PAGE),
     "brake-maps": Drawing(lambda _: concepts.brake_maps(), lambda found: plots.plot_brake_maps(*found), PAGE),
     "stiffness": Drawing(lambda _: concepts.stiffness_bounds(), concepts.draw_stiffness_bounds, PAGE),
+    "pulleys": Drawing(lambda _: concepts.pulley_errors(), concepts.draw_pulley_errors, PAGE),
     "module-states": Drawing(lambda _: concepts.module_states(), concepts.draw_module_states, (".svg",)),
     **{
         f"solver-{name.replace(':', '-')}": Drawing(
