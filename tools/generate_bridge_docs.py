@@ -82,8 +82,8 @@ messages. This page is generated from the code, by `make generated`.
   messages at most, in bundles {MAX_DEPTH} deep. OSC has no token, so only this machine is listened to, unless
   `--osc-host` says otherwise.
 
-`examples/bridge/` has clients in Python, JavaScript and C#, and one in Python over OSC; the C# one is not
-run by the tests.
+`examples/bridge/` has clients in Python and JavaScript, and one in Python over OSC; `examples/unity/` is a package
+for Unity, `examples/web/` a page.
 """
 
 

@@ -191,14 +191,6 @@ def test_the_answers_are_those_of_the_examples(monkeypatch):
         assert key == "time" or found[key] == expected, key
 
 
-def test_the_frames_of_the_example_in_csharp_are_of_the_schema():
-    source = (ROOT / "examples/bridge/TensionlabBridge.cs").read_text(encoding="utf-8")
-    (template,) = re.findall(r'"(\{\{\\"type\\": \\"frame\\".*)",$', source, re.MULTILINE)
-    (effects,) = re.findall(r'string effects =\s*"(.*)";', source)
-    frame = template.replace('\\"', '"').format(1.5, 0.0, 0.3, -0.1, effects.replace('\\"', '"'))
-    CLIENT.validate(json.loads(frame))
-
-
 BODY = {"position": [0.0, 0.31, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0]}
 GIVEN = {"type": "frame", "sequence": 1, "time": 1.0, "bodies": {"hand": BODY}, "effects": {}}
 ODD = [
