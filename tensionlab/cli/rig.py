@@ -21,6 +21,8 @@ from tensionlab.validation.rig_check import check_rig
 rig = options.group("Show, check, import and export rigs.")
 SHOWN = ("<module", "<frame", "anchor\nm", "attachment\nm", "cable at\nhome m", "lower\nN", "upper\nN", "brake\nN")
 """Columns of `show`."""
+PULLEYS = ("pulley\nradius m", "its\naxis")
+"""Its columns of a rig that has some."""
 
 
 @rig.command()
@@ -40,7 +42,7 @@ def show(path: RigArgument, frames: BodyFrames = None, plot: Plot = None, json: 
                 modules=[
                     output.fields(module, "name", "frame", "anchor", "attachment")
                     | {"length_at_home": length}
-                    | output.fields(module, "lower", "upper", "brake")
+                    | output.fields(module, "lower", "upper", "brake", "pulley_radius", "pulley_axis")
                     for module, length in zip(loaded.modules, lengths, strict=True)
                 ],
             )
@@ -57,11 +59,15 @@ def _print(loaded: Rig, lengths: Floats) -> None:
     console.print()
     where = f"home {output.vector(loaded.home)} m"
     title = f"{loaded.name}: {loaded.kind} rig, {loaded.m} cables, {loaded.n} wrench components, {where}"
-    rows = (
+    rows = [
         (each.name, each.frame, each.anchor, each.attachment, f"{length:.3f}", each.lower, each.upper, each.brake)
         for each, length in zip(loaded.modules, lengths, strict=True)
-    )
-    output.print_table(title, SHOWN, rows)
+    ]
+    if loaded.pulleys is None:
+        output.print_table(title, SHOWN, rows)
+        return
+    pulleys = [(each.pulley_radius, each.pulley_axis) for each in loaded.modules]
+    output.print_table(title, (*SHOWN, *PULLEYS), [(*row, *own) for row, own in zip(rows, pulleys, strict=True)])
 
 
 @rig.command()

@@ -1,11 +1,13 @@
 """Rigs that come from CASPR and go to MuJoCo, by the command line."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import pytest
 
-from tensionlab.model.files import load_rig
+from tensionlab.model.files import load_rig, save_rig
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 BODIES = """<bodies_system><links><link_rigid num="1" name="Plate">
@@ -73,3 +75,14 @@ def test_export_needs_a_folder_that_exists(run, tmp_path):
     code, _, err = run("export", RIGS / "cube-8.toml", "--out", tmp_path / "none" / "robot.xml")
     assert code == 2
     assert "no folder" in err
+
+
+def test_show_has_pulleys_where_there_are_some(run, tmp_path):
+    rig = load_rig(RIGS / "bartels2026-validation.toml")
+    assert "pulley" not in run("show", RIGS / "bartels2026-validation.toml")[1]
+    first = replace(rig.modules[0], pulley_radius=0.02, pulley_axis=[0.0, 1.0, 0.0])
+    save_rig(replace(rig, modules=(first, *rig.modules[1:])), tmp_path / "over.toml")
+    code, out, err = run("show", tmp_path / "over.toml")
+    assert (code, err) == (0, "")
+    assert re.search(r"^floor-1 .* 0\.02  \(0, 1, 0\)$", out, re.MULTILINE)
+    assert re.search(r"^floor-2 .* –\s+–$", out, re.MULTILINE)
