@@ -7,9 +7,9 @@ from binascii import crc_hqx
 
 import pytest
 
+from benchmarks import codec_fuzz
 from benchmarks.codec_fuzz import BY_CHANCE, CERTAIN, allowed, fuzz
-from tensionlab.hardware.protocol import frames
-from tensionlab.hardware.protocol.frames import DELIMITER, Decoder, unpack_1
+from tensionlab.hardware.protocol.frames import DELIMITER, MAX_PIECE, Decoder, unpack_1
 from tests.support.examples import many
 
 
@@ -39,21 +39,39 @@ def test_the_bit_that_passed_protocol_1_does_not_pass():
         assert Decoder().feed(bytes(damaged) + DELIMITER) == []
 
 
-@pytest.mark.parametrize("compared", [0, 1])
-def test_it_finds_a_decoder_that_compares_too_little_of_the_checksum(monkeypatch, compared):
-    def unpack(piece):
+class Careless:
+    """Decoder that compares so many bytes of a checksum, and whose pieces have at most so many bytes."""
+
+    def __init__(self, compared=3, longest=MAX_PIECE):
+        self.compared, self.longest, self.rest, self.bad_frames = compared, longest, b"", 0
+
+    def feed(self, content):
+        *ended, self.rest = (self.rest + content).split(DELIMITER)
+        self.rest = self.rest[-self.longest :].lstrip(b"\0")
+        return [frame for piece in ended if (frame := self.read(piece.lstrip(b"\0"))) is not None]
+
+    def read(self, piece):
         stuffed, found = piece[:-3], piece[-3:]
         crc = crc_hqx(stuffed, 0xFFFF)
         right = bytes([0x80 | crc >> 9, 0x80 | crc >> 2 & 0x7F, 0xFC | crc & 3])
-        return whole(stuffed + right) if found[:compared] == right[:compared] else None
+        if len(piece) > self.longest or found[: self.compared] != right[: self.compared]:
+            return None
+        return next(iter(Decoder().feed(stuffed + right + DELIMITER)), None)
 
-    whole = frames.unpack
-    monkeypatch.setattr(frames, "unpack", unpack)
+
+def test_it_finds_nothing_wrong_with_one_that_compares_all(monkeypatch):
+    monkeypatch.setattr(codec_fuzz, "Decoder", Careless)
+    assert all(tally.wrong <= allowed(kind, tally) for kind, tally in fuzz(2_000).items())
+
+
+@pytest.mark.parametrize("compared", [0, 1])
+def test_it_finds_a_decoder_that_compares_too_little_of_the_checksum(monkeypatch, compared):
+    monkeypatch.setattr(codec_fuzz, "Decoder", lambda: Careless(compared))
     tallies = fuzz(6_000)
     assert any(tallies[kind].wrong > allowed(kind, tallies[kind]) for kind in CERTAIN)
 
 
 def test_it_finds_a_decoder_that_loses_its_way(monkeypatch):
-    monkeypatch.setattr(frames, "MAX_PIECE", 10)
+    monkeypatch.setattr(codec_fuzz, "Decoder", lambda: Careless(longest=5))
     with pytest.raises(AssertionError, match="a whole frame was lost"):
         fuzz(len(CERTAIN) + len(BY_CHANCE))

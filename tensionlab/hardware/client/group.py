@@ -19,12 +19,17 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from tensionlab.errors import HardwareError, ModuleFault
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab import _native
+from tensionlab.arrays import Floats, Integers
+from tensionlab.errors import HardwareError, LinkError, ModuleFault
 from tensionlab.files.reading import brief, read_toml
-from tensionlab.hardware.client.links import Link
+from tensionlab.hardware.client.links import Link, not_taken
 from tensionlab.hardware.client.module import ANSWER_TIMEOUTS_S, AnswerType, ModuleClient
 from tensionlab.hardware.protocol import messages
-from tensionlab.hardware.protocol.codes import LATCHED_STATES
+from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit, State
 from tensionlab.hardware.protocol.messages import Acknowledge, Info, Message, Stop
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.model.module import MAX_NAME
@@ -64,6 +69,44 @@ class ModuleGroup:
         self.infos: tuple[Info, ...] = ()
         self.slews: tuple[float, ...] = ()
         self.continuous: tuple[float, ...] = ()
+        self._endpoints = _native.EndpointGroup([client.endpoint for client in self.clients])
+        self._lockstep = tuple(client for client in self.clients if client.link.lockstep)
+
+    def observe(self) -> tuple[Floats, Integers]:
+        """Return the latest telemetry that has come by now, row by row.
+
+        Lengths, speeds, tensions, ages and thermal shares (5, m); states, faults, limiters, brakes and sequence
+        numbers (5, m). Of a module that has reported nothing: NaN, an infinite age, IDLE, -1.
+        """
+        for client in self._lockstep:
+            client.listen()
+        return self._endpoints.observe(self._clocks(), State.IDLE, Limit.IDLE)
+
+    def suspects(self, active: NDArray[np.bool_], delays: Floats, ttl: float) -> list[int]:
+        """Return which of the active modules (m,) may not be well, and are to be checked one by one.
+
+        Those certainly are well that follow set-points not older than `ttl` s, by `delays` (m,), and whose latest
+        telemetry is not older either, and plausible.
+        """
+        return self._endpoints.suspects(self._clocks(), active, delays, ttl)
+
+    def send_tensions(
+        self, tensions: Floats, chosen: NDArray[np.bool_], brakes: NDArray[np.bool_], ttl_ms: int
+    ) -> tuple[Integers, list[int], list[tuple[int, LinkError]]]:
+        """Send tensions (m,) in N to the chosen modules (m,) whose links are direct.
+
+        Return sequence numbers (m,), -1 where none was sent; chosen modules that are left; and what failed.
+        """
+        sequences, left, failed = self._endpoints.send(tensions, chosen, brakes, ttl_ms)
+        return sequences, left, [(index, not_taken(self.clients[index].link.url, why)) for index, why in failed]
+
+    def forget_checked(self) -> None:
+        """Let the next check of each module know nothing of telemetry before."""
+        for client in self.clients:
+            client.endpoint.forget_checked()
+
+    def _clocks(self) -> list[float]:
+        return [client.link.clock() for client in self.clients]
 
     def prepare(self, rig: Rig, telemetry_ms: int) -> None:
         """Check that these modules can do what the rig says, and start their telemetry.

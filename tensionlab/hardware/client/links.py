@@ -55,7 +55,8 @@ class SerialPort:
 class Link(Protocol):
     """Link to one module. If it is in `lockstep`, time passes only while somebody waits: no thread may read it.
 
-    `file` is the number of what the system can wait for; None where it can't.
+    `file` is the number of what the system can wait for; None where it can't. If the link is `direct` (optional,
+    False if left out), its bytes may also be read and written by that number.
     """
 
     url: str
@@ -119,7 +120,8 @@ def connect(url: str, lock: LinkLock) -> Link:
 class SerialLink:
     """Link over a serial port, through pyserial; closing it releases the lock."""
 
-    lockstep = False
+    lockstep, direct = False, True
+    clock = staticmethod(time.perf_counter)
 
     def __init__(self, url: str, lock: LinkLock) -> None:
         with needs("hardware", "a serial port"):
@@ -170,10 +172,6 @@ class SerialLink:
         first = self._port.read(1)
         return bytes(first + self._port.read(min(self._port.in_waiting, READ_BYTES - 1)) if first else b"")
 
-    def clock(self) -> float:
-        """Return the time, in s."""
-        return time.perf_counter()
-
     def close(self) -> None:
         """Close the port."""
         self._port.close()
@@ -183,7 +181,8 @@ class SerialLink:
 class SocketLink:
     """Link over a connected socket, TCP or Bluetooth; closing it releases the lock."""
 
-    lockstep = False
+    lockstep, direct = False, True
+    clock = staticmethod(time.perf_counter)
 
     def __init__(self, url: str, lock: LinkLock, connected: socket.socket) -> None:
         self.url, self._lock, self._socket = url, lock, connected
@@ -214,10 +213,6 @@ class SocketLink:
             raise LinkError(f"{self.url} was closed by the module: has it another client, or ended?")
         return content
 
-    def clock(self) -> float:
-        """Return the time, in s."""
-        return time.perf_counter()
-
     def close(self) -> None:
         """Close the socket; the module hears of it at once, even while another thread waits for bytes."""
         with suppress(OSError):  # of one that is closed, or whose far end has gone
@@ -229,7 +224,14 @@ class SocketLink:
 def _require_all(url: str, taken: int, content: bytes) -> None:
     """Raise a `LinkError` if a link took less than the whole: what follows would be out of step."""
     if taken != len(content):
-        raise LinkError(f"{url} takes no more bytes; does the module still read?")
+        raise not_taken(url, 0)
+
+
+def not_taken(url: str, error: int) -> LinkError:
+    """Return the error of a link that did not take bytes: the system's error, or 0 if it took only a part."""
+    if error:
+        return LinkError(f"{url} broke: {os.strerror(error)}")
+    return LinkError(f"{url} takes no more bytes; does the module still read?")
 
 
 def _connect_tcp(url: str) -> socket.socket:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Generic, Self, TypeVar
 
+from tensionlab import _native
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.client.link_reader import link_reader
 from tensionlab.hardware.client.links import Link, open_link
@@ -26,20 +27,20 @@ from tensionlab.hardware.protocol.codes import (
     Fault,
     State,
 )
-from tensionlab.hardware.protocol.frames import Decoder
+from tensionlab.hardware.protocol.frames import Frame
 from tensionlab.hardware.protocol.messages import Acknowledge, Message, Telemetry
 from tensionlab.hardware.protocol.parameters import PARAMETERS, require_name, require_value
 
 ANSWER_TIMEOUTS_S = (0.2, 0.3, 0.45)
 """How long each try waits for an answer."""
-RESTARTED_US = 1_000_000
-"""A module's clock that has gone back by so much has restarted."""
 CLOCK_WRAP_US = 1 << 32
 """Where the clocks of modules wrap around."""
 READ_TIMEOUT_S = 0.1
 """How long the reader waits before it checks whether to end."""
 SAVE_TIMEOUTS_S = (2.0, 2.0, 2.0)
 """How long each try waits for an answer to a command that takes the module long."""
+NO_FILE, NO_STATE = -1, -1
+"""Those of an endpoint that has none."""
 SET_POINTS = (messages.SetTension.type, messages.SetImpedance.type)
 UNREQUESTED = (Telemetry, messages.Event, messages.Log)
 """Messages that a module sends by itself."""
@@ -76,18 +77,8 @@ class ModuleClient:
 
     Attributes
     ----------
-    session : int
-        That of the last `arm`.
-    telemetry : Received or None
-        The latest.
-    stale_frames, repeated : int
-        Ignored telemetry that was no newer than the latest: altogether, and since the latest.
-    state, faults
-        Of the latest message that had them.
-    followed_since_arm : bool
-        Whether telemetry has reported, in ARMED or RUNNING, the number of the latest ARM or a set-point since.
-    on_message : callable or None
-        Called with each unrequested message.
+    endpoint
+        What the reader of links needs of it, without Python: latest telemetry, state, numbers of set-points.
 
     Examples
     --------
@@ -105,17 +96,12 @@ class ModuleClient:
     def __init__(self, name: str, link: Link | str, seed: int | None = None) -> None:
         self.name = name
         self.link = open_link(link) if isinstance(link, str) else link
-        self.session = 0
-        self.telemetry: Received[Telemetry] | None = None
-        self.stale_frames = self.repeated = 0
-        self.followed_since_arm = self._arm_repeated = False
-        self.state: State | None = None
-        self.faults = Fault(0)
-        self.on_message: Callable[[Received[Message]], None] | None = None
-        self._decoder = Decoder()
+        self._arm_repeated = False
+        self._on_message: Callable[[Received[Message]], None] | None = None
         self._random = random.Random(seed)
         self._sequence = self._random.randrange(256)
-        self._set_point = self._armed = self._random.randrange(256)
+        self.endpoint = _native.Endpoint(self._random.randrange(256))
+        self._heard: tuple[int, Received[Telemetry] | None] = (0, None)
         self._listener: messages.Protocol1Listener | None = None
         self._answers: dict[int, Message | ProtocolError] = {}
         self._refused: Acknowledge | None = None  # the latest refused set-point
@@ -126,7 +112,10 @@ class ModuleClient:
         self._reader: threading.Thread | None = None
         if not self.link.lockstep:
             if self.link.file is not None:
-                link_reader().add(self.link.file, self._read)
+                direct = getattr(self.link, "direct", False)
+                if direct:
+                    self.endpoint.set_file(self.link.file)
+                link_reader().add(self.link.file, self._read, self.endpoint if direct else None)
             else:
                 self._reader = threading.Thread(target=self._read_on, name=f"reader of {name}", daemon=True)
                 self._reader.start()
@@ -149,6 +138,7 @@ class ModuleClient:
     def close(self) -> None:
         """Close the link; a module that was pulling notices, and releases its cable."""
         self._closing = True
+        self.endpoint.set_file(NO_FILE)
         if not self.link.lockstep and (published := publisher()) is not None:
             published.reports.pop(self.link.url, None)
         if not self.link.lockstep and self.link.file is not None:
@@ -190,9 +180,10 @@ class ModuleClient:
     def send(self, command: Message, sequence: int | None = None) -> int:
         """Send a command without waiting and return its number; sent again, it keeps its number."""
         if sequence is None:
-            sequence = self._next_set_point() if isinstance(command, messages.Arm) else self._next()
             if isinstance(command, messages.Arm):
-                self._armed, self.followed_since_arm, self._arm_repeated = sequence, False, False
+                sequence, self._arm_repeated = self.endpoint.next_arm(), False
+            else:
+                sequence = self._next()
             with self._arrived:
                 self._answers.pop(sequence, None)
             self.link.send(command.frame(sequence).pack())
@@ -200,6 +191,7 @@ class ModuleClient:
         self._arm_repeated |= isinstance(command, messages.Arm)
         # No answer: does the module speak protocol 1?
         self._listener = self._listener or messages.Protocol1Listener()
+        self.endpoint.attended = True
         frame = command.frame(sequence)
         self.link.send(frame.pack() + messages.repeated_in_protocol_1(frame))
         return sequence
@@ -234,7 +226,7 @@ class ModuleClient:
 
     def send_set_point(self, message: messages.SetTension | messages.SetImpedance) -> int:
         """Send a set-point, which is not answered, and return its number."""
-        sequence = self._next_set_point()
+        sequence = self.endpoint.next_set_point()
         self.link.send(message.frame(sequence).pack())
         return sequence
 
@@ -247,7 +239,7 @@ class ModuleClient:
             while content := self.link.receive(end - self.link.clock() if seconds else 0.0):
                 self._take(content)
         except LinkError as error:
-            self._broken = error
+            self._broke(error)
 
     def hello(self) -> messages.Info:
         """Return the module's description of itself; errors as those of `command`."""
@@ -290,7 +282,7 @@ class ModuleClient:
 
     def new_session(self) -> messages.Arm:
         """Draw a session, which a module accepts only once, and return the command that begins it."""
-        self.session = self._random.randrange(1, 1 << 16)
+        self.endpoint.session = self._random.randrange(1, 1 << 16)
         return messages.Arm(self.session)
 
     def session_was_used(self, error: HardwareError) -> bool:
@@ -319,7 +311,7 @@ class ModuleClient:
     def clear(self) -> None:
         """Make the module leave fault or emergency stop."""
         self.command(messages.Clear())
-        self.faults = Fault(0)
+        self.endpoint.faults = 0
 
     def telemetry_every(self, period_ms: int) -> None:
         """Set the period of telemetry, in ms; 0 for none."""
@@ -369,14 +361,78 @@ class ModuleClient:
                 self.name,
                 self.faults or self.state,
             )
-        if self._refused is not None:
-            code = self._refused.code
-            self._refused = None
-            raise ModuleFault(f'module "{self.name}" refused a set-point: {code.name}', self.name, code)
+        if (refused := self.forget_refusals()) is not None:
+            raise ModuleFault(
+                f'module "{self.name}" refused a set-point: {refused.code.name}', self.name, refused.code
+            )
 
-    def forget_refusals(self) -> None:
-        """Discard the refusals up to now."""
-        self._refused = None
+    def forget_refusals(self) -> Acknowledge | None:
+        """Discard the refusals of set-points up to now, and return the latest."""
+        with self._arrived:
+            refused, self._refused = self._refused, None
+            self.endpoint.troubled = self._broken is not None
+        return refused
+
+    @property
+    def session(self) -> int:
+        """Session of the last `arm`."""
+        return self.endpoint.session
+
+    @property
+    def telemetry(self) -> Received[Telemetry] | None:
+        """The latest telemetry."""
+        newer = self.endpoint.latest(self._heard[0])
+        if newer is not None:
+            number, payload, time = newer
+            self._heard = number, Received(Telemetry.unpack(payload), time)
+        return self._heard[1]
+
+    def unchecked(self) -> tuple[Received[Telemetry] | None, Received[Telemetry]] | None:
+        """Return the telemetry before and the latest, if that is new since this call or another check."""
+        found = self.endpoint.unchecked()
+        if found is None:
+            return None
+        before, latest = found
+        return (
+            None if before is None else Received(Telemetry.unpack(before[0]), before[1]),
+            Received(Telemetry.unpack(latest[0]), latest[1]),
+        )
+
+    @property
+    def stale_frames(self) -> int:
+        """Number of telemetry frames that were ignored: they were no newer than the latest."""
+        return self.endpoint.stale
+
+    @property
+    def repeated(self) -> int:
+        """Number of those since the latest."""
+        return self.endpoint.repeated
+
+    @property
+    def state(self) -> State | None:
+        """State by the latest message that had it."""
+        number = self.endpoint.state
+        return None if number == NO_STATE else State(number)
+
+    @property
+    def faults(self) -> Fault:
+        """Faults by the latest message that had them."""
+        return Fault(self.endpoint.faults)
+
+    @property
+    def followed_since_arm(self) -> bool:
+        """Whether telemetry has reported, in ARMED or RUNNING, the latest ARM's number or a set-point since."""
+        return self.endpoint.followed
+
+    @property
+    def on_message(self) -> Callable[[Received[Message]], None] | None:
+        """Called with each unrequested message, if set."""
+        return self._on_message
+
+    @on_message.setter
+    def on_message(self, callback: Callable[[Received[Message]], None] | None) -> None:
+        self._on_message = callback
+        self.endpoint.attended = callback is not None or self._listener is not None
 
     @property
     def age(self) -> float:
@@ -393,7 +449,7 @@ class ModuleClient:
     @property
     def bad_frames(self) -> int:
         """Number of frames that were damaged or could not be read."""
-        return self._decoder.bad_frames + self._unreadable
+        return self.endpoint.bad_frames + self._unreadable
 
     def _wait(self, sequence: int, seconds: float) -> bool:
         """Wait for an answer; return False if nothing came in time."""
@@ -409,12 +465,6 @@ class ModuleClient:
             self._sequence = (self._sequence + 1) % 256
             return self._sequence
 
-    def _next_set_point(self) -> int:
-        """Return the next number of ARM and set-points: the module accepts up to 127 after the last."""
-        with self._arrived:
-            self._set_point = (self._set_point + 1) % 256
-            return self._set_point
-
     def _read_on(self) -> None:
         """Read a link that the system cannot wait for, until it ends."""
         while not self._closing and self._read(READ_TIMEOUT_S):
@@ -422,24 +472,33 @@ class ModuleClient:
 
     def _read(self, timeout: float = 0.0) -> bool:
         """Read what has come, or comes in so many s; False if the link has broken."""
+        self._take_queue()
         try:
             content = self.link.receive(timeout)
         except LinkError as error:
-            with self._arrived:
-                self._broken = error
-                self._arrived.notify_all()
+            self._broke(error)
             return False
         self._take(content)
         return True
 
+    def _broke(self, error: LinkError) -> None:
+        with self._arrived:
+            self._broken, self.endpoint.troubled = error, True
+            self._arrived.notify_all()
+
     def _take(self, content: bytes) -> None:
-        """Decode received bytes: answers for those who wait, the rest for `on_message`."""
+        """Decode received bytes."""
         if not content:
             return
-        now = self.link.clock()
         if self._listener is not None:
             self._keep(self._listener.feed(content))
-        for frame in self._decoder.feed(content):
+        self.endpoint.feed(content, self.link.clock())
+        self._take_queue()
+
+    def _take_queue(self) -> None:
+        """Take what the endpoint leaves to Python: answers for those who wait, the rest for `on_message`."""
+        now = self.link.clock()
+        for frame in map(Frame._make, self.endpoint.take_queue()):
             try:
                 message = messages.read(frame)
             except ProtocolError as error:
@@ -449,36 +508,22 @@ class ModuleClient:
                 continue
             if not isinstance(message, UNREQUESTED):
                 if isinstance(message, Acknowledge | messages.Info):
-                    self.state = message.state
+                    self.endpoint.state = message.state
                 if isinstance(message, Acknowledge) and message.command in SET_POINTS:
-                    self._refused = message
+                    with self._arrived:
+                        self._refused, self.endpoint.troubled = message, True
                 else:
                     self._keep({frame.sequence: message})
                 continue
-            if isinstance(message, Telemetry):
-                if self.telemetry is not None and not is_newer(message, self.telemetry.message):
-                    self.stale_frames += 1
-                    self.repeated += 1
-                    continue
-                self.repeated = 0
-                self.telemetry = Received(message, now)
-                # Numbers alone do not tell: an idle module repeats the last of an earlier session, or 0.
-                since = (message.sequence - self._armed) % 256
-                if message.state in FOLLOWING_STATES and since <= (self._set_point - self._armed) % 256:
-                    self.followed_since_arm = True
-            if not isinstance(message, messages.Log):
-                self.state, self.faults = message.state, message.faults
-            if self.on_message is not None:
-                self.on_message(Received(message, now))
+            if isinstance(message, Telemetry) and not self.endpoint.take(frame.payload, now):
+                continue
+            if isinstance(message, messages.Event):
+                self.endpoint.state, self.endpoint.faults = message.state, message.faults
+            if self._on_message is not None:
+                self._on_message(Received(message, now))
 
     def _keep(self, answers: Mapping[int, Message | ProtocolError]) -> None:
         """Keep answers, by their numbers, for those who wait for them."""
         with self._arrived:
             self._answers.update(answers)
             self._arrived.notify_all()
-
-
-def is_newer(message: Telemetry, before: Telemetry) -> bool:
-    """Return whether telemetry was sent after another one, or by a module that has restarted since."""
-    behind = (before.time_us - message.time_us) % CLOCK_WRAP_US
-    return behind > CLOCK_WRAP_US // 2 or behind >= RESTARTED_US

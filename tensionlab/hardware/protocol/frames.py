@@ -6,7 +6,6 @@ is the firmware's own, compiled in.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from tensionlab import _native
@@ -20,8 +19,6 @@ CHECKSUM_BYTES = 3
 """Bytes of a checksum."""
 MAX_FRAME = MAX_PIECE + len(DELIMITER)
 """Most bytes of a frame on the wire."""
-OVERLONG_START = b"\1" * (MAX_PIECE + 1)
-"""Stands for the start of a piece that is already too long."""
 
 
 class Frame(NamedTuple):
@@ -39,12 +36,6 @@ class Frame(NamedTuple):
             raise ProtocolError(str(error)) from None
 
 
-def unpack(piece: bytes) -> Frame | None:
-    """Return the frame between two delimiters; None if it is damaged."""
-    found = _native.read_frame(piece)
-    return None if found is None else Frame(*found)
-
-
 def pack_1(frame: Frame) -> bytes:
     """Return a frame of protocol 1, which ended with one zero, followed by a delimiter."""
     return _native.build_frame_1(*frame)
@@ -56,28 +47,25 @@ def unpack_1(piece: bytes) -> Frame | None:
     return None if found is None else Frame(*found)
 
 
-@dataclass
 class Decoder:
     """Decoder of a stream of bytes, however it is cut into pieces.
 
     `bad_frames` counts those that were damaged, too long or too short; whole frames of protocol 1 are not counted.
     """
 
-    bad_frames: int = 0
-    _rest: bytes = field(default=b"", repr=False)
+    def __init__(self) -> None:
+        self._native = _native.FrameDecoder()
 
     def feed(self, content: bytes) -> list[Frame]:
         """Return the frames that these bytes complete."""
-        frames = []
-        *ended, rest = (self._rest + content).split(DELIMITER)
-        for zeros_and_piece in ended:
-            piece = zeros_and_piece.lstrip(b"\0")  # more zeros than three belong to the delimiter before
-            frame = unpack(piece)
-            if frame is not None:
-                frames.append(frame)
-            elif piece and unpack_1(piece) is None:
-                self.bad_frames += 1
-        rest = rest.lstrip(b"\0")
-        # Of what is too long already only its last zeros matter, with which a delimiter may begin.
-        self._rest = rest if len(rest) <= MAX_PIECE + 2 else OVERLONG_START + rest[-2:]
-        return frames
+        return [Frame(*found) for found in self._native.feed(content)]
+
+    @property
+    def bad_frames(self) -> int:
+        """Number of bad frames up to now."""
+        return self._native.bad_frames
+
+    @property
+    def kept(self) -> int:
+        """Number of bytes that wait for what completes them."""
+        return self._native.kept

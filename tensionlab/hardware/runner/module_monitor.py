@@ -10,6 +10,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab import _native
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
@@ -32,9 +33,9 @@ TELEMETRY_UNITS = {
 """Quantities of a telemetry that must be finite, and their units."""
 MEASURED = attrgetter(*TELEMETRY_UNITS)
 """Their values."""
-MAX_LENGTH_JUMP_M = 0.05
+MAX_LENGTH_JUMP_M = _native.MAX_LENGTH_JUMP_M
 """A length may differ by so much from where the cable's speeds take it."""
-MAX_ACCELERATION_M_S2 = 100.0
+MAX_ACCELERATION_M_S2 = _native.MAX_ACCELERATION_M_S2
 """Of a cable: a hand makes 30, and a spool by itself, with 6 N on 0.03 kg, not more than twice this."""
 STALL_SHARE = 0.75
 """A run whose next cycle takes longer to come than this share of the time to live has stalled."""
@@ -52,8 +53,10 @@ class ModuleMonitor:
         self, group: ModuleGroup, ttl: float, on_loss: OnLoss, on_lost: Callable[[int, HardwareError], None]
     ) -> None:
         self.active: NDArray[np.bool_] = np.ones(len(group.clients), dtype=bool)
-        self._clients, self._ttl, self._on_loss, self._on_lost = group.clients, ttl, on_loss, on_lost
-        self._heard: list[Received[Telemetry] | None] = [None] * len(group.clients)
+        self._group, self._clients = group, group.clients
+        self._ttl, self._on_loss, self._on_lost = ttl, on_loss, on_lost
+        self._no_brakes = np.zeros(len(group.clients), dtype=bool)
+        group.forget_checked()
         self._late_since = np.full(len(group.clients), np.nan)
         self._stall = Stall(ttl)
 
@@ -64,32 +67,34 @@ class ModuleMonitor:
         if a module is lost and the run is to stop, or none is left.
         """
         self._stall.update(now)
+        suspects = self._group.suspects(self.active, delays, self._ttl)
+        if not suspects:
+            self._late_since.fill(np.nan)
+            return
         self._late_since = np.where(delays > self._ttl, np.fmin(self._late_since, now), np.nan)
         ages, thermal, late = seen.ages.tolist(), seen.thermal.tolist(), (now - self._late_since).tolist()
-        for index, client in enumerate(self._clients):
-            if self.active[index]:
-                try:
-                    self._require_healthy(index, client, ages[index])
-                    if not self._stall.seconds and late[index] > self._ttl:
-                        raise LinkTimeout(
-                            f'module "{client.name}" is late: the newest set-point that it reports to follow was '
-                            f"sent {delays[index]:.2f} s ago, and lives {self._ttl:g} s; its link is slow or "
-                            "crowded"
-                        )
-                    derating.require_taut(index, thermal[index])
-                except HardwareError as error:
-                    self._lose(index, error)
+        for index in suspects:
+            client = self._clients[index]
+            try:
+                self._require_healthy(client, ages[index])
+                if not self._stall.seconds and late[index] > self._ttl:
+                    raise LinkTimeout(
+                        f'module "{client.name}" is late: the newest set-point that it reports to follow was '
+                        f"sent {delays[index]:.2f} s ago, and lives {self._ttl:g} s; its link is slow or crowded"
+                    )
+                derating.require_taut(index, thermal[index])
+            except HardwareError as error:
+                self._lose(index, error)
 
-    def _require_healthy(self, index: int, client: ModuleClient, age: float) -> None:
+    def _require_healthy(self, client: ModuleClient, age: float) -> None:
         try:
             require_following(client)
         except ModuleFault as fault:
             if fault.code is State.TIMEOUT and self._stall.seconds:
                 raise ModuleFault(f"{fault}: {self._stall}", fault.module, fault.code) from None
             raise
-        if client.telemetry is not None and client.telemetry is not self._heard[index]:
-            before, self._heard[index] = self._heard[index], client.telemetry
-            require_plausible(client.name, before, client.telemetry)
+        if (unchecked := client.unchecked()) is not None:
+            require_plausible(client.name, *unchecked)
         if age > self._ttl + self._stall.seconds:
             raise LinkTimeout(f'module "{client.name}" at {client.link.url} {silence(client, age)}')
 
@@ -98,19 +103,26 @@ class ModuleMonitor:
 
         Tensions are in N, NaN where an impedance is commanded.
         """
-        sequences: Integers = np.full(len(self._clients), -1, dtype=np.int64)
-        for index, client in enumerate(self._clients):
-            if not self.active[index]:
-                continue
-            brake = client.name in demand.brakes
+        brakes, chosen = self._no_brakes, self.active
+        if demand.brakes:
+            brakes = np.array([client.name in demand.brakes for client in self._clients])
+        springs = [index for index, client in enumerate(self._clients) if client.name in demand.impedances]
+        if springs:
+            chosen = chosen.copy()
+            chosen[springs] = False
+        sequences, left, failed = self._group.send_tensions(tensions, chosen, brakes, ttl_ms)
+        for index in [*left, *(index for index in springs if self.active[index])]:
+            client, brake = self._clients[index], bool(brakes[index])
             try:
-                if client.name in demand.impedances:
+                if index in springs:
                     spring = vars(demand.impedances[client.name])
                     sequences[index] = client.set_impedance(SetImpedance(0, **spring, brake=brake, ttl_ms=ttl_ms))
                 else:
                     sequences[index] = client.set_tension(float(tensions[index]), brake=brake, ttl_ms=ttl_ms)
             except LinkError as error:
-                self._lose(index, error)
+                failed.append((index, error))
+        for index, why in failed:
+            self._lose(index, why)
         return sequences
 
     def _lose(self, index: int, error: HardwareError) -> None:

@@ -13,7 +13,6 @@ from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup
-from tensionlab.hardware.protocol.codes import Limit, State
 from tensionlab.model.rig import Rig
 
 
@@ -32,26 +31,10 @@ class Observation(NamedTuple):
     thermal: Floats
 
 
-NAN = float("nan")
-SILENT = (NAN, NAN, NAN, float("inf"), State.IDLE, 0, Limit.IDLE, -1, -1, NAN)
-"""Row of a module that has reported nothing yet."""
-
-
 def observe(group: ModuleGroup) -> Observation:
     """Return the latest telemetry that has come by now."""
-    rows: list[tuple[float, ...]] = []
-    for client in group.clients:
-        client.listen()
-        heard = client.telemetry
-        if heard is None:
-            rows.append(SILENT)
-            continue
-        said = heard.message
-        state = said.state if client.state is None else client.state
-        codes = (state, client.faults, said.limit, said.brake, said.sequence)
-        rows.append((said.length, said.speed, said.tension, client.age, *codes, said.thermal))
-    lengths, speeds, tensions, ages, *numbers, thermal = np.array(rows).T
-    states, faults, limiters, brakes, last_sequence = np.array(numbers, dtype=np.int64)
+    (lengths, speeds, tensions, ages, thermal), codes = group.observe()
+    states, faults, limiters, brakes, last_sequence = codes
     return Observation(lengths, speeds, tensions, ages, states, faults, limiters, brakes, last_sequence, thermal)
 
 

@@ -9,6 +9,7 @@ void bind_allocate(nanobind::module_&);
 void bind_brakes(nanobind::module_&);
 void bind_certification(nanobind::module_&);
 void bind_clearance(nanobind::module_&);
+void bind_endpoints(nanobind::module_&);
 void bind_firmware(nanobind::module_&);
 void bind_jacobian(nanobind::module_&);
 void bind_verification(nanobind::module_&);

@@ -128,14 +128,13 @@ nb::bytes build(long long type, long long sequence, const nb::bytes& payload) {
   return nb::bytes(reinterpret_cast<const char*>(bytes), size);
 }
 
-// The frame in a piece of a stream as (type, sequence, payload), or None.
-template <bool (*read)(std::uint8_t*, std::size_t, Frame&)>
-nb::object frame_in(const nb::bytes& piece) {
+// The frame of protocol 1 in a piece of a stream as (type, sequence, payload), or None.
+nb::object read_frame_1(const nb::bytes& piece) {
   std::uint8_t bytes[firmware::kMaxPiece];
   if (piece.size() > sizeof bytes) return nb::none();
   std::memcpy(bytes, piece.c_str(), piece.size());
   Frame frame;
-  if (!read(bytes, piece.size(), frame)) return nb::none();
+  if (!firmware::read_frame_1(bytes, piece.size(), frame)) return nb::none();
   return nb::make_tuple(frame.type, frame.sequence,
                         nb::bytes(reinterpret_cast<const char*>(frame.payload), frame.size));
 }
@@ -191,8 +190,7 @@ void bind_firmware(nb::module_& module) {
   module.attr("MAX_PIECE") = firmware::kMaxPiece;
   module.def("build_frame", &build<firmware::kMaxFrame, firmware::write_frame>);
   module.def("build_frame_1", &build<firmware::kMaxFrame1, firmware::write_frame_1>);
-  module.def("read_frame", &frame_in<firmware::read_frame>);
-  module.def("read_frame_1", &frame_in<firmware::read_frame_1>);
+  module.def("read_frame_1", &read_frame_1);
   module.def("parameter_table", &parameter_table);
   module.def("plant_table", &plant_table);
   module.def("plant_parts", &plant_parts);

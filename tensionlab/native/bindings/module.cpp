@@ -6,6 +6,7 @@
 
 NB_MODULE(_native, module) {
   using namespace tensionlab;
+  nanobind::set_leak_warnings(false);  // threads keep links that nobody closed until the process ends
   module.attr("MAX_COMPONENTS") = kMaxComponents;
   module.attr("MAX_CABLES") = kMaxCables;
   module.attr("INSTRUCTION_SET") = kInstructionSetNames[static_cast<int>(instruction_set())];
@@ -19,6 +20,7 @@ NB_MODULE(_native, module) {
   bind_brakes(module);
   bind_certification(module);
   bind_clearance(module);
+  bind_endpoints(module);
   bind_firmware(module);
   bind_jacobian(module);
   bind_verification(module);

@@ -163,6 +163,11 @@ class Client:
         self.name, self.link = name, SimpleNamespace(url=f"sim:{name}")
         self.state, self.followed_since_arm, self.repeated = State.RUNNING, True, 0
         self.telemetry, self.sent, self.broken = telemetry(), [], None
+        self.checked = None
+
+    def unchecked(self):
+        before, self.checked = self.checked, self.telemetry
+        return None if before is self.telemetry or self.telemetry is None else (before, self.telemetry)
 
     def check(self):
         if self.broken is not None:
@@ -189,10 +194,17 @@ class Watched:
 
     def __init__(self, on_loss="continue"):
         self.clients, self.lost, self.now = [Client(name) for name in "abc"], [], 50.0
-        self.monitor = ModuleMonitor(
-            SimpleNamespace(clients=self.clients), 0.25, on_loss, lambda *loss: self.lost.append(loss)
-        )
+        self.monitor = ModuleMonitor(self, 0.25, on_loss, lambda *loss: self.lost.append(loss))
         self.too_hot = set()
+
+    def forget_checked(self):
+        pass
+
+    def suspects(self, active, delays, ttl):
+        return np.flatnonzero(active).tolist()
+
+    def send_tensions(self, tensions, chosen, brakes, ttl_ms):
+        return np.full(3, -1), np.flatnonzero(chosen).tolist(), []
 
     def require_taut(self, index, thermal):
         if thermal >= 1.0:

@@ -1,0 +1,204 @@
+// The host's ends of links to modules, for Python: one by one, all of a rig at once, and their reader.
+#include <nanobind/stl/vector.h>
+
+#include <limits>
+#include <tuple>
+
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "hardware/endpoint.hpp"
+#include "hardware/link_reader.hpp"
+
+namespace tensionlab {
+namespace {
+
+const std::uint8_t* bytes_of(const nb::bytes& content) {
+  return reinterpret_cast<const std::uint8_t*>(content.c_str());
+}
+
+template <class Bytes>
+nb::bytes to_bytes(const Bytes* bytes, std::size_t size) {
+  return nb::bytes(reinterpret_cast<const char*>(bytes), size);
+}
+
+// As Python's Frame: type, sequence number, payload.
+nb::tuple tuple_of(const firmware::Frame& frame) {
+  return nb::make_tuple(frame.type, frame.sequence, to_bytes(frame.payload, frame.size));
+}
+
+nb::list decode(FrameDecoder& self, const nb::bytes& content) {
+  nb::list frames;
+  self.feed(bytes_of(content), content.size(),
+            [&](const firmware::Frame& frame) { frames.append(tuple_of(frame)); });
+  return frames;
+}
+
+nb::list take_queue(Endpoint& self) {
+  nb::list frames;
+  for (const firmware::Frame& frame : self.take_queue()) frames.append(tuple_of(frame));
+  return frames;
+}
+
+bool take(Endpoint& self, const nb::bytes& payload, double now) {
+  Telemetry telemetry;
+  require(telemetry.read(bytes_of(payload), payload.size()), "no telemetry");
+  return self.take(telemetry, now);
+}
+
+// The latest telemetry if it has another number than the one seen: number, payload and time of arrival.
+nb::object latest(const Endpoint& self, std::uint64_t seen) {
+  const Endpoint::Known known = self.known();
+  if (known.telemetries == seen) return nb::none();
+  return nb::make_tuple(known.telemetries, to_bytes(known.latest.payload, Telemetry::kSize),
+                        known.latest.received);
+}
+
+// Payload and time of arrival.
+nb::object said(const Telemetry& telemetry, std::uint64_t number) {
+  if (number == 0) return nb::none();
+  return nb::make_tuple(to_bytes(telemetry.payload, Telemetry::kSize), telemetry.received);
+}
+
+// The telemetry that was checked before, and the latest, if that is to be checked; it counts as checked then.
+nb::object unchecked(Endpoint& self) {
+  const Endpoint::Known known = self.known();
+  if (known.telemetries == known.checks) return nb::none();
+  self.set_checked();
+  return nb::make_tuple(said(known.checked, known.checks), said(known.latest, known.telemetries));
+}
+
+class EndpointGroup {
+ public:
+  explicit EndpointGroup(nb::list endpoints) : owners_(std::move(endpoints)) {
+    for (nb::handle each : owners_) endpoints_.push_back(nb::cast<Endpoint*>(each));
+  }
+
+  using Clocks = std::vector<double>;
+  using Mask = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+  using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+  // Lengths, speeds, tensions, ages and thermal shares (5, m); states, faults, limiters, brakes and last sequence
+  // numbers (5, m). What a module that has reported nothing reports is given.
+  nb::tuple observe(const Clocks& clocks, int idle_state, int idle_limit) const {
+    const std::size_t m = endpoints_.size();
+    require(clocks.size() == m, "one time for each module");
+    auto* measured = allocate<double>(5 * m);
+    auto* codes = allocate<std::int64_t>(5 * m);
+    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+    for (std::size_t i = 0; i < m; ++i) {
+      const Endpoint::Known known = endpoints_[i]->known();
+      const Telemetry& t = known.latest;
+      const bool heard = known.telemetries > 0;
+      const double age = heard ? clocks[i] - t.received : std::numeric_limits<double>::infinity();
+      const double numbers[] = {heard ? t.length : kNan, heard ? t.speed : kNan, heard ? t.tension : kNan, age,
+                                heard ? t.thermal : kNan};
+      const int state = known.state == Endpoint::kNoState ? t.state : known.state;
+      const int last[] = {heard ? state : idle_state, heard ? known.faults : 0, heard ? t.limit : idle_limit,
+                          heard ? t.brake : -1, heard ? t.sequence : -1};
+      for (std::size_t row = 0; row < 5; ++row) {
+        measured[row * m + i] = numbers[row];
+        codes[row * m + i] = last[row];
+      }
+    }
+    return nb::make_tuple(table_of(measured, 5, m), table_of(codes, 5, m));
+  }
+
+  // Of modules that take part, those that may not be well; `delays` are of the set-points that they follow.
+  nb::list suspects(const Clocks& clocks, const Mask& active, const Numbers& delays, double ttl) {
+    const std::size_t m = endpoints_.size();
+    require(clocks.size() == m && active.size() == m && delays.size() == m, "one entry for each module");
+    nb::list found;
+    for (std::size_t i = 0; i < m; ++i) {
+      if (active.data()[i] && (!endpoints_[i]->is_well(clocks[i], ttl) || delays.data()[i] > ttl)) found.append(i);
+    }
+    return found;
+  }
+
+  // Sends tensions to those chosen; returns their sequence numbers, -1 where none was sent; indices of those that
+  // are left to Python, which knows their links or words the error; and of those that failed the index and
+  // the system's error, 0 where only a part was taken.
+  nb::tuple send(const Numbers& tensions, const Mask& chosen, const Mask& brakes, std::uint16_t ttl_ms) {
+    const std::size_t m = endpoints_.size();
+    require(tensions.size() == m && chosen.size() == m && brakes.size() == m, "one entry for each module");
+    auto* sequences = allocate<std::int64_t>(m);
+    const auto result = vector_of(sequences, m);
+    nb::list left, failed;
+    for (std::size_t i = 0; i < m; ++i) {
+      sequences[i] = Endpoint::kNotSent;
+      if (!chosen.data()[i]) continue;
+      int error = 0;
+      Endpoint::Sent sent = Endpoint::Sent::yes;
+      std::tie(sequences[i], sent) =
+          endpoints_[i]->send_tension(tensions.data()[i], brakes.data()[i], ttl_ms, error);
+      if (sent == Endpoint::Sent::in_part || sent == Endpoint::Sent::broken) {
+        failed.append(nb::make_tuple(i, sent == Endpoint::Sent::broken ? error : 0));
+      } else if (sent != Endpoint::Sent::yes) {
+        left.append(i);
+      }
+    }
+    return nb::make_tuple(result, left, failed);
+  }
+
+ private:
+  nb::list owners_;
+  std::vector<Endpoint*> endpoints_;
+};
+
+std::vector<Descriptor> wait(LinkReader& self) {
+  nb::gil_scoped_release unlocked;
+  return self.wait();
+}
+
+}  // namespace
+
+void bind_endpoints(nb::module_& module) {
+  module.attr("MAX_LENGTH_JUMP_M") = kMaxLengthJump;
+  module.attr("MAX_ACCELERATION_M_S2") = kMaxAcceleration;
+  module.def("seconds_now", &seconds_now);
+  nb::class_<FrameDecoder>(module, "FrameDecoder")
+      .def(nb::init<>())
+      .def("feed", &decode)
+      .def_prop_ro("bad_frames", &FrameDecoder::bad_frames)
+      .def_prop_ro("kept", &FrameDecoder::kept);
+  nb::class_<Endpoint>(module, "Endpoint")
+      .def(nb::init<std::uint8_t>())
+      .def("feed", [](Endpoint& self, const nb::bytes& content,
+                      double now) { return self.feed(bytes_of(content), content.size(), now); })
+      .def("take_queue", &take_queue)
+      .def("take", &take)
+      .def("next_set_point", &Endpoint::next_set_point)
+      .def("next_arm", &Endpoint::next_arm)
+      .def("unchecked", &unchecked)
+      .def("forget_checked", &Endpoint::forget_checked)
+      .def("latest", &latest)
+      .def_prop_ro("stale", [](const Endpoint& self) { return self.known().stale; })
+      .def_prop_ro("repeated", [](const Endpoint& self) { return self.known().repeated; })
+      .def_prop_ro("bad_frames", [](const Endpoint& self) { return self.known().bad_frames; })
+      .def_prop_ro("kept", [](const Endpoint& self) { return self.known().kept; })
+      .def_prop_ro("followed", [](const Endpoint& self) { return self.known().followed; })
+      .def_prop_rw(
+          "state", [](const Endpoint& self) { return self.known().state; }, &Endpoint::set_state)
+      .def_prop_rw(
+          "faults", [](const Endpoint& self) { return self.known().faults; }, &Endpoint::set_faults)
+      .def_prop_rw(
+          "session", [](const Endpoint& self) { return self.known().session; }, &Endpoint::set_session)
+      .def_prop_rw(
+          "attended", [](const Endpoint& self) { return self.known().attended; }, &Endpoint::set_attended)
+      .def_prop_rw(
+          "troubled", [](const Endpoint& self) { return self.known().troubled; }, &Endpoint::set_troubled)
+      .def("set_file", [](Endpoint& self, Descriptor file) { self.set_file(file); });
+  nb::class_<EndpointGroup>(module, "EndpointGroup")
+      .def(nb::init<nb::list>())
+      .def("observe", &EndpointGroup::observe)
+      .def("suspects", &EndpointGroup::suspects)
+      .def("send", &EndpointGroup::send);
+  nb::class_<LinkReader>(module, "LinkReader")
+      .def(nb::init<>())
+      .def(
+          "add", [](LinkReader& self, Descriptor file, Endpoint* endpoint) { self.add(file, endpoint); },
+          nb::arg("file"), nb::arg("endpoint").none())
+      .def("drop", &LinkReader::drop)
+      .def("wait", &wait);
+}
+
+}  // namespace tensionlab
