@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab import _native
 from tensionlab.allocation import Allocation, Allocator, Nearest, Solver, Status, resolve_solver
 from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
@@ -52,25 +54,37 @@ class GuardedAllocator:
         return self._prepared[key]
 
 
-def require_within(tensions: Floats, limits: TensionLimits, part: NDArray[np.bool_], names: list[str]) -> None:
-    """Refuse, by a `HardwareError` that names the module, tensions that it must never be sent, NaN among them."""
-    within = (limits.lower <= tensions) & (tensions <= limits.upper) | ~part
-    if not within.all():
-        index = int(np.argmin(within))
-        raise HardwareError(
-            f'module "{names[index]}" would be sent {tensions[index]:g} N; its limits are '
-            f"{limits.lower[index]:g} to {limits.upper[index]:g} N"
-        )
+class NextTensions(NamedTuple):
+    """Tensions (m,) to go on from, those that are commanded (NaN elsewhere), and whether slew limits them."""
+
+    tensions: Floats
+    commanded: Floats
+    slew_limited: bool
 
 
-def limit_slew(before: Floats, wanted: Floats, max_change: float) -> Floats:
-    """Return the next tensions, none of which changes by more than ``max_change`` N.
+def next_tensions(
+    before: Floats,
+    chosen: Floats,
+    free: NDArray[np.bool_],
+    limits: TensionLimits,
+    max_change: float,
+    names: Sequence[str],
+) -> NextTensions:
+    """Return the next tensions of all modules, none of which changes by more than `max_change` N.
 
-    All go the same share of their way, so that the wrench goes straight from the old to the new one.
+    The `free` (m,) go from those `before` to those `chosen`, by the same share of their way each, so that the
+    wrench goes straight from the old to the new one. A `HardwareError` that names the module if one would be sent
+    what is outside its limits, NaN among that.
     """
-    change = wanted - before
-    largest = float(np.abs(change).max(initial=0.0))
-    return wanted if largest <= max_change else before + change * (max_change / largest)
+    tensions, commanded, slew_limited, refused = _native.next_tensions(
+        before, chosen, free, limits.lower, limits.upper, max_change
+    )
+    if refused >= 0:
+        raise HardwareError(
+            f'module "{names[refused]}" would be sent {chosen[refused]:g} N; its limits are '
+            f"{limits.lower[refused]:g} to {limits.upper[refused]:g} N"
+        )
+    return NextTensions(tensions, commanded, slew_limited)
 
 
 CONTINUOUS_SHARE = 0.98
@@ -106,7 +120,7 @@ class Derating:
 
         Return the modules whose limit has changed by `EVENT_STEP_N`, and the text of each event.
         """
-        if self.limits is self._own and not (thermal >= self._warm).any():
+        if self.limits is self._own and not _native.any_reaches(thermal, self._warm):
             return []
         self._thermal = np.where(np.isnan(thermal), self._thermal, np.clip(thermal, 0.0, 1.0))
         left = 1.0 - self._thermal

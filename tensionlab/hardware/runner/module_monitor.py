@@ -45,7 +45,8 @@ class ModuleMonitor:
     """Monitor of the modules: checks each in every cycle, and sends set-points to those that take part.
 
     A module that is silent for `ttl` s, as long as set-points live, is lost, and so is one that follows older ones
-    for as long. `on_lost` is called with the index and the error of each; `active` (m,) has those that take part.
+    for as long. `on_lost` is called with the index and the error of each; `active` (m,) has those that take part,
+    and `complete` is whether all do.
     One that is lost does not come back.
     """
 
@@ -53,6 +54,7 @@ class ModuleMonitor:
         self, group: ModuleGroup, ttl: float, on_loss: OnLoss, on_lost: Callable[[int, HardwareError], None]
     ) -> None:
         self.active: NDArray[np.bool_] = np.ones(len(group.clients), dtype=bool)
+        self.complete = True
         self._group, self._clients = group, group.clients
         self._ttl, self._on_loss, self._on_lost = ttl, on_loss, on_lost
         self._no_brakes = np.zeros(len(group.clients), dtype=bool)
@@ -126,7 +128,7 @@ class ModuleMonitor:
         return sequences
 
     def _lose(self, index: int, error: HardwareError) -> None:
-        self.active[index] = False
+        self.active[index] = self.complete = False
         self._on_lost(index, error)
         if self._on_loss == "stop":
             raise error

@@ -150,7 +150,7 @@ def require_demand(demand: object, rig: Rig, here: str) -> Demand:
                 raise HardwareError(
                     f"{here}: {key} is {brief(wrench.tolist())}; this rig takes {rig.n} components"
                 )
-            if not np.isfinite(wrench).all():
+            if not all(map(math.isfinite, wrench.tolist())):
                 raise HardwareError(f"{here}: {key} is {brief(wrench.tolist())}; all of it must be finite")
     if demand.impedances or demand.brakes:
         modules = {module.name: module for module in rig.modules}

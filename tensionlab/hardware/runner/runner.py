@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tensionlab import _native
 from tensionlab.allocation import Solver
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand, DemandSource, Pose, RigState
@@ -143,6 +144,7 @@ class Runner:
         self._allocator = guard.GuardedAllocator(solver, self.settings.nearest)
         self._taut = guard.GuardedAllocator(guard.EXACT_SOLVER)  # lowest tensions, whatever the solver optimises
         self._demand, self._tracker = demand, tracker
+        self._required = rig.required.gravity or rig.required.wrench is not None
         self.log = log
         self._clock = RealClock(modules.clients) if clock is None else clock
         self._lengths = PoseTracker(rig) if tracker is None else None
@@ -152,6 +154,8 @@ class Runner:
         self._monitor = ModuleMonitor(modules, self.settings.ttl, self.settings.on_loss, self._lost)
         self._before = rig.limits.lower.copy()
         self._delays = SetPointDelays(rig.m, self.settings.rate)
+        self._late_ages = np.full(rig.m, 2e-3 * self.settings.telemetry_ms)
+        self._max_change = 0.0  # of a tension from one cycle to the next, in N
         self._released: guard.ReleasedModules | None = None
         self._seen: Observation | None = None
         self._fitted_at = 0.0
@@ -223,6 +227,7 @@ class Runner:
             self.log.modules(dict(zip(self._names, self.modules.infos, strict=True)))
         if self._lengths is not None:
             self.modules.require_lengths()
+        self._max_change = min(self.modules.slews) / self.settings.rate
         taut = np.array([info.tension_lower for info in self.modules.infos])
         self._before = np.minimum(taut, self.rig.limits.lower)  # equal, but for single precision, or below
         deadline = self._clock.now() + FIRST_TELEMETRY_TIMEOUT_S
@@ -305,16 +310,16 @@ class Runner:
             wrench = state.structure @ np.where(free, limits.lower, 0.0)
         else:
             wrench = np.asarray(demand.wrench)
-            if demand.impedances or not state.active.all():
+            if demand.impedances or not self._monitor.complete:
                 wrench = wrench - state.structure @ self._pulls(demand, state)
         allocator = self._taut if taut else self._allocator
         allocation, fallback_used = allocator(state.structure, wrench, free, limits)
-        guard.require_within(allocation.tensions, limits, free, self._names)
-        chosen = np.where(free, allocation.tensions, self._before)
-        self._before = guard.limit_slew(self._before, chosen, min(self.modules.slews) / self.settings.rate)
+        tensions, commanded, slew_limited = guard.next_tensions(
+            self._before, allocation.tensions, free, limits, self._max_change, self._names
+        )
+        self._before = tensions
         sequences = self._send(self._before, demand)
         compute_time = time.perf_counter() - began
-        commanded = np.where(free, self._before, np.nan)
         self.latest = Cycle(
             state, demand, wrench, allocation, fallback_used, commanded, sequences, start_delay, compute_time
         )
@@ -323,7 +328,7 @@ class Runner:
             start_delay,
             compute_time,
             fallback_used=fallback_used,
-            slew_limited=self._before is not chosen,
+            slew_limited=slew_limited,
         )
         if self.log is not None:
             self.log.write(self.latest)
@@ -361,8 +366,8 @@ class Runner:
                 self._fitted_at = self._clock.now()
             elif self._clock.now() - self._fitted_at > MISFIT_S:
                 raise HardwareError(misfit(self.rig, self._lengths, lengths, active))
-        late = seen.ages > 2e-3 * self.settings.telemetry_ms
-        if late.any():
+        if _native.any_reaches(seen.ages, self._late_ages):
+            late = seen.ages >= self._late_ages
             self.statistics.late_telemetry.update(np.array(self._names)[late].tolist())
         return RigState(
             self.statistics.cycles,
@@ -378,6 +383,8 @@ class Runner:
 
     def _with_required(self, demand: Demand, state: RigState) -> Demand:
         """Return a demand with what the rig requires besides, such as the weight of its platform."""
+        if not self._required:
+            return demand
         required = self.rig.required.middle(self.rig, state.pose.rotation)
         if not required.any():
             return demand

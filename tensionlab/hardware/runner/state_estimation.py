@@ -149,7 +149,7 @@ class PoseTracker:
 
 def at_one_time(lengths: Floats, speeds: Floats, ages: Floats) -> Floats:
     """Return the lengths of cables now, by their lengths, speeds and ages, (m,) in m, m/s and s."""
-    return lengths + speeds * np.minimum(ages, MAX_EXTRAPOLATION_S)
+    return _native.at_one_time(lengths, speeds, ages, MAX_EXTRAPOLATION_S)
 
 
 def velocity(structure: Floats, speeds: Floats, known: NDArray[np.bool_]) -> Floats:

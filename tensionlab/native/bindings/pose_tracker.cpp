@@ -1,8 +1,10 @@
-// What a run knows of its modules from cycle to cycle, for Python: the pose, and how old set-points are.
+// What a run knows of its modules from cycle to cycle, for Python: the pose, how old set-points are, the next
+// ones.
 #include "hardware/pose_tracker.hpp"
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
+#include "hardware/next_tensions.hpp"
 #include "hardware/set_point_delays.hpp"
 
 namespace tensionlab {
@@ -73,6 +75,42 @@ nb::tuple delays_of(SetPointDelays& delays, const Numbers& last, double now) {
   return nb::make_tuple(vector_of(ages, last.size()), vector_of(at_least, last.size()));
 }
 
+// Lengths now, by their speeds and ages, of which no more than `most` counts.
+Out<double, 1> at_one_time(const Lengths& lengths, const Lengths& speeds, const Lengths& ages, double most) {
+  const std::size_t m = lengths.size();
+  require(speeds.size() == m && ages.size() == m, "one entry for each cable");
+  auto* now = allocate<double>(m);
+  for (std::size_t i = 0; i < m; ++i) {
+    now[i] = lengths.data()[i] + speeds.data()[i] * std::min(ages.data()[i], most);
+  }
+  return vector_of(now, m);
+}
+
+// Whether any number reaches its threshold; NaN does not.
+bool any_reaches(const Lengths& numbers, const Lengths& thresholds) {
+  require(numbers.size() == thresholds.size(), "one threshold for each number");
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    if (numbers.data()[i] >= thresholds.data()[i]) return true;
+  }
+  return false;
+}
+
+// The next tensions, those of them that are commanded, whether they are slew-rate limited, and the index of one
+// that is refused, or -1.
+nb::tuple next_of(const Lengths& before, const Lengths& chosen, const Known& free, const Lengths& lower,
+                  const Lengths& upper, double max_change) {
+  const std::size_t m = before.size();
+  require(chosen.size() == m && free.size() == m && lower.size() == m && upper.size() == m,
+          "one entry for each module");
+  auto* after = allocate<double>(m);
+  const auto afters = vector_of(after, m);
+  auto* commanded = allocate<double>(m);
+  const auto all_commanded = vector_of(commanded, m);
+  const NextTensions next = next_tensions(m, before.data(), chosen.data(), free.data(), lower.data(), upper.data(),
+                                          max_change, after, commanded);
+  return nb::make_tuple(afters, all_commanded, next.slew_limited, next.refused);
+}
+
 }  // namespace
 
 void bind_pose_tracker(nb::module_& module) {
@@ -91,6 +129,9 @@ void bind_pose_tracker(nb::module_& module) {
            })
       .def("follow", &follow)
       .def("velocity", &velocity);
+  module.def("at_one_time", &at_one_time);
+  module.def("any_reaches", &any_reaches);
+  module.def("next_tensions", &next_of);
   nb::class_<SetPointDelays>(module, "SetPointDelays")
       .def("__init__",
            [](SetPointDelays* self, std::size_t modules, std::int64_t kept) {

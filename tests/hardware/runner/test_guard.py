@@ -14,12 +14,12 @@ from tensionlab.hardware.runner.guard import (
     Release,
     ReleasedModules,
     derating_text,
-    limit_slew,
-    require_within,
+    next_tensions,
 )
 from tensionlab.solvers.base import Status
 
 LIMITS = tl.TensionLimits(np.full(4, 0.5), np.full(4, 6.0))
+WIDE = tl.TensionLimits(np.full(5, 0.5), np.full(5, 6.0))
 ALL = np.ones(4, dtype=bool)
 NAMES = list("abcd")
 TENSIONS = arrays(np.float64, 5, elements=st.floats(0.5, 6.0))
@@ -33,7 +33,7 @@ def structure():
 
 @given(TENSIONS, TENSIONS, st.floats(0.01, 3.0))
 def test_no_tension_changes_by_more_than_it_may_and_all_go_the_same_share(before, wanted, most):
-    after = limit_slew(before, wanted, most)
+    after = next_tensions(before, wanted, np.ones(5, dtype=bool), WIDE, most, "abcde").tensions
     assert np.abs(after - before).max() <= most * (1 + 1e-12)
     share = (after - before) @ (wanted - before)
     np.testing.assert_allclose(
@@ -45,21 +45,38 @@ def test_no_tension_changes_by_more_than_it_may_and_all_go_the_same_share(before
 
 def test_the_tension_with_the_longest_way_goes_as_far_as_it_may_towards_what_is_wanted():
     before, wanted = np.array([1.0, 2.0, 3.0]), np.array([1.4, 1.2, 3.0])
-    np.testing.assert_allclose(limit_slew(before, wanted, 0.2), [1.1, 1.8, 3.0])
-    np.testing.assert_array_equal(limit_slew(before, before, 0.2), before)
+    limits, free = tl.TensionLimits(np.full(3, 0.5), np.full(3, 6.0)), np.ones(3, dtype=bool)
+    after = next_tensions(before, wanted, free, limits, 0.2, "abc")
+    np.testing.assert_allclose(after.tensions, [1.1, 1.8, 3.0])
+    assert after.slew_limited
+    np.testing.assert_array_equal(after.commanded, after.tensions)
+    after = next_tensions(before, before, free, limits, 0.2, "abc")
+    np.testing.assert_array_equal(after.tensions, before)
+    assert not after.slew_limited
+
+
+def test_modules_that_are_not_free_stay_where_they_are_and_are_not_commanded():
+    before, chosen = np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.4, 0.0, np.nan, 3.8])
+    free = np.array([True, False, False, True])
+    after = next_tensions(before, chosen, free, LIMITS, 0.2, NAMES)
+    np.testing.assert_allclose(after.tensions, [1.2, 2.0, 3.0, 3.9])
+    np.testing.assert_allclose(after.commanded, [1.2, np.nan, np.nan, 3.9])
+    after = next_tensions(before, chosen, free, LIMITS, 1.0, NAMES)
+    np.testing.assert_allclose(after.tensions, [1.4, 2.0, 3.0, 3.8])
 
 
 @pytest.mark.parametrize("value", [0.49, 6.01, np.nan, np.inf, -np.inf])
 def test_tensions_outside_the_limits_are_refused(value):
     tensions = np.array([1.0, 2.0, value, 3.0])
     with pytest.raises(HardwareError) as caught:
-        require_within(tensions, LIMITS, ALL, NAMES)
+        next_tensions(np.ones(4), tensions, ALL, LIMITS, 9.0, NAMES)
     assert str(caught.value) == f'module "c" would be sent {value:g} N; its limits are 0.5 to 6 N'
-    require_within(tensions, LIMITS, np.array([True, True, False, True]), NAMES)
+    next_tensions(np.ones(4), tensions, np.array([True, True, False, True]), LIMITS, 9.0, NAMES)
 
 
 def test_tensions_on_the_limits_are_within_them():
-    require_within(np.array([0.5, 6.0, 0.5, 6.0]), LIMITS, ALL, NAMES)
+    ends = np.array([0.5, 6.0, 0.5, 6.0])
+    np.testing.assert_array_equal(next_tensions(np.ones(4), ends, ALL, LIMITS, 9.0, NAMES).tensions, ends)
 
 
 def test_a_proved_answer_stands(structure):
