@@ -369,3 +369,39 @@ def test_a_single_call_forgets_nothing_and_shares_nothing():
         allocator(np.where(np.arange(8) == 2, np.inf, problem.structure[1]), problem.wrench[1])
     with pytest.raises(tl.ShapeError, match="3 rows"):
         allocator(problem.structure[1], np.zeros(2))
+
+
+@pytest.mark.parametrize("weights", ["one", "others"])
+@pytest.mark.parametrize(("n", "m"), [(1, 2), (2, 3), (3, 4), (3, 8), (3, 12), (6, 8), (6, 13)])
+def test_what_the_exact_solver_proves_in_passing_is_what_verification_finds(n, m, weights):
+    """Many NEAREST answers are verified side by side; each must be as if it had been verified by itself."""
+    rng = np.random.default_rng(10 * n + m)
+    count = many(2_000)
+    structure = rng.normal(size=(count, n, m))
+    structure[::7, :, -1] = structure[::7, :, 0]  # cables along one another
+    lower = rng.uniform(0.0, 1.0, size=(count, m))
+    upper = lower + rng.uniform(0.0, 6.0, size=(count, m)) * (rng.random((count, m)) > 0.1)
+    inside = rng.uniform(lower, upper)
+    stretch = rng.choice([0.5, 1.0, 1.0 + 1e-9, 1.5, 5.0, 1e4], size=(count, 1))
+    wrench = stretch * np.einsum("bnm,bm->bn", structure, inside)
+    allocator = tl.Allocator(
+        (lower, upper), wrench_weights=np.ones(n) if weights == "one" else rng.uniform(0.3, 3.0, n)
+    )
+    problem, _ = allocator.problem(structure, wrench)
+    expected = verify(problem, tl.Newton().solve(problem))
+    found = allocator(structure, wrench)
+    np.testing.assert_array_equal(found.status, expected.status)
+    assert (found.status == tl.Status.NEAREST).sum() > count // 10
+    np.testing.assert_array_equal(found.iterations > 0, expected.iterations > 0)
+    size = 1.0 + np.linalg.norm(expected.wrench, axis=1, keepdims=True)
+    np.testing.assert_allclose(found.wrench / size, expected.wrench / size, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(found.residual / size[:, 0], expected.residual / size[:, 0], rtol=1e-9, atol=1e-9)
+    np.testing.assert_array_equal(np.isnan(found.scale), np.isnan(expected.scale))
+    # And the proofs hold: the direction separates, and its bound is the residual.
+    for row in np.flatnonzero(found.status == tl.Status.NEAREST):
+        direction = found.separation[row]
+        along = direction @ structure[row]
+        reach = np.maximum(along * lower[row], along * upper[row]).sum()
+        bound = (direction @ wrench[row] - reach) / np.sqrt(np.sum(direction**2 / allocator.weights))
+        assert bound > 0.0
+        assert found.residual[row] - bound <= 2 * TOLERANCE * max(np.sqrt(allocator.weights.max()), size[row, 0])

@@ -15,6 +15,7 @@ namespace tensionlab {
 namespace {
 
 constexpr std::size_t kBlock = 512;
+constexpr std::int8_t kUnverified = -1;
 constexpr std::size_t kEntriesEnough = 65'536;  // of structure matrices, for a thread
 
 struct Settings {
@@ -45,9 +46,15 @@ class Allocation {
     const Selection left{0, rest.aparts + rest.unsures, left_};
     if (left.count == 0) return true;
     if (rest.strange && !all_within(left)) return false;
+    for (std::size_t j = 0; j < left.count; ++j) answer_.status[left_[j]] = kUnverified;
     newton_for_this_processor()(batch_, settings_.policy, settings_.rank_tolerance, settings_.tolerance, left,
-                                rest.aparts, {answer_.tensions, answer_.separation, answer_.iterations});
-    verify_for_this_processor()(batch_, settings_.verification(), left,
+                                rest.aparts,
+                                {answer_.tensions, answer_.separation, answer_.iterations, answer_.status,
+                                 answer_.rendered, answer_.residual, answer_.scale});
+    std::size_t* const unverified_end = std::remove_if(
+        left_, left_ + left.count, [&](std::size_t row) { return answer_.status[row] != kUnverified; });
+    verify_for_this_processor()(batch_, settings_.verification(),
+                                {0, static_cast<std::size_t>(unverified_end - left_), left_},
                                 {answer_.tensions, answer_.separation, answer_.rendered, answer_.residual,
                                  answer_.scale, answer_.status, &flawed_});
     return true;

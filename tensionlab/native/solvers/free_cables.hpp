@@ -57,7 +57,7 @@ class FreeCables {
   template <class Mask>
   TENSIONLAB_NOINLINE Stop step(V (&error)[N], const V& gain, const Mask& open, V& dependent) {
     const V zero = V{}, one = zero + Real(1);
-    V gram[N][N], along[N], least[N], change[N], product;
+    V gram[N][N], along[N], least[N], change[N];
     TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
       along[s] = inner(column_[s], error);
@@ -114,6 +114,14 @@ class FreeCables {
     TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) most = larger(most, magnitude(inner(column_[s], error)));
     return most;
+  }
+
+  // Put their tensions among those of all cables (m).
+  void put_in(V* tensions, int m) const {
+    for (int i = 0; i < m; ++i) {
+      TENSIONLAB_UNROLL
+      for (int s = 0; s < N; ++s) tensions[i] = cable_[s] == V{} + Real(i) ? tension_[s] : tensions[i];
+    }
   }
 
   // Their tensions in lane l, among those of all cables.

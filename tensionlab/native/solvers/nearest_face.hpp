@@ -24,6 +24,8 @@ inline namespace TENSIONLAB_BUILD {
 
 template <class Real, int L, int N, int M>
 class NearestFace {
+  using V = Lanes<Real, L>;
+
  public:
   explicit NearestFace(int m) : problem_(m) {}
 
@@ -41,17 +43,71 @@ class NearestFace {
   // Whether lane l has the answer.
   bool found(int l) const { return read<Real>(found_, l) != 0; }
 
+  // The answers of all lanes, and in which of them they are proved nearest.
+  struct Proof {
+    V tensions[M], rendered[N], error[N], residual;
+    V proved;  // 1 or 0
+  };
+
+  // Verifies the answers as verification/certificates.hpp does for errors that count as they are: the error that
+  // is left separates the wrench from all that can be rendered, and no tensions leave less of it, within
+  // tolerance.
+  TENSIONLAB_NOINLINE void prove(Real tolerance, Proof& proof) const {
+    const V zero = V{}, one = zero + Real(1);
+    for (int i = 0; i < problem_.m; ++i) proof.tensions[i] = tension_[i];
+    free_.put_in(proof.tensions, problem_.m);
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) proof.rendered[k] = zero;
+    auto proved = found_ > zero;
+    for (int i = 0; i < problem_.m; ++i) {
+      const V& tension = proof.tensions[i];
+      proved = proved & (tension >= problem_.lower[i]) & (tension <= problem_.upper[i]);
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) proof.rendered[k] += problem_.structure[i][k] * tension;
+    }
+    V along_wrench = zero, size = zero;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      proof.error[k] = problem_.wrench[k] - proof.rendered[k];
+      const V part = proof.error[k] * problem_.wrench[k];
+      along_wrench += part;
+      size += magnitude(part);
+    }
+    V support = zero, gap = zero;
+    for (int i = 0; i < problem_.m; ++i) {
+      V along = zero, parts = zero;
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) {
+        const V part = problem_.structure[i][k] * proof.error[k];
+        along += part;
+        parts += magnitude(part);
+      }
+      const V end = along > zero ? problem_.upper[i] : problem_.lower[i];
+      support += along * end;
+      gap += along * (end - proof.tensions[i]);
+      size += parts * larger(magnitude(problem_.lower[i]), magnitude(problem_.upper[i]));
+    }
+    const V error = inner(proof.error, proof.error), desired = inner(problem_.wrench, problem_.wrench);
+    const V rendered = inner(proof.rendered, proof.rendered);
+    proof.residual = square_root<Real, L>(error);
+    proved = proved & (error > tolerance * tolerance * larger(one, desired)) &  // or it is exact
+             (along_wrench - support > (N + problem_.m + 3) * kUlp * size) &
+             (gap <= tolerance * square_root<Real, L>(larger(one, rendered)) * proof.residual);
+    proof.proved = proved ? one : zero;
+  }
+
+  // The steps taken in lane l.
+  int steps(int l) const { return static_cast<int>(read<Real>(steps_, l)); }
+
   // The answer of lane l: tensions (m) and the error, which separates (n). Returns the steps taken.
   int store(int l, Real* tensions, Real* error) const {
     for (int i = 0; i < problem_.m; ++i) tensions[i] = read<Real>(tension_[i], l);
     free_.store(l, tensions);
     for (int k = 0; k < N; ++k) error[k] = read<Real>(error_[k], l);
-    return static_cast<int>(read<Real>(steps_, l));
+    return steps(l);
   }
 
  private:
-  using V = Lanes<Real, L>;
-
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
   static constexpr bool kDouble = kUlp < Real(1e-10);
   static constexpr int kStepLimit = 4 * N + 4;

@@ -13,6 +13,10 @@ struct NewtonAnswer {
   double* tensions;
   double* separation;
   std::int64_t* iterations;
+  // Of answers that are proved nearest in passing: status 1, and the rest of what is found about them
+  // (verification/certificates_batch.hpp). Others are left as they are. Null: nothing is proved.
+  std::int8_t* status = nullptr;
+  double *rendered = nullptr, *residual = nullptr, *scale = nullptr;
 };
 
 // Of the first `apart` rows a direction that separates is known, in the answer's separation; the direction policy

@@ -1,6 +1,7 @@
 // The exact solver over a batch of problems; compiled once for each instruction set (simd/instruction_set.hpp).
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "simd/lane_scheduler.hpp"
 #include "solvers/nearest_face.hpp"
@@ -80,8 +81,14 @@ class NewtonBatch {
       if (!plain_) measure_as_desired(coordinates_[l], source[l], direction_[l], direction[l]);
     }
     face.solve(source, direction);
+    if (plain_ && answer_.status != nullptr) {
+      prove(face);
+    } else {
+      for (int l = 0; l < waiting_; ++l) proved_[l] = false;
+    }
     for (int l = 0; l < waiting_; ++l) {
       const std::size_t row = aside_[l];
+      if (proved_[l]) continue;
       if (!face.found(l)) {
         doubtful_[doubts_++] = row;
         continue;
@@ -94,6 +101,27 @@ class NewtonBatch {
       }
     }
     waiting_ = 0;
+  }
+
+  // Writes the answers that are proved, and notes which are.
+  void prove(const Face& face) {
+    face.prove(tolerance_, proof_);
+    double unused[kMaxCables > N ? kMaxCables : N], *to_tensions[kLanes], *to_rendered[kLanes], *to_error[kLanes];
+    for (int l = 0; l < kLanes; ++l) {
+      const std::size_t row = aside_[std::min(l, waiting_ - 1)];
+      proved_[l] = l < waiting_ && read<double>(proof_.proved, l) != 0;
+      to_tensions[l] = proved_[l] ? tensions(row) : unused;
+      to_rendered[l] = proved_[l] ? answer_.rendered + row * N : unused;
+      to_error[l] = proved_[l] ? separation(row) : unused;
+      if (!proved_[l]) continue;
+      answer_.iterations[row] += face.steps(l);
+      answer_.residual[row] = read<double>(proof_.residual, l);
+      answer_.scale[row] = std::numeric_limits<double>::quiet_NaN();
+      answer_.status[row] = 1;
+    }
+    store_rows<double, kLanes>(proof_.tensions, batch_.m, to_tensions);
+    store_rows<double, kLanes>(proof_.rendered, N, to_rendered);
+    store_rows<double, kLanes>(proof_.error, N, to_error);
   }
 
   // The problem in the coordinates of the policy; d, which separates, follows.
@@ -182,6 +210,8 @@ class NewtonBatch {
   bool plain_;  // errors are measured in the coordinates as given
   Coordinates<double, N, kMaxCables> coordinates_[kLanes];
   double direction_[kLanes][N];
+  typename Face::Proof proof_;
+  bool proved_[kLanes];
   std::size_t aside_[kLanes], doubtful_[kChunk], doubts_ = 0;  // rows
   int waiting_ = 0;
 };
