@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 
 #if defined(__SSE2__)
@@ -36,6 +37,13 @@
 #define TENSIONLAB_NOINLINE __attribute__((noinline))
 #else
 #define TENSIONLAB_NOINLINE
+#endif
+
+// Before a function that must be expanded where it is called.
+#if defined(TENSIONLAB_GNU_LIKE)
+#define TENSIONLAB_INLINE inline __attribute__((always_inline))
+#else
+#define TENSIONLAB_INLINE inline
 #endif
 
 namespace tensionlab {
@@ -104,6 +112,15 @@ inline Lanes<Real, L> load(const Real* numbers) {
 template <class Real, class V>
 inline void store(const V& v, Real* numbers) {
   std::memcpy(numbers, &v, sizeof v);
+}
+
+// Asks the memory for so many numbers, into the second cache. GCC would drop calls of a function that does nothing
+// else.
+template <class Real>
+TENSIONLAB_INLINE void fetch([[maybe_unused]] const Real* numbers, [[maybe_unused]] std::size_t count) {
+#if defined(TENSIONLAB_GNU_LIKE)
+  for (std::size_t i = 0; i < count; i += 64 / sizeof(Real)) __builtin_prefetch(numbers + i, 0, 2);
+#endif
 }
 
 // Lane l of a value, to write or to read.

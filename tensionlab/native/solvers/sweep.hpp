@@ -58,7 +58,8 @@ class Sweep {
  private:
   using V = Lanes<double, L>;
 
-  static constexpr int kGroups = 4;  // the processor works on one while it waits for another
+  static constexpr int kGroups = 4;          // the processor works on one while it waits for another
+  static constexpr std::size_t kAhead = 16;  // groups, when the memory is asked for one
   // Least pivots of each step with limits, against the diagonal of W W'; and of the step without.
   static constexpr int kSteps = 4;
   static constexpr double kFloors[kSteps] = {0.5, 0.2, 0.02, 1e-10}, kTight = 1e-10;
@@ -109,6 +110,11 @@ class Sweep {
     group.count = static_cast<int>(std::min<std::size_t>(L, end - first));
     const Rows rows = rows_at(first, end);
     if (!shared_) limits_[g].load(batch_, rows);
+    const std::size_t later = first + kAhead * L;
+    for (std::size_t row = later; later + L <= batch_.size && row < later + L; ++row) {
+      fetch(batch_.structure[row], static_cast<std::size_t>(N * m_));
+      fetch(batch_.wrench[row], N);
+    }
     const V* reference = limits(g).reference;
     V size = V{}, matrix[N][N], residual[N];
     const double* row[L];
