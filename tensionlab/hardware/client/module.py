@@ -506,6 +506,8 @@ class ModuleClient:
                 if frame.type in ANSWERS:
                     self._keep({frame.sequence: error})
                 continue
+            if self._on_message is None and self.endpoint.attended:  # it speaks this protocol, and no other
+                self._listener, self.endpoint.attended = None, False
             if not isinstance(message, UNREQUESTED):
                 if isinstance(message, Acknowledge | messages.Info):
                     self.endpoint.state = message.state
