@@ -25,6 +25,8 @@ from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
 
+ARC_POINTS = 16
+"""Of the arc of a cable on its pulley, where it is drawn."""
 ROUNDING_RAD = 1e-6
 """An arc that is negative by more than that has gone round the pulley."""
 
@@ -83,6 +85,13 @@ def arcs(vectors: Floats, pulleys: Pulleys, count: int) -> Floats:
     inward, along = pulleys.radii * (1.0 - np.cos(angles)), pulleys.radii * np.sin(angles)
     points: Floats = inward[..., None] * plane.outward + along[..., None] * pulleys.axes
     return points
+
+
+def ways(ends: Floats, anchors: Floats, pulleys: Pulleys | None) -> Floats:
+    """Return points (k, m, d) along cables from their attachments (m, d) over the rims to their anchors (m, d)."""
+    if pulleys is None:
+        return np.stack([ends, anchors])
+    return np.concatenate([ends[None], (anchors + arcs(anchors - ends, pulleys, ARC_POINTS))[::-1]])
 
 
 def turn_gradient(pull: Floats, vectors: Floats, pulleys: Pulleys) -> Floats:

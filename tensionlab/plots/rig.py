@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from tensionlab.display import BLUE, GREY, ORANGE, RED
-from tensionlab.model.pulleys import arcs
+from tensionlab.model.pulleys import ways
 from tensionlab.plots.style import HALO, add_legend, new_figure, one_panel, panel_legend
 
 if TYPE_CHECKING:
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 MARGIN_INCHES = 0.5
 """Above and below a rig in space, for the title and the legend."""
-ARC_POINTS = 16
-"""Of the arc of a cable on its pulley."""
 MAP_ROWS, MAP_COLUMNS = 61, 121
 """Of the grid of normals of a brake map."""
 
@@ -63,11 +61,8 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
                 foot = anchor.copy()
                 foot[up] = floor[up]
                 axes.plot(*zip(anchor, foot, strict=True), color="#BBBBBB", linewidth=0.8, linestyle=":")
-        ways = rig.anchors[None]
-        if rig.pulleys is not None:
-            ways = rig.anchors + arcs(rig.anchors - ends, rig.pulleys, ARC_POINTS)
-        for way, end in zip(np.swapaxes(ways, 0, 1), ends, strict=True):
-            axes.plot(*np.vstack([way, end]).T, color=GREY, linewidth=1.1)
+        for way, end in zip(np.swapaxes(ways(ends, rig.anchors, rig.pulleys), 0, 1), ends, strict=True):
+            axes.plot(*way.T, color=GREY, linewidth=1.1)
             axes.plot(*zip(rig.home, end, strict=True), color=RED, linewidth=1.1, alpha=0.5)
         on_body = np.array([module.frame in rig.frames for module in rig.modules])
         axes.plot(*rig.anchors[~on_body].T, linestyle="", marker="s", markersize=6, color=BLUE)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tensionlab.arrays import Floats
 from tensionlab.display import BLUE, FORCE_COLOURS, GREY, ORANGE, PURPLE, RED, Colours, ramp, rgb, short
 from tensionlab.model.kinematics import in_space
+from tensionlab.model.pulleys import ARC_POINTS, ways
 from tensionlab.model.rig import Rig
 from tensionlab.view.scene import (
     Arrow,
@@ -19,6 +20,7 @@ from tensionlab.view.scene import (
     Lines,
     arms,
     both_ends,
+    cable_lines,
     force_scale,
     size,
 )
@@ -151,7 +153,7 @@ def draw(rig: Rig, instant: Instant, *, fresh: bool = True) -> InstantScene:
     if not fresh:
         colours = np.broadcast_to(rgb(GREY), colours.shape)
     return InstantScene(
-        cables=_cables(ends, anchors, ramp(tensions, rig.limits.lower, rig.limits.upper), dashed),
+        cables=_cables(rig, ends, anchors, ramp(tensions, rig.limits.lower, rig.limits.upper), dashed),
         platform=arms(hand, ends),
         anchors=anchors,
         colours=np.where(instant.active[:, None], colours, rgb(RED)),
@@ -176,16 +178,19 @@ def _word(tension: float, *, lost: bool, slack: bool) -> str:
     return "LOST" if lost else "slack" if slack else f"{short(float(tension))} N"
 
 
-def _cables(ends: Floats, anchors: Floats, colours: Colours, dashed: NDArray[np.bool_]) -> Lines:
-    """Return cables as lines, those that are `dashed` (m,) as many short ones."""
-    whole = np.stack([ends, anchors], axis=1)
+def _cables(rig: Rig, ends: Floats, anchors: Floats, colours: Colours, dashed: NDArray[np.bool_]) -> Lines:
+    """Return cables as lines, those that are `dashed` (m,) as many short ones, straight ahead."""
+    d = rig.dimension
+    pulleys = None if rig.frames else rig.pulleys  # where bodies are turned to is not known here
+    points = np.zeros((1 + (1 if pulleys is None else ARC_POINTS), *ends.shape))
+    points[..., :d] = ways(ends[:, :d], anchors[:, :d], pulleys)
+    whole = cable_lines(points[:, ~dashed], colours[~dashed])
     marks = np.arange(2 * DASHES).reshape(-1, 2) / (2 * DASHES - 1)
-    pieces = [whole[~dashed]]
-    shades = [colours[~dashed]]
+    pieces, shades = [whole.points], [whole.colours]
     for index in np.flatnonzero(dashed):
         pieces.append(ends[index] + marks[..., None] * (anchors[index] - ends[index]))
-        shades.append(np.broadcast_to(colours[index], (DASHES, 3)))
-    return Lines(np.concatenate(pieces), both_ends(np.concatenate(shades)))
+        shades.append(both_ends(np.broadcast_to(colours[index], (DASHES, 3))))
+    return Lines(np.concatenate(pieces), np.concatenate(shades))
 
 
 def _arrows(rig: Rig, instant: Instant, hand: Floats) -> dict[str, Arrow]:

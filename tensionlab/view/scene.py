@@ -15,6 +15,7 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.display import BLUE, GREY, ORANGE, PURPLE, Colours, ramp, rgb, short
 from tensionlab.model.kinematics import in_space
+from tensionlab.model.pulleys import ways
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
 from tensionlab.view.evaluation import Evaluation
@@ -107,7 +108,7 @@ def draw(state: State, found: Evaluation) -> Scene:
     if certificate is not None:
         arrows["certificate"] = certificate[0]
     return Scene(
-        cables=Lines(np.stack([ends, anchors], axis=1), both_ends(tension_colours(state.rig, found))),
+        cables=cable_lines(_ways(state), tension_colours(state.rig, found)),
         platform=arms(hand, ends),
         ghost=_ghost(state),
         walls=_walls(state),
@@ -153,6 +154,17 @@ def both_ends(colours: Colours) -> Colours:
     return np.repeat(colours[:, None], 2, axis=1)
 
 
+def cable_lines(ways: Floats, colours: Colours) -> Lines:
+    """Return the lines of cables with points (k, m, 3) from the attachments on, each of one colour (m, 3)."""
+    pieces = np.stack([ways[:-1], ways[1:]], axis=2).reshape(-1, 2, 3)
+    return Lines(pieces, both_ends(np.tile(colours, (len(ways) - 1, 1))))
+
+
+def _ways(state: State) -> Floats:
+    pulleys = state.rig.pulleys_in_world(state.rig.at_rest)
+    return in_space(ways(state.attachments, state.anchors, pulleys))
+
+
 def _plain(points: Floats, colour: str) -> Lines:
     return Lines(points, np.broadcast_to(rgb(colour), (*points.shape[:2], 3)))
 
@@ -169,7 +181,7 @@ def _ghost(state: State) -> Lines:
     if other is None or other.dimension != state.rig.dimension:
         return _plain(np.empty((0, 2, 3)), GREY)
     shown = of_ghost(state, other)
-    return _plain(np.stack([in_space(shown.attachments), in_space(shown.anchors)], axis=1), GREY)
+    return cable_lines(_ways(shown), np.broadcast_to(rgb(GREY), (other.m, 3)))
 
 
 def _walls(state: State) -> Lines:

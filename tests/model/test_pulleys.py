@@ -1,5 +1,6 @@
 """Cables over pulleys: known lengths, forces that are derivatives, and the same in all that knows them."""
 
+import json
 from dataclasses import replace
 from itertools import product
 
@@ -13,12 +14,19 @@ from tensionlab.errors import InputError, RigError
 from tensionlab.hardware import Runner, RunSettings, World, WorldClock
 from tensionlab.hardware.calibration.anchor_fit import Poses
 from tensionlab.hardware.calibration.anchors import calibrate_anchors
+from tensionlab.hardware.log.columns import VALUES
+from tensionlab.hardware.log.scene import SceneEncoder
 from tensionlab.hardware.runner.state_estimation import PoseTracker
 from tensionlab.model.kinematics import exponential
 from tensionlab.model.pose import in_own_axes, place_anchors
-from tensionlab.model.pulleys import arcs
+from tensionlab.model.pulleys import arcs, ways
+from tensionlab.view import instant
+from tensionlab.view.evaluation import evaluate
+from tensionlab.view.scene import draw
+from tensionlab.view.state import begin
 from tensionlab.workspace import Capsule, Grid, body_distance, rig_margin_gradient
 from tests.support.examples import many
+from tests.support.runs import cycles
 
 RADIUS = 0.05
 RIGS = ("bartels2026-validation", "kntu-planar", "ipanema-1", "body-mounted")
@@ -321,3 +329,53 @@ def test_proofs_and_searches_say_that_they_take_no_pulleys():
     low = rig.home - 0.1
     with pytest.raises(InputError, match="pulleys"):
         tl.workspace.certify(rig, np.stack([low, low + 0.2]), 1.0)
+
+
+# As they are drawn
+
+
+def lengths_of(points):
+    """Lengths (m,) of cables with points (k, m, d)."""
+    return np.linalg.norm(np.diff(points, axis=0), axis=-1).sum(axis=0)
+
+
+def lengths_of_lines(lines, rig):
+    """The same of lines (k m, 2, 3), which are of one cable after another."""
+    return np.linalg.norm(lines[:, 1] - lines[:, 0], axis=-1).reshape(-1, rig.m).sum(axis=0)
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_drawn_cables_go_over_their_pulleys(name):
+    """A drawn arc is shorter than the rim by some hundredths of a per cent: so many corners it has."""
+    rig = around(over_pulleys(tl.load_rig(name)))
+    ends, frames = rig.home + rig.attachments, rig.at_rest
+    anchors = place_anchors(rig.modules, rig.anchors, frames)
+    points = ways(ends, anchors, rig.pulleys_in_world(frames))
+    np.testing.assert_array_equal(points[0], ends)
+    np.testing.assert_allclose(points[-1], anchors, atol=1e-12)
+    lengths = rig.lengths(rig.home, frames=frames)
+    arc = lengths - rig.cables(rig.home, frames=frames).straight
+    drawn = lengths_of(points)
+    assert (drawn <= lengths + 1e-12).all()
+    assert (drawn >= lengths - 1e-3 * arc - 1e-12).all()
+    assert (arc[::2] > 0.5 * RADIUS).all()
+    np.testing.assert_array_equal(lengths_of(ways(ends, anchors, None)), np.linalg.norm(ends - anchors, axis=-1))
+
+
+@pytest.mark.parametrize("name", ["bartels2026-validation", "kntu-planar"])
+def test_the_design_page_and_runs_draw_them_so(name):
+    rig = around(over_pulleys(tl.load_rig(name)))
+    state = begin(rig)
+    scene = draw(state, evaluate(state))
+    np.testing.assert_allclose(lengths_of_lines(scene.cables.points, rig), rig.lengths(rig.home), rtol=1e-3)
+    assert scene.cables.colours.shape == scene.cables.points.shape
+    *_, cycle = cycles(rig, 3)
+    lengths = rig.lengths(*cycle.state.pose)
+    row = {name: np.asarray(value(cycle, rig)) for name, value in VALUES.items()}
+    scene = instant.draw(rig, instant.Instant.of(rig, row))
+    np.testing.assert_allclose(lengths_of_lines(scene.cables.points, rig), lengths, rtol=1e-3)
+    found = {name: json.loads(content) for name, content in SceneEncoder(rig).messages(cycle, 0)}
+    (line,) = found["scene/cables"]["entities"][0]["lines"]
+    points = np.array([[each[axis] for axis in "xyz"] for each in line["points"]]).reshape(-1, 2, 3)
+    np.testing.assert_allclose(lengths_of_lines(points, rig), lengths, rtol=1e-3)
+    assert len(line["colors"]) == len(line["points"])

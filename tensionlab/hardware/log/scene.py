@@ -33,6 +33,7 @@ from tensionlab.hardware.runner.statistics import Cycle
 from tensionlab.model.kinematics import in_space, turn_axes
 from tensionlab.model.module import WORLD, upward
 from tensionlab.model.pose import Frame, frame_of, place_anchors
+from tensionlab.model.pulleys import ways
 from tensionlab.model.rig import Rig
 
 RATE_HZ = 30.0
@@ -121,7 +122,7 @@ class SceneEncoder:
         if self._drawn_active is None or self._rig.frames or (active != self._drawn_active).any():
             yield "scene/modules", _scene(now, "modules", WORLD, self._modules(anchors, active))
             self._drawn_active = active
-        yield "scene/cables", _scene(now, "cables", WORLD, self._cables(cycle, anchors))
+        yield "scene/cables", _scene(now, "cables", WORLD, self._cables(cycle))
         yield "scene/forces", _scene(now, "forces", WORLD, self._arrows(cycle, forces))
         yield "cables", _json({"timestamp": now, "joints": self._joints(cycle)})
         yield "forces", _json({"timestamp": now, **{name: _vector(force) for name, force in forces.items()}})
@@ -174,13 +175,15 @@ class SceneEncoder:
             "lines": [_lines(ends, np.tile(rgb(GREY), (len(apart), 1)), ARM_PIXELS)],
         }
 
-    def _cables(self, cycle: Cycle, anchors: Floats) -> Json:
+    def _cables(self, cycle: Cycle) -> Json:
         """Return the cables as lines, coloured by measured tension; grey where the module is lost."""
         rig, state = self._rig, cycle.state
-        ends = in_space(state.pose.position + rig.attachments @ rotation_matrix(cycle, rig).T)
+        ends = state.pose.position + rig.attachments @ rotation_matrix(cycle, rig).T
+        points = in_space(ways(ends, anchors_in_world(cycle, rig), rig.pulleys_in_world(state.pose.frames))[::-1])
         known = np.where(np.isfinite(state.tensions), state.tensions, cycle.commanded)
         shades = ramp(np.where(state.active, known, np.nan), rig.limits.lower, rig.limits.upper)
-        return {"lines": [_lines(np.stack([anchors, ends], axis=1), shades, CABLE_PIXELS)]}
+        pieces = np.stack([points[:-1], points[1:]], axis=2).reshape(-1, 2, 3)
+        return {"lines": [_lines(pieces, np.tile(shades, (len(points) - 1, 1)), CABLE_PIXELS)]}
 
     def _arrows(self, cycle: Cycle, forces: dict[str, Floats]) -> Json:
         """Return an arrow for each force, from the hand, beside one another."""

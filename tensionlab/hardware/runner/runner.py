@@ -14,7 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from tensionlab import _native
 from tensionlab.allocation import Solver
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand, DemandSource, Pose, RigState
@@ -35,6 +34,7 @@ from tensionlab.hardware.runner.state_estimation import (
     Observation,
     PoseTracker,
     SetPointDelays,
+    any_reaches,
     at_one_time,
     observe,
     velocity,
@@ -366,7 +366,7 @@ class Runner:
                 self._fitted_at = self._clock.now()
             elif self._clock.now() - self._fitted_at > MISFIT_S:
                 raise HardwareError(misfit(self.rig, self._lengths, lengths, active))
-        if _native.any_reaches(seen.ages, self._late_ages):
+        if any_reaches(seen.ages, self._late_ages):
             late = seen.ages >= self._late_ages
             self.statistics.late_telemetry.update(np.array(self._names)[late].tolist())
         return RigState(

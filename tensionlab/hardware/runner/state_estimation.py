@@ -152,6 +152,11 @@ def at_one_time(lengths: Floats, speeds: Floats, ages: Floats) -> Floats:
     return _native.at_one_time(lengths, speeds, ages, MAX_EXTRAPOLATION_S)
 
 
+def any_reaches(numbers: Floats, thresholds: Floats) -> bool:
+    """Return whether any number (m,) is not below its threshold (m,); NaN is."""
+    return _native.any_reaches(numbers, thresholds)
+
+
 def velocity(structure: Floats, speeds: Floats, known: NDArray[np.bool_]) -> Floats:
     """Return the twist (n,) that fits the cables' speeds of paying out best, ``-W' twist = speeds``.
 
