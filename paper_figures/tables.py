@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from paper_figures import anchor_count
+from tensionlab.plots.workspace import read_field, share_above
 from tensionlab.validation.data_tables import Published, Recording, Trial
 from tensionlab.validation.statistics import Interval, score
+from tensionlab.workspace.volume import describe_step
 
 LATEX = (("%", r"\%"), ("°", r"$^\circ$"), ("–", "--"), ("“", "``"), ("”", "''"))
 TAILS = (0.1, 0.5, 0.9)
@@ -70,10 +72,11 @@ def published_and_simulated(published: Published, recording: Recording, rigs: Se
 def shares_of_room(room: Any) -> Table:
     """Return the share of the room in which so many modules render a force in every direction."""
     rows = []
-    for rig in room["rig"].to_numpy():
-        values = np.nan_to_num(room[anchor_count.METRIC].sel(rig=rig).to_numpy())
-        rows.append((str(rig), *(f"{100 * (values >= force).mean():.1f} %" for force in FORCES)))
-    note = "Share of the room in which so many newtons can be rendered in every direction."
+    field = read_field(room, anchor_count.METRIC)
+    for number, name in enumerate(field.names):
+        rows.append((name, *(f"{100 * share:.1f} %" for share in share_above(field, number, FORCES))))
+    step = describe_step(field.axes.values())
+    note = f"Share of the room in which so many newtons can be rendered in every direction, from positions {step}."
     return Table(note, ("modules", *(f"{force:.1f} N" for force in FORCES)), tuple(rows))
 
 

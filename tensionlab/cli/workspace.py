@@ -28,7 +28,7 @@ from tensionlab.workspace.orientations import over_orientations, parse_rotations
 from tensionlab.workspace.poses import Grid, PoseList, read_poses
 from tensionlab.workspace.poses import box as box_of_poses
 from tensionlab.workspace.sweep import sweep
-from tensionlab.workspace.sweep.dataset import MEDIAN_SAMPLE, SUMMARY_HEADINGS, Summary, summary
+from tensionlab.workspace.sweep.dataset import MEDIAN_SAMPLE, SUMMARY_HEADINGS, Summary, SweepSummary, summary
 
 DEFAULT_METRICS = ["wrench-closure", "capacity-margin", "isotropic-force", "reachable-share"]
 DRAWN_METRIC = "capacity-margin"
@@ -176,7 +176,8 @@ def workspace(
             if out is None:
                 raise
             raise unwritable(out, error) from None
-        found = summary(data).rows
+        summarised = summary(data)
+        found = summarised.rows
         turned = {kind: over_orientations(data, kind) for kind in ORIENTATION_WORKSPACES} if rotations else {}
         shares = {kind: [each.above_zero for *_, each in summary(part).rows] for kind, part in turned.items()}
         if plot is not None:
@@ -199,7 +200,7 @@ def workspace(
                 manifest=json_text.loads(data.manifest),
             )
         else:
-            _print(found, where, out)
+            _print(summarised, where, out)
             _print_orientations(found, shares)
             _print_requirements(loaded)
 
@@ -224,7 +225,7 @@ def _print_requirements(rigs: list[Rig]) -> None:
 def _print_orientations(
     found: Sequence[tuple[str, str, str, Summary]], shares: Mapping[Literal["total", "inclusive"], list[float]]
 ) -> None:
-    """Print at how many positions a metric is above zero in all orientations, and in one at least."""
+    """Print in which share of the volume a metric is above zero in all orientations, and in one at least."""
     if shares:
         rows = [
             (rig, name, *(f"{100 * shares[kind][index]:.1f} %" for kind in ORIENTATION_WORKSPACES))
@@ -232,7 +233,7 @@ def _print_orientations(
             if make(name).above_zero
         ]
         output.console().print()
-        output.print_table("Above 0 at this share of the positions:", ORIENTATION_HEADINGS, rows)
+        output.print_table("Above 0 in this share of the volume:", ORIENTATION_HEADINGS, rows)
 
 
 def _box(rigs: list[Rig], box: str | None, step: str | None, rotations: str | None) -> Grid:
@@ -269,8 +270,9 @@ def _region(rigs: list[Rig], box: str | None, step: str | None) -> tuple[Floats,
     return ends, steps
 
 
-def _print(found: Sequence[tuple[str, str, str, Summary]], where: Grid | PoseList, out: Path | None) -> None:
+def _print(summarised: SweepSummary, where: Grid | PoseList, out: Path | None) -> None:
     """Print a row for each rig and metric, then what the metrics mean."""
+    found = summarised.rows
     metrics = {name: make(name) for _, name, *_ in found}
     rows = []
     for index, (rig, name, unit, each) in enumerate(found):
@@ -284,12 +286,15 @@ def _print(found: Sequence[tuple[str, str, str, Summary]], where: Grid | PoseLis
     poses = found[0][-1].poses
     places = math.prod(len(each.values) for each in axes) if isinstance(where, Grid) else poses
     turns = f", {places:,} positions in {poses // places} orientations" if poses > places else ""
-    output.print_table(f"{poses:,} poses{turns}: {region}", SUMMARY_HEADINGS, rows)
+    apart = f", {summarised.step}" if summarised.step else ""
+    output.print_table(f"{poses:,} poses{turns}{apart}: {region}", SUMMARY_HEADINGS, rows)
     console = output.console()
     console.print()
     for name, metric in metrics.items():
         meaning = f" Above 0: {metric.above_zero}." if metric.above_zero else ""
         console.print(f"{name}: {description(metric)}{meaning}", style="dim")
+    if summarised.step and any(metric.above_zero for metric in metrics.values()):
+        console.print(f"above 0: share of the volume, estimated from positions {summarised.step}", style="dim")
     if any(each.missing for *_, each in found):
         console.print(
             "no value: a cable has no length there, or a force whose effort is evaluated is infeasible",

@@ -119,7 +119,7 @@ def plot_volume(
 
 
 def _volume_title(field: Field, number: int, level: float) -> str:
-    part = share_above(field.values[number], np.array([level]))[0]
+    part = share_above(field, number, level)[0]
     return f"{field.names[number]}: {100 * part:.0f} % of the box"
 
 

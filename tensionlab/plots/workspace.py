@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tensionlab.arrays import Floats
 from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.errors import InputError
 from tensionlab.plots.style import add_legend, new_figure, one_panel
 from tensionlab.workspace.sweep.dataset import configuration_names
+from tensionlab.workspace.volume import node_weights, weighted_share
 
 if TYPE_CHECKING:
     import xarray
@@ -218,17 +220,18 @@ def draw_shares(axes: Any, field: Field) -> None:
     levels = np.linspace(0.0, top if top > 0 else 1.0, 400)
     for number, name in enumerate(field.names):
         look = {"color": CURVES[number % len(CURVES)], "linestyle": DASHES[number // len(CURVES) % len(DASHES)]}
-        axes.plot(levels, 100 * share_above(field.values[number], levels), label=name, linewidth=1.8, **look)
+        axes.plot(levels, 100 * share_above(field, number, levels), label=name, linewidth=1.8, **look)
     axes.set(
-        xlabel=f"at least: {field.label}", ylabel="share of the volume (%)", ylim=(0, 101), xlim=(0, levels[-1])
+        xlabel=f"minimum {field.label}", ylabel="share of the volume (%)", ylim=(0, 101), xlim=(0, levels[-1])
     )
     axes.grid()
 
 
-def share_above(values: Floats, levels: Floats) -> Floats:
-    """Return the share of all poses with a value of at least each level, and above zero."""
-    known = np.sort(np.where(np.isfinite(values) & (values > 0), values, -np.inf).ravel())
-    return np.asarray(1.0 - np.searchsorted(known, np.maximum(levels, 1e-300), side="left") / known.size)
+def share_above(field: Field, number: int, levels: ArrayLike) -> Floats:
+    """Return the share of the box with a value of at least each level, and above zero, of the rig of a number."""
+    weights = [node_weights(axis) for axis in field.axes.values()]
+    values = np.nan_to_num(field.values[number], nan=-np.inf, posinf=np.inf)
+    return np.array([weighted_share((values >= level) & (values > 0), weights) for level in np.atleast_1d(levels)])
 
 
 def require_one(field: Field) -> None:

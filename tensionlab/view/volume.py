@@ -19,6 +19,7 @@ from tensionlab.workspace import metrics
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep.executors import evaluate_on_threads
 from tensionlab.workspace.sweep.plan import Plan, vary
+from tensionlab.workspace.volume import node_weights, weighted_share
 
 COARSE, FINE = 30, 80
 """Positions along each axis while something is dragged, and when it is released."""
@@ -51,7 +52,7 @@ class Volume:
 
     def share(self, level: float) -> float:
         """Return the share of the box in which the metric is above a level; NaN does not count as above."""
-        return float(np.mean(self.values > level))
+        return float(weighted_share(self.values > level, [node_weights(axis) for axis in self.axes]))
 
     @property
     def extent(self) -> tuple[float, float]:

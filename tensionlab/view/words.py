@@ -18,6 +18,7 @@ from tensionlab.view.state import State
 from tensionlab.view.volume import VALUE_RAMP, Volume
 from tensionlab.workspace import metrics
 from tensionlab.workspace.layout.task import LayoutTask
+from tensionlab.workspace.volume import describe_step
 
 POLICY_WORDS = {
     "force": "the nearest wrench is rendered",
@@ -165,7 +166,8 @@ def share(state: State, volume: Volume, ghost: Volume | None = None) -> str:
         )
     return (
         f'<div style="font-size:12px;margin:0 .75em .5em">{ramp}'
-        f"<b>{100 * volume.share(state.level):.1f} %</b> of the box of {across} m "
+        f"<b>{100 * volume.share(state.level):.1f} %</b> of the box of {across} m, "
+        f"evaluated at positions {describe_step(volume.axes)}, "
         f"has a {escape(metric.title)} above {state.level:.3g}{unit}; "
         f"it is from {low:.3g} to {high:.3g}{unit}{beside}."
         f'<div style="opacity:.65">{escape(metrics.description(metric))}</div></div>'

@@ -22,6 +22,7 @@ from tensionlab.files.tables import check_columns, read_npz, read_parquet, read_
 from tensionlab.model import kinematics, pose
 from tensionlab.model.module import MAX_LENGTH
 from tensionlab.workspace.orientations import roll_pitch_yaw_of
+from tensionlab.workspace.volume import equal_weights, node_weights
 
 POSE_FILE_SUFFIXES = (".csv", ".parquet", ".npz")
 ROTATION_COLUMNS = ["rx", "ry", "rz"]
@@ -113,6 +114,11 @@ class Grid:
         axes = self._axes()
         position = np.stack([axis[i] for axis, i in zip(axes, index[: self.dimension], strict=False)], axis=-1)
         return position, None if self.rotations is None else self.rotations[index[-1]]
+
+    def weights(self) -> list[Floats]:
+        """Return the share of the box that the poses stand for, along each axis: `node_weights`."""
+        turns = [] if self.rotations is None else [equal_weights(len(self.rotations))]
+        return [*map(node_weights, self._axes()[: self.dimension]), *turns]
 
     def coordinates(self) -> list[Coordinate]:
         """Return the labels of the axes."""

@@ -10,7 +10,7 @@ from tensionlab.errors import InputError
 from tensionlab.plots import plot_layouts, plot_metrics, plot_shares, plot_slices, plot_volume, volume
 from tensionlab.plots.style import save_figure
 from tensionlab.plots.volume import level_surface
-from tensionlab.plots.workspace import read_field, share_above
+from tensionlab.plots.workspace import Field, read_field, share_above
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep.plan import vary
 from tests.support.figures import content_of, words_in, words_of
@@ -65,14 +65,16 @@ def test_where_one_axis_has_one_point_that_is_the_slice(tmp_path):
 
 def test_volumes_say_which_share_of_the_box_they_are(swept, contents):
     words = words_in(contents(plot_volume))
-    share = float((swept["capacity-margin"].isel(rig=0) > 0).mean())
+    (share,) = (row[-1].above_zero for row in tl.workspace.summary(swept).rows[:1])
     assert f"box-corners: {100 * share:.0f} % of the box" in words
     assert "capacity margin (N) above 0" in words
 
 
 def test_shares_fall_from_all_that_is_above_zero_to_nothing():
-    values = np.array([np.nan, -1.0, 0.0, 1.0, 2.0])
-    np.testing.assert_allclose(share_above(values, np.array([0.0, 1.0, 1.5, 2.0, 2.5])), [0.4, 0.4, 0.2, 0.2, 0.0])
+    values = np.array([[[np.nan], [-1.0], [0.0], [1.0], [2.0]]])  # the ends stand for half as much
+    field = Field(values, {"x": np.arange(5.0), "y": np.zeros(1)}, ["rig"], [], [], "", "y")
+    levels = [0.0, 1.0, 1.5, 2.0, 2.5]
+    np.testing.assert_allclose(share_above(field, 0, levels), [0.375, 0.375, 0.125, 0.125, 0.0])
 
 
 def test_curves_are_called_by_what_tells_the_rigs_apart(tmp_path):

@@ -58,7 +58,7 @@ def test_the_surface_is_where_the_level_is_and_faces_outwards():
 
 
 def test_the_share_is_that_of_the_box():
-    assert ball(60).share(0.25) == pytest.approx(4 / 3 * np.pi * 0.75**3 / 27.0, rel=0.1)
+    assert ball(60).share(0.25) == pytest.approx(4 / 3 * np.pi * 0.75**3 / 27.0, rel=0.01)
 
 
 def test_a_surface_closes_at_the_edge_of_the_box():

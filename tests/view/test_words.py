@@ -61,5 +61,7 @@ def test_solvers_are_side_by_side(point):
 def test_the_share_of_the_box_is_said(point):
     state = edits.choose(level=1.0)(point)
     volume = sweep(state, bounds(state.rig), 10, lambda: True)
-    assert f"{100 * volume.share(1.0):.1f} % of the box" in plain(words.share(state, volume))
+    said = plain(words.share(state, volume))
+    assert f"{100 * volume.share(1.0):.1f} % of the box" in said
+    assert "evaluated at positions" in said
     assert "capacity margin above 1 N" in plain(words.share(state, volume))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import functools
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import InputError
@@ -13,6 +15,8 @@ from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
 from tensionlab.workspace.layout.space import Places, Space
 from tensionlab.workspace.margin import capacity_margin, margin_gradient
+from tensionlab.workspace.poses import Grid
+from tensionlab.workspace.volume import describe_step
 
 TIE_WEIGHT = 0.1
 """Weight of missing or spare force beside the share: enough to lead a search among equals."""
@@ -37,19 +41,28 @@ class Objective:
     """
 
     force: float | None = None
+    weights: Floats | None = field(default=None, repr=False, compare=False)
+    """Share of the target that each of its points stands for; None: equal ones."""
+    step: str = field(default="", repr=False, compare=False)
+    """How far apart its points are, in words."""
 
     def __post_init__(self) -> None:
         if self.force is not None and not (np.isfinite(self.force) and self.force > 0):
             raise InputError(f"objective: force is {self.force}; give a force in N above zero, or None")
 
+    def over(self, target: Grid) -> Objective:
+        """Return the objective for the points of a grid, of which those in a face of the target count half."""
+        weights = functools.reduce(np.multiply.outer, target.weights()).ravel()
+        return replace(self, weights=weights, step=describe_step((target.x, target.y, target.z)))
+
     def score(self, margins: Floats) -> Floats:
         """Return the score (...) of layouts with these capacity margins (..., P), in N, over the target.
 
-        The minimum margin in N, or the share of the points where it is at least the force.
+        The minimum margin in N, or the share of the target where it is at least the force.
         """
         if self.force is None:
             return np.asarray(margins.min(axis=-1))
-        return np.asarray((margins >= self.force).mean(axis=-1))
+        return self._mean(margins >= self.force)
 
     def merit(self, margins: Floats) -> Floats:
         """Return the number (...) by which a search ranks layouts with these margins (..., P), in N.
@@ -60,7 +73,7 @@ class Objective:
         if self.force is None:
             return self.score(margins)
         spare = np.maximum(margins.min(axis=-1) / self.force - 1, 0.0)
-        return self.score(margins) + TIE_WEIGHT * np.asarray(spare - self.missing(margins).mean(axis=-1))
+        return self.score(margins) + TIE_WEIGHT * np.asarray(spare - self._mean(self.missing(margins)))
 
     def smooth(self, margins: Floats, sharpness: float) -> Floats:
         """Return a continuous approximation (...) of the merit for gradients, from margins (..., P), in N.
@@ -74,19 +87,24 @@ class Objective:
         worst = margins.min(axis=-1)
         if self.force is None:
             return np.asarray(worst)
-        lost = np.log1p(self.missing(margins) / sharpness).mean(axis=-1)
+        lost = self._mean(np.log1p(self.missing(margins) / sharpness))
         return np.asarray(np.where(worst < self.force, -lost, worst))
 
     def missing(self, margins: Floats) -> Floats:
         """Return the share of the force that is missing at each point, (..., P), 0 or more."""
         return np.zeros_like(margins) if self.force is None else np.maximum(1 - margins / self.force, 0.0)
 
+    def _mean(self, values: Floats | NDArray[np.bool_]) -> Floats:
+        """Return the mean (...) of values (..., P) over the target."""
+        return np.asarray(values.mean(axis=-1) if self.weights is None else values @ self.weights)
+
     def describe(self, rig: Rig) -> str:
         """Return in a few words what the score of a rig is."""
         about = f" about {rig.required.describe(rig)}" if rig.required else ""
         if self.force is None:
             return f"the maximum force in N in every direction{about}, everywhere in the target"
-        return f"the share of the target with {self.force:g} N in every direction{about}"
+        points = f" (points {self.step})" if self.step else ""
+        return f"the share of the target{points} with {self.force:g} N in every direction{about}"
 
 
 def target_margins(space: Space, anchors: Floats, limits: TensionLimits, target: Floats) -> Floats:

@@ -101,6 +101,7 @@ def search_layout(
     """
     positions = target.arrays()[0] if isinstance(target, Grid) else target
     points = pose.points(positions, space.dimension, "target").reshape(-1, space.dimension)
+    objective = objective.over(target) if isinstance(target, Grid) else objective
     if not len(points):
         raise ShapeError("target has no points; give at least one position of the hand")
     for what, number in (("generations", generations), ("starts", starts)):

@@ -20,6 +20,7 @@ from tensionlab.model import pose
 from tensionlab.workspace.metrics import Metric, description
 from tensionlab.workspace.poses import Coordinate
 from tensionlab.workspace.sweep.plan import Plan
+from tensionlab.workspace.volume import describe_step, equal_weights, node_weights, weighted_share
 
 if TYPE_CHECKING:
     import pandas
@@ -162,7 +163,7 @@ class Summary:
     median: float
     max: float
     above_zero: float
-    """Share of the poses with a value where it is above zero."""
+    """Share of the volume where it is above zero, by `node_weights`; of the poses where they are a list."""
 
 
 @dataclass(frozen=True)
@@ -170,6 +171,8 @@ class SweepSummary:
     """Summaries of all metrics of a sweep, by configuration, metric and unit ("1" for none)."""
 
     rows: tuple[tuple[str, str, str, Summary], ...]
+    step: str = ""
+    """How far apart the positions of a grid are, such as "0.1 m apart"; empty for a list of poses."""
 
     def __repr__(self) -> str:
         metrics = dict.fromkeys(metric for _, metric, *_ in self.rows)
@@ -183,7 +186,7 @@ class SweepSummary:
              "–" if np.isnan(each.above_zero) else f"{100 * each.above_zero:.1f} %", each.missing]
             for rig, metric, unit, each in self.rows
         ]  # fmt: skip
-        return display.table(f"{self._poses:,} poses", SUMMARY_HEADINGS, rows)
+        return display.table(" ".join(filter(None, (f"{self._poses:,} poses", self.step))), SUMMARY_HEADINGS, rows)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each configuration and metric; MissingDependency if pandas is not installed."""
@@ -220,7 +223,9 @@ def summary(swept: xarray.Dataset) -> SweepSummary:
         found += [
             (name, str(each), str(values.units), summarise(values)) for each, values in part.data_vars.items()
         ]
-    return SweepSummary(tuple(found))
+    return SweepSummary(
+        tuple(found), describe_step(swept[axis].to_numpy() for axis in "xyz" if axis in swept.dims)
+    )
 
 
 def configuration_names(swept: xarray.Dataset) -> list[str]:
@@ -238,23 +243,30 @@ def configuration_names(swept: xarray.Dataset) -> list[str]:
 
 
 def summarise(values: xarray.DataArray) -> Summary:
-    """Summarise a variable of a sweep, or a part of it; one chunk of a store is read at a time."""
+    """Summarise a variable of a sweep, or a part of it; one chunk of a store is read at a time.
+
+    A pose without a value counts as one where the metric is not above zero.
+    """
     parts = values.encoding.get("preferred_chunks", {})
     sizes = [parts.get(dim, length) for dim, length in values.sizes.items()]
     stride = -(-values.size // MEDIAN_SAMPLE)
     low, high = np.inf, -np.inf
-    count = above = 0
+    weights = [
+        node_weights(values[dim].to_numpy()) if dim in ("x", "y", "z") else equal_weights(length)
+        for dim, length in values.sizes.items()
+    ]
+    count, above = 0, 0.0
     sample = []
     for start in itertools.product(*map(range, itertools.repeat(0), values.shape, sizes)):
         block = tuple(slice(first, first + size) for first, size in zip(start, sizes, strict=True))
-        part = values[block].values.ravel()
+        part = values[block].values
+        above += float(weighted_share(part > 0, [along[own] for along, own in zip(weights, block, strict=True)]))
         part = part[~np.isnan(part)]
         if part.size:
             low, high = min(low, part.min()), max(high, part.max())
             count += part.size
-            above += int(np.count_nonzero(part > 0))
             sample.append(part[::stride])
     if not count:
         return Summary(values.size, values.size, np.nan, np.nan, np.nan, np.nan)
     median = float(np.median(np.concatenate(sample)))
-    return Summary(values.size, values.size - count, float(low), median, float(high), above / count)
+    return Summary(values.size, values.size - count, float(low), median, float(high), above)

@@ -48,7 +48,8 @@ def test_the_rig_has_the_score_and_its_modules_the_contributions():
     assert rig.name == "five-5"
     assert rig.modules[-1] == door
     margins = capacity_margin(rig.structure_matrix(positions), rig.limits)
-    assert layout.score == (margins >= 1.0).mean()
+    share = np.tile([[[1.0], [2.0], [1.0]]] * np.array([1.0, 2.0, 1.0])[:, None, None], 2).ravel() / 32
+    assert layout.score == pytest.approx((margins >= 1.0) @ share)
     assert layout.worst == pytest.approx(margins.min(), abs=1e-12)
     np.testing.assert_allclose(rig.home, [0, 0, 0.1], atol=1e-15)
     for index, lost in enumerate(layout.contributions):
@@ -56,7 +57,7 @@ def test_the_rig_has_the_score_and_its_modules_the_contributions():
             name="rest", kind="point", modules=rig.modules[:index] + rig.modules[index + 1 :], home=rig.home
         )
         without = capacity_margin(rest.structure_matrix(positions), rest.limits)
-        assert lost == pytest.approx(layout.score - (without >= 1.0).mean())
+        assert lost == pytest.approx(layout.score - (without >= 1.0) @ share)
     surfaces = [surface.name for surface in space.surfaces]
     order = [surfaces.index(module.name.rsplit(" ", 1)[0]) for module in rig.modules[:-1]]
     assert order == sorted(order)

@@ -8,11 +8,12 @@ import tensionlab as tl
 from tensionlab.workspace import Grid
 from tensionlab.workspace.sweep import dataset
 from tensionlab.workspace.sweep.dataset import Summary, summarise
+from tensionlab.workspace.volume import weighted_share
 
 
 def test_a_metric_is_summarised():
     values = xr.DataArray([[-1.0, 0.0, np.nan], [2.0, 4.0, np.inf]])
-    assert summarise(values) == Summary(6, 1, -1.0, 2.0, np.inf, 3 / 5)
+    assert summarise(values) == Summary(6, 1, -1.0, 2.0, np.inf, 3 / 6)
 
 
 def test_where_there_is_no_value_there_is_no_summary():
@@ -31,7 +32,7 @@ def test_a_store_is_read_chunk_by_chunk(tmp_path, monkeypatch, sample):
         found, whole = summarise(data[number]), data[number].values
         assert (found.poses, found.missing) == (504, np.isnan(whole).sum())
         assert (found.min, found.max) == (np.nanmin(whole), np.nanmax(whole))
-        assert found.above_zero == np.mean(whole[~np.isnan(whole)] > 0)
+        assert found.above_zero == pytest.approx(float(weighted_share(whole > 0, grid.weights())))
         assert found.median == pytest.approx(np.nanmedian(whole), abs=0 if sample > 504 else 0.1)
 
 

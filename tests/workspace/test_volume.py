@@ -1,0 +1,49 @@
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.view.volume import Volume
+from tensionlab.workspace import Objective
+from tensionlab.workspace.volume import describe_step, node_weights, weighted_share
+
+
+@pytest.mark.parametrize(("nodes", "within"), [(9, 0.04), (17, 0.012), (33, 0.004)])
+def test_a_sphere_that_touches_all_faces_has_its_share_of_the_box(nodes, within):
+    axes = [np.linspace(-1.0, 1.0, nodes)] * 3
+    inside = sum(axis**2 for axis in np.meshgrid(*axes)) < 0.999
+    assert weighted_share(inside, [node_weights(axis) for axis in axes]) == pytest.approx(np.pi / 6, abs=within)
+
+
+@pytest.mark.parametrize("nodes", [4, 8, 16])
+def test_a_half_space_through_the_middle_has_half_of_the_box(nodes):
+
+    x = np.linspace(0.0, 1.0, nodes)
+    assert weighted_share(x < 0.5, [node_weights(x)]) == pytest.approx(0.5)
+    assert weighted_share(x < 1.0, [node_weights(x)]) == pytest.approx(1.0 - 0.5 / (nodes - 1))
+
+
+def test_nodes_stand_for_what_is_nearest_to_them_however_they_lie():
+    np.testing.assert_allclose(node_weights(np.array([0.0, 1.0, 4.0])), [0.125, 0.5, 0.375])
+    np.testing.assert_allclose(node_weights(np.array([4.0, 0.0, 1.0])), [0.375, 0.125, 0.5])
+    np.testing.assert_allclose(node_weights(np.array([2.0])), [1.0])
+
+
+def test_the_step_is_said():
+    assert describe_step([np.linspace(0, 1, 11), np.linspace(0, 2, 21), np.zeros(1)]) == "0.1 m apart"
+    assert describe_step([np.linspace(0, 1, 11), np.linspace(0, 2, 11)]) == "0.1 x 0.2 m apart"
+
+
+def test_every_share_of_a_workspace_is_within_what_is_proved():
+    """Of a sweep, of the page and of a layout's objective: all but the faces of the box is inside."""
+    rig, force = tl.load_rig("kntu-planar"), 5.0
+    box = [[-1.1, 1.1], [-1.0, 1.0]]
+    proved = tl.workspace.certify(rig, box, tl.Requirement(ball=force), 0.01).share
+    grid = tl.workspace.box(*box, step=0.02)
+    swept = tl.sweep(rig, grid, f"capacity-margin:{force}", progress=False)
+    margins = swept[f"capacity-margin:{force}"].to_numpy()[0]
+    shares = [
+        tl.workspace.summary(swept).rows[0][-1].above_zero,
+        Volume((grid.x, grid.y), margins).share(0.0),
+        float(Objective(force).over(grid).score(margins.ravel() + force)),
+    ]
+    assert shares == pytest.approx([np.mean(proved)] * 3, abs=0.002)
