@@ -1,6 +1,9 @@
 """How results show themselves: in one line, in HTML, as tables of pandas and xarray; and names to complete."""
 
+import functools
 import re
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +20,7 @@ from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.checks import Check, Checks
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
-from tests.support.runs import four
+from tests.support.runs import four, logged
 
 STRUCTURE = np.array([[1.0, -1.0]])
 LIMITS = (0.5, 6.0)
@@ -166,18 +169,25 @@ def swept():
     )
 
 
-RUN = "tests/data/run-first.mcap"
+@functools.cache
+def recorded():
+    """Return a run of four cycles, written to a log and read again."""
+    with tempfile.TemporaryDirectory() as folder:
+        logged(Path(folder) / "run.mcap", four(), 4, lost=1)
+        return read_run(Path(folder) / "run.mcap")
+
+
 SHOWN = {
-    "run": (lambda: read_run(RUN), "<Run of bartels2026-validation by newton: 4 cycles at 50 Hz>"),
+    "run": (recorded, "<Run of bartels2026-validation by newton: 4 cycles at 50 Hz>"),
     "report": (
-        lambda: report(read_run(RUN)),
+        lambda: report(recorded()),
         "<RunReport of bartels2026-validation by newton: 4 cycles, finished:",
     ),
     "statistics": (
-        lambda: report(read_run(RUN)).statistics,
-        "<Statistics of 4 cycles, finished: the demand: 2 EXACT",
+        lambda: report(recorded()).statistics,
+        "<Statistics of 4 cycles, finished: stopped by the demand: 2 EXACT",
     ),
-    "replay": (lambda: replay(read_run(RUN), ["dykstra"]), "<Replay of 4 cycles by 1 solver>"),
+    "replay": (lambda: replay(recorded(), ["dykstra"]), "<Replay of 4 cycles by 1 solver>"),
     "sweep": (
         lambda: tl.workspace.summary(swept()),
         "<SweepSummary of capacity-margin, condition-number at 27 poses",
@@ -234,7 +244,7 @@ def test_every_result_shows_itself(name):
 
 
 def test_tables_say_what_the_results_hold():
-    found = read_run(RUN)
+    found = recorded()
     lines = words(found._repr_html_())
     assert lines[:2] == [["● exact", "2 cycles"], ["○ certified infeasible", "2 cycles"]]
     assert [row[-1] for row in lines if row[0] == "floor-2"] == ["lower 75 %, fault ENCODER, lost at 0.040 s"]

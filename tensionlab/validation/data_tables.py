@@ -19,15 +19,13 @@ from tensionlab import display, records
 from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.files.reading import brief, read_toml
-from tensionlab.files.tables import ParquetTable, read_parquet
+from tensionlab.files.tables import read_parquet
 from tensionlab.solvers.base import Status
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-OLD_NAMES = {"replaced": "fallback_used", "hindered": "limited_modules", "angle_largest": "angle_max"}
-"""Names of columns, and of keys in the journal, in files of before, and what they are called now."""
 AXES = "xyz"
 FORCES = ("desired", "rendered", "measured")
 FORCE_COLUMNS = {"spread": float, "status": str, "fallback_used": bool, "samples": int, "limited_modules": str}
@@ -154,7 +152,7 @@ def write_recording(path: str | Path, recording: Recording) -> None:
 
 def read_recording(path: str | Path) -> Recording:
     """Read a recording; raise `DataError`, which says what column or entry is missing, if there is none."""
-    table = _read_table(path, "a recording of forces (*.parquet)")
+    table = read_parquet(path, "a recording of forces (*.parquet)", DataError)
     try:
         about = _checked_entries(table.manifest)
     except DataError as error:
@@ -173,14 +171,6 @@ def read_recording(path: str | Path) -> Recording:
         return Recording(**arrays, manifest=table.manifest)
     except ShapeError as error:
         raise DataError(f"{path}: {error}") from None
-
-
-def _read_table(path: str | Path, what: str) -> ParquetTable:
-    """Read a Parquet file; columns have their names of today."""
-    table = read_parquet(path, what, DataError)
-    names = table.columns.column_names
-    renamed = [name if OLD_NAMES.get(name) in names else OLD_NAMES.get(name, name) for name in names]
-    return table._replace(columns=table.columns.rename_columns(renamed))
 
 
 def _checked_entries(manifest: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -280,13 +270,13 @@ def write_trials(path: str | Path, rows: Sequence[Trial], manifest: dict[str, An
 
 def read_trials(path: str | Path) -> Trials:
     """Read trials; raise `DataError` if there are none."""
-    table = _read_table(path, "a table of trials (*.parquet)")
+    table = read_parquet(path, "a table of trials (*.parquet)", DataError)
     return Trials(tuple(table.rows(Trial, DataError)), table.manifest)
 
 
 def read_vectors(path: str | Path) -> Floats:
     """Read unit vectors, (K, 3); raise `DataError` if there are none."""
-    table = _read_table(path, "a table of vectors (*.parquet)")
+    table = read_parquet(path, "a table of vectors (*.parquet)", DataError)
     return np.column_stack([table.numbers(axis, DataError) for axis in AXES])
 
 

@@ -17,7 +17,6 @@ from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.runner.settings import RealClock
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
-from tensionlab.validation.data_tables import OLD_NAMES
 from tensionlab.validation.error_model import PRESETS, draw_errors, require_point
 from tensionlab.validation.protocol import Measurement, Protocol, measure
 from tensionlab.validation.sensors import ForceSensor
@@ -25,8 +24,6 @@ from tensionlab.validation.simulated_sensor import simulated_setup
 
 JOURNAL_FILE = "measurements.jsonl"
 FORMAT = "tensionlab validation 2"
-OLD_FORMAT = "tensionlab validation 1"
-"""Journals with it have `OLD_NAMES`; they are brought up to date as they are opened."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +74,6 @@ class Journal:
             whole = text[: text.rfind("\n") + 1]  # a process that was killed may have left half a line
             if whole:
                 found, self.measurements = _parse(path, whole)
-                if found.get("format") == OLD_FORMAT:
-                    found["format"] = FORMAT
-                    whole = "".join(json.dumps(each) + "\n" for each in (found, *map(asdict, self.measurements)))
                 _require_same(path, found, head)
             else:
                 whole = json.dumps(head) + "\n"
@@ -117,8 +111,6 @@ def _parse(path: Path, text: str) -> tuple[dict[str, Any], list[Measurement]]:
         if number == 0:
             head = content
             continue
-        if head.get("format") == OLD_FORMAT:
-            content = {OLD_NAMES.get(key, key): value for key, value in content.items()}
         values = {key: tuple(value) if isinstance(value, list) else value for key, value in content.items()}
         measurements += from_mappings([values], Measurement, here, LogError)
         if measurements[-1].number != number - 1:

@@ -11,7 +11,6 @@ from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.solvers.base import Status
 from tensionlab.validation.data_tables import (
     ENTRIES,
-    OLD_NAMES,
     Trial,
     read_recording,
     read_trials,
@@ -111,20 +110,3 @@ def test_names_of_trials_say_that_they_are_simulated_and_other_tables_are_refuse
 def test_the_card_of_trials_names_every_column():
     card = TRIALS_CARD.read_text(encoding="utf-8")
     assert all(f"`{field.name}`" in card for field in fields(Trial))
-
-
-@pytest.mark.parametrize("write", ["recordings", "trials"])
-def test_files_with_the_columns_of_before_are_read(tmp_path, write):
-    file = tmp_path / "a-simulated.parquet"
-    if write == "recordings":
-        write_recording(file, made_up())
-    else:
-        write_trials(file, made_up_trials(), {})
-    table, old = pq.read_table(file), {new: old for old, new in OLD_NAMES.items()}
-    renamed = table.rename_columns([old.get(name, name) for name in table.column_names])
-    pq.write_table(renamed.replace_schema_metadata(table.schema.metadata), file)
-    assert set(pq.read_schema(file).names) & set(OLD_NAMES)
-    if write == "recordings":
-        np.testing.assert_array_equal(read_recording(file).fallback_used, made_up().fallback_used)
-    else:
-        assert read_trials(file).rows == tuple(made_up_trials())

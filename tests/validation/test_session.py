@@ -9,9 +9,8 @@ import tensionlab as tl
 from tensionlab.errors import LogError
 from tensionlab.model.directions import grid18
 from tensionlab.model.layouts import ring_plus_top
-from tensionlab.validation.data_tables import OLD_NAMES
 from tensionlab.validation.protocol import Protocol
-from tensionlab.validation.session import FORMAT, JOURNAL_FILE, OLD_FORMAT, ValidationPlan, validate
+from tensionlab.validation.session import JOURNAL_FILE, ValidationPlan, validate
 
 RIG = ring_plus_top(1.0)
 
@@ -92,15 +91,3 @@ def test_the_journal_has_the_rig_itself(tmp_path):
     (tmp_path / "rig.toml").write_text(head["rig"])
     assert tl.load_rig(tmp_path / "rig.toml") == RIG
     assert head["simulated"] is True
-
-
-def test_a_journal_of_before_is_brought_up_to_date(tmp_path, found):
-    text = (tmp_path / JOURNAL_FILE).read_text()
-    old = text.replace(FORMAT, OLD_FORMAT)
-    for before, now in OLD_NAMES.items():
-        old = old.replace(f'"{now}"', f'"{before}"')
-    assert old != text
-    (tmp_path / JOURNAL_FILE).write_text(old)
-    _, again = validate(plan(), tmp_path, progress=lambda share: pytest.fail("measured again"))
-    assert again == found
-    assert (tmp_path / JOURNAL_FILE).read_text() == text

@@ -180,36 +180,6 @@ def _dtype(hint: Any) -> np.dtype[Any]:
 
 TYPES: dict[str, np.dtype[Any]] = {name: _dtype(hint) for name, hint in get_type_hints(CycleTable).items()}
 """Of which type each is."""
-OLD_NAMES = {
-    "measured": "tensions",
-    "limiters": "limits",
-    "last_sequence": "taken",
-    "desired": "demanded",
-    "solver_wrench": "asked",
-    "commanded_brakes": "brakes",
-    "fallback_used": "replaced",
-    "commanded": "sent",
-    "start_delay": "late",
-    "compute_time": "work",
-}
-"""Columns that had another name in logs of the first edition."""
-
-
-def anchors_by_cables(found: dict[str, NDArray[Any]], rig: Rig) -> Floats:
-    """Return the anchors in the world, (K, m, d): those on bodies by directions and measured lengths of cables."""
-    ends = found["position"][:, None] + rig.attachments @ np.swapaxes(found["rotation"], 1, 2)
-    directions = np.swapaxes(found["structure"][:, : rig.dimension], 1, 2)
-    on_body = [[module.frame in rig.frames] for module in rig.modules]
-    return np.asarray(np.where(on_body, ends + found["lengths"][..., None] * directions, rig.anchors))
-
-
-LATER_COLUMNS: dict[str, Callable[[dict[str, NDArray[Any]], Rig], Any]] = {
-    "upper_now": lambda found, rig: np.nan,
-    "demanded": lambda found, rig: found["desired"],
-    "anchors": anchors_by_cables,
-    "brake_states": lambda found, rig: -1,
-}
-"""Columns that the first logs do not have, and what stands for them there, by the columns before them."""
 
 
 def _values(name: str) -> Callable[[Cycle, Rig], Any]:
@@ -263,7 +233,7 @@ def encode(cycle: Cycle, rig: Rig) -> bytes:
 
 
 def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
-    """Return the columns that cycles in JSON make, whichever edition wrote them.
+    """Return the columns of cycles in JSON.
 
     What is no cycle of this rig is a KeyError, TypeError, ValueError, OverflowError or RecursionError.
     """
@@ -272,12 +242,7 @@ def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
     found: dict[str, NDArray[Any]] = {}
     for name, kept in COLUMNS.items():
         shape = (len(rows), *(length[dim] for dim in kept.dims))
-        present = all(name in row for row in parsed)
-        if name in LATER_COLUMNS and not present:
-            found[name] = np.broadcast_to(LATER_COLUMNS[name](found, rig), shape).astype(TYPES[name])
-            continue
-        key = name if present else OLD_NAMES.get(name, name)
-        values = np.array([row[key] for row in parsed], dtype=TYPES[name])
+        values = np.array([row[name] for row in parsed], dtype=TYPES[name])
         if values.dtype.kind == "f" and (np.abs(values[np.isfinite(values)]) >= MAX_MAGNITUDE).any():
             raise ValueError(f"a number of {MAX_MAGNITUDE:g} or more in {name}")
         found[name] = values.reshape(shape)

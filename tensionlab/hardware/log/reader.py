@@ -41,13 +41,6 @@ BLOCK_CYCLES = 1000
 
 MAX_EVENTS = 12
 """Events that are shown below a table; JSON has all."""
-OLD_SUMMARY = {
-    "replaced": "fallback_used",
-    "slewed": "slew_limited",
-    "late": "start_delay_s",
-    "work": "compute_time_s",
-}
-"""Keys of the summary in logs of the first edition, and what they are called now."""
 
 
 @dataclass(frozen=True)
@@ -255,7 +248,7 @@ def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | N
         manifest=metadata["manifest"],
         setup=_setup(path, metadata["setup"], rig),
         modules=_modules(path, metadata.get("modules", {})),
-        summary=_summary(metadata.get("summary", {})),
+        summary=metadata.get("summary", {}),
         events=tuple(events),
         began=np.nan if first_ns is None else 1e-9 * first_ns - float(table["time"][0]),
         complete=complete,
@@ -280,15 +273,6 @@ def _setup(path: Path, values: Mapping[str, Any], rig: Rig) -> RunSetup:
     if not len(setup.lower) == len(setup.upper) == rig.m:
         raise LogError(f"{path}: setup: has {len(setup.lower)} tension limits for {rig.m} modules; it is damaged")
     return setup
-
-
-def _summary(values: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the summary of a run with today's names, whichever edition wrote it."""
-    found = {OLD_SUMMARY.get(key, key): value for key, value in values.items()}
-    for key in ("start_delay_s", "compute_time_s"):
-        if isinstance(found.get(key), dict) and "largest" in found[key]:
-            found[key] = {"max" if name == "largest" else name: value for name, value in found[key].items()}
-    return found
 
 
 def _modules(path: Path, values: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:

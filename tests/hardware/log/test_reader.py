@@ -3,7 +3,6 @@ import random
 import re
 import time
 from dataclasses import asdict, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +12,7 @@ from tensionlab.demand import Pose
 from tensionlab.errors import LogError, TensionlabError
 from tensionlab.hardware.log.columns import (
     COLUMNS,
-    LATER_COLUMNS,
     TYPES,
-    anchors_by_cables,
     decode,
     encode,
     schema,
@@ -25,7 +22,6 @@ from tensionlab.hardware.log.reader import read_run, report
 from tensionlab.hardware.log.scene import CHANNELS
 from tensionlab.hardware.log.writer import EVENT_SCHEMA, setup_of
 from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.model.pose import place_anchors
 from tensionlab.solvers.base import Status
 from tests.support import runs
 from tests.support.examples import many
@@ -79,53 +75,6 @@ def test_what_is_desired_is_logged_beside_what_is_demanded():
     found = decode([encode(replace(cycle, demand=replace(cycle.demand, desired=desired)), rig)], rig)
     np.testing.assert_array_equal(found["desired"], [desired])
     np.testing.assert_array_equal(found["demanded"], [cycle.demand.wrench])
-
-
-def test_a_log_from_before_a_column_was_added_has_none_of_it():
-    rig = runs.seven()
-    rows = [json.loads(encode(cycle, rig)) for cycle in runs.cycles(rig, 3)]
-    old = [json.dumps({name: row[name] for name in row.keys() - LATER_COLUMNS}).encode() for row in rows]
-    found = decode(old, rig)
-    assert np.isnan(found["upper_now"]).all()
-    np.testing.assert_array_equal(found["demanded"], found["desired"])
-    assert found["upper_now"].shape == (3, 7)
-    assert found["brake_states"].tolist() == [[-1] * 7] * 3
-    np.testing.assert_array_equal(found["anchors"], [rig.anchors] * 3)
-
-
-def test_without_its_column_anchors_on_bodies_are_found_by_their_cables():
-    rig = tl.load_rig("body-mounted")
-    frames = {name: tl.Frame([0.1, 0.9, 0.2]) for name in rig.frames}
-    placed = place_anchors(rig.modules, rig.anchors, frames)
-    known = {
-        "position": rig.home[None],
-        "rotation": np.eye(3)[None],
-        "structure": rig.structure_matrix(rig.home, frames=frames)[None],
-        "lengths": rig.lengths(rig.home, frames=frames)[None],
-    }
-    np.testing.assert_allclose(anchors_by_cables(known, rig), [placed])
-
-
-def test_a_log_of_the_first_edition_is_read_with_the_names_of_today():
-    """Written before columns were renamed: `tests.support.runs.logged(path, runs.four(), 4, lost=1)` of then."""
-    run = read_run(Path(__file__).parents[2] / "data" / "run-first.mcap")
-    assert run.complete
-    cycles = list(runs.cycles(runs.four(), 4, lost=1))
-    for index, cycle in enumerate(cycles):
-        state = cycle.state
-        np.testing.assert_array_equal(run.measured[index], state.tensions)
-        np.testing.assert_array_equal(run.limiters[index], state.limiters)
-        np.testing.assert_array_equal(run.last_sequence[index], state.last_sequence)
-        np.testing.assert_array_equal(run.desired[index], cycle.demand.wrench)
-        np.testing.assert_allclose(run.solver_wrench[index], cycle.solver_wrench, atol=1e-9)
-        np.testing.assert_allclose(run.commanded[index], cycle.commanded, atol=1e-9)
-        assert not run.commanded_brakes[index].any()
-        assert run.fallback_used[index] == cycle.fallback_used
-        assert (run.start_delay[index], run.compute_time[index]) == (cycle.start_delay, cycle.compute_time)
-    assert not {"replaced", "slewed", "late", "work"} & run.summary.keys()
-    assert (run.summary["fallback_used"], run.summary["slew_limited"], run.summary["missed"]) == (0, 0, 3)
-    assert run.summary["start_delay_s"] == {"median": 0.0, "p99": 0.0, "max": 0.0}
-    assert [event.kind for event in run.events] == ["armed", "lost", "ended"]
 
 
 def test_what_was_around_the_cycles_is_in_the_log_too(seven):
