@@ -147,13 +147,13 @@ class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned na
 
 
 @contextmanager
-def needs(extra: str | None, what: str) -> Iterator[None]:
+def needs(extra: str, what: str) -> Iterator[None]:
     """Import optional libraries in this context; one that is missing is a `MissingDependency`.
 
     Parameters
     ----------
-    extra : str or None
-        The extra of this package that brings them; None if every complete installation has them.
+    extra : str
+        The extra of this package that brings them.
     what : str
         What needs them, for the message.
 
@@ -165,8 +165,7 @@ def needs(extra: str | None, what: str) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as missing:
-        wanted = f'"tensionlab[{extra}]"' if extra else "tensionlab"
-        raise MissingDependency(f"{what} needs {missing.name}: pip install {wanted}") from missing
+        raise MissingDependency(f'{what} needs {missing.name}: pip install "tensionlab[{extra}]"') from missing
 
 
 class Unreachable(TensionlabError):  # noqa: N818 - pinned name

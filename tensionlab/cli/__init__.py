@@ -39,15 +39,6 @@ PROGRAM = "tensionlab"
 COMPLETION_VARIABLE = f"_{PROGRAM.upper()}_COMPLETE"
 """Variable of the environment in which a shell asks how an unfinished command may go on."""
 NUMBER_OPTIONS = ("--at", "--force", "--orbit", "--wrench", "--reference", "--box", "--step", "--frame")
-OLD_OPTIONS = {
-    ("log", "export"): {"--to": "--out"},
-    ("log", "replay"): {"--solver": "--solvers"},
-    ("rig", "export"): {"--mjcf": "--out"},
-    ("compare",): {"--solver": "--solvers"},
-    ("bench",): {"--solver": "--solvers"},
-    ("workspace",): {"--measure": "--metric"},
-}
-"""Options that had another name, or have one with other verbs: what they are called now. Not in ``--help``."""
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*,?|[-+]?(nan|inf),?", re.IGNORECASE)
 PARSER_WORDS = {
     r"^Invalid value for '([^']+)'.*?: ": r"\1: ",
@@ -156,18 +147,6 @@ def options(
     """Take the options that come before the verb."""
 
 
-def rename_options(words: Sequence[str]) -> list[str]:
-    """Return all words, with the options of `OLD_OPTIONS` by the names that they have now."""
-    renamed = {
-        old: new
-        for verb, names in OLD_OPTIONS.items()
-        if tuple(words[: len(verb)]) == verb
-        for old, new in names.items()
-    }
-    split = (word.partition("=") for word in words)
-    return [f"{renamed.get(name, name)}{equals}{value}" for name, equals, value in split]
-
-
 def join_numbers(words: Sequence[str]) -> list[str]:
     """Join the numbers after ``--at`` and the like to one word, and return all words.
 
@@ -201,7 +180,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if COMPLETION_VARIABLE in os.environ:
         typer.main.get_command(app)(prog_name=PROGRAM)  # answers the shell, and leaves
     _open_streams()
-    status = _status(join_numbers(rename_options(words)))
+    status = _status(join_numbers(words))
     try:
         sys.stdout.flush()
     except OSError as error:

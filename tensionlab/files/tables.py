@@ -11,14 +11,12 @@ from array import array
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache
 from os import PathLike
-from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import TensionlabError, needs
-from tensionlab.files import writing
 from tensionlab.files.reading import brief, parse_json, read_bytes, read_text
 
 Row = TypeVar("Row")
@@ -70,11 +68,6 @@ def read_table(
         raise error(f"{path}: no numbers; the first line names the columns {', '.join(needed)}")
     table = np.array(values).reshape(-1, len(heading))
     return {name: table[:, column] for column, name in enumerate(heading)}
-
-
-def write_table(path: str | Path, columns: Mapping[str, Floats | Sequence[float]]) -> None:
-    """Write columns of numbers to a CSV file, as `table_text` has them."""
-    writing.write_text(path, table_text(columns))
 
 
 def table_text(columns: Mapping[str, Floats | Sequence[float]]) -> str:

@@ -15,7 +15,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import InputError, needs
+from tensionlab.errors import InputError
 from tensionlab.files import writing
 
 if TYPE_CHECKING:
@@ -60,8 +60,8 @@ def styled() -> Iterator[None]:
     >>> with plots.styled():
     ...     figure, axes = plt.subplots()
     """
-    with needs(None, "a figure"):
-        from matplotlib import rcParams, style
+    from matplotlib import rcParams, style
+
     with style.context(STYLE):
         yield
         # No part of the style: pyplot sets it as it makes its first figure, and shows no other without it.

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import InputError, MissingDependency, UnknownSolver, needs
+from tensionlab.errors import InputError, MissingDependency, UnknownSolver
 from tensionlab.solvers.base import TOLERANCE, Answer, Nearest, Problem
 from tensionlab.solvers.programs import (
     NO_TENSIONS,
@@ -60,8 +60,6 @@ def check_known(backend: str) -> None:
 
 def check_installed(backend: str) -> None:
     """Refuse a backend that is not installed."""
-    with needs(None, f"QP backend {backend!r}"):
-        import qpsolvers  # noqa: F401
     if backend not in installed_backends():
         raise MissingDependency(f'QP backend {backend!r} is not installed: pip install "tensionlab[solvers]"')
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.arrays import Floats
-from tensionlab.errors import TensionlabError, needs
+from tensionlab.errors import TensionlabError
 from tensionlab.solvers.base import Nearest, Status
 from tensionlab.view.state import State, of_ghost
 from tensionlab.workspace.margin import required_margin
@@ -163,9 +163,9 @@ def _section(spaces: HalfSpaces, torque: Floats, d: int) -> Floats | None:
     The planes are those of the wrenches, cut at the torque. Their corners are found around a point inside, the
     middle of the largest ball.
     """
-    with needs(None, "the forces at a torque"):
-        from scipy.optimize import linprog
-        from scipy.spatial import HalfspaceIntersection, QhullError
+    from scipy.optimize import linprog
+    from scipy.spatial import HalfspaceIntersection, QhullError
+
     normals, offsets = spaces.normals[:, :d], spaces.offsets - spaces.normals[:, d:] @ torque
     length = np.linalg.norm(normals, axis=1)
     steep = length > FLAT
@@ -186,8 +186,8 @@ def _section(spaces: HalfSpaces, torque: Floats, d: int) -> Floats | None:
 
 def polytope(points: Floats) -> ForceSet:
     """Return the hull of points (k, d), with triangles and edges; a flat set has one side, or is a line."""
-    with needs(None, "the shape of a wrench set"):
-        from scipy.spatial import ConvexHull
+    from scipy.spatial import ConvexHull
+
     middle = points.mean(axis=0)
     _, sizes, axes = np.linalg.svd(points - middle, full_matrices=False)
     rank = int((sizes > max(FLAT * sizes.max(initial=0.0), 1e-12)).sum())

@@ -51,11 +51,7 @@ from tensionlab.workspace.sweep.dataset import summary
 from tensionlab.workspace.sweep.plan import vary
 from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
 
-MEASURES = METRICS
-"""Old name of `METRICS`."""
-
 __all__ = [
-    "MEASURES",
     "METRICS",
     "BodyDistance",
     "Bounds",

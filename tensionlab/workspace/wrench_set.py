@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from tensionlab import _native
 from tensionlab.allocation import RANK_TOLERANCE
 from tensionlab.arrays import Floats, Limits, check_size, common_axes, finite, rows, spread, tension_limits
-from tensionlab.errors import ShapeError, needs
+from tensionlab.errors import ShapeError
 
 TensionRange = Limits | tuple[ArrayLike, ArrayLike]
 """Tension limits in N: an object with ``lower`` and ``upper``, or that pair; each (..., m) or a number."""
@@ -148,8 +148,7 @@ def vertices(structure: ArrayLike, limits: TensionRange) -> Floats:
 
 def _hull(points: Floats) -> Floats:
     """Return those of the points that are vertices of their hull; all of them while they span no volume."""
-    with needs(None, "the corners of a wrench set"):
-        from scipy.spatial import ConvexHull
+    from scipy.spatial import ConvexHull
 
     dimension = points.shape[1]
     if dimension == 1:

@@ -10,7 +10,7 @@ import typer
 
 import tensionlab as tl
 from tensionlab import _native, solvers
-from tensionlab.cli import OLD_OPTIONS, VERBS, app, join_numbers, rename_options
+from tensionlab.cli import VERBS, app, join_numbers
 from tensionlab.cli.common import output
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
@@ -211,32 +211,6 @@ def test_allocate_takes_six_components(run):
 )
 def test_numbers_after_an_option_become_one_word(words, joined):
     assert join_numbers(words.split()) == joined.split()
-
-
-def test_options_that_had_another_name_keep_it(run, tmp_path):
-    first, second = tmp_path / "a.xml", tmp_path / "b.xml"
-    assert run("rig", "export", CUBE, "--mjcf", first)[0] == 0
-    assert run("rig", "export", CUBE, f"--out={second}")[0] == 0
-    assert first.read_text() == second.read_text()
-    assert "--mjcf" not in run("rig", "export", "-h")[1]
-    assert rename_options(["log", "export", "run.mcap", "--to=x.nc"]) == [
-        "log",
-        "export",
-        "run.mcap",
-        "--out=x.nc",
-    ]
-    assert rename_options(["workspace", "x", "--measure", "y"]) == ["workspace", "x", "--metric", "y"]
-    assert rename_options(["run", "x", "--solver", "qp"]) == ["run", "x", "--solver", "qp"]
-
-
-def test_each_old_name_stands_for_an_option_that_there_is():
-    for verb, renamed in OLD_OPTIONS.items():
-        command = typer.main.get_command(app)
-        for word in verb:
-            command = command.get_command(None, word)
-        there = {name for parameter in command.params for name in parameter.opts}
-        assert set(renamed.values()) <= there
-        assert not set(renamed) & there
 
 
 def test_short_options(run, tmp_path):

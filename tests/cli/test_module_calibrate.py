@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import CalibrationError
-from tensionlab.files.tables import read_table, write_table
+from tensionlab.files.tables import read_table, table_text
 from tensionlab.hardware.calibration import gain_measurement
 from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.model.files import load_rig
@@ -37,8 +37,8 @@ def measured(tmp_path):
     places = nominal.home + rng.uniform([-0.3, 0.0, -0.3], [0.3, 1.2, 0.3], (25, 3))
     lengths = true.lengths(places) + rng.normal(0.0, 1e-3, (25, 4))
     table = {m.name: lengths[:, j] for j, m in enumerate(nominal.modules)}
-    write_table(tmp_path / "lengths.csv", table)
-    write_table(tmp_path / "known.csv", {**dict(zip("xyz", places.T, strict=True)), **table})
+    (tmp_path / "lengths.csv").write_text(table_text(table))
+    (tmp_path / "known.csv").write_text(table_text({**dict(zip("xyz", places.T, strict=True)), **table}))
     return tmp_path, true
 
 

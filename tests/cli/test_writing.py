@@ -25,7 +25,7 @@ from tensionlab.benchmarking import results
 from tensionlab.benchmarking import run as bench
 from tensionlab.cli import app
 from tensionlab.files import writing
-from tensionlab.files.tables import write_table
+from tensionlab.files.tables import table_text
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.simulation import serve as serving
 from tensionlab.model.files import load_rig
@@ -153,7 +153,7 @@ def prepared(tmp_path_factory, bench_results):
     (folder / "modules.toml").write_text(f"[modules]\n{names}\n")
     places = rig.home + np.random.default_rng(1).uniform([-0.3, 0.0, -0.3], [0.3, 1.2, 0.3], (8, 3))
     lengths = {module.name: column for module, column in zip(rig.modules, rig.lengths(places).T, strict=True)}
-    write_table(folder / "lengths.csv", {**dict(zip("xyz", places.T, strict=True)), **lengths})
+    (folder / "lengths.csv").write_text(table_text({**dict(zip("xyz", places.T, strict=True)), **lengths}))
     runs.logged(folder / "run.mcap", runs.four(), 20)
     results.write(folder / "bench.parquet", bench_results.rows, bench_results.manifest)
     return folder

@@ -32,7 +32,7 @@ MODULES = (
     "tensionlab.mujoco",
 )
 """Where every name is in the reference, with an example."""
-CONSTANTS = {"tensionlab.plots.METADATA", "tensionlab.workspace.MEASURES"}
+CONSTANTS = {"tensionlab.plots.METADATA"}
 """Public, but for nobody to look up: what files are saved with, and an old name."""
 NEVER_FAIL = {
     "tensionlab.haptics.effects.relative",

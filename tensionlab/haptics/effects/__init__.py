@@ -15,7 +15,7 @@ from tensionlab.haptics.effects.effect import (
     SplitEffect,
     relative,
 )
-from tensionlab.haptics.effects.shape import Box, Distance, Field, HalfSpace, Shape, Sphere, VirtualCoupling
+from tensionlab.haptics.effects.shape import Box, Field, HalfSpace, Shape, Sphere, VirtualCoupling
 from tensionlab.haptics.effects.tools import Bow, Recoil, Weight
 
 EFFECTS = {
@@ -42,7 +42,6 @@ __all__ = [
     "AxisImpedance",
     "Bow",
     "Box",
-    "Distance",
     "Effect",
     "Field",
     "Friction",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,37 +118,6 @@ class Box(parameters.Parameters):
         face = side * np.eye(position.shape[-1])[nearest]
         distance = np.where(inside, beyond.max(axis=-1), norm(outside))
         return distance, np.where(inside[..., None], face, side * normalized(outside))
-
-
-@dataclass(frozen=True)
-class Distance(parameters.Parameters):
-    """Field from a function that gives the distance alone; the direction out comes from central differences.
-
-    Parameters
-    ----------
-    of : callable
-        Takes positions (..., d), returns distances (...), in m.
-    step : float
-        Of the differences, in m.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Distance
-    >>> ball = Distance(lambda position: np.linalg.norm(position, axis=-1) - 0.1)
-    >>> distance, out = ball(np.array([0.3, 0.0, 0.0]))
-    >>> out.round(3)
-    array([1., 0., 0.])
-    """
-
-    of: Callable[[Floats], Floats]
-    step: Annotated[float, parameters.Range("m", 1e-9, 1.0)] = 1e-5
-
-    def __call__(self, position: Floats) -> tuple[Floats, Floats]:
-        """Return distances and directions out."""
-        shifts = self.step * np.eye(position.shape[-1])
-        ahead, behind = (self.of(position[..., None, :] + sign * shifts) for sign in (1.0, -1.0))
-        return self.of(position), normalized(ahead - behind)
 
 
 @dataclass(frozen=True)

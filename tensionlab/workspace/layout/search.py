@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import InputError, ShapeError, needs
+from tensionlab.errors import InputError, ShapeError
 from tensionlab.model import pose
 from tensionlab.model.module import Module, TensionLimits
 from tensionlab.workspace.layout.objective import Objective, target_margins, target_slopes
@@ -158,8 +158,7 @@ def _explore(
     show: Callable[[Places], None],
 ) -> list[Places]:
     """Return the last generation of an evolution, the best layout first; show the best of each that is better."""
-    with needs(None, "the search for a layout"):
-        from scipy.optimize import Bounds, OptimizeResult, differential_evolution
+    from scipy.optimize import Bounds, OptimizeResult, differential_evolution
 
     limits = space.tension_limits(count)
     size = count * (space.dimension + 1)
@@ -270,8 +269,7 @@ def _best_step(
     While force is missing somewhere in the target, the step that minimises the missing total; else the step that
     maximises the worst margin.
     """
-    with needs(None, "the search for a layout"):
-        from scipy.optimize import linprog
+    from scipy.optimize import linprog
 
     slope = gradient.reshape(len(margins), -1)
     lowest = margins + np.minimum(slope * low.ravel(), slope * high.ravel()).sum(axis=1)

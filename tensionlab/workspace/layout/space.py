@@ -11,7 +11,7 @@ import numpy as np
 
 from tensionlab import display
 from tensionlab.arrays import Floats, Integers, as_floats
-from tensionlab.errors import RigError, needs
+from tensionlab.errors import RigError
 from tensionlab.files.reading import brief
 from tensionlab.model import pose
 from tensionlab.model.layouts import LIMITS
@@ -266,8 +266,7 @@ class Space:
 
     def _rest(self, modules: Sequence[Module]) -> tuple[RestPose, ...]:
         """Return where the body frames of modules are while the hand is in the target."""
-        with needs(None, "the rig of a layout"):
-            from scipy.spatial.transform import Rotation
+        from scipy.spatial.transform import Rotation
 
         found = []
         for name in dict.fromkeys(module.frame for module in modules if module.frame != WORLD):

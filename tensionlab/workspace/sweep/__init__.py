@@ -17,8 +17,7 @@ from tensionlab.errors import SweepError
 from tensionlab.model.pose import Frames
 from tensionlab.model.requirement import Requirement, as_requirement
 from tensionlab.model.rig import Rig
-from tensionlab.workspace import metrics
-from tensionlab.workspace.metrics import Metric
+from tensionlab.workspace.metrics import Metric, make, name_of
 from tensionlab.workspace.poses import Grid, PoseList
 from tensionlab.workspace.sweep.dataset import empty_dataset
 from tensionlab.workspace.sweep.executors import (
@@ -41,7 +40,7 @@ CHUNK_VALUES = 65_536
 def sweep(
     rigs: Rig | Sequence[Rig] | Configurations,
     poses: Grid | PoseList | ArrayLike,
-    measures: str | Metric | Sequence[str | Metric],
+    metrics: str | Metric | Sequence[str | Metric],
     *,
     frames: Frames | None = None,
     required: Requirement | ArrayLike | None = None,
@@ -61,7 +60,7 @@ def sweep(
         Rigs with names that differ, or what `tensionlab.workspace.vary` returns.
     poses : Grid, PoseList or (k, d) array
         From `tensionlab.workspace`: `Grid`, `box`, `polyline`, `read_poses`; or positions in m.
-    measures : str, Metric, or sequence of them
+    metrics : str, Metric, or sequence of them
         Names in `tensionlab.workspace.METRICS`, such as "capacity-margin" or "reachable-share:2.0", or instances.
     frames : mapping of name to Frame or (position, rotation), optional
         Where the body frames of the rigs are: one pose for each, the same all over the sweep.
@@ -114,7 +113,7 @@ def sweep(
     plan = Plan(
         configurations=rigs if isinstance(rigs, Configurations) else vary(rigs),
         poses=poses if isinstance(poses, (Grid, PoseList)) else PoseList(poses),  # type: ignore[arg-type]
-        metrics=_by_name(measures),
+        metrics=_by_name(metrics),
         frames={} if frames is None else frames,
         chunk=chunk,
         required=None if required is None else as_requirement(required),
@@ -148,14 +147,14 @@ def sweep(
         return store.dataset()
 
 
-def _by_name(measures: str | Metric | Sequence[str | Metric]) -> dict[str, Metric]:
+def _by_name(metrics: str | Metric | Sequence[str | Metric]) -> dict[str, Metric]:
     """Return the metrics by the names that their variables get."""
-    listed = [measures] if isinstance(measures, str) or not isinstance(measures, Sequence) else measures
+    listed = [metrics] if isinstance(metrics, str) or not isinstance(metrics, Sequence) else metrics
     found: dict[str, Metric] = {}
     for each in listed:
         if not isinstance(each, str) and (isinstance(each, type) or not is_dataclass(each)):
             raise SweepError(f"{each!r} is no metric; give names in METRICS, or instances of metrics")
-        name, metric = (each, metrics.make(each)) if isinstance(each, str) else (metrics.name_of(each), each)
+        name, metric = (each, make(each)) if isinstance(each, str) else (name_of(each), each)
         if name in found:
             raise SweepError(f"metric {name!r} is there twice; give it once")
         found[name] = metric

@@ -138,7 +138,7 @@ def _identity(plan: Plan, found: Sequence[Coordinate], demands: str, version: st
         "rigs": _digest([each for each in found if each.name not in names]),
         "poses": _digest(of_poses),
         **({"required": hashlib.sha256(demands.encode()).hexdigest()} if demands else {}),
-        "measures": {name: repr(metric) for name, metric in plan.metrics.items()},
+        "metrics": {name: repr(metric) for name, metric in plan.metrics.items()},
         "chunks": list(plan.chunks),
         "version": version,
     }

@@ -40,8 +40,6 @@ LEDGER = ".ledger"
 LOCK = ".lock"
 """Held by the process that writes to the store."""
 LEDGER_FORMAT = "tensionlab sweep 1"
-FORMER_NAMES = {"measures": "metrics"}
-"""Of what tells a sweep from others: as ledgers have it, and as it is called now."""
 
 Checksums = Mapping[str, str | None]
 """By path in the store; None for a chunk without a file, which Zarr leaves out where all values are NaN."""
@@ -160,7 +158,7 @@ def _open_ledger(path: Path, sweep: dict[str, Any]) -> Ledger:
                 "store; give another place, or delete it"
             )
         raise SweepError(f"{path} is there and holds no sweep; give another place to write to")
-    differs = [FORMER_NAMES.get(part, part) for part, value in sweep.items() if ledger.sweep.get(part) != value]
+    differs = [part for part, value in sweep.items() if ledger.sweep.get(part) != value]
     if differs:
         raise SweepError(
             f"{path} holds a sweep that differs in {' and '.join(differs)}; give another place, or delete it"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import CalibrationError, InputError, ModuleFault
-from tensionlab.files.tables import write_table
+from tensionlab.files.tables import table_text
 from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2, gain_from_sensor, gain_from_weights
 from tensionlab.hardware.calibration.gain_measurement import (
     LEVELS,
@@ -243,7 +243,7 @@ def test_gain_and_hysteresis_are_what_was_planted(bench):
 
 def test_record_and_sensor_come_back_from_files(bench, tmp_path):
     record, time, force, _ = bench
-    write_table(tmp_path / "staircase.csv", vars(record))
+    (tmp_path / "staircase.csv").write_text(table_text(vars(record)))
     again = load_staircase(tmp_path / "staircase.csv")
     np.testing.assert_allclose(again.current, record.current)
     lines = [f"{t},{f}" for t, f in zip(time, force, strict=True)]

@@ -8,7 +8,7 @@ import pytest
 
 from tensionlab.demand import Pose
 from tensionlab.errors import CalibrationError, HardwareError, LinkError
-from tensionlab.files.tables import write_table
+from tensionlab.files.tables import table_text
 from tensionlab.hardware.calibration.anchors import calibrate_anchors
 from tensionlab.hardware.calibration.lengths import columns, load_lengths, record_lengths, zero_lengths
 from tensionlab.hardware.protocol.codes import State
@@ -112,12 +112,12 @@ def test_whatever_goes_wrong_all_modules_are_stopped(held):
 
 def test_lengths_come_back_from_a_file_with_poses_and_without(tmp_path):
     lengths = RIG.lengths(PLACES)
-    write_table(tmp_path / "lengths.csv", columns(RIG, lengths))
+    (tmp_path / "lengths.csv").write_text(table_text(columns(RIG, lengths)))
     again, poses = load_lengths(tmp_path / "lengths.csv", RIG)
     np.testing.assert_allclose(again, lengths, rtol=1e-9)
     assert poses is None
-    write_table(
-        tmp_path / "known.csv", {"x": PLACES[:, 0], **columns(RIG, lengths), "y": PLACES[:, 1], "z": PLACES[:, 2]}
+    (tmp_path / "known.csv").write_text(
+        table_text({"x": PLACES[:, 0], **columns(RIG, lengths), "y": PLACES[:, 1], "z": PLACES[:, 2]})
     )
     poses = load_lengths(tmp_path / "known.csv", RIG)[1]
     np.testing.assert_allclose(poses.position, PLACES, rtol=1e-9)
@@ -138,6 +138,6 @@ def _without(folder, name):
 def test_planar_poses_have_an_angle(tmp_path):
     lengths = PLANAR.lengths(PLANAR.home, 0.1)[None]
     pose = {"x": [PLANAR.home[0]], "y": [PLANAR.home[1]], "angle": [0.1]}
-    write_table(tmp_path / "a.csv", columns(PLANAR, lengths) | pose)
+    (tmp_path / "a.csv").write_text(table_text(columns(PLANAR, lengths) | pose))
     poses = load_lengths(tmp_path / "a.csv", PLANAR)[1]
     assert poses.rotation[0, 1, 0] == pytest.approx(np.sin(0.1))

@@ -36,7 +36,7 @@ def test_a_store_is_read_chunk_by_chunk(tmp_path, monkeypatch, sample):
         assert found.median == pytest.approx(np.nanmedian(whole), abs=0 if sample > 504 else 0.1)
 
 
-def test_what_tells_a_sweep_from_others_is_as_it_always_was_so_that_older_stores_open():
+def test_a_sweep_is_told_from_others_by_rigs_poses_metrics_chunks_and_version():
     anchors = [(-1, -1), (1, -1), (0, 1)]
     modules = tuple(tl.Module(str(i), anchor, 0.5, 6.0) for i, anchor in enumerate(anchors))
     rig = tl.Rig("triangle", "planar-point", modules, np.zeros(2))
@@ -44,7 +44,7 @@ def test_what_tells_a_sweep_from_others_is_as_it_always_was_so_that_older_stores
     assert json.loads(tl.sweep(rig, Grid([0.0, 0.25], [-0.25, 0.0, 0.25]), names).sweep) == {
         "rigs": "3e6f6c00ed4e206d0569594ad44c387d92e71fffbd98be674f1ad4f6f4176500",
         "poses": "bf362342d92c98d69ffa84c44d407b147f63501cdc8b48f545b78d412a3e9743",
-        "measures": {
+        "metrics": {
             "capacity-margin": "CapacityMargin(radius=0.0)",
             "least-singular-value": "LeastSingularValue()",
             "reachable-share:2.0": "ReachableShare(magnitude=2.0, count=200)",

@@ -147,8 +147,8 @@ def test_a_cluster_whose_worker_dies_half_way_gives_the_same(start, scheduler, t
 
     killer = threading.Thread(target=kill)
     killer.start()
-    measures = ["capacity-margin", Tallied(str(tally), gate=str(gate), held_after=COUNT // 2)]
-    data = tl.sweep(CUBE, POSES, measures, out=tmp_path / "sweep.zarr", scheduler=scheduler, chunk=CHUNK).load()
+    metrics = ["capacity-margin", Tallied(str(tally), gate=str(gate), held_after=COUNT // 2)]
+    data = tl.sweep(CUBE, POSES, metrics, out=tmp_path / "sweep.zarr", scheduler=scheduler, chunk=CHUNK).load()
     killer.join()
     assert workers[0].wait() == -signal.SIGKILL
     assert workers[1].poll() is None
@@ -174,7 +174,7 @@ def test_a_scheduler_that_dies_is_an_error_and_what_was_finished_stays(start, ot
 
     killer = threading.Thread(target=kill)
     killer.start()
-    arguments = {"measures": Tallied(str(tally), gate=str(gate), held_after=20), "out": out, "chunk": CHUNK}
+    arguments = {"metrics": Tallied(str(tally), gate=str(gate), held_after=20), "out": out, "chunk": CHUNK}
     with pytest.raises(SweepError, match=r"(?s)gave up: .*the same call goes on from here"):
         tl.sweep(CUBE, POSES, **arguments, scheduler=scheduler)
     killer.join()

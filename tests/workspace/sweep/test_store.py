@@ -79,7 +79,7 @@ def store(tmp_path):
 
 
 def sweep(store, tally, **changed):
-    arguments = {"rigs": RIGS, "poses": POSES, "measures": ["least-singular-value", Tallied(str(tally))]}
+    arguments = {"rigs": RIGS, "poses": POSES, "metrics": ["least-singular-value", Tallied(str(tally))]}
     return tl.sweep(**{**arguments, **changed}, out=store, chunk=CHUNK, progress=False)
 
 
@@ -325,7 +325,7 @@ def test_a_finished_store_is_opened_while_another_has_it_open(store, finished, m
     [
         ({"rigs": vary(tl.ring_plus_top, side=[0.5, 1.1], count=[3, 4])}, "rigs"),
         ({"poses": Grid(POSES.x, POSES.y, POSES.z + 1e-9)}, "poses"),
-        ({"measures": ["condition-number"]}, "metrics"),
+        ({"metrics": ["condition-number"]}, "metrics"),
         ({"poses": Grid(POSES.x, POSES.y, POSES.z[:2])}, "poses and chunks"),
     ],
 )
