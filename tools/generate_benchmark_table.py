@@ -16,6 +16,7 @@ from tensionlab.benchmarking import results
 from tensionlab.benchmarking.report import (
     IDLE_SHARE,
     Column,
+    calls_table,
     count,
     marked,
     newton,
@@ -50,8 +51,9 @@ def section(found: Results) -> str:
         f"{commit_of(about)}: the share of feasible problems solved to an accuracy, *elsewhere* (where "
         "wrenches may be infeasible) to 1e-6 N; the largest difference of a tension to the verified optimum; "
         "the time of one call (verification included for built-in solvers, in bold) and of a problem in a batch. "
-        "Baselines solve the plain program, at their defaults and tight. † has another objective."
-        f"\n\n{summary_table(found, COLUMNS)}"
+        "Baselines solve the plain program, at their defaults and tight; their matrices, such as the identity of "
+        "the cost, are built in each call. † has another objective."
+        f"\n\n{summary_table(found, COLUMNS)}\n\n{calls_table(found)}"
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from tensionlab.benchmarking.report import newton, table
+from tensionlab.benchmarking.report import table
 from tensionlab.benchmarking.results import Results, Summary, summaries
 from tensionlab.display import duration, percent
 from tensionlab.solvers import make
@@ -35,7 +35,6 @@ COLUMNS: dict[str, Callable[[Summary], str]] = {
     "best elsewhere": lambda line: percent(line.elsewhere),
     "typical call": lambda line: duration(line.sgm_s),
     "99.9 % within": lambda line: duration(line.p999_s),
-    "largest change, N/mm": lambda line: newton(line.jump_max),
 }
 
 
@@ -52,7 +51,6 @@ def choice(found: Results) -> str:
         "*Renders*: the share of feasible problems rendered to 1e-6 N; what a solver refuses (for "
         "`polygon` more than two redundant cables) counts as missed. *Best elsewhere*: the share of "
         "problems, in sets with infeasible wrenches, whose error is the least possible one to 1e-6 N. "
-        f"Times are of one call, verification included, on one thread of {processor}. *Largest change*: "
-        "of a tension along paths that cross the border of the workspace."
+        f"Times are of one call, verification included, on one thread of {processor}."
     )
     return f"{table(heads, rows, left=3)}\n\n{about}"

@@ -181,7 +181,8 @@ class _Baseline:
         iterations = np.zeros(len(problem), dtype=np.int64)
         failures: dict[int, str] = {}
         for row in range(len(problem)):
-            reply = self.solver.run(self.solver.build(*_one(problem, row)))
+            program = self.solver.build(*_one(problem, row))
+            reply = self.solver.read(program, self.solver.run(program))
             iterations[row] = reply.iterations
             if reply.tensions is None:
                 failures[row] = reply.failure
@@ -194,8 +195,9 @@ class _Baseline:
         began = time.perf_counter()
         program = self.solver.build(*arrays)
         built = time.perf_counter()
-        reply = self.solver.run(program)
+        result = self.solver.run(program)
         ended = time.perf_counter()
+        reply = self.solver.read(program, result)
         return CallTimes(ended - began, built - began, reply.setup_s, reply.solve_s)
 
 
@@ -232,20 +234,24 @@ class DirectDaqp:
     """
 
     settings: Literal["default", "tight"] = "default"
+    solve: Any = field(init=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        load_daqp()
+        object.__setattr__(self, "solve", load_daqp().solve)
 
     def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
-        """Stack limits and equations as DAQP takes them."""
+        """Make the cost and stack limits and equations as DAQP takes them, as a script does in each call."""
         n, m = structure.shape
         above, below = np.concatenate([upper, wrench]), np.concatenate([lower, wrench])
         return np.eye(m), np.zeros(m), structure, above, below, constraint_types(n, m)
 
-    def run(self, program: Any) -> Reply:
+    def run(self, program: Any) -> Any:
         """Solve a program of `build`."""
-        options = TIGHT["daqp"] if self.settings == "tight" else {}
-        found, _, flag, info = load_daqp().solve(*program, **options)
+        return self.solve(*program, **TIGHT["daqp"]) if self.settings == "tight" else self.solve(*program)
+
+    def read(self, program: Any, result: Any) -> Reply:
+        """Read tensions, iterations and times out of DAQP's answer."""
+        found, _, flag, info = result
         tensions = finite_tensions(found, len(program[1]))
         return Reply(
             tensions,

@@ -106,7 +106,7 @@ def _blocks(problems: ProblemSet, rng: np.random.Generator) -> list[Block]:
     start = 0
     for group in problems.groups:
         problem, size = problem_of(group), len(group.structure)
-        # Neighbours are often alike, and a slow entry should see of everything; but jumps need neighbours.
+        # Neighbours are often alike, and a slow entry should see of everything; a figure has a whole trajectory.
         order = np.arange(size) if group.path_mm is not None else rng.permutation(size)
         pieces = [order[first : first + BLOCK] for first in range(0, size, BLOCK)]
         # The k-th of K pieces comes at about k/K of the way.
@@ -130,7 +130,7 @@ def _answers(
 ) -> list[Block]:
     """Verify the answers to as many blocks as the entry's share of time allows; return those to be timed.
 
-    Along a trajectory all answers are taken, because a jump needs both its sides; only the timing is spared.
+    Along a trajectory all answers are taken, because a figure has all of it; only the timing is spared.
     """
     spent, answered = 0.0, []
     warm: set[tuple[int, ...]] = set()
@@ -182,22 +182,16 @@ def _verify(
 
 
 def _along_trajectories(problems: ProblemSet, evidence: Evidence) -> None:
-    """Note how much the tensions jump along each trajectory, and keep one for a figure.
-
-    The one of most redundancy, where objectives differ most.
-    """
+    """Keep the tensions along the trajectory of most redundancy, where objectives differ most, for a figure."""
     start, kept = 0, -1
     for group in problems.groups:
         rows = slice(start, start + len(group.structure))
         start = rows.stop
-        if group.path_mm is None:
-            continue
         n, m = group.structure.shape[1:]
-        nothing = np.full(m, np.nan)
-        tensions = np.array([evidence.tensions.get(row, nothing) for row in range(rows.start, rows.stop)])
-        evidence.jumps.append(statistics.jumps(tensions, group.path_mm))
-        if m - n > kept:
+        if group.path_mm is not None and m - n > kept:
             kept = m - n
+            nothing = np.full(m, np.nan)
+            tensions = np.array([evidence.tensions.get(row, nothing) for row in range(rows.start, rows.stop)])
             evidence.trajectory = Trajectory(group.path_mm, tensions, evidence.reachable[rows])
 
 

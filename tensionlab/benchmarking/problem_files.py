@@ -184,7 +184,7 @@ def _allocation(program: Program) -> tuple[Floats, Floats, Floats, Floats] | str
 
 
 def _group(where: str, label: str, rows: Sequence[Any], share: float) -> Group:
-    """Return the programs of a group, or an even selection; of a path all, because a jump needs neighbours."""
+    """Return the programs of a group, or an even selection; all of a path."""
     *_, lengths = zip(*rows, strict=True)
     path = None if None in lengths else np.array(lengths, dtype=np.float64)
     if path is None and share < 1.0:

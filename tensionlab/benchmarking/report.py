@@ -62,11 +62,11 @@ SUMMARY_COLUMNS: list[Column[Summary]] = [
     ("elsewhere 1e-6 N", lambda line: percent(line.elsewhere)),
     ("max gap, N", lambda line: marked(newton(line.gap_max), line.comparable)),
     ("typical call", lambda line: duration(line.sgm_s)),
+    ("prebuilt", lambda line: duration(line.prebuilt_s)),
     ("p99.9", lambda line: duration(line.p999_s)),
     ("worst", lambda line: duration(line.worst_s)),
     ("in a batch", lambda line: duration(line.batch_s)),
     ("iterations", lambda line: count(line.iterations_max) if line.iterations_max else "–"),
-    ("jump, N/mm", lambda line: newton(line.jump_max)),
 ]
 ROW_COLUMNS: list[Column[Row]] = [
     ("tried", lambda row: count(row.tried)),
@@ -111,12 +111,12 @@ HOW_TO_READ = """\
   by a raw answer.
 - **Times** are of one call from arrays to tensions, each problem the best of {repeats} in random order, in
   blocks in which the entries take turns; so they are the solver's and not the machine's. *typical* is
-  the shifted geometric mean (shift 1 µs). *build* is the part that brings the arrays into the baseline's form;
-  *set-up* and *solve* are by the baseline's own clock, where it has one. *batch*: a problem in one large batch.
+  the shifted geometric mean (shift 1 µs). *build* is the part that brings the arrays into the baseline's form,
+  such as the identity matrix of its cost; *prebuilt* is the typical call without it, as in a loop that keeps
+  them; *set-up* and *solve* are by the baseline's own clock, where it has one. *batch*: a problem in one large
+  batch.
 - **tried**: each entry has {seconds:g} s for each set; one that needs longer gets fewer of the
-  problems, drawn at random.
-- **jump**: largest change of a tension from one sample of a trajectory to the next, for each millimetre of
-  path."""
+  problems, drawn at random."""
 
 
 def report(results: Results, figures: Collection[str] = tuple(FIGURES)) -> str:
@@ -201,7 +201,19 @@ def _batches(results: Results) -> list[str]:
     first = results.batches[0]
     headings = ["", "wrenches", "one core", f"all {first.cores} cores", "DAQP in C", "loop over DAQP",
                 "one core / DAQP in C", "loop / all cores", "max gap, N"]  # fmt: skip
-    calls = [
+    return [
+        "## Batches",
+        f"{count(first.count)} random problems in one `tl.allocate` call, verification included: time for each. "
+        "DAQP's time in C is set-up plus solve by its own clock; the loop calls its Python module with all arrays "
+        "ready. Each the best of its rounds.",
+        table(headings, rows, left=2),
+        calls_table(results),
+    ]
+
+
+def calls_table(results: Results) -> str:
+    """Return what single calls take, of solvers and baselines in turn, with a sentence on what the columns are."""
+    rows = [
         [
             f"n = {call.components}, m = {call.cables}",
             f"`{call.caller}`",
@@ -212,16 +224,13 @@ def _batches(results: Results) -> list[str]:
         ]
         for call in results.calls
     ]
-    return [
-        "## Batches",
-        f"{count(first.count)} random problems in one `tl.allocate` call, verification included: time for each. "
-        "DAQP's time in C is set-up plus solve by its own clock; the loop calls its Python module with all arrays "
-        "ready. Each the best of its rounds.",
-        table(headings, rows, left=2),
-        "One call for one problem. Whatever interrupts the process counts in p99.9, but hardly in the last "
-        f"column, where each problem has its best time of {PASSES}:",
-        table(["", "caller", "median", "p99.9", "p99.9 / median", "uninterrupted"], calls, left=2),
-    ]
+    about = (
+        "One call for one problem, the callers in turn. Whatever interrupts the process counts in p99.9, but "
+        f"hardly in the last column, where each problem has its best time of {PASSES}:"
+    )
+    return (
+        f"{about}\n\n{table(['', 'caller', 'median', 'p99.9', 'p99.9 / median', 'uninterrupted'], rows, left=2)}"
+    )
 
 
 def _machine(results: Results) -> str:

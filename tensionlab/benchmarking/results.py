@@ -46,9 +46,9 @@ class Row:
     Times in s are of one call, each problem the best of its repeats, so that little of the machine's interruptions
     is left: shifted geometric mean, median, quantiles and worst over the problems. ``jitter_s`` is the slowest
     call of all, interruptions included; ``build_s`` the median time to bring the arrays into the baseline's form,
-    ``setup_s`` and ``solve_s`` medians by its own clock; ``batch_s`` the time of a problem in one large batch, for
-    built-in solvers. ``iterations_max`` is 0 where none are reported. ``jump_max`` is the largest change of a
-    tension along a trajectory, in N/mm.
+    such as the identity matrix of its cost; ``prebuilt_s`` is ``sgm_s`` without that; ``setup_s`` and ``solve_s``
+    are medians by its own clock; ``batch_s`` is the time of a problem in one large batch, for built-in solvers.
+    ``iterations_max`` is 0 where none are reported.
 
     The lists are the evidence for each problem in order (NaN where not tried, refused or failed), and of one
     trajectory: length of the path so far, tensions of all cables row by row, and whether wrenches are feasible.
@@ -75,6 +75,7 @@ class Row:
     gap_median: float = NAN
     gap_max: float = NAN
     sgm_s: float = NAN
+    prebuilt_s: float = NAN
     median_s: float = NAN
     p99_s: float = NAN
     p999_s: float = NAN
@@ -85,7 +86,6 @@ class Row:
     solve_s: float = NAN
     batch_s: float = NAN
     iterations_max: int = 0
-    jump_max: float = NAN
     call_s: list[float] = field(default_factory=list, repr=False)
     errors: list[float] = field(default_factory=list, repr=False)
     violations: list[float] = field(default_factory=list, repr=False)
@@ -257,9 +257,9 @@ class Summary:
     """One entry over all sets, each set counting the same; NaN where there is nothing.
 
     Of the sets that are entirely feasible, where every entry has the same problem to solve, or of all if there is
-    none; but ``elsewhere`` is the mean share solved to 1e-6 N in the other sets, and ``iterations_max`` and
-    ``jump_max`` (N/mm) are of all. Shares are means over the sets, ``sgm_s`` and ``batch_s`` geometric means, and
-    the others the largest; ``spread`` is the 99.9 % quantile of time over the median.
+    none; but ``elsewhere`` is the mean share solved to 1e-6 N in the other sets, and ``iterations_max``
+    is of all. Shares are means over the sets, ``sgm_s``, ``prebuilt_s`` and ``batch_s`` geometric means, and the
+    others the largest; ``spread`` is the 99.9 % quantile of time over the median.
     """
 
     label: str
@@ -272,12 +272,12 @@ class Summary:
     elsewhere: float
     gap_max: float
     sgm_s: float
+    prebuilt_s: float
     p999_s: float
     worst_s: float
     spread: float
     batch_s: float
     iterations_max: int
-    jump_max: float
     violation_max: float
 
     @property
@@ -310,12 +310,12 @@ def _summary(label: str, rows: list[Row], feasible: set[str]) -> Summary:
         elsewhere=_mean(row.solved_1e6 for row in rows if row.problem_set not in feasible),
         gap_max=_maximum(row.gap_max for row in inside),
         sgm_s=float(np.exp(_mean(np.log(row.sgm_s) for row in inside))),
+        prebuilt_s=float(np.exp(_mean(np.log(row.prebuilt_s) for row in inside))),
         p999_s=_maximum(row.p999_s for row in inside),
         worst_s=_maximum(row.worst_s for row in inside),
         spread=_maximum(row.p999_s / row.median_s for row in inside),
         batch_s=float(np.exp(_mean(np.log(row.batch_s) for row in inside))),
         iterations_max=max(row.iterations_max for row in rows),
-        jump_max=_maximum(row.jump_max for row in rows),
         violation_max=_maximum(row.violation_max for row in inside),
     )
 
@@ -358,7 +358,6 @@ class Evidence:
     note: str = ""
     batch_s: float = NAN
     tensions: dict[int, Floats] = field(default_factory=dict)
-    jumps: list[Floats] = field(default_factory=list)
     trajectory: Trajectory | None = None
 
 
@@ -408,6 +407,7 @@ def summarise(name: str, entry: Entry, evidence: Evidence) -> Row:
         gap_median=statistics.quantile(evidence.gap, 0.5),
         gap_max=statistics.maximum(evidence.gap),
         sgm_s=statistics.shifted_geometric_mean(best[:, 0]),
+        prebuilt_s=statistics.shifted_geometric_mean(best[:, 0] - best[:, 1]),
         median_s=statistics.quantile(best[:, 0], 0.5),
         p99_s=statistics.quantile(best[:, 0], 0.99),
         p999_s=statistics.quantile(best[:, 0], 0.999),
@@ -418,7 +418,6 @@ def summarise(name: str, entry: Entry, evidence: Evidence) -> Row:
         solve_s=statistics.quantile(best[:, 3], 0.5),
         batch_s=evidence.batch_s,
         iterations_max=int(evidence.iterations.max(initial=0)),
-        jump_max=statistics.maximum(np.concatenate([np.zeros(0), *evidence.jumps])),
         call_s=best[:, 0].tolist(),
         errors=evidence.error.tolist(),
         violations=evidence.violation.tolist(),

@@ -143,6 +143,9 @@ def daqp_loop(structure: Floats, wrench: Floats) -> Callable[[Any], list[Any]]:
 def time_calls(components: int, cables: int, calls: int = 5000, seed: int = 0) -> list[CallRow]:
     """Time single calls, as of a control loop or a script, beside DAQP and qpsolvers on the same problems.
 
+    DAQP takes the identity matrix of the cost, zeros and constraint types as arrays; it is called with all of them
+    prebuilt, and building them in each call.
+
     Callers take turns of `BLOCK` calls, in a new random order each time, after one that is not timed; each
     problem comes up in `PASSES` passes.
     """
@@ -155,7 +158,11 @@ def time_calls(components: int, cables: int, calls: int = 5000, seed: int = 0) -
     }
     if entries.daqp_installed():
         loop = daqp_loop(structure, wrench)
-        callers["daqp.solve"] = lambda row: loop((row,))
+        direct = entries.DirectDaqp()
+        callers["daqp.solve, matrices prebuilt"] = lambda row: loop((row,))
+        callers["daqp.solve, matrices built in each call"] = lambda row: direct.run(
+            direct.build(structure[row], wrench[row], lower, upper)
+        )
         callers['qpsolvers.solve_qp(solver="daqp")'] = lambda row: solve_qp(
             structure[row], wrench[row], lower, upper, "daqp"
         )

@@ -38,16 +38,6 @@ def maximum(values: Floats) -> float:
     return float(values.max()) if values.size else float("nan")
 
 
-def jumps(tensions: Floats, path_mm: Floats) -> Floats:
-    """Return the largest change of a tension from each sample of a path to the next, (B - 1,) in N/mm.
-
-    From tensions (B, m) and the length of the path so far (B,). NaN where there is no answer or the path stands
-    still.
-    """
-    change, way = np.abs(np.diff(tensions, axis=0)).max(axis=1), np.diff(path_mm)
-    return np.asarray(np.divide(change, way, out=np.full(len(way), np.nan), where=way > 0))
-
-
 def profile(seconds: Floats, solved: NDArray[np.bool_], tried: NDArray[np.bool_]) -> list[Floats]:
     """Return the performance profile of each entry: how much slower it is than the fastest, problem by problem.
 

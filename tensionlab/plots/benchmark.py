@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, overload
 import numpy as np
 
 from tensionlab.benchmarking.entries import WRAPPERS
-from tensionlab.benchmarking.report import newton as force
-from tensionlab.benchmarking.statistics import jumps, maximum, profile, quantile
+from tensionlab.benchmarking.statistics import profile, quantile
 from tensionlab.comparison.compare import Comparison
 from tensionlab.display import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 from tensionlab.errors import InputError
@@ -357,9 +356,7 @@ def plot_continuity(results: Results) -> Figure:
         axes.fill_between(way, 0, 2 * highest, where=~reachable, color="#EEEEEE", linewidth=0, step="mid")
         axes.plot(way, tensions, linewidth=1.0)
         axes.set(xlim=(way[0], way[-1]), ylim=(0, 1.05 * highest))
-        axes.set_title(name, fontsize=8.5, pad=14)
-        jump = f"max jump {force(maximum(jumps(tensions, way)))} N/mm"
-        axes.text(0.0, 1.04, jump, transform=axes.transAxes, fontsize=8, color="#555555")
+        axes.set_title(name, fontsize=8.5)
 
     with new_figure((9.5, 0.7 + 1.6 * -(-len(panels) // COLUMNS))) as figure:
         _grid(figure, list(panels), draw, "path (mm)", "tension (N)")

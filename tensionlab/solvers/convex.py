@@ -207,17 +207,23 @@ class PlainConvex:
         board.t.value = None
         return board
 
-    def run(self, program: CompiledPrograms) -> Reply:
+    def run(self, program: CompiledPrograms) -> Any:
         """Solve it."""
         from cvxpy.error import SolverError
 
-        closest, options = program.closest, {}
+        options = {}
         if self.settings == "tight":
             options = {"solver": "CLARABEL", **SETTINGS["CLARABEL"]}
         try:
-            closest.solve(warm_start=False, **options)
+            return program.closest.solve(warm_start=False, **options)
         except (SolverError, ValueError) as error:
-            return Reply(None, failure=f"{type(error).__name__}: {error}")
+            return error
+
+    def read(self, program: CompiledPrograms, result: Any) -> Reply:
+        """Read tensions, iterations and times out of a program that was solved."""
+        if isinstance(result, Exception):
+            return Reply(None, failure=f"{type(result).__name__}: {result}")
+        closest = program.closest
         tensions, stats = finite_tensions(program.t.value, program.t.size), closest.solver_stats
         return Reply(
             tensions,

@@ -264,14 +264,18 @@ class Reply:
 
 
 class Baseline(Protocol):
-    """One way to minimise ``|t|²`` subject to ``W t = w`` and limits, in two steps that are timed apart."""
+    """One way to minimise ``|t|²`` subject to ``W t = w`` and limits: two timed steps, and their reading."""
 
     def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
         """Put one problem, (n, m), (n,), (m,), (m,), into the form that the baseline takes."""
         ...
 
-    def run(self, program: Any) -> Reply:
-        """Solve it."""
+    def run(self, program: Any) -> Any:
+        """Solve it and return what the library did, or the exception that it raised."""
+        ...
+
+    def read(self, program: Any, result: Any) -> Reply:
+        """Read the reply out of what `run` returned."""
         ...
 
 

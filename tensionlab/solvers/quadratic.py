@@ -298,15 +298,20 @@ class PlainProgram:
             cost, rows = sparse.eye(cables, format="csc"), sparse.csc_matrix(structure)
         return qpsolvers.Problem(cost, np.zeros(cables), A=rows, b=wrench, lb=lower, ub=upper)
 
-    def run(self, program: Any) -> Reply:
+    def run(self, program: Any) -> Any:
         """Solve it; `warnings` are the caller's to silence, because that would cost time here."""
         import qpsolvers
 
         options = ALWAYS.get(self.backend, {}) | (TIGHT[self.backend] if self.settings == "tight" else {})
         try:
-            solution = qpsolvers.solve_problem(program, self.backend, **options)
+            return qpsolvers.solve_problem(program, self.backend, **options)
         except raised_by(self.backend) as error:
-            return Reply(None, failure=f"{type(error).__name__}: {error}")
+            return error
+
+    def read(self, program: Any, solution: Any) -> Reply:
+        """Read tensions, iterations and times out of a solution."""
+        if isinstance(solution, Exception):
+            return Reply(None, failure=f"{type(solution).__name__}: {solution}")
         tensions = finite_tensions(solution.x, len(program.q))
         extras = solution.extras
         info = extras.get("info")

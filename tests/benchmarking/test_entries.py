@@ -6,6 +6,7 @@ from tensionlab.benchmarking.entries import BASELINES, WRAPPERS, entries
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers import SOLVERS
 from tensionlab.solvers.quadratic import BACKENDS
+from tests.support import batch
 
 
 def names(found):
@@ -68,3 +69,18 @@ def test_what_is_not_installed_is_there_and_says_so(monkeypatch):
 
 def _not_there():
     raise MissingDependency("DAQP is not installed")
+
+
+def test_the_time_of_a_baseline_is_its_own_and_not_that_of_reading_its_answer(monkeypatch):
+    """The clock is replaced by a count of what has been done."""
+    done = []
+    monkeypatch.setattr(room.time, "perf_counter", lambda: float(len(done)))
+    build, run, read = (getattr(room.DirectDaqp, name) for name in ("build", "run", "read"))
+    for name, method, cost in (("build", build, 2), ("run", run, 3), ("read", read, 100)):
+        monkeypatch.setattr(
+            room.DirectDaqp, name, lambda *words, own=method, n=cost: done.extend([0] * n) or own(*words)
+        )
+    (entry,) = (each for each in entries("all", ["daqp"]) if each.setting == "default")
+    problem = batch.problem([[1.0, 1.0]], [3.0], 1.0, 4.0)
+    found = room.driver(entry).call(problem, 0)
+    assert (found.call, found.build) == (5.0, 2.0)

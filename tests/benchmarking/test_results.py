@@ -13,6 +13,7 @@ def test_a_problem_is_timed_by_the_best_of_its_repeats():
     row = summarise("a", entries("all", ["daqp"])[0], evidence)
     np.testing.assert_array_equal(row.call_s, [2e-6, 1e-6, np.nan])
     assert (row.median_s, row.worst_s, row.jitter_s) == (1e-6, 2e-6, 9e-6)
+    assert 4e-7 < row.prebuilt_s < 1.1e-6 < row.sgm_s  # 1 and 0.5 µs, and 2 and 1 µs
     # The parts are those of the same call.
     assert (row.build_s, row.setup_s, row.solve_s) == (5e-7, 3e-7, 2e-7)
 

@@ -43,10 +43,11 @@ def test_without_daqp_its_columns_are_empty(monkeypatch):
     assert np.isnan([row.daqp_c_s, row.daqp_loop_s, row.gap_max, row.ratio]).all()
 
 
-def test_single_calls_of_all_four_callers():
+def test_single_calls_of_all_callers_daqp_with_its_matrices_prebuilt_and_not():
     found = time_calls(3, 8, calls=45)
     assert [call.caller for call in found] == [
-        "tl.Allocator", "tl.allocate", "daqp.solve", 'qpsolvers.solve_qp(solver="daqp")',
+        "tl.Allocator", "tl.allocate", "daqp.solve, matrices prebuilt",
+        "daqp.solve, matrices built in each call", 'qpsolvers.solve_qp(solver="daqp")',
     ]  # fmt: skip
     assert all(1e-7 < call.median_s <= call.p999_s < 1.0 for call in found)
     assert all(call.quiet_p999_s <= call.p999_s for call in found)

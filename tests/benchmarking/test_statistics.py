@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from tensionlab.benchmarking.statistics import (
-    jumps,
     maximum,
     profile,
     quantile,
@@ -27,13 +26,6 @@ def test_a_quantile_is_a_value_that_was_measured():
     assert np.isnan(quantile(np.array([]), 0.5))
     assert maximum(np.array([1.0, NAN, 5.0])) == 5.0
     assert np.isnan(maximum(np.array([NAN])))
-
-
-def test_jumps_are_of_the_cable_that_changes_most_for_each_millimetre():
-    tensions = np.array([[1.0, 5.0], [1.5, 4.0], [NAN, NAN], [2.0, 2.0], [2.0, 3.0]])
-    path = np.array([0.0, 0.5, 1.0, 2.0, 2.0])
-    # 1 N in 0.5 mm; then no answer; then the path stands still.
-    np.testing.assert_array_equal(jumps(tensions, path), [2.0, NAN, NAN, NAN])
 
 
 def test_a_performance_profile_by_hand():

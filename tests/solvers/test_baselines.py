@@ -30,7 +30,8 @@ pytestmark = pytest.mark.filterwarnings("ignore")
 
 
 def ask(peer, wrench=WRENCH):
-    return peer.run(peer.build(ROWS, wrench, LOWER, UPPER))
+    program = peer.build(ROWS, wrench, LOWER, UPPER)
+    return peer.read(program, peer.run(program))
 
 
 @each_peer
