@@ -99,3 +99,15 @@ def test_a_wrench_that_is_a_hair_out_of_reach_is_exact_whatever_the_angle():
     force = tl.allocate(structure, hair, limits, nearest="force").status
     assert 0 < (force == 0).sum() < keep.sum()
     assert (tl.allocate(structure, hair, limits, nearest="direction").status == force).all()
+
+
+def test_where_cables_hang_the_direction_jumps_and_the_other_policies_do_not():
+    """Two cables pull up with 1.6 N at least, and a wrench grazes what they render."""
+    edge, structure = np.arctan2(8.8, 5.4), [[-0.6, 0.6], [0.8, 0.8]]
+    wrenches = [[20.0 * np.cos(edge + turn), 20.0 * np.sin(edge + turn)] for turn in (-5e-6, 5e-6)]
+    change = {
+        policy: np.ptp(tl.allocate(structure, wrenches, (1.0, 10.0), nearest=policy).tensions, axis=0).max()
+        for policy in ("direction", "force", "tension")
+    }
+    assert change["direction"] > 3.0
+    assert max(change["force"], change["tension"]) < 1e-3
