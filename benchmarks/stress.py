@@ -138,7 +138,7 @@ class Tally:
         self.problems += len(status)
         self.exact += int(np.count_nonzero(status == Status.EXACT))
         self.nearest += int(np.count_nonzero(status == Status.NEAREST))
-        self.unproved += int(np.count_nonzero(status >= Status.ITERATION_LIMIT))
+        self.unproved += int(np.count_nonzero(status >= Status.UNPROVEN))
         self.wrong += int(np.count_nonzero(distance > WRONG))
         self.worst = max(self.worst, float(distance.max(initial=0.0)))
         for count, found in enumerate(np.bincount(iterations, minlength=1)):

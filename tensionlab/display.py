@@ -32,7 +32,7 @@ Colours = NDArray[np.uint8]
 STATUS_LOOK = [
     ("exact", "#5A5A5A"),
     ("certified infeasible", "#BBBBBB"),
-    ("unproven (iteration limit)", RED),
+    ("unproven", RED),
     ("failed", "#000000"),
 ]
 """Word and colour of each `Status`, in its order."""

@@ -28,7 +28,7 @@ def verify(problem: Problem, answer: Answer) -> Verified:
     wrench, residual, status, scale, flawed = _certify(problem, tensions, separation)
     failures: dict[int, str] = {}
     if flawed:
-        unproved = np.flatnonzero(status == Status.ITERATION_LIMIT)
+        unproved = np.flatnonzero(status == Status.UNPROVEN)
         if problem.nearest == "direction" and not proposed and unproved.size:
             # That proof needs a direction that no error vector supplies: ask the exact solver for one.
             part, found = problem.take(unproved), tensions[unproved]

@@ -23,7 +23,7 @@ from tests.support.problems import Case, batches, one, random_cases
 CLOSEST = ("newton", "dykstra", "qp", "cvxpy")
 """Families that minimise the distance to the reference, and find an answer wherever there is one."""
 MAY_GIVE_UP = {"qp:osqp": 0.05, "qp:quadprog": 0.05, "qp:highs": 0.05}
-"""Share of ordinary problems that a backend may leave at ITERATION_LIMIT. None may give a wrong verdict."""
+"""Share of ordinary problems that a backend may leave at UNPROVEN. None may give a wrong verdict."""
 LARGEST_REDUNDANCY = {"polygon": 2}
 """Families that say FAILED where a rank-deficient structure matrix leaves more redundancy than this."""
 EXAMPLES = {"qp": many(15, least=3), "cvxpy": many(10, least=2)}
@@ -63,7 +63,7 @@ def same(first: tl.Allocation, second: tl.Allocation, tensions: NDArray[np.float
     """Equal statuses, and tensions equal to ``tensions`` times scale; roughly so where a solver gave up."""
     np.testing.assert_array_equal(first.status, second.status)
     difference = np.abs(first.tensions - scale * tensions).max(axis=-1, initial=0) / scale
-    assert (difference <= np.where(first.status == tl.Status.ITERATION_LIMIT, 1e-4, 2e-6)).all(), difference
+    assert (difference <= np.where(first.status == tl.Status.UNPROVEN, 1e-4, 2e-6)).all(), difference
 
 
 TRUTHS: dict[tuple[bytes, ...], Truth | None] = {}
@@ -84,7 +84,7 @@ def judged(case: Case, nearest: str) -> Truth | None:
 def check(case: Case, found: tl.Allocation, i: int, nearest: Any) -> None:
     """Hold one answer of a batch against what can be measured here."""
     t, status = found.tensions[i], found.status[i]
-    assert status in (tl.Status.EXACT, tl.Status.NEAREST, tl.Status.ITERATION_LIMIT)
+    assert status in (tl.Status.EXACT, tl.Status.NEAREST, tl.Status.UNPROVEN)
     assert np.all(t >= case.lower)
     assert np.all(t <= case.upper)
     np.testing.assert_allclose(found.wrench[i], case.structure @ t, rtol=0, atol=1e-11)
@@ -167,7 +167,7 @@ def test_reachable_is_exact_and_unreachable_nearest(name: str, nearest: Any) -> 
         found = run(batch, name, nearest)
         for i in range(count):
             truth = judged(one(batch, i), nearest)
-            if name in MAY_GIVE_UP and found.status[i] == tl.Status.ITERATION_LIMIT:
+            if name in MAY_GIVE_UP and found.status[i] == tl.Status.UNPROVEN:
                 given_up += 1
             elif truth is not None:
                 expected = tl.Status.EXACT if truth.reachable else tl.Status.NEAREST

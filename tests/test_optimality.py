@@ -208,7 +208,7 @@ def test_limits_far_beyond_the_wrench_hide_no_proof(upper: float, nearest: Neare
         found = tl.allocate(
             batch.structure, batch.wrench, (batch.lower, upper), reference=batch.reference, nearest=nearest
         )
-        assert np.all(found.status != tl.Status.ITERATION_LIMIT), (n, m)
+        assert np.all(found.status != tl.Status.UNPROVEN), (n, m)
 
 
 @pytest.mark.parametrize("nearest", POLICIES)
@@ -218,7 +218,7 @@ def test_however_far_the_wrench_it_is_proved_and_the_answer_is_the_best(nearest:
     for factor in (1e4, 1e8, 1e12):
         found = tl.allocate(batch.structure, factor * batch.wrench, batch.limits, nearest=nearest)
         further = tl.allocate(batch.structure, 2 * factor * batch.wrench, batch.limits, nearest=nearest)
-        assert np.all(found.status != tl.Status.ITERATION_LIMIT)
+        assert np.all(found.status != tl.Status.UNPROVEN)
         if nearest == "force" and factor >= 1e8:
             np.testing.assert_allclose(found.wrench, further.wrench, atol=1e-5)
 
@@ -234,4 +234,4 @@ def test_a_wrench_far_out_of_reach_excuses_no_poor_answer() -> None:
     judged_lazy = verify(given, answer)
     worse = judged_lazy.residual > found.residual + 1e-3
     assert worse.sum() > 10
-    assert np.all(judged_lazy.status[worse] == tl.Status.ITERATION_LIMIT)
+    assert np.all(judged_lazy.status[worse] == tl.Status.UNPROVEN)

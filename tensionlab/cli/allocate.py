@@ -18,7 +18,7 @@ from tensionlab.solvers.base import Status
 STATUS_TEXTS = {
     "EXACT": "exact: all limits kept, the wrench rendered",
     "NEAREST": "nearest in {policy}: the wrench is certified infeasible, this is the best substitute",
-    "ITERATION_LIMIT": "unproven: neither exact nor certified infeasible (iteration limit); try --solver newton",
+    "UNPROVEN": "unproven: neither exact nor certified infeasible; try --solver newton",
     "FAILED": "failed: the solver broke",
 }
 REFERENCES = ("lower", "middle")

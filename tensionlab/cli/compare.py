@@ -18,7 +18,7 @@ from tensionlab.model.files import load_rig
 
 STATUS_LEGEND = """\
 exact: limits kept, wrench rendered   near: certified infeasible, the policy's best substitute found
-limit: unproven (iteration limit)   fail: the solver broke"""
+unproven: the solver stopped early, or promises no substitute   fail: the solver broke"""
 LEGEND = f"""\
 {STATUS_LEGEND}
 error: desired minus rendered   angle: between the two forces

@@ -58,7 +58,7 @@ class Score:
     nearest: Nearest | None
     exact: int
     nearest_count: int
-    iteration_limit: int
+    unproven: int
     failed: int
     residual_mean: float
     residual_max: float
@@ -91,7 +91,7 @@ STATUSES: list[Column[Score]] = [
     ("<nearest", lambda row: row.nearest or "–", True),
     ("exact", lambda row: str(row.exact), True),
     ("near", lambda row: str(row.nearest_count), True),
-    ("limit", lambda row: str(row.iteration_limit), True),
+    ("unproven", lambda row: str(row.unproven), True),
     ("fail", lambda row: str(row.failed), False),
 ]
 """The columns that each table of solvers begins with."""
@@ -116,7 +116,7 @@ def merge_policies(rows: Sequence[RowType]) -> list[RowType]:
     merged: list[RowType] = []
     for _, group in itertools.groupby(rows, key=lambda row: row.solver):
         same = list(group)
-        if len(same) > 1 and all(row.nearest_count + row.iteration_limit + row.failed == 0 for row in same):
+        if len(same) > 1 and all(row.nearest_count + row.unproven + row.failed == 0 for row in same):
             same = [dataclasses.replace(same[0], nearest="any")]  # type: ignore[arg-type]  # to be shown
         merged += same
     return merged
@@ -322,7 +322,7 @@ def score(solver: str, nearest: Nearest | None, wrenches: Floats, found: Allocat
         nearest=nearest,
         exact=counts[Status.EXACT],
         nearest_count=counts[Status.NEAREST],
-        iteration_limit=counts[Status.ITERATION_LIMIT],
+        unproven=counts[Status.UNPROVEN],
         failed=counts[Status.FAILED],
         residual_mean=finite(np.mean, found.residual),
         residual_max=finite(np.max, found.residual),

@@ -26,7 +26,7 @@ POLICY_LOOK = {
 }
 """Colour, marker and place within the solver's row."""
 
-COUNTS = ("exact", "nearest_count", "iteration_limit", "failed")
+COUNTS = ("exact", "nearest_count", "unproven", "failed")
 """Of a row, by `STATUS_LOOK`."""
 CABLE = "#C8C8C8"
 MAX_DRAWN_FORCES = 200

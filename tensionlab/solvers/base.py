@@ -50,7 +50,7 @@ class Status(enum.IntEnum):
     """The tensions are inside their limits and render the wrench within tolerance."""
     NEAREST = 1
     """A separating direction certifies the wrench infeasible; the answer is the policy's best."""
-    ITERATION_LIMIT = 2
+    UNPROVEN = 2
     """Unproven: the solver stopped early, or it promises no best substitute."""
     FAILED = 3
     """The backend broke; `Allocation.failures` keeps the reason."""

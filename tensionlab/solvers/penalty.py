@@ -140,7 +140,7 @@ class Spidar:
     There is an answer for every wrench and it is continuous, but inside the workspace it doesn't render the
     wrench: the error is ``(mu / price) y``, with y the multiplier of the wrench, which for one cable is its
     tension. With the default mu that is of the order of 1e-3 of the tensions over the number of cables that share
-    the load: far more than `TOLERANCE`, so the status is ITERATION_LIMIT nearly everywhere. For an infeasible
+    the load: far more than `TOLERANCE`, so the status is UNPROVEN nearly everywhere. For an infeasible
     wrench it is as close to the "force" policy's answer. Smaller mu come closer to both.
 
     Solved through its dual of n variables, ``t = clip(reference + W'y)``, by semismooth Newton steps with a line

@@ -134,7 +134,7 @@ def answer(state: State, solver: str, asked: Problems) -> Answer:
 STATUS_COLOURS = {
     Status.EXACT: GREEN,
     Status.NEAREST: ORANGE,
-    Status.ITERATION_LIMIT: RED,
+    Status.UNPROVEN: RED,
     Status.FAILED: PURPLE,
 }
 """Of the problems in the scene, by how the first solver answers them."""

@@ -29,7 +29,7 @@ POLICY_WORDS = {
 STATUS_WORDS = {
     Status.EXACT: "exact",
     Status.NEAREST: "certified infeasible",
-    Status.ITERATION_LIMIT: "unproven",
+    Status.UNPROVEN: "unproven",
     Status.FAILED: "failed",
 }
 AT_LIMIT_N = 1e-6

@@ -18,7 +18,7 @@ PUBLISHED = str(RIGS / "bartels2026-validation.toml")
 NARROW = str(RIGS / "bartels2026-validation-0.3m.toml")
 CUBE = str(RIGS / "cube-8.toml")
 KEYS = """
-solver nearest exact nearest_count iteration_limit failed residual_mean residual_max angle_mean_deg
+solver nearest exact nearest_count unproven failed residual_mean residual_max angle_mean_deg
 angle_max_deg tension_sq_mean gap_max call_median_s call_p99_s batch_s
 """
 

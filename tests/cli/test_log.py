@@ -40,7 +40,7 @@ def test_info_says_that_a_log_was_cut_off(run, file, tmp_path):
 
 def test_info_for_programs(run, file):
     found = json.loads(run("log", "info", file, "--json")[1])
-    assert found["statuses"].keys() == {"EXACT", "NEAREST", "ITERATION_LIMIT", "FAILED"}
+    assert found["statuses"].keys() == {"EXACT", "NEAREST", "UNPROVEN", "FAILED"}
     assert found["modules"][2]["faults"] == ["ENCODER"]
     assert found["manifest"] == runs.MANIFEST
     assert found["setup"]["parameters"]["tolerance"] == 1e-9

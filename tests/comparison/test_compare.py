@@ -38,7 +38,7 @@ def rows_of(comparison):
 
 def test_rows_hold_exactly_the_published_fields(published):
     names = (
-        "solver nearest exact nearest_count iteration_limit failed residual_mean residual_max angle_mean_deg "
+        "solver nearest exact nearest_count unproven failed residual_mean residual_max angle_mean_deg "
         "angle_max_deg tension_sq_mean gap_max call_median_s call_p99_s batch_s"
     )
     assert [field.name for field in dataclasses.fields(published.rows[0])] == names.split()
@@ -50,7 +50,7 @@ def test_on_the_published_rig_the_complete_solvers_render_all_182_and_agree(publ
     rows = rows_of(published)
     for (solver, _), row in rows.items():
         if solver in ("newton", "dykstra", "qp:daqp"):
-            assert (row.exact, row.nearest_count, row.iteration_limit, row.failed) == (182, 0, 0, 0)
+            assert (row.exact, row.nearest_count, row.unproven, row.failed) == (182, 0, 0, 0)
             assert row.gap_max < 1e-5
             assert row.residual_max < 1e-6
             assert row.angle_max_deg < 1e-4
@@ -66,7 +66,7 @@ def test_on_the_narrow_rig_29_are_infeasible_with_the_published_errors(narrow):
             ("direction", 0.0, 0.20),
         ):
             row = rows[solver, policy]
-            assert (row.exact, row.nearest_count, row.iteration_limit, row.failed) == (153, 29, 0, 0)
+            assert (row.exact, row.nearest_count, row.unproven, row.failed) == (153, 29, 0, 0)
             assert row.angle_max_deg == pytest.approx(angle, abs=0.05)
             assert row.residual_max == pytest.approx(residual, abs=0.005)
             assert row.gap_max < 1e-5
@@ -87,7 +87,7 @@ def test_without_a_policy_the_gap_counts_only_what_is_feasible(narrow):
     difference = np.abs(narrow.allocations[column].tensions - narrow.allocations[0].tensions)
     row = narrow.rows[column]
     assert (row.nearest, row.nearest_count) == (None, 0)
-    assert row.exact + row.iteration_limit == 182
+    assert row.exact + row.unproven == 182
     assert row.gap_max == difference[reachable].max()
 
 

@@ -44,7 +44,7 @@ def test_scores_are_what_they_say(lossy):
         if desired[k] and desired[k - 1] and (lossy.active[k] == lossy.active[k - 1]).all()
     ]
     assert run.jump_max == pytest.approx(max(jumps))
-    assert newton.failed == newton.iteration_limit == 0
+    assert newton.failed == newton.unproven == 0
 
 
 def test_a_jump_is_from_one_cycle_to_the_next(lossy):

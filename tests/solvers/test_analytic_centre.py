@@ -135,7 +135,7 @@ def test_it_covers_the_workspace_to_its_edge(n, m):
         found = centre(W, edge - distance * largest[:, None] * normal)
         assert np.all(found.residual <= error * largest)
     assert np.all(found.status[np.linalg.norm(edge, axis=1) > 5.0] == Status.EXACT)
-    assert np.all(centre(W, edge + 1e-4 * normal).status == Status.ITERATION_LIMIT)
+    assert np.all(centre(W, edge + 1e-4 * normal).status == Status.UNPROVEN)
 
 
 @settings(max_examples=many(200))
@@ -158,5 +158,5 @@ def test_tensions_follow_the_wrench_smoothly_across_the_edge():
     wrench = W.sum(axis=1) * 3.25 + np.linspace(0.0, 20.0, 20_001)[:, None] * [0.6, 0.0, 0.8]
     found = centre(W, wrench)
     assert found.status[0] == Status.EXACT
-    assert found.status[-1] == Status.ITERATION_LIMIT
+    assert found.status[-1] == Status.UNPROVEN
     assert np.abs(np.diff(found.tensions, axis=0)).max() < 0.01  # N for each 1e-3 N

@@ -127,7 +127,7 @@ def test_exact_at_the_edge_of_the_workspace_and_not_beyond(n: int, m: int, goal:
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     for beyond in (1e-3, 10.0):
         found = tl.allocate(W, edge + beyond * d, (0.5, 6.0), goal)
-        assert np.all(found.status == tl.Status.ITERATION_LIMIT)
+        assert np.all(found.status == tl.Status.UNPROVEN)
         # A little out of reach the answer is still close by.
         assert beyond > 1 or np.median(found.residual) < 10 * beyond
 

@@ -58,7 +58,7 @@ def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=
             found = own(structure, wrench)
         else:
             found = tl.allocate(structure, wrench, limits, solver, nearest=nearest)
-        fallback_used = bool(found.status == Status.ITERATION_LIMIT)
+        fallback_used = bool(found.status == Status.UNPROVEN)
         if fallback_used:
             found = exact(structure, wrench) if active.all() else tl.allocate(structure, wrench, limits)
         sequence = (sequence + 1) % 256

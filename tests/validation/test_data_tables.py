@@ -35,7 +35,7 @@ def test_what_was_written_is_read_recording(tmp_path):
         np.testing.assert_array_equal(getattr(found, field.name), getattr(recording, field.name))
     assert found.simulated
     table = pq.read_table(tmp_path / "a-simulated.parquet")
-    assert table["status"].to_pylist()[:4] == ["EXACT", "NEAREST", "ITERATION_LIMIT", "FAILED"]
+    assert table["status"].to_pylist()[:4] == ["EXACT", "NEAREST", "UNPROVEN", "FAILED"]
     assert table["vector"].to_pylist() == list(range(182))
     np.testing.assert_array_equal(table["measured.Fy"], recording.measured[:, 1])
 
