@@ -38,6 +38,7 @@ from tensionlab.workspace.sweep import sweep
 
 if TYPE_CHECKING:
     from tensionlab import plots
+    from tensionlab.plots import plot
 
 __version__ = "0.1.0"
 
@@ -90,6 +91,7 @@ __all__ = [
     "datasets",
     "load_requirement",
     "load_rig",
+    "plot",
     "plots",
     "ring_plus_top",
     "save_rig",
@@ -106,6 +108,7 @@ if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> object:
         """Import the plots where they are first used: they know all results, and take longer than all the rest."""
-        if name == "plots":
-            return importlib.import_module("tensionlab.plots")
+        if name in ("plot", "plots"):
+            plots = importlib.import_module("tensionlab.plots")
+            return plots if name == "plots" else plots.plot
         raise AttributeError(f"module 'tensionlab' has no attribute {name!r}")

@@ -49,9 +49,7 @@ from tensionlab.verification import verify
 if TYPE_CHECKING:
     import pandas
     import xarray
-    from matplotlib.figure import Figure
 
-    from tensionlab.model.rig import Rig
 
 __all__ = [
     "POLICIES",
@@ -166,10 +164,6 @@ class Allocation:
         shape = " x ".join(map(str, self.status.shape))
         title = f"{shape} wrenches, {self.tensions.shape[-1]} cables"
         return display.table(title, ["<status", "wrenches", "share", "error\nmax", "iterations\nmax"], rows)
-
-    def plot(self, rig: Rig) -> Figure:
-        """Draw the tensions of each cable between its limits: `tensionlab.plots.plot_allocation`."""
-        return display.figure("allocation", self, rig)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each wrench, indexed by the leading axes.

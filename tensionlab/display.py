@@ -1,13 +1,8 @@
-"""How results show themselves: words and colours of statuses, numbers as text, tables in HTML, and figures.
-
-Notebooks call ``_repr_html_`` of a result, people call ``plot``. Figures are drawn by `tensionlab.plots`, which
-knows the results; they know only the name of its function, and nothing is imported before something is drawn.
-"""
+"""How results show themselves: words and colours of statuses, numbers as text, and tables in HTML."""
 
 from __future__ import annotations
 
 import html
-import importlib
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -20,7 +15,7 @@ from numpy.typing import NDArray
 from tensionlab.arrays import Floats
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#777777"
 """Of figures and marks: Okabe and Ito 2008, "Color universal design"."""
@@ -205,9 +200,3 @@ def _cell(value: Any) -> str:
 
 def _escape(text: str) -> str:
     return html.escape(text, quote=False)
-
-
-def figure(name: str, *results: Any, **options: Any) -> Figure:
-    """Return the figure that ``tensionlab.plots.plot_NAME`` draws; MissingDependency without Matplotlib."""
-    drawn: Figure = getattr(importlib.import_module("tensionlab.plots"), f"plot_{name}")(*results, **options)
-    return drawn

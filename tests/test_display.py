@@ -272,8 +272,8 @@ def test_results_draw_themselves():
         (recording, 2),
         (tl.datasets.load("benchmarks/results"), 1),
     ):
-        assert len(result.plot().axes) == drawn
-    (axes,) = front().plot().axes
+        assert len(tl.plot(result).axes) == drawn
+    (axes,) = tl.plot(front()).axes
     assert [list(line.get_xdata()) for line in axes.get_lines()] == [[4, 5], [4]]
 
 
@@ -281,5 +281,5 @@ def test_completion_offers_public_names_only():
     for module in (tl, tl.workspace, tl.datasets, tl.plots):
         assert dir(module) == sorted(module.__all__)
         assert all(hasattr(module, name) for name in dir(module))
-    with pytest.raises(AttributeError, match="no attribute 'plot'"):
-        tl.plot  # noqa: B018
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        tl.nonsense  # noqa: B018

@@ -209,9 +209,9 @@ def execute(notebook: Any, folder: Path, tmp_path: Path) -> None:
 @pytest.mark.realtime  # a kernel in a process of its own
 def test_figures_and_tables_show_once_in_a_kernel_with_or_without_pyplot(folder: Path, tmp_path: Path) -> None:
     sources = [
-        "import tensionlab as tl; rig = tl.load_rig('tetra-4'); rig.plot()",
+        "import tensionlab as tl; rig = tl.load_rig('tetra-4'); tl.plot(rig)",
         "rig",
-        "%matplotlib inline\nimport matplotlib.pyplot as plt; rig.plot()",
+        "%matplotlib inline\nimport matplotlib.pyplot as plt; tl.plot(rig)",
         "figure = plt.figure(); tl.plots.plot_rig(rig, ax=figure.add_subplot(projection='3d'))",
         "with tl.plots.styled():\n    figure, axes = plt.subplots()",
         "with tl.plots.styled():\n    figure, axes = plt.subplots()",

@@ -21,7 +21,6 @@ from tensionlab.files.tables import from_mappings, read_parquet
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
 
 FILE = "results.parquet"
 ACCURACIES = (1e-3, 1e-6, 1e-9)
@@ -180,10 +179,6 @@ class Results:
         notes += ["†: another objective, so that the gap is no error"] * any(not line.comparable for line in found)
         notes += [f"left out: {line.label}, {line.note}" for line in found if line.absent]
         return display.table(f"{len(rows)} entries, {len(self.sets)} problem sets", headings, rows, notes)
-
-    def plot(self) -> Figure:
-        """Draw time and worst error of each entry: `tensionlab.plots.plot_pareto`."""
-        return display.figure("pareto", self)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each problem set, solver, setting and policy, as in `Row`, without the evidence.

@@ -25,7 +25,6 @@ from tensionlab.solvers.base import POLICIES, Nearest, Status
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
 
 MAX_TIMED_CALLS = 200
 """Vectors that are timed one by one, evenly spread over the set."""
@@ -185,10 +184,6 @@ class Comparison:
             for reason in list(allocation.failures.values())[:1]:
                 found.setdefault(row.solver, f"at {row.failed} of {len(self.wrenches)}: {reason}")
         return found
-
-    def plot(self) -> Figure:
-        """Draw statuses, errors and times of the solvers: `tensionlab.plots.plot_comparison`."""
-        return display.figure("comparison", self)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each solver and policy, as in `Row`; MissingDependency if pandas is not installed."""

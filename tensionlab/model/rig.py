@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,7 +35,6 @@ from tensionlab.model.requirement import Requirement
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
 
 
 class Cables(NamedTuple):
@@ -51,19 +49,6 @@ class Cables(NamedTuple):
     directions: Floats
     arms: Floats | None
     straight: Floats
-
-
-class RigPage(Protocol):
-    """Design page of a rig: what `Rig.view` returns."""
-
-    url: str
-
-    @property
-    def rig(self) -> Rig:
-        """The rig as it is designed now."""
-
-    def close(self) -> None:
-        """Close the page."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,34 +164,6 @@ class Rig:
         title = f"{self.name}: {self.kind}, {modules}{held}, home {display.vector(self.home)} m"
         notes = [self.description] if self.description else []
         return display.table(title, [*shown], zip(*shown.values(), strict=True), notes)
-
-    def plot(self) -> Figure:
-        """Draw where the modules stand and how the cables run: `tensionlab.plots.plot_rig`."""
-        return display.figure("rig", self)
-
-    def view(self) -> RigPage:
-        """Open the design page of the rig: inline in a notebook, in a browser elsewhere.
-
-        It is served by a thread, until it is closed or this process ends.
-
-        Returns
-        -------
-        page
-            With ``url``, ``rig``, the rig as it is designed now, and ``close()``.
-
-        Raises
-        ------
-        MissingDependency
-            If viser is not installed.
-
-        Examples
-        --------
-        >>> import tensionlab as tl
-        >>> page = tl.load_rig("bartels2026-validation").view()  # doctest: +SKIP
-        >>> designed = page.rig  # doctest: +SKIP
-        """
-        page: RigPage = importlib.import_module("tensionlab.view.rig_page").open_rig(self)
-        return page
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each module, by name, with its limits in N and coordinates in m.

@@ -1,5 +1,11 @@
 """Figures of results: functions that take a result and return a Matplotlib Figure, without solving anything."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from tensionlab.errors import InputError
 from tensionlab.plots.allocation import plot_allocation
 from tensionlab.plots.benchmark import plot_accuracy, plot_continuity, plot_pareto, plot_profile, plot_worst
 from tensionlab.plots.certified import plot_certified
@@ -8,12 +14,16 @@ from tensionlab.plots.rig import plot_brake_maps, plot_rig
 from tensionlab.plots.run import plot_run
 from tensionlab.plots.scenario import plot_scenario, plot_scenario_layouts
 from tensionlab.plots.style import METADATA, save_figure, styled
-from tensionlab.plots.validation import plot_error_sphere, plot_forces, plot_what_if
+from tensionlab.plots.validation import plot_error_sphere, plot_forces, plot_validation, plot_what_if
 from tensionlab.plots.volume import plot_front, plot_layouts, plot_search, plot_volume
 from tensionlab.plots.workspace import plot_anchor_count, plot_metrics, plot_shares, plot_slices
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 __all__ = [
     "METADATA",
+    "plot",
     "plot_accuracy",
     "plot_allocation",
     "plot_anchor_count",
@@ -41,6 +51,53 @@ __all__ = [
     "save_figure",
     "styled",
 ]
+
+
+PLOTTERS: dict[str, Callable[..., Figure]] = {
+    "tensionlab.allocation.Allocation": plot_allocation,
+    "tensionlab.benchmarking.results.Results": plot_pareto,
+    "tensionlab.comparison.compare.Comparison": plot_comparison,
+    "tensionlab.hardware.log.reader.Run": plot_run,
+    "tensionlab.model.rig.Rig": plot_rig,
+    "tensionlab.scenarios.play.ScenarioResult": plot_scenario,
+    "tensionlab.validation.data_tables.Recording": plot_forces,
+    "tensionlab.validation.report.ValidationResult": plot_validation,
+    "tensionlab.workspace.certification.result.CertifiedWorkspace": plot_certified,
+    "tensionlab.workspace.layout.results.Layout": lambda layout, **options: plot_rig(layout.rig, **options),
+    "tensionlab.workspace.layout.results.LayoutSearch": plot_front,
+}
+"""Figure of each class, by its name: a figure loads only the room whose result it draws."""
+
+
+def plot(result: Any, *context: Any, **options: Any) -> Figure:
+    """Draw a rig or a result: an allocation, comparison, benchmark, run, scenario, validation or layout search.
+
+    Parameters
+    ----------
+    result
+        What to draw.
+    *context, **options
+        Further arguments of the ``plot_`` function of that class: `plot_allocation` takes the rig, too.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If there is no figure of such an object.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> figure = tl.plot(tl.load_rig("bartels2026-validation"))
+    """
+    for kind in type(result).__mro__:
+        if plotter := PLOTTERS.get(f"{kind.__module__}.{kind.__qualname__}"):
+            return plotter(result, *context, **options)
+    names = ", ".join(name.rpartition(".")[2] for name in PLOTTERS)
+    raise InputError(f"there is no figure of a {type(result).__name__}; tl.plot draws {names}")
 
 
 def __dir__() -> list[str]:

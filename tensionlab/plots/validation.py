@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
+from tensionlab.model.files import rig_from_toml
 from tensionlab.plots.style import HALO, add_legend, new_figure
+from tensionlab.validation.report import ValidationResult, make_recording
 from tensionlab.validation.statistics import deviations
 
 if TYPE_CHECKING:
@@ -66,6 +68,12 @@ def plot_forces(recording: Recording) -> Figure:
             ("pale: on the far side", {"color": RED, "alpha": FAR_ALPHA}),
         ])  # fmt: skip
     return figure
+
+
+def plot_validation(result: ValidationResult) -> Figure:
+    """Draw the forces of a validation, aligned as published, with `plot_forces`."""
+    rig = rig_from_toml(result.setup["rig"], "rig of the setup")
+    return plot_forces(make_recording(result, rig, "", {}))
 
 
 def plot_error_sphere(recording: Recording, rig: Rig) -> Figure:

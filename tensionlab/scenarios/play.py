@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tensionlab import display
 from tensionlab.demand import Demand, DemandSource, RigState
 from tensionlab.errors import HardwareError
 from tensionlab.haptics.bridge.client_state import ClientState
@@ -31,7 +30,7 @@ from tensionlab.scenarios.scenario import Scenario
 from tensionlab.scenarios.scenery import as_mapping
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 SIMULATED = "sim:"
 
@@ -66,10 +65,6 @@ class ScenarioResult:
 
     def _repr_html_(self) -> str:
         return self.statistics.table(f"{self.scenario.title}: {self.statistics.title}")
-
-    def plot(self) -> Figure:
-        """Draw layout, forces, tensions, brakes and expected values: `tensionlab.plots.plot_scenario`."""
-        return display.figure("scenario", self)
 
 
 def needs_tracker(rig: Rig) -> bool:

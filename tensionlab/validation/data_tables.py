@@ -24,7 +24,6 @@ from tensionlab.solvers.base import Status
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
 
 AXES = "xyz"
 FORCES = ("desired", "rendered", "measured")
@@ -96,10 +95,6 @@ class Recording:
 
     def __repr__(self) -> str:
         return f"<Recording of {self.title}>"
-
-    def plot(self) -> Figure:
-        """Draw desired and measured forces: `tensionlab.plots.plot_forces`."""
-        return display.figure("forces", self)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each force, with the columns of the file, such as ``measured.Fx``.

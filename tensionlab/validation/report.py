@@ -20,7 +20,6 @@ from tensionlab.validation.statistics import ALIGNMENTS, ForceScore, Interval, r
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
 
 TILTED_DEG = 1.0
 """Difference of the two ways to align above which the report speaks of tilt."""
@@ -79,10 +78,6 @@ class ValidationResult:
 
     def _repr_html_(self) -> str:
         return display.table(self.title, [heading or "<" for heading in HEADINGS], rows(self), remarks(self))
-
-    def plot(self) -> Figure:
-        """Draw desired and measured forces, aligned as published: `tensionlab.plots.plot_forces`."""
-        return make_recording(self, rig_from_toml(self.setup["rig"], "rig of the setup"), "", {}).plot()
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each force: desired and measured, aligned as published, in N, and the tensions.

@@ -26,7 +26,8 @@ class RigPage:
     Examples
     --------
     >>> import tensionlab as tl
-    >>> page = tl.load_rig("bartels2026-validation").view()  # doctest: +SKIP
+    >>> from tensionlab.view.rig_page import open_rig
+    >>> page = open_rig(tl.load_rig("bartels2026-validation"))  # doctest: +SKIP
     >>> tl.save_rig(page.rig, "designed.toml")  # doctest: +SKIP
     """
 
@@ -56,7 +57,10 @@ class RigPage:
 
 
 def open_rig(rig: Rig) -> RigPage:
-    """Serve the design page of a rig; outside notebooks, open it in a browser."""
+    """Open the design page of a rig: inline in a notebook, in a browser elsewhere.
+
+    A thread serves it until it is closed or this process ends; MissingDependency if viser is not installed.
+    """
     page = RigPage(rig)
     if not in_notebook():
         webbrowser.open(page.url)

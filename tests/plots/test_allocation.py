@@ -11,7 +11,7 @@ def test_tensions_are_drawn_between_their_limits_by_status():
     rig = four()
     forces = np.array([[0.0, 1.0, 0.0], [0.0, 90.0, 0.0]])
     found = tl.allocate(rig.structure_matrix(rig.home), forces, rig.limits)
-    figure = found.plot(rig)
+    figure = tl.plot(found, rig)
     (axes,) = figure.axes
     drawn = [line.get_xdata() for line in axes.get_lines()]
     assert [list(each) for each in drawn[:4]] == [[0.5, 6.0]] * 4
@@ -24,4 +24,4 @@ def test_tensions_are_drawn_between_their_limits_by_status():
 def test_a_rig_with_other_cables_is_refused():
     rig = four()
     with pytest.raises(tl.ShapeError, match="4 cables, and seven-modules has 7"):
-        tl.allocate(rig.structure_matrix(rig.home), np.zeros(3), rig.limits).plot(seven())
+        tl.plot(tl.allocate(rig.structure_matrix(rig.home), np.zeros(3), rig.limits), seven())

@@ -1,5 +1,6 @@
 """Figures of one panel draw into a panel of somebody else's, and leave its style as it is; notebooks show them."""
 
+import importlib
 from base64 import b64decode
 
 import matplotlib as mpl
@@ -94,7 +95,7 @@ def test_own_figures_can_have_the_style(panel):
 def test_a_notebook_shows_the_file_that_is_saved_at_its_size(tmp_path, monkeypatch):
     shown = []
     monkeypatch.setattr("IPython.display.display", lambda data, **about: shown.append((data, about)))
-    figure = four().plot()
+    figure = tl.plot(four())
     plots.save_figure(figure, tmp_path / "rig.png")
     figure._ipython_display_()
     ((data, about),) = shown
@@ -102,3 +103,14 @@ def test_a_notebook_shows_the_file_that_is_saved_at_its_size(tmp_path, monkeypat
     assert b64decode(data["image/png"]) == (tmp_path / "rig.png").read_bytes()
     assert about["metadata"] == {"image/png": {"width": 750}}
     assert not plt.get_fignums()
+
+
+def test_every_class_that_has_a_figure_is_found_by_its_name():
+    for name in plots.PLOTTERS:
+        module, _, kind = name.rpartition(".")
+        assert isinstance(getattr(importlib.import_module(module), kind), type)
+
+
+def test_what_has_no_figure_is_refused():
+    with pytest.raises(InputError, match=r"no figure of a dict; tl\.plot draws Allocation, "):
+        tl.plot({})

@@ -14,7 +14,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.view import state as edits
-from tensionlab.view.rig_page import in_notebook
+from tensionlab.view.rig_page import in_notebook, open_rig
 from tests.support.browsers import HANGS_S, chromium, needs_browser, until
 
 RIG = "bartels2026-validation"
@@ -36,7 +36,7 @@ def notebook(monkeypatch, shell):
 def test_outside_a_notebook_a_browser_opens_and_the_rig_is_as_it_is_designed(opened, monkeypatch):
     monkeypatch.setitem(sys.modules, "IPython", None)
     rig = tl.load_rig(RIG)
-    page = rig.view()
+    page = open_rig(rig)
     try:
         assert opened == [page.url]
         assert page.rig == rig
@@ -56,7 +56,7 @@ def test_outside_a_notebook_a_browser_opens_and_the_rig_is_as_it_is_designed(ope
 @pytest.mark.realtime  # a real server
 def test_a_notebook_shows_it_inline_and_opens_no_browser(opened, monkeypatch):
     notebook(monkeypatch, SimpleNamespace(kernel=object()))
-    page = tl.load_rig(RIG).view()
+    page = open_rig(tl.load_rig(RIG))
     try:
         assert opened == []
         [source] = re.findall(r'<iframe src="([^"]+)"', page._repr_html_())
@@ -91,7 +91,7 @@ def notebook_server(html):
 @pytest.mark.realtime  # a real browser
 def test_a_page_of_another_origin_shows_it_in_a_frame_and_it_works_there(opened, monkeypatch):
     notebook(monkeypatch, SimpleNamespace(kernel=object()))
-    page = tl.load_rig(RIG).view()
+    page = open_rig(tl.load_rig(RIG))
     try:
         with chromium() as browser, notebook_server(page._repr_html_()) as url:
             tab = browser.new_page()
@@ -113,7 +113,7 @@ def test_a_shell_in_a_terminal_is_no_notebook(monkeypatch):
 
 def test_neither_importing_the_package_nor_a_first_solve_loads_what_serves_pages():
     script = (
-        f"import sys, tensionlab as tl; rig = tl.load_rig('{RIG}'); rig.view; "
+        f"import sys, tensionlab as tl; rig = tl.load_rig('{RIG}'); "
         "tl.allocate(rig.structure_matrix(rig.home), [0, 0, 1], rig.limits); "
         "print([name for name in ('viser', 'tensionlab.view', 'websockets') if name in sys.modules])"
     )

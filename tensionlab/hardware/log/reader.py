@@ -33,7 +33,6 @@ from tensionlab.model.rig import Rig
 if TYPE_CHECKING:
     import pandas
     import xarray
-    from matplotlib.figure import Figure
 
 
 BLOCK_CYCLES = 1000
@@ -124,10 +123,6 @@ class Run(CycleTable):
 
     def _repr_html_(self) -> str:
         return report(self)._repr_html_()
-
-    def plot(self) -> Figure:
-        """Draw wrenches, tensions, statuses, limiters and times: `tensionlab.plots.plot_run`."""
-        return display.figure("run", self)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each cycle, with the columns of `flat_columns`, such as ``chosen.floor-1``.

@@ -19,7 +19,6 @@ from tensionlab.workspace.certification.subdivision import Subdivision
 
 if TYPE_CHECKING:
     import xarray
-    from matplotlib.figure import Figure
 
 MARKS = {
     1: display.met_mark(True, ("inside", "")),
@@ -224,10 +223,6 @@ class CertifiedWorkspace:
             },
         )
         return data
-
-    def plot(self) -> Figure:
-        """Draw slices through the cells: `tensionlab.plots.plot_certified`."""
-        return display.figure("certified", self)
 
 
 def _rounded(value: float, digits: int, way: Callable[[float], int]) -> float:

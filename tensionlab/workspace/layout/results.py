@@ -12,7 +12,6 @@ from tensionlab.workspace.layout.objective import Objective
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
 
 SEARCH_HEADINGS = ("modules", "score", "worst\nmargin N", "<better than\nwith fewer")
 LAYOUT_HEADINGS = ("<module", "<frame", "anchor\nm", "score lost\nwithout it")
@@ -62,10 +61,6 @@ class Layout:
     def _title(self) -> str:
         return f"{self.rig.name}: {self.rig.m} modules, score {self.score:.4g}, worst margin {self.worst:.4g} N"
 
-    def plot(self) -> Figure:
-        """Draw where the modules stand and how the cables run: `tensionlab.plots.plot_rig`."""
-        return self.rig.plot()
-
     def to_toml(self) -> str:
         """Return the rig file, with the score and the contributions as comments."""
         lines = [f"# Score {self.score:.6g}, worst margin {self.worst:.6g} N. Score lost without each module:"]
@@ -106,10 +101,6 @@ class LayoutSearch:
     def describe(self) -> str:
         """Return in a few words what the score is."""
         return self.objective.describe(self.best.rig)
-
-    def plot(self) -> Figure:
-        """Draw the score against the number of modules: `tensionlab.plots.plot_front`."""
-        return display.figure("front", self)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each number of modules; MissingDependency if pandas is not installed."""
