@@ -7,7 +7,6 @@ runs before one is wanted by its name, or all solvers are listed.
 from __future__ import annotations
 
 import functools
-import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import Field, fields, is_dataclass
 from importlib.util import find_spec
@@ -66,8 +65,8 @@ def make(name: str) -> Solver:
     """Return a solver by its name in `SOLVERS`, that of a plug-in, or ``module:Class``.
 
     What follows a colon sets the solver's first hyper-parameter: ``"qp:osqp"`` is
-    ``QuadraticProgram(backend="osqp")``, ``"my_solver:MySolver:200"`` the class of a module with its first set. A
-    module is looked for on Python's path, to which the working directory is added.
+    ``QuadraticProgram(backend="osqp")``, ``"my_solver:MySolver:200"`` the class of a module with its first set. The
+    module is one that Python can import; the working directory is not added to Python's path.
 
     Raises
     ------
@@ -89,8 +88,8 @@ def make(name: str) -> Solver:
             raise UnknownSolver(f"no solver is called {name!r}; a class of a module is {hint}")
         elif rest[:1].isupper():
             raise UnknownSolver(
-                f"no solver and no module is called {family!r}; module:Class, as in my_solver:MySolver, is looked "
-                f"for on Python's path and in {Path.cwd()}"
+                f"no solver is called {family!r}, and Python can import no module of that name; install the module "
+                "of module:Class, or name its folder in the variable PYTHONPATH"
             )
     solver: Solver = variants.make(name, found, names, "solver", UnknownSolver)
     return solver
@@ -265,12 +264,9 @@ def _load_only(entries: list[EntryPoint]) -> type[Any]:
 
 
 def _is_module(name: str) -> bool:
-    """Return whether there is a module of this name, on Python's path or in the working directory."""
+    """Return whether Python can import a module of this name."""
     if not all(part.isidentifier() for part in name.split(".")):
         return False
-    here = str(Path.cwd())
-    if here not in {str(Path(each).resolve()) for each in sys.path}:
-        sys.path.append(here)  # last, so that nothing there takes the place of a library
     try:
         return find_spec(name) is not None
     except (ModuleNotFoundError, ValueError):  # of the package that it would be in; __main__

@@ -152,8 +152,8 @@ def test_a_name_with_a_colon_is_left_out(offer):
 
 
 @pytest.fixture
-def beside(tmp_path, monkeypatch):
-    """A module of this text in the working directory; its name."""
+def module(tmp_path, monkeypatch):
+    """Write a module of this text to the working directory, which is not on Python's path; its name."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [each for each in sys.path if each])
 
@@ -165,22 +165,37 @@ def beside(tmp_path, monkeypatch):
     return call
 
 
-def test_a_class_of_a_module_in_the_working_directory_is_a_solver(beside):
-    name = beside()
+@pytest.fixture
+def importable(module, tmp_path, monkeypatch):
+    """Write a module of this text where Python can import it; its name."""
+    monkeypatch.syspath_prepend(tmp_path)
+    return module
+
+
+def test_a_class_of_a_module_that_python_can_import_is_a_solver(importable):
+    name = importable()
     found = tl.allocate([[1.0, -1.0]], [0.0], (1.0, 5.0), solver=f"{name}:Fixed:3.5")
     assert found.tensions.tolist() == [3.5, 3.5]
     assert select_solvers([f"{name}:Fixed"])[0][0].solver.newtons == 2.0
-    assert sys.path[-1] == str(Path.cwd())  # nothing there takes the place of a library
 
 
-def test_a_class_that_is_no_solver_and_a_module_that_is_not_there_are_told_apart(beside):
-    name = beside(GOOD.replace("def solve", "def slove"))
+@pytest.mark.parametrize("written", ["{}:Fixed", "{}.Fixed", "{}.py:Fixed", "no.{}:Fixed"])
+def test_a_look_up_puts_no_folder_on_the_path(module, written):
+    name, before = module("raise SystemError('loaded')"), list(sys.path)
+    with pytest.raises(UnknownSolver):
+        make(written.format(name))
+    assert sys.path == before
+    assert name not in sys.modules
+
+
+def test_a_class_that_is_no_solver_and_a_module_that_is_not_there_are_told_apart(importable):
+    name = importable(GOOD.replace("def solve", "def slove"))
     with pytest.raises(PluginError, match=rf"solver 'Fixed' \({name}:Fixed\) lacks solve"):
         make(f"{name}:Fixed")
     with pytest.raises(PluginError, match=f"module '{name}' has no attribute 'Fixt'"):
         make(f"{name}:Fixt")
     for module in ("fable", "no.fable", "fable.py"):
-        with pytest.raises(UnknownSolver, match=f"no solver and no module is called '{re.escape(module)}'"):
+        with pytest.raises(UnknownSolver, match=rf"no solver is called '{re.escape(module)}', and .*PYTHONPATH"):
             make(f"{module}:Fixed")
     with pytest.raises(UnknownSolver, match="did you mean 'qp'"):
         make("qpp:osqp")
@@ -221,15 +236,15 @@ def test_the_command_line_lists_and_compares_it(offer, run):
     assert "left out: lost, broken" in out
 
 
-def test_all_that_a_class_lacks_is_said_at_once(beside):
-    name = beside("class Fixed:\n    def solve(self, problem): ...\n")
+def test_all_that_a_class_lacks_is_said_at_once(importable):
+    name = importable("class Fixed:\n    def solve(self, problem): ...\n")
     message = rf"solver 'Fixed' \({name}:Fixed\) lacks objective, policies and is no dataclass; docs/how-to/add"
     with pytest.raises(PluginError, match=message):
         make(f"{name}:Fixed")
 
 
 @pytest.mark.parametrize("written", ["{}.Fixed", "{}.py:Fixed", "./{}.py:Fixed"])
-def test_a_class_that_is_written_in_another_way_is_hinted_at(beside, written):
-    name = beside()
+def test_a_class_that_is_written_in_another_way_is_hinted_at(importable, written):
+    name = importable()
     with pytest.raises(UnknownSolver, match=rf"a class of a module is {name}:Fixed"):
         make(written.format(name))
