@@ -15,6 +15,7 @@ import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -156,7 +157,7 @@ def join_numbers(words: Sequence[str]) -> list[str]:
     """
     joined: list[str] = []
     start: int | None = None
-    for word, after in zip(words, [*words[1:], ""], strict=True):
+    for word, after in zip_longest(words, words[1:], fillvalue=""):
         option, equals, _ = word.partition("=")
         if option in NUMBER_OPTIONS:
             joined.append(word)

@@ -37,7 +37,12 @@ def simulate(
     rig: Annotated[str | None, options.rig_argument("; a single module if left out")] = None,
     listen: Annotated[str, typer.Option(metavar="HOST", help="Address to listen at.")] = "127.0.0.1",
     port: Annotated[
-        int, typer.Option(help="TCP port of the first module; 0 takes free ones.", min=0, max=65535)
+        int,
+        typer.Option(
+            help="TCP port of the first module served, the next ones following; 0 takes free ones.",
+            min=0,
+            max=65535,
+        ),
     ] = 0,
     pty: Annotated[bool, typer.Option("--pty", help="Pseudo-terminals instead of TCP.")] = False,
     modules: Annotated[
@@ -154,7 +159,7 @@ def simulate(
         served = [
             serving.ServedModule(
                 module,
-                serving.PtyPort() if pty else serving.TcpPort(listen, port and port + index),
+                serving.PtyPort() if pty else serving.TcpPort(listen, port and port + chosen.index(name)),
                 conditions=conditions,
                 seed=seed + index,
                 faults=faults[name],

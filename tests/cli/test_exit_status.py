@@ -44,6 +44,13 @@ def run_to(run, monkeypatch):
     return call
 
 
+@pytest.mark.parametrize("words", ["", "module", "module config"])
+def test_a_command_without_a_verb_prints_its_help_and_has_done_nothing(run, words):
+    status, out, err = run(*words.split())
+    assert (status, out) == (2, "")
+    assert err.startswith(f"Usage: {' '.join(['tensionlab', *words.split()])} [OPTIONS] COMMAND [ARGS]...")
+
+
 @pytest.mark.parametrize("words", ["solvers", "solvers --json", f"rig show {RIG} --json"])
 def test_a_reader_that_goes_away_ends_it_without_a_word(run_to, words):
     reader, writer = os.pipe()

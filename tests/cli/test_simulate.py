@@ -328,6 +328,12 @@ def test_the_ports_that_were_asked_for_are_taken_in_turn(simulate):
     assert left.value.code == 2
 
 
+def test_the_only_module_of_a_rig_that_is_served_has_the_port_that_was_asked_for(simulate):
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        free = probe.getsockname()[1]
+    assert simulate(RIG, "--only", "top", "--port", free).links == {"top": f"socket://127.0.0.1:{free}"}
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
