@@ -10,11 +10,13 @@ import os
 import platform
 import select
 import signal
+import stat
 import subprocess
 import sys
+import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -93,11 +95,24 @@ def patiently(act: Callable[[], Result]) -> Result:
         time.sleep(RETRY_PERIOD_S)
 
 
-def user() -> str:
-    """Return the user's number, or on Windows, name."""
+def user_folders() -> Iterator[Path]:
+    """Yield folders for this user's processes to share, which may not be there yet, the quickest first.
+
+    No variable of the environment moves them, but on Windows ``LOCALAPPDATA``. The first lies in memory and is
+    there while the user is logged in; the second is there for services, too, one for each machine that has the
+    same home.
+    """
     if sys.platform == "win32":
-        return os.environ.get("USERNAME", "user")
-    return str(os.getuid())
+        yield Path(os.environ.get("LOCALAPPDATA") or tempfile.gettempdir()) / "tensionlab"
+        return
+    import pwd
+
+    runtime = Path(f"/run/user/{os.getuid()}")
+    if runtime.is_dir():
+        yield runtime / "tensionlab"
+    with suppress(KeyError):  # a user without an entry
+        home = pwd.getpwuid(os.getuid()).pw_dir
+        yield Path(home, ".local", "state", "tensionlab", platform.node())
 
 
 def is_private(folder: Path) -> bool:
@@ -105,7 +120,19 @@ def is_private(folder: Path) -> bool:
     if sys.platform == "win32":
         return True
     found = folder.lstat()
-    return found.st_uid == os.getuid() and not found.st_mode & 0o077
+    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077
+
+
+def process_start(pid: int) -> int | None:
+    """Return when a process started, in the kernel's ticks; None if there is none, or the system does not say.
+
+    Together with its number it names one process: numbers are used again.
+    """
+    if sys.platform == "linux":
+        with suppress(OSError, ValueError, IndexError):
+            fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2]
+            return int(fields.split()[19])
+    return None
 
 
 def reader_has_gone(error: OSError) -> bool:

@@ -41,10 +41,10 @@ def simulated_time(monkeypatch):
 
 @pytest.fixture
 def locks_folder(tmp_path, monkeypatch):
-    """Locks of this test are nobody else's; they lie there."""
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    return tmp_path / f"tensionlab-{os.getuid()}"
+    """Folder of the locks of this test, which no other process finds."""
+    folder = tmp_path / "locks"
+    monkeypatch.setattr("tensionlab.hardware.client.locks.user_folders", lambda: [folder])
+    return folder
 
 
 @pytest.fixture(scope="session")

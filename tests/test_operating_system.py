@@ -162,16 +162,15 @@ def test_a_file_is_replaced_while_somebody_reads_it(windows, monkeypatch, tmp_pa
 
 
 def test_a_link_is_locked_and_free_again_while_somebody_reads_who_has_it(windows, monkeypatch, tmp_path):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setenv("USERNAME", "Ada L")
-    for name in ("user", "is_private", "patiently"):
+    monkeypatch.setenv("LOCALAPPDATA", str(tmp_path))
+    for name in ("user_folders", "is_private", "patiently", "process_start"):
         monkeypatch.setattr(locks, name, getattr(windows, name))
     replace, unlink = Busy(3, os.replace), Busy(3, os.unlink)
     monkeypatch.setattr(Path, "replace", replace.method())
     monkeypatch.setattr(Path, "unlink", lambda self, missing_ok: unlink(self))
     lock = LinkLock("COM5")
     assert holder("com5").pid == os.getpid()
-    assert [path.name for path in tmp_path.iterdir()] == ["tensionlab-Ada L"]
+    assert [path.name for path in tmp_path.iterdir()] == ["tensionlab"]
     lock.release()
     assert (replace.tried, unlink.tried) == (4, 4)
     assert holder("COM5") is None
@@ -182,17 +181,38 @@ def test_a_link_is_locked_and_free_again_while_somebody_reads_who_has_it(windows
 
 
 def test_the_folder_of_locks_is_in_one_of_the_user_s_on_windows(windows, tmp_path, monkeypatch):
-    monkeypatch.delenv("USERNAME", raising=False)
-    assert windows.user() == "user"
+    monkeypatch.setenv("LOCALAPPDATA", str(tmp_path))
+    assert list(windows.user_folders()) == [tmp_path / "tensionlab"]
+    monkeypatch.delenv("LOCALAPPDATA")
+    [folder] = windows.user_folders()
+    assert folder.is_absolute()
     tmp_path.chmod(0o777)
     assert windows.is_private(tmp_path)
 
 
 def test_elsewhere_it_is_one_that_nobody_else_may_enter(tmp_path):
-    assert operating_system.user() == str(os.getuid())
     for mode, private in ((0o700, True), (0o710, False), (0o702, False)):
         tmp_path.chmod(mode)
         assert operating_system.is_private(tmp_path) is private
+    tmp_path.chmod(0o700)
+    (tmp_path / "link").symlink_to(tmp_path)
+    assert not operating_system.is_private(tmp_path / "link")
+
+
+def test_elsewhere_no_variable_moves_it(monkeypatch, tmp_path):
+    before = list(operating_system.user_folders())
+    for name in ("HOME", "TMPDIR", "XDG_RUNTIME_DIR", "XDG_STATE_HOME", "USER"):
+        monkeypatch.setenv(name, str(tmp_path))
+    assert list(operating_system.user_folders()) == before
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the system says it there only")
+def test_a_process_is_known_by_its_number_and_its_start():
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as other:
+        mine, its = operating_system.process_start(os.getpid()), operating_system.process_start(other.pid)
+        assert 0 < mine <= its
+        assert operating_system.process_start(other.pid) == its
+    assert operating_system.process_start(other.pid) is None
 
 
 def test_a_pipe_that_nobody_reads(windows, monkeypatch):
@@ -244,11 +264,11 @@ def test_all_of_the_package_is_imported_on_windows_and_a_run_over_tcp_ends_well(
         check=False,
         capture_output=True,
         text=True,
-        env=os.environ | {"TMPDIR": str(tmp_path)},
+        env=os.environ | {"LOCALAPPDATA": str(tmp_path)},
     )
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["ended"] == "duration reached"
-    assert [path.name for path in tmp_path.iterdir()] == [f"tensionlab-{os.environ.get('USERNAME', 'user')}"]
+    assert [path.name for path in tmp_path.iterdir()] == ["tensionlab"]
 
 
 def test_processors_on_windows(windows, monkeypatch):

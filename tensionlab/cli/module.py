@@ -184,13 +184,19 @@ def estop(links: Links = None, modules: ModulesFile = None, json: Json = False) 
 
     This is software. Whatever it says, only cutting the motors' supply protects.
     """
-    urls = {url: url for url in locked_links()} if not links and modules is None else find_links(links, modules)
+    if links or modules is not None:
+        urls = find_links(links, modules, look_up=False)
+        names = {name: name for name in urls}
+    else:
+        held = locked_links()
+        urls = {url: url for url in held}
+        names = {url: who.module or url for url, who in held.items()}
     outcomes = emergency_stop(urls) if urls else {}
     if json:
         output.print_json(
             [
                 {
-                    "module": name,
+                    "module": names[name],
                     "url": urls[name],
                     "confirmed": not each.error,
                     "process": each.holder and each.holder.pid,
@@ -200,12 +206,13 @@ def estop(links: Links = None, modules: ModulesFile = None, json: Json = False) 
             ]
         )
     elif not urls:
-        typer.echo("no process of yours uses a module; name the modules that are to stop")
+        typer.echo("None of your tensionlab processes holds a module; name the modules to stop.")
     for name, each in outcomes.items():
+        module = names[name] if names[name] == name else f"{names[name]} ({name})"
         if each.error:
-            output.print_error(f"{name}: NOT CONFIRMED: {each.error}")
+            output.print_error(f"{module}: NOT CONFIRMED: {each.error}")
         elif not json:
-            typer.echo(f"{name}: estop" + (f"; {each.holder} had it" if each.holder else ""))
+            typer.echo(f"{module}: estop" + (f"; {each.holder} had it" if each.holder else ""))
     if not urls or any(each.error for each in outcomes.values()):
         raise typer.Exit(1)
 

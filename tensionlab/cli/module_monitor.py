@@ -86,7 +86,7 @@ def monitor(
 
     urls = {url: url for url in locked_links()} if not links and modules is None else find_links(links, modules)
     if not urls:
-        output.print_error("no process of yours uses a module; name the modules to watch")
+        output.print_error("None of your tensionlab processes holds a module; name the modules to watch.")
         raise typer.Exit(1)
     with ExitStack() as stack:
         found, failed = _connect(urls, stack)

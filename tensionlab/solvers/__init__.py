@@ -65,8 +65,8 @@ def make(name: str) -> Solver:
     """Return a solver by its name in `SOLVERS`, that of a plug-in, or ``module:Class``.
 
     What follows a colon sets the solver's first hyper-parameter: ``"qp:osqp"`` is
-    ``QuadraticProgram(backend="osqp")``, ``"my_solver:MySolver:200"`` the class of a module with its first set. The
-    module is one that Python can import; the working directory is not added to Python's path.
+    ``QuadraticProgram(backend="osqp")``, ``"my_solver:MySolver:200"`` the class of a module with its first set.
+    The module is one that Python can import; the working directory is not added to Python's path.
 
     Raises
     ------
@@ -88,8 +88,8 @@ def make(name: str) -> Solver:
             raise UnknownSolver(f"no solver is called {name!r}; a class of a module is {hint}")
         elif rest[:1].isupper():
             raise UnknownSolver(
-                f"no solver is called {family!r}, and Python can import no module of that name; install the module "
-                "of module:Class, or name its folder in the variable PYTHONPATH"
+                f"no solver is called {family!r}, and Python can import no module of that name; install the "
+                "module of module:Class, or name its folder in the variable PYTHONPATH"
             )
     solver: Solver = variants.make(name, found, names, "solver", UnknownSolver)
     return solver

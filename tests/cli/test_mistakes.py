@@ -117,7 +117,7 @@ MISTAKES = {
     "module info --modules modules.toml floor": "modules.toml has no module 'floor'; it has top",
     "module info socket://127.0.0.1:99999": "give a host and a port from 1 to 65535, such as socket://127.0.0.1:4001",
     "module info socket://127.0.0.1:1": "cannot be opened: Connection refused; is it served there, and in reach?",
-    "module monitor": "no process of yours uses a module; name the modules to watch",
+    "module monitor": "None of your tensionlab processes holds a module; name the modules to watch.",
     "run rig.toml --modules modules.toml": "no link for floor-1, floor-2, floor-3; give each module its own",
     "run rig.toml --modules sim:,sim:": "--modules has 2 links, bartels2026-validation has 4 modules",
     "serve cube-8 --port {port}": "port {port}: Address already in use; give another port, 0 for a free one",

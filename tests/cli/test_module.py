@@ -93,7 +93,7 @@ def test_a_name_that_the_file_does_not_have(call):
     assert "has no module 'bottom'; it has floor-1, floor-2, floor-3, top" in err
 
 
-def test_discover_asks_what_looks_like_a_module_and_leaves_others_alone(run, monkeypatch, tmp_path, urls):
+def test_discover_asks_what_looks_like_a_module_and_leaves_others_alone(run, monkeypatch, locks_folder, urls):
     ports = {
         urls["top"]: SerialPort(urls["top"], "CP2102 USB to UART Bridge", "USB VID:PID=10C4:EA60", 0x10C4),
         urls["floor-1"]: SerialPort(urls["floor-1"], "", "n/a", None),
@@ -106,7 +106,6 @@ def test_discover_asks_what_looks_like_a_module_and_leaves_others_alone(run, mon
     assert top["url"] == urls["top"]
     assert top["info"]["serial_number"] == 4
     assert "cannot be opened" in bluetooth["problem"]
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))  # nobody else's locks are there
     lock = LinkLock(urls["floor-1"])
     status, out, _ = run("module", "discover", "--all")
     lock.release()
@@ -294,7 +293,7 @@ class Elsewhere:
     def __init__(self, monkeypatch, urls):
         monkeypatch.setattr("tensionlab.hardware.client.shared_telemetry.MIN_PERIOD_S", 0.0)
         publisher = Publisher()
-        process = Holder(4711, "tensionlab run floor", publisher.port, publisher.token)
+        process = Holder(4711, 1, "tensionlab run floor", "left", publisher.port, publisher.token)
         for name, url in urls.items():
             publisher.reports[url] = lambda name=name, url=url: Report(url, f"my {name}", TELEMETRY, 0.01, 7)
         self.holders = dict.fromkeys(urls.values(), process)
@@ -355,7 +354,7 @@ def test_monitor_needs_modules_where_no_process_has_any(run, monkeypatch):
     Elsewhere(monkeypatch, {})
     status, out, err = run("module", "monitor")
     assert (status, out) == (1, "")
-    assert err == "tensionlab: no process of yours uses a module; name the modules to watch\n"
+    assert err == "tensionlab: None of your tensionlab processes holds a module; name the modules to watch.\n"
 
 
 def test_parameters_of_all_modules_in_a_folder(call, tmp_path, urls):

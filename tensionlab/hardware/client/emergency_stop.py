@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-from tensionlab.errors import HardwareError
+from tensionlab.errors import HardwareError, LinkError
 from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S
-from tensionlab.hardware.client.locks import Holder, holder
+from tensionlab.hardware.client.links import open_link
+from tensionlab.hardware.client.locks import Holder, holder, locked_links
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.messages import EmergencyStop
 from tensionlab.operating_system import kill_command, send_estop
@@ -31,33 +33,60 @@ class Outcome:
 def emergency_stop(links: Mapping[str, str]) -> dict[str, Outcome]:
     """Make modules, URLs by name, release their cables at once, whichever process uses them.
 
-    Processes that use some of them get `ESTOP_SIGNAL` first. Modules are commanded from here as soon as
-    their links are free, and confirm it.
+    Processes that use some of them get `ESTOP_SIGNAL` first, before the name of any host is looked up. Modules are
+    commanded from here as soon as their links are free, each in a thread, and confirm it. No link is locked for
+    that, so no full disk and no folder of somebody else is in the way.
     """
-    holders = {name: holder(url) for name, url in links.items()}
-    problems: dict[int, str] = {}
+    signals = _Signals()
+    found = locked_links()
+    holders = {name: found.get(url) or holder(url, look_up=False) for name, url in links.items()}
     for who in holders.values():
-        if who is not None and who.pid not in problems:
-            problems[who.pid] = _signal(who)
-
-    def one(name: str) -> Outcome:
-        who = before = holders[name]
-        end = time.perf_counter() + (RELEASE_TIMEOUT_S if who is not None and not problems[who.pid] else 0.0)
-        while True:
-            try:
-                with ModuleClient(name, links[name]) as client:
-                    client.command(EmergencyStop(), PATIENT_TIMEOUTS_S)
-                    return Outcome(who)
-            except HardwareError as error:
-                now = holder(links[name])
-                # The process that had it when this try began may have closed it since: then it is free now.
-                if (now is None and before is None) or time.perf_counter() > end:
-                    return Outcome(who, _reason(error, who, now, problems))
-                before = now
-            time.sleep(POLL_PERIOD_S)
-
+        if who is not None:
+            signals.send(who)
     with ThreadPoolExecutor(len(links)) as threads:
-        return dict(zip(links, threads.map(one, links), strict=True))
+        outcomes = threads.map(lambda name: _stop_module(name, links[name], holders[name], signals), links)
+        return dict(zip(links, outcomes, strict=True))
+
+
+def _stop_module(name: str, url: str, who: Holder | None, signals: _Signals) -> Outcome:
+    """Command a module as soon as the process that has its link, if any, has closed it."""
+    before, end = who, time.perf_counter() + RELEASE_TIMEOUT_S
+    while True:
+        try:
+            _command(name, url)
+            return Outcome(who)
+        except HardwareError as error:
+            now = holder(url)  # it may have the link by another name of the host, or have just taken it
+            who = who or now
+            problem = signals.send(now) if now is not None else ""
+            # The process that had it when this try began may have closed it since: then it is free now.
+            if (now is None and before is None) or problem or time.perf_counter() > end:
+                return Outcome(who, problem or (str(error) if now is None else _still_has_it(now)))
+            before = now
+        time.sleep(POLL_PERIOD_S)
+
+
+def _command(name: str, url: str) -> None:
+    """Command a module whose link is free to stop, and wait until it confirms it; else a `HardwareError`."""
+    if (who := holder(url, look_up=False)) is not None:
+        raise LinkError(f"{url} is in use by {who}")
+    with ModuleClient(name, open_link(url, locked=False)) as client:
+        client.command(EmergencyStop(), PATIENT_TIMEOUTS_S)
+
+
+class _Signals:
+    """Signals of one emergency stop, at most one to each process."""
+
+    def __init__(self) -> None:
+        self._problems: dict[int, str] = {}
+        self._sending = threading.Lock()
+
+    def send(self, who: Holder) -> str:
+        """Signal a process to stop its modules, once; return why that failed, empty if it did not."""
+        with self._sending:
+            if who.pid not in self._problems:
+                self._problems[who.pid] = _signal(who)
+            return self._problems[who.pid]
 
 
 def _signal(who: Holder) -> str:
@@ -71,11 +100,6 @@ def _signal(who: Holder) -> str:
     return ""
 
 
-def _reason(error: HardwareError, who: Holder | None, now: Holder | None, problems: Mapping[int, str]) -> str:
-    if now is None:
-        return str(error)
-    if who is None:
-        return f"{now} has just taken it; try again"
-    if problems[who.pid]:
-        return problems[who.pid]
+def _still_has_it(who: Holder) -> str:
+    """Return why a module did not stop whose process was signalled in vain."""
     return f"{who} was signalled, and still has it; end it ({kill_command(who.pid)}), and its modules stop"

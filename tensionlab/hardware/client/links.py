@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from tensionlab.errors import LinkError, needs
-from tensionlab.hardware.client.locks import LinkLock, tcp_address
+from tensionlab.hardware.client.locks import LinkLock, NoLock, tcp_address
 
 READ_BYTES = 4096
 """Most bytes read at a time."""
@@ -92,15 +92,16 @@ def require_known(url: str) -> None:
         raise LinkError(f"{url!r} is no link to a module; give one of these:\n{URL_KINDS}")
 
 
-def open_link(url: str) -> Link:
-    """Open the link of a URL, of a kind in `URL_KINDS`.
+def open_link(url: str, module: str = "", *, locked: bool = True) -> Link:
+    """Open the link of a URL, of a kind in `URL_KINDS`, for this process alone unless ``locked`` is False.
 
-    A `LinkError` if it is of no known kind, nothing answers there, or the module is in use.
+    ``module`` is its name, for other processes to read. A `LinkError` if the URL is of no known kind, nothing
+    answers there, or the module is in use.
     """
     require_known(url)
     if url in OPENERS:
         return OPENERS[url]()
-    lock = LinkLock(url)
+    lock = LinkLock(url, module) if locked else NoLock()
     try:
         return connect(url, lock)
     except BaseException:
@@ -108,7 +109,7 @@ def open_link(url: str) -> Link:
         raise
 
 
-def connect(url: str, lock: LinkLock) -> Link:
+def connect(url: str, lock: LinkLock | NoLock) -> Link:
     """Connect to a port or a socket, which is locked; errors as those of `open_link`."""
     if url.startswith("socket://"):
         return SocketLink(url, lock, _connect_tcp(url))
@@ -123,7 +124,7 @@ class SerialLink:
     lockstep, direct = False, True
     clock = staticmethod(time.perf_counter)
 
-    def __init__(self, url: str, lock: LinkLock) -> None:
+    def __init__(self, url: str, lock: LinkLock | NoLock) -> None:
         with needs("hardware", "a serial port"):
             import serial
         self.url, self._lock = url, lock
@@ -184,7 +185,7 @@ class SocketLink:
     lockstep, direct = False, True
     clock = staticmethod(time.perf_counter)
 
-    def __init__(self, url: str, lock: LinkLock, connected: socket.socket) -> None:
+    def __init__(self, url: str, lock: LinkLock | NoLock, connected: socket.socket) -> None:
         self.url, self._lock, self._socket = url, lock, connected
         self.file: int | None = connected.fileno()
         connected.setblocking(False)

@@ -1,28 +1,31 @@
 """Locks on links, so that one process at a time uses a module, and notes of which process that is.
 
-Locks and notes lie in a folder of the user's, named after the link. The system releases the locks of a process
-that ends, however it ends, so nothing has to be cleared up after one that was killed.
+Locks and notes are files named after the link, in each folder that all processes of the user share
+(`user_folders`): one that is full, or that ends with the user's session, does not hide a lock. The system releases
+the locks of a process that ends, however it ends, so nothing has to be cleared up after one that was killed.
 """
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import ipaddress
 import json
 import os
 import socket
 import sys
-import tempfile
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from tensionlab.errors import LinkError
 from tensionlab.files.writing import acquire_lock
 from tensionlab.hardware.client.shared_telemetry import publisher
-from tensionlab.operating_system import is_private, patiently, user
+from tensionlab.operating_system import is_private, patiently, process_start, user_folders
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
@@ -34,10 +37,15 @@ MAX_PROGRAM_CHARACTERS = 100
 
 @dataclass(frozen=True)
 class Holder:
-    """Process that has a lock: its number, the program as it was called, and where it publishes telemetry."""
+    """Process that has a link: its number, when it started, its command line, what it calls the module there.
+
+    `port` and `token` lead to the telemetry that it publishes.
+    """
 
     pid: int
+    started: int | None
     program: str
+    module: str
     port: int | None = None
     token: str = ""
 
@@ -48,58 +56,115 @@ class Holder:
 class LinkLock:
     """Lock on a link, held by this process until it is released or the process ends.
 
-    A `LinkError` names the process that has it already, and what that runs.
+    Parameters
+    ----------
+    url : str
+        The link.
+    module : str, optional
+        Name of the module there, for others to read.
+
+    Raises
+    ------
+    LinkError
+        If another process has it, which is named; or no folder of the user's can be written to.
     """
 
-    def __init__(self, url: str) -> None:
-        path = _path(url)
-        self._note = path.with_suffix(".json")
-        self._lock = _locked(path, LOCK_TIMEOUT_S)
-        if self._lock is None:
-            raise LinkError(f"{url} is in use by {_read(self._note) or 'another process'}; end that first")
-        content = {"pid": os.getpid(), "program": program(), "url": url}
+    def __init__(self, url: str, module: str = "") -> None:
+        self._url = url
+        self._held: list[tuple[BaseFileLock, Path]] = []
+        who = Holder(os.getpid(), process_start(os.getpid()), program(), module)
         if (published := publisher()) is not None:
-            content |= {"port": published.port, "token": published.token}
-        new = path.with_suffix(".new")
-        new.write_text(json.dumps(content), encoding="utf-8")
-        patiently(lambda: new.replace(self._note))
+            who = replace(who, port=published.port, token=published.token)
+        name, problems = _file_name(url), ["this user has no home"]
+        for folder in user_folders():
+            try:
+                self._take(_make_private(folder) / name, json.dumps(asdict(who) | {"url": url}))
+            except LinkError:
+                raise
+            except OSError as error:
+                problems.append(f"{error.filename or folder}: {error.strerror}")
+        if not self._held:
+            raise LinkError(
+                f"{url} cannot be locked for this process: {problems[-1]}; see that you may write there"
+            )
+
+    def _take(self, path: Path, content: str) -> None:
+        """Lock a file and write its note; a `LinkError` if another process has it."""
+        note = path.with_suffix(".json")
+        lock = acquire_lock(path, LOCK_TIMEOUT_S, "hardware")
+        if lock is None:
+            self.release()
+            raise LinkError(f"{self._url} is in use by {_read(note) or 'another process'}; end that first")
+        try:
+            new = path.with_suffix(".new")
+            new.write_text(content, encoding="utf-8")
+            patiently(lambda: new.replace(note))
+        except OSError:
+            lock.release()
+            raise
+        self._held.append((lock, note))
 
     def release(self) -> None:
         """Release the lock; a released one may be released again."""
-        if self._lock is not None:
+        while self._held:
+            lock, note = self._held.pop()
             with suppress(OSError):  # of a free link, a note names nobody
-                patiently(lambda: self._note.unlink(missing_ok=True))
-            self._lock.release()
-        self._lock = None
+                patiently(partial(note.unlink, missing_ok=True))
+            lock.release()
 
 
-def holder(url: str) -> Holder | None:
-    """Return the process that has a link; None if there is none, or it left no note."""
-    path = _path(url)
-    lock = _locked(path, 0.0)
-    if lock is None:
-        return _read(path.with_suffix(".json"))
-    lock.release()
-    return None
+class NoLock:
+    """Lock of a link that an emergency stop opens without one."""
+
+    def release(self) -> None:
+        """Do nothing."""
+
+
+def holder(url: str, *, look_up: bool = True) -> Holder | None:
+    """Return the process that has a link; None if there is none, or it left no note.
+
+    A host's name, which may take seconds to be looked up, finds nothing if ``look_up`` is False.
+    """
+    name = _file_name(url, look_up=look_up)
+    return next((who for folder in _private_folders() if (who := _holder(folder / name))), None)
 
 
 def locked_links() -> dict[str, Holder]:
-    """Return the links that processes of this user have, and the process of each."""
+    """Return the links that processes of this user have, as they wrote them, and the process of each.
+
+    No host's name is looked up for that.
+    """
     found = {}
-    for note in sorted(_folder().glob("*.json")):
-        with suppress(OSError, ValueError, KeyError):
-            url = str(json.loads(note.read_text(encoding="utf-8"))["url"])
-            who = holder(url)
-            if who is not None:
-                found[url] = who
+    for folder in _private_folders():
+        for note in sorted(folder.glob("*.json")):
+            with suppress(OSError, ValueError, KeyError, TypeError):
+                url = str(json.loads(note.read_text(encoding="utf-8"))["url"])
+                if url not in found and (who := _holder(note.with_suffix(".lock"))) is not None:
+                    found[url] = who
     return found
 
 
-def normalised(url: str) -> str:
-    """Return one URL for all those that reach the same module."""
+def _holder(path: Path) -> Holder | None:
+    """Return the process that has a lock; None if it is free, or its note is of a process that has ended.
+
+    A lock that cannot be tried counts as held by the process of its note.
+    """
+    who = _read(path.with_suffix(".json"))
+    if who is None or process_start(who.pid) != who.started:
+        return None
+    with suppress(OSError):
+        lock = acquire_lock(path, 0.0, "hardware")
+        if lock is not None:
+            lock.release()
+            return None
+    return who
+
+
+def normalised(url: str, *, look_up: bool = True) -> str:
+    """Return one URL for all those that reach the same module, if need be by looking up the name of a host."""
     if url.startswith("socket://"):
         host, port = tcp_address(url)
-        return f"socket://{_address(host)}:{port}"
+        return f"socket://{_address(host, look_up)}:{port}"
     if url.startswith("bt://"):
         address, _, channel = url.removeprefix("bt://").partition("/")
         return f"bt://{address.upper()}/{channel or 1}"
@@ -117,47 +182,45 @@ def tcp_address(url: str) -> tuple[str, int]:
     raise LinkError(f"{url}: give a host and a port from 1 to 65535, such as socket://127.0.0.1:4001")
 
 
-def _address(host: str) -> str:
+def _address(host: str, look_up: bool) -> str:
     """Return the address of a host, or its name if it is not known."""
+    flags = 0 if look_up else socket.AI_NUMERICHOST
     with suppress(OSError, UnicodeError):
-        host = str(socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)[0][4][0])
+        host = str(socket.getaddrinfo(host, None, type=socket.SOCK_STREAM, flags=flags)[0][4][0])
     with suppress(ValueError):
         if ipaddress.ip_address(host) == ipaddress.ip_address("::1"):
             return "127.0.0.1"
     return host
 
 
-def _locked(path: Path, timeout: float) -> BaseFileLock | None:
-    """Lock a file; return None if another process still has it after the timeout, in s."""
-    try:
-        return acquire_lock(path, timeout, "hardware")
-    except OSError as error:
-        raise LinkError(f"{path}: cannot be locked: {error.strerror}; see that you may write there") from None
+def _file_name(url: str, *, look_up: bool = True) -> str:
+    """Return the name of a link's lock file."""
+    return f"{hashlib.sha256(normalised(url, look_up=look_up).encode()).hexdigest()[:24]}.lock"
 
 
-def _path(url: str) -> Path:
-    """Return the lock file of a link."""
-    return _folder() / f"{hashlib.sha256(normalised(url).encode()).hexdigest()[:24]}.lock"
+def _private_folders() -> Iterator[Path]:
+    """Yield the folders of locks that are there, this user's own and closed to others."""
+    for folder in user_folders():
+        with suppress(OSError):
+            if is_private(folder):
+                yield folder
 
 
-def _folder() -> Path:
-    """Return the folder of this user's locks, made if it is missing; nobody else may write into it."""
-    folder = Path(tempfile.gettempdir()) / f"tensionlab-{user()}"
-    try:
-        folder.mkdir(mode=0o700, exist_ok=True)
-        private = is_private(folder)
-    except OSError as error:
-        raise LinkError(f"{folder}: no folder for locks of modules: {error.strerror}; make it possible") from None
-    if not private:
-        raise LinkError(f"{folder}: must be yours and closed to others (mode 0700); remove it, or correct that")
+def _make_private(folder: Path) -> Path:
+    """Return a folder of locks, made if it is missing; a `PermissionError` if others own it or may enter it."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if not is_private(folder):
+        problem = "must be yours and closed to others (mode 0700); remove it, or correct that"
+        raise PermissionError(errno.EPERM, problem, str(folder))
     return folder
 
 
 def _read(note: Path) -> Holder | None:
     """Return the process that a note names; None if it cannot be read."""
     with suppress(OSError, ValueError, KeyError, TypeError):
-        content = json.loads(note.read_text(encoding="utf-8"))
-        return Holder(int(content["pid"]), str(content["program"]), content.get("port"), content.get("token", ""))
+        row: dict[str, Any] = json.loads(note.read_text(encoding="utf-8"))
+        del row["url"]
+        return Holder(**row)
     return None
 
 

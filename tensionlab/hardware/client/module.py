@@ -95,7 +95,7 @@ class ModuleClient:
 
     def __init__(self, name: str, link: Link | str, seed: int | None = None) -> None:
         self.name = name
-        self.link = open_link(link) if isinstance(link, str) else link
+        self.link = open_link(link, name) if isinstance(link, str) else link
         self._arm_repeated = False
         self._on_message: Callable[[Received[Message]], None] | None = None
         self._random = random.Random(seed)

@@ -17,8 +17,10 @@ from tests.support.scripts import running
 
 HOLD = """
 import sys
-from tensionlab.hardware.client.locks import LinkLock
-lock = LinkLock('COM5')
+from pathlib import Path
+from tensionlab.hardware.client import locks
+locks.user_folders = lambda: [Path(sys.argv[1])]
+lock = locks.LinkLock('COM5')
 print(flush=True)
 sys.stdin.read()
 """
@@ -26,9 +28,11 @@ pytestmark = pytest.mark.usefixtures("locks_folder")
 
 
 @pytest.mark.realtime  # a process is stopped, and killed with -9
-def test_a_module_belongs_to_its_process_even_if_that_hangs_until_it_is_killed():
-    with running(HOLD, "a", "word") as process:
-        with pytest.raises(LinkError, match=rf"com5 is in use by process {process.pid} \(-c a word\); end that"):
+def test_a_module_belongs_to_its_process_even_if_that_hangs_until_it_is_killed(locks_folder):
+    with running(HOLD, str(locks_folder), "a word") as process:
+        with pytest.raises(
+            LinkError, match=rf"com5 is in use by process {process.pid} \(-c .* a word\); end that"
+        ):
             LinkLock("com5")
         assert holder("COM5").pid == process.pid
         process.send_signal(signal.SIGSTOP)
@@ -53,7 +57,7 @@ def test_a_lock_ends_with_its_release_and_no_note_stays(locks_folder):
 
 def test_any_thread_may_release_a_lock():
     lock = LinkLock("COM5")
-    inner = lock._lock  # lest it ends by itself
+    [(inner, _)] = lock._held  # lest it ends by itself
     thread = threading.Thread(target=lock.release)
     thread.start()
     thread.join()
@@ -180,21 +184,56 @@ def test_the_links_that_are_locked_are_listed_with_their_processes():
 
 
 def test_what_cannot_be_locked_is_named(locks_folder):
-    locks._path("COM5").mkdir()
-    with pytest.raises(LinkError, match=r"\.lock: cannot be locked: .*; see that you may write there"):
+    locks_folder.mkdir(mode=0o700)
+    (file := locks_folder / locks._file_name("COM5")).mkdir()
+    with pytest.raises(
+        LinkError, match=r"^COM5 cannot be locked for this process: .*\.lock: .*; see that you may"
+    ):
         LinkLock("COM5")
-    locks._path("COM5").rmdir()
+    file.rmdir()
     locks_folder.rmdir()
     locks_folder.write_text("no folder")
-    with pytest.raises(LinkError, match="no folder for locks of modules"):
+    with pytest.raises(LinkError, match=r"COM5 cannot be locked for this process: .*locks: File exists; see that"):
         LinkLock("COM5")
 
 
 def test_a_folder_of_another_user_is_refused(locks_folder, monkeypatch):
+    LinkLock("COM5").release()
     somebody = os.getuid() + 1
     monkeypatch.setattr(os, "getuid", lambda: somebody)
     with pytest.raises(LinkError, match="must be yours"):
         LinkLock("COM5")
+    assert holder("COM5") is None
+    assert locks.locked_links() == {}
+
+
+def test_one_folder_that_cannot_be_written_to_hides_no_lock(locks_folder, tmp_path, monkeypatch):
+    """A service begins without /run/user/UID, the user logs in, the home fills, the user leaves."""
+    home, runtime = tmp_path / "home", tmp_path / "runtime"
+    folders = [home]
+    monkeypatch.setattr(locks, "user_folders", lambda: folders)
+    service = LinkLock("COM5", "left")
+    folders[:] = [runtime, home]
+    with pytest.raises(LinkError, match=f"COM5 is in use by process {os.getpid()} "):
+        LinkLock("COM5")
+    assert list(runtime.glob("*.json")) == [], "what it had locked before it found that out, it released"
+    (home / locks._file_name("COM6")).mkdir()  # nothing can be made there
+    other = LinkLock("COM6")
+    assert {url: who.module for url, who in locks.locked_links().items()} == {"COM5": "left", "COM6": ""}
+    folders[:] = [home]
+    assert holder("COM5").module == "left"
+    service.release()
+    other.release()
+
+
+def test_a_number_that_another_process_has_now_names_nobody(monkeypatch):
+    """A killed process left its note, and whoever has the lock has not written its own yet."""
+    lock = LinkLock("COM5")
+    start = locks.process_start(os.getpid())
+    monkeypatch.setattr(locks, "process_start", lambda pid: start + 1)
+    assert holder("COM5") is None
+    assert locks.locked_links() == {}
+    lock.release()
 
 
 @pytest.mark.parametrize(
