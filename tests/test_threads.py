@@ -1,5 +1,7 @@
-"""The threads that share a batch out: the same answers with many, beside other callers, and after a fork."""
+"""The threads that share a batch out: the same answers with many, beside other callers, and after a fork; what is
+thrown on them; and the signals that a batch hears."""
 
+import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -63,3 +65,102 @@ def test_threads_are_made_once(monkeypatch):
     for _ in range(20):
         tl.allocate(structure, wrench, LIMITS)
     assert len(list(Path("/proc/self/task").iterdir())) == before
+
+
+# In a process of their own: what is thrown on a thread and not caught there ends the process.
+
+
+def run_python(program: str, **environment: str) -> str:
+    ended = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=Path(__file__).parent.parent,
+        env={**os.environ, "TENSIONLAB_NUM_THREADS": "2", **environment},
+        timeout=300,
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert ended.returncode == 0, (ended.returncode, ended.stderr)
+    return ended.stdout.strip()
+
+
+CELLS = """
+import numpy as np
+from tensionlab import _native
+def certify(centres, m, n=6):
+    anchors, arms = np.random.default_rng(0).normal(size=(2, 1, m, 3))
+    wrenches = np.zeros((1, 1, n))
+    limits = np.zeros(m), np.full(m, 50.0)
+    return _native.certify_cells(
+        anchors, arms, *limits, wrenches, 1.0, 0.0, 0.0, 1.0, False, centres, np.full(3, 0.01), True
+    )
+"""
+
+
+def test_a_centre_that_is_not_contiguous_is_refused_whatever_the_threads():
+    program = """
+try:
+    certify(np.zeros((10_000, 3))[::2], 8)
+except ValueError as error:
+    print(error)
+"""
+    assert run_python(CELLS + program) == "an array must be contiguous; copy it first"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited as on Linux")
+def test_a_thread_without_memory_raises_memory_error_in_the_calling_one():
+    program = """
+import resource, time
+from pathlib import Path
+certify(np.zeros((5000, 3)), 8)  # the threads have been made
+used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + 2**20, used + 2**20))
+try:
+    certify(np.zeros((5000, 3)), 32)  # 200,000 rays of 80 bytes
+except MemoryError:
+    time.sleep(0.5)  # for the other thread, which has no memory either
+    print("MemoryError")
+"""
+    assert run_python(CELLS + program, MALLOC_ARENA_MAX="1") == "MemoryError"
+
+
+# By the processor time of this process, in which the timer counts too: how busy the machine is does not matter.
+INTERRUPTED = """
+import signal, time
+import numpy as np
+import tensionlab as tl
+rng = np.random.default_rng(0)
+def end(number, frame):
+    raise KeyboardInterrupt
+def interrupt(batch):
+    signal.signal(signal.SIGPROF, end)
+    signal.setitimer(signal.ITIMER_PROF, 0.3)
+    begin = time.process_time()
+    try:
+        batch()
+    except KeyboardInterrupt:
+        return time.process_time() - begin - 0.3
+    raise SystemExit("the batch is too small to be interrupted")
+"""
+BATCHES = {
+    "many problems": """
+structure, wrench = rng.normal(size=(3, 8)), 10 * rng.normal(size=(2_000_000, 3))
+batch = lambda: tl.allocate(structure, wrench, (0.5, 6.0), solver="dykstra")
+""",
+    "one pose with many wrenches": """
+structure, directions = rng.normal(size=(3, 32)), rng.normal(size=(1_000_000, 3))
+batch = lambda: tl.workspace.reachable_share(structure, (0.5, 6.0), directions, 5.0)
+""",
+    "cells that take long": CELLS + "batch = lambda: certify(np.zeros((100, 3)), 32)\n",
+    "a simulated module": """
+from tensionlab.hardware.simulation.simulated_module import SimulatedModule
+batch = lambda: SimulatedModule().advance(20_000.0)
+""",
+}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no timer of processor time")
+@pytest.mark.parametrize("batch", BATCHES)
+def test_a_batch_hears_a_signal_within_a_fifth_of_a_second(batch):
+    late = run_python(INTERRUPTED + BATCHES[batch] + "print(interrupt(batch))", TENSIONLAB_NUM_THREADS="1")
+    assert float(late) < 0.2

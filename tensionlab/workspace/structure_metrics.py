@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -283,8 +284,11 @@ def effort(
     for start in range(0, len(desired), step):
         part = slice(start, start + step)
         allocate = Allocator((lower[part, None], upper[part, None]))
-        found = allocate(structures[part, None], desired[part])
-        squares = np.where(found.status == Status.EXACT, np.einsum("bkm,bkm->bk", *2 * [found.tensions]), np.nan)
+        squares = np.empty((len(mean[part]), desired.shape[1]))
+        for some in _parts(squares.shape[1], len(squares)):
+            found = allocate(structures[part, None], desired[part, some])
+            sums = np.einsum("bkm,bkm->bk", found.tensions, found.tensions)
+            squares[:, some] = np.where(found.status == Status.EXACT, sums, np.nan)
         mean[part], worst[part] = squares.mean(axis=1), squares.max(axis=1)
     return Effort(mean.reshape(shape)[()], worst.reshape(shape)[()])
 
@@ -294,7 +298,7 @@ def feasibility_tolerance(wrenches: Floats) -> float:
 
     The tolerance of an exact allocation: a share of the largest of the wrenches.
     """
-    return TOLERANCE * max(1.0, float(np.linalg.norm(wrenches, axis=-1).max(initial=0.0)))
+    return TOLERANCE * max(1.0, math.sqrt(np.einsum("...n,...n", wrenches, wrenches).max(initial=0.0)))
 
 
 def _beside(wrench: ArrayLike | None, n: int) -> Floats:
@@ -316,10 +320,21 @@ def _wrenches(directions: ArrayLike, magnitude: float, n: int, beside: ArrayLike
         raise ShapeError(
             f"directions have shape {vectors.shape}; give (k, d), with d from 1 to {n}, the rows of structure"
         )
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    if not lengths.all():
-        index = ", ".join(str(int(i)) for i in np.argwhere(lengths[..., 0] == 0)[0])
-        raise ShapeError(f"directions[{index}] is zero; give vectors with a direction")
-    wrenches = np.zeros((*vectors.shape[:-1], n))
-    wrenches[..., : vectors.shape[-1]] = magnitude * vectors / lengths
-    return wrenches + _beside(beside, n)[..., None, :]
+    *leading, count, d = vectors.shape
+    offset = _beside(beside, n)[..., None, :]
+    wrenches = np.zeros(np.broadcast_shapes((*leading, count, n), offset.shape))
+    for part in _parts(count, math.prod(leading)):
+        lengths = np.linalg.norm(vectors[..., part, :], axis=-1, keepdims=True)
+        if not lengths.all():
+            *before, zero = map(int, np.argwhere(lengths[..., 0] == 0)[0])
+            index = ", ".join(map(str, [*before, part.start + zero]))
+            raise ShapeError(f"directions[{index}] is zero; give vectors with a direction")
+        wrenches[..., part, :d] = magnitude * vectors[..., part, :] / lengths
+        wrenches[..., part, :] += offset
+    return wrenches
+
+
+def _parts(count: int, poses: int) -> Iterator[slice]:
+    """Yield the directions in parts small enough that Ctrl-C is heard between two."""
+    step = max(1, ALLOCATIONS_PER_CALL // max(1, poses))
+    return (slice(start, min(start + step, count)) for start in range(0, count, step))

@@ -89,29 +89,24 @@ nb::object allocate_batch(const In<3>& structure, const In<2>& wrench, const In<
   const Settings settings{static_cast<Policy>(policy), largest, tolerance, rank_tolerance};
   const auto n = static_cast<std::size_t>(batch.n), m = static_cast<std::size_t>(batch.m);
   std::atomic<bool> flawed{false}, strange{false};
-  const SweepAnswer answer{allocate<double>(batch.size * m),  allocate<double>(batch.size * n),
-                           allocate<double>(batch.size * n),  allocate<double>(batch.size),
-                           allocate<double>(batch.size),      allocate<std::int8_t>(batch.size),
-                           allocate<std::int64_t>(batch.size)};
-  {
-    nb::gil_scoped_release unlocked;
-    share_out(
-        batch.size,
-        [&](std::size_t begin, std::size_t end) {
-          Allocation rows(batch, settings, answer, flawed);
-          for (std::size_t row = begin; row < end && !strange; row += kBlock) {
-            if (!rows.solve(row, std::min(row + kBlock, end))) strange = true;
-          }
-        },
-        kEntriesEnough / (n * m));
-  }
-  nb::tuple found =
-      nb::make_tuple(table_of(answer.tensions, batch.size, m), table_of(answer.rendered, batch.size, n),
-                     vector_of(answer.residual, batch.size), vector_of(answer.status, batch.size),
-                     vector_of(answer.scale, batch.size), vector_of(answer.iterations, batch.size),
-                     table_of(answer.separation, batch.size, n));
+  const auto tensions = make_array<double>(batch.size, m), separation = make_array<double>(batch.size, n);
+  const auto rendered = make_array<double>(batch.size, n);
+  const auto residual = make_array<double>(batch.size), scale = make_array<double>(batch.size);
+  const auto status = make_array<std::int8_t>(batch.size);
+  const auto iterations = make_array<std::int64_t>(batch.size);
+  const SweepAnswer answer{tensions.data(), separation.data(), rendered.data(),  residual.data(),
+                           scale.data(),    status.data(),     iterations.data()};
+  share_out(
+      batch.size,
+      [&](std::size_t begin, std::size_t end) {
+        Allocation rows(batch, settings, answer, flawed);
+        for (std::size_t row = begin; row < end && !strange; row += kBlock) {
+          if (!rows.solve(row, std::min(row + kBlock, end))) strange = true;
+        }
+      },
+      kEntriesEnough / (n * m));
   if (strange) return nb::none();
-  return std::move(found);
+  return nb::make_tuple(tensions, rendered, residual, status, scale, iterations, separation);
 }
 
 // One problem a call, with limits, reference and weights that stay.

@@ -19,23 +19,13 @@ using In = nb::ndarray<const double, nb::numpy, nb::ndim<Axes>, nb::device::cpu>
 template <class T, int Axes>
 using Out = nb::ndarray<T, nb::numpy, nb::ndim<Axes>>;
 
-template <class T>
-T* allocate(std::size_t count) {
-  return new T[count > 0 ? count : 1];
-}
-
-template <class T>
-nb::capsule owner(T* data) {
-  return nb::capsule(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
-}
-
-template <class T>
-Out<T, 1> vector_of(T* data, std::size_t rows) {
-  return Out<T, 1>(data, {rows}, owner(data));
-}
-template <class T>
-Out<T, 2> table_of(T* data, std::size_t rows, std::size_t columns) {
-  return Out<T, 2>(data, {rows, columns}, owner(data));
+// A new array of these lengths, without values.
+template <class T, class... Lengths>
+Out<T, sizeof...(Lengths)> make_array(Lengths... lengths) {
+  const std::size_t size = (std::size_t{1} * ... * static_cast<std::size_t>(lengths));
+  T* const data = new T[size > 0 ? size : 1];
+  const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+  return Out<T, sizeof...(Lengths)>(data, {static_cast<std::size_t>(lengths)...}, owner);
 }
 
 inline void require(bool right, const char* otherwise) {

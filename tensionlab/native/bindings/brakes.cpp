@@ -36,17 +36,15 @@ nb::tuple choose_locks(const Numbers<3>& structure, const Numbers<2>& normal, co
   const Walls walls{motors,      force.data(), stiffness_ratio.data(), limits.data() + 2 * m, pushing.data(),
                     held.data(), brake.data()};
   const LockRule rule{margin, most, price, hysteresis, negligible};
-  const LockAnswer answer{allocate<bool>(size * m), allocate<bool>(size * m), allocate<double>(size * m),
-                          allocate<double>(size)};
-  {
-    nb::gil_scoped_release unlocked;
-    share_out(size, [&](std::size_t begin, std::size_t end) {
-      LockSets sets(walls, rule, rank_tolerance, answer);
-      for (std::size_t wall = begin; wall < end; ++wall) sets.choose(wall);
-    });
-  }
-  return nb::make_tuple(table_of(answer.locked, size, m), table_of(answer.tensions, size, m),
-                        vector_of(answer.unresisted, size), table_of(answer.available, size, m));
+  const auto locked = make_array<bool>(size, m), available = make_array<bool>(size, m);
+  const auto tensions = make_array<double>(size, m);
+  const auto unresisted = make_array<double>(size);
+  const LockAnswer answer{locked.data(), available.data(), tensions.data(), unresisted.data()};
+  share_out(size, [&](std::size_t begin, std::size_t end) {
+    LockSets sets(walls, rule, rank_tolerance, answer);
+    for (std::size_t wall = begin; wall < end; ++wall) sets.choose(wall);
+  });
+  return nb::make_tuple(locked, tensions, unresisted, available);
 }
 
 }  // namespace

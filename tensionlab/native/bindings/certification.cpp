@@ -20,7 +20,8 @@ nb::tuple cells(const In<3>& anchors, const In<3>& arms, const In<1>& lower, con
           "arms, limits, wrenches and cells do not fit the anchors");
   const auto whole = [](const auto& array) {
     const Rows rows = rows_of(array);
-    require(array.shape(0) < 2 || rows.stride * array.shape(0) == static_cast<std::ptrdiff_t>(array.size()),
+    require(array.shape(0) < 2 || rows.stride * static_cast<std::ptrdiff_t>(array.shape(0)) ==
+                                      static_cast<std::ptrdiff_t>(array.size()),
             "an array must be contiguous; copy it first");
     return rows.data;
   };
@@ -39,17 +40,14 @@ nb::tuple cells(const In<3>& anchors, const In<3>& arms, const In<1>& lower, con
                          angle,
                          length,
                          closure};
-  const CellVerdicts found{allocate<std::int8_t>(size), with_shares ? allocate<double>(2 * size) : nullptr};
-  {
-    nb::gil_scoped_release unlocked;
-    const auto kernel = certify_cells_for_this_processor();
-    share_out(size, [&](std::size_t begin, std::size_t end) {
-      kernel(rig, whole(centres), contiguous(half_edges), begin, end, found);
-    });
-  }
-  nb::object shares = nb::none();
-  if (with_shares) shares = nb::cast(table_of(found.shares, size, 2));
-  return nb::make_tuple(vector_of(found.verdict, size), shares);
+  const double *const centre = whole(centres), *const half_edge = contiguous(half_edges);
+  const auto verdict = make_array<std::int8_t>(size);
+  Out<double, 2> shares;
+  if (with_shares) shares = make_array<double>(size, 2);
+  const CellVerdicts found{verdict.data(), with_shares ? shares.data() : nullptr};
+  const auto kernel = certify_cells_for_this_processor();
+  share_out(size, [&](std::size_t begin, std::size_t end) { kernel(rig, centre, half_edge, begin, end, found); });
+  return nb::make_tuple(verdict, with_shares ? nb::cast(shares) : nb::none());
 }
 
 }  // namespace

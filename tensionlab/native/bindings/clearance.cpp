@@ -19,14 +19,13 @@ nb::tuple closest_pair(const In<4>& segments, nb::ndarray<const std::int64_t, nb
   }
   const Segments all{rows_of(segments), static_cast<int>(segments.shape(1)), static_cast<int>(pairs.shape(0)),
                      pairs.data(), contiguous(radius)};
-  auto* distance = allocate<double>(size);
-  auto* closest = allocate<std::int64_t>(size);
-  {
-    nb::gil_scoped_release unlocked;
-    const auto clearance = clearance_for_this_processor();
-    share_out(size, [&](std::size_t begin, std::size_t end) { clearance(all, begin, end, distance, closest); });
-  }
-  return nb::make_tuple(vector_of(distance, size), vector_of(closest, size));
+  const auto distance = make_array<double>(size);
+  const auto closest = make_array<std::int64_t>(size);
+  const auto clearance = clearance_for_this_processor();
+  share_out(size, [&](std::size_t begin, std::size_t end) {
+    clearance(all, begin, end, distance.data(), closest.data());
+  });
+  return nb::make_tuple(distance, closest);
 }
 
 }  // namespace

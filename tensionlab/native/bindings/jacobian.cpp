@@ -70,19 +70,14 @@ nb::tuple allocation_jacobian(const In<3>& structure, const In<2>& wrench, const
                                           status, policy, rank_tolerance);
   const std::size_t size = solved.batch.size;
   const auto n = static_cast<std::size_t>(solved.batch.n), m = static_cast<std::size_t>(solved.batch.m);
-  const JacobianAnswer answer{allocate<double>(size * m * n),
-                              by_structure ? allocate<double>(size * m * n * m) : nullptr, allocate<bool>(size)};
-  {
-    nb::gil_scoped_release unlocked;
-    share_out(size,
-              [&](std::size_t begin, std::size_t end) { kRows[solved.batch.n - 1](solved, begin, end, answer); });
-  }
-  nb::object structures = nb::none();
-  if (by_structure) {
-    structures = nb::cast(Out<double, 4>(answer.structure, {size, m, n, m}, owner(answer.structure)));
-  }
-  return nb::make_tuple(Out<double, 3>(answer.wrench, {size, m, n}, owner(answer.wrench)), structures,
-                        vector_of(answer.kink, size));
+  const auto by_wrench = make_array<double>(size, m, n);
+  Out<double, 4> by_entry;
+  if (by_structure) by_entry = make_array<double>(size, m, n, m);
+  const auto kink = make_array<bool>(size);
+  const JacobianAnswer answer{by_wrench.data(), by_structure ? by_entry.data() : nullptr, kink.data()};
+  share_out(size,
+            [&](std::size_t begin, std::size_t end) { kRows[solved.batch.n - 1](solved, begin, end, answer); });
+  return nb::make_tuple(by_wrench, by_structure ? nb::cast(by_entry) : nb::none(), kink);
 }
 
 struct GradientAnswer {
@@ -113,17 +108,14 @@ nb::tuple allocation_gradients(const In<3>& structure, const In<2>& wrench, cons
   const auto n = static_cast<std::size_t>(solved.batch.n), m = static_cast<std::size_t>(solved.batch.m);
   require(has_shape(cotangent, size, m), "the cotangent does not fit the tensions");
   const Rows rows = rows_of(cotangent);
-  const GradientAnswer answer{allocate<double>(size * n * m), allocate<double>(size * n),
-                              allocate<double>(size * m), allocate<double>(size * m), allocate<double>(size * m)};
-  {
-    nb::gil_scoped_release unlocked;
-    share_out(size, [&](std::size_t begin, std::size_t end) {
-      kRows[solved.batch.n - 1](solved, rows, begin, end, answer);
-    });
-  }
-  return nb::make_tuple(Out<double, 3>(answer.structure, {size, n, m}, owner(answer.structure)),
-                        table_of(answer.wrench, size, n), table_of(answer.lower, size, m),
-                        table_of(answer.upper, size, m), table_of(answer.reference, size, m));
+  const auto structures = make_array<double>(size, n, m);
+  const auto wrenches = make_array<double>(size, n), lowers = make_array<double>(size, m);
+  const auto uppers = make_array<double>(size, m), references = make_array<double>(size, m);
+  const GradientAnswer answer{structures.data(), wrenches.data(), lowers.data(), uppers.data(), references.data()};
+  share_out(size, [&](std::size_t begin, std::size_t end) {
+    kRows[solved.batch.n - 1](solved, rows, begin, end, answer);
+  });
+  return nb::make_tuple(structures, wrenches, lowers, uppers, references);
 }
 
 }  // namespace

@@ -1,12 +1,14 @@
 // The Python module tensionlab._native: arrays in, arrays out. Each function is called by the one Python module
 // that owns its subject.
 #include "bindings/bindings.hpp"
+#include "bindings/share_out.hpp"
 #include "simd/batch.hpp"
 #include "simd/instruction_set.hpp"
 
 NB_MODULE(_native, module) {
   using namespace tensionlab;
   nanobind::set_leak_warnings(false);  // threads keep links that nobody closed until the process ends
+  find_main_thread();
   module.attr("MAX_COMPONENTS") = kMaxComponents;
   module.attr("MAX_CABLES") = kMaxCables;
   module.attr("INSTRUCTION_SET") = kInstructionSetNames[static_cast<int>(instruction_set())];

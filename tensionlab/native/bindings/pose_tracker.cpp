@@ -25,9 +25,9 @@ void require_size(const PoseTracker& tracker, std::size_t lengths, std::size_t k
 }
 
 Out<double, 1> one_row(const double* from, std::size_t size) {
-  auto* row = allocate<double>(size);
-  std::copy(from, from + size, row);
-  return vector_of(row, size);
+  const auto row = make_array<double>(size);
+  std::copy(from, from + size, row.data());
+  return row;
 }
 
 // Position, rotation, structure matrix; then the squares of what the lengths are short of, summed, the cable that
@@ -37,11 +37,11 @@ nb::tuple follow(PoseTracker& tracker, const Lengths& lengths, const Known& know
   tracker.follow(lengths.data(), known.data(), steps, found);
   const auto n = static_cast<std::size_t>(tracker.freedoms()), m = static_cast<std::size_t>(tracker.cables());
   const auto d = static_cast<std::size_t>(tracker.dimension());
-  auto* structure = allocate<double>(n * m);
-  std::copy(tracker.structure().begin(), tracker.structure().end(), structure);
-  auto* rotation = allocate<double>(d * d);
+  const auto structure = make_array<double>(n, m);
+  std::copy(tracker.structure().begin(), tracker.structure().end(), structure.data());
+  auto rotation = make_array<double>(d, d);
   for (std::size_t i = 0; i < d; ++i) {
-    for (std::size_t j = 0; j < d; ++j) rotation[i * d + j] = tracker.rotation()[i][j];
+    for (std::size_t j = 0; j < d; ++j) rotation(i, j) = tracker.rotation()[i][j];
   }
   double squares = 0.0;
   std::size_t worst = 0;
@@ -50,8 +50,8 @@ nb::tuple follow(PoseTracker& tracker, const Lengths& lengths, const Known& know
     squares += missing[cable] * missing[cable];
     if (std::abs(missing[cable]) > std::abs(missing[worst])) worst = cable;
   }
-  return nb::make_tuple(one_row(tracker.position().data(), d), table_of(rotation, d, d), table_of(structure, n, m),
-                        squares, worst, std::abs(missing[worst]));
+  return nb::make_tuple(one_row(tracker.position().data(), d), rotation, structure, squares, worst,
+                        std::abs(missing[worst]));
 }
 
 Out<double, 1> velocity(const PoseTracker& tracker, const Lengths& speeds, const Known& known) {
@@ -69,21 +69,20 @@ void send(SetPointDelays& delays, const Numbers& sequences, double now) {
 
 nb::tuple delays_of(SetPointDelays& delays, const Numbers& last, double now) {
   require(last.size() == delays.size(), "one entry for each module");
-  auto* ages = allocate<double>(last.size());
-  auto* at_least = allocate<double>(last.size());
-  delays.delays(last.data(), now, ages, at_least);
-  return nb::make_tuple(vector_of(ages, last.size()), vector_of(at_least, last.size()));
+  const auto ages = make_array<double>(last.size()), at_least = make_array<double>(last.size());
+  delays.delays(last.data(), now, ages.data(), at_least.data());
+  return nb::make_tuple(ages, at_least);
 }
 
 // Lengths now, by their speeds and ages, of which no more than `most` counts.
 Out<double, 1> at_one_time(const Lengths& lengths, const Lengths& speeds, const Lengths& ages, double most) {
   const std::size_t m = lengths.size();
   require(speeds.size() == m && ages.size() == m, "one entry for each cable");
-  auto* now = allocate<double>(m);
+  auto now = make_array<double>(m);
   for (std::size_t i = 0; i < m; ++i) {
-    now[i] = lengths.data()[i] + speeds.data()[i] * std::min(ages.data()[i], most);
+    now(i) = lengths.data()[i] + speeds.data()[i] * std::min(ages.data()[i], most);
   }
-  return vector_of(now, m);
+  return now;
 }
 
 // Whether any number reaches its threshold; NaN does not.
@@ -102,13 +101,10 @@ nb::tuple next_of(const Lengths& before, const Lengths& chosen, const Known& fre
   const std::size_t m = before.size();
   require(chosen.size() == m && free.size() == m && lower.size() == m && upper.size() == m,
           "one entry for each module");
-  auto* after = allocate<double>(m);
-  const auto afters = vector_of(after, m);
-  auto* commanded = allocate<double>(m);
-  const auto all_commanded = vector_of(commanded, m);
+  const auto after = make_array<double>(m), commanded = make_array<double>(m);
   const NextTensions next = next_tensions(m, before.data(), chosen.data(), free.data(), lower.data(), upper.data(),
-                                          max_change, after, commanded);
-  return nb::make_tuple(afters, all_commanded, next.slew_limited, next.refused);
+                                          max_change, after.data(), commanded.data());
+  return nb::make_tuple(after, commanded, next.slew_limited, next.refused);
 }
 
 }  // namespace

@@ -41,14 +41,12 @@ nb::tuple closed_form_tensions(const In<3>& structure, const In<2>& wrench, cons
                                                               closed_form_rows<5>, closed_form_rows<6>};
   const Batch batch = batch_of(structure, wrench, lower, upper, start, weights);
   const auto m = static_cast<std::size_t>(batch.m);
-  const ClosedFormAnswer answer{allocate<double>(batch.size * m), allocate<std::int64_t>(batch.size)};
-  {
-    nb::gil_scoped_release unlocked;
-    share_out(batch.size, [&](std::size_t begin, std::size_t end) {
-      kSolve[batch.n - 1](batch, improved, rank_tolerance, begin, end, answer);
-    });
-  }
-  return nb::make_tuple(table_of(answer.tensions, batch.size, m), vector_of(answer.fixed, batch.size));
+  const auto tensions = make_array<double>(batch.size, m);
+  const auto fixed = make_array<std::int64_t>(batch.size);
+  share_out(batch.size, [&](std::size_t begin, std::size_t end) {
+    kSolve[batch.n - 1](batch, improved, rank_tolerance, begin, end, {tensions.data(), fixed.data()});
+  });
+  return nb::make_tuple(tensions, fixed);
 }
 
 // Dykstra's projections.
@@ -59,13 +57,13 @@ nb::tuple dykstra_tensions(const In<3>& structure, const In<2>& wrench, const In
   const Batch batch = batch_of(structure, wrench, lower, upper, reference, weights);
   const auto m = static_cast<std::size_t>(batch.m);
   const DykstraSettings settings{tolerance, rank_tolerance, iteration_limit};
-  const DykstraAnswer answer{allocate<double>(batch.size * m), allocate<std::int64_t>(batch.size)};
-  {
-    nb::gil_scoped_release unlocked;
-    const auto solve = dykstra_for_this_processor();
-    share_out(batch.size, [&](std::size_t begin, std::size_t end) { solve(batch, settings, begin, end, answer); });
-  }
-  return nb::make_tuple(table_of(answer.tensions, batch.size, m), vector_of(answer.iterations, batch.size));
+  const auto tensions = make_array<double>(batch.size, m);
+  const auto iterations = make_array<std::int64_t>(batch.size);
+  const auto solve = dykstra_for_this_processor();
+  share_out(batch.size, [&](std::size_t begin, std::size_t end) {
+    solve(batch, settings, begin, end, {tensions.data(), iterations.data()});
+  });
+  return nb::make_tuple(tensions, iterations);
 }
 
 // Solvers that choose among all tensions of the equilibrium.
@@ -94,28 +92,26 @@ Out<double, 2> solve_batch(const Batch& batch, const Solve& solve) {
                                                               solve_rows<3, Solve>, solve_rows<4, Solve>,
                                                               solve_rows<5, Solve>, solve_rows<6, Solve>};
   const auto m = static_cast<std::size_t>(batch.m);
-  double* tensions = allocate<double>(batch.size * m);
-  {
-    nb::gil_scoped_release unlocked;
-    share_out(batch.size,
-              [&](std::size_t begin, std::size_t end) { kRows[batch.n - 1](batch, tensions, solve, begin, end); });
-  }
-  return table_of(tensions, batch.size, m);
+  const auto tensions = make_array<double>(batch.size, m);
+  share_out(batch.size, [&](std::size_t begin, std::size_t end) {
+    kRows[batch.n - 1](batch, tensions.data(), solve, begin, end);
+  });
+  return tensions;
 }
 
 nb::tuple polygon(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
                   const In<2>& reference, const In<1>& weights, int goal, double rank_tolerance) {
   const Batch batch = batch_of(structure, wrench, lower, upper, reference, weights);
   require(goal >= 0 && goal <= static_cast<int>(Goal::least_squares), "no such goal");
-  auto* redundancy = allocate<std::int64_t>(batch.size);
-  auto* iterations = allocate<std::int64_t>(batch.size);
+  const auto redundancy = make_array<std::int64_t>(batch.size);
+  const auto iterations = make_array<std::int64_t>(batch.size);
   const auto tensions = solve_batch(batch, [&](std::size_t row, const auto& loose, double* chosen) {
     int steps = 0;
-    redundancy[row] =
+    redundancy.data()[row] =
         polygon_tensions(loose, batch.reference[row], static_cast<Goal>(goal), rank_tolerance, chosen, &steps);
-    iterations[row] = steps;
+    iterations.data()[row] = steps;
   });
-  return nb::make_tuple(tensions, vector_of(iterations, batch.size), vector_of(redundancy, batch.size));
+  return nb::make_tuple(tensions, iterations, redundancy);
 }
 
 Out<double, 2> puncture(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
@@ -153,16 +149,13 @@ nb::tuple tightened_limits(const In<3>& structure, const In<2>& wrench, const In
   require(program >= 0 && program <= static_cast<int>(Program::safe), "no such program");
   const auto chosen = static_cast<Program>(program);
   const auto m = static_cast<std::size_t>(batch.m);
-  const TightLimits out{allocate<double>(batch.size * m), allocate<double>(batch.size * m),
-                        allocate<std::int64_t>(batch.size)};
-  {
-    nb::gil_scoped_release unlocked;
-    share_out(batch.size, [&](std::size_t begin, std::size_t end) {
-      kTighten[batch.n - (chosen == Program::least_sum ? 0 : 1)](batch, chosen, alpha, begin, end, out);
-    });
-  }
-  return nb::make_tuple(table_of(out.lower, batch.size, m), table_of(out.upper, batch.size, m),
-                        vector_of(out.steps, batch.size));
+  const auto tight_lower = make_array<double>(batch.size, m), tight_upper = make_array<double>(batch.size, m);
+  const auto steps = make_array<std::int64_t>(batch.size);
+  share_out(batch.size, [&](std::size_t begin, std::size_t end) {
+    kTighten[batch.n - (chosen == Program::least_sum ? 0 : 1)](
+        batch, chosen, alpha, begin, end, {tight_lower.data(), tight_upper.data(), steps.data()});
+  });
+  return nb::make_tuple(tight_lower, tight_upper, steps);
 }
 
 // The exact solver.
@@ -173,17 +166,14 @@ nb::tuple newton_tensions(const In<3>& structure, const In<2>& wrench, const In<
   const Batch batch = batch_of(structure, wrench, lower, upper, reference, weights);
   require(policy >= 0 && policy < kPolicies, "no such policy");
   const auto n = static_cast<std::size_t>(batch.n), m = static_cast<std::size_t>(batch.m);
-  const NewtonAnswer answer{allocate<double>(batch.size * m), allocate<double>(batch.size * n),
-                            allocate<std::int64_t>(batch.size)};
-  {
-    nb::gil_scoped_release unlocked;
-    const auto solve = newton_for_this_processor();
-    share_out(batch.size, [&](std::size_t begin, std::size_t end) {
-      solve(batch, static_cast<Policy>(policy), rank_tolerance, tolerance, {begin, end - begin}, 0, answer);
-    });
-  }
-  return nb::make_tuple(table_of(answer.tensions, batch.size, m), vector_of(answer.iterations, batch.size),
-                        table_of(answer.separation, batch.size, n));
+  const auto tensions = make_array<double>(batch.size, m), separation = make_array<double>(batch.size, n);
+  const auto iterations = make_array<std::int64_t>(batch.size);
+  const auto solve = newton_for_this_processor();
+  share_out(batch.size, [&](std::size_t begin, std::size_t end) {
+    solve(batch, static_cast<Policy>(policy), rank_tolerance, tolerance, {begin, end - begin}, 0,
+          {tensions.data(), separation.data(), iterations.data()});
+  });
+  return nb::make_tuple(tensions, iterations, separation);
 }
 
 // Solvers by dual ascent.
@@ -192,12 +182,11 @@ nb::tuple newton_tensions(const In<3>& structure, const In<2>& wrench, const In<
 template <class Solve>
 nb::tuple smooth_answers(const Batch& batch, const Solve& solve) {
   const auto m = static_cast<std::size_t>(batch.m);
-  const SmoothAnswer answer{allocate<double>(batch.size * m), allocate<std::int64_t>(batch.size)};
-  {
-    nb::gil_scoped_release unlocked;
-    share_out(batch.size, [&](std::size_t begin, std::size_t end) { solve(begin, end, answer); });
-  }
-  return nb::make_tuple(table_of(answer.tensions, batch.size, m), vector_of(answer.iterations, batch.size));
+  const auto tensions = make_array<double>(batch.size, m);
+  const auto iterations = make_array<std::int64_t>(batch.size);
+  const SmoothAnswer answer{tensions.data(), iterations.data()};
+  share_out(batch.size, [&](std::size_t begin, std::size_t end) { solve(begin, end, answer); });
+  return nb::make_tuple(tensions, iterations);
 }
 
 nb::tuple log_barrier_tensions(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,

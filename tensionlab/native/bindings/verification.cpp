@@ -20,23 +20,16 @@ nb::tuple verify_answers(const In<3>& structure, const In<2>& wrench, const In<2
           "tensions and separation do not fit the structure matrices");
   require(rule >= 0 && rule <= static_cast<int>(Rule::direction), "no such rule");
   std::atomic<bool> flawed{false};
-  const Findings findings{tensions.data(),
-                          separation.data(),
-                          allocate<double>(batch.size * n),
-                          allocate<double>(batch.size),
-                          allocate<double>(batch.size),
-                          allocate<std::int8_t>(batch.size),
-                          &flawed};
-  {
-    nb::gil_scoped_release unlocked;
-    const auto verify = verify_for_this_processor();
-    share_out(batch.size, [&](std::size_t begin, std::size_t end) {
-      verify(batch, {static_cast<Rule>(rule), tolerance, rank_tolerance}, {begin, end - begin}, findings);
-    });
-  }
-  return nb::make_tuple(table_of(findings.rendered, batch.size, n), vector_of(findings.residual, batch.size),
-                        vector_of(findings.status, batch.size), vector_of(findings.scale, batch.size),
-                        flawed.load());
+  const auto rendered = make_array<double>(batch.size, n);
+  const auto residual = make_array<double>(batch.size), scale = make_array<double>(batch.size);
+  const auto status = make_array<std::int8_t>(batch.size);
+  const Findings findings{tensions.data(), separation.data(), rendered.data(), residual.data(),
+                          scale.data(),    status.data(),     &flawed};
+  const auto verify = verify_for_this_processor();
+  share_out(batch.size, [&](std::size_t begin, std::size_t end) {
+    verify(batch, {static_cast<Rule>(rule), tolerance, rank_tolerance}, {begin, end - begin}, findings);
+  });
+  return nb::make_tuple(rendered, residual, status, scale, flawed.load());
 }
 
 bool all_within(const nb::ndarray<const double, nb::c_contig, nb::device::cpu>& numbers, double limit) {

@@ -50,15 +50,13 @@ nb::tuple matrices_at(const In<2>& anchors, const std::optional<In<2>>& attachme
                       axes ? axes->data() : nullptr};
   const Rows turns = rotation ? rows_of(*rotation) : Rows{};
   const Places places{rows_of(position), rotation ? &turns : nullptr};
-  const Structures found{allocate<double>(size * n * m), allocate<bool>(size)};
-  {
-    nb::gil_scoped_release unlocked;
-    const auto kernel = structure_matrices_for_this_processor();
-    share_out(size,
-              [&](std::size_t begin, std::size_t end) { kernel(cables, places, least_share, begin, end, found); });
-  }
-  return nb::make_tuple(Out<double, 3>(found.matrices, {size, n, m}, owner(found.matrices)),
-                        vector_of(found.sound, size));
+  const auto matrices = make_array<double>(size, n, m);
+  const auto sound = make_array<bool>(size);
+  const auto kernel = structure_matrices_for_this_processor();
+  share_out(size, [&](std::size_t begin, std::size_t end) {
+    kernel(cables, places, least_share, begin, end, {matrices.data(), sound.data()});
+  });
+  return nb::make_tuple(matrices, sound);
 }
 
 // Wrenches (B, any number, n).
@@ -71,12 +69,9 @@ Wrenches wrenches_of(const Poses& poses, const In<3>& wrenches) {
 // measure(begin, end, found) over all poses.
 template <class Measure>
 Out<double, 1> measured(const Poses& poses, const Measure& measure) {
-  double* const found = allocate<double>(poses.size);
-  {
-    nb::gil_scoped_release unlocked;
-    share_out(poses.size, [&](std::size_t begin, std::size_t end) { measure(begin, end, found); });
-  }
-  return vector_of(found, poses.size);
+  const auto found = make_array<double>(poses.size);
+  share_out(poses.size, [&](std::size_t begin, std::size_t end) { measure(begin, end, found.data()); });
+  return found;
 }
 
 Out<double, 1> margins(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
@@ -121,32 +116,27 @@ nb::tuple active_facets(const In<3>& structure, const In<2>& lower, const In<2>&
   const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
   const Wrenches required = wrenches_of(poses, wrenches);
   const auto n = static_cast<std::size_t>(poses.n), m = static_cast<std::size_t>(poses.m);
-  const Active active{allocate<double>(poses.size), allocate<double>(poses.size * n),
-                      allocate<std::int64_t>(poses.size), allocate<double>(poses.size * m)};
-  {
-    nb::gil_scoped_release unlocked;
-    const auto kernel = active_facet_for_this_processor();
-    share_out(poses.size,
-              [&](std::size_t begin, std::size_t end) { kernel(poses, required, begin, end, active); });
-  }
-  return nb::make_tuple(vector_of(active.margin, poses.size), table_of(active.normal, poses.size, n),
-                        vector_of(active.number, poses.size), table_of(active.tensions, poses.size, m));
+  const auto margin = make_array<double>(poses.size);
+  const auto normal = make_array<double>(poses.size, n);
+  const auto number = make_array<std::int64_t>(poses.size);
+  const auto tensions = make_array<double>(poses.size, m);
+  const Active active{margin.data(), normal.data(), number.data(), tensions.data()};
+  const auto kernel = active_facet_for_this_processor();
+  share_out(poses.size, [&](std::size_t begin, std::size_t end) { kernel(poses, required, begin, end, active); });
+  return nb::make_tuple(margin, normal, number, tensions);
 }
 
 nb::tuple all_half_spaces(const In<3>& structure, const In<2>& lower, const In<2>& upper, std::size_t capacity,
                           double rank_tolerance) {
   const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
   const auto n = static_cast<std::size_t>(poses.n);
-  const Facets facets{allocate<double>(poses.size), allocate<double>(poses.size * capacity * n),
-                      allocate<double>(poses.size * capacity)};
-  {
-    nb::gil_scoped_release unlocked;
-    const auto kernel = half_spaces_for_this_processor();
-    share_out(poses.size,
-              [&](std::size_t begin, std::size_t end) { kernel(poses, capacity, begin, end, facets); });
-  }
-  return nb::make_tuple(table_of(facets.normals, poses.size, capacity * n),
-                        table_of(facets.offsets, poses.size, capacity), vector_of(facets.count, poses.size));
+  const auto count = make_array<double>(poses.size);
+  const auto normals = make_array<double>(poses.size, capacity * n);
+  const auto offsets = make_array<double>(poses.size, capacity);
+  const Facets facets{count.data(), normals.data(), offsets.data()};
+  const auto kernel = half_spaces_for_this_processor();
+  share_out(poses.size, [&](std::size_t begin, std::size_t end) { kernel(poses, capacity, begin, end, facets); });
+  return nb::make_tuple(normals, offsets, count);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <cstddef>
 
 #include "simd/batch.hpp"
+#include "simd/checkpoint.hpp"
 #include "simd/lanes.hpp"
 
 namespace tensionlab {
@@ -23,7 +24,8 @@ void refill(Block& block, std::size_t begin, std::size_t end, const Load& load, 
     row[l] = next++;
     ++busy;
   }
-  while (busy > 0) {
+  for (unsigned steps = 1; busy > 0; ++steps) {
+    if (steps % 1024 == 0) checkpoint();
     block.step();
     for (int l = 0; l < L; ++l) {
       if (row[l] == end || !block.finished(l)) continue;

@@ -32,6 +32,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "simd/checkpoint.hpp"
 #include "workspace/box_share.hpp"
 #include "workspace/facet_rays.hpp"
 #include "workspace/moving_direction.hpp"
@@ -96,6 +97,7 @@ class CellProof {
     const auto all_rays = [&](bool may_move_far, CoveredShare<D>& missing) {
       for (const FacetRay<N>& ray : rays_.all()) {
         Direction direction(columns_, ray.v);
+        checkpoint();
         if (spare_everywhere(ray, direction, nullptr, middle)) continue;
         const std::uint32_t counted = ray.error < kSure ? loose_ : 0;
         far = direction.follow(ray.spanning, counted, may_move_far) == Direction::Motion::far || far;
@@ -161,6 +163,7 @@ class CellProof {
     bool sound = false;
     std::fill(between_, between_ + N, 0.0);
     for (const FacetRay<N>& ray : rays_.all()) {
+      if (&ray - rays_.all().data() >= 1024) checkpoint();
       if (sound && !(ray.error < 1e-6)) continue;
       double along[M];
       for (int j = 0; j < rig_.m; ++j) along[j] = pulled(ray.v, j);

@@ -1,4 +1,5 @@
 // Cells of positions proved inside or outside; compiled once for each instruction set (simd/instruction_set.hpp).
+#include "simd/checkpoint.hpp"
 #include "workspace/cell_proof.hpp"
 #include "workspace/certify_batch.hpp"
 
@@ -14,6 +15,7 @@ void certify(const CertifiedRig& rig, const double* centres, const double* half_
   for (std::size_t cell = begin; cell < end; ++cell) {
     double inside = 1, outside = 0;
     for (int rotation = 0; rotation < rig.rotations && outside < 1; ++rotation) {
+      checkpoint();
       const auto at = static_cast<std::size_t>(rotation);
       if (rig.angle > 0) {  // one turn in which a pose is outside is enough, and least is lost in none
         outside = std::max(outside, CellProof<N, D>(still, at, centres + cell * D, half_edges, rays).outside());

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "simd/batch.hpp"
+#include "simd/checkpoint.hpp"
 #include "simd/lanes.hpp"
 #include "workspace/dual_basis.hpp"
 
@@ -81,6 +82,7 @@ class FacetRays {
       add(basis[0], volume, chosen, squares);
     } else {
       constexpr int kLeft = N - K;
+      if (N > 3 && K == 2) checkpoint();
       for (int i = first; i <= count_ - (N - 1 - K); ++i) {
         double share[kLeft], square = 0, size = 0, smaller[N][N];
         for (int b = 0; b < kLeft; ++b) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "simd/checkpoint.hpp"
 #include "workspace/null_plane.hpp"
 #include "workspace/workspace_batch.hpp"
 #include "workspace/wrench_set.hpp"
@@ -23,6 +24,7 @@ struct Seen {
 
   Seen(const Set& set, const Wrenches& wrenches, const std::size_t (&row)[Set::kLanes], int n, int first)
       : count(std::min(wrenches.count - first, kMost)) {
+    checkpoint();
     for (int j = 0; j < count; ++j) {
       const std::ptrdiff_t start = static_cast<std::ptrdiff_t>(first + j) * n;
       for (int k = 0; k < Set::kComponents; ++k) {
