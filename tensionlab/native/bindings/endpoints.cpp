@@ -69,8 +69,8 @@ nb::object unchecked(Endpoint& self) {
 
 class EndpointGroup {
  public:
-  explicit EndpointGroup(nb::list endpoints) : owners_(std::move(endpoints)) {
-    for (nb::handle each : owners_) endpoints_.push_back(nb::cast<Endpoint*>(each));
+  explicit EndpointGroup(const nb::list& endpoints) : owners_(endpoints) {
+    for (nb::handle each : owners_) endpoints_.push_back(&nb::cast<Endpoint&>(each));
   }
 
   using Clocks = std::vector<double>;
@@ -82,8 +82,8 @@ class EndpointGroup {
   nb::tuple observe(const Clocks& clocks, int idle_state, int idle_limit) const {
     const std::size_t m = endpoints_.size();
     require(clocks.size() == m, "one time for each module");
-    auto* measured = allocate<double>(5 * m);
-    auto* codes = allocate<std::int64_t>(5 * m);
+    const auto measured = make_array<double>(5, m);
+    const auto codes = make_array<std::int64_t>(5, m);
     constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
     for (std::size_t i = 0; i < m; ++i) {
       const Endpoint::Known known = endpoints_[i]->known();
@@ -96,11 +96,11 @@ class EndpointGroup {
       const int last[] = {heard ? state : idle_state, heard ? known.faults : 0, heard ? t.limit : idle_limit,
                           heard ? t.brake : -1, heard ? t.sequence : -1};
       for (std::size_t row = 0; row < 5; ++row) {
-        measured[row * m + i] = numbers[row];
-        codes[row * m + i] = last[row];
+        measured.data()[row * m + i] = numbers[row];
+        codes.data()[row * m + i] = last[row];
       }
     }
-    return nb::make_tuple(table_of(measured, 5, m), table_of(codes, 5, m));
+    return nb::make_tuple(measured, codes);
   }
 
   // Of modules that take part, those that may not be well; `delays` are of the set-points that they follow.
@@ -120,8 +120,8 @@ class EndpointGroup {
   nb::tuple send(const Numbers& tensions, const Mask& chosen, const Mask& brakes, std::uint16_t ttl_ms) {
     const std::size_t m = endpoints_.size();
     require(tensions.size() == m && chosen.size() == m && brakes.size() == m, "one entry for each module");
-    auto* sequences = allocate<std::int64_t>(m);
-    const auto result = vector_of(sequences, m);
+    const auto result = make_array<std::int64_t>(m);
+    std::int64_t* const sequences = result.data();
     nb::list left, failed;
     for (std::size_t i = 0; i < m; ++i) {
       sequences[i] = Endpoint::kNotSent;
@@ -140,7 +140,7 @@ class EndpointGroup {
   }
 
  private:
-  nb::list owners_;
+  nb::tuple owners_;  // not the caller's list, which may change
   std::vector<Endpoint*> endpoints_;
 };
 

@@ -61,22 +61,33 @@ nb::bytes transmit(SimulatedModule& self) {
   return nb::bytes(reinterpret_cast<const char*>(bytes), size);
 }
 
+// Keeps the interpreter's lock, because other threads may read the module; between steps it lets them in.
+template <class See>
+void advance_and_see(SimulatedModule& self, std::uint32_t steps, double distance, const See& see) {
+  constexpr std::uint32_t kStepsAtOnce = 4000;  // some ms
+  std::uint32_t done = 0;
+  self.advance(steps, distance, [&](const Sample& sample) {
+    see(sample);
+    if (++done % kStepsAtOnce != 0) return;
+    {
+      const nb::gil_scoped_release unlocked;
+    }
+    if (PyErr_CheckSignals() != 0) throw nb::python_error();
+  });
+}
+
 Out<double, 2> trace(SimulatedModule& self, std::uint32_t steps, double distance) {
-  double* const rows = allocate<double>(steps * kColumns);
-  double* row = rows;
-  {
-    nb::gil_scoped_release unlocked;
-    self.advance(steps, distance, [&](const Sample& sample) {
-      write(sample, row);
-      row += kColumns;
-    });
-  }
-  return table_of(rows, steps, kColumns);
+  const auto rows = make_array<double>(steps, kColumns);
+  double* row = rows.data();
+  advance_and_see(self, steps, distance, [&](const Sample& sample) {
+    write(sample, row);
+    row += kColumns;
+  });
+  return rows;
 }
 
 void advance(SimulatedModule& self, std::uint32_t steps, double distance) {
-  nb::gil_scoped_release unlocked;
-  self.advance(steps, distance, [](const Sample&) {});
+  advance_and_see(self, steps, distance, [](const Sample&) {});
 }
 
 void set_broken(SimulatedModule& self, const std::string& name, bool broken) {

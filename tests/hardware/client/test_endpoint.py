@@ -3,6 +3,7 @@
 import math
 import random
 import socket
+import sys
 import threading
 import time
 from contextlib import suppress
@@ -410,3 +411,15 @@ def test_a_module_that_does_not_follow_or_has_a_fault_is_left_to_python(state, f
     say(group.clients[0], telemetry(1, state=state, faults=faults))
     well = state in FOLLOWING_STATES and not faults
     assert group.suspects(np.ones(1, dtype=bool), np.zeros(1), TTL_S) == [0] * (not well)
+
+
+def test_a_group_owns_its_endpoints_whatever_becomes_of_the_list():
+    endpoint = _native.Endpoint(0)
+    before = sys.getrefcount(endpoint)
+    endpoints = [endpoint]
+    group = _native.EndpointGroup(endpoints)
+    endpoints.clear()
+    assert sys.getrefcount(endpoint) == before + 1
+    assert group.observe([0.0], 0, 0)[0].shape == (5, 1)
+    with pytest.raises(RuntimeError):
+        _native.EndpointGroup([None])

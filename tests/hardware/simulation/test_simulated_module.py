@@ -1,5 +1,7 @@
 """The simulated module: what it is told, and what it refuses."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -56,3 +58,18 @@ def test_the_same_seed_gives_the_same_noise():
 def test_what_cannot_be_is_refused(call, message):
     with pytest.raises(InputError, match=message):
         call()
+
+
+def test_another_thread_sees_a_module_only_between_steps():
+    def numbers(sample):
+        return sample.seconds, sample.length, sample.tension
+
+    start, trace = SimulatedModule().sample, SimulatedModule().trace(60.0, 1.3)
+    states = {numbers(start), *zip(*numbers(trace), strict=True)}
+    module = SimulatedModule()
+    seen = set()
+    with ThreadPoolExecutor(1) as other:
+        running = other.submit(module.advance, 60.0, 1.3)
+        while not running.done():
+            seen.add(numbers(module.sample))
+    assert seen <= states
