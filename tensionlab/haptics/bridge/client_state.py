@@ -95,6 +95,7 @@ class ClientState:
 
     def __post_init__(self) -> None:
         prepare()
+        import scipy.spatial.transform  # noqa: F401 - here: no cycle may wait for its import
 
     def put(self, frame: Frame, now: float, commander: Commander | None = None) -> None:
         """Take a frame. One that is refused changes nothing.
@@ -239,14 +240,9 @@ def _rotation(body: Body) -> Floats | None:
     """Return the rotation of a quaternion x, y, z, w: a matrix; in the plane, the angle about z in rad."""
     if body.rotation is None:
         return None
-    quaternion = np.array(body.rotation)
-    x, y, z, w = quaternion / np.linalg.norm(quaternion)
     if len(body.position) == 2:
-        return np.array(2.0 * np.arctan2(z, w))
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+        return np.array(2.0 * np.arctan2(*body.rotation[2:]))
+    from scipy.spatial.transform import Rotation
+
+    matrix: Floats = Rotation.from_quat(body.rotation).as_matrix()
+    return matrix

@@ -36,14 +36,12 @@ def limit_force_slew(
 ) -> Floats:
     """Return forces (..., d) towards the desired ones, by at most ``change`` N; all the way where ``bypass``."""
     way = desired - before
-    size = norm(way)
-    share = np.where(np.asarray(bypass) | (size <= change), 1.0, change / np.where(size > 0.0, size, 1.0))
-    return before + share[..., None] * way
+    return before + np.where(np.asarray(bypass)[..., None], way, limit_force(way, change))
 
 
 def limit_force(force: Floats, limit: float) -> Floats:
     """Return forces (..., d) in N, those longer than the limit shortened to it."""
-    return force * np.minimum(1.0, limit / np.maximum(norm(force), limit))[..., None]
+    return force * (limit / np.maximum(norm(force), limit))[..., None]
 
 
 def fade_in(age: float | Floats, step: float, before: float | Floats | None) -> Floats:

@@ -5,6 +5,7 @@ from tensionlab.errors import EffectError
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import FrameRefused
 from tensionlab.haptics.bridge.messages import Frame
+from tensionlab.model import kinematics
 from tests.support.runs import four
 
 
@@ -83,12 +84,15 @@ def test_bodies_that_nobody_mentioned_are_nowhere():
     assert box.motion("hip", 1.0) is None
 
 
-def test_a_quaternion_turns():
-    box = ClientState(four())
-    half = np.sqrt(0.5)
-    box.put(frame(0.0, 0.0, 0.0, 0.0, rotation=(0.0, 0.0, half, half)), 0.0)
-    turn = box.motion("hand", 0.0).rotation
-    np.testing.assert_allclose(turn @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-12)
+def test_a_quaternion_turns_about_its_axis():
+    box, rng = ClientState(four()), np.random.default_rng(1)
+    for vector in (*np.pi * np.eye(3), *2 * np.pi * np.eye(3), *rng.uniform(-3.0, 3.0, (20, 3))):
+        angle = np.linalg.norm(vector)
+        quaternion = *np.sin(angle / 2) * vector / angle, np.cos(angle / 2)
+        for sign in (1.0, -1.0):
+            box.put(frame(0.0, 0.0, 0.0, 0.0, rotation=tuple(sign * float(each) for each in quaternion)), 0.0)
+            turn = box.motion("hand", 0.0).rotation
+            np.testing.assert_allclose(turn, kinematics.exponential(vector), atol=1e-12)
 
 
 def test_effects_stay_until_others_are_named_and_a_bad_frame_changes_nothing():

@@ -33,6 +33,7 @@ def test_the_slew_goes_straight_and_no_faster():
     assert limit_force_slew(wanted, before, 0.5) == pytest.approx([1.0, 0.3, 0.4])
     assert limit_force_slew(wanted, before, 9.0) == pytest.approx(wanted)
     assert limit_force_slew(wanted, before, 0.5, bypass=True) == pytest.approx(wanted)
+    assert limit_force_slew(1e-4 * wanted, 1e-4 * before, 5e-5) == pytest.approx([1e-4, 3e-5, 4e-5], rel=1e-9)
     both = limit_force_slew(np.stack([wanted, wanted]), before, 0.5, np.array([True, False]))
     assert both == pytest.approx(np.array([wanted, [1.0, 0.3, 0.4]]))
 
