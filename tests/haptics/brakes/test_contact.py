@@ -5,15 +5,16 @@ import tensionlab as tl
 from tensionlab.haptics.brakes.contact import BrakeContact, ImpactCap, Timing, Wall, decide
 
 UP = np.array([0.0, 1.0])
+FLOOR_M = 2.0
 ABOVE = np.stack([[0.0, 1.0], [0.6, 0.8], [-0.6, 0.8]], axis=1)
 BOX = tl.TensionLimits(np.full(3, 0.5), np.full(3, 6.0))
 STRONG = np.full(3, 186.0)
 
 
 def at(height, speed, contact=None, *, force=40.0, structure=ABOVE, strengths=STRONG, sideways=0.0, cap=None):
-    """Decide for a hand at this height over a floor at 0, moving up with this speed."""
+    """Decide for a hand at this height over a floor, moving up with this speed."""
     wall = Wall(UP, height, force)
-    return decide(structure, [0.0, height], [sideways, speed], wall, BOX, strengths, contact, cap=cap)
+    return decide(structure, [0.0, FLOOR_M + height], [sideways, speed], wall, BOX, strengths, contact, cap=cap)
 
 
 def test_brakes_are_locked_in_time():
@@ -39,10 +40,12 @@ def test_a_hand_at_rest_in_the_wall_is_held_until_it_leaves():
     first = at(-0.002, -0.1)
     assert first.reason == "locked"
     deeper = at(-0.004, 0.0, first.contact)
-    assert deeper.contact.position[1] == -0.004
+    assert deeper.contact.position[1] == FLOOR_M - 0.004
     # 5 mm from where it was deepest, going in or out.
     for speed in (-0.01, 0.3):
-        assert at(0.0009, speed, deeper.contact).reason == "locked"
+        still = at(0.0009, speed, deeper.contact)
+        assert still.reason == "locked"
+        assert still.contact.position[1] == deeper.contact.position[1]
     assert at(0.0011, 0.3, deeper.contact).reason == "leaving"
     assert at(0.0041, 0.0, deeper.contact).reason == "not near"
     assert at(0.0011, 0.3, deeper.contact).contact is None

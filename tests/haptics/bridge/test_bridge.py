@@ -18,7 +18,7 @@ from tensionlab.haptics.bridge.client import BridgeClient
 from tensionlab.haptics.bridge.command import SILENCE_S
 from tensionlab.haptics.bridge.messages import MAX_MESSAGE_BYTES, Stop, Welcome
 from tensionlab.haptics.bridge.schema import schema_text
-from tensionlab.haptics.bridge.server import REFUSAL_PAUSE_S
+from tensionlab.haptics.bridge.server import MAX_REFUSED, REFUSAL_PAUSE_S
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.model.files import load_rig
 from tensionlab.scenarios import load_scenario
@@ -177,11 +177,12 @@ def test_what_is_wrong_is_refused_with_a_reason_and_changes_nothing(bridge):
             assert floor_rendered(push(bridge, client, 0.1, None))  # its effects of before
 
 
-def closed(line):
-    """Wait until the other side closes; why it did."""
+def closed(line, answers=None):
+    """Wait until the other side closes, and keep what it says; why it did."""
+    answers = [] if answers is None else answers
     while True:
         try:
-            line.recv()
+            answers.append(line.recv())
         except ConnectionClosed as gone:
             return gone.rcvd.code, gone.rcvd.reason
 
@@ -197,7 +198,9 @@ def test_a_flood_ends_the_connection_and_the_next_client_is_served(bridge):
         with suppress(ConnectionClosed):
             for number in range(2000):
                 line.send(json.dumps({"type": "frame", "time": number}))
-        assert closed(line) == (1008, "a flood: at most 500 messages a second")
+        answers = []
+        assert closed(line, answers) == (1008, "a flood: at most 500 messages a second")
+        assert sum("a flood" in answer for answer in answers) == MAX_REFUSED
     with BridgeClient(bridge.url) as client:
         assert client.frame(0.0, HAND).type == "state"
 

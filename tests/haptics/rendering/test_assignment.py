@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import (
     Bow,
     Magnet,
@@ -16,7 +17,7 @@ from tensionlab.haptics.effects import (
     Viscous,
     Wall,
 )
-from tensionlab.haptics.rendering.assignment import Cables, ModuleLimits, along_cable, assign
+from tensionlab.haptics.rendering.assignment import Cables, EffectFailed, ModuleLimits, along_cable, assign
 from tests.support.motions import at
 
 
@@ -119,6 +120,23 @@ def test_what_is_desired_is_the_effects_own_force_however_soft_and_aslant_it_is_
             alone = own.memory
             assert plan.desired == pytest.approx(own.force)
         assert plan.cut[0]["friction.stiffness"] == (rough.friction.stiffness, 30.0)
+
+
+def test_a_module_whose_cable_is_along_the_axis_cuts_nothing():
+    assert assign((Wall(), Spring()), at(0.0, 0.0, -0.01), CABLES).cut == ({}, {})
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"), [(EffectError("as it says"), "as it says"), (KeyError("x"), "KeyError: 'x'")]
+)
+def test_an_effect_that_fails_is_named_with_its_reason(error, reason):
+    class Broken:
+        def render(self, motion, memory=None):
+            raise error
+
+    with pytest.raises(EffectFailed) as caught:
+        assign((Viscous(), Broken()), at(0.0, 0.0, 0.0), CABLES)
+    assert (caught.value.effect, caught.value.reason) == (1, reason)
 
 
 def test_a_vibration_that_a_module_renders_is_not_in_what_is_desired():

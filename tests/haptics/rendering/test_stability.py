@@ -111,6 +111,8 @@ def test_every_stiffness_of_an_effect_is_capped():
     assert [soft[2].stiffness, soft[3].coupling.stiffness, soft[5].stiffness] == [50.0, 50.0, 10.0]
     assert soft[4] == Viscous()
     assert capped(Wall(), 1000.0) == Wall()
+    assert capped(Wall(stiffness=51.0), 50.0).stiffness == 50.0
+    assert cut_stiffnesses(Wall(stiffness=51.0), 50.0) == {"stiffness": 51.0}
     cut = [set(cut_stiffnesses(effect, 50.0)) for effect in whole]
     inner = {"wall.stiffness", "friction.stiffness", "ripples.stiffness"}
     assert cut == [{"stiffness"}, inner, {"stiffness"}, {"coupling.stiffness"}, set(), set()]
