@@ -63,20 +63,20 @@ bench-workspace: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.certify
 
 stress: .venv/dev.stamp
-	@$(BIN)/python -m benchmarks.stress
-	@$(BIN)/python -m benchmarks.verdicts
+	@$(BIN)/python -m tests.stress.stress
+	@$(BIN)/python -m tests.stress.verdicts
 
 file-fuzz: .venv/dev.stamp
-	@$(BIN)/python -m benchmarks.file_fuzz
+	@$(BIN)/python -m tests.stress.file_fuzz
 
 soak: .venv/dev.stamp
-	@$(BIN)/python -m benchmarks.soak --out out/soak
+	@$(BIN)/python -m tests.stress.soak --out out/soak
 
 faults: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.telemetry_faults
 
 hostile: .venv/dev.stamp
-	@$(BIN)/python -m benchmarks.hostile_client
+	@$(BIN)/python -m tests.stress.hostile_client
 
 impacts: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.impacts
@@ -93,7 +93,7 @@ bench-view: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.view_latency
 
 soak-view: .venv/dev.stamp
-	@$(BIN)/python -m benchmarks.view_soak
+	@$(BIN)/python -m tests.stress.view_soak
 
 what-if: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.validation.what_if --out datasets/what-if/paper-like-simulated.parquet

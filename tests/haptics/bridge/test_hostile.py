@@ -6,13 +6,13 @@ import time
 import numpy as np
 import pytest
 
-from benchmarks.hostile_messages import datagrams, draw, texts
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.messages import Refused, Welcome
 from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.server import Bridge, CommandConnection
 from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects
 from tensionlab.scenarios import ScenarioDemand, load_scenario
+from tests.stress.hostile_messages import datagrams, draw, texts
 from tests.support.runs import cycles, four
 
 COUNT = int(os.environ.get("TENSIONLAB_HOSTILE", "150"))

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from jsonschema import Draft202012Validator
 
-from benchmarks.hostile_messages import draw, texts
 from tensionlab.errors import TensionlabError
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.messages import EXAMPLES, IN, KINDS, Frame, message_of
@@ -21,6 +20,7 @@ from tensionlab.hardware.protocol.codes import BrakeState, Limit
 from tensionlab.model.files import load_rig
 from tensionlab.scenarios import load_scenario
 from tests.haptics.bridge.test_bridge import BAD, CYCLE_S, FLOOR, HAND, push
+from tests.stress.hostile_messages import draw, texts
 from tests.support.examples import many
 from tests.support.simulated_bridge import SimulatedServe
 

@@ -1,6 +1,6 @@
 """Soak test of the runner: seven modules behind bad links, and hosts that are killed.
 
-``python -m benchmarks.soak`` (or ``make soak``) plays ten minutes on a simulated clock, and kills hosts in
+``python -m tests.stress.soak`` (or ``make soak``) plays ten minutes on a simulated clock, and kills hosts in
 processes of their own. The same seed gives the same log.
 """
 
@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.processes import process, simulated
-from benchmarks.soak_checks import Findings, LimitWatch, examine
 from tensionlab.demand import Pose
 from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.hardware.log.reader import read_run
@@ -27,6 +26,7 @@ from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import World, position
 from tensionlab.model.files import load_rig
 from tensionlab.records import manifest
+from tests.stress.soak_checks import Findings, LimitWatch, examine
 
 RIG = "seven-modules"
 LINK = Conditions(latency=0.030, jitter=0.010, drop=0.01, corrupt=0.001)
@@ -65,7 +65,7 @@ def soak(seconds: float, log: Path, seed: int = 0) -> Findings:
     program = Program("the force goes round", tuple(steps), repeat=True)
     settings = RunSettings(ttl=TTL)
     links = dict.fromkeys((module.name for module in rig.modules), "sim:")
-    record = RunLog(log, rig, manifest(["benchmarks.soak"], seed=seed), "newton", settings, links)
+    record = RunLog(log, rig, manifest(["tests.stress.soak"], seed=seed), "newton", settings, links)
     Runner(rig, world.group(LINK, seed), "newton", program, settings, log=record, clock=WorldClock(world)).run(
         seconds
     )

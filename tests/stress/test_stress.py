@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks import stress
 from tensionlab.solvers.base import POLICIES, Answer, Verified
 from tensionlab.verification import verify
+from tests.stress import stress
 
 
 def test_the_exact_solver_is_never_wrong_and_never_without_proof():

@@ -1,6 +1,6 @@
 """Hostile clients against `tensionlab serve`, which must stay up, within limits, and at its rate.
 
-``python -m benchmarks.hostile_client`` (or ``make hostile``) sends 100,000 messages, drawn by
+``python -m tests.stress.hostile_client`` (or ``make hostile``) sends 100,000 messages, drawn by
 hypothesis from the schema and around it, as JSON and over OSC, to a rig and to a scenario on simulated modules.
 Floods, padding and garbage come in between. Hostile phases take turns with calm ones, so that the rate of the
 loop is compared on the same machine, as busy as it is then.
@@ -27,13 +27,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.hostile_messages import datagrams, draw, texts
 from benchmarks.processes import process
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError
 from tensionlab.haptics.bridge.messages import MAX_MESSAGE_BYTES
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
+from tests.stress.hostile_messages import datagrams, draw, texts
 
 RIG = "bartels2026-validation"
 ROUNDS = 4

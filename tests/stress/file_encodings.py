@@ -7,7 +7,7 @@ import json
 import zipfile
 from typing import Any
 
-from benchmarks.file_mutations import Raw
+from tests.stress.file_mutations import Raw
 
 
 def toml(document: Any) -> bytes:

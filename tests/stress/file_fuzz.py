@@ -1,4 +1,4 @@
-"""Damaged files against all that reads files: ``python -m benchmarks.file_fuzz``, ``make file-fuzz``.
+"""Damaged files against all that reads files: ``python -m tests.stress.file_fuzz``, ``make file-fuzz``.
 
 Every kind of file that the program reads is made as it should be, and then read with one to four mutations: of
 what is in it, such as other types, huge numbers, keys that are missing, twice or unknown, nesting, control
@@ -27,8 +27,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from types import FrameType
 
-from benchmarks.file_kinds import kinds
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
+from tests.stress.file_kinds import kinds
 
 CASES = 100_000
 SLOWEST = 10.0

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from benchmarks.soak import LARGEST_ERROR, ON_THE_WAY, TTL, kills, soak
-from benchmarks.soak_checks import LimitWatch, examine
 from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.simulation.simulated_module import Trace
+from tests.stress.soak import LARGEST_ERROR, ON_THE_WAY, TTL, kills, soak
+from tests.stress.soak_checks import LimitWatch, examine
 
 SECONDS = 8.0
 NOT_REPEATED = {"path", "began", "compute_time", "summary", "manifest"}

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from benchmarks import verdicts
-from benchmarks.exact_check import flaw
-from benchmarks.hostile_problems import GEOMETRIES, SHAPES, hostile_problems
 from tensionlab.solvers.base import POLICIES, Status
 from tensionlab.solvers.least_squares import Newton
 from tensionlab.verification import verify
+from tests.stress import verdicts
+from tests.stress.exact_check import flaw
+from tests.stress.hostile_problems import GEOMETRIES, SHAPES, hostile_problems
 
 
 def test_every_verdict_is_right_and_none_takes_long():

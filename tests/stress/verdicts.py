@@ -17,13 +17,13 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
-from benchmarks.exact_check import flaw
-from benchmarks.hostile_problems import SHAPES, hostile_problems
 from tensionlab.benchmarking.speed import instruction_set
 from tensionlab.solvers.base import POLICIES, Answer, Problem, Status
 from tensionlab.solvers.least_squares import Newton
 from tensionlab.solvers.programs import times
 from tensionlab.verification import verify
+from tests.stress.exact_check import flaw
+from tests.stress.hostile_problems import SHAPES, hostile_problems
 
 TIME_LIMIT = 10e-3
 """Longest time for one problem, s of this thread alone."""

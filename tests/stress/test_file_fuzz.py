@@ -5,8 +5,8 @@ import signal
 
 import pytest
 
-from benchmarks import file_fuzz
-from benchmarks.file_kinds import kinds
+from tests.stress import file_fuzz
+from tests.stress.file_kinds import kinds
 
 COUNT = 10
 

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.file_encodings import csv, npz, parquet, toml, xml
-from benchmarks.file_mutations import Raw, spoil, spoil_bytes
 from tensionlab.model.files import load_rig, rig_from_toml, rig_to_toml
 from tensionlab.model.layouts import ring_plus_top
+from tests.stress.file_encodings import csv, npz, parquet, toml, xml
+from tests.stress.file_mutations import Raw, spoil, spoil_bytes
 
 Files = bytes | dict[str, bytes]
 """Of a file; or of each in a folder, by name."""

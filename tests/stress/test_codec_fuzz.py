@@ -1,15 +1,15 @@
 """Whatever comes over a link, no wrong frame passes, but by the chance that a CRC leaves.
 
-The full million: ``python -m benchmarks.codec_fuzz``.
+The full million: ``python -m tests.stress.codec_fuzz``.
 """
 
 from binascii import crc_hqx
 
 import pytest
 
-from benchmarks import codec_fuzz
-from benchmarks.codec_fuzz import BY_CHANCE, CERTAIN, allowed, fuzz
 from tensionlab.hardware.protocol.frames import DELIMITER, MAX_PIECE, Decoder, unpack_1
+from tests.stress import codec_fuzz
+from tests.stress.codec_fuzz import BY_CHANCE, CERTAIN, allowed, fuzz
 from tests.support.examples import many
 
 

@@ -1,8 +1,8 @@
 """Soak of ``tensionlab view``: a page on which somebody drags for a long time, and the memory that it takes.
 
-``python -m benchmarks.view_soak`` (also ``make soak-view``). An anchor is dragged, released and put back again and
-again, with the workspace drawn. Each minute it is noted how much memory the server's process has, and how much the
-page uses after its garbage was collected.
+``python -m tests.stress.view_soak`` (also ``make soak-view``). An anchor is dragged, released and put back again
+and again, with the workspace drawn. Each minute it is noted how much memory the server's process has, and how
+much the page uses after its garbage was collected.
 """
 
 from __future__ import annotations
