@@ -247,11 +247,11 @@ def resolve_solver(solver: str | Solver, nearest: Nearest | None) -> tuple[Solve
     Parameters and errors as those of `allocate`.
     """
     if isinstance(solver, type):
-        raise TypeError(f"solver is the class {solver.__name__}; give an instance, {solver.__name__}()")
+        raise InputError(f"solver is the class {solver.__name__}; give an instance, {solver.__name__}()")
     if not isinstance(solver, str) and not hasattr(solver, "policies"):
-        raise TypeError(f"solver is {solver!r:.60}; give a name in tensionlab.SOLVERS or an instance of a solver")
+        raise InputError(f"solver is {solver!r:.60}; give a name in tensionlab.SOLVERS or an instance of a solver")
     if nearest is not None and not isinstance(nearest, str):
-        raise TypeError(f"nearest is {nearest!r:.60}; give one of {', '.join(map(repr, POLICIES))}")
+        raise InputError(f"nearest is {nearest!r:.60}; give one of {', '.join(map(repr, POLICIES))}")
     made: Solver = make(solver) if isinstance(solver, str) else solver
     return made, resolve_policy(made, nearest, type(made).__name__)
 
@@ -405,7 +405,7 @@ def allocate(
     UnknownSolver
         If no solver has that name.
     InputError
-        If the solver cannot honour the policy, or serves no problems of this size.
+        If the solver is none, cannot honour the policy, or serves no problems of this size.
 
     Examples
     --------
@@ -420,7 +420,7 @@ def allocate(
     array([1.   , 0.244])
     """
     allocator = None
-    if solver == "newton" and wrench_weights is None:
+    if isinstance(solver, str) and solver == "newton" and wrench_weights is None:
         allocator = _kept_allocator(limits, reference, nearest)
     if allocator is None:
         allocator = Allocator(limits, solver, reference, nearest, wrench_weights)

@@ -29,14 +29,16 @@ def as_floats(name: str, values: ArrayLike) -> Floats:
         return np.asarray(values, order="C")
     if values is None:
         raise ShapeError(f"{name} is None; give numbers")
-    if _masked(values):
-        raise ShapeError(f"{name} has masked entries; fill them or leave them out")
     try:
+        if _masked(values):
+            raise ShapeError(f"{name} has masked entries; fill them or leave them out")
         given = np.asarray(values)
         if given.dtype.kind == "c":
             raise ShapeError(f"{name} is complex; give real numbers, as {name}.real would")
         if given.dtype.kind in "biufO":
             return np.asarray(given, dtype=np.float64, order="C")
+    except RecursionError:
+        raise ShapeError(f"{name} is nested too deeply, or holds itself; give an array of numbers") from None
     except (TypeError, ValueError, OverflowError) as error:
         if isinstance(error, ShapeError):
             raise

@@ -147,7 +147,7 @@ def test_one_call_after_another_takes_the_limits_as_they_are_now() -> None:
     for _ in range(2):  # what is refused is not kept
         with pytest.raises(tl.ShapeError, match="lower"):
             tl.allocate(W, w, (lower, upper))
-    with pytest.raises(TypeError, match="nearest is"):
+    with pytest.raises(tl.InputError, match="nearest is"):
         tl.allocate(W, w, (np.ones(2), np.ones(2)), nearest=["force"])
 
 
@@ -358,9 +358,16 @@ def test_weights_make_no_error_vanish(weight: float) -> None:
     np.testing.assert_allclose(within.tensions, [4.0, 2.0], atol=1e-9)
 
 
-@pytest.mark.parametrize("solver", [None, 3, tl.Dykstra])
+def test_a_list_that_holds_itself_is_refused_by_name() -> None:
+    endless: list[Any] = []
+    endless.append(endless)
+    with pytest.raises(tl.ShapeError, match="wrench is nested too deeply, or holds itself"):
+        tl.allocate([[1.0, -1.0]], endless, (0.5, 6.0))
+
+
+@pytest.mark.parametrize("solver", [None, 3, tl.Dykstra, np.array(["newton", "dykstra"])])
 def test_something_that_is_no_solver_is_refused_by_name(solver: Any) -> None:
-    with pytest.raises(TypeError, match="solver"):
+    with pytest.raises(tl.InputError, match="solver"):
         tl.allocate([[1.0, -1.0]], [1.0], (0.5, 6.0), solver=solver)
 
 

@@ -44,7 +44,8 @@ def compare(
         ),
     ] = None,
     solvers: Annotated[
-        str | None, typer.Option(metavar="A,B,...", help="Solvers, such as newton,qp:daqp; all if left out.")
+        list[str] | None,
+        typer.Option(metavar="A,B,...", help="Solvers, such as newton,qp:daqp, also repeated; all if left out."),
     ] = None,
     nearest: Annotated[
         str | None,
@@ -70,7 +71,7 @@ def compare(
     of a required list or the corners of a box are compared in their place, unless directions are given.
     """
     loaded = with_requirement(options.with_frames(load_rig(rig), frames), wrench, gravity, required)
-    names = None if solvers is None else options.parse_names([solvers])
+    names = options.parse_names(solvers)
     options.check_solvers(loaded, names, nearest)
     with output.progress(f"Comparing on {loaded.name}") as progress:
         result = comparison.compare(

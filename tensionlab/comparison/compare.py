@@ -7,6 +7,7 @@ import itertools
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike
 from tensionlab import display, records
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.arrays import MAX_MAGNITUDE, Floats, Integers, angles
+from tensionlab.arrays import finite as as_finite
 from tensionlab.comparison.guarded import guarded
 from tensionlab.display import duration, short
 from tensionlab.errors import InputError
@@ -245,18 +247,18 @@ def compare(
     [('dykstra(iteration_limit=50)', 2, 27), ('newton', 153, 29)]
     """
     runs, missing = select_solvers(solvers, nearest, (rig.n, rig.m))
-    place = rig.home if position is None else np.asarray(position, dtype=np.float64)
+    place = rig.home if position is None else as_finite("position", position, 1)
     structure = rig.structure_matrix(place, frames=rig.at_rest)
     wrenches = rig.required.at(rig)
     if directions is not None or len(wrenches) == 1:
         magnitude = (rig.required.ball or PUBLISHED_FORCE_N) if magnitude is None else magnitude
-        if not 0.0 < magnitude < MAX_MAGNITUDE:
+        if not (isinstance(magnitude, Real) and 0.0 < magnitude < MAX_MAGNITUDE):
             raise InputError(f"magnitude {magnitude} is no size of a force; give newtons, finite and above 0")
         if directions is None:
             directions = direction_sets.grid18() if rig.dimension == 3 else direction_sets.circle()
         if isinstance(directions, str):
             directions = direction_sets.parse(directions)
-        forces = magnitude * np.asarray(directions, dtype=np.float64)
+        forces = magnitude * as_finite("directions", directions, 2)
         wrenches = rig.required.middle(rig) + direction_sets.forces(forces, rig.n, rig.dimension)
     elif magnitude is not None:
         raise InputError(f"magnitude {magnitude}: the required wrenches are compared; give directions as well")

@@ -191,10 +191,11 @@ def select_solvers(
     every size.
 
     Returns every run, in the order given; and the solvers left out, with the reason: a library is not installed, a
-    plug-in is broken, or the solver does not serve this size. A solver that is given is never left out: what is in
-    its way is an `InputError`, `UnknownSolver`, `MissingDependency` or `PluginError`.
+    plug-in is broken, or the solver does not serve this size. Of solvers that are given only those are left out
+    that lack the policy, unless all do; what else is in the way of one is an `InputError`, `UnknownSolver`,
+    `MissingDependency` or `PluginError`.
     """
-    if nearest is not None and nearest not in POLICIES:
+    if nearest is not None and not (isinstance(nearest, str) and nearest in POLICIES):
         raise InputError(f"nearest={nearest!r} is no policy; choose one of {', '.join(POLICIES)}")
     usable = every_solver() if solvers is None else _built_in()
     wanted = dict.fromkeys(usable) if solvers is None else name_solvers(solvers)
@@ -214,8 +215,17 @@ def select_solvers(
             missing[name] = reason
         elif nearest is None:
             runs += [Selected(name, policy, solver) for policy in solver.policies or (None,)]
-        elif solvers is not None or nearest in solver.policies:
-            runs.append(Selected(name, resolve_policy(solver, nearest, f"solver {name}"), solver))
+        elif solvers is None and nearest not in solver.policies:
+            continue
+        else:
+            try:
+                runs.append(Selected(name, resolve_policy(solver, nearest, f"solver {name}"), solver))
+            except InputError as error:
+                if len(wanted) == 1:
+                    raise
+                missing[name] = str(error).removeprefix(f"solver {name} ")
+    if not runs:
+        raise InputError(f"no solver is left: {'; '.join(f'{name} {reason}' for name, reason in missing.items())}")
     return runs, missing
 
 

@@ -353,6 +353,13 @@ class BodyDistance:
     unit: ClassVar[str] = "m"
     above_zero: ClassVar[str] = "no cable touches a body"
 
+    def __post_init__(self) -> None:
+        if not self.bodies:
+            raise SweepError(
+                "body-distance: no bodies are given, which the command line cannot do; in Python sweep "
+                "tensionlab.workspace.BodyDistance((body, ...)), each body a Capsule"
+            )
+
     def evaluate(self, batch: Batch) -> Floats:
         """Return the value at every pose."""
         rig, bodies = batch.rig, self.bodies

@@ -112,6 +112,15 @@ def test_compare_writes_json_a_picture_and_a_table_with_its_manifest(run, tmp_pa
     assert manifest["versions"]["tensionlab"] == tl.__version__
 
 
+def test_solvers_named_in_several_options_all_count_and_one_without_the_policy_is_left_out(run):
+    words = ["compare", CUBE, "--solvers", "newton", "--solvers", "dykstra,spidar", "--nearest", "force", "--json"]
+    code, out, _ = run(*words)
+    report = json.loads(out)
+    assert (code, [row["solver"] for row in report["rows"]]) == (0, ["newton"])
+    assert report["left_out"].keys() == {"dykstra", "spidar"}
+    assert "it honours 'tension'" in report["left_out"]["dykstra"]
+
+
 def test_what_does_not_serve_the_rig_is_left_out_with_a_reason_and_refused_by_name(run, monkeypatch):
     monkeypatch.setattr(
         solvers, "every_solver", lambda: {"newton": True, "polygon:1-norm": True, "qp:osqp": False}

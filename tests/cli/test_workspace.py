@@ -137,7 +137,7 @@ def test_a_picture_of_the_first_metric(run, tmp_path, view, word):
         ([CUBE, "--box", 0, 1, 0, 1, 0], "--box has 5 numbers; cube-8 needs 6: x0 x1 y0 y1 z0 z1"),
         ([CUBE, "--box", 1, 0, 0, 1, 0, 1], "x goes from 1 to 0 m; give the lower end first"),
         ([CUBE, "--step", 0], "step is"),
-        ([CUBE, "--step", "fine"], "'fine' is not a list of numbers"),
+        ([CUBE, "--step", "fine"], "'fine' is not a number; write --step 0.1 (in m)"),
         ([CUBE, "--step", 1e-5], "give out, a folder DIR.zarr"),
         ([CUBE, "--poses", "poses.csv", "--step", 1], "--poses takes the place of --box, --step and --rotations"),
         ([CUBE, "--poses", "none.csv"], "none.csv"),

@@ -40,7 +40,8 @@ def test_order_is_kept_and_repeats_are_not():
     ("solvers", "nearest", "message"),
     [
         (None, "closest", "force, tension, direction"),
-        (["newton", "dykstra"], "force", "dykstra.*honours 'tension'"),
+        (["dykstra"], "force", "dykstra.*honours 'tension'"),
+        (["dykstra", "spidar"], "force", "no solver is left: dykstra .*honours 'tension'.*spidar"),
         (["closed-form"], "force", "promises no best substitute"),
         ([], None, "no solver is named"),
         ("newton", None, r"solvers is 'newton'; give a list of names"),

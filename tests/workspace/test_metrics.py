@@ -2,12 +2,18 @@ import pytest
 
 from tensionlab.errors import SweepError
 from tensionlab.workspace import metrics
+from tensionlab.workspace.interference import Capsule
 from tensionlab.workspace.metrics import METRICS
+
+
+def test_the_distance_to_no_bodies_is_refused():
+    with pytest.raises(SweepError, match="no bodies are given"):
+        metrics.make("body-distance")
 
 
 @pytest.mark.parametrize("name", METRICS)
 def test_every_metric_has_a_description_a_unit_and_a_name_that_makes_it_again(name):
-    metric = metrics.make(name)
+    metric = metrics.BodyDistance((Capsule([0.0, 0.0]),)) if name == "body-distance" else metrics.make(name)
     assert type(metric) is METRICS[name]
     assert metrics.name_of(metric) == name
     assert metrics.description(metric).endswith(".")

@@ -22,16 +22,28 @@ from tensionlab.model.rig import Rig
 from tensionlab.records import TABLE_SUFFIXES
 from tensionlab.solvers import every_solver, select_solvers
 
+EXAMPLES = {
+    "--wrench": "1 2 3 (in N)",
+    "--force": "1 2 3 (in N)",
+    "--reference": "1 1 2 2 (in N)",
+    "--at": "0 -0.1 0.3 (in m)",
+    "--box": "-1 1 0 2 -1 1 (in m)",
+    "--step": "0.1 (in m)",
+}
+"""How the numbers of an option are written."""
+
 
 def parse_numbers(option: str, text: str) -> list[float]:
     """Return the numbers in an option, separated by commas or spaces; there must be one at least."""
-    parts = text.replace(",", " ").split()
-    try:
-        values = [float(part) for part in parts]
-    except ValueError:
-        raise typer.BadParameter(
-            f"{option}: {brief(text)} is not a list of numbers; write them like 0 -0.1 0.3"
-        ) from None
+    values: list[float] = []
+    for part in text.replace(",", " ").split():
+        try:
+            values.append(float(part))
+        except ValueError:
+            example = EXAMPLES.get(option, "0 -0.1 0.3")
+            raise typer.BadParameter(
+                f"{option}: {brief(part)} is not a number; write {option} {example}"
+            ) from None
     if not values:
         raise typer.BadParameter(f"{option}: no numbers; write them like 0 -0.1 0.3")
     if not all(abs(value) < MAX_MAGNITUDE for value in values):
