@@ -138,7 +138,7 @@ def view(
         options.check_solvers(run.rig, [solver], None)
     page = ReplayPage(run, PageServer(port=port), solver, scenery)
     with if_interrupted("the same command shows the run again"), closing(page):
-        open_page(page.server.url, path.name, browser=browser)
+        open_page(page.server, path.name, browser=browser)
         page.serve(lambda: False)
 
 

@@ -11,6 +11,8 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Browser, PagePort
 from tensionlab.cli.common.output import if_interrupted, open_page
+from tensionlab.errors import RigError
+from tensionlab.files.named import is_path
 from tensionlab.hardware.log.shared_run import RunWatcher, find_runs
 from tensionlab.model.files import load_rig
 from tensionlab.view.live import LivePage
@@ -29,9 +31,7 @@ def view(
     browser: Browser = True,
     host: Annotated[
         str,
-        typer.Option(
-            help="Address to listen at. Beyond this computer, the page's address has a token, which browsers need."
-        ),
+        typer.Option(help="Address to listen at. Browsers need the token that the page's address has."),
     ] = "127.0.0.1",
 ) -> None:
     """Design a rig in the browser, or watch a run there.
@@ -43,8 +43,9 @@ def view(
         watcher, name = _watcher(rig)
         shown = LivePage(watcher, PageServer(host, port))
         with if_interrupted("the run goes on; the same command shows it again"), closing(shown):
-            open_page(shown.server.url, f"the run of {name}", browser=browser)
+            open_page(shown.server, f"the run of {name}", browser=browser)
             shown.serve(lambda: False)
+        return
     if rig is None:
         raise typer.BadParameter("give a rig to design, or --live for a run in progress")
     page = DesignPage(load_rig(rig), PageServer(host, port), rig)
@@ -52,15 +53,15 @@ def view(
         if_interrupted("what was saved from the page is kept; the same command shows the file's rig again"),
         closing(page),
     ):
-        open_page(page.server.url, page.loaded.name, browser=browser)
+        open_page(page.server, page.loaded.name, browser=browser)
         threading.Event().wait()
 
 
 def _watcher(name: str | None) -> tuple[RunWatcher, str]:
     """Return the watcher of the run in progress, or of the one with that rig, and the name of its rig."""
-    wanted = None if name is None else load_rig(name).name
+    wanted = _names(name)
     runs = {each: each.info for each in find_runs() if each.info is not None}
-    found = [each for each, info in runs.items() if wanted in (None, info.rig.name)]
+    found = [each for each, info in runs.items() if not wanted or info.rig.name in wanted]
     for each in runs:
         if each not in found or len(found) > 1:
             each.close()
@@ -74,3 +75,15 @@ def _watcher(name: str | None) -> tuple[RunWatcher, str]:
         programs = "; ".join(f"{runs[each].rig.name}: {runs[each].program}" for each in found)
         raise typer.BadParameter(f"{len(found)} runs are in progress; name the rig of one of them ({programs})")
     return found[0], runs[found[0]].rig.name
+
+
+def _names(rig: str | None) -> set[str]:
+    """Return the names of rigs that a word stands for: itself, and that of the rig with that name or file."""
+    if rig is None:
+        return set()
+    try:
+        return {rig, load_rig(rig).name}
+    except RigError:
+        if is_path(rig, ".toml"):
+            raise
+        return {rig}  # of a rig that only its program knows

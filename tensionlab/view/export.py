@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -17,17 +19,35 @@ from tensionlab.view.state import State
 RIG_SUFFIX = ".toml"
 
 
-def save(rig: Rig, path: str) -> Path:
-    """Write a rig to a file that ends in .toml, unless ``rig check`` says that it cannot work.
+def place_below(folder: Path, path: str) -> Path:
+    """Return the place of a path that a browser gives, which must lie below a folder.
+
+    Raises
+    ------
+    WriteError
+        If it lies elsewhere; symbolic links are followed.
+    """
+    try:
+        place = (folder / path.strip()).resolve()
+        inside = place.is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError) as error:  # a null character, or a loop of links
+        raise WriteError(f"{path!r} is no path of a file ({error})") from None
+    if not inside:
+        raise WriteError(f"{path}: the page was started in {folder}, and uses files below it only; name one there")
+    return place
+
+
+def save(rig: Rig, path: str, folder: Path) -> Path:
+    """Write a rig to a file below a folder, unless ``rig check`` says that it cannot work; it ends in .toml.
 
     Raises
     ------
     RigError
         With the findings of the checks that failed.
     WriteError
-        If the file cannot be written.
+        If the file cannot be written, or lies elsewhere.
     """
-    place = Path(path.strip()).expanduser()
+    place = place_below(folder, path)
     if place.suffix.lower() != RIG_SUFFIX:
         raise WriteError(f"{path or 'no file'}: unsupported format; name a file that ends in {RIG_SUFFIX}")
     failed = [each for each in check_rig(rig) if each.passed is False]
@@ -47,7 +67,7 @@ def python_text(state: State, source: str) -> str:
     lines += [
         "import tensionlab as tl",
         "",
-        f'rig = tl.load_rig("{source}")',
+        f"rig = tl.load_rig({json.dumps(source, ensure_ascii=False)})",
         f"position = {_number(state.position)}",
     ]
     if state.rotation is not None:
@@ -75,6 +95,17 @@ def _number(values: np.ndarray) -> str:
     return str((np.round(values, 12) + 0.0).tolist())
 
 
-def default_path(rig: Rig, word: str) -> str:
-    """Return where a rig that was given by a name or a path is saved if nobody says where."""
-    return word if is_path(word, RIG_SUFFIX) else f"{rig.name}{RIG_SUFFIX}"
+def default_path(rig: Rig, word: str, folder: Path) -> str:
+    """Return the path, below a folder, that is proposed for a rig that was given by a name or a path."""
+    if is_path(word, RIG_SUFFIX):
+        try:
+            place_below(folder, word)
+        except WriteError:
+            return Path(word).name
+        return word
+    return file_name(rig, RIG_SUFFIX)
+
+
+def file_name(rig: Rig, suffix: str) -> str:
+    """Return a rig's name as that of a file, without what leads to another folder."""
+    return (re.sub(r"[^\w .-]", "_", rig.name).strip(" .") or "rig") + suffix

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
+LOG = logging.getLogger(__name__)
 Wanted = TypeVar("Wanted")
 
 
@@ -29,7 +31,7 @@ class Latest(Generic[Wanted]):
     """
 
     def __init__(self, name: str, work: Callable[[Wanted, Callable[[], bool]], None]) -> None:
-        self._work = work
+        self._name, self._work = name, work
         self._wake = threading.Condition()
         self._newest: list[Wanted] = []
         self._open = True
@@ -56,4 +58,7 @@ class Latest(Generic[Wanted]):
                 if not self._open:
                     return
                 item, self._newest = self._newest[0], []
-            self._work(item, lambda: self._open and not self._newest)
+            try:
+                self._work(item, lambda: self._open and not self._newest)
+            except Exception as error:  # the next one may be possible
+                LOG.warning("view %s: %s: %s", self._name, type(error).__name__, error)

@@ -11,7 +11,6 @@ import json
 import sys
 import threading
 import time
-import webbrowser
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -55,15 +54,13 @@ class LivePage:
         self._computes: deque[float] = deque(maxlen=SHOWN_TIMES)
         self._stopping = threading.Lock()
         self._add_panel()
+        server.gate.stop = self._answer_stop
 
     def _add_panel(self) -> None:
         gui = self.server.viser.gui
         self._theme(dark=False)
         gui.main_panel.dock_right()  # beside the picture, so that neither hides the other
         gui.add_html(live_words.style())
-        stop = gui.add_button(
-            "STOP ALL MODULES", color="red"
-        )  # first, and the rest short: it is not scrolled away
         self._outcome, self._heading, self._phases, self._forces = (gui.add_html("") for _ in range(4))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Modules"):
@@ -74,13 +71,9 @@ class LivePage:
             self._times = gui.add_html("")
             dark = gui.add_checkbox("dark", False)
 
-        async def pressed(event: Any) -> None:
-            threading.Thread(target=self.stop, name="stop", daemon=True).start()
-
         async def chosen(event: Any) -> None:
             self._theme(dark=dark.value)
 
-        stop.on_click(pressed)
         dark.on_update(chosen)
 
     def _theme(self, *, dark: bool) -> None:
@@ -102,6 +95,13 @@ class LivePage:
             return outcome
         finally:
             self._stopping.release()
+
+    def _answer_stop(self) -> tuple[bool, str]:
+        """Stop all modules for a request, and return whether they have, and what to say."""
+        outcome = self.stop()
+        if outcome is None:
+            return True, "a stop is in progress already"
+        return outcome.confirmed, "\n".join(("STOPPED" if outcome.confirmed else "NOT STOPPED", *outcome.lines))
 
     def turn(self) -> None:
         """Poll the run, and bring all browsers up to date."""
@@ -204,7 +204,7 @@ def main() -> None:
         print(json.dumps({"error": str(error)}))
         return
     print(json.dumps({"url": page.server.url}), flush=True)
-    webbrowser.open(page.server.url)
+    page.server.open_browser()
     lower_priority()
     try:
         page.serve(page.abandoned())

@@ -77,15 +77,12 @@ def _ended(report: RunReport) -> str:
 
 
 def style() -> str:
-    """Return the page's style, as HTML: a large stop button, and what becomes of parts that are not renewed.
+    """Return the style of parts that are not renewed, as HTML.
 
-    Viser's buttons are of one size, and the stop button alone is red. What `renewed` wraps fades by itself: then
-    nothing looks live where the page's server is gone.
+    What `renewed` wraps fades by itself, so nothing looks live where the page's server is gone.
     """
     return (
-        '<style>button[style*="mantine-color-red-filled"]{height:3.6em!important;font-size:18px!important}'
-        'button[style*="mantine-color-red-filled"] span{font-weight:bold!important}'
-        "@keyframes tensionlab-fade{to{opacity:.3}}"
+        "<style>@keyframes tensionlab-fade{to{opacity:.3}}"
         "@keyframes tensionlab-hide{to{max-height:0;opacity:0}}"
         "@keyframes tensionlab-show{to{max-height:20em;opacity:1}}</style>"
     )

@@ -6,6 +6,8 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +22,7 @@ from tensionlab.view.evaluation import evaluate
 from tensionlab.view.history import UNDONE, History
 from tensionlab.view.latest import Latest
 from tensionlab.view.layout_runner import LayoutRunner
-from tensionlab.view.panel import Panel
+from tensionlab.view.panel import Panel, load_space, pressed
 from tensionlab.view.scene import draw, force_scale
 from tensionlab.view.server import PageServer
 from tensionlab.view.snapping import wall_behind
@@ -28,7 +30,6 @@ from tensionlab.view.solver_study import compare, points
 from tensionlab.view.state import HAND, Edit, State
 from tensionlab.view.workspace import WorkspaceWorker
 from tensionlab.workspace.layout.results import Layout
-from tensionlab.workspace.layout.task import load_task
 
 COMPARED_BY = (*UNDONE, "solver", "nearest", "compared", "study", "selected")
 """Attributes of a state that the comparison of solvers depends on."""
@@ -56,8 +57,7 @@ class DesignPage:
     --------
     >>> import tensionlab as tl
     >>> from tensionlab.view.page import DesignPage
-    >>> from tensionlab.view.snapping import wall_behind
-    from tensionlab.view.server import PageServer
+    >>> from tensionlab.view.server import PageServer
     >>> page = DesignPage(tl.load_rig("bartels2026-validation"), PageServer())  # doctest: +SKIP
     """
 
@@ -66,6 +66,8 @@ class DesignPage:
         self.history = History(edits.begin(rig))
         self.loaded = rig
         self._word = word
+        self._folder = Path.cwd()
+        self._modal: Any = None
         self._queue: deque[Request | Callable[[], object]] = deque()
         self._wake = threading.Condition()
         self._open = True
@@ -79,7 +81,7 @@ class DesignPage:
         self._workspace = WorkspaceWorker(self._volume_found)
         self._solvers: Latest[State] = Latest("solvers", self._compare)
         self._search = LayoutRunner(self._layout_found, self._search_said)
-        self._panel = Panel(server.viser, self, lambda shown: export.default_path(shown, word))
+        self._panel = Panel(server.viser, self, self._default_path, self._folder)
         self._thread = threading.Thread(target=self._work, name="view", daemon=True)
         self._show()
         self._thread.start()
@@ -103,30 +105,39 @@ class DesignPage:
 
     def save(self, path: str) -> None:
         """Have the rig saved, if it can work."""
-        self._put(lambda: self._tell("Saved", f"{export.save(self.state.rig, path)}"))
+        self._put(lambda: self._tell("Saved", f"{export.save(self.state.rig, path, self._folder)}"))
 
     def download_model(self) -> None:
         """Send every browser the rig as a MuJoCo model."""
 
         def send() -> None:
             rig = self.state.rig
-            self.server.viser.send_file_download(f"{rig.name}.xml", rig_to_mjcf(rig).encode())
+            self.server.viser.send_file_download(export.file_name(rig, ".xml"), rig_to_mjcf(rig).encode())
 
         self._put(send)
 
     def show_python(self) -> None:
-        """Show a program that does what the page shows."""
+        """Show a program that does what the page shows; one at a time."""
+
+        def close(_: object = None) -> None:
+            modal, self._modal = self._modal, None
+            if modal is not None:
+                modal.close()
 
         def show() -> None:
+            close()
             gui = self.server.viser.gui
-            with gui.add_modal("As Python") as modal:
+            self._modal = gui.add_modal("As Python")
+            with self._modal:
                 unchanged = self.state.rig == self.loaded and self._word
-                source = unchanged or export.default_path(self.state.rig, self._word)
+                source = unchanged or self._default_path(self.state.rig)
                 gui.add_markdown(f"```python\n{export.python_text(self.state, source)}```")
-                close = gui.add_button("Close")
-            close.on_click(lambda _: modal.close())
+                pressed(gui.add_button("Close"), lambda: self._put(close))
 
         self._put(show)
+
+    def _default_path(self, rig: Rig) -> str:
+        return export.default_path(rig, self._word, self._folder)
 
     def search(self, space: str) -> None:
         """Have a layout searched for in a space, by its name or file; the best so far is shown as it is found."""
@@ -135,7 +146,7 @@ class DesignPage:
             if not space.strip():
                 raise InputError("no space is chosen; give the name of one, or its file, in the tab Search")
             self._search_step = object()
-            self._search.start(self.state.task or load_task(space.strip()), self.state.rig)
+            self._search.start(self.state.task or load_space(space, self._folder), self.state.rig)
 
         self._put(start)
 
@@ -183,16 +194,20 @@ class DesignPage:
                     return
                 waiting = list(self._queue)
                 self._queue.clear()
-            problem = ""
+            shown, problem = self.state, ""
             for request in waiting:
                 try:
                     if isinstance(request, Request):
                         self.history.record(request.edit(self.state), request.step)
                     else:
                         request()
-                except TensionlabError as error:
-                    problem = str(error)
-            self._show(problem)
+                except Exception as error:  # whatever it is, the page goes on
+                    problem = described(error)
+            try:
+                self._show(problem)
+            except Exception as error:  # a state that cannot be shown is not kept
+                self.history.present = shown
+                self._show(described(error))
 
     def _show(self, problem: str = "") -> None:
         """Bring all browsers up to date."""
@@ -253,6 +268,11 @@ class DesignPage:
             self._step = object()
         self._dragging = grab.phase != "end"
         self.edit(lambda state: dragged(state, grab), self._step, ("drag", grab.what))
+
+
+def described(error: Exception) -> str:
+    """Return an error in words: its own if it is one of this package, else with its kind."""
+    return str(error) if isinstance(error, TensionlabError) else f"{type(error).__name__}: {error}"
 
 
 def dragged(state: State, grab: Grab) -> State:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.arrays import Floats
-from tensionlab.files.named import list_names
+from tensionlab.files.named import is_path, list_names
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import select_solvers
@@ -19,12 +20,13 @@ from tensionlab.solvers.base import POLICIES
 from tensionlab.view import state as edits
 from tensionlab.view import words
 from tensionlab.view.evaluation import Evaluation
+from tensionlab.view.export import place_below
 from tensionlab.view.history import History
 from tensionlab.view.solver_panel import SolverPanel
 from tensionlab.view.solver_study import Answer, Problems
 from tensionlab.view.state import HAND, Edit, State
 from tensionlab.view.volume import COARSE, Volume
-from tensionlab.workspace.layout.task import load_task
+from tensionlab.workspace.layout.task import LayoutTask, load_task
 from tensionlab.workspace.metrics import METRICS
 from tensionlab.workspace.orientations import roll_pitch_yaw, roll_pitch_yaw_of
 
@@ -59,8 +61,8 @@ class Actions(Protocol):
 class Panel:
     """Fields of the design page; `show` brings them up to date."""
 
-    def __init__(self, server: viser.ViserServer, page: Actions, path: Callable[[Rig], str]) -> None:
-        """``path`` gives the file in which a rig is saved if nobody says where."""
+    def __init__(self, server: viser.ViserServer, page: Actions, path: Callable[[Rig], str], folder: Path) -> None:
+        """``path`` gives the file in which a rig is saved by default; files of spaces are below ``folder``."""
         self._page, self._gui, self._path = page, server.gui, path
         self._rig = page.loaded
         self._dark = False
@@ -83,7 +85,7 @@ class Panel:
         with tabs.add_tab("Solvers") as tab:
             self._solvers = SolverPanel(gui, self._edits, solver_names(self._rig), tab)
         with tabs.add_tab("Search"):
-            self._add_search()
+            self._add_search(folder)
         with tabs.add_tab("File"):
             self._add_file()
 
@@ -169,10 +171,11 @@ class Panel:
         self._level = self._edits(gui.add_slider("level", 0.0, 1.0, 0.01, 0.0), lambda at: edits.choose(level=at))
         self._share = gui.add_html("")
 
-    def _add_search(self) -> None:
+    def _add_search(self, folder: Path) -> None:
         gui, page = self._gui, self._page
         self._space = self._edits(
-            gui.add_text("space", "", hint="Name of a space, or its file: the walls for modules"), _with_space
+            gui.add_text("space", "", hint="Name of a space, or its file: the walls for modules"),
+            lambda word: _with_space(word, folder),
         )
         self._walls = gui.add_html(words.space(None, self._rig))
         pressed(gui.add_button("Search for a layout"), lambda: page.search(self._space.value))
@@ -298,11 +301,17 @@ def _move_own_frame(state: State, name: str, place: ArrayLike) -> State:
     return edits.move_frame(state, frame, place) if frame in state.rig.frames else state
 
 
-def _with_space(word: str) -> Edit:
+def load_space(word: str, folder: Path) -> LayoutTask:
+    """Return the task of a space: one by its name, or of a file below a folder."""
+    name = word.strip()
+    return load_task(place_below(folder, name) if is_path(name, SPACE_SUFFIX) else name)
+
+
+def _with_space(word: str, folder: Path) -> Edit:
     """Return the edit that has anchors snap to a space's surfaces; to none until its name or file is complete."""
     name = word.strip()
     complete = name in list_names("spaces") or name.endswith(SPACE_SUFFIX)
-    return lambda state: replace(state, task=load_task(name) if complete else None)
+    return lambda state: replace(state, task=load_space(name, folder) if complete else None)
 
 
 def _set(field: Any, values: Floats) -> None:

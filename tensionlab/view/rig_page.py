@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import atexit
 import sys
-import webbrowser
 from html import escape
 
 from tensionlab.model.rig import Rig
@@ -51,7 +50,7 @@ class RigPage:
 
     def _repr_html_(self) -> str:
         return (
-            f'<iframe src="{escape(self._page.server.frame_url)}" style="width:100%;height:{HEIGHT_PIXELS}px;'
+            f'<iframe src="{escape(self.url)}" style="width:100%;height:{HEIGHT_PIXELS}px;'
             f'border:1px solid rgba(128,128,128,.4)" title="{escape(self.rig.name)}"></iframe>'
         )
 
@@ -63,7 +62,7 @@ def open_rig(rig: Rig) -> RigPage:
     """
     page = RigPage(rig)
     if not in_notebook():
-        webbrowser.open(page.url)
+        page._page.server.open_browser()
     return page
 
 

@@ -1,6 +1,7 @@
 """`tensionlab view` and `--view`, without a browser; `tests/view` has what they show."""
 
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 
@@ -16,6 +17,7 @@ from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.world import World
 from tensionlab.view import beside
+from tensionlab.view import state as edits
 
 RIG = "bartels2026-validation"
 
@@ -72,6 +74,28 @@ def test_of_several_runs_one_is_named_by_its_rig(run, monkeypatch):
     assert closed == ["floor-3", RIG]
     assert _watcher(RIG)[1] == RIG
     assert closed[2:] == ["floor-3"]
+
+
+def test_a_run_whose_rig_only_its_program_knows_is_found_by_that_name(run, monkeypatch):
+    rig = edits.name_rig(edits.begin(tl.load_rig(RIG)), "mine").rig
+    watched = Mock(info=SimpleNamespace(rig=rig, program="python my_run.py"))
+    monkeypatch.setattr("tensionlab.cli.view.find_runs", lambda: [watched])
+    assert _watcher("mine") == (watched, "mine")
+    assert "no process of yours has a run in progress" in run("view", "--live", RIG)[2]
+    assert "nowhere.toml" in run("view", "--live", "nowhere.toml")[2]
+
+
+def test_a_live_page_that_ends_is_not_followed_by_a_design_page(run, monkeypatch):
+    page = SimpleNamespace(
+        server=SimpleNamespace(url="http://here/"), serve=lambda until: None, close=lambda: None
+    )
+    monkeypatch.setattr("tensionlab.cli.view._watcher", lambda rig: (None, RIG))
+    monkeypatch.setattr("tensionlab.cli.view.PageServer", lambda host, port: None)
+    monkeypatch.setattr("tensionlab.cli.view.LivePage", lambda watcher, server: page)
+    monkeypatch.setattr("tensionlab.cli.view.DesignPage", lambda *words: pytest.fail("it designs"))
+    for words in ((), (RIG,)):
+        status, out, err = run("view", *words, "--live", "--no-browser")
+        assert (status, out, err) == (0, f"http://here/ shows the run of {RIG}; Ctrl-C ends it\n", "")
 
 
 @pytest.mark.parametrize(

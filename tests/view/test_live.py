@@ -3,6 +3,8 @@
 import os
 import re
 import signal
+import urllib.error
+import urllib.request
 import uuid
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +17,7 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.log.shared_run import find_runs
 from tensionlab.hardware.protocol.codes import State
 from tests.support.browsers import BROWSER, HANGS_S, OPTIONS, chromium, needs_browser, until
+from tests.support.page_client import attacked
 
 RIG = "bartels2026-validation"
 NO_NEWS = """opacity => [...document.querySelectorAll("b")].some(
@@ -78,9 +81,10 @@ def ask(links):
 
 
 @pytest.fixture(autouse=True)
-def quiet(monkeypatch, locks_folder):
+def quiet(monkeypatch, locks_folder, tmp_path):
     """No browser but those of the test; locks of this test are nobody else's."""
     monkeypatch.setenv("BROWSER", "true")
+    monkeypatch.setenv("HOME", str(tmp_path))
 
 
 def test_the_stop_button_stops_modules_of_another_process_and_says_how_the_run_ended(tmp_path):
@@ -93,6 +97,37 @@ def test_the_stop_button_stops_modules_of_another_process_and_says_how_the_run_e
         tab.get_by_text("ENDED", exact=True).wait_for()
         tab.get_by_text("emergency stop (from another terminal)").wait_for()
         assert run.wait(HANGS_S) == 1
+
+
+def test_the_stop_button_works_whatever_another_client_of_the_page_sends(tmp_path):
+    with chromium() as browser, running(tmp_path) as (run, url, links):
+        tab = opened(browser, url)
+        with attacked(url) as sent:
+            until(lambda: len(sent) > 3000, "the attack")
+            tab.get_by_role("button", name="STOP ALL MODULES").click()
+            tab.get_by_text("confirmed by 4 modules").wait_for()
+            assert ask(links) == [State.ESTOP] * 4
+            assert run.wait(HANGS_S) == 1
+
+
+def test_the_stop_has_a_route_of_its_own_that_needs_the_token_alone(tmp_path):
+    with running(tmp_path) as (run, url, links), attacked(url):
+        stop = url.replace("/?", "/stop?")
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(stop.partition("?")[0], timeout=HANGS_S)
+        with watched(run) as watcher:
+            goes_on(watcher, 1)
+        with urllib.request.urlopen(stop, timeout=HANGS_S) as answer:
+            assert answer.read().decode() == "STOPPED\nconfirmed by 4 modules\n"
+        assert ask(links) == [State.ESTOP] * 4
+
+
+def test_the_stop_button_is_there_while_the_page_has_lost_its_connection(tmp_path):
+    with chromium() as browser, running(tmp_path) as (_, url, links):
+        tab = opened(browser, url)
+        tab.evaluate("document.getElementById('root').remove()")  # all that viser draws
+        tab.get_by_role("button", name="STOP ALL MODULES").click()
+        until(lambda: ask(links) == [State.ESTOP] * 4, "the stop")
 
 
 def test_a_run_that_hangs_is_shown_as_stale_and_a_stop_that_fails_says_so(tmp_path):

@@ -4,8 +4,8 @@ import re
 import subprocess
 import sys
 import threading
+import urllib.error
 import urllib.request
-import webbrowser
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import SimpleNamespace
@@ -15,6 +15,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.view import state as edits
 from tensionlab.view.rig_page import in_notebook, open_rig
+from tensionlab.view.server import PageServer
 from tests.support.browsers import HANGS_S, chromium, needs_browser, until
 
 RIG = "bartels2026-validation"
@@ -24,7 +25,7 @@ RIG = "bartels2026-validation"
 def opened(monkeypatch):
     """Addresses at which a browser was opened."""
     urls = []
-    monkeypatch.setattr(webbrowser, "open", urls.append)
+    monkeypatch.setattr(PageServer, "open_browser", lambda server: urls.append(server.url))
     return urls
 
 
@@ -43,7 +44,9 @@ def test_outside_a_notebook_a_browser_opens_and_the_rig_is_as_it_is_designed(ope
         assert repr(page) == f"<RigPage of {RIG} at {page.url}>"
         with urllib.request.urlopen(page.url, timeout=HANGS_S) as answer:
             assert answer.status == 200
-            assert "frame-ancestors 'self'" in answer.headers["Content-Security-Policy"]
+            assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(page.url.partition("?")[0], timeout=HANGS_S)  # without the token
         page._page.edit(lambda state: edits.move_anchor(state, "floor-1", [1.0, 0.0, 0.0]))
         until(lambda: page.rig.modules[0].anchor.tolist() == [1.0, 0.0, 0.0], "the edit")
     finally:
@@ -60,8 +63,7 @@ def test_a_notebook_shows_it_inline_and_opens_no_browser(opened, monkeypatch):
     try:
         assert opened == []
         [source] = re.findall(r'<iframe src="([^"]+)"', page._repr_html_())
-        with urllib.request.urlopen(source, timeout=HANGS_S) as answer:
-            assert "frame-ancestors *" in answer.headers["Content-Security-Policy"]
+        assert source == page.url
     finally:
         page.close()
 
@@ -98,6 +100,9 @@ def test_a_page_of_another_origin_shows_it_in_a_frame_and_it_works_there(opened,
             tab.set_default_timeout(1000.0 * HANGS_S)
             tab.goto(url)
             tab.frame_locator("iframe").get_by_text("capacity margin", exact=True).wait_for()
+            tab.set_content(f'<a href="{page.url}">the page</a>')  # as a terminal in a browser has it
+            tab.get_by_text("the page").click()
+            tab.get_by_text("capacity margin", exact=True).wait_for()
     finally:
         page.close()
 

@@ -6,7 +6,6 @@ import contextlib
 import json
 import math
 import sys
-import webbrowser
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -21,6 +20,8 @@ from tensionlab.model.rig import Rig
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
+
+    from tensionlab.view.server import PageServer
 
 
 PIPE_WIDTH = 120
@@ -46,11 +47,11 @@ def if_interrupted(*words: str) -> Iterator[None]:
         raise KeyboardInterrupt("; ".join([*map(str, error.args), *words])) from None
 
 
-def open_page(url: str, shown: str, *, browser: bool) -> None:
+def open_page(server: PageServer, shown: str, *, browser: bool) -> None:
     """Print where a page is, and open a browser there."""
-    typer.echo(f"{url} shows {shown}; Ctrl-C ends it")
+    typer.echo(f"{server.url} shows {shown}; Ctrl-C ends it")
     if browser:
-        webbrowser.open(url)
+        server.open_browser()
 
 
 def wait_for_enter(text: str) -> None:
