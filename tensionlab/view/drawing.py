@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, Literal
@@ -98,12 +98,7 @@ class Drawing:
                 ("edges", THIN_PIXELS), ("walls", THIN_PIXELS),
             )
         }  # fmt: skip
-        self._arrows = {
-            name: scene.add_arrows(
-                f"/arrows/{name}", nothing, linear(rgb(colour)), visible=False,
-            )
-            for name, colour in ARROWS.items()
-        }  # fmt: skip
+        self._arrows = add_arrows(scene, ARROWS, reach)
         # Of what is closed, the far side alone is drawn: a browser sorts whole objects, so a near one would hide
         # what is inside. What is flat has triangles for either side: a mesh of two sides is drawn twice,
         # each time with another program, which without a graphics card took a third of the work. There, light in
@@ -213,8 +208,8 @@ class Drawing:
                 node.radius = share * self._reach
         self._study.point_size = STUDY_SHARE * self._reach
         for arrow in self._arrows.values():
-            for name, share in ARROW_SHARES.items():
-                setattr(arrow, name, share * self._reach)
+            for name, size_m in arrow_sizes(self._reach).items():
+                setattr(arrow, name, size_m)
 
     def _show_gizmo(self, scene: Scene, state: State) -> None:
         """Put the handle with arrows at what is selected, unless it is being dragged."""
@@ -338,6 +333,22 @@ def linear(colours: Colours) -> Colours:
     share = colours / 255.0
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     return np.asarray(np.round(255.0 * light), np.uint8)
+
+
+def arrow_sizes(reach: float) -> dict[str, float]:
+    """Return the sizes of arrows, in m, that suit the size of a rig."""
+    return {name: share * reach for name, share in ARROW_SHARES.items()}
+
+
+def add_arrows(scene: Any, colours: Mapping[str, str], reach: float) -> dict[str, Any]:
+    """Add an arrow for each name and colour, hidden until `set_arrow` shows it."""
+    nothing = np.zeros((1, 2, 3))
+    return {
+        name: scene.add_arrows(
+            f"/arrows/{name}", nothing, linear(rgb(colour)), visible=False, **arrow_sizes(reach)
+        )
+        for name, colour in colours.items()
+    }  # fmt: skip
 
 
 def set_arrow(node: Any, arrow: Arrow | None) -> None:

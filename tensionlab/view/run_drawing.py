@@ -17,6 +17,7 @@ from tensionlab.view.drawing import (
     HAND_SHARE,
     NOTHING,
     THIN_PIXELS,
+    add_arrows,
     add_floor,
     place_camera,
     set_arrow,
@@ -107,13 +108,7 @@ class RunDrawing:
             )
             for name, pixels in (("/cables", CABLE_PIXELS), ("/platform", THIN_PIXELS))
         )
-        self._arrows = {
-            name: scene.add_arrows(
-                f"/arrows/{name}", nothing, rgb(colour), shaft_radius=0.004 * reach, head_radius=0.010 * reach,
-                head_length=0.03 * reach, visible=False,
-            )
-            for name, colour in ARROW_COLOURS.items()
-        }  # fmt: skip
+        self._arrows = add_arrows(scene, ARROW_COLOURS, reach)
         self._hand = scene.add_icosphere(
             "/hand", HAND_SHARE * reach, color=tuple(rgb(RED)), cast_shadow=False, visible=False
         )
