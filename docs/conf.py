@@ -37,7 +37,6 @@ root_doc = "docs/index"
 include_patterns = [
     "docs/**",
     "notebooks/*.ipynb",
-    "BRIDGE.md",
     "CHANGELOG.md",
     "CONTRIBUTING.md",
     "datasets/README.md",

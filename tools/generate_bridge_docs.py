@@ -1,4 +1,4 @@
-"""BRIDGE.md from the code: ``make generated``."""
+"""docs/reference/bridge.md from the code: ``make generated``."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ SCHEMA_FILE = "examples/bridge/schema.json"
 
 
 def document() -> str:
-    """Return the text of BRIDGE.md."""
+    """Return the text of docs/reference/bridge.md."""
     definitions = message_schema()["$defs"]
     parts = [HEAD, "## Messages of a client\n"]
     parts += [_message(kind) for kind in CLIENTS]
@@ -164,5 +164,5 @@ def _range(schema: Mapping[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    for name, content in (("BRIDGE.md", document()), (SCHEMA_FILE, schema_text())):
+    for name, content in (("docs/reference/bridge.md", document()), (SCHEMA_FILE, schema_text())):
         Path(name).write_text(content, encoding="utf-8")

@@ -141,7 +141,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     **{name: _table(name) for name in _firmware()},
 }
 """What makes each block, by its name."""
-FILES: dict[str, Callable[[], str]] = {"BRIDGE.md": document, SCHEMA_FILE: schema_text}
+FILES: dict[str, Callable[[], str]] = {"docs/reference/bridge.md": document, SCHEMA_FILE: schema_text}
 """What makes each file that is generated as a whole."""
 
 

@@ -1,4 +1,4 @@
-// A client of the bridge for browsers: one frame out, one state back. BRIDGE.md has the messages.
+// A client of the bridge for browsers: one frame out, one state back. docs/reference/bridge.md has the messages.
 export class Bridge {
   // url: such as ws://127.0.0.1:8765; onEvent is called with each event.
   constructor(url, onEvent = () => {}) {

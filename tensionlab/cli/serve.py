@@ -101,8 +101,8 @@ def serve(
 ) -> None:
     """Let a game engine drive a rig over a WebSocket.
 
-    It sends poses and effects, and gets the state; BRIDGE.md describes the messages. Without --modules, the
-    simulated hand is where the client says it is. Ctrl-C ends it, and all modules are stopped.
+    It sends poses and effects, and gets the state; the site's page on the bridge describes the messages. Without
+    --modules, the simulated hand is where the client says it is. Ctrl-C ends it, and all modules are stopped.
     """
     loaded, played = _loaded(rig, scenario)
     standard = RunSettings()

@@ -1,4 +1,4 @@
-"""Messages of the bridge: one JSON object each. `BRIDGE.md` is generated from this file."""
+"""Messages of the bridge: one JSON object each. `docs/reference/bridge.md` is generated from this file."""
 
 from __future__ import annotations
 
@@ -267,7 +267,7 @@ EXAMPLES: dict[type[Message], dict[str, Any]] = {
         "reason": "effect 'floor': no parameter 'stifness'; there are plane, stiffness, damping",
     },
 }
-"""A complete message of each kind: those of the schema and of BRIDGE.md."""
+"""A complete message of each kind: those of the schema and of docs/reference/bridge.md."""
 
 
 def parse(content: str | bytes) -> Any:

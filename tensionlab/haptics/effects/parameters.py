@@ -2,7 +2,7 @@
 
 A parameter of a `Parameters` class is annotated with a type of this module, such as ``stiffness: Stiffness``;
 `require_dimension` refuses vectors that are not of a rig's space; `tools.generate_bridge_docs` writes the ranges
-into BRIDGE.md.
+into docs/reference/bridge.md.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Range:
         return self.low <= value <= self.high and not (self.positive and value == self.low)
 
     def __str__(self) -> str:
-        """Return the range in words, as messages and BRIDGE.md have it."""
+        """Return the range in words, as messages and docs/reference/bridge.md have it."""
         if not math.isfinite(self.low):
             return f"a finite number, {self.high:g} {self.unit} or less, or leave it out"
         if not math.isfinite(self.high):
