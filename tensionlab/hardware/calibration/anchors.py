@@ -158,15 +158,14 @@ def _judged(problem: Problem, shared: Floats, poses: Poses) -> AnchorEstimate:
 
 
 def _rigid_motions(anchors: Floats, size: int) -> Floats:
-    """Return the shared parameters' change in each rigid motion about the centre, (size, d (d + 1) / 2)."""
+    """Return the shared parameters' change in each rigid motion about the origin, (size, d (d + 1) / 2)."""
     m, d = anchors.shape
-    arms = anchors - anchors.mean(axis=0)
     motions = [np.tile(axis, (m, 1)) for axis in np.eye(d)]
     for i in range(d):
         for j in range(i):
             turn = np.zeros((d, d))
             turn[i, j], turn[j, i] = 1.0, -1.0
-            motions.append(arms @ turn.T)
+            motions.append(anchors @ turn.T)
     columns = np.zeros((size, len(motions)))
     for index, motion in enumerate(motions):
         columns[: m * d, index] = motion.ravel()
@@ -205,7 +204,7 @@ def held_out_misfit(rig: Rig, lengths: Floats, poses: Poses, *, known: bool, off
             )
         except CalibrationError:
             return math.nan
-        shared = np.concatenate([found.anchors.ravel(), found.offsets if offsets else []])
+        shared = np.append(found.anchors, found.offsets)
         left = Problem(rig, lengths[out], known, offsets)
         squares.append(left.misfit(shared, poses.take(np.flatnonzero(out))) ** 2 * int(out.sum()))
     return math.sqrt(sum(squares) / len(lengths))

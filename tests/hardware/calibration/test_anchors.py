@@ -136,6 +136,8 @@ def test_lengths_at_poses_it_never_saw_fit_better_than_before(known):
     after = held_out_misfit(POINT, measured, poses, known=known, offsets=False)
     assert after == pytest.approx(NOISE, rel=0.4)
     assert before > 4.0 * after
+    longer = measured + 0.01 * np.arange(POINT.m)
+    assert held_out_misfit(POINT, longer, poses, known=known, offsets=True) == pytest.approx(NOISE, rel=0.4)
     # And the positions that the rig finds from lengths are those it was at.
     rig = calibrated_rig(POINT, calibrate_anchors(POINT, measured, poses, known=True), "here")
     new = sampled(POINT, 50, rng)

@@ -1,5 +1,7 @@
 """N/A, friction and zero from forces and currents that were made up."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -36,6 +38,14 @@ def test_intervals_hold_the_truth_95_times_in_100(method):
     for name, truth in (("gain", GAIN), ("friction", FRICTION), ("zero", ZERO)):
         inside = np.mean([truth in getattr(each, name) for each in found])
         assert inside == pytest.approx(0.95, abs=0.025), name
+
+
+@pytest.mark.parametrize("method", [gain_from_weights, gain_from_sensor])
+@pytest.mark.parametrize("share", [1e-4, 1e4])
+def test_currents_in_another_unit_change_the_unit_of_the_gain(method, share):
+    measured = balances([1.0, 2.0], 3, np.random.default_rng(0))
+    scaled = [replace(each, current=share * each.current) for each in measured]
+    assert method(scaled, 3.0).gain.lower == pytest.approx(method(measured, 3.0).gain.lower / share)
 
 
 def test_a_single_weight_tells_no_zero():

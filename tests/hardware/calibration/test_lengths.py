@@ -10,7 +10,14 @@ from tensionlab.demand import Pose
 from tensionlab.errors import CalibrationError, HardwareError, LinkError
 from tensionlab.files.tables import table_text
 from tensionlab.hardware.calibration.anchors import calibrate_anchors
-from tensionlab.hardware.calibration.lengths import columns, load_lengths, record_lengths, zero_lengths
+from tensionlab.hardware.calibration.lengths import (
+    LOOSE_S,
+    TAUT_S,
+    columns,
+    load_lengths,
+    record_lengths,
+    zero_lengths,
+)
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.world import World
@@ -41,7 +48,9 @@ def held():
 
 def test_lengths_at_home_are_told_to_all_modules(held):
     world, group = held
+    world.advance(3.0)
     before = zero_lengths(group, RIG, WorldClock(world))
+    assert world.time >= 3.0 + TAUT_S + LOOSE_S
     np.testing.assert_allclose(before, RIG.lengths(RIG.home), atol=2e-3)
     assert all(module.sample.state is State.IDLE for module in world.modules)
     for client, length in zip(group.clients, RIG.lengths(RIG.home), strict=True):
@@ -63,6 +72,15 @@ def test_poses_are_where_the_hand_stays():
     assert all(module.sample.state is State.IDLE for module in world.modules)
     found = calibrate_anchors(RIG, measured)
     assert np.abs(found.anchors - RIG.anchors).max() < 0.01
+
+
+def test_it_ends_with_the_last_of_the_poses_that_were_asked_for():
+    world = World(RIG, hand)
+    group = world.group()
+    try:
+        assert record_lengths(group, RIG, WorldClock(world), 2, 60.0).shape == (2, RIG.m)
+    finally:
+        group.close()
 
 
 def test_a_hand_that_never_stays_gives_no_pose():

@@ -4,9 +4,11 @@ import os
 import socket
 import threading
 from contextlib import ExitStack
+from types import SimpleNamespace
 
 import pytest
 
+from tensionlab.hardware.client import link_reader as link_readers
 from tensionlab.hardware.client.link_reader import link_reader
 from tensionlab.hardware.client.links import SocketLink
 from tensionlab.hardware.client.module import ModuleClient
@@ -98,6 +100,14 @@ def test_a_link_that_is_closed_before_it_is_waited_for_is_read_once_to_learn_why
     assert learned.wait(LONG_S)
     other.send(b"a")
     assert other.content == [b"a"]
+
+
+def test_the_thread_ends_with_the_process_if_it_was_started(monkeypatch):
+    ended = []
+    monkeypatch.setattr(link_readers, "_readers", {os.getpid(): SimpleNamespace(end=lambda: ended.append(True))})
+    for _ in range(2):
+        link_readers._end()
+    assert ended == [True]
 
 
 def test_the_modules_of_a_process_have_one_thread():

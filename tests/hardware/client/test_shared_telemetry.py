@@ -65,6 +65,21 @@ def test_who_knows_the_token_is_told_of_all_modules_and_only_if_it_asks(publishe
     stranger.close()
 
 
+def test_who_asks_for_a_topic_is_told_of_it_alone_and_hears_its_last_word(published):
+    published.reports["COM1"] = lambda: Report("COM1", "left", SAID, 0.0, 0)
+    published.topics["run"] = lambda: b"goes on"
+    watcher = Watcher(published.port, published.token)
+    watcher._socket.settimeout(60.0)
+    watcher.ask("another")
+    for _ in range(2):  # it is remembered by the time of the second answer
+        watcher.ask("run")
+        assert next(watcher.answers()) == b"goes on"
+    published.topics["run"] = lambda: b"over"
+    published.announce("run")
+    assert next(watcher.answers()) == b"over"
+    watcher.close()
+
+
 def test_what_a_watcher_sends_or_leaves_unread_changes_nothing(published):
     published.reports["COM1"] = lambda: Report("COM1", "left", SAID, 0.0, 0)
     lazy = Watcher(published.port, published.token)
