@@ -178,6 +178,14 @@ def test_the_base_of_the_body_moves_home(write):
     assert rig.home.tolist() == [11, 22, 33]
 
 
+def test_the_plane_in_which_a_body_moves_goes_through_its_base(write):
+    body = {"joint": {"type": "PLANAR_XY", "q_initial": "1 2 0"}, "com": "0 0 0", "parent": "0 0 0.5"}
+    cables = [{**CABLE, "att": [["0", [4, 3, z]], ["1", [0.1, 0.2, 0]]]} for z in (0.5, -0.5)]
+    assert load_caspr(*model(write, body, cables[0])).anchors.tolist() == [[4, 3]]
+    with pytest.raises(RigError, match="leaves the xy plane in which the body moves"):
+        load_caspr(*model(write, body, cables[1]))
+
+
 def test_inertia_about_the_joint_is_moved_to_the_centre_of_mass(write):
     about_com = load_caspr(*model(write)).platform.inertia
     # Two kilograms in the centre of mass add this about the joint.

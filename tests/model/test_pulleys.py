@@ -19,7 +19,7 @@ from tensionlab.hardware.log.scene import SceneEncoder
 from tensionlab.hardware.runner.state_estimation import PoseTracker
 from tensionlab.model.kinematics import exponential
 from tensionlab.model.pose import in_own_axes, place_anchors
-from tensionlab.model.pulleys import arcs, ways
+from tensionlab.model.pulleys import Pulleys, arcs, go_over, ways
 from tensionlab.view import instant
 from tensionlab.view.evaluation import evaluate
 from tensionlab.view.scene import draw
@@ -73,6 +73,14 @@ def one_pulley(attachment, radius=0.5):
     module = tl.Module("one", [0.0, 0.0], 0.0, 1.0, pulley_radius=radius, pulley_axis=[0.0, 2.0])
     rig = tl.Rig("one", "planar-point", (module,), home=attachment)
     return rig.cables(attachment)
+
+
+def test_a_pulley_of_a_watch_is_one_of_a_crane_on_another_scale():
+    rng = np.random.default_rng(1)
+    vectors, axes = rng.normal(size=(20, 1, 3)), np.array([[0.0, 0.0, 1.0]])
+    large, small = (go_over(scale * vectors, Pulleys(np.array([0.1 * scale]), axes)) for scale in (1.0, 1e-3))
+    np.testing.assert_allclose(small.lengths, 1e-3 * large.lengths, rtol=1e-9)
+    np.testing.assert_allclose(small.directions, large.directions, atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -91,6 +91,7 @@ def test_the_characteristic_length_is_the_mean_distance_of_attachments_unless_it
         ({"box": [1.0, -1.0, 0.0]}, 'key "box" is .*; give half of each edge'),
         ({"box": [1.0], "wrenches": [[1.0]]}, 'keys "box" and "wrenches" are both there'),
         ({"wrench": [1.0, 2.0], "box": [1.0]}, '"wrench" has 2 components and key "box" has 1'),
+        ({"wrench": [0.0, -1.1e11]}, "each within 1e[+]11"),
         ({"wrench": [np.nan]}, 'key "wrench" is .*; give a list of numbers in N'),
         ({"wrenches": [1.0, 2.0]}, 'key "wrenches" is .*; give a list of wrenches'),
         ({"wrenches": [[1.0], [1.0, 2.0]]}, 'key "wrenches" is .*; give a list of wrenches'),

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -146,6 +147,13 @@ def test_more_components_than_cables():
     result = tl.allocate([[1.0], [1.0], [0.0]], [3.0, 1.0, 5.0], (LOWER, UPPER))
     np.testing.assert_allclose(result.tensions, [2.0], atol=1e-9)  # projection of (3, 1, 5) on (1, 1, 0)
     assert result.status == tl.Status.NEAREST
+
+
+def test_numbers_that_are_not_finite_are_left_to_the_caller():
+    one = np.ones((1, 2))
+    problem = tl.solvers.Problem(one[:, None], one[:, :1], 0.0 * one, one, 0.0 * one, np.ones(1), "force")
+    np.testing.assert_allclose(tl.Newton().solve_verified(problem).tensions, [[0.5, 0.5]])
+    assert tl.Newton().solve_verified(replace(problem, wrench=np.full((1, 1), np.nan))) is None
 
 
 def test_limits_that_leave_no_choice():
