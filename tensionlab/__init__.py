@@ -1,44 +1,46 @@
-"""Tension allocation for modular cable systems: every solver behind one interface, every answer proved."""
+"""Tension allocation for modular cable systems: every solver behind one interface, every answer proved.
 
-import importlib
-from typing import TYPE_CHECKING
+Each name is imported where it is first used: `tensionlab estop` waits for no solver, and ``python -m tensionlab``
+imports nothing else before it has taken the working directory off its path.
+"""
 
-from tensionlab import datasets, workspace
-from tensionlab.allocation import Allocation, Allocator, allocate
-from tensionlab.benchmarking.run import benchmark
-from tensionlab.comparison.compare import compare
-from tensionlab.errors import (
-    DataError,
-    InputError,
-    MissingDependency,
-    PluginError,
-    RigError,
-    ShapeError,
-    SweepError,
-    TensionlabError,
-    UnknownSolver,
-    Unreachable,
-)
-from tensionlab.jacobian import AllocationGradients, AllocationJacobian, allocation_jacobian
-from tensionlab.model.files import load_requirement, load_rig, save_rig
-from tensionlab.model.kinematics import PoseEstimate
-from tensionlab.model.layouts import alternate_corners, box_corners, ring_plus_top
-from tensionlab.model.module import Module, Platform, TensionLimits
-from tensionlab.model.pose import Frame, RestPose
-from tensionlab.model.requirement import Requirement
-from tensionlab.model.rig import Rig
-from tensionlab.solvers import SOLVERS, Solver, Status
-from tensionlab.solvers.closed_form import ClosedForm, Polygon, Pseudoinverse, Puncture
-from tensionlab.solvers.convex import ConvexProgram
-from tensionlab.solvers.least_squares import Dykstra, Newton
-from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
-from tensionlab.solvers.penalty import AnalyticCentre, SlackNorm, Spidar
-from tensionlab.solvers.quadratic import QuadraticProgram
-from tensionlab.workspace.sweep import sweep
+from importlib import import_module
 
+TYPE_CHECKING = False  # as in `typing`, which is not imported for it
 if TYPE_CHECKING:
-    from tensionlab import plots
+    from tensionlab import datasets, plots, workspace
+    from tensionlab.allocation import Allocation, Allocator, allocate
+    from tensionlab.benchmarking.run import benchmark
+    from tensionlab.comparison.compare import compare
+    from tensionlab.errors import (
+        DataError,
+        InputError,
+        MissingDependency,
+        PluginError,
+        RigError,
+        ShapeError,
+        SweepError,
+        TensionlabError,
+        UnknownSolver,
+        Unreachable,
+    )
+    from tensionlab.jacobian import AllocationGradients, AllocationJacobian, allocation_jacobian
+    from tensionlab.model.files import load_requirement, load_rig, save_rig
+    from tensionlab.model.kinematics import PoseEstimate
+    from tensionlab.model.layouts import alternate_corners, box_corners, ring_plus_top
+    from tensionlab.model.module import Module, Platform, TensionLimits
+    from tensionlab.model.pose import Frame, RestPose
+    from tensionlab.model.requirement import Requirement
+    from tensionlab.model.rig import Rig
     from tensionlab.plots import plot
+    from tensionlab.solvers import SOLVERS, Solver, Status
+    from tensionlab.solvers.closed_form import ClosedForm, Polygon, Pseudoinverse, Puncture
+    from tensionlab.solvers.convex import ConvexProgram
+    from tensionlab.solvers.least_squares import Dykstra, Newton
+    from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
+    from tensionlab.solvers.penalty import AnalyticCentre, SlackNorm, Spidar
+    from tensionlab.solvers.quadratic import QuadraticProgram
+    from tensionlab.workspace.sweep import sweep
 
 __version__ = "0.1.0"
 
@@ -99,6 +101,42 @@ __all__ = [
     "workspace",
 ]
 
+_NAMES = {
+    "tensionlab.allocation": ("Allocation", "Allocator", "allocate"),
+    "tensionlab.benchmarking.run": ("benchmark",),
+    "tensionlab.comparison.compare": ("compare",),
+    "tensionlab.errors": (
+        "DataError",
+        "InputError",
+        "MissingDependency",
+        "PluginError",
+        "RigError",
+        "ShapeError",
+        "SweepError",
+        "TensionlabError",
+        "UnknownSolver",
+        "Unreachable",
+    ),
+    "tensionlab.jacobian": ("AllocationGradients", "AllocationJacobian", "allocation_jacobian"),
+    "tensionlab.model.files": ("load_requirement", "load_rig", "save_rig"),
+    "tensionlab.model.kinematics": ("PoseEstimate",),
+    "tensionlab.model.layouts": ("alternate_corners", "box_corners", "ring_plus_top"),
+    "tensionlab.model.module": ("Module", "Platform", "TensionLimits"),
+    "tensionlab.model.pose": ("Frame", "RestPose"),
+    "tensionlab.model.requirement": ("Requirement",),
+    "tensionlab.model.rig": ("Rig",),
+    "tensionlab.solvers": ("SOLVERS", "Solver", "Status"),
+    "tensionlab.solvers.closed_form": ("ClosedForm", "Polygon", "Pseudoinverse", "Puncture"),
+    "tensionlab.solvers.convex": ("ConvexProgram",),
+    "tensionlab.solvers.least_squares": ("Dykstra", "Newton"),
+    "tensionlab.solvers.linear_program": ("LeastSum", "Minimax", "OptimallySafe"),
+    "tensionlab.solvers.penalty": ("AnalyticCentre", "SlackNorm", "Spidar"),
+    "tensionlab.solvers.quadratic": ("QuadraticProgram",),
+    "tensionlab.workspace.sweep": ("sweep",),
+    "tensionlab.plots": ("plot",),
+}
+_HOMES = {name: module for module, names in _NAMES.items() for name in names}
+
 
 def __dir__() -> list[str]:
     return sorted(__all__)
@@ -107,8 +145,14 @@ def __dir__() -> list[str]:
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> object:
-        """Import the plots where they are first used: they know all results, and take longer than all the rest."""
-        if name in ("plot", "plots"):
-            plots = importlib.import_module("tensionlab.plots")
-            return plots if name == "plots" else plots.plot
-        raise AttributeError(f"module 'tensionlab' has no attribute {name!r}")
+        """Import a name, or a module of the package, where it is first used."""
+        if name.startswith("__"):
+            raise AttributeError(f"module 'tensionlab' has no attribute {name!r}")
+        try:
+            module = import_module(_HOMES.get(name, f"tensionlab.{name}"))
+        except ModuleNotFoundError as error:
+            if error.name != f"tensionlab.{name}":
+                raise
+            raise AttributeError(f"module 'tensionlab' has no attribute {name!r}") from None
+        found = globals()[name] = getattr(module, name) if name in _HOMES else module
+        return found

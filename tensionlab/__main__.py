@@ -1,7 +1,11 @@
 """The command ``tensionlab``, and ``python -m tensionlab``."""
 
-import signal
 import sys
+
+if __name__ == "__main__" and not sys.flags.safe_path:
+    del sys.path[0]  # the working directory, where anybody may have put a numpy.py
+
+import signal
 
 
 def main() -> None:

@@ -126,7 +126,9 @@ def import_xarray() -> Any:
 
 def _git_commit() -> str | None:
     """Commit of the working directory; None outside a repository or without git."""
-    command = ["git", "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
+    # The repository's own settings may name a program, of the same folder perhaps, that git runs to find changes.
+    describe = ["describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
+    command = ["git", "-c", "core.fsmonitor=false", *describe]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
     except (OSError, subprocess.SubprocessError):

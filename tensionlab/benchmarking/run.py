@@ -188,7 +188,7 @@ def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[f
         with _one_kernel_thread():
             return measure_here(what, folder, call, progress)
     order = json.dumps({"plan": what.record, "folder": str(folder), "call": list(call), "path": sys.path})
-    command = [sys.executable, "-c", f"from {__name__} import main; main()", order]
+    command = [sys.executable, "-P", "-c", f"from {__name__} import main; main()", order]  # -P: as in `main`
     kept = folder
     # In a group of its own, so that Ctrl-C ends this process, which ends that one, and neither shows where it was.
     with subprocess.Popen(
@@ -295,7 +295,7 @@ def _within(progress: Callable[[float], None], start: float, share: float) -> Ca
 def main() -> None:
     """Run the benchmark of the first argument; print JSON lines: shares done, then the folder or the error."""
     order = json.loads(sys.argv[1])
-    sys.path += [each for each in order["path"] if each not in sys.path]
+    sys.path += [each for each in order["path"] if each not in sys.path]  # last, so that no library is replaced
     what = order["plan"]
     for key in ("sets", "solvers"):
         what[key] = None if what[key] is None else tuple(what[key])

@@ -182,6 +182,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if COMPLETION_VARIABLE in os.environ:
         typer.main.get_command(app)(prog_name=PROGRAM)  # answers the shell, and leaves
     _open_streams()
+    if Path("matplotlibrc").exists():
+        from tensionlab.plots.style import import_matplotlib
+
+        import_matplotlib()
     status = _status(join_numbers(words))
     try:
         sys.stdout.flush()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -47,6 +47,12 @@ POINT_RADIUS = 5.0
 """Half the size of a point, in points."""
 DIRECTIONS = 16
 """Directions that are tried at each distance."""
+
+
+def import_matplotlib() -> None:
+    """Import Matplotlib, if it is installed, without the ``matplotlibrc`` of the working directory."""
+    with chdir(STYLE.parent), suppress(ImportError):
+        import matplotlib  # noqa: F401
 
 
 @contextmanager

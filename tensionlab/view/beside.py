@@ -27,7 +27,7 @@ def open_page() -> str:
     published = publisher()
     if published is None:
         raise HardwareError("the system gives no UDP port at 127.0.0.1, over which the view would hear of the run")
-    words = [sys.executable, "-m", "tensionlab.view.live"]
+    words = [sys.executable, "-P", "-m", "tensionlab.view.live"]  # -P: nothing of the working directory
     page = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, **OWN_GROUP)
     _started.append(page)  # it outlives the run
     assert page.stdin is not None
