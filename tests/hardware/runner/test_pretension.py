@@ -7,10 +7,10 @@ import tensionlab as tl
 from tensionlab.demand import Demand, Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Calibration, State
-from tensionlab.hardware.runner.pretension import WINDOW_S, CableSpeeds
+from tensionlab.hardware.runner.pretension import MISFIT_S, SHAKING_S, WINDOW_S, CableSpeeds, reel_in
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
-from tensionlab.hardware.runner.state_estimation import MAX_LENGTH_ERROR_M
+from tensionlab.hardware.runner.state_estimation import MAX_LENGTH_ERROR_M, Observation, PoseTracker
 from tensionlab.hardware.simulation.world import World
 
 RIGS = ["bartels2026-validation", "seven-modules", "floor-3"]
@@ -241,3 +241,56 @@ def test_average_speeds_are_those_of_the_window(period):
     np.testing.assert_allclose(found[1.0], [0.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(found[1.25], [-1.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(found[2.5], [-2.0, 0.0], atol=1e-9)
+
+
+# Cables by script
+
+FOUR = tl.load_rig("bartels2026-validation")
+TAUT = FOUR.lengths(FOUR.home)
+AGAINST = np.linalg.svd(FOUR.structure_matrix(FOUR.home))[2][-1]
+"""Changes of length, (m,), of norm 1, that fit no motion."""
+
+
+def reeled(lengths, speeds=0.0, expected=None):
+    """Reel in cables whose lengths are a function of the time since then; how long it took."""
+    began = now = 1000.0
+    zero = np.zeros(FOUR.m)
+
+    class Clock:
+        def now(self):
+            return now
+
+    def cycle():
+        nonlocal now
+        now += 0.02
+        return Observation(lengths(now - began), zero + speeds, *[zero] * 8)
+
+    tracker = PoseTracker(FOUR) if expected is None else None
+    reel_in(FOUR, cycle, np.ones(FOUR.m, dtype=bool), Clock(), tracker, expected)
+    return now - began
+
+
+def test_cables_that_move_as_no_platform_does_are_believed_after_some_seconds():
+    swinging = reeled(lambda time: TAUT + 0.24 * AGAINST * (time % 1.0 < 0.5))
+    assert SHAKING_S <= swinging < SHAKING_S + WINDOW_S + 0.6
+    assert reeled(lambda time: TAUT) == pytest.approx(WINDOW_S, abs=0.05)
+
+
+def test_lengths_at_rest_that_fit_no_pose_are_refused_after_a_second():
+    times = []
+    with pytest.raises(HardwareError, match="fit no pose"):
+        reeled(lambda time: times.append(time) or TAUT + 0.24 * AGAINST)
+    assert times[-1] == pytest.approx(WINDOW_S + MISFIT_S, abs=0.1)
+
+
+def test_a_cable_shorter_than_the_others_let_it_be_is_loose_at_once():
+    short, fast = TAUT - [0.0, 0.2, 0.0, 0.0], np.array([0.0, -1.0, 0.0, 0.0])
+    with pytest.raises(HardwareError, match='cable of module "floor-2" is loose'):
+        reeled(lambda time: short, fast)
+    with pytest.raises(HardwareError, match="fit no pose"):
+        reeled(lambda time: short)
+
+
+def test_with_a_place_it_ends_as_soon_as_all_lengths_are_those_of_the_place():
+    took = reeled(lambda time: TAUT + max(0.3 - 0.6 * time, 0.0), -0.6, lambda: TAUT)
+    assert took == pytest.approx(0.25 / 0.6, abs=0.03)

@@ -7,7 +7,7 @@ from tensionlab.demand import Demand
 from tensionlab.errors import ModuleFault
 from tensionlab.hardware.runner import settings
 from tensionlab.hardware.runner.runner import Runner
-from tensionlab.hardware.runner.settings import PlaybackClock, RunSettings, WorldClock
+from tensionlab.hardware.runner.settings import MAX_BEHIND_S, PlaybackClock, RealClock, RunSettings, WorldClock
 from tensionlab.hardware.simulation.world import World
 from tests.support.runs import four
 
@@ -43,6 +43,16 @@ def test_a_paced_world_keeps_to_real_time(computer):
     clock.wait_until(0.6)
     assert world.time == pytest.approx(0.6, abs=1e-4)
     assert computer.now == pytest.approx(1000.6, abs=1e-4)
+    computer.now += 1.0
+    assert clock.now() == pytest.approx(0.6 + MAX_BEHIND_S, abs=1e-4)
+
+
+def test_the_real_clock_waits_until_then_and_no_longer(computer):
+    clock = RealClock()
+    clock.wait_until(1000.5)
+    assert clock.now() == pytest.approx(1000.5, abs=1e-4)
+    clock.wait_until(1000.2)
+    assert clock.now() == pytest.approx(1000.5, abs=1e-4)
 
 
 def ran(computer, work):

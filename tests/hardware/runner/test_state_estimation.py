@@ -3,7 +3,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.runner.state_estimation import PoseTracker, velocity
+from tensionlab.hardware.runner.state_estimation import MAX_SPEED_ERROR_M_S, PoseTracker, velocity
 from tensionlab.model import kinematics
 
 RIGS = ["bartels2026-validation", "seven-modules", "cube-8", "kntu-planar", "ipanema-1"]
@@ -76,3 +76,14 @@ def test_rigs_whose_lengths_do_not_tell_the_pose_are_refused():
     two = tl.Rig("two", "point", [tl.Module("a", [1, 0, 0], 0, 1), tl.Module("b", [0, 1, 0], 0, 1)], [0, 0, 0])
     with pytest.raises(HardwareError, match="2 cables do not fix 3 unknowns"):
         PoseTracker(two)
+
+
+def test_speeds_that_no_motion_explains_are_those_of_slack_cables():
+    rig = tl.load_rig("bartels2026-validation")
+    structure, known = rig.structure_matrix(rig.home), np.ones(rig.m, dtype=bool)
+    against = 2.0 * np.linalg.svd(structure)[2][-1]  # root mean square 1
+    tracker = PoseTracker(rig)
+    tracker.follow(rig.lengths(rig.home), known)
+    for share, one in ((0.9, True), (1.1, False)):
+        speeds = share * MAX_SPEED_ERROR_M_S * against - structure.T @ [1.0, -2.0, 3.0]
+        assert tracker.moves_as_one(speeds, known) is one

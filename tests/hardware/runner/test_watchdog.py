@@ -222,6 +222,12 @@ def test_a_signal_stops_the_modules_and_the_one_of_an_emergency_stop_at_once(num
     assert calls == [called]
 
 
+@pytest.mark.parametrize(("number", "outcome"), [(signal.SIGINT, "modules are stopped"), (ESTOP_SIGNAL, "clear")])
+def test_a_signal_says_how_the_modules_were_stopped(number, outcome):
+    with pytest.raises(Interrupted, match=outcome), stopping(lambda: None, lambda: None):
+        signal.raise_signal(number)
+
+
 def test_modules_are_stopped_at_the_end_and_after_any_error():
     calls = []
     with stopping(lambda: calls.append("stop"), lambda: calls.append("at once")):
