@@ -154,7 +154,12 @@ clean:
 
 install: .venv/user.stamp
 	@echo "Fetching the libraries of all verbs ..."
-	@$(INSTALL) --no-build-isolation -e '.[solvers,data,workspace,cluster,hardware,haptics,notebooks]'
+	@$(INSTALL) --no-build-isolation -e '.[solvers,data,workspace,cluster,hardware,haptics,view,notebooks]'
+	@echo "Installed. Next:"
+	@echo "  source .venv/bin/activate"
+	@echo "  tensionlab view $(RIG)     # a rig in the browser"
+	@echo "  tensionlab run $(RIG) --force 0.5 0 0 --seconds 3     # modules, simulated in this process"
+	@echo "  tensionlab -h     # all verbs; docs/get-started/index.md is a tour"
 
 # Tests compare the kernels of all instruction sets.
 .venv/dev.stamp: .venv/tools.stamp pyproject.toml CMakeLists.txt $(NATIVE)
