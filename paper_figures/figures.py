@@ -27,8 +27,8 @@ PUBLISHED = "published/bartels2026-validation"
 RECORDING = "recordings/paper-like-simulated"
 TRIALS = "what-if/paper-like-simulated"
 PROPOSALS = (
-    "These layouts are proposals of this project. The publication says only that that of the materials is "
-    "grounded, and that the others mix modules on the body and in the room."
+    "These layouts are proposals of this project. The paper says only that the materials layout is "
+    "grounded and that the others mix body and room modules."
 )
 DIGITS = 6
 """Swept values are rounded to so many, so that no processor's last digit is seen in a figure."""

@@ -32,7 +32,7 @@ CHOICES = (
 )
 COLUMNS: dict[str, Callable[[Summary], str]] = {
     "renders": lambda line: percent(line.solved_1e6),
-    "best elsewhere": lambda line: percent(line.elsewhere),
+    "best if infeasible": lambda line: percent(line.elsewhere),
     "typical call": lambda line: duration(line.sgm_s),
     "99.9 % within": lambda line: duration(line.p999_s),
 }
@@ -49,7 +49,7 @@ def choice(found: Results) -> str:
     processor = found.manifest["processor"]
     about = (
         "*Renders*: the share of feasible problems rendered to 1e-6 N; what a solver refuses (for "
-        "`polygon` more than two redundant cables) counts as missed. *Best elsewhere*: the share of "
+        "`polygon` more than two redundant cables) counts as missed. *Best if infeasible*: the share of "
         "problems, in sets with infeasible wrenches, whose error is the least possible one to 1e-6 N. "
         f"Times are of one call, verification included, on one thread of {processor}."
     )

@@ -141,5 +141,5 @@ def print_scores(
         console.print(f"failed: {name}, {output.clip(reason)}", style="yellow", soft_wrap=True)
     if narrow:
         console.print(
-            f"A terminal of {output.PIPE_WIDTH} columns shows more of them; --json has all.", style="dim"
+            f"Wider terminals ({output.PIPE_WIDTH} columns) show more columns; --json has all.", style="dim"
         )

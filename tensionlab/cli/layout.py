@@ -140,7 +140,7 @@ def _print(found: LayoutSearch, name: str) -> None:
         output.print_table("", SEARCH_HEADINGS, rows)
         console.print()
     best = found.best
-    console.print(f"{best.rig.name}: {best.score:.4g} is {found.describe()}", soft_wrap=True)
+    console.print(f"{best.rig.name} {found.objective.rendered(best.score, best.rig)}", soft_wrap=True)
     places = (
         (module.name, module.frame, module.anchor.round(4) + 0.0, f"{lost:.4g}")
         for module, lost in zip(best.rig.modules, best.contributions, strict=True)

@@ -204,7 +204,7 @@ def _print_needs(scenario: Scenario, needs: list[Finding]) -> None:
     print_required(scenario.rig)
     if scenario.turned:
         output.console().print(scenario.turned, soft_wrap=True)
-    output.print_findings(f"What {scenario.name} needs, and {scenario.rig.name} has", needs)
+    output.print_findings(f'Can {scenario.rig.name} play "{scenario.name}"?', needs)
     output.console().print()
 
 

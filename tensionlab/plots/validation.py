@@ -258,7 +258,7 @@ def _equal(rows: list[Trial], others: list[Trial]) -> bool:
 
 
 def _label(names: tuple[str, ...]) -> str:
-    return ", ".join(names) if len(names) <= MAX_NAMED else f"{names[0]}, {len(names) - 1} more the same"
+    return ", ".join(names) if len(names) <= MAX_NAMED else f"{names[0]} and {len(names) - 1} others (identical)"
 
 
 def _draw_rigs(

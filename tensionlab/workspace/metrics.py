@@ -62,7 +62,7 @@ class Metric(Protocol):
 
 @dataclass(frozen=True)
 class CapacityMargin:
-    """Distance of the required wrenches, less a radius (0 if left out), from the edge of the available set.
+    """Force to spare in the worst direction before the rig can no longer render what is required.
 
     What is required is zero if nothing is said. Torques count as forces, divided by the characteristic length.
     Below zero is how much of it is infeasible.

@@ -39,7 +39,7 @@ def test_search_prints_the_layout_and_writes_the_rig(run, space, tmp_path):
     rig = load_rig(tmp_path / "rig.toml")
     assert rig.m == 3
     assert all(module.name in out for module in rig.modules)
-    assert "the maximum force in N in every direction" in out
+    assert "N in every direction throughout the target" in out
     assert f"flat-3: {tmp_path / 'rig.toml'}" in out
     assert "Score lost without each module" in (tmp_path / "rig.toml").read_text()
 
@@ -84,13 +84,13 @@ def test_several_numbers_of_modules_are_compared(run, space):
     assert code == 0
     rows = [line.split() for line in out.splitlines() if line.strip().startswith(("2 ", "3 "))]
     assert [(row[0], row[-1]) for row in rows] == [("2", "yes"), ("3", "yes")]
-    assert "flat-3: 1 is the share of the target with 1 N" in out
+    assert "flat-3 renders 1 N in every direction in 100 % of the target" in out
 
 
 def test_what_is_required_is_in_the_score_and_in_the_rig(run, space, tmp_path):
     code, out, err = run(space, "--wrench", 0, 2.5, "-o", tmp_path / "rig.toml")
     assert (code, err) == (0, "")
-    assert "in every direction about the wrench (0, 2.5) N, everywhere in the target" in " ".join(out.split())
+    assert "in every direction about the wrench (0, 2.5) N throughout the target" in " ".join(out.split())
     assert load_rig(tmp_path / "rig.toml").required == Requirement(wrench=[0.0, 2.5])
     space.write_text(SPACE.replace("counts", 'up = "y"\nplatform = { mass = 0.2 }\ncounts'))
     report = json.loads(run(space, "--gravity", "--json")[1])

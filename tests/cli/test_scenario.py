@@ -49,7 +49,7 @@ def test_on_another_rig_what_it_needs_is_told_first(run, tmp_path, monkeypatch):
     assert status == 0, err
     lines = out.splitlines()
     assert lines[0] == 'rig "seven-modules" has y up and is turned: its z, x, y are x, y, z here'
-    assert lines[1] == "What materials needs, and seven-modules has"
+    assert lines[1] == 'Can seven-modules play "materials"?'
     assert [line.split()[:2] for line in lines if line.startswith(("yes", "no"))] == [
         ["yes", name] for name in ("reach", "magnetic", "textured", "shaped", "vibrating", "water")
     ]

@@ -99,7 +99,7 @@ def test_choices_that_come_out_the_same_share_a_line(tmp_path, published):
     assert list(apart) == [("newton", "twin 0", "twin 1"), ("dykstra:10",), ("twin 2",)]
     save_figure(plot_what_if(trials, published), tmp_path / "a.svg")
     words = words_of(tmp_path / "a.svg")
-    assert {"newton, 3 more the same", "dykstra:10", "on a rig without errors"} <= set(words)
+    assert {"newton and 3 others (identical)", "dykstra:10", "on a rig without errors"} <= set(words)
 
 
 def test_what_is_beyond_the_axis_is_told_as_a_number(tmp_path, published):

@@ -159,7 +159,7 @@ def print_required(rig: Rig) -> None:
 
 def print_simulated() -> None:
     """Print that the modules are simulated, so that nobody waits for real ones to pull."""
-    typer.echo("no --modules: these are simulated, in this process", err=True)
+    typer.echo("No --modules given: simulating them in this process.", err=True)
 
 
 def module_links(rig: Rig, modules: str) -> dict[str, str]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import re
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 
 PIPE_WIDTH = 120
 """Columns of a table where stdout is no terminal."""
+GAP = 2
+"""Spaces between the columns of a table."""
 NOTHING_KEPT = "nothing is kept"
 """What Ctrl-C leaves to say, unless a verb has other words."""
 short, vector = display.short, display.vector
@@ -141,7 +145,7 @@ def console(*, stderr: bool = False) -> Console:
     return Screen(stderr=stderr, width=width, highlight=False, markup=False, emoji=False)
 
 
-def table(headings: Sequence[str], rows: Iterable[Sequence[Any]] = (), *, gap: int = 2) -> Table:
+def table(headings: Sequence[str], rows: Iterable[Sequence[Any]] = (), *, gap: int = GAP) -> Table:
     """Return a table in the style of all verbs.
 
     Columns are for numbers, to the right and on one line; those whose heading begins with ``<`` are for text, to
@@ -178,7 +182,7 @@ def _cell(value: Any) -> Any:
     )
 
 
-def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any]], *, gap: int = 2) -> None:
+def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any]], *, gap: int = GAP) -> None:
     """Print a title, unless it is empty, and a table, whose parameters are those of `table`."""
     if title:
         print_title(title)
@@ -186,13 +190,21 @@ def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any
 
 
 def print_findings(title: str, findings: Iterable[display.Finding]) -> None:
-    """Print what was checked, each with yes, no or, where it is neither, note."""
+    """Print what was checked, each with yes, no or, where it is neither, note; no line ends before a unit."""
     from rich.text import Text
 
     words = {True: Text("yes", "green"), False: Text("no", "red"), None: Text("note")}
-    print_table(
-        title, ("<", "<check", "<finding"), [(words[each.passed], each.name, each.text) for each in findings]
-    )
+    listed = list(findings)
+    before = 2 * GAP + max((len(words[each.passed]) for each in listed), default=0)
+    width = console().width - GAP - before - max((len(each.name) for each in listed), default=0)
+    rows = [(words[each.passed], each.name, _wrapped(each.text, max(width, 20))) for each in listed]
+    print_table(title, ("<", "<check", "<finding"), rows)
+
+
+def _wrapped(text: str, width: int) -> str:
+    """Return a text in lines of a width, each number on one line with its unit."""
+    held = re.sub(r"(?<=\d) (?=\S)", "\N{NO-BREAK SPACE}", text)
+    return textwrap.fill(held, width, break_on_hyphens=False).replace("\N{NO-BREAK SPACE}", " ")
 
 
 def print_title(title: str) -> None:

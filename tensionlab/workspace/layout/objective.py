@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
+from tensionlab.display import percent
 from tensionlab.errors import InputError
 from tensionlab.model import kinematics
 from tensionlab.model.module import TensionLimits
@@ -105,6 +106,14 @@ class Objective:
             return f"the maximum force in N in every direction{about}, everywhere in the target"
         points = f" (points {self.step})" if self.step else ""
         return f"the share of the target{points} with {self.force:g} N in every direction{about}"
+
+    def rendered(self, score: float, rig: Rig) -> str:
+        """Return in words what a rig with a score renders, after its name."""
+        about = f" about {rig.required.describe(rig)}" if rig.required else ""
+        if self.force is None:
+            return f"renders {max(score, 0.0):.4g} N in every direction{about} throughout the target"
+        points = f" (points {self.step})" if self.step else ""
+        return f"renders {self.force:g} N in every direction{about} in {percent(score)} of the target{points}"
 
 
 def target_margins(space: Space, anchors: Floats, limits: TensionLimits, target: Floats) -> Floats:

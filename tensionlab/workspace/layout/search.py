@@ -316,7 +316,7 @@ def evaluate(space: Space, target: Floats, objective: Objective, places: Places,
         )
         lost.append(max(score, 0.0) - max(without, 0.0))  # no force is less than none
     rig = space.rig(name, modules, target.mean(axis=0).round(DECIMALS) + 0.0)
-    rig = replace(rig, description=f"A layout found by search: {score:.4g} is {objective.describe(rig)}.")
+    rig = replace(rig, description=f"A layout found by search: it {objective.rendered(score, rig)}.")
     return Layout(rig, score, float(found.min()), tuple(lost))
 
 

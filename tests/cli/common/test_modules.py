@@ -20,7 +20,7 @@ NAMES = [module.name for module in RIG.modules]
 def test_without_a_word_they_are_simulated_and_hold_what_moves(capsys, simulated_time):
     place = RIG.home + np.array([0.1, 0.0, 0.0])
     group, clock, links = reach_modules(RIG, None, lambda time: Pose(place))
-    assert capsys.readouterr().err == "no --modules: these are simulated, in this process\n"
+    assert capsys.readouterr().err == "No --modules given: simulating them in this process.\n"
     assert links == dict.fromkeys(NAMES, "sim:")
     group.prepare(RIG, 10)
     clock.wait_until(clock.now() + 0.1)
@@ -59,5 +59,5 @@ def test_a_file_has_links_by_name(tmp_path):
 
 def test_run_says_that_it_pulls_with_simulated_modules(run, simulated_time):
     status, out, err = run("run", PATH, "--force", "0", "0", "0.5", "--seconds", 0.3, "--json")
-    assert (status, err) == (0, "no --modules: these are simulated, in this process\n")
+    assert (status, err) == (0, "No --modules given: simulating them in this process.\n")
     assert out.startswith("{")
