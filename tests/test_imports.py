@@ -253,6 +253,14 @@ def test_no_optional_library_is_imported_before_it_is_used(name: str) -> None:
     assert third <= EAGER, f"{name} imports {third - EAGER}: import it in the function that uses it"
 
 
+def test_one_file_touches_the_inside_of_viser() -> None:
+    inside = {name for name in NAMES if any(re.match(r"viser\.(infra|_)", each) for each in imports_of(name))}
+    assert inside == {"view/gate.py"}
+    private = re.compile(r"\b(viser|server|scene|gui)\._[a-z]")  # attributes of its objects
+    files = {name for name in NAMES if name.startswith("view/") and private.search((PACKAGE / name).read_text())}
+    assert files == {"view/gate.py"}
+
+
 def test_the_rules_see_what_is_imported_in_the_open() -> None:
     text = "try:\n    import filelock\nexcept ImportError:\n    import serial\ndef f():\n    import mcap\n"
     text += "if TYPE_CHECKING:\n    import zarr\nelse:\n    import rich.table\nclass A:\n    import xarray\n"

@@ -7,7 +7,7 @@ import msgspec
 import zstandard
 from websockets.sync.client import connect
 
-from tests.support.browsers import HANGS_S, VISER
+from tests.support.browsers import VISER
 
 CAMERA = {
     "type": "ViewerCameraMessage", "wxyz": [1, 0, 0, 0], "position": [0, 0, 1], "fov": 0.7, "near": 0.1, "far": 10,
@@ -39,10 +39,6 @@ class PageClient:
             found |= {each["uuid"] for each in messages if "uuid" in each}
             if any(each["type"] == "ReplayDoneMessage" for each in messages):
                 return sorted(found)
-
-    def settle(self):
-        """Wait until the server has taken all that was sent."""
-        self.socket.ping().wait(HANGS_S)
 
 
 @contextmanager
