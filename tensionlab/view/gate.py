@@ -10,7 +10,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from http import HTTPStatus
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -38,6 +38,8 @@ HEADERS = {
 PAGE_PATH, STOP_PATH = "/", "/stop"
 MAX_MESSAGE_BYTES = 1 << 14
 """Longest message of a browser."""
+MAX_CLIENTS, MAX_WAITING = 32, 256
+"""Browsers at a time, and connections without a request; beyond, the oldest of those is closed."""
 MAX_TEXT = 1000
 """Longest text that a browser may enter, in characters."""
 STOP_BUTTON = (
@@ -203,12 +205,16 @@ class Gate:
         What a request for `STOP_PATH` calls: it returns whether all has stopped, and what to say.
     server : viser.ViserServer or None
         What messages are for, once it runs.
+    waiting, clients : dict and set of ServerConnection
+        Connections without a request yet, the oldest first; and those of browsers.
     """
 
     token: str
     local: bool = True
     stop: Callable[[], tuple[bool, str]] | None = None
     server: viser.ViserServer | None = None
+    waiting: dict[ServerConnection, None] = field(default_factory=dict)
+    clients: set[ServerConnection] = field(default_factory=set)
 
     def refuse(self, target: str, header: Header) -> str | None:
         """Return why a request is refused; None if it is not. ``target`` is its path and query."""
@@ -229,6 +235,7 @@ class Gate:
     ) -> Response | None:
         """Answer a request: refused, with the page, by stopping, or not at all if it is for a WebSocket."""
         header = request.headers.get_all
+        self.waiting.pop(connection, None)
         if reason := self.refuse(request.path, header):
             return connection.respond(HTTPStatus.FORBIDDEN, f"{reason}\n")
         if urlsplit(request.path).path == STOP_PATH and self.stop is not None:
@@ -238,6 +245,9 @@ class Gate:
             del request.headers["Accept-Encoding"]  # so that the button can be put into the page
         response = page(connection, request)
         if response is None:
+            if len(self.clients) >= MAX_CLIENTS:
+                return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_CLIENTS} browsers are here\n")
+            self.clients.add(connection)
             return None
         if forwarded := self.forward(request.path, header):
             response = connection.respond(HTTPStatus.SEE_OTHER, "")
@@ -259,6 +269,19 @@ class Gate:
             return None
         socket = f"ws://{''.join(header('Host'))}/?token={quote(self.token)}"
         return f"{PAGE_PATH}?{urlencode({'token': self.token, 'websocket': socket})}"
+
+    def came(self, connection: ServerConnection) -> None:
+        """Note a new connection; close the oldest one that has asked for nothing if there are too many."""
+        self.waiting[connection] = None
+        if len(self.waiting) > MAX_WAITING:
+            oldest = next(iter(self.waiting))
+            del self.waiting[oldest]
+            oldest.transport.abort()
+
+    def left(self, connection: ServerConnection) -> None:
+        """Forget a connection."""
+        self.waiting.pop(connection, None)
+        self.clients.discard(connection)
 
     def admitted(self, raw: object) -> bytes | None:
         """Return a message as viser gets it; None if it does not pass.
@@ -302,7 +325,15 @@ def _gated(gate: Gate) -> Iterator[list[Gate]]:
     gated: list[Gate] = []
 
     class Connection(websockets.asyncio.server.ServerConnection):
-        """Connection that gives viser only the messages that pass."""
+        """Connection that the gate knows of, and that gives viser only the messages that pass."""
+
+        def connection_made(self, transport: asyncio.BaseTransport) -> None:
+            super().connection_made(transport)
+            gate.came(self)
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            gate.left(self)
+            super().connection_lost(exc)
 
         async def recv(self, decode: bool | None = None) -> Any:
             while True:

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from tensionlab.view.gate import MAX_WAITING
 from tests.support.browsers import HANGS_S, VISER, served, until
 from tests.support.other_user import as_nobody, needs_root
 from tests.support.page_client import joined
 
-IDLE = 100
+IDLE = 150
 """Connections that the other user opens and leaves."""
 SOCKET = {
     "Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13",
@@ -85,6 +86,7 @@ def test_another_user_reads_nothing_changes_nothing_and_keeps_nothing_from_worki
             with joined(page.server.url) as client:  # while the other user's connections are open
                 client.update(page._panel._position, value=[0, 0.5, 0])
                 until(lambda: page.state.position[1] == 0.5, "the owner's edit")
+            assert len(page.server.gate.waiting) <= MAX_WAITING < 3 * IDLE
             assert requested(port, f"/stop?token={token}", {}) == (200, "STOPPED\n")
     assert stops == ["stop"]
     assert list(tmp_path.iterdir()) == []
