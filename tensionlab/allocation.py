@@ -6,7 +6,7 @@ Input is checked and broadcast, the chosen solver chooses, and its answer is ver
 from __future__ import annotations
 
 import atexit
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
@@ -97,6 +97,12 @@ class Allocation:
         ``d·W t`` of all tensions inside the limits. Zeros elsewhere.
     failures : mapping
         Reason by flat index, where FAILED.
+    modules : tuple of str
+        Names of the cables' modules, where a rig allocated; empty elsewhere.
+    desired : (..., n) array or None
+        Desired wrench, where a rig allocated.
+    position : (..., d) array or None
+        Of the reference point in m, where a rig allocated.
 
     Examples
     --------
@@ -120,6 +126,19 @@ class Allocation:
     iterations: Integers
     separation: Floats
     failures: Mapping[int, str] = field(default_factory=dict)
+    modules: tuple[str, ...] = ()
+    desired: Floats | None = None
+    position: Floats | None = None
+
+    @property
+    def exact(self) -> NDArray[np.bool_]:
+        """Where the desired wrench is rendered (...): the status is EXACT."""
+        return np.equal(self.status, Status.EXACT)
+
+    @property
+    def infeasible(self) -> NDArray[np.bool_]:
+        """Where no tensions inside the limits render the desired wrench (...): `separation` certifies it."""
+        return np.equal(self.status, Status.NEAREST)
 
     def counts(self) -> dict[Status, int]:
         """Return how many answers have each status.
@@ -152,7 +171,7 @@ class Allocation:
     def _repr_html_(self) -> str:
         if not self.status.ndim:
             note = f"renders {display.vector(self.wrench)}, with an error of {display.short(float(self.residual))}"
-            tensions = [[str(cable), tension] for cable, tension in enumerate(self.tensions)]
+            tensions = [*map(list, zip(self._cables(), self.tensions, strict=True))]
             mark = display.status_mark(int(self.status))
             return display.table(mark, ["<cable", "tension N"], tensions, [note, *self.failures.values()])
         rows = []
@@ -168,18 +187,26 @@ class Allocation:
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each wrench, indexed by the leading axes.
 
-        Columns are ``status`` by name, ``residual``, ``scale`` and ``iterations``, and by number ``tension_0`` and
-        so on, in N, and ``wrench_0``, in N and N·m. MissingDependency if pandas is not installed.
+        Columns are ``status`` by name, ``residual``, ``scale`` and ``iterations``; ``tension_0`` and so on, in N,
+        by the name of the module where a rig allocated; ``wrench_0``, in N and N·m; and where a rig allocated
+        ``desired_0`` and ``position_0``, in m. MissingDependency if pandas is not installed.
         """
         columns: dict[str, Any] = {"status": np.array([status.name for status in Status])[self.status.ravel()]}
         columns |= {name: np.ravel(getattr(self, name)) for name in ("residual", "scale", "iterations")}
-        for name, table in (("tension", self.tensions), ("wrench", self.wrench)):
-            columns |= {f"{name}_{i}": each.ravel() for i, each in enumerate(np.moveaxis(table, -1, 0))}
+        columns |= {f"tension_{cable}": self.tensions[..., j].ravel() for j, cable in enumerate(self._cables())}
+        for name, table in (("wrench", self.wrench), ("desired", self.desired), ("position", self.position)):
+            if table is not None:
+                whole = np.broadcast_to(table, (*self.status.shape, table.shape[-1]))
+                columns |= {f"{name}_{i}": whole[..., i].ravel() for i in range(table.shape[-1])}
         frame = records.data_frame(columns)
         if self.status.ndim > 1:
             axes = np.indices(self.status.shape).reshape(self.status.ndim, -1)
             frame = frame.set_index([*axes]).rename_axis([f"axis_{i}" for i in range(len(axes))])
         return frame
+
+    def _cables(self) -> Sequence[str]:
+        """Return the names of the modules, or the numbers of the cables where there is no rig."""
+        return self.modules or [str(cable) for cable in range(self.tensions.shape[-1])]
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the arrays with names of their dimensions, and units.

@@ -39,7 +39,7 @@ ALLOWED = {
     "display": set(),
     "records": set(),
     "variants": set(),
-    "model": set(),
+    "model": {"allocation"},  # Rig.allocate alone: see test_only_a_rig_allocates
     "solvers": {"_native"},
     "verification": {"solvers", "_native"},
     "allocation": {"verification", "solvers"},
@@ -198,6 +198,11 @@ def test_rooms(name: str) -> None:
         package, _, rest = module.partition(".")
         if package == "tensionlab" and rest != "__version__":
             assert rest.partition(".")[0] in allowed, f"{name} imports {module}"
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if room(name) == "model" and name != "model/rig.py"])
+def test_only_a_rig_allocates(name: str) -> None:
+    assert not {module for module in imports_of(name) if module.startswith("tensionlab.allocation")}
 
 
 @pytest.mark.parametrize("folder", CLOSED)

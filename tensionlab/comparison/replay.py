@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,7 +111,9 @@ def replay(
             iterations_max=finite(np.max, found.iterations),
         )
 
-    arrays = {name: values[kept] for name, values in vars(run.allocation).items() if name != "failures"}
+    arrays: dict[str, Any] = {
+        name: values[kept] for name, values in vars(run.allocation).items() if isinstance(values, np.ndarray)
+    }
     rows = [row(run.setup.solver, run.setup.nearest, Allocation(**arrays), int(run.fallback_used[kept].sum()))]
     for done, (name, policy, solver) in enumerate(own.values(), start=1):
         found = answer_again(run, kept, guarded(solver), policy)

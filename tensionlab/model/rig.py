@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,6 +35,8 @@ from tensionlab.model.requirement import Requirement
 
 if TYPE_CHECKING:
     import pandas
+
+    from tensionlab.allocation import Allocation, Nearest, Solver
 
 
 class Cables(NamedTuple):
@@ -425,6 +427,58 @@ class Rig:
         """
         cables = self.cables(position, rotation, frames)
         return kinematics.structure_matrix(cables.directions, cables.arms)
+
+    def allocate(
+        self,
+        wrench: ArrayLike,
+        position: ArrayLike | None = None,
+        rotation: ArrayLike | None = None,
+        frames: Frames | None = None,
+        *,
+        solver: str | Solver = "newton",
+        reference: ArrayLike | Literal["lower", "middle"] | None = None,
+        nearest: Nearest | None = None,
+        wrench_weights: ArrayLike | None = None,
+    ) -> Allocation:
+        """Return tensions that render a wrench at a pose, beside the wrench that the rig requires.
+
+        The wrench that is allocated is ``wrench`` and the middle of `required`: the weight of the platform, for
+        instance.
+
+        Parameters
+        ----------
+        wrench : (..., n) array
+            Desired, in N and N·m. All leading axes broadcast.
+        position, rotation, frames
+            Pose, as in `structure_matrix`; home and the frames at rest if left out.
+        solver, reference, nearest, wrench_weights
+            As in `tensionlab.allocate`, whose errors are raised as well.
+
+        Returns
+        -------
+        Allocation
+            With the names of the modules, the desired wrench (with what is required) and the position.
+
+        Raises
+        ------
+        ShapeError, RigError
+            As in `structure_matrix`.
+
+        Examples
+        --------
+        >>> import tensionlab as tl
+        >>> rig = tl.load_rig("bartels2026-validation")
+        >>> rig.allocate([1.0, 0.5, 1.0]).tensions.round(3)
+        array([2.278, 1.801, 0.5  , 2.611])
+        """
+        from tensionlab.allocation import allocate
+
+        place = pose.points(self.home if position is None else position, self.dimension, "position")
+        W = self.structure_matrix(place, rotation, self.at_rest if frames is None else frames)
+        desired = pose.points(wrench, self.n, "wrench") + self.required.middle(self, rotation)
+        found = allocate(W, desired, self.limits, solver, reference, nearest, wrench_weights)
+        names = tuple(module.name for module in self.modules)
+        return replace(found, modules=names, desired=desired, position=place)
 
     def forward_kinematics(
         self,

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tensionlab as tl
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import ring_plus_top
@@ -297,3 +298,31 @@ def test_a_frame_may_be_a_position_alone() -> None:
         np.testing.assert_array_equal(W, expected)
     with pytest.raises(ShapeError, match='frame "hip" position'):
         rig.structure_matrix(rig.home, frames={"shoulder": shoulder, "hip": np.eye(4)})
+
+
+def test_a_rig_allocates_what_is_desired_beside_what_it_requires():
+    rig = tl.load_rig("cogiro")
+    rig = replace(rig, required=tl.Requirement(gravity=True))
+    position = rig.home + np.array([0.1, 0.0, 0.2])
+    lift = np.array([[0.0, 0.0, 100.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1e9, 0.0, 0.0, 0.0]])
+    found = rig.allocate(lift, position)
+    structure = rig.structure_matrix(position)
+    np.testing.assert_allclose(structure @ found.tensions[0], lift[0] - rig.gravity(), atol=1e-6)
+    assert found.exact.tolist() == [True, False]
+    assert found.infeasible.tolist() == [False, True]
+    np.testing.assert_array_equal(
+        found.tensions, tl.allocate(structure, lift - rig.gravity(), rig.limits).tensions
+    )
+    row = found.to_pandas().loc[0]
+    assert [row[f"position_{i}"] for i in range(3)] == list(position)
+    assert row["desired_2"] == lift[0, 2] - rig.gravity()[2]
+    assert row[f"tension_{rig.modules[3].name}"] == found.tensions[0, 3]
+
+
+def test_a_rig_allocates_at_home_with_its_frames_at_rest():
+    rig = tl.load_rig("body-mounted")
+    found = rig.allocate([0.0, 0.5, 0.0])
+    structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
+    np.testing.assert_array_equal(found.tensions, tl.allocate(structure, [0.0, 0.5, 0.0], rig.limits).tensions)
+    with pytest.raises(ShapeError, match="wrench"):
+        rig.allocate([0.0, 1.0])
