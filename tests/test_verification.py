@@ -405,3 +405,25 @@ def test_what_the_exact_solver_proves_in_passing_is_what_verification_finds(n, m
         bound = (direction @ wrench[row] - reach) / np.sqrt(np.sum(direction**2 / allocator.weights))
         assert bound > 0.0
         assert found.residual[row] - bound <= 2 * TOLERANCE * max(np.sqrt(allocator.weights.max()), size[row, 0])
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e4, 1e8, 1e9, 1e10])
+@pytest.mark.parametrize("nearest", tl.solvers.base.POLICIES)
+def test_exact_is_true_in_rational_arithmetic_however_large_the_structure(scale, nearest):
+    """Large columns that nearly cancel: the rounding of ``W t`` comes near to the tolerance, and exceeds it."""
+    rng = np.random.default_rng(0)
+    structure = scale * rng.normal(size=(COUNT, 3, 8))
+    structure[..., -1] = -structure[..., :-1].sum(axis=-1)
+    wrench = rng.normal(size=(COUNT, 3))
+    found = tl.allocate(structure, wrench, (LOWER, UPPER), nearest=nearest)
+    limits = [np.full((COUNT, 8), value) for value in (LOWER, UPPER, 0.0)]
+    answer = Answer(found.tensions.copy(), np.zeros(COUNT, dtype=np.int64))
+    again = verify(Problem(structure, wrench, *limits, np.ones(3), nearest), answer)
+    for W, w, t, *statuses in zip(structure, wrench, found.tensions, found.status, again.status, strict=True):
+        error = [
+            Fraction(wanted) - sum(Fraction(each) * Fraction(tension) for each, tension in zip(row, t, strict=True))
+            for row, wanted in zip(W, w, strict=True)
+        ]
+        allowed = Fraction(TOLERANCE) ** 2 * max(1, sum(Fraction(each) ** 2 for each in w))
+        within = sum(each**2 for each in error) <= allowed
+        assert [status == tl.Status.EXACT for status in statuses] == [within, within]

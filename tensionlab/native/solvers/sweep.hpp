@@ -65,7 +65,7 @@ class Sweep {
   static constexpr double kFloors[kSteps] = {0.5, 0.2, 0.02, 1e-10}, kTight = 1e-10;
   static constexpr std::int64_t kEvaluations = 6;
   // Error of a rendered wrench, against structure and tensions.
-  static constexpr double kConverged = 4 * std::numeric_limits<double>::epsilon();
+  static constexpr double kUnit = std::numeric_limits<double>::epsilon(), kConverged = 4 * kUnit;
 
   struct Rows {
     std::size_t row[L];
@@ -269,9 +269,11 @@ class Sweep {
       weighted += batch_.weights[k] * square;
       desired += group.wrench[k] * group.wrench[k];
     }
-    const auto proved = (largest <= kConverged * kConverged * group.gain * change) &
-                        (error <= settings_.tolerance * settings_.tolerance * larger(V(V{} + 1), desired)) &
-                        (group.size < V{} + settings_.largest);
+    // At most one half of the tolerance each: the error, and what rounding may make of it, by Cauchy's inequality.
+    const V rounding = kUnit * kUnit * N * m_ * m_ * m_ / 2 * group.gain * change;
+    const V half = settings_.tolerance * settings_.tolerance / 4 * larger(V(V{} + 1), desired);
+    const auto proved = (largest <= kConverged * kConverged * group.gain * change) & (error <= half) &
+                        (rounding <= half) & (group.size < V{} + settings_.largest);
     if (!last && any(!proved)) {
       group.settled = proved ? V{} + 1 : V{};
       TENSIONLAB_UNROLL

@@ -1,7 +1,7 @@
 // Certificates: what is proved about an answer, whoever gave it, behind every status.
 //
 // The tensions are clipped into their limits, the wrench is recomputed, and a verdict needs a certificate:
-//   EXACT    the error |w - W t| is within tolerance, whatever the weights;
+//   EXACT    the error |w - W t|, with what rounding may make of it, is within tolerance, whatever the weights;
 //   NEAREST  a direction d with d'w > h(d) = sum_i max(d'W_i a_i, d'W_i b_i) separates w from every wrench
 //            that tensions inside the limits can render, and weak duality bounds the policy's best value to
 //            within tolerance of the answer's.
@@ -45,18 +45,31 @@ class Verifier {
   // tensions (m): clipped in place. rendered (n): out. separation (n): a proposal in, the proof or zeros out.
   Finding verify(const Problem& problem, double* tensions, double* rendered, double* separation) const {
     if (!clip(problem, tensions)) return fail(tensions, rendered, separation);
-    double error[N], error_square = 0, rendered_square = 0, heaviest = 0;
+    double error[N], error_square = 0, rendered_square = 0, heaviest = 0, sizes = 0;
     for (int k = 0; k < N; ++k) {
-      rendered[k] = product(problem.structure + k * m_, tensions);
+      double size = std::abs(problem.wrench[k]);
+      rendered[k] = product(problem.structure + k * m_, tensions, &size);
       error[k] = problem.wrench[k] - rendered[k];
+      sizes += size * size;
+    }
+    const double desired = dot(problem.wrench, problem.wrench),
+                 allowed = tolerance_ * std::sqrt(larger(1.0, desired));
+    // Of sums of m products, each rounded by half of epsilon at most, twice over.
+    const double unit = (m_ + 1) * std::numeric_limits<double>::epsilon();
+    double rounding = unit * std::sqrt(sizes);
+    if (rounding > 1e-3 * allowed) {
+      for (int k = 0; k < N; ++k)
+        error[k] = precise_error(problem.structure + k * m_, tensions, problem.wrench[k]);
+      rounding *= unit;
+    }
+    for (int k = 0; k < N; ++k) {
       error_square += weights_[k] * error[k] * error[k];
       rendered_square += weights_[k] * rendered[k] * rendered[k];
       heaviest = larger(heaviest, weights_[k]);
     }
     Finding finding{Verdict::iteration_limit, std::sqrt(error_square), std::numeric_limits<double>::quiet_NaN()};
     // Weights say which error to prefer where there must be one. They make no error vanish.
-    const double plain = dot(error, error), desired = dot(problem.wrench, problem.wrench);
-    if (std::isfinite(plain) && plain <= tolerance_ * tolerance_ * larger(1.0, desired)) {
+    if (std::sqrt(dot(error, error)) + rounding <= allowed) {
       for (int k = 0; k < N; ++k) separation[k] = 0;
       finding.status = Verdict::exact;
       finding.scale = 1;
@@ -100,14 +113,37 @@ class Verifier {
     return clean;
   }
 
-  double product(const double* row, const double* tensions) const {
-    V sums = {};
+  // Adds the magnitudes of the products to the size.
+  double product(const double* row, const double* tensions, double* size) const {
+    V sums = {}, sizes = {};
     int i = 0;
-    for (; i + L <= m_; i += L) sums += load<double, L>(row + i) * load<double, L>(tensions + i);
+    for (; i + L <= m_; i += L) {
+      const V part = load<double, L>(row + i) * load<double, L>(tensions + i);
+      sums += part;
+      sizes += magnitude(part);
+    }
     double sum = 0;
-    for (int l = 0; l < L; ++l) sum += read<double>(sums, l);
-    for (; i < m_; ++i) sum += row[i] * tensions[i];
+    for (int l = 0; l < L; ++l) {
+      sum += read<double>(sums, l);
+      *size += read<double>(sizes, l);
+    }
+    for (; i < m_; ++i) {
+      sum += row[i] * tensions[i];
+      *size += std::abs(row[i] * tensions[i]);
+    }
     return sum;
+  }
+
+  // w - row . t with twice the digits (Ogita, Rump, Oishi, Accurate sum and dot product, 2005).
+  double precise_error(const double* row, const double* tensions, double wrench) const {
+    double sum = wrench, rest = 0;
+    for (int i = 0; i < m_; ++i) {
+      const volatile double product = -row[i] * tensions[i];  // not fused with the sum
+      const double part = product, whole = sum + part, added = whole - sum;
+      rest += std::fma(-row[i], tensions[i], -part) + ((sum - (whole - added)) + (part - added));
+      sum = whole;
+    }
+    return sum + rest;
   }
 
   Finding fail(double* tensions, double* rendered, double* separation) const {
