@@ -421,7 +421,8 @@ def test_exact_is_true_in_rational_arithmetic_however_large_the_structure(scale,
     again = verify(Problem(structure, wrench, *limits, np.ones(3), nearest), answer)
     for W, w, t, *statuses in zip(structure, wrench, found.tensions, found.status, again.status, strict=True):
         error = [
-            Fraction(wanted) - sum(Fraction(each) * Fraction(tension) for each, tension in zip(row, t, strict=True))
+            Fraction(wanted)
+            - sum(Fraction(each) * Fraction(tension) for each, tension in zip(row, t, strict=True))
             for row, wanted in zip(W, w, strict=True)
         ]
         allowed = Fraction(TOLERANCE) ** 2 * max(1, sum(Fraction(each) ** 2 for each in w))

@@ -29,12 +29,22 @@ LONG_KEY = re.compile(rf"""(?:(?:"[^"\n]*"|'[^'\n]*'|[\w-]+)[ \t]*\.[ \t]*){{{MA
 PIECE_BYTES = 1_000_000
 """Read at a time: who asks for a gigabyte at once gets its memory before there is a byte."""
 
+MAX_UNPACKED_BYTES, FREE_UNPACKED_BYTES, MAX_UNPACKED_RATIO = 1_600_000_000, 64_000_000, 64
+"""A file may unpack to the first; small ones to the second, and to so many bytes for each of their own. Tables and
+logs of runs unpack to some five."""
 MAX_SHOWN = 80
 """Characters of a value in a message."""
 
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = 60
 _short.maxlevel = 3
+
+
+def require_unpackable(unpacked: int, size: int, source: str, error: type[TensionlabError]) -> None:
+    """Refuse a file of a size in bytes that unpacks to more than its limit, in all."""
+    limit = min(MAX_UNPACKED_BYTES, FREE_UNPACKED_BYTES + MAX_UNPACKED_RATIO * size)
+    if not 0 <= unpacked <= limit:
+        raise error(f"{source}: {size:,} bytes that unpack to more than {limit:,} are not read; split the file")
 
 
 def datasets_folder() -> Path:

@@ -17,14 +17,12 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import TensionlabError, needs
-from tensionlab.files.reading import brief, parse_json, read_bytes, read_text
+from tensionlab.files.reading import brief, parse_json, read_bytes, read_text, require_unpackable
 
 Row = TypeVar("Row")
 
 MAX_FILE_BYTES = 500_000_000
 """Of a table on disk."""
-MAX_VALUES = 200_000_000
-"""In a table, compressed as it may be: 1.6 GB."""
 
 
 def csv_rows(text: str, source: str, error: type[TensionlabError]) -> Iterator[tuple[int, list[str]]]:
@@ -187,19 +185,25 @@ def read_parquet(path: str | PathLike[str], what: str, error: type[TensionlabErr
     """Return the table of a Parquet file, with its manifest."""
     with needs("data", "reading Parquet"):
         import pyarrow as pa
+        import pyarrow.compute as pc
         import pyarrow.parquet as pq
 
     data = read_bytes(path, what, error, MAX_FILE_BYTES)
     try:
-        file = pq.ParquetFile(pa.BufferReader(data))
-        size = file.metadata.num_rows * max(file.metadata.num_columns, 1)
-        if 0 <= size <= MAX_VALUES:
-            table = file.read()
-            table.validate(full=True)
+        schema = pq.read_schema(pa.BufferReader(data))
+        text = [field.name for field in schema if pa.types.is_string(field.type)]
+        file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=text)  # each word once
+        require_unpackable(_unpacked_bytes(file), len(data), str(path), error)
+        table = file.read()
+        table.validate(full=True)
+        words = [chunk for name in text for chunk in table[name].chunks]
+        lengths = (pc.sum(pc.take(pc.binary_length(chunk.dictionary), chunk.indices)).as_py() for chunk in words)
+        require_unpackable(table.nbytes + sum(length or 0 for length in lengths), len(data), str(path), error)
+        table = table.cast(schema)
+    except TensionlabError:
+        raise
     except Exception as problem:  # whatever a decoder raises over damaged bytes
         raise error(f"{path}: a damaged file ({type(problem).__name__}); give {what}") from None
-    if not 0 <= size <= MAX_VALUES:
-        raise error(f"{path}: has {size:,} values; more than {MAX_VALUES:,} are not read")
     names = table.column_names
     for name in names:
         if names.count(name) > 1:
@@ -209,6 +213,32 @@ def read_parquet(path: str | PathLike[str], what: str, error: type[TensionlabErr
     if not isinstance(manifest, dict):
         raise error(f"{path}: its manifest is {brief(manifest)}; give {what}")
     return ParquetTable(str(path), table, manifest)
+
+
+def _unpacked_bytes(file: Any) -> int:
+    """Return the bytes that a Parquet file says it unpacks to: pages, values of lists, and empty rows too."""
+    about = file.metadata
+    groups = [about.row_group(number) for number in range(about.num_row_groups)]
+    values = [group.column(column).num_values for group in groups for column in range(about.num_columns)]
+    sizes = [group.total_byte_size for group in groups]
+    if min([about.num_rows, *values, *sizes]) < 0:
+        return -1
+    total: int = sum(sizes) + 8 * sum(values) + about.num_rows * sum(map(_width, file.schema_arrow.types))
+    return total
+
+
+def _width(kind: Any) -> int:
+    """Return the bytes that a row of an Arrow type takes, apart from what is in lists and text."""
+    import pyarrow as pa
+
+    if pa.types.is_fixed_size_list(kind):
+        return int(kind.list_size) * _width(kind.value_type)
+    if pa.types.is_nested(kind):
+        return 8 + sum(_width(kind.field(number).type) for number in range(kind.num_fields))
+    try:
+        return max(8, int(kind.bit_width) // 8)
+    except ValueError:  # of text
+        return 8
 
 
 def read_npz(
@@ -221,15 +251,12 @@ def read_npz(
     """
     data = read_bytes(path, what, error, MAX_FILE_BYTES)
     arrays: dict[str, Floats] = {}
-    left = 8 * MAX_VALUES
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            for member in archive.namelist():
-                with archive.open(member) as file:
-                    content = file.read(left + 1) if archive.getinfo(member).file_size <= left else None
-                if content is None or len(content) > left:
-                    raise error(f"{path}: its arrays have more than {MAX_VALUES:,} values; give fewer")
-                left -= len(content)
+            members = archive.infolist()  # nothing is unpacked beyond the size that is given there
+            require_unpackable(sum(each.file_size for each in members), len(data), str(path), error)
+            for each in members:
+                member, content = each.filename, archive.read(each)
                 if member.removesuffix(".npy") in absent and _is_none(content):
                     continue
                 arrays[member.removesuffix(".npy")] = _array(content, f"{path}: {member:.40}", error)

@@ -11,12 +11,12 @@ from typing import IO, Any, NamedTuple
 
 from tensionlab.errors import LogError, needs
 from tensionlab.files import writing
-from tensionlab.files.reading import parse_json
+from tensionlab.files.reading import parse_json, require_unpackable
 
 PROFILE = "tensionlab-run-1"
 """Mark in a file's header of the log of a run, and of its version."""
-MAX_CHUNK_BYTES = 256_000_000
-"""Of a chunk, unpacked: a hostile file may unpack to more than the memory. Those of a log have a megabyte."""
+MAX_CHUNK_BYTES = 16_000_000
+"""Of a chunk, unpacked: its messages take many times the memory. Those of a log have a megabyte."""
 PROGRESS_MESSAGES = 1000
 """Messages read between two calls of ``progress``."""
 
@@ -81,6 +81,10 @@ class Record(NamedTuple):
     time_ns: int = 0
 
 
+class _UnpackedLogError(LogError):
+    """The chunks of a file unpack to more than its limit."""
+
+
 class _Bounded:
     """File of so many bytes that refuses to read more: a damaged length would ask for all memory."""
 
@@ -105,12 +109,14 @@ def read_records(path: Path, progress: Callable[[float], None] | None = None) ->
     known = complete = False
     with _open(path) as file:
         size, messages = os.fstat(file.fileno()).st_size, 0
-        whole = _whole_records(file, size)
+        whole = _whole_records(file, size, str(path))
         while True:
             try:
                 record = next(whole, None)
                 values = _metadata(record) if isinstance(record, Metadata) else {}
                 name = channels[record.channel_id] if isinstance(record, Message) else ""
+            except _UnpackedLogError:
+                raise
             except Exception:  # whatever a decoder raises over damaged bytes: what came before counts
                 complete = False
                 break
@@ -139,13 +145,14 @@ def read_records(path: Path, progress: Callable[[float], None] | None = None) ->
         yield Record("end", "", b"")
 
 
-def _whole_records(file: IO[bytes], size: int) -> Iterator[Any]:
+def _whole_records(file: IO[bytes], size: int, source: str) -> Iterator[Any]:
     """Yield the records of a file, those in its chunks too, as mcap has them."""
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader, breakup_chunk
     from zstandard import frame_content_size
 
     bounded: Any = _Bounded(file, size)
+    total = 0
     for record in StreamReader(bounded, emit_chunks=True, validate_crcs=True).records:
         if not isinstance(record, Chunk):
             yield record
@@ -156,6 +163,8 @@ def _whole_records(file: IO[bytes], size: int) -> Iterator[Any]:
             or not 0 <= max(unpacked, record.uncompressed_size) <= MAX_CHUNK_BYTES
         ):
             raise EOFError
+        total += max(unpacked, record.uncompressed_size)
+        require_unpackable(total, size, source, _UnpackedLogError)
         yield from breakup_chunk(record, validate_crc=True)
 
 

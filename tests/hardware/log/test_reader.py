@@ -238,6 +238,19 @@ def test_a_chunk_that_unpacks_to_more_than_the_memory_is_damage(tmp_path, monkey
     assert [record.name for record in read_records(file)] == ["first"]
 
 
+def test_a_log_whose_chunks_unpack_to_much_in_all_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("tensionlab.files.reading.FREE_UNPACKED_BYTES", 1_000_000)
+    file = tmp_path / "x.mcap"
+    writer = McapWriter(file, {"numbers": {"title": "n"}})
+    for _ in range(20):
+        writer.message("numbers", 1, 1, b" " * 100_000)
+        writer.flush()
+    writer.finish()
+    said = rf"x\.mcap: {file.stat().st_size:,} bytes that unpack to more than 1,[\d,]+ are not read"
+    with pytest.raises(LogError, match=said):
+        list(read_records(file))
+
+
 def test_a_run_without_a_cycle_is_a_run(tmp_path):
     runs.logged(tmp_path / "run.mcap", runs.four(), 0)
     run = read_run(tmp_path / "run.mcap")
