@@ -123,6 +123,32 @@ def is_private(folder: Path) -> bool:
     return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077
 
 
+def opened_by_other_user(peer: Any, own: Any) -> bool:
+    """Return whether somebody else than this user and root opened a TCP connection within this machine.
+
+    Parameters
+    ----------
+    peer, own : tuple
+        Address of the end that opened it, and of the end in this process, as sockets have them. What is no such
+        address belongs to a pair of sockets of this process.
+
+    Notes
+    -----
+    Linux alone tells; elsewhere it is False. A connection that its other end has closed already belongs to nobody,
+    and counts as somebody else's.
+    """
+    if sys.platform != "linux" or not isinstance(own, tuple):
+        return False
+    ports, users = (f"{peer[1]:04X}", f"{own[1]:04X}"), set()
+    for table in (Path("/proc/net/tcp"), Path("/proc/net/tcp6")):
+        with suppress(FileNotFoundError):  # without IPv6
+            for line in table.read_text(encoding="ascii").splitlines()[1:]:
+                _, local, remote, state, *rest = line.split()
+                if (local[-4:], remote[-4:]) == ports and state == "01":
+                    users.add(int(rest[3]))
+    return not users or not users <= {os.getuid(), 0}
+
+
 def process_start(pid: int) -> int | None:
     """Return when a process started, in the kernel's ticks; None if there is none, or the system does not say.
 

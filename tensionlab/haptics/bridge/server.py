@@ -31,6 +31,7 @@ from tensionlab.haptics.bridge.messages import (
     parse,
     reason_of,
 )
+from tensionlab.operating_system import opened_by_other_user
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
@@ -192,7 +193,11 @@ class Bridge:
         from websockets.datastructures import Headers
         from websockets.http11 import Response
 
-        if refused := self._admission.refuse(request.path, request.headers.get_all, len(self._clients)):
+        refused = self._admission.refuse(request.path, request.headers.get_all, len(self._clients))
+        ends = connection.remote_address, connection.local_address
+        if self._admission.token is None and opened_by_other_user(*ends):
+            refused = HTTPStatus.FORBIDDEN, "another user's programs need a token; serve with one (--token-file)"
+        if refused:
             status, reason = refused
             await asyncio.sleep(REFUSAL_PAUSE_S)
             self._report(f"{_name(connection)}: refused: {reason}")
