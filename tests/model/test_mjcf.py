@@ -5,6 +5,7 @@ the body. Its free joint has the linear velocity in world axes and the angular v
 """
 
 import dataclasses
+import xml.etree.ElementTree as Xml
 from pathlib import Path
 
 import mujoco
@@ -207,3 +208,22 @@ def test_what_mujoco_cannot_hold_is_refused():
     rigid = dataclasses.replace(rig.modules[0], lower=3.0, upper=3.0)
     with pytest.raises(RigError, match=f'module "{rigid.name}": "lower" equals "upper"'):
         rig_to_mjcf(dataclasses.replace(rig, modules=(rigid,)))
+
+
+def test_a_pulley_stands_on_the_side_of_the_cable_at_home_and_the_cable_passes_it_there():
+    """All positions are in the axes of the pulley's body, whose origin is the anchor, where the cable comes in."""
+    axis, anchor, radius = np.array([0.0, 0.0, 1.0]), np.array([0.7, 0.2, 1.5]), 0.1
+    module = tl.Module("one", anchor, 0.5, 6.0, pulley_radius=radius, pulley_axis=axis, attachment=[0.0, 0.3, 0.0])
+    other = tl.Module("two", [-1.0, 0.0, 0.0], 0.5, 6.0, attachment=[0.1, 0.0, 0.0])
+    root = Xml.fromstring(rig_to_mjcf(tl.Rig("wheel", "platform", (module, other), home=[0.2, 0.6, 0.1])))
+    (wheel,) = (geom for geom in root.iter("geom") if geom.get("name") == "one pulley")
+    (side,) = (site for site in root.iter("site") if site.get("name") == "one rim")
+    (start,) = (site for site in root.iter("site") if site.get("name") == "one anchor")
+    ends = np.array(wheel.get("fromto").split(), float).reshape(2, 3)
+    outward = np.array([-0.5, 0.7, 0.0]) / np.hypot(0.5, 0.7)  # to (0.2, 0.9), across the axis
+    np.testing.assert_allclose(ends.mean(axis=0), radius * outward, atol=1e-12)
+    assert abs(np.diff(ends, axis=0)[0] @ np.cross(axis, outward)) == pytest.approx(0.4 * radius)
+    rim = np.array(side.get("pos").split(), float) - radius * outward
+    assert rim @ outward < -radius
+    assert rim @ axis > radius
+    assert 0.0 < (anchor - np.array(start.get("pos").split(), float)) @ axis < 1e-5 * radius

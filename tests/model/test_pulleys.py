@@ -18,7 +18,7 @@ from tensionlab.hardware.log.columns import VALUES
 from tensionlab.hardware.log.scene import SceneEncoder
 from tensionlab.hardware.runner.state_estimation import PoseTracker
 from tensionlab.model.kinematics import exponential
-from tensionlab.model.pose import in_own_axes, place_anchors
+from tensionlab.model.pose import in_own_axes, place_anchors, place_axes
 from tensionlab.model.pulleys import Pulleys, arcs, go_over, ways
 from tensionlab.view import instant
 from tensionlab.view.evaluation import evaluate
@@ -387,3 +387,13 @@ def test_the_design_page_and_runs_draw_them_so(name):
     points = np.array([[each[axis] for axis in "xyz"] for each in line["points"]]).reshape(-1, 2, 3)
     np.testing.assert_allclose(lengths_of_lines(points, rig), lengths, rtol=1e-3)
     assert len(line["colors"]) == len(line["points"])
+
+
+def test_vectors_in_the_axes_of_bodies_turn_back_into_the_world():
+    rig = tl.load_rig("body-mounted")
+    frames = {name: ([0.1, 0.2, 0.3], Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()) for name in rig.frames}
+    vectors = np.random.default_rng(3).normal(size=(rig.m, 3))
+    own = in_own_axes(rig.modules, vectors, frames)
+    riding = np.array([module.frame != "world" for module in rig.modules])
+    assert (np.linalg.norm(own - vectors, axis=1) > 0.01).tolist() == riding.tolist()
+    np.testing.assert_allclose(place_axes(rig.modules, own, frames), vectors, atol=1e-12)

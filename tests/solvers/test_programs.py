@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import tensionlab as tl
 from tensionlab.solvers.base import RANK_TOLERANCE
 from tensionlab.solvers.programs import independent_rows, times, whitener
 
@@ -36,3 +37,19 @@ def test_all_agree_on_what_counts_as_zero(share, counts):
     W = np.diag([2.0, 2.0 * share])
     assert (whitener(W)[1, 1] > 0) == counts
     assert len(independent_rows(W)[1]) == 1 + counts
+
+
+@pytest.mark.parametrize("solver", ["qp:daqp", "qp:clarabel", "cvxpy"])
+@pytest.mark.parametrize("policy", ["force", "tension", "direction"])
+def test_an_infeasible_wrench_beside_a_cable_with_equal_limits_has_newtons_answer(solver, policy):
+    """The third cable pulls with 2 N whatever is desired; the other two cannot make up for it."""
+    structure, limits = (
+        [[1.0, -0.6, -0.6, 0.3], [0.0, 0.8, -0.8, 0.9]],
+        ([1.0, 1.0, 2.0, 1.0], [8.0, 8.0, 2.0, 8.0]),
+    )
+    wrenches = [[12.0, 6.0], [-9.0, 20.0], [3.0, -30.0]]
+    expected = tl.allocate(structure, wrenches, limits, nearest=policy)
+    found = tl.allocate(structure, wrenches, limits, solver, nearest=policy)
+    assert (expected.status == tl.Status.NEAREST).all()
+    assert (found.status == expected.status).all()
+    np.testing.assert_allclose(found.tensions, expected.tensions, atol=1e-5)

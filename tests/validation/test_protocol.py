@@ -13,7 +13,7 @@ from tensionlab.model.kinematics import exponential
 from tensionlab.solvers import select_solvers
 from tensionlab.validation.error_model import PRESETS, ErrorModel, draw_errors, true_rig
 from tensionlab.validation.protocol import AXIS_FORCES, Protocol, measure
-from tensionlab.validation.report import evaluate
+from tensionlab.validation.report import evaluate, remarks
 from tensionlab.validation.session import ValidationPlan
 from tensionlab.validation.simulated_sensor import simulated_setup
 from tensionlab.validation.statistics import rotation_angle
@@ -47,6 +47,9 @@ def test_an_ideal_rig_shows_nothing_but_the_solver(solver):
     alone = tl.allocate(RIG.structure_matrix(RIG.home), result.desired, RIG.limits, solver=solver)
     assert result.exact == len(result.desired)
     assert result.fallback_used == np.sum(alone.status != tl.Status.EXACT)
+    said = [text for text in remarks(result) if "left its answer unproven" in text]
+    assert len(said) == (result.fallback_used > 0)
+    assert all(text.startswith(f"In {result.fallback_used} of 3 forces {solver} ") for text in said)
 
 
 def test_an_ideal_rig_with_all_vectors_shows_nothing():

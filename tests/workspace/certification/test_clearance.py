@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from tensionlab.workspace.certification.clearance import ClearanceProblem
 
 REGION = [(-0.5, 0.5), (-0.6, 0.6), (0.6, 1.4)]
 EVERYTHING = tl.Requirement(wrench=np.zeros(6))
@@ -54,3 +55,11 @@ def test_what_is_required_says_the_distance():
     rig = tl.load_rig("ipanema-1")
     proved = tl.workspace.certify(rig, REGION, EVERYTHING, 0.4, clearance=0.1)
     assert proved.required.endswith("cables 0.1 m apart")
+
+
+@pytest.mark.parametrize(("gap", "verdict"), [(0.9, -1), (1.0 - 1e-9, 0), (1.0, 0), (1.0 + 1e-9, 0), (1.1, 1)])
+def test_cables_at_just_the_required_distance_are_left_undecided(gap, verdict):
+    """Two parallel cables and a cell of one position: only rounding is in doubt."""
+    anchors, arms = np.array([[[0.0, 0.0, 2.0], [gap, 0.0, 2.0]]]), np.array([[[0.0, 0.0, 0.0], [gap, 0.0, 0.0]]])
+    problem = ClearanceProblem(1.0, np.array([[0, 1]]), np.zeros((0, 2, 3)), np.zeros(2))
+    assert problem.decide(anchors, arms, 0.0, np.zeros((1, 3)), np.zeros(3)).tolist() == [verdict]

@@ -27,6 +27,7 @@ def test_positions_have_the_verdict_of_their_cell(proved):
     corners = proved.centres + 0.499 * proved.edges
     np.testing.assert_array_equal(proved.at(corners), proved.verdict)
     assert proved.at([[0.0, 0.79], [0.0, -0.79], [0.0, 0.81], [0.0, -0.81]]).tolist() == [1, 1, 0, 0]
+    assert proved.at([[0.0, 1.2], [1.1, 0.0], [-1.1, 0.0], [0.0, -1.2]]).tolist() == [0, 0, 0, 0]
     assert proved.at(np.zeros((4, 3, 2))).shape == (4, 3)
     with pytest.raises(ShapeError, match="position"):
         proved.at([0.0, 0.0, 0.0])
@@ -59,3 +60,17 @@ def test_a_region_is_proved_if_all_of_it_is_inside(proved):
     assert not proved.proved
     rig = tl.load_rig("kntu-planar")
     assert tl.workspace.certify(rig, [(-0.2, 0.2), (-0.2, 0.2)], tl.Requirement(ball=8.0), 0.05).proved
+
+
+def test_beyond_a_region_that_is_all_inside_nothing_is_proved():
+    whole = tl.workspace.certify(
+        tl.load_rig("kntu-planar"), [(0.1, 0.2), (0.1, 0.2)], tl.Requirement(ball=2.0), 0.05
+    )
+    assert whole.proved
+    assert whole.at([[0.15, 0.15], [0.2, 0.2], [0.21, 0.15], [0.15, 0.21], [0.09, 0.15]]).tolist() == [
+        1,
+        1,
+        0,
+        0,
+        0,
+    ]
