@@ -41,15 +41,14 @@ def test_all_agree_on_what_counts_as_zero(share, counts):
 
 @pytest.mark.parametrize("solver", ["qp:daqp", "qp:clarabel", "cvxpy"])
 @pytest.mark.parametrize("policy", ["force", "tension", "direction"])
-def test_an_infeasible_wrench_beside_a_cable_with_equal_limits_has_newtons_answer(solver, policy):
-    """The third cable pulls with 2 N whatever is desired; the other two cannot make up for it."""
-    structure, limits = (
-        [[1.0, -0.6, -0.6, 0.3], [0.0, 0.8, -0.8, 0.9]],
-        ([1.0, 1.0, 2.0, 1.0], [8.0, 8.0, 2.0, 8.0]),
-    )
-    wrenches = [[12.0, 6.0], [-9.0, 20.0], [3.0, -30.0]]
+def test_beside_a_cable_with_equal_limits_programs_have_newtons_answer(solver, policy):
+    """The third cable always pulls with 2 N; the last wrench is feasible, the first one on its ray."""
+    structure = np.array([[1.0, -0.6, -0.6, 0.3], [0.0, 0.8, -0.8, 0.9]])
+    limits = ([1.0, 1.0, 2.0, 1.0], [8.0, 8.0, 2.0, 8.0])
+    feasible = structure @ [4.0, 2.0, 2.0, 5.0]
+    wrenches = [3.0 * feasible, [12.0, 6.0], [-9.0, 20.0], [3.0, -30.0], feasible]
     expected = tl.allocate(structure, wrenches, limits, nearest=policy)
     found = tl.allocate(structure, wrenches, limits, solver, nearest=policy)
-    assert (expected.status == tl.Status.NEAREST).all()
+    assert expected.status.tolist() == [tl.Status.NEAREST] * 4 + [tl.Status.EXACT]
     assert (found.status == expected.status).all()
     np.testing.assert_allclose(found.tensions, expected.tensions, atol=1e-5)
