@@ -1,10 +1,12 @@
 """A client of a page that is no browser: it connects with the token, and sends what it likes."""
 
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import chain
 
 import msgspec
 import zstandard
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import connect
 
 from tests.support.browsers import VISER
@@ -44,7 +46,7 @@ class PageClient:
 @contextmanager
 def joined(url):
     """A client of the page at an address with the token."""
-    with connect(url.replace("http", "ws", 1), subprotocols=[VISER], max_size=None) as socket:
+    with connect(url.replace("http", "ws", 1), subprotocols=[VISER], max_size=None, ping_interval=None) as socket:
         yield PageClient(socket)
 
 
@@ -67,19 +69,23 @@ def attacked(url):
     ends, sent = threading.Event(), []
     with joined(url) as client:
         elements = client.elements()
-        assert elements
+    assert elements
 
-        def attack():
-            while not ends.is_set():
-                for uuid in elements:
-                    for message in attacks(uuid):
+    def attack():
+        while not ends.is_set():
+            with (
+                suppress(ConnectionClosed, InvalidHandshake, OSError),
+                joined(url) as client,
+            ):  # the server may close it
+                while not ends.is_set():
+                    for message in chain(*map(attacks, elements)):
                         client.send(message)
                         sent.append(1)
 
-        attacker = threading.Thread(target=attack)
-        attacker.start()
-        try:
-            yield sent
-        finally:
-            ends.set()
-            attacker.join()
+    attacker = threading.Thread(target=attack)
+    attacker.start()
+    try:
+        yield sent
+    finally:
+        ends.set()
+        attacker.join()
