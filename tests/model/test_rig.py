@@ -326,3 +326,9 @@ def test_a_rig_allocates_at_home_with_its_frames_at_rest():
     np.testing.assert_array_equal(found.tensions, tl.allocate(structure, [0.0, 0.5, 0.0], rig.limits).tensions)
     with pytest.raises(ShapeError, match="wrench"):
         rig.allocate([0.0, 1.0])
+
+
+def test_a_table_of_a_rig_says_what_platform_it_has():
+    held = replace(BOX, platform=Platform(2.5))
+    assert ", platform of 2.5 kg, home" in held._repr_html_()
+    assert "platform of" not in BOX._repr_html_()

@@ -103,6 +103,10 @@ def test_the_cap_is_half_of_what_the_slowest_trips_allow():
     assert stiffness_cap(0.020, STEP, 1.3, 2.0, 0.5) == pytest.approx(80.0, rel=0.01)  # needs b + B of 3.3
 
 
+def test_a_hand_of_a_tenth_of_a_gram_bears_its_share_of_damping():
+    assert max_damping(1e-4, 0.02, STEP) == pytest.approx(1e-4 * max_damping(1.0, 0.02, STEP))
+
+
 def test_every_stiffness_of_an_effect_is_capped():
     whole = (Wall(), Texture(), Magnet(), Shape(), Viscous(), Friction(stiffness=10.0))
     soft = [capped(effect, 50.0) for effect in whole]

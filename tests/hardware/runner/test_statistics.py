@@ -1,5 +1,8 @@
 """What is said of a run at its end."""
 
+import numpy as np
+import pytest
+
 from tensionlab.allocation import Status
 from tensionlab.hardware.runner.statistics import Statistics
 
@@ -16,6 +19,8 @@ def test_a_good_run_is_told_in_few_lines():
         "compute time of a cycle",
         "deadlines missed",
     ]
+    assert run.percentiles()["start_delay"] == pytest.approx((1e-4,) * 3)
+    assert np.isnan(Statistics().percentiles()["start_delay"]).all()
     assert "fallback" not in run._repr_html_()
 
 

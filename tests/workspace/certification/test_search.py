@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.errors import DataError, WriteError
+from tensionlab.errors import DataError, InputError, WriteError
 from tensionlab.workspace.certification import search
 from tensionlab.workspace.certification.problem import CellProblem
+from tensionlab.workspace.certification.subdivision import subdivide
 
 REGION = [(-0.4, 0.4), (0.0, 1.6), (-0.4, 0.4)]
 BALL = ([0.0, 0.0, 0.0], 1.0)
@@ -73,6 +74,16 @@ def test_a_cluster_proves_the_same(monkeypatch, rig, whole):
         found = tl.workspace.certify(rig, REGION, BALL, 0.02, scheduler=cluster.scheduler_address)
     for one, other in zip(in_order(found), in_order(whole), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_more_cells_than_memory_holds_are_refused(monkeypatch):
+    cells = subdivide([(0.0, 1.0)] * 2, 0.25, 2)
+    count = len(cells.first())
+    monkeypatch.setattr(search, "MAX_CELLS", count)
+    assert sum(len(task.places) for task in search.CellSearch(None, cells).tasks()) == count
+    monkeypatch.setattr(search, "MAX_CELLS", count - 1)
+    with pytest.raises(InputError, match=f"{count} cells are undecided at 0.25 m; give a longer one"):
+        next(search.CellSearch(None, cells).tasks())
 
 
 def test_the_file_of_another_proof_is_refused(tmp_path, rig):

@@ -13,8 +13,10 @@ def test_the_finest_cells_are_no_longer_than_the_resolution(resolution):
     assert cells.volume == pytest.approx(2 * 0.5 * 1.7)
 
 
-def test_cells_fill_the_region_and_children_their_parents():
-    cells = subdivide([(-1.0, 1.0), (0.0, 0.5)], 0.05, 2)
+@pytest.mark.parametrize("scale", [1.0, 1e-5])
+def test_cells_fill_the_region_and_children_their_parents(scale):
+    cells = subdivide(scale * np.array([(-1.0, 1.0), (0.0, 0.5)]), 0.05 * scale, 2)
+    assert cells.volume == pytest.approx(scale**2)
     places = cells.first()
     for level in range(3):
         assert len(places) * cells.cell_volume(level) == pytest.approx(cells.volume)
