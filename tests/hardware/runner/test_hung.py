@@ -26,11 +26,13 @@ PATH = Path(__file__).parents[3] / "datasets" / "rigs" / "bartels2026-validation
 RIG = tl.load_rig(PATH)
 HOST = """
 import ctypes, dataclasses, sys
+from pathlib import Path
 import numpy as np
 import tensionlab as tl
 from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError
 from tensionlab.hardware import Runner, connect
+from tensionlab.hardware.client import locks as link_locks
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.runner.settings import RunSettings
 
@@ -52,6 +54,7 @@ class ThirdParty:
         return tl.solvers.make("newton").solve(problem)
 
 solved = []
+link_locks.user_folders = lambda: [Path(sys.argv[3]).with_name("locks")]  # as `locks_folder` has it
 rig = tl.load_rig(sys.argv[2])
 names = [module.name for module in rig.modules]
 links = dict(zip(names, sys.argv[4:]))
