@@ -188,6 +188,11 @@ class RunEvents:
             if now >= self._stiff.get(name, -REPEAT_S) + REPEAT_S:
                 parameter, (desired, rendered) = next(iter(cut.items()))
                 text = f'"{name}": {parameter} is {desired:g} N/m, {rendered:.0f} N/m are rendered'
+                if parameter == "frequency":
+                    text = (
+                        f'"{name}": its vibration of {desired:g} Hz is left out: no free cable lies along it, and '
+                        "the host needs two set-points a period; give a lower frequency, or a higher --rate"
+                    )
                 self._event(now, "stiff", text, effect=name, stiffness=desired, ceiling=rendered)
             self._stiff[name] = now  # sent again when it has not been so for a while
 

@@ -128,7 +128,8 @@ class State(Message):
     measured: list[float] = Field(description="wrench of the tensions that the modules report, in N and N m")
     softened: dict[str, dict[str, float]] = Field(
         description="effects that are softer than desired, by name: each such parameter, and the stiffness that "
-        "is rendered instead in the latest cycle, in N/m"
+        "is rendered instead in the latest cycle, in N/m; `frequency` is 0 where a vibration is left out that is "
+        "too fast for the host"
     )
     tensions: list[float | None] = Field(description="measured, as the modules report them, in N")
     limiters: list[str] = Field(
@@ -162,7 +163,7 @@ KINDS = {
     "silent": "frames fail to come: there is no force any more",
     "fresh": "frames come again: the force comes in",
     "ceiling": "the host stiffness limit has changed by more than a quarter",
-    "stiff": "an effect, or a part of it, is rendered softer than desired",
+    "stiff": "an effect, or a part of it, is rendered softer than desired, or without its vibration",
     "phase": "a phase of a scenario begins",
     "ended": "the run is over, and why; then the connection closes",
     "rate": "once a second: cycles and frames a second, really",
@@ -182,7 +183,7 @@ class Event(Message):
     text: str = Field(description="what happened")
     module: str | None = Field(None, description="its name, if it is one module's")
     effect: str | None = Field(None, description="stiff: the effect's name, as the client or the scenario has it")
-    stiffness: float | None = Field(None, description="stiff: what was desired, in N/m")
+    stiffness: float | None = Field(None, description="stiff: what was desired, in N/m (of a vibration, in Hz)")
     ceiling: float | None = Field(
         None, description="stiff: what is rendered; ceiling: host stiffness limit, in N/m"
     )

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tensionlab.arrays import Floats
 from tensionlab.demand import Impedance
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
-from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, is_split
+from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, Rendered, is_split
 from tensionlab.haptics.rendering.stability import capped, cut_stiffnesses
 
 MAX_APPROACH_M = 0.5
@@ -44,6 +44,9 @@ class ModuleLimits:
 
 
 STANDARD_LIMITS = ModuleLimits()
+MAX_CYCLES_PER_STEP = 0.525
+"""Fastest vibration that the host renders, per step: above half a cycle it would come out as another frequency
+(Nyquist's); 5 % more, as steps are not all of one length."""
 
 
 class Cables(NamedTuple):
@@ -66,7 +69,7 @@ class EffectMemory(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """Stiffness that is not rendered as desired, both in N/m."""
+    """Stiffness in N/m, or frequency of a vibration in Hz, that is not rendered as desired."""
 
     desired: float
     rendered: float
@@ -78,7 +81,8 @@ class RenderPlan(NamedTuple):
     ``force`` (d,) in N is host-side, for the other cables; ``impedances`` are module-side, by the number of the
     cable, and ``expected`` (d,) is the force on the hand by those (`expected_force`). ``desired`` (d,) is the
     force that the effects would exert at their own stiffness, without the vibrations that modules render. Memories
-    are those of the effects; ``cut`` has, for each effect, the stiffnesses that are not rendered as they are.
+    are those of the effects; ``cut`` has, for each effect, the stiffnesses that are not rendered as they are, and
+    the ``frequency`` of a vibration that is left out.
     """
 
     force: Floats
@@ -110,8 +114,9 @@ def assign(
 
     In the order of the effects, the most important first, each part goes to the cable that lies best along its
     axis and is still free. An effect that finds none within 45 degrees is rendered by the host as a whole, no
-    stiffer than ``host_stiffness`` in N/m: see `tensionlab.haptics.rendering.stability.stiffness_cap`. Whatever
-    goes wrong in an effect, and a force that is not finite, raises `EffectFailed`.
+    stiffer than ``host_stiffness`` in N/m: see `tensionlab.haptics.rendering.stability.stiffness_cap`; a vibration
+    faster than half the host's rate is left out. Whatever goes wrong in an effect, and a force that is not finite,
+    raises `EffectFailed`.
     """
     free = np.array(cables.available, dtype=bool)
     force, expected, desired = (np.zeros_like(motion.position) for _ in range(3))
@@ -124,7 +129,10 @@ def assign(
         try:
             part = _module_side(effect, motion, memory)
             cable = None if part is None else _best_cable(part, cables.directions, free)
-            if part is None or cable is None:
+            if cable is None and part is not None and _too_fast(part, motion):
+                rendered = wanted = _without_vibration(effect, part, motion, memory)
+                cut.append({"frequency": Cut(part.frequency, 0.0)})
+            elif part is None or cable is None:
                 rendered = wanted = capped(effect, host_stiffness).render(motion, memory)
                 idle = is_split(effect) and part is None  # its stiff part is not where the hand is
                 softer = _cut(cut_stiffnesses(effect, host_stiffness), host_stiffness)
@@ -154,6 +162,18 @@ def assign(
         kept.append(EffectMemory(rendered.memory, wanted.memory))
         bypass = bypass or bool(np.any(rendered.bypass_slew))
     return RenderPlan(force, impedances, expected, desired, tuple(kept), bypass, tuple(cut))
+
+
+def _too_fast(part: AxisImpedance, motion: Motion) -> bool:
+    """Return whether the host cannot render the vibration of a part."""
+    return part.amplitude > 0.0 and part.frequency * motion.step > MAX_CYCLES_PER_STEP
+
+
+def _without_vibration(effect: Effect, part: AxisImpedance, motion: Motion, memory: Memory) -> Rendered:
+    """Return the force of an effect whose part for a module the host renders without its vibration."""
+    assert is_split(effect)
+    rest = effect.host_side(motion, memory)
+    return rest._replace(force=rest.force + part.push(motion.velocity))
 
 
 def _cut(stiffnesses: Mapping[str, float], rendered: float) -> dict[str, Cut]:

@@ -143,6 +143,28 @@ def test_a_vibration_that_a_module_renders_is_not_in_what_is_desired():
     assert not assign((Vibration(),), at(0.0, 0.0, -0.01), CABLES).desired.any()
 
 
+@pytest.mark.parametrize(("frequency", "rendered"), [(60.0, False), (26.5, False), (25.0, True), (5.0, True)])
+def test_the_host_leaves_out_a_vibration_that_would_come_out_as_another_frequency(frequency, rendered):
+    """60 Hz in 50 steps a second are 10 Hz."""
+    none = CABLES._replace(available=np.zeros(4, dtype=bool))
+    forces, cut = [], {}
+    for k in range(50):
+        motion = Motion(np.zeros(3), np.zeros(3), 0.02 * k + 0.003, 0.02)
+        plan = assign((Vibration(frequency=frequency),), motion, none)
+        forces.append(plan.force[2])
+        cut = plan.cut[0]
+    assert bool(np.any(forces)) is rendered
+    assert cut == ({} if rendered else {"frequency": (frequency, 0.0)})
+    assert assign((Vibration(frequency=frequency),), motion, CABLES).impedances[0].frequency == frequency
+
+
+def test_a_bow_that_is_loosed_falls_without_its_hum_where_no_module_can_render_it():
+    none = CABLES._replace(available=np.zeros(4, dtype=bool))
+    bow, position = Bow(loosed=0.0), np.array([0.5, 0.0, 0.0])
+    forces = [assign((bow,), Motion(position, np.zeros(3), t, 0.02), none).force[0] for t in (0.0, 0.1, 0.5)]
+    assert forces == pytest.approx([-1.5, -0.5 - np.exp(-2.0), -0.5], abs=1e-4)
+
+
 def test_two_parts_go_to_two_cables():
     plan = assign((Wall(), Vibration()), at(0.0, 0.0, -0.01), CABLES)
     assert plan.impedances[0].stiffness == 300.0
