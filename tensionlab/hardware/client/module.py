@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import random
 import threading
@@ -522,7 +523,14 @@ class ModuleClient:
             if isinstance(message, messages.Event):
                 self.endpoint.state, self.endpoint.faults = message.state, message.faults
             if self._on_message is not None:
-                self._on_message(Received(message, now))
+                self._call(self._on_message, Received(message, now))
+
+    def _call(self, callback: Callable[[Received[Message]], None], received: Received[Message]) -> None:
+        """Call back; what a callback raises must not end the thread that reads this link, and others."""
+        try:
+            callback(received)
+        except Exception:
+            logging.getLogger(__name__).exception('on_message of module "%s"', self.name)
 
     def _keep(self, answers: Mapping[int, Message | ProtocolError]) -> None:
         """Keep answers, by their numbers, for those who wait for them."""

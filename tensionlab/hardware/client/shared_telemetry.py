@@ -10,6 +10,7 @@ Nothing that comes to this port reaches a module.
 from __future__ import annotations
 
 import json
+import logging
 import math
 import secrets
 import socket
@@ -97,24 +98,30 @@ class Publisher:
                 request, watcher = self._socket.recvfrom(MAX_REQUEST_BYTES)
                 token, _, topic = request.partition(b" ")
                 if secrets.compare_digest(token, self.token.encode()):
-                    for answer in self._answers(topic.decode(errors="replace")):
-                        self._socket.sendto(answer, watcher)
+                    self._send(topic.decode(errors="replace"), watcher)
                     if topic and watcher not in self._watchers:
                         self._watchers.append(watcher)
             time.sleep(MIN_PERIOD_S)
 
-    def _answers(self, topic: str) -> list[bytes]:
-        if topic:
-            return [self.topics[topic]()] if topic in self.topics else []
-        return [report().pack() for report in list(self.reports.values())]
+    def _send(self, topic: str, watcher: Any) -> None:
+        """Send each answer that can be packed; one that cannot must end neither the thread nor the others."""
+        known: dict[str, Callable[[], bytes | Report]] = dict(self.topics if topic else self.reports)
+        for name, ask in known.items():
+            if topic not in ("", name):
+                continue
+            try:
+                said = ask()
+                answer = said.pack() if isinstance(said, Report) else said
+            except Exception:
+                logging.getLogger(__name__).exception("an answer about %s", name)
+                continue
+            self._socket.sendto(answer, watcher)
 
     def announce(self, topic: str) -> None:
         """Send a topic unasked to the latest who asked for one: a request might come too late for a last word."""
-        answers = self._answers(topic)
         for watcher in list(self._watchers):
             with suppress(OSError):
-                for answer in answers:
-                    self._socket.sendto(answer, watcher)
+                self._send(topic, watcher)
 
 
 class Watcher:
@@ -154,7 +161,7 @@ class Watcher:
     def take(self) -> Iterator[Report]:
         """Yield the reports that have come."""
         for content in self.answers():
-            with suppress(ValueError, KeyError, TypeError, ProtocolError):
+            with suppress(ValueError, ArithmeticError, LookupError, TypeError, ProtocolError):
                 yield Report.unpack(content)
 
     def close(self) -> None:

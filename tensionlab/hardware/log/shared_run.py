@@ -225,7 +225,7 @@ class RunWatcher:
         now = time.perf_counter()
         answered = False
         for content in self._watcher.answers():
-            with suppress(ValueError, KeyError, TypeError, TensionlabError):
+            with suppress(ValueError, ArithmeticError, LookupError, TypeError, TensionlabError):
                 self._take(json.loads(content), now)
                 answered = True
         if not self._watcher.refused and (answered or now > self._asked + ASK_AGAIN_S):

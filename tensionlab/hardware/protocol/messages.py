@@ -79,10 +79,10 @@ class Message:
         MESSAGES[type] = cls
 
     def pack(self) -> bytes:
-        """Return the payload; a number that is not finite, or too large, is a `ProtocolError`."""
+        """Return the payload; numbers too large, or (but in telemetry) not finite, are a `ProtocolError`."""
         values = vars(self).values()  # its fields, in their order
         try:
-            if all(map(math.isfinite, values)):
+            if not self._finite or all(map(math.isfinite, values)):
                 return self._layout.pack(*values)
         except (struct.error, OverflowError, TypeError) as error:
             raise ProtocolError(f"{self} cannot be sent: {error}") from error

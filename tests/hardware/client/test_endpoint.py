@@ -169,6 +169,21 @@ def test_who_listens_to_messages_hears_each_once_and_in_order(pair):
     assert len(heard) == 4
 
 
+def test_who_fails_on_a_message_is_called_for_the_next(pair, caplog):
+    client, far = pair
+    heard = []
+
+    def listen(received):
+        heard.append(received.message)
+        raise KeyError(received.message.text)
+
+    client.on_message = listen
+    for text in ("one", "two"):
+        far.send(Log(text).frame(0).pack())
+        until(lambda text=text: heard and heard[-1] == Log(text))
+    until(lambda: "'two'" in caplog.text)
+
+
 @pytest.mark.parametrize(
     ("at", "value"), [(4, len(State)), (7, len(Limit)), (33, len(BrakeState))], ids=["state", "limit", "brake"]
 )

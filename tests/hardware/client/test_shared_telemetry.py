@@ -4,6 +4,7 @@ import json
 import os
 import socket
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -44,6 +45,27 @@ def test_a_report_is_read_as_it_was_written(telemetry, name):
     report = Report("socket://127.0.0.1:4001", name, telemetry, age, 2)
     assert len(report.pack()) <= shared_telemetry.MAX_REPLY_BYTES
     assert Report.unpack(report.pack()) == report
+
+
+def test_numbers_that_are_none_reach_the_watcher_as_they_are():
+    broken = replace(SAID, supply=np.nan, length=np.inf)
+    heard = Report.unpack(Report("COM1", "left", broken, 0.25, 2).pack()).telemetry
+    assert np.isnan(heard.supply)
+    assert heard.length == np.inf
+    assert heard.tension == SAID.tension
+
+
+def test_a_report_that_fails_ends_neither_the_publisher_nor_the_others(published, caplog):
+    def fails():
+        raise KeyError("a state that has no name")
+
+    published.reports |= {"COM0": fails, "COM1": lambda: Report("COM1", "right", SAID, 0.0, 0)}
+    watcher = Watcher(published.port, published.token)
+    for _ in range(2):
+        watcher.ask()
+        assert [each.name for each in heard(watcher, 1)] == ["right"]
+    watcher.close()
+    assert "an answer about COM0" in caplog.text
 
 
 def test_who_knows_the_token_is_told_of_all_modules_and_only_if_it_asks(published):
