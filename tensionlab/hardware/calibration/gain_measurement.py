@@ -6,6 +6,7 @@ evenly moves a mass at rest by the cube of time, so the cube root of the way lea
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -18,9 +19,11 @@ from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError, HardwareError, ModuleFault
 from tensionlab.files.tables import read_table
 from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2, Balance
+from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S
 from tensionlab.hardware.client.module import ModuleClient, Received
 from tensionlab.hardware.protocol.codes import Calibration, Limit, State
-from tensionlab.hardware.protocol.messages import Info, Message, Telemetry
+from tensionlab.hardware.protocol.messages import Info, Message, SetParameter, Telemetry
+from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.hardware.runner.watchdog import stopping
 
 PERIOD_S = 0.02
@@ -93,7 +96,7 @@ def pulling(client: ModuleClient) -> Iterator[Puller]:
     """Arm a module, and stop it at the end, also if that is an error.
 
     A module whose N/A was never calibrated refuses to be armed; for as long as this lasts it is taken for
-    calibrated.
+    calibrated. A `HardwareError` says if it could not be told that it is not.
     """
     info = client.hello()
     if info.state is not State.IDLE:
@@ -103,21 +106,37 @@ def pulling(client: ModuleClient) -> Iterator[Puller]:
             info.state,
         )
     puller = Puller(client, info)
-    if not info.calibrated:
-        client.calibrate(Calibration.NEWTON_PER_AMPERE, info.newton_per_ampere)
     before, client.on_message = client.on_message, puller.take
     try:
+        if not info.calibrated:
+            client.calibrate(Calibration.NEWTON_PER_AMPERE, info.newton_per_ampere)
         with stopping(client.stop, client.estop):
             client.telemetry_every(TELEMETRY_MS)
             _arm(client, info.tension_lower)
             yield puller
     finally:
+        ended = sys.exception()
         client.on_message = before
         with suppress(HardwareError):
             client.telemetry_every(0)
+        if not info.calibrated:
             client.wait(0.3)  # until nothing pulls any more
-            if not info.calibrated:
-                client.set_parameter("calibrated", 0.0)
+            if armable := _mark_uncalibrated(client):
+                if ended is None:
+                    raise HardwareError(armable)
+                ended.args = (f"{ended}. And {armable}",)
+
+
+def _mark_uncalibrated(client: ModuleClient) -> str:
+    """Make a module refuse to be armed again; return what to do if it does not, or an empty string."""
+    try:
+        client.command(SetParameter(PARAMETERS["calibrated"].index, 0.0), PATIENT_TIMEOUTS_S)
+    except HardwareError as error:
+        return (
+            f'module "{client.name}" counts as calibrated though its N/A was never measured, and can be armed: '
+            f"switch it off and on before anything else ({error})"
+        )
+    return ""
 
 
 def _arm(client: ModuleClient, tension: float) -> None:

@@ -1,15 +1,20 @@
 """Forces and currents measured with a mass, and with a staircase at a force sensor."""
 
+import contextlib
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tensionlab.errors import CalibrationError, InputError, ModuleFault
+from tensionlab.errors import CalibrationError, HardwareError, InputError, LinkTimeout, ModuleFault
 from tensionlab.files.tables import table_text
 from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2, gain_from_sensor, gain_from_weights
 from tensionlab.hardware.calibration.gain_measurement import (
     LEVELS,
+    Puller,
+    _current_at_start,
+    _ramp,
     balances,
     climb,
     lag,
@@ -19,6 +24,8 @@ from tensionlab.hardware.calibration.gain_measurement import (
 )
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, State
+from tensionlab.hardware.protocol.frames import Decoder
+from tensionlab.hardware.protocol.messages import Calibrate, ConfigureTelemetry, SetParameter, read
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, HangingMass, SimulatedModule
 from tensionlab.operating_system import ESTOP_SIGNAL
@@ -115,6 +122,82 @@ def test_a_module_that_was_never_calibrated_is_weighed_and_left_so():
     assert info.calibrated
     assert info.newton_per_ampere == 2.5
     assert simulated.sample.state is State.IDLE
+
+
+def telemetry(simulated):
+    """Return telemetry of a module to change."""
+    client = ModuleClient("one", SimulatedLink(simulated))
+    client.telemetry_every(10)
+    client.wait(0.1)
+    return client.telemetry.message
+
+
+def test_the_current_is_that_at_the_moment_of_the_start():
+    """Force that grows evenly moves a mass at rest by the cube of time; samples before are on no such curve."""
+    said = telemetry(HangingMass(0.1))
+    puller, start = Puller(None, None), 1.009
+    for k in range(108):
+        time = 0.01 * k
+        way = 1000.0 * max(time - start, 0.0) ** 3
+        puller.heard.append(replace(said, time_us=10_000 * k, length=1.0 - way, current=0.5 + 0.1 * time))
+    assert _current_at_start(puller, 1) == pytest.approx(0.5 + 0.1 * start, abs=1e-7)
+
+
+def test_a_ramp_ends_as_soon_as_the_cable_has_moved_far_enough():
+    said, held = telemetry(HangingMass(0.1)), []
+
+    class Scripted:
+        client, info = None, ModuleClient("one", SimulatedLink(HangingMass(0.1))).hello()
+
+        def forget(self):
+            held.clear()
+
+        def hold(self, tension):
+            held.append(tension)
+            return replace(said, length=1.0 - 0.125 * (len(held) - 1), speed=0.0)
+
+    started = _ramp(Scripted(), 6.0, 1.0, 0.5, 0.25)
+    assert held == pytest.approx([1.0, 1.01, 1.02])
+    assert started == pytest.approx(1.01)
+
+
+class Deaf(SimulatedLink):
+    """Link that loses the commands of some kind, or the answers to them."""
+
+    def __init__(self, module, lost, *, answers=False):
+        super().__init__(module)
+        self.lost, self.answers, self.silent = lost, answers, False
+
+    def send(self, content):
+        lost = self.lost(read(Decoder().feed(content)[0]))
+        self.silent = lost and self.answers
+        if not lost or self.answers:
+            super().send(content)
+
+    def receive(self, timeout):
+        content = super().receive(timeout)
+        return b"" if self.silent else content
+
+
+@pytest.mark.parametrize("stage", ["telemetry", "calibrate"])
+def test_a_lost_command_leaves_no_module_armable_that_was_never_calibrated(stage):
+    simulated = HangingMass(0.1)
+    if stage == "telemetry":
+        link = Deaf(simulated, lambda said: said == ConfigureTelemetry(0))
+    else:
+        link = Deaf(simulated, lambda said: isinstance(said, Calibrate), answers=True)
+    client = ModuleClient("one", link)
+    with contextlib.suppress(LinkTimeout):
+        weigh(client, 0.1, 2)
+    link.silent = False
+    assert simulated.parameters["calibrated"] == 0.0
+
+
+def test_a_module_that_stays_armable_is_said_to_be():
+    simulated = HangingMass(0.1)
+    client = ModuleClient("one", Deaf(simulated, lambda said: isinstance(said, SetParameter)))
+    with pytest.raises(HardwareError, match='module "one" counts as calibrated though its N/A was never measured'):
+        weigh(client, 0.1, 2)
 
 
 @pytest.mark.parametrize(
