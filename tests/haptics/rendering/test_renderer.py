@@ -242,6 +242,14 @@ def test_a_vibration_is_its_modules_and_keeps_its_cable_taut(amplitude, frequenc
         assert cable.min() >= RIG.limits.lower[TOP]
 
 
+def test_what_is_desired_is_the_sum_over_passive_effects_and_others():
+    across = np.array([0.0, 0.0, 1.0])
+    effects = wall(UP, 100.0) | {"spring": Spring(tuple(HOME + 0.05 * across), 20.0, 0.0)}
+    last = rendered(effects, held(0.0, -0.02, 0.0))[-1]
+    np.testing.assert_allclose(last.demand.desired, 2.0 * UP + 20.0 * (0.05 * across + 0.02 * UP), atol=0.1)
+    assert last.ceiling == pytest.approx(0.5 * 2.0 / (PERIOD / 2 + last.delay))
+
+
 def test_the_share_is_that_of_everything_and_without_one_the_cables_are_taut():
     for share, force in ((1.0, 2.0), (0.5, 1.0)):
         last = rendered(wall(UP, 100.0), held(0.0, -0.02, 0.0), share=share)[-1]

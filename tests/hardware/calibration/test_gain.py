@@ -28,7 +28,8 @@ def test_without_noise_all_three_come_back(method):
     assert found.friction.value == pytest.approx(FRICTION, abs=1e-9)
     assert found.zero.value == pytest.approx(ZERO, abs=1e-9)
     assert found.after == pytest.approx(0.0, abs=1e-9)
-    assert found.before > 0.1
+    before = [3.0 * each.current - (each.force + FRICTION * each.direction) for each in found.balances]
+    assert found.before == pytest.approx(np.sqrt(np.mean(np.square(before))))
 
 
 @pytest.mark.parametrize("method", [gain_from_weights, gain_from_sensor])

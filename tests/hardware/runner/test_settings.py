@@ -55,6 +55,12 @@ def test_the_real_clock_waits_until_then_and_no_longer(computer):
     assert clock.now() == pytest.approx(1000.5, abs=1e-4)
 
 
+def test_time_that_the_computer_lost_does_not_pass(computer):
+    clock = WorldClock(World(four()), paced=True)
+    computer.now += 3.0
+    assert clock.now() == pytest.approx(settings.MAX_BEHIND_S)
+
+
 def ran(computer, work):
     """Run for 3 s; two of the cycles take 1 s, in which this process computes for so long."""
     world = World(four())
