@@ -10,7 +10,7 @@ BUILD_TOOLS := scikit-build-core nanobind hatch-fancy-pypi-readme $(foreach tool
 export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
 NATIVE := $(wildcard tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo install test test-fast coverage check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner bench-view stress file-fuzz soak soak-view faults impacts what-if hostile figures docs docs-check generated checksums clean
+.PHONY: demo install test test-fast coverage check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner bench-view stress file-fuzz soak soak-view drift faults impacts what-if hostile figures docs docs-check generated checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -71,6 +71,9 @@ file-fuzz: .venv/dev.stamp
 
 soak: .venv/dev.stamp
 	@$(BIN)/python -m tests.stress.soak --out out/soak
+
+drift: .venv/dev.stamp
+	@$(BIN)/python -m benchmarks.length_drift
 
 faults: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.telemetry_faults

@@ -283,6 +283,19 @@ class PoseTracker:
     ) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], float, int, float]: ...
     def velocity(self, speeds: NDArray[float64], known: NDArray[bool_]) -> NDArray[float64]: ...
 
+class LengthCheck:
+    def __init__(self, cables: int) -> None: ...
+    def update(
+        self,
+        tracker: PoseTracker,
+        lengths: NDArray[float64],
+        speeds: NDArray[float64],
+        tensions: NDArray[float64],
+        known: NDArray[bool_],
+        seconds: float,
+    ) -> tuple[float, float, float]: ...
+    def doubts(self) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64]]: ...
+
 def at_one_time(
     lengths: NDArray[float64], speeds: NDArray[float64], ages: NDArray[float64], most: float
 ) -> NDArray[float64]: ...

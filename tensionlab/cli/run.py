@@ -157,7 +157,7 @@ def live_table(runner: Runner) -> RenderableType:
     state = cycle.state
     wrench = cycle.demand.wrench if cycle.demand.desired is None else cycle.demand.desired
     desired = "taut cables" if wrench is None else _components(wrench)
-    measured = _components(state.structure @ state.tensions)
+    measured = _components(state.structure @ np.nan_to_num(state.tensions))
     rows = []
     for index, module in enumerate(runner.rig.modules):
         limit, faults = Limit(int(state.limiters[index])), Fault(int(state.faults[index]))
@@ -201,7 +201,7 @@ def _last(runner: Runner) -> list[tuple[str, str]]:
     wrenches = {
         "desired": cycle.demand.wrench if cycle.demand.desired is None else cycle.demand.desired,
         "commanded": cycle.allocation.wrench + local,
-        "measured": cycle.state.structure @ cycle.state.tensions,
+        "measured": cycle.state.structure @ np.nan_to_num(cycle.state.tensions),
     }
     return [(f"{name} in the last cycle", f"{_components(each)} {unit}") for name, each in wrenches.items()]
 

@@ -145,7 +145,7 @@ def _draw_wrench(axes: Axes, run: Run, part: slice) -> None:
     desired = run.desired[:, part]
     local = np.nan_to_num(run.demanded - run.solver_wrench)  # what modules with an impedance, and lost ones, pull
     commanded = (run.rendered + local)[:, part]
-    measured = np.einsum("knm,km->kn", run.structure, run.measured)[:, part]
+    measured = np.einsum("knm,km->kn", run.structure, np.nan_to_num(run.measured))[:, part]
     # Where there is one torque only, it is that about z.
     colours = COLOURS if desired.shape[1] > 1 else COLOURS[2:]
     for index, colour in zip(range(desired.shape[1]), colours, strict=False):

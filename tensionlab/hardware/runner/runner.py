@@ -25,6 +25,7 @@ from tensionlab.hardware.log.reader import RunEvent
 from tensionlab.hardware.log.shared_run import MAX_EVENTS, SharedRun
 from tensionlab.hardware.protocol.messages import Stop
 from tensionlab.hardware.runner import guard
+from tensionlab.hardware.runner.length_check import LengthMonitor
 from tensionlab.hardware.runner.module_monitor import ModuleMonitor
 from tensionlab.hardware.runner.pretension import misfit, reel_in, require_possible
 from tensionlab.hardware.runner.program import require_demand
@@ -148,6 +149,7 @@ class Runner:
         self.log = log
         self._clock = RealClock(modules.clients) if clock is None else clock
         self._lengths = PoseTracker(rig) if tracker is None else None
+        self._length_monitor = LengthMonitor(rig, lambda text: self.note("unchecked", text))
         self._derating = guard.Derating(
             rig.limits, np.full(rig.m, np.inf), self._names
         )  # until the modules have reported
@@ -343,6 +345,8 @@ class Runner:
         self.statistics.derated = self._derating.lowest
         delays, at_least = self._delays.delays(seen.last_sequence, now)
         self._monitor.check(seen, at_least, self._derating, now)
+        if not self._monitor.complete:  # what a silent module said last is no measurement any more
+            seen = seen._replace(tensions=np.where(seen.ages > self.settings.ttl, np.nan, seen.tensions))
         return seen, delays
 
     def _send(self, tensions: Floats, demand: Demand) -> Integers:
@@ -362,9 +366,11 @@ class Runner:
             lengths = at_one_time(seen.lengths, seen.speeds, seen.ages)
             pose, structure = self._lengths.follow(lengths, active)
             motion = self._lengths.velocity(seen.speeds, active)
+            clock = self._clock.now()
+            self._length_monitor.check(self._lengths, lengths, seen.speeds, self._before, active, clock)
             if self._lengths.fits:
-                self._fitted_at = self._clock.now()
-            elif self._clock.now() - self._fitted_at > MISFIT_S:
+                self._fitted_at = clock
+            elif clock - self._fitted_at > MISFIT_S:
                 raise HardwareError(misfit(self.rig, self._lengths, lengths, active))
         if any_reaches(seen.ages, self._late_ages):
             late = seen.ages >= self._late_ages

@@ -142,6 +142,18 @@ class PoseTracker:
         radii, axes = rig.pulleys or (np.zeros(0), np.zeros((0, rig.dimension)))
         return _native.PoseTracker(rig.anchors, attachments, rig.home, radii, axes)
 
+    def check(
+        self,
+        check: _native.LengthCheck,
+        lengths: Floats,
+        speeds: Floats,
+        tensions: Floats,
+        known: NDArray[np.bool_],
+        seconds: float,
+    ) -> tuple[float, float, float]:
+        """Return the largest doubt, creep in m and protection level in N of the lengths followed last."""
+        return check.update(self._native, lengths, speeds, tensions, known, seconds)
+
     def velocity(self, speeds: Floats, known: NDArray[np.bool_]) -> Floats:
         """Return the same as the function `velocity`, at the latest pose."""
         return self._native.velocity(speeds, known)

@@ -4,6 +4,7 @@
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
+#include "hardware/length_check.hpp"
 #include "hardware/next_tensions.hpp"
 #include "hardware/set_point_delays.hpp"
 
@@ -58,6 +59,25 @@ Out<double, 1> velocity(const PoseTracker& tracker, const Lengths& speeds, const
   require_size(tracker, speeds.size(), known.size());
   const Vector found = tracker.velocity(speeds.data(), known.data());
   return one_row(found.data(), static_cast<std::size_t>(tracker.freedoms()));
+}
+
+// The largest doubt, creep and force in doubt of `LengthCheck`.
+nb::tuple check_lengths(LengthCheck& check, const PoseTracker& tracker, const Lengths& lengths,
+                        const Lengths& speeds, const Lengths& tensions, const Known& known, double seconds) {
+  require_size(tracker, lengths.size(), known.size());
+  require_size(tracker, speeds.size(), check.size());
+  require(tensions.size() == check.size(), "one tension for each cable");
+  const auto result = check.update(tracker, lengths.data(), speeds.data(), tensions.data(), known.data(), seconds);
+  return nb::make_tuple(result.doubt, result.creep, result.protection);
+}
+
+// Doubts, biases and creeps of all cables.
+nb::tuple doubts_of(const LengthCheck& check) {
+  const std::size_t m = check.size();
+  auto* biases = allocate<double>(m);
+  for (std::size_t i = 0; i < m; ++i) biases[i] = check.bias(i);
+  return nb::make_tuple(one_row(check.doubts().data(), m), vector_of(biases, m),
+                        one_row(check.creeps().data(), m));
 }
 
 using Numbers = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
@@ -125,6 +145,10 @@ void bind_pose_tracker(nb::module_& module) {
            })
       .def("follow", &follow)
       .def("velocity", &velocity);
+  nb::class_<LengthCheck>(module, "LengthCheck")
+      .def(nb::init<std::size_t>())
+      .def("update", &check_lengths)
+      .def("doubts", &doubts_of);
   module.def("at_one_time", &at_one_time);
   module.def("any_reaches", &any_reaches);
   module.def("next_tensions", &next_of);

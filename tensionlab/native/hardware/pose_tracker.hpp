@@ -89,6 +89,8 @@ class PoseTracker {
     n_ = attachments_.empty() ? d_ : 3 * (d_ - 1);
     for (int i = 0; i < 3; ++i) rotation_[i][i] = 1.0;
     missing_.resize(static_cast<std::size_t>(m_));
+    lengths_.resize(static_cast<std::size_t>(m_));
+    arms_.resize(static_cast<std::size_t>(m_));
     structure_.resize(static_cast<std::size_t>(n_ * m_));
   }
 
@@ -128,9 +130,35 @@ class PoseTracker {
     return shortest_solution(normal, right, n_);
   }
 
- private:
   double entry(int row, int cable) const { return structure_[static_cast<std::size_t>(row * m_ + cable)]; }
 
+  // By how much the force of these tensions changes, as the platform goes along a small twist: the cables turn.
+  double force_change(const Vector& twist, const double* tensions) const {
+    double change[3] = {0.0, 0.0, 0.0};
+    for (int cable = 0; cable < m_; ++cable) {
+      const auto index = static_cast<std::size_t>(cable);
+      if (!(tensions[cable] > 0.0)) continue;
+      const std::array<double, 3>& arm = arms_[index];
+      double way[3] = {twist[0], twist[1], d_ == 3 ? twist[2] : 0.0}, along = 0.0;
+      if (n_ == 6) {
+        for (int i = 0; i < 3; ++i) {
+          const int j = (i + 1) % 3, k = (i + 2) % 3;
+          way[i] +=
+              twist[static_cast<std::size_t>(3 + j)] * arm[k] - twist[static_cast<std::size_t>(3 + k)] * arm[j];
+        }
+      } else if (n_ > d_) {
+        way[0] -= twist[2] * arm[1];
+        way[1] += twist[2] * arm[0];
+      }
+      for (int i = 0; i < d_; ++i) along += entry(i, cable) * way[i];
+      for (int i = 0; i < d_; ++i) {
+        change[i] -= tensions[cable] / lengths_[index] * (way[i] - along * entry(i, cable));
+      }
+    }
+    return std::sqrt(change[0] * change[0] + change[1] * change[1] + change[2] * change[2]);
+  }
+
+ private:
   // Structure matrix at the pose, and what its lengths are short of those measured; zero where unknown.
   void compare(const double* lengths, const bool* known) {
     const auto at = [this](const std::vector<double>& rows, int cable, int axis) {
@@ -145,6 +173,8 @@ class PoseTracker {
         u[i] = at(anchors_, cable, i) - position_[static_cast<std::size_t>(i)] - arm[i];
       }
       const double length = leave(cable, u);
+      lengths_[static_cast<std::size_t>(cable)] = length;
+      arms_[static_cast<std::size_t>(cable)] = {arm[0], arm[1], arm[2]};
       for (int i = 0; i < d_; ++i) set(i, cable, u[i]);
       if (n_ == 6) {
         for (int i = 0; i < 3; ++i) {
@@ -202,7 +232,8 @@ class PoseTracker {
     rotation_ = turned;
   }
 
-  std::vector<double> anchors_, attachments_, position_, radii_, axes_, missing_, structure_;
+  std::vector<double> anchors_, attachments_, position_, radii_, axes_, missing_, structure_, lengths_;
+  std::vector<std::array<double, 3>> arms_;
   std::array<std::array<double, 3>, 3> rotation_{};
   int d_, m_, n_;
 };

@@ -294,6 +294,17 @@ def test_what_a_lost_module_still_pulls_is_made_up_for_until_it_has_let_go(manne
     assert errors.max() < 60.0 * 2 * CYCLE
 
 
+def test_what_a_silent_module_said_last_is_no_measurement_once_its_set_points_are_dead():
+    rehearsal = Rehearsal(tl.load_rig("datasets/rigs/cube-8.toml"))
+    name = rehearsal.rig.modules[0].name
+    rehearsal.runner(rehearsal.demand(trouble=rehearsal.links[name].freeze), on_loss="continue").run(2.0)
+    for state in rehearsal.cycles:
+        unknown = state.ages > TTL
+        assert unknown[0] == (not state.active[0])
+        np.testing.assert_array_equal(np.isnan(state.tensions), unknown)
+    assert not state.active[0]
+
+
 def test_when_all_are_lost_there_is_nothing_to_go_on_with(rehearsal):
     def cut():
         for link in rehearsal.links.values():

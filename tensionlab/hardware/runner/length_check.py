@@ -1,0 +1,107 @@
+"""Check that cable lengths belong together: a module whose length drifts must not move the pose unnoticed.
+
+With more cables than unknowns, each length is compared with what the others say (`_native.LengthCheck`): the
+estimate of its bias, averaged over 0.25 s, is in doubt where such a bias would change the rendered force by 0.5 N,
+but not below 8 mm and always above 40 mm of residual. This is receiver autonomous integrity monitoring (RAIM), as
+in satellite navigation: Parkinson and Axelrad 1988, "Autonomous GPS integrity monitoring using the pseudorange
+residual", Navigation 35(2); Brown 1992, "A baseline GPS RAIM scheme and a note on the equivalence of three RAIM
+methods", Navigation 39(3). The protection level is the largest change of the force by a bias that is not in doubt;
+near singular poses it grows.
+
+Each length is also compared with its own speed, which needs no other cable.
+
+What remains undetectable: without redundancy, a module whose length and speed drift together, or whose length
+drifts by less than `MAX_CREEP_M` in 10 s; with it, two or more lengths that drift as a motion of the platform
+would have them; and whatever was wrong before the run, as far as it fitted a pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab import _native
+from tensionlab.arrays import Floats
+from tensionlab.errors import HardwareError
+from tensionlab.hardware.runner.state_estimation import PoseTracker
+from tensionlab.model.rig import Rig
+
+CHECK_PERIOD_S = 0.02
+"""Shortest time between two checks; faster runs leave cycles out."""
+MAX_CREEP_M = 0.06
+"""Length that a cable's own speed may leave unexplained over 10 s; slack cables and late telemetry make 0.03."""
+MAX_PROTECTION_N = 1.0
+"""Protection level of the force above which the run says that drifts are not noticed in time."""
+SUSPECT_SHARE = 0.8
+"""Modules whose doubt is above this share of the largest are named."""
+CALIBRATE = "Look at its spool and encoder, and calibrate its length (`tensionlab module calibrate lengths`)"
+
+
+class LengthMonitor:
+    """Monitor of the cable lengths of a run, which `note` is told of what it cannot check."""
+
+    def __init__(self, rig: Rig, note: Callable[[str], None]) -> None:
+        self._rig, self._note = rig, note
+        self._native = _native.LengthCheck(rig.m)
+        self._checked_at = -np.inf
+        self._noted = False
+
+    def check(
+        self,
+        tracker: PoseTracker,
+        lengths: Floats,
+        speeds: Floats,
+        tensions: Floats,
+        active: NDArray[np.bool_],
+        now: float,
+    ) -> None:
+        """Refuse lengths (m,) in m at a time in s that the tracker has followed and that do not belong together.
+
+        Speeds (m,) of paying out are in m/s and commanded tensions (m,) in N. A `HardwareError` names the modules
+        that may be wrong.
+        """
+        seconds = now - self._checked_at
+        if seconds < 0.999 * CHECK_PERIOD_S:
+            return
+        self._checked_at = now
+        doubt, creep, protection = tracker.check(self._native, lengths, speeds, tensions, active, seconds)
+        if doubt > 1.0 or creep > MAX_CREEP_M:
+            raise HardwareError(self._reason(doubt > 1.0))
+        if protection > MAX_PROTECTION_N and not self._noted:
+            self._noted = True
+            self._note(self._unchecked(protection, int(np.count_nonzero(active))))
+
+    @property
+    def doubts(self) -> Floats:
+        """Estimates of the lengths' biases over their thresholds, (m,); above 1 a run stops."""
+        return self._native.doubts()[0]
+
+    def _reason(self, inconsistent: bool) -> str:
+        doubts, biases, creeps = self._native.doubts()
+        names = [module.name for module in self._rig.modules]
+        if not inconsistent:
+            worst = int(np.argmax(np.abs(creeps)))
+            return (
+                f'the cable length of module "{names[worst]}" has drifted by {1e3 * creeps[worst]:+.0f} mm that '
+                f"its speed does not explain. {CALIBRATE}"
+            )
+        suspects = np.flatnonzero(doubts >= SUSPECT_SHARE * doubts.max())
+        said = ", or ".join(
+            f'that of module "{names[index]}" is {1e3 * abs(biases[index]):.0f} mm too '
+            f"{'long' if biases[index] > 0.0 else 'short'}"
+            for index in suspects
+        )
+        return f"cable lengths have drifted apart: {said}. {CALIBRATE}"
+
+    def _unchecked(self, protection: float, cables: int) -> str:
+        if cables <= self._rig.n:
+            return (
+                f"{cables} cables for {self._rig.n} unknowns do not check each other's lengths: a module that "
+                "drifts, and reports a speed that agrees, is not noticed"
+            )
+        return (
+            "the pose is near a singular one: before a drifting length is noticed here, it may change the force "
+            f"by {protection:.1f} N"
+        )

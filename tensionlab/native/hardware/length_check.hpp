@@ -1,0 +1,194 @@
+// Do the lengths of all cables still belong together, or has one of them drifted away from the truth?
+//
+// More cables than unknowns leave residuals. A bias b of cable i appears in its own as s_i b, where s_i, from 0 to
+// 1, is how much the other cables know of it; the residual over s_i, both averaged over some time, is the least
+// squares estimate of b. A cable is in doubt where this estimate, in standard deviations of a residual (over the
+// root of s_i), is above a threshold, and the threshold is that at which the bias changes the rendered force by
+// kMaxForceError. So integrity monitoring works in satellite navigation (RAIM): Parkinson and Axelrad 1988,
+// Navigation 35(2), for the test; Brown 1992, Navigation 39(3), for the protection level, the largest error that
+// an unnoticed bias can make at the geometry of the moment, which grows without bound near singular poses.
+//
+// A length must also follow from the cable's own speed, whatever the others say: the creep is what it does not.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "hardware/pose_tracker.hpp"
+
+namespace tensionlab {
+
+constexpr double kMaxForceError = 0.5;     // N: of the force, by a bias that is not in doubt yet
+constexpr double kMinLengthDoubt = 0.008;  // m: residuals below this are noise
+constexpr double kMaxLengthDoubt = 0.04;   // m: residuals above this are in doubt, however little they do
+constexpr double kLengthDoubtTime = 0.25;  // s: time constant of the averages
+constexpr double kReferenceTime = 0.5;     // s: residuals of that time are the calibration's own
+constexpr double kMaxSpeedResidual = 0.3;  // m/s: above this a slack cable is being reeled in
+constexpr double kCreepTime = 10.0;        // s: time constant in which a creep is forgotten
+constexpr double kMaxCreepSpeed = 0.25;    // m/s: what is faster is a jump, which others look for
+constexpr double kMaxCheckPeriod = 0.1;    // s: after a longer pause there is nothing to compare with
+constexpr double kMinLeverage = 1e-9;      // of s_i: the others know nothing
+
+class LengthCheck {
+ public:
+  // Largest estimate over its threshold; largest creep in m; largest force in N that an unnoticed bias can make.
+  struct Result {
+    double doubt, creep, protection;
+  };
+
+  explicit LengthCheck(std::size_t cables)
+      : known_(cables),
+        residuals_(cables),
+        shares_(cables),
+        reference_(cables),
+        lengths_(cables),
+        speeds_(cables),
+        doubts_(cables),
+        creeps_(cables),
+        motions_(cables) {}
+
+  std::size_t size() const { return known_.size(); }
+  const std::vector<double>& doubts() const { return doubts_; }
+  const std::vector<double>& creeps() const { return creeps_; }
+  // Estimate of a cable's bias in m.
+  double bias(std::size_t cable) const { return residuals_[cable] / std::max(shares_[cable], kMinLeverage); }
+
+  // Take lengths of one time, which the tracker has followed, so many s after those before.
+  Result update(const PoseTracker& tracker, const double* lengths, const double* speeds, const double* tensions,
+                const bool* known, double seconds) {
+    if (!std::equal(known_.begin(), known_.end(), known, [](char a, bool b) { return (a != 0) == b; }))
+      reset(known);
+    Result result{0.0, creep(lengths, speeds, seconds), std::numeric_limits<double>::infinity()};
+    std::fill(doubts_.begin(), doubts_.end(), 0.0);
+    if (!solve_motions(tracker)) return result;
+    average(tracker, speeds, std::min(seconds, kMaxCheckPeriod));
+    result.protection = 0.0;
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (!known_[i]) continue;
+      const double share = std::max(shares_[i], kMinLeverage), root = std::sqrt(share);
+      const double force = tracker.force_change(motions_[i], tensions);
+      const double threshold =
+          std::clamp(kMaxForceError * root / std::max(force, 1e-9), kMinLengthDoubt, kMaxLengthDoubt);
+      if (settled_ >= kReferenceTime) doubts_[i] = std::abs(residuals_[i]) / root / threshold;
+      result.doubt = std::max(result.doubt, doubts_[i]);
+      result.protection = std::max(result.protection, force * threshold / root);
+    }
+    return result;
+  }
+
+ private:
+  void reset(const bool* known) {
+    std::copy(known, known + size(), known_.begin());
+    std::fill(residuals_.begin(), residuals_.end(), 0.0);
+    std::fill(shares_.begin(), shares_.end(), 1.0);
+    std::fill(reference_.begin(), reference_.end(), 0.0);
+    std::fill(creeps_.begin(), creeps_.end(), 0.0);
+    settled_ = 0.0;
+    first_ = true;
+  }
+
+  double creep(const double* lengths, const double* speeds, double seconds) {
+    double largest = 0.0;
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (!known_[i]) continue;
+      const double jump = lengths[i] - lengths_[i] - 0.5 * (speeds[i] + speeds_[i]) * seconds;
+      const double most = kMaxCreepSpeed * seconds;
+      if (!first_ && seconds < kMaxCheckPeriod) {
+        creeps_[i] += std::clamp(jump, -most, most) - creeps_[i] * seconds / kCreepTime;
+      }
+      lengths_[i] = lengths[i];
+      speeds_[i] = speeds[i];
+      largest = std::max(largest, std::abs(creeps_[i]));
+    }
+    first_ = false;
+    return largest;
+  }
+
+  // Motions of the platform by a bias of 1 m of each cable, (W W')^-1 W. False at a singular pose, and where there
+  // is no cable more than unknowns.
+  bool solve_motions(const PoseTracker& tracker) {
+    const int n = tracker.freedoms();
+    if (std::count(known_.begin(), known_.end(), 1) <= n) return false;
+    Matrix lower{};
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j <= i; ++j) {
+        double sum = 0.0, whole = 0.0;
+        for (std::size_t k = 0; k < size(); ++k) {
+          if (known_[k]) sum += tracker.entry(i, static_cast<int>(k)) * tracker.entry(j, static_cast<int>(k));
+        }
+        whole = sum;
+        for (int k = 0; k < j; ++k) sum -= lower[i][k] * lower[j][k];
+        if (i == j && !(sum > kSmallestShare * whole)) return false;
+        lower[i][j] = i == j ? std::sqrt(sum) : sum / lower[j][j];
+      }
+    }
+    for (std::size_t k = 0; k < size(); ++k) {
+      Vector& x = motions_[k];
+      x = {};
+      if (!known_[k]) continue;
+      for (int i = 0; i < n; ++i) {
+        x[i] = tracker.entry(i, static_cast<int>(k));
+        for (int j = 0; j < i; ++j) x[i] -= lower[i][j] * x[j];
+        x[i] /= lower[i][i];
+      }
+      for (int i = n - 1; i >= 0; --i) {
+        for (int j = i + 1; j < n; ++j) x[i] -= lower[j][i] * x[j];
+        x[i] /= lower[i][i];
+      }
+    }
+    return true;
+  }
+
+  // What no motion of the platform explains of these numbers, one for each cable.
+  void project(const PoseTracker& tracker, const double* numbers, double* left) const {
+    Vector twist{};
+    for (std::size_t k = 0; k < size(); ++k) {
+      if (!known_[k]) continue;
+      for (int i = 0; i < tracker.freedoms(); ++i) twist[i] += motions_[k][i] * numbers[k];
+    }
+    for (std::size_t k = 0; k < size(); ++k) {
+      left[k] = 0.0;
+      if (!known_[k]) continue;
+      left[k] = numbers[k];
+      for (int i = 0; i < tracker.freedoms(); ++i) left[k] -= tracker.entry(i, static_cast<int>(k)) * twist[i];
+    }
+  }
+
+  void average(const PoseTracker& tracker, const double* speeds, double seconds) {
+    std::vector<double>& left = left_;
+    left.resize(size());
+    project(tracker, speeds, left.data());
+    double squares = 0.0;
+    for (const double speed : left) squares += speed * speed;
+    if (!(squares < kMaxSpeedResidual * kMaxSpeedResidual)) return;
+    if (settled_ < kReferenceTime) {
+      settled_ += seconds;
+      for (std::size_t i = 0; i < size(); ++i) {
+        reference_[i] += (tracker.missing()[i] - reference_[i]) * seconds / settled_;
+      }
+      return;
+    }
+    project(tracker, reference_.data(), left.data());
+    const double part = std::min(seconds / kLengthDoubtTime, 1.0);
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (!known_[i]) continue;
+      double share = 1.0;
+      for (int j = 0; j < tracker.freedoms(); ++j) {
+        share -= tracker.entry(j, static_cast<int>(i)) * motions_[i][static_cast<std::size_t>(j)];
+      }
+      residuals_[i] += part * (tracker.missing()[i] - left[i] - residuals_[i]);
+      shares_[i] += part * (share - shares_[i]);
+    }
+  }
+
+  std::vector<char> known_;
+  std::vector<double> residuals_, shares_, reference_, lengths_, speeds_, doubts_, creeps_, left_;
+  std::vector<Vector> motions_;
+  double settled_ = 0.0;
+  bool first_ = true;
+};
+
+}  // namespace tensionlab
