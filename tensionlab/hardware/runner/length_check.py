@@ -35,7 +35,7 @@ MAX_CREEP_M = 0.06
 MAX_PROTECTION_N = 1.0
 """Protection level of the force above which the run says that drifts are not noticed in time."""
 SUSPECT_SHARE = 0.8
-"""Modules whose doubt is above this share of the largest are named."""
+"""Modules whose residual is above this share of the largest are named: with one cable to spare, all of them."""
 CALIBRATE = "Look at its spool and encoder, and calibrate its length (`tensionlab module calibrate lengths`)"
 
 
@@ -79,7 +79,7 @@ class LengthMonitor:
         return self._native.doubts()[0]
 
     def _reason(self, inconsistent: bool) -> str:
-        doubts, biases, creeps = self._native.doubts()
+        _, residuals, biases, creeps = self._native.doubts()
         names = [module.name for module in self._rig.modules]
         if not inconsistent:
             worst = int(np.argmax(np.abs(creeps)))
@@ -87,7 +87,7 @@ class LengthMonitor:
                 f'the cable length of module "{names[worst]}" has drifted by {1e3 * creeps[worst]:+.0f} mm that '
                 f"its speed does not explain. {CALIBRATE}"
             )
-        suspects = np.flatnonzero(doubts >= SUSPECT_SHARE * doubts.max())
+        suspects = np.flatnonzero(residuals >= SUSPECT_SHARE * residuals.max())
         said = ", or ".join(
             f'that of module "{names[index]}" is {1e3 * abs(biases[index]):.0f} mm too '
             f"{'long' if biases[index] > 0.0 else 'short'}"

@@ -71,12 +71,15 @@ nb::tuple check_lengths(LengthCheck& check, const PoseTracker& tracker, const Le
   return nb::make_tuple(result.doubt, result.creep, result.protection);
 }
 
-// Doubts, biases and creeps of all cables.
+// Doubts, residuals, biases and creeps of all cables.
 nb::tuple doubts_of(const LengthCheck& check) {
   const std::size_t m = check.size();
-  auto* biases = allocate<double>(m);
-  for (std::size_t i = 0; i < m; ++i) biases[i] = check.bias(i);
-  return nb::make_tuple(one_row(check.doubts().data(), m), vector_of(biases, m),
+  std::vector<double> residuals(m), biases(m);
+  for (std::size_t i = 0; i < m; ++i) {
+    residuals[i] = check.residual(i);
+    biases[i] = check.bias(i);
+  }
+  return nb::make_tuple(one_row(check.doubts().data(), m), one_row(residuals.data(), m), one_row(biases.data(), m),
                         one_row(check.creeps().data(), m));
 }
 

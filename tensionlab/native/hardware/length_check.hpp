@@ -53,6 +53,11 @@ class LengthCheck {
   std::size_t size() const { return known_.size(); }
   const std::vector<double>& doubts() const { return doubts_; }
   const std::vector<double>& creeps() const { return creeps_; }
+  // How far a cable's length is from what the others say, in m: in standard deviations, if that of a length is 1
+  // m.
+  double residual(std::size_t cable) const {
+    return std::abs(residuals_[cable]) / std::sqrt(std::max(shares_[cable], kMinLeverage));
+  }
   // Estimate of a cable's bias in m.
   double bias(std::size_t cable) const { return residuals_[cable] / std::max(shares_[cable], kMinLeverage); }
 
