@@ -66,7 +66,7 @@ def test_export_to_parquet(run, file, tmp_path):
 
 
 def test_replay_has_the_run_first(run, file, tmp_path):
-    words = ("log", "replay", file, "--solver", "newton", "--solver", "closed-form,dykstra")
+    words = ("log", "replay", file, "--solvers", "newton", "--solvers", "closed-form,dykstra")
     code, out, _ = run(*words, "--out", tmp_path / "rows.parquet")
     assert code == 0
     lines = [line.split() for line in out.splitlines()]
@@ -101,9 +101,9 @@ def test_a_run_without_a_cycle_is_refused_before_a_page_is_served(run, tmp_path,
         (("info", "none.mcap"), "none.mcap: cannot be read"),
         (("export", "{file}", "--out", "run.txt"), "it must end in .nc or .parquet or .csv"),
         (("plot", "{file}", "--plot", "run.gif"), "run.gif: unsupported format; it must end in .png or .pdf"),
-        (("replay", "{file}", "--solver", "polygon"), "polygon does not serve this rig"),
-        (("replay", "{file}", "--solver", "newtn"), "did you mean 'newton'?"),
-        (("replay", "{file}", "--solver", ""), "no solver is named"),
+        (("replay", "{file}", "--solvers", "polygon"), "polygon does not serve this rig"),
+        (("replay", "{file}", "--solvers", "newtn"), "did you mean 'newton'?"),
+        (("replay", "{file}", "--solvers", ""), "no solver is named"),
         (("view", "none.mcap"), "none.mcap: cannot be read"),
         (("view", "{file}", "--solver", "newtn"), "did you mean 'newton'?"),
         (("view", "{file}", "--solver", "polygon"), "polygon does not serve this rig"),
