@@ -26,11 +26,12 @@ void Module::send(Type type, uint8_t sequence, const Writer& writer, const uint8
 }
 
 void Module::acknowledge(uint8_t type, uint8_t sequence, Code code) {
-  uint8_t payload[3];
+  uint8_t payload[5];
   Writer writer(payload);
   writer.u8(type);
   writer.u8(static_cast<uint8_t>(code));
   writer.u8(static_cast<uint8_t>(state_));
+  writer.u16(session_);
   send(Type::acknowledge, sequence, writer, payload);
 }
 
@@ -91,7 +92,7 @@ void Module::send_telemetry(const Sensors& sensors) {
   writer.u8(static_cast<uint8_t>(state_));
   writer.u16(faults());
   writer.u8(static_cast<uint8_t>(limiter_.limit()));
-  writer.u8(last_sequence_);
+  writer.u8(static_cast<uint8_t>(last_number_));
   writer.f32(limiter_.tension());
   writer.f32(monitor_.current());
   writer.f32(length_offset_ + monitor_.paid_out());

@@ -13,6 +13,16 @@ void Module::receive(const uint8_t* bytes, size_t size, uint32_t now_us) {
   }
 }
 
+void Module::overhear(const uint8_t* bytes, size_t size, uint32_t now_us) {
+  Frame frame;
+  for (size_t i = 0; i < size; ++i) {
+    if (overheard_.take(bytes[i], frame) != FrameParser::Found::frame) continue;
+    const bool stop = frame.type == static_cast<uint8_t>(Type::stop);
+    if (!stop && frame.type != static_cast<uint8_t>(Type::estop)) continue;
+    if (change_state(frame, stop ? Event::stop : Event::estop, now_us) == Code::ok) send_event();
+  }
+}
+
 void Module::handle(const Frame& frame, uint32_t now_us) {
   Code code = Code::unknown_type;
   switch (static_cast<Type>(frame.type)) {
@@ -78,16 +88,26 @@ Code Module::arm(const Frame& frame, uint32_t now_us) {
   // The same command once more, because its acknowledgement was lost. And each session arms only once: a command
   // that comes twice can't undo a stop.
   const bool waiting = state_ == State::armed || state_ == State::running;
-  if (command.session == session_) return waiting ? Code::ok : Code::bad_session;
+  if (waiting && command.session == session_) return Code::ok;
+  if (was_used(command.session)) return Code::bad_session;
   if (!transition(state_, Event::arm).accepted || chore_ != Chore::none) return Code::bad_state;
   if (parameters_[Parameter::calibrated] == 0.0f) return Code::not_calibrated;
   if (monitor_.faults() != 0) return Code::fault_present;
   apply(Event::arm, now_us);
   session_ = command.session;
-  last_sequence_ = frame.sequence;
+  sessions_[next_session_] = session_;
+  next_session_ = static_cast<uint8_t>((next_session_ + 1) % kSessions);
+  last_number_ = frame.sequence;
   renewed_us_ = now_us;
   ttl_us_ = static_cast<int32_t>(1000.0f * parameters_[Parameter::ttl]);
   return Code::ok;
+}
+
+bool Module::was_used(uint16_t session) const {
+  for (const uint16_t used : sessions_) {
+    if (used == session) return true;
+  }
+  return false;
 }
 
 template <class Command>
@@ -97,13 +117,14 @@ Code Module::take_set_point(const Frame& frame, uint32_t now_us) {
   if (code != Code::ok) return code;
   if (!transition(state_, Event::set_point).accepted) return Code::bad_state;
   if (command.session != session_) return Code::bad_session;
-  if (static_cast<int8_t>(frame.sequence - last_sequence_) <= 0) return Code::stale;
+  const uint16_t number = static_cast<uint16_t>(command.rounds << 8 | frame.sequence);
+  if (static_cast<int16_t>(number - last_number_) <= 0) return Code::stale;
   if (needs_length(command) && !length_known_) return Code::not_calibrated;
   const ParameterInfo& ttl = kParameters[static_cast<size_t>(Parameter::ttl)];
   const float wanted = command.ttl_ms == 0 ? parameters_[Parameter::ttl] : static_cast<float>(command.ttl_ms);
   if (wanted < ttl.lower || wanted > ttl.upper || !set_point_.take(command, parameters_)) return Code::bad_value;
   apply(Event::set_point, now_us);
-  last_sequence_ = frame.sequence;
+  last_number_ = number;
   renewed_us_ = now_us;
   ttl_us_ = static_cast<int32_t>(1000.0f * wanted);
   return Code::ok;

@@ -52,13 +52,14 @@ class TensionLimiter {
     };
     keep_below(p[Parameter::tension_upper], Limit::upper);
     keep_below(current_limit * p[Parameter::newton_per_ampere], Limit::thermal);
-    keep_below(speed_ceiling(cable.speed, p), Limit::speed);
     const bool inside = cable.length > p[Parameter::length_lower] && cable.length < p[Parameter::length_upper];
     if (cable.length_known && !inside) keep_below(lower, Limit::length);
     if (!(allowed >= lower)) {  // less, or no number
       allowed = lower;
       limit_ = reason == Limit::none ? Limit::lower : reason;
     }
+    // Even below the taut minimum: a slack cable would go on gaining speed.
+    keep_below(speed_ceiling(cable.speed, p), Limit::speed);
     const float change = p[Parameter::slew] * seconds;
     if (magnitude(allowed - tension_) > change) {
       allowed = tension_ + (allowed > tension_ ? change : -change);
@@ -75,11 +76,10 @@ class TensionLimiter {
   }
 
  private:
-  // From the speed limit on, half as much again takes the tension down to the taut minimum.
+  // From the speed limit on, a quarter as much again takes the tension down to nothing.
   static float speed_ceiling(float speed, const Parameters& p) {
     const float excess = -speed / p[Parameter::speed_limit] - 1.0f;
-    const float lower = p[Parameter::tension_lower], upper = p[Parameter::tension_upper];
-    return upper - clamp(2.0f * excess, 0.0f, 1.0f) * (upper - lower);
+    return p[Parameter::tension_upper] * (1.0f - clamp(4.0f * excess, 0.0f, 1.0f));
   }
 
   float tension_ = 0.0f;

@@ -9,8 +9,8 @@
 namespace tensionlab {
 namespace firmware {
 
-constexpr uint8_t kProtocol = 2;
-constexpr uint16_t kFirmware = 0x0002;  // major, minor: 0.2
+constexpr uint8_t kProtocol = 3;
+constexpr uint16_t kFirmware = 0x0003;  // major, minor: 0.3
 
 enum class Type : uint8_t {
   hello = 0x01,
@@ -60,6 +60,7 @@ struct SetTension {
   float tension;  // N
   bool brake;
   uint16_t ttl_ms;  // 0: the module's own
+  uint8_t rounds;   // how often the sequence numbers have begun again since ARM
 };
 
 struct SetImpedance {
@@ -72,6 +73,7 @@ struct SetImpedance {
   float frequency;     // of the vibration, Hz
   bool brake;
   uint16_t ttl_ms;
+  uint8_t rounds;
 };
 
 // What to calibrate, and the number that it needs.
@@ -120,6 +122,7 @@ inline Code read(const Frame& frame, SetTension& command) {
   command.tension = reader.f32();
   const bool flag = read_flag(reader, command.brake);
   command.ttl_ms = reader.u16();
+  command.rounds = reader.u8();
   if (!reader.exhausted()) return Code::bad_length;
   return flag && is_finite(command.tension) ? Code::ok : Code::bad_value;
 }
@@ -136,6 +139,7 @@ inline Code read(const Frame& frame, SetImpedance& command) {
   }
   const bool flag = read_flag(reader, command.brake);
   command.ttl_ms = reader.u16();
+  command.rounds = reader.u8();
   if (!reader.exhausted()) return Code::bad_length;
   return flag && finite ? Code::ok : Code::bad_value;
 }

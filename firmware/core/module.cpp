@@ -12,9 +12,10 @@ constexpr int32_t kRelaxTime = 2000000;  // us
 }  // namespace
 
 Actuators Module::step(const Sensors& sensors) {
-  const float seconds = monitor_.take(sensors, current_, parameters_);
+  const float seconds = monitor_.take(sensors, driven_, current_, brake_.state() == BrakeState::open, parameters_);
   supervise(sensors);
   const bool on = pull(seconds, sensors.now_us);
+  driven_ = on;
   const float known = magnitude(monitor_.current());
   budget_.advance(on ? larger(known, current_) : known, seconds, parameters_);
   if (telemetry_period_ms_ != 0 && since(sensors.now_us, telemetry_us_) >= 1000 * telemetry_period_ms_) {
@@ -47,9 +48,9 @@ void Module::supervise(const Sensors& sensors) {
 bool Module::pull(float seconds, uint32_t now_us) {
   const Parameters& p = parameters_;
   const bool active = is_driven(state_) && !relaxed_;
-  const bool kept = state_ == State::timeout && p[Parameter::timeout_brake] == 1.0f && brake_.is_closed();
+  const bool laid = state_ == State::running && set_point_.brake();
   const CableState cable = {length_offset_ + monitor_.paid_out(), monitor_.speed(), length_known_};
-  brake_.advance((state_ == State::running && set_point_.brake()) || kept, active, monitor_.paid_out(), now_us, p);
+  brake_.advance(laid || holds_load(active), active, monitor_.paid_out(), now_us, p);
 
   bool on = active;
   if (active) {
@@ -71,6 +72,13 @@ bool Module::pull(float seconds, uint32_t now_us) {
   }
   current_ = on ? current_for(limiter_.tension(), cable.speed, budget_.current_limit(p), p) : 0.0f;
   return on;
+}
+
+// Whether the brake is to hold what hangs on the cable, though no set-point says so.
+bool Module::holds_load(bool active) const {
+  if (state_ == State::timeout && parameters_[Parameter::timeout_brake] == 1.0f && brake_.is_closed()) return true;
+  if (active || parameters_[Parameter::brake_on_fault] != 1.0f) return false;
+  return state_ == State::fault || state_ == State::estop || brake_.is_closed();
 }
 
 // Returns whether the table lets the event happen; then it has.

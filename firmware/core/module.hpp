@@ -38,6 +38,8 @@ class Module {
   // From the link, and at its end.
   void receive(const uint8_t* bytes, size_t size, uint32_t now_us);
   void link_closed(uint32_t now_us);
+  // From a link that is not in use: obeys STOP and ESTOP, ignores everything else.
+  void overhear(const uint8_t* bytes, size_t size, uint32_t now_us);
 
   // For the link: at most `room` bytes. Returns how many.
   size_t transmit(uint8_t* bytes, size_t room) { return outbox_.take(bytes, room); }
@@ -88,17 +90,22 @@ class Module {
   void send_event();
   void send_telemetry(const Sensors& sensors);
 
+  bool was_used(uint16_t session) const;
+
   // Idle, nothing pulls any more, and no chore waits: what the module is made of may be changed.
   bool is_resting() const { return state_ == State::idle && limiter_.tension() == 0.0f && chore_ == Chore::none; }
 
   bool apply(Event event, uint32_t now_us);
   void supervise(const Sensors& sensors);
   bool pull(float seconds, uint32_t now_us);
+  bool holds_load(bool active) const;
+
+  static constexpr uint8_t kSessions = 32;
 
   uint32_t serial_number_;
   ResetReason reset_reason_;
   Parameters parameters_;
-  FrameParser parser_;
+  FrameParser parser_, overheard_;
   Outbox outbox_;
 
   State state_ = State::idle;
@@ -106,8 +113,10 @@ class Module {
   uint32_t entered_us_ = 0;  // when the state began
   bool relaxed_ = false;     // second stage of the timeout: let go for good
   uint16_t session_ = 0;
-  uint8_t last_sequence_ = 0;  // of the set-points
-  uint32_t renewed_us_ = 0;    // when the last set-point came
+  uint16_t sessions_[kSessions] = {};  // that have armed, in a ring
+  uint8_t next_session_ = 0;
+  uint16_t last_number_ = 0;  // of the set-points
+  uint32_t renewed_us_ = 0;   // when the last set-point came
   int32_t ttl_us_ = 0;
 
   SetPoint set_point_;
@@ -118,6 +127,7 @@ class Module {
   float length_offset_ = 0.0f;  // of the cable, where the encoder reads nought, m
   bool length_known_ = false;
   float current_ = 0.0f;  // asked of the motor, A
+  bool driven_ = false;   // whether the driver was on in the last step
 
   Chore chore_ = Chore::none;
   uint8_t chore_type_ = 0, chore_sequence_ = 0;  // of the command that asked for it

@@ -1,4 +1,4 @@
-// What the sensors say, and whether it can be true: the motion of the cable, the length of a step, and faults.
+// Monitor of the sensors: the motion of the cable, the length of a step, and faults.
 #pragma once
 
 #include "limiter.hpp"
@@ -11,9 +11,13 @@ namespace firmware {
 // What the front end measures before each step.
 struct Sensors {
   uint32_t now_us;
-  float angle;      // of the spool, counted over all turns, rad
-  float speed;      // of the spool, rad/s
-  float current;    // that makes torque, A
+  float angle;    // of the spool, counted over all turns, rad
+  float speed;    // of the spool, rad/s
+  float current;  // that makes torque, A
+  // Voltage that the rotor induces: what resistance and inductance leave of the motor's voltage. `induced` is
+  // along the current, positive while the cable reels in; `across` is at right angles to it, where a rotor whose
+  // electrical zero is known induces nothing. V; both 0 with the driver off.
+  float induced, across;
   float supply;     // V
   bool encoder_ok;  // magnet, parity, error flag
 };
@@ -25,18 +29,112 @@ enum Fault : uint16_t {
   kFaultSpeed = 4,
   kFaultCurrent = 8,
   kFaultLoop = 16,
+  kFaultMotor = 32,
+  kFaultCable = 64,
+};
+
+// A fault is so many bad samples in a row, or more than one in ten for long, as one may be noise; it is over after
+// ten times as many good ones.
+class Suspicion {
+ public:
+  void judge(bool bad, int32_t enough) {
+    level_ = bad ? level_ + 10 : level_ - 1;
+    level_ = level_ < 0 ? 0 : (level_ > 10 * enough ? 10 * enough : level_);
+    bad_ = level_ == 10 * enough || (bad_ && level_ > 0);
+  }
+  bool bad() const { return bad_; }
+
+ private:
+  int32_t level_ = 0;
+  bool bad_ = false;
+};
+
+// What the driven motor and its cable do, in means over 4 ms. Means of the induced voltage and the way of the
+// cable in the same time agree however fast the motion changes; samples of a filtered speed would not.
+class MotorCheck {
+ public:
+  void restart() {
+    started_ = loose_ = false;
+    seconds_ = induced_ = across_ = current_ = 0.0f;
+    known_ = 0;
+    unfit_.judge(false, 2);
+  }
+
+  // A sample of a driven motor: `asked` A were asked of it, the pawl was off its wheel or not, and the cable is
+  // `length` m beyond the encoder's zero.
+  void take(const Sensors& sensors, float seconds, float asked, bool free, float length, const Parameters& p) {
+    if (!started_) {
+      start_ = length;
+      started_ = true;
+      return;
+    }
+    seconds_ += seconds;
+    induced_ += sensors.induced * seconds;
+    across_ += sensors.across * seconds;
+    current_ += magnitude(sensors.current) * seconds;
+    if (seconds_ < kBlock) return;
+    const float speed = (length - start_) / seconds_;
+    unfit_.judge(!fits(speed, induced_ / seconds_, across_ / seconds_, current_ / seconds_, p), 2);
+    loose_ = gave_way(speed, asked, p);
+    if (!free) known_ = 0;  // what leans on the pawl leaves it at once
+    start_ = length;
+    seconds_ = induced_ = across_ = current_ = 0.0f;
+  }
+
+  // Voltage, current and speed are not those of one motor.
+  bool unfit() const { return unfit_.bad(); }
+  // The cable was held, and all at once nothing held it.
+  bool loose() const { return loose_; }
+
+ private:
+  static constexpr float kBlock = 0.004f;  // s
+
+  // A motor's newtons for each ampere tell its volts for each m/s: by amplitudes, power is 3/2 of voltage times
+  // current. The bounds leave room for a winding that is warm or of another make (1 ohm, 0.75 mH at 11 pole pairs
+  // and 19.5 mm), for the driver's dead time, for a quarter of N/A, and for the time in which the rotor turns on
+  // while a voltage stays.
+  static bool fits(float speed, float induced, float across, float current, const Parameters& p) {
+    const float expected = -speed * p[Parameter::newton_per_ampere] * (2.0f / 3.0f);
+    const float known = 0.3f + 0.25f * magnitude(expected);
+    return magnitude(induced - expected) <= known + 1.0f * current &&
+           magnitude(across) <= known + (0.42f * current + 0.2f * magnitude(speed)) * magnitude(speed);
+  }
+
+  // The cable was at rest under an even pull, gained speed at once, a third of what a spool of some 30 g does that
+  // nothing holds, and went on gaining it. A quick hand gains speed later, and does not go on for so long.
+  bool gave_way(float speed, float asked, const Parameters& p) {
+    const bool even = asked <= asked_ + 0.02f;
+    asked_ = asked;
+    for (int i = kHistory - 1; i > 0; --i) speeds_[i] = speeds_[i - 1];
+    speeds_[0] = speed;
+    known_ = even ? (known_ < kHistory ? known_ + 1 : known_) : 1;
+    const float before = speeds_[10], onset = larger(0.15f, 0.17f * asked * p[Parameter::newton_per_ampere]);
+    bool rested = known_ == kHistory;
+    for (int i = 10; i < kHistory; ++i) rested = rested && magnitude(speeds_[i]) < 0.015f;
+    return rested && speeds_[6] < before - onset && speed < before - 0.42f;
+  }
+
+  static constexpr int kHistory = 24;
+
+  Suspicion unfit_;
+  float speeds_[kHistory] = {};  // of paying out, m/s, the latest first
+  int known_ = 0;                // how many of them were under an even pull
+  float seconds_ = 0.0f, induced_ = 0.0f, across_ = 0.0f, current_ = 0.0f, start_ = 0.0f, asked_ = 0.0f;
+  bool started_ = false, loose_ = false;
 };
 
 class Monitor {
  public:
-  // Takes a sample, after a step in which `asked` A were asked of the motor. Returns the seconds since the last
-  // one, at most kLongestStep of them: a step that came late must not move anything further than that.
-  float take(const Sensors& sensors, float asked, const Parameters& p) {
+  // Takes a sample, after a step in which the driver was on or off, `asked` A were asked of the motor, and the
+  // brake's pawl was off its wheel or not. Returns the seconds since the last one, at most kLongestStep of them: a
+  // step that came late must not move anything further.
+  float take(const Sensors& sensors, bool driven, float asked, bool free, const Parameters& p) {
     const int32_t elapsed = started_ ? since(sensors.now_us, stepped_us_) : 0;
     late_ = elapsed > kLongestStep || elapsed < 0;
     stepped_us_ = sensors.now_us;
     started_ = true;
     longest_us_ = elapsed > longest_us_ ? elapsed : longest_us_;
+    const float seconds = 1e-6f * static_cast<float>(late_ ? (elapsed > 0 ? kLongestStep : 0) : elapsed);
     const bool readable = sensors.encoder_ok && is_finite(sensors.angle) && is_finite(sensors.speed);
     encoder_.judge(!readable, 4);
     if (readable) {
@@ -44,22 +142,28 @@ class Monitor {
       paid_out_ = sensors.angle * radius;
       speed_ = sensors.speed * radius;
     }
-    fast_.judge(-speed_ > 2.0f * p[Parameter::speed_limit], 4);
-    const bool measured = is_finite(sensors.current);
-    if (measured) current_ = sensors.current;
+    judge_speed(seconds, p);
+    const bool measured = is_finite(sensors.current) && is_finite(sensors.induced) && is_finite(sensors.across);
+    if (is_finite(sensors.current)) current_ = sensors.current;
     strong_.judge(!measured || magnitude(current_) > 1.5f * p[Parameter::current_peak], 4);
     // A wire that is off, or a sensor that sees nothing. (Reeling in fast, the supply may not suffice either.)
     weak_.judge(asked > 0.1f && current_ < 0.5f * asked && magnitude(speed_) < 0.2f, 200);
     const float supply = sensors.supply;
     supply_.judge(!(supply >= p[Parameter::supply_lower] && supply <= p[Parameter::supply_upper]), 40);
-    return 1e-6f * static_cast<float>(late_ ? (elapsed > 0 ? kLongestStep : 0) : elapsed);
+    if (driven && readable && measured && !late_) {
+      motor_.take(sensors, seconds, asked, free, paid_out_, p);
+    } else {
+      motor_.restart();
+    }
+    return seconds;
   }
 
   // Faults that are there now.
   uint16_t faults() const {
     return static_cast<uint16_t>((encoder_.bad() ? kFaultEncoder : 0) | (supply_.bad() ? kFaultSupply : 0) |
-                                 (fast_.bad() ? kFaultSpeed : 0) |
-                                 (strong_.bad() || weak_.bad() ? kFaultCurrent : 0) | (late_ ? kFaultLoop : 0));
+                                 (runs_away() ? kFaultSpeed : 0) |
+                                 (strong_.bad() || weak_.bad() ? kFaultCurrent : 0) | (late_ ? kFaultLoop : 0) |
+                                 (motor_.unfit() ? kFaultMotor : 0) | (motor_.loose() ? kFaultCable : 0));
   }
 
   float paid_out() const { return paid_out_; }  // cable, m, where the encoder's zero is nought
@@ -77,27 +181,25 @@ class Monitor {
   // A step that comes later than this is a fault: until then the motor was left to itself.
   static constexpr int32_t kLongestStep = 5000;  // us
 
-  // One bad sample may be noise. A fault is `enough` of them in a row, or more than one in ten for long; and it is
-  // over after ten times as many good ones.
-  class Suspicion {
-   public:
-    void judge(bool bad, int32_t enough) {
-      level_ = bad ? level_ + 10 : level_ - 1;
-      level_ = level_ < 0 ? 0 : (level_ > 10 * enough ? 10 * enough : level_);
-      bad_ = level_ == 10 * enough || (bad_ && level_ > 0);
-    }
-    bool bad() const { return bad_; }
+  // The limiter holds a slack cable at the speed limit: what is faster is driven by something else. A hand may
+  // pull the cable out at twice that, and a jerk throws the spool out faster still for a moment.
+  void judge_speed(float seconds, const Parameters& p) {
+    const float limit = p[Parameter::speed_limit];
+    fast_in_.judge(-speed_ > 1.4f * limit, 4);
+    fast_out_.judge(speed_ > 2.25f * limit, 400);
+    // No cable has more slack than its length.
+    taken_up_ = -speed_ > 0.9f * limit ? taken_up_ - speed_ * seconds : 0.0f;
+    endless_ = taken_up_ > p[Parameter::length_upper];
+  }
 
-   private:
-    int32_t level_ = 0;
-    bool bad_ = false;
-  };
+  bool runs_away() const { return fast_in_.bad() || fast_out_.bad() || endless_; }
 
-  Suspicion encoder_, supply_, fast_, strong_, weak_;
-  bool started_ = false, late_ = true;  // before the first step nothing is known
+  Suspicion encoder_, supply_, fast_in_, fast_out_, strong_, weak_;
+  MotorCheck motor_;
+  bool endless_ = false, started_ = false, late_ = true;  // before the first step nothing is known
   uint32_t stepped_us_ = 0;
   int32_t longest_us_ = 0;
-  float paid_out_ = 0.0f, speed_ = 0.0f, current_ = 0.0f;
+  float paid_out_ = 0.0f, speed_ = 0.0f, current_ = 0.0f, taken_up_ = 0.0f;
 };
 
 }  // namespace firmware

@@ -36,6 +36,7 @@ enum class Parameter : uint8_t {
   brake_tooth,
   brake_release_tension,
   timeout_brake,
+  brake_on_fault,
   motor_direction,
   motor_zero,
   calibrated,
@@ -60,7 +61,7 @@ inline constexpr ParameterInfo kParameters[kParameterCount] = {
     {"current_continuous", "A", 0.1f, 2.0f, 1.0f},
     {"current_peak", "A", 0.1f, 3.0f, 2.2f},
     {"thermal_time", "s", 1.0f, 300.0f, 20.0f},  // of the winding
-    {"speed_limit", "m/s", 0.1f, 10.0f, 3.0f},   // reeling in; at twice this the module faults
+    {"speed_limit", "m/s", 0.1f, 10.0f, 1.5f},   // reeling in; at 1.4 times this the module faults
     {"length_lower", "m", 0.0f, 10.0f, 0.05f},
     {"length_upper", "m", 0.1f, 20.0f, 5.0f},
     {"spool_radius", "m", 0.005f, 0.1f, 0.0195f},
@@ -76,6 +77,7 @@ inline constexpr ParameterInfo kParameters[kParameterCount] = {
     {"brake_tooth", "m", 0.0005f, 0.02f, 0.003f},      // of cable, from tooth to tooth
     {"brake_release_tension", "N", 0.5f, 6.0f, 2.0f},  // to reel the load off the pawl
     {"timeout_brake", "0 open, 1 as it is", 0.0f, 1.0f, 0.0f},
+    {"brake_on_fault", "0 open, 1 closed", 0.0f, 1.0f, 0.0f},
     {"motor_direction", "1 or -1", -1.0f, 1.0f, 1.0f},  // of the encoder while the cable pays out
     {"motor_zero", "rad", 0.0f, 6.2831855f, 0.0f},      // electrical angle at the encoder's zero
     {"calibrated", "0 or 1", 0.0f, 1.0f, 0.0f},
@@ -83,8 +85,8 @@ inline constexpr ParameterInfo kParameters[kParameterCount] = {
 
 // Parameters whose value is one of two, of which only those two make sense.
 constexpr bool is_choice(Parameter index) {
-  return index == Parameter::timeout_brake || index == Parameter::motor_direction ||
-         index == Parameter::calibrated;
+  return index == Parameter::timeout_brake || index == Parameter::brake_on_fault ||
+         index == Parameter::motor_direction || index == Parameter::calibrated;
 }
 
 class Parameters {

@@ -10,7 +10,8 @@ namespace board {
 
 using Pin = uint8_t;
 
-// Motor driver (L6234). A resistor of 10 kOhm from the enable pin to ground keeps it off while the ESP32 starts.
+// Motor driver (L6234). The shield has 4.7 kOhm from the enable pin to ground, which keep it off while the ESP32
+// starts.
 constexpr Pin kPhaseA = 25, kPhaseB = 26, kPhaseC = 27;
 constexpr Pin kEnable = 33;
 
@@ -24,7 +25,15 @@ constexpr float kSupplyDivider = 11.0f;  // 100 kOhm above 10 kOhm
 
 // Encoder (AS5048A).
 constexpr Pin kClock = 18, kFromEncoder = 19, kToEncoder = 23, kSelectEncoder = 5;
+constexpr uint32_t kConversionTime = 100;    // us at most; a conversion takes 10
 constexpr uint32_t kEncoderClock = 8000000;  // Hz; the chip takes 10 MHz
+
+// The board's own button (BOOT): pressed while nothing pulls, it lets strangers pair for a while.
+constexpr Pin kPairButton = 0;
+#ifndef TENSIONLAB_PAIRING_S
+#define TENSIONLAB_PAIRING_S 60
+#endif
+constexpr int32_t kPairingTime = 1000000 * TENSIONLAB_PAIRING_S;  // us
 
 // Servo of the brake (DS2312).
 constexpr Pin kServo = 13;
@@ -33,12 +42,13 @@ constexpr uint8_t kServoBits = 16;
 
 // Motor (GM3506) and its control. The current limit holds whatever the parameters say.
 constexpr int kPolePairs = 11;
-constexpr float kPhaseResistance = 2.8f;  // ohm
-constexpr float kNominalSupply = 12.0f;   // V
-constexpr float kVoltageLimit = 6.9f;     // V across a phase: the supply over the square root of 3
-constexpr float kCurrentLimit = 2.5f;     // A
-constexpr float kAlignVoltage = 2.0f;     // V, to find the electrical zero: some 0.7 A
-constexpr long kPwmRate = 25000;          // Hz
+constexpr float kPhaseResistance = 2.8f;      // ohm
+constexpr float kPhaseInductance = 0.00125f;  // H: 0.5 to 2 mH, by type and angle
+constexpr float kNominalSupply = 12.0f;       // V
+constexpr float kVoltageLimit = 6.9f;         // V across a phase: the supply over the square root of 3
+constexpr float kCurrentLimit = 2.5f;         // A
+constexpr float kAlignVoltage = 2.0f;         // V, to find the electrical zero: some 0.7 A
+constexpr long kPwmRate = 25000;              // Hz
 // Proportional and integral gain and filter for a current loop of 2 ms (inductance and resistance over that);
 // values to start from, which nobody has tried on the motor yet.
 constexpr float kCurrentP = 0.5f, kCurrentI = 1400.0f, kCurrentFilter = 0.0005f;
@@ -47,9 +57,11 @@ constexpr float kSpeedFilter = 0.002f;  // s
 // The two processors: Bluetooth's tasks run on the first one anyway.
 constexpr int kLinkCore = 0, kFocCore = 1;
 constexpr uint32_t kFocPriority = 20, kLinkPriority = 5;
-constexpr uint32_t kStack = 8192;         // bytes, each task
-constexpr uint32_t kWatchdogTime = 1000;  // ms without a turn of the FOC loop; the module then starts afresh
-constexpr unsigned long kBaud = 921600;   // of USB
+constexpr uint32_t kStack = 8192;  // bytes, each task
+// Longest time without a turn of the FOC loop, in ms: the watchdog then takes the driver off, and the module
+// starts afresh. With the driver off, flash may be written meanwhile, which halts both processors.
+constexpr uint32_t kDrivenWatchdog = 50, kIdleWatchdog = 1000;
+constexpr unsigned long kBaud = 921600;  // of USB
 
 }  // namespace board
 }  // namespace firmware

@@ -36,6 +36,14 @@ ResetReason reset_reason() {
   }
 }
 
+// The idle task of the FOC task's processor never runs, and is not watched; that of the other one may have to wait
+// for Bluetooth.
+void set_watchdog(bool driven) {
+  const esp_task_wdt_config_t watchdog = {driven ? board::kDrivenWatchdog : board::kIdleWatchdog,
+                                          driven ? 0u : 1u << board::kLinkCore, true};
+  esp_task_wdt_reconfigure(&watchdog);
+}
+
 class Firmware {
  public:
   Firmware() : module_(serial_number(), reset_reason()) {}
@@ -54,7 +62,10 @@ class Firmware {
     const size_t size = link_.receive(bytes, sizeof bytes);
     if (link_.take_closed()) module_.link_closed(sensors.now_us);
     module_.receive(bytes, size, sensors.now_us);
+    module_.overhear(bytes, link_.overhear(bytes, sizeof bytes), sensors.now_us);
     const Actuators actuators = module_.step(sensors);
+    guard(actuators.driver_on || alignment_);
+    link_.allow_pairing(module_.state() == State::idle && !guarded_);
     winch_.apply(actuators, module_.parameters());
     servo_.move(actuators.brake_pulse_us);
     do_chore(sensors);
@@ -63,6 +74,13 @@ class Firmware {
   }
 
  private:
+  // A hang is noticed soon while the driver is on.
+  void guard(bool driven) {
+    if (driven == guarded_) return;
+    set_watchdog(driven);
+    guarded_ = driven;
+  }
+
   void do_chore(const Sensors& sensors) {
     if (module_.chore() == Chore::store_parameters) {
       module_.chore_done(store_settings(module_.parameters()), 0.0f);
@@ -109,6 +127,7 @@ class Firmware {
   BrakeServo servo_;
   Link link_;
   std::optional<Alignment> alignment_;
+  bool guarded_ = false;
 };
 
 void turn_forever(void* firmware) {
@@ -121,13 +140,14 @@ void turn_forever(void* firmware) {
 
 }  // namespace
 
+// The watchdog has run out: what follows, the panic's print, takes long.
+extern "C" void IRAM_ATTR esp_task_wdt_isr_user_handler(void) { Winch::cut(); }
+
 void setup() {
   Winch::driver_off();
   static Firmware firmware;
   firmware.begin();
-  // The idle task of the FOC task's processor never runs, and is not watched.
-  const esp_task_wdt_config_t watchdog = {board::kWatchdogTime, 1u << board::kLinkCore, true};
-  esp_task_wdt_reconfigure(&watchdog);
+  set_watchdog(false);
   xTaskCreatePinnedToCore(turn_forever, "foc", board::kStack, &firmware, board::kFocPriority, nullptr,
                           board::kFocCore);
 }

@@ -1,5 +1,7 @@
 #include "winch.hpp"
 
+#include <math.h>
+
 #include <initializer_list>
 
 namespace tensionlab {
@@ -44,7 +46,7 @@ bool Winch::begin() {
   const bool sensed = sense_.init() != 0;
   sense_.gain_b *= board::kSenseSignB;
   motor_.linkCurrentSense(&sense_);
-  supply_input_ = _configureADCInline(nullptr, board::kSupply, _NC);
+  _configureADCInline(nullptr, board::kSupply, _NC);
 
   // Both known, so that SimpleFOC moves nothing to find them; the true zero is set before each start.
   motor_.sensor_direction = Direction::CW;
@@ -57,13 +59,21 @@ bool Winch::begin() {
 Sensors Winch::turn(const Parameters& parameters) {
   motor_.loopFOC();
   motor_.move(target_);
-  if (turns_++ % 8 == 0) {
-    supply_ = board::kSupplyDivider * _readADCVoltageInline(board::kSupply, supply_input_);
-  }
+  if (turns_++ % 8 == 0) measure_supply();
+  rested_ = on_ || held_ ? 0 : (rested_ < kRest ? rested_ + 1 : kRest);
+  if (rested_ == kRest) sense_.follow_offsets();
+  const float sign = pull_sign(parameters), share = supply_ / board::kNominalSupply;
+  const float q = motor_.current.q, d = motor_.current.d;
+  const float reactance = board::kPhaseInductance * board::kPolePairs * motor_.shaft_velocity;
+  // What resistance and inductance leave of the voltages.
+  const float induced = share * motor_.voltage.q - board::kPhaseResistance * q - reactance * d;
+  const float across = share * motor_.voltage.d - board::kPhaseResistance * d + reactance * q;
   return {static_cast<uint32_t>(micros()),
           encoder_.getAngle(),
           motor_.shaft_velocity,
-          on_ ? pull_sign(parameters) * motor_.current.q : 0.0f,
+          !sense_.ok() ? NAN : (on_ ? sign * q : 0.0f),
+          on_ ? sign * induced : 0.0f,
+          on_ ? across : 0.0f,
           supply_,
           started_ && encoder_.ok()};
 }
@@ -86,7 +96,14 @@ void Winch::switch_driver(bool on) {
   on_ = on;
 }
 
+// What the converter does not tell is no number, which the core takes for a fault.
+void Winch::measure_supply() {
+  float volts = 0.0f;
+  supply_ = convert(board::kSupply, volts) ? board::kSupplyDivider * volts : NAN;
+}
+
 void Winch::hold(const Alignment::Wanted& wanted) {
+  held_ = true;
   motor_.setPhaseVoltage(wanted.voltage, 0.0f, wanted.electrical);
   digitalWrite(board::kEnable, HIGH);
 }
@@ -99,6 +116,7 @@ Alignment::Measured Winch::measure_alignment() {
 }
 
 void Winch::let_go() {
+  held_ = false;
   digitalWrite(board::kEnable, LOW);
   motor_.disable();
 }

@@ -4,9 +4,12 @@
 // must start without pulling.
 #pragma once
 
+#include <soc/gpio_reg.h>
+
 #include "../core/module.hpp"
 #include "alignment.hpp"
 #include "board.hpp"
+#include "current_sense.hpp"
 #include "spool_encoder.hpp"
 
 namespace tensionlab {
@@ -14,6 +17,12 @@ namespace firmware {
 
 class Winch {
  public:
+  // In the interrupt of the watchdog, where only registers may be touched.
+  static void IRAM_ATTR cut() {
+    static_assert(board::kEnable >= 32, "a pin of the second register");
+    REG_WRITE(GPIO_OUT1_W1TC_REG, 1u << (board::kEnable - 32));
+  }
+
   // The very first thing after a reset.
   static void driver_off() {
     pinMode(board::kEnable, OUTPUT);
@@ -36,15 +45,18 @@ class Winch {
 
  private:
   void switch_driver(bool on);
+  void measure_supply();
+
+  static constexpr int32_t kRest = 200;  // until no current flows any more
 
   BLDCMotor motor_{board::kPolePairs};
   BLDCDriver3PWM driver_{board::kPhaseA, board::kPhaseB, board::kPhaseC};
-  InlineCurrentSense sense_{board::kShunt, board::kSenseGain, board::kSenseA, board::kSenseB};
+  CurrentSensor sense_;
   SpoolEncoder encoder_;
-  void* supply_input_ = nullptr;
   float supply_ = 0.0f, target_ = 0.0f;
   uint8_t turns_ = 0;
-  bool started_ = false, on_ = false;
+  int32_t rested_ = 0;  // turns since the driver went off, up to kRest
+  bool started_ = false, on_ = false, held_ = false;
 };
 
 }  // namespace firmware

@@ -117,30 +117,43 @@ class Bench {
     send(type, script_.byte(), writer, payload);
   }
 
+  // The next sequence number; where they begin again, it is another round.
+  uint8_t next() {
+    if (++sequence_ == 0) ++rounds_;
+    return sequence_;
+  }
+
+  // An armed module counts the rounds from its ARM on.
+  void arm(const Writer& session, const uint8_t* payload) {
+    rounds_ = 0;
+    send(Type::arm, next(), session, payload);
+  }
+
   // A host's way back to work, if nothing is wrong.
   void recover() {
     uint8_t payload[8] = {};
     Writer nothing(payload);
-    send(Type::clear, ++sequence_, nothing, payload);
-    send(Type::stop, ++sequence_, nothing, payload);
+    send(Type::clear, next(), nothing, payload);
+    send(Type::stop, next(), nothing, payload);
     sensors_.speed = 0.0f;
     for (int i = 0; i < 100; ++i) step(1000);
     Writer ratio(payload), session(payload + 5);
     ratio.u8(static_cast<uint8_t>(Calibration::newton_per_ampere));
     ratio.f32(3.0f);
-    send(Type::calibrate, ++sequence_, ratio, payload);
+    send(Type::calibrate, next(), ratio, payload);
     session.u16(++session_);
-    send(Type::arm, ++sequence_, session, payload + 5);
+    arm(session, payload + 5);
   }
 
   // Mostly what a host would say; its numbers are somewhat beyond what is allowed, now and then.
   void command() {
     uint8_t payload[kMaxPayload];
     Writer writer(payload);
-    const uint8_t sequence = ++sequence_;
+    const uint8_t sequence = next();
     switch (script_.below(14)) {
       case 0:
         writer.u16(++session_);
+        rounds_ = 0;
         return send(Type::arm, sequence, writer, payload);
       case 1:
       case 2:
@@ -150,6 +163,7 @@ class Bench {
         writer.f32(script_.byte() == 0 ? script_.any_float() : script_.between(0.0f, 6.0f));
         writer.u8(script_.below(2));
         writer.u16(static_cast<uint16_t>(8 * script_.byte()));
+        writer.u8(rounds_);
         return send(Type::set_tension, sequence, writer, payload);
       case 5:
       case 6:
@@ -162,6 +176,7 @@ class Bench {
         writer.f32(script_.between(0.0f, 500.0f));
         writer.u8(script_.below(2));
         writer.u16(0);
+        writer.u8(rounds_);
         return send(Type::set_impedance, sequence, writer, payload);
       case 7:
         return send(Type::stop, sequence, writer, payload);
@@ -190,12 +205,13 @@ class Bench {
   void damaged() {
     Frame frame;
     frame.type = static_cast<uint8_t>(Type::set_tension);
-    frame.sequence = ++sequence_;
+    frame.sequence = next();
     Writer writer(frame.payload);
     writer.u16(session_);
     writer.f32(script_.between(0.0f, 6.0f));
     writer.u8(0);
     writer.u16(0);
+    writer.u8(rounds_);
     frame.size = static_cast<uint8_t>(writer.size());
     uint8_t wire[kMaxFrame + 1];
     size_t size = write_frame(frame, wire);
@@ -259,6 +275,9 @@ class Bench {
     sensors_.now_us = now_;
     sensors_.angle += 1e-6f * static_cast<float>(time) * (sensors_.encoder_ok ? sensors_.speed : 0.0f);
     sensors_.current = current_ + current_error_;
+    const Parameters& now = module_.parameters();
+    const float reeled_in = -sensors_.speed * now[Parameter::spool_radius] * now[Parameter::motor_direction];
+    sensors_.induced = on_ ? reeled_in * now[Parameter::newton_per_ampere] * (2.0f / 3.0f) : 0.0f;
     const float before = module_.tension();
     const State state_before = module_.state();
     const Actuators actuators = module_.step(sensors_);
@@ -299,12 +318,12 @@ class Bench {
 
   Script& script_;
   Module module_;
-  Sensors sensors_ = {0, 0.0f, 0.0f, 0.0f, 12.0f, true};
+  Sensors sensors_ = {0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 12.0f, true};
   FrameParser answers_;
   unsigned greetings_ = 0;
   uint32_t now_ = 0, last_life_ = 0;
   uint16_t session_ = 0;
-  uint8_t sequence_ = 0;
+  uint8_t sequence_ = 0, rounds_ = 0;
   bool on_ = false;
   float current_ = 0.0f, current_error_ = 0.0f;
 };

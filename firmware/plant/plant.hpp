@@ -8,12 +8,13 @@
 #include <cstdint>
 
 #include "../core/module.hpp"
+#include "motor.hpp"
 
 namespace tensionlab {
 namespace plant {
 
 struct PlantParameters {
-  double resistance, inductance, torque_constant, current_loop, supply;
+  double resistance, inductance, torque_constant, zero_error, supply;
   double radius, inertia, dry_friction, viscous_friction, cogging, cogging_periods;
   double stiffness, damping;
   double brake_strength, tooth, servo_time;
@@ -32,9 +33,9 @@ inline constexpr PlantInfo kPlantTable[] = {
     {"resistance", &PlantParameters::resistance, "ohm", 0.01, 2.8, "of a motor phase; GM3506 data sheet"},
     {"inductance", &PlantParameters::inductance, "H", 1e-6, 1.0e-3, "of a motor phase; estimate"},
     {"torque_constant", &PlantParameters::torque_constant, "N m/A", 1e-4, 0.0585, "8.3 / KV at KV 142"},
-    {"current_loop", &PlantParameters::current_loop, "s", 1e-4, 1.0e-3,
-     "time constant of the current control; estimate"},
-    {"supply", &PlantParameters::supply, "V", 0.0, 12.0, "a phase gets at most this over the square root of 3"},
+    {"zero_error", &PlantParameters::zero_error, "rad", -6.3, 0.0,
+     "of the electrical angle that the module was aligned to"},
+    {"supply", &PlantParameters::supply, "V", 0.0, 12.0, "of the three half-bridges"},
     {"radius", &PlantParameters::radius, "m", 0.001, 0.0195, "of the spool, from 3 N/A as published"},
     {"inertia", &PlantParameters::inertia, "kg m2", 1e-7, 1.2e-5, "of rotor and spool; estimate"},
     {"dry_friction", &PlantParameters::dry_friction, "N", 0.0, 0.05, "at the cable; estimate"},
@@ -113,7 +114,7 @@ class Plant {
   }
 
   void advance(const firmware::Actuators& wanted, const firmware::Parameters& settings, double seconds) {
-    move_current(wanted, seconds);
+    move_current(wanted, settings, seconds);
     move_servo(wanted, settings, seconds);
     move_spool(seconds);
     const double measured = encoder_angle();
@@ -122,38 +123,51 @@ class Plant {
     angle_ = measured;
   }
 
+  // What the front end measures and works out from it, as esp32/winch.cpp does.
   firmware::Sensors sense(std::uint32_t now_us) {
     const double supply = (broken.supply ? 5.0 : p_.supply) + p_.supply_noise * noise_.normal();
-    const double current = current_ + p_.current_noise * noise_.normal();
+    const double current = control_.current_q() + p_.current_noise * noise_.normal();
+    const double share = supply / static_cast<double>(firmware::board::kNominalSupply);
+    const double resistance = static_cast<double>(firmware::board::kPhaseResistance);
+    const double reactance = static_cast<double>(firmware::board::kPhaseInductance) * electrical_speed_;
+    const double d = control_.current_d();
+    const double induced = share * control_.voltage_q() - resistance * current - reactance * d;
+    const double across = share * control_.voltage_d() - resistance * d + reactance * current;
     return {now_us,
             static_cast<float>(angle_),
             static_cast<float>(measured_speed_),
             static_cast<float>(std::floor(current / p_.current_count + 0.5) * p_.current_count),
+            on_ ? static_cast<float>(induced) : 0.0f,
+            on_ ? static_cast<float>(across) : 0.0f,
             static_cast<float>(supply),
             !broken.encoder};
   }
 
   double tension() const { return tension_; }          // of the cable, N
   double length() const { return out_; }               // paid out, without stretch, m
-  double current() const { return current_; }          // A
+  double current() const { return current_; }          // of the motor, as it is asked for, A
   double brake_force() const { return brake_force_; }  // that the pawl holds, N
   bool pawl_down() const { return servo_ > 0.5; }
 
   Breakage broken;
 
  private:
-  void move_current(const firmware::Actuators& wanted, double seconds) {
-    const double back_emf = -p_.torque_constant * speed_ / p_.radius;  // reeling in is against the supply
-    if (broken.motor || !wanted.driver_on) {
-      current_ = 0.0;  // the bridge is open, and currents die out within a step
-      return;
-    }
-    const double most = (broken.supply ? 5.0 : p_.supply) / 1.7320508;
-    const double target = static_cast<double>(wanted.current);
-    double voltage = p_.resistance * current_ + back_emf + (target - current_) * p_.inductance / p_.current_loop;
-    voltage = std::fmin(std::fmax(voltage, -most), most);
-    const double settled = (voltage - back_emf) / p_.resistance;
-    current_ = settled + (current_ - settled) * std::exp(-seconds * p_.resistance / p_.inductance);
+  // The control follows the angle that the encoder says, along the way that the settings take for pulling.
+  void move_current(const firmware::Actuators& wanted, const firmware::Parameters& settings, double seconds) {
+    way_ = static_cast<double>(settings[firmware::Parameter::motor_direction]);
+    on_ = wanted.driver_on;
+    if (!on_) control_.reset();
+    const double supply = broken.supply ? 5.0 : p_.supply;
+    const double angle = -way_ * firmware::board::kPolePairs * angle_;
+    electrical_speed_ = -way_ * firmware::board::kPolePairs * speed_ / p_.radius;
+    const double rotor = -way_ * firmware::board::kPolePairs * (out_ - zero_) / p_.radius + p_.zero_error;
+    const double flux = p_.torque_constant / (1.5 * firmware::board::kPolePairs);
+    Duties duties{};
+    if (on_) duties = control_.advance(static_cast<double>(wanted.current), motor_.current(), angle, seconds);
+    motor_.advance(on_ && !broken.motor ? &duties : nullptr, supply, rotor, electrical_speed_, p_.resistance,
+                   p_.inductance, flux, seconds);
+    current_ = motor_.along_q(angle);
+    torque_current_ = way_ * motor_.along_q(rotor);
   }
 
   // The servo moves between the two pulses at its own pace.
@@ -182,7 +196,7 @@ class Plant {
       tension_ = std::fmax(p_.stiffness * stretch + p_.damping * (end_speed_ - speed_), 0.0);
     }
     const double cogging = p_.cogging * std::sin(p_.cogging_periods * (out_ - zero_) / p_.radius);
-    const double pull = p_.torque_constant / p_.radius * current_ + cogging;
+    const double pull = p_.torque_constant / p_.radius * torque_current_ + cogging;
     const double push = tension_ - pull - p_.viscous_friction * speed_;  // of paying out
     brake_force_ = 0.0;
     // Dry friction takes away at most what would stop the spool within the step.
@@ -216,6 +230,10 @@ class Plant {
 
   PlantParameters p_;
   Noise noise_;
+  GimbalMotor motor_;
+  CurrentControl control_;
+  bool on_ = false;  // the bridge
+  double way_ = 1.0, electrical_speed_ = 0.0, torque_current_ = 0.0;
   double out_, pawl_, distance_, zero_;
   double speed_ = 0.0, end_speed_ = 0.0, tension_ = 0.0, current_ = 0.0, brake_force_ = 0.0;
   double servo_ = 0.0;  // 0 open, 1 closed

@@ -11,6 +11,8 @@
 #define LOW 0x0
 #define HIGH 0x1
 #define OUTPUT 0x03
+#define INPUT_PULLUP 0x05
+#define IRAM_ATTR
 // Names that the real one takes away from everybody.
 #define PI 3.1415926535897932384626433832795
 #define TWO_PI 6.283185307179586476925286766559
@@ -26,6 +28,8 @@
 
 void pinMode(uint8_t pin, uint8_t mode);
 void digitalWrite(uint8_t pin, uint8_t value);
+int digitalRead(uint8_t pin);
+int8_t digitalPinToAnalogChannel(uint8_t pin);
 unsigned long micros();
 void delayMicroseconds(uint32_t microseconds);
 bool ledcAttach(uint8_t pin, uint32_t frequency, uint8_t resolution);

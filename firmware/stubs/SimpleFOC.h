@@ -16,6 +16,9 @@ enum Direction : int8_t { CW = 1, CCW = -1, UNKNOWN = 0 };
 struct DQCurrent_s {
   float d, q;
 };
+struct DQVoltage_s {
+  float d, q;
+};
 struct PhaseCurrent_s {
   float a, b, c;
 };
@@ -73,6 +76,7 @@ class CurrentSense {
   virtual PhaseCurrent_s getPhaseCurrents() = 0;
   bool skip_align = false;
   float gain_a, gain_b, gain_c;
+  float offset_ia, offset_ib, offset_ic;
 };
 
 class InlineCurrentSense : public CurrentSense {
@@ -89,6 +93,7 @@ class FOCMotor {
   void linkCurrentSense(CurrentSense* sense);
   float shaft_velocity;
   DQCurrent_s current;
+  DQVoltage_s voltage;
   float voltage_sensor_align, voltage_limit, current_limit, zero_electric_angle;
   FOCModulationType foc_modulation;
   TorqueControlType torque_controller;
@@ -111,5 +116,4 @@ class BLDCMotor : public FOCMotor {
   void setPhaseVoltage(float q, float d, float electrical);
 };
 
-float _readADCVoltageInline(const int pin, const void* parameters);
 void* _configureADCInline(const void* driver, const int a, const int b, const int c = _NC);

@@ -15,3 +15,5 @@ struct esp_task_wdt_config_t {
 esp_err_t esp_task_wdt_reconfigure(const esp_task_wdt_config_t* config);
 esp_err_t esp_task_wdt_add(TaskHandle_t task);
 esp_err_t esp_task_wdt_reset();
+// Weak in the library: called in the interrupt of a watchdog that has run out, before the panic.
+extern "C" void esp_task_wdt_isr_user_handler(void);

@@ -2,15 +2,20 @@
 // that follows its motor. USB is stdin and stdout; Bluetooth is two files, connected from the first byte to the
 // end of the first one. What happens to pins and tasks is told on stderr. Time passes as another file says, in us,
 // and a byte comes back when it has; one task runs at a time, so that the same bytes always have the same effects.
-// Arguments: for how many ms Bluetooth's write() blocks; the numbers of its files; those for the time.
+// Arguments: for how many ms Bluetooth's write() blocks; the numbers of its files; those for the time; and that of
+// a file with a letter for each thing that happens: b and B press and release the button, c ends the converter's
+// answers, h hangs the FOC task. What the libraries do is what was read of them, not tried.
 #include <Arduino.h>
 #include <BluetoothSerial.h>
 #include <Preferences.h>
 #include <SPI.h>
 #include <SimpleFOC.h>
+#include <esp_gap_bt_api.h>
 #include <esp_system.h>
 #include <esp_task_wdt.h>
 #include <poll.h>
+#include <soc/gpio_reg.h>
+#include <soc/sens_reg.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -34,8 +39,10 @@ constexpr double kTau = 6.283185307179586, kResistance = 2.8;
 constexpr int kPoles = 11, kEnablePin = 33;
 constexpr double kZero = 2.0;  // electrical angle of the rotor at the encoder's zero, rad
 
-int blocking_ms = 0, air_in = 3, air_out = 4, time_in = 5, time_out = 6;
-bool driver_on = false, bluetooth_there = false;
+int blocking_ms = 0, air_in = 3, air_out = 4, time_in = 5, time_out = 6, happenings = 7;
+bool driver_on = false, bluetooth_there = false, pressed = false, converting = true, hanging = false;
+uint64_t watchdog_us = 0, fed_us = 0;  // the watchdog's time, and when the FOC task was last heard of
+double radio = 0.0;                    // what the converter reads too much since the radio has started, V
 
 // Tasks take turns: the one that wakes first runs, and its time is now.
 std::mutex turns;
@@ -63,6 +70,8 @@ Chip chip;
 Sensor* sensor = nullptr;
 double rotor = 1.0, applied_q = 0.0, applied_electrical = 0.0, target = 0.0;  // rad, V, rad, A
 bool enabled = false;
+double zero = 0.0;  // electrical angle at the encoder's zero that the control goes by, rad
+CurrentSense* sense = nullptr;
 
 void tell(const char* what, double number) {
   std::fprintf(stderr, "%.4f %s %g\n", 1e-6 * static_cast<double>(now_us()), what, number);
@@ -99,6 +108,8 @@ void digitalWrite(uint8_t pin, uint8_t value) {
   driver_on = value != 0;
   tell("driver", value);
 }
+int digitalRead(uint8_t) { return pressed ? LOW : HIGH; }
+int8_t digitalPinToAnalogChannel(uint8_t pin) { return pin == 32 ? 4 : (pin == 34 ? 6 : 7); }
 unsigned long micros() { return static_cast<uint32_t>(now_us()); }
 void delayMicroseconds(uint32_t) {}
 bool ledcAttach(uint8_t, uint32_t, uint8_t) { return true; }
@@ -135,14 +146,27 @@ int HardwareSerial::available() { return waiting(0); }
 size_t HardwareSerial::write(uint8_t byte) { return Stream::write(&byte, 1); }
 uint64_t EspClass::getEfuseMac() { return 0xA1B2C3D4E5F6u; }
 
-bool BluetoothSerial::begin(String, bool, bool) { return true; }
-void BluetoothSerial::enableSSP() {}
+bool BluetoothSerial::begin(String, bool, bool) {
+  radio = 0.025;
+  return true;
+}
+void BluetoothSerial::enableSSP(bool input, bool output) { tell("announces_at_begin", input || output ? 1 : 0); }
+int esp_bt_gap_set_security_param(esp_bt_sp_param_t, void* value, uint8_t) {
+  // The core refuses what would have to be confirmed, for want of a callback.
+  tell("pairs", *static_cast<esp_bt_io_cap_t*>(value) == ESP_BT_IO_CAP_NONE ? 1 : 0);
+  return 0;
+}
+int esp_bt_gap_set_scan_mode(esp_bt_connection_mode_t connection, esp_bt_discovery_mode_t discovery) {
+  tell("connectable", connection);
+  tell("found", discovery == ESP_BT_GENERAL_DISCOVERABLE ? 1 : 0);
+  return 0;
+}
 bool BluetoothSerial::hasClient() {
   const bool there = still_there(air_in) && (bluetooth_there || ready(air_in));
   bluetooth_there = there;
   return there;
 }
-int BluetoothSerial::available() { return waiting(air_in); }
+int BluetoothSerial::available() { return bluetooth_there ? waiting(air_in) : 0; }
 size_t BluetoothSerial::write(uint8_t byte) { return write(&byte, 1); }
 size_t BluetoothSerial::write(const uint8_t* bytes, size_t size) {
   sleep_us(1000u * static_cast<uint64_t>(blocking_ms));
@@ -154,6 +178,7 @@ bool SPIClass::begin(int8_t, int8_t, int8_t, int8_t) { return true; }
 void SPIClass::beginTransaction(SPISettings) {}
 void SPIClass::endTransaction() {}
 uint16_t SPIClass::transfer16(uint16_t frame) {
+  while (hanging) sleep_us(1000000);
   const double turns = rotor / kTau;
   chip.angle = static_cast<uint16_t>(16384.0 * (turns - std::floor(turns)));
   return chip.exchange(frame);
@@ -171,11 +196,14 @@ size_t Preferences::putBytes(const char*, const void*, size_t size) {
 esp_reset_reason_t esp_reset_reason() { return ESP_RST_TASK_WDT; }
 esp_err_t esp_task_wdt_reconfigure(const esp_task_wdt_config_t* config) {
   tell("watchdog_ms", config->timeout_ms);
+  watchdog_us = 1000u * config->timeout_ms;
+  fed_us = now_us();
   return 0;
 }
 esp_err_t esp_task_wdt_add(TaskHandle_t) { return 0; }
 // Once in each turn of the FOC loop.
 esp_err_t esp_task_wdt_reset() {
+  fed_us = now_us();
   sleep_us(250);
   turn_rotor();
   return 0;
@@ -193,10 +221,34 @@ BaseType_t xTaskCreatePinnedToCore(TaskFunction_t task, const char* name, uint32
   return pdPASS;
 }
 void vTaskDelay(TickType_t ticks) { sleep_us(1000u * static_cast<uint64_t>(ticks)); }
+namespace {
+void watch() {
+  if (watchdog_us == 0 || now_us() - fed_us <= watchdog_us) return;
+  watchdog_us = 0;
+  esp_task_wdt_isr_user_handler();
+  tell("panic", 1);
+}
+
+void happen() {
+  char what = 0;
+  while (ready(happenings) && ::read(happenings, &what, 1) == 1) {
+    if (what == 'b' || what == 'B') pressed = what == 'b';
+    if (what == 'c') converting = false;
+    if (what == 'h') hanging = true;
+  }
+}
+}  // namespace
+
+void REG_WRITE(uint32_t reg, uint32_t value) {
+  if (reg == GPIO_OUT1_W1TC_REG && value == 1u << (kEnablePin - 32)) digitalWrite(kEnablePin, LOW);
+}
+
 // The task that is deleted is that of main(): its thread lets time pass from now on.
 void vTaskDelete(TaskHandle_t) {
   for (uint32_t duration = 0; ::read(time_in, &duration, sizeof duration) == sizeof duration;) {
     sleep_us(duration);
+    watch();
+    happen();
     if (::write(time_out, "", 1) != 1) break;
   }
   std::_Exit(0);
@@ -210,24 +262,52 @@ LowPassFilter::LowPassFilter(float time) : Tf(time) {}
 BLDCDriver3PWM::BLDCDriver3PWM(int, int, int, int, int, int) {}
 int BLDCDriver3PWM::init() { return 1; }
 void CurrentSense::linkDriver(FOCDriver*) {}
-InlineCurrentSense::InlineCurrentSense(float, float, int, int, int) { gain_b = 1.0f; }
+InlineCurrentSense::InlineCurrentSense(float shunt, float gain, int, int, int) {
+  gain_a = gain_b = 1.0f / (shunt * gain);
+}
 int InlineCurrentSense::init() {
   if (driver_on) tell("offsets_with_driver_on", 1);
+  offset_ia = offset_ib = 1.65f;
   return 1;
 }
-// The second amplifier is the other way round, as on the shield, until its gain is told so.
-PhaseCurrent_s InlineCurrentSense::getPhaseCurrents() {
-  const double volts = driver_on ? applied_q : 0.0;
-  const double alpha = -std::sin(applied_electrical) * volts / kResistance;
-  const double beta = std::cos(applied_electrical) * volts / kResistance;
-  const double b = -0.5 * alpha + 0.8660254037844386 * beta;
-  return {static_cast<float>(alpha), static_cast<float>(-static_cast<double>(gain_b) * b), 0.0f};
+PhaseCurrent_s InlineCurrentSense::getPhaseCurrents() { return {0.0f, 0.0f, 0.0f}; }
+
+namespace {
+uint32_t pad = 0;  // of the converter, one bit
+
+// Current of a phase: along q while the control runs, and along what was applied else.
+double phase_current(bool second) {
+  if (!driver_on) return 0.0;
+  const double along = enabled ? target : applied_q / kResistance;
+  const double angle = enabled ? kPoles * rotor - zero : applied_electrical;
+  const double alpha = -std::sin(angle) * along, beta = std::cos(angle) * along;
+  return second ? -0.5 * alpha + 0.8660254037844386 * beta : alpha;
+}
+
+// Voltage at the chosen pin. The second amplifier is the other way round, as on the shield; half a volt for an
+// ampere.
+double pin_voltage() {
+  if (pad == 1u << 4) return 12.0 / 11.0;
+  const bool second = pad == 1u << 7;
+  return 1.65 + radio + (second ? -0.5 : 0.5) * phase_current(second);
+}
+}  // namespace
+
+void SET_PERI_REG_MASK(uint32_t, uint32_t) {}
+void CLEAR_PERI_REG_MASK(uint32_t, uint32_t) {}
+void SET_PERI_REG_BITS(uint32_t, uint32_t, uint32_t value, int) { pad = value; }
+uint32_t GET_PERI_REG_MASK(uint32_t, uint32_t) {
+  if (!converting) sleep_us(10);
+  return converting ? 1 : 0;
+}
+uint32_t GET_PERI_REG_BITS2(uint32_t, uint32_t, int) {
+  return static_cast<uint32_t>(std::lround(pin_voltage() * 4095.0 / 3.3));
 }
 ABCurrent_s CurrentSense::getABCurrents(PhaseCurrent_s current) {
   return {current.a, (current.a + 2.0f * current.b) / 1.7320508f};
 }
 void FOCMotor::linkSensor(Sensor* linked) { sensor = linked; }
-void FOCMotor::linkCurrentSense(CurrentSense*) {}
+void FOCMotor::linkCurrentSense(CurrentSense* linked) { sense = linked; }
 BLDCMotor::BLDCMotor(int, float, float, float) {}
 void BLDCMotor::linkDriver(BLDCDriver*) {}
 int BLDCMotor::init() {
@@ -237,6 +317,7 @@ int BLDCMotor::init() {
 int BLDCMotor::initFOC() { return zero_electric_angle < -12000.0f || sensor_direction == UNKNOWN ? 0 : 1; }
 void BLDCMotor::enable() {
   enabled = true;
+  zero = static_cast<double>(zero_electric_angle);
   tell("zero_mrad", std::round(1e3 * static_cast<double>(zero_electric_angle)));
 }
 void BLDCMotor::disable() {
@@ -245,7 +326,13 @@ void BLDCMotor::disable() {
 }
 void BLDCMotor::loopFOC() {
   sensor->update();
-  if (enabled) current.q = static_cast<float>(target);
+  if (!enabled) return;
+  const ABCurrent_s measured = sense->getABCurrents(sense->getPhaseCurrents());
+  const double angle = kPoles * rotor - zero;
+  const double alpha = static_cast<double>(measured.alpha), beta = static_cast<double>(measured.beta);
+  current = {static_cast<float>(std::cos(angle) * alpha + std::sin(angle) * beta),
+             static_cast<float>(std::cos(angle) * beta - std::sin(angle) * alpha)};
+  voltage = {0.0f, static_cast<float>(kResistance * target)};
 }
 void BLDCMotor::move(float wanted) {
   shaft_velocity = 0.0f;
@@ -256,11 +343,10 @@ void BLDCMotor::setPhaseVoltage(float q, float, float electrical) {
   applied_electrical = static_cast<double>(electrical);
 }
 
-float _readADCVoltageInline(const int, const void*) { return 12.0f / 11.0f; }
 void* _configureADCInline(const void*, const int, const int, const int) { return nullptr; }
 
 int main(int, char** words) {
-  int* const numbers[] = {&blocking_ms, &air_in, &air_out, &time_in, &time_out};
+  int* const numbers[] = {&blocking_ms, &air_in, &air_out, &time_in, &time_out, &happenings};
   for (int* number : numbers) *number = std::atoi(*++words);
   setup();
   loop();

@@ -1,7 +1,7 @@
-// module: the whole core with made-up samples in place of hardware. A line is "receive" and the bytes that came over
-// the link, in hex; or "step" and a sample: microseconds since the last one, angle (rad), speed (rad/s), current (A).
-// Printed are, after each step, whether the driver is on, the current that is asked for (A), and the state; and what
-// the module has to send, in hex.
+// module: the whole core with made-up samples in place of hardware. A line is "receive" and the bytes that came
+// over the link, in hex; or "step" and a sample: microseconds since the last one, angle (rad), speed (rad/s),
+// current (A). The voltage that the rotor induces is that of the speed. Printed are, after each step, whether the
+// driver is on, the current that is asked for (A), and the state; and what the module has to send, in hex.
 #include "core/module.hpp"
 
 #include <cstdint>
@@ -29,7 +29,8 @@ int main() {
     float angle = 0.0f, speed = 0.0f, current = 0.0f;
     std::cin >> elapsed >> angle >> speed >> current;
     now_us += elapsed;
-    const fw::Actuators wanted = module.step({now_us, angle, speed, current, 12.0f, true});
+    const float induced = -speed * 0.0195f * 2.0f;  // at 3 N/A
+    const fw::Actuators wanted = module.step({now_us, angle, speed, current, induced, 0.0f, 12.0f, true});
     std::printf("%d %.9g %d -", wanted.driver_on, static_cast<double>(wanted.current),
                 static_cast<int>(module.state()));
     std::uint8_t sent[1024];

@@ -27,7 +27,7 @@ def scale(host: Host, tension: float, speed: float) -> float:
     """What a luggage scale shows that draws the cable out, or follows it in, at an even speed."""
     start = host.module.sample.distance
     trace = joined(host.hold(tension, 0.4, distance=start + 0.4 * speed))
-    return trace.tension[len(trace.tension) // 4 :].mean()
+    return trace.tension[len(trace.tension) // 2 :].mean()  # it swings at first
 
 
 def calibrate_with_scale(host: Host) -> None:
@@ -290,7 +290,7 @@ def test_reeling_in_too_fast_the_tension_gives_way():
     host.calibrate()
     host.arm()
     host.hold(3.0, 0.2)
-    slow, fast = joined(host.hold(3.0, 0.5, distance=0.8)), joined(host.hold(3.0, 0.4, distance=0.54))
+    slow, fast = joined(host.hold(3.0, 0.5, distance=0.8)), joined(host.hold(3.0, 0.4, distance=0.56))
     assert slow.commanded[-1] == pytest.approx(3.0)
     assert fast.commanded[-1] < 2.8
     assert fast.limit[-1] == Limit.SPEED
@@ -310,7 +310,8 @@ def test_outside_the_allowed_length_only_the_taut_minimum_is_left(edge, beyond):
 
 
 def test_friction_is_compensated_but_never_beyond_what_the_winding_stands():
-    host = Host(reset_reason=ResetReason.WATCHDOG)  # so that it has only its continuous current
+    plant = {"dry_friction": 2.0, "viscous_friction": 5.0}
+    host = Host(plant=plant, reset_reason=ResetReason.WATCHDOG)  # so that it has only its continuous current
     host.calibrate()
     host.set(friction_coulomb=2.0, friction_viscous=5.0)
     host.arm()

@@ -93,20 +93,41 @@ def test_foreign_sessions_are_refused(session):
     assert host.state == State.TIMEOUT
 
 
-@pytest.mark.parametrize("first", [0, 100, 200, 255])
-@pytest.mark.parametrize("back", range(128))
+@pytest.mark.parametrize("back", [0, 1, 127, 128, 200, 255, 256, 300])
+@pytest.mark.parametrize("first", [301, 511, 512, 700])
 def test_stale_and_repeated_set_points_are_dropped_without_a_word(first, back):
-    host = host_in(State.ARMED)
-    host.sequence = first - 1
-    host.code(Stop())
-    host.session = 78
-    host.sequence = first - 2
+    """Also after more of them than there are sequence numbers."""
+    host = Host()
+    host.calibrate(length=1.0)
+    host.sequence = 255
     host.arm()
-    assert host.say(SetTension(78, 1.0), first) == []
-    assert host.say(SetTension(78, 5.0), (first - back) % 256) == []
+    assert host.sequence == 0
+    for number in range(100, first + 1, 100):
+        host.say(SetTension(SESSION, 1.0, rounds=number // 256), number % 256)
+    assert host.say(SetTension(SESSION, 1.0, rounds=first // 256), first % 256) == []
+    old = first - back
+    assert host.say(SetTension(SESSION, 5.0, rounds=old // 256), old % 256) == []
     assert host.module.trace(0.24).commanded.max() == pytest.approx(1.0)
     host.module.advance(0.02)
     assert host.state == State.TIMEOUT, "they do not prolong anything"
+
+
+def test_none_of_the_last_sessions_arms_a_module_again():
+    host = host_in(State.ARMED)
+    for session in range(SESSION + 1, SESSION + 32):
+        assert host.code(Stop()) == Code.OK
+        assert host.code(Arm(session)) == Code.OK
+    host.code(Stop())
+    for session in range(SESSION, SESSION + 32):
+        assert host.code(Arm(session)) == Code.BAD_SESSION
+    assert host.state == State.IDLE
+
+
+def test_an_acknowledgement_names_the_session():
+    host = host_in(State.IDLE)
+    assert host.say(Stop())[0].session == 0
+    assert host.say(Arm(SESSION))[0].session == SESSION
+    assert host.say(Stop())[0].session == SESSION
 
 
 @pytest.mark.parametrize("ahead", [1, 2, 127])
@@ -117,7 +138,8 @@ def test_newer_set_points_count_though_some_were_lost(first, ahead):
     host.code(Stop())
     host.session, host.sequence = 78, first - 1
     host.arm()
-    host.say(SetTension(78, 2.0), (first + ahead) % 256)
+    newer = first + ahead
+    host.say(SetTension(78, 2.0, rounds=newer // 256), newer % 256)
     assert host.module.trace(0.2).commanded[-1] == 2.0
 
 
@@ -127,7 +149,7 @@ def test_newer_set_points_count_though_some_were_lost(first, ahead):
 @pytest.mark.parametrize("value", [*NO_NUMBERS, -0.01, 6.01, 1e30])
 def test_tensions_that_are_none_or_out_of_range_are_refused(value):
     host = host_in(State.RUNNING)
-    assert raw(host, Type.SET_TENSION, "HfBH", SESSION, value, 0, 0) == Code.BAD_VALUE
+    assert raw(host, Type.SET_TENSION, "HfBHB", SESSION, value, 0, 0, 0) == Code.BAD_VALUE
     assert host.module.trace(0.1).commanded == pytest.approx(3.0)
 
 
@@ -137,7 +159,7 @@ def test_impedances_that_are_none_or_out_of_range_are_refused(field, value):
     host = host_in(State.RUNNING)
     numbers = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]
     numbers[field] = value
-    assert raw(host, Type.SET_IMPEDANCE, "H6fBH", SESSION, *numbers, 0, 0) == Code.BAD_VALUE
+    assert raw(host, Type.SET_IMPEDANCE, "H6fBHB", SESSION, *numbers, 0, 0, 0) == Code.BAD_VALUE
     assert host.module.trace(0.1).commanded == pytest.approx(3.0)
 
 
@@ -145,8 +167,8 @@ def test_impedances_that_are_none_or_out_of_range_are_refused(field, value):
 def test_lives_that_are_too_short_or_too_long_are_refused(ttl_ms):
     host = host_in(State.ARMED)
     assert host.code(SetTension(SESSION, 1.0, ttl_ms=ttl_ms)) == Code.BAD_VALUE
-    assert raw(host, Type.SET_TENSION, "HfBH", SESSION, 1.0, 2, 0) == Code.BAD_VALUE, "a flag is 0 or 1"
-    assert raw(host, Type.SET_IMPEDANCE, "H6fBH", SESSION, *6 * [0.0], 2, 0) == Code.BAD_VALUE
+    assert raw(host, Type.SET_TENSION, "HfBHB", SESSION, 1.0, 2, 0, 0) == Code.BAD_VALUE, "a flag is 0 or 1"
+    assert raw(host, Type.SET_IMPEDANCE, "H6fBHB", SESSION, *6 * [0.0], 2, 0, 0) == Code.BAD_VALUE
     assert host.state == State.ARMED
 
 
@@ -200,7 +222,7 @@ def test_what_is_no_command_is_unknown(kind, payload):
     host.module.receive(Frame(kind, 3, payload).pack())
     (frame,) = host.decoder.feed(host.module.transmit())
     assert (frame.type, frame.sequence) == (Type.ACKNOWLEDGE, 3)
-    assert frame.payload == bytes([kind, Code.UNKNOWN_TYPE, State.RUNNING])
+    assert frame.payload == bytes([kind, Code.UNKNOWN_TYPE, State.RUNNING, SESSION, 0])
 
 
 # What is only for a module at rest
@@ -416,7 +438,7 @@ def test_telemetry_that_nobody_fetches_leaves_room_for_answers():
         host.module.advance(0.1)
     host.module.receive(EmergencyStop().frame(9).pack())
     told = host.hear()
-    assert told[-1] == Acknowledge(Type.ESTOP, Code.OK, State.ESTOP)
+    assert told[-1] == Acknowledge(Type.ESTOP, Code.OK, State.ESTOP, SESSION)
     host.module.advance(0.01)
     assert host.hear()[-1].lost_frames > 300
 

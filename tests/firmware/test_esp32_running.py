@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from tensionlab.hardware.protocol.codes import Calibration, Code, ResetReason, State
+from tensionlab.hardware.protocol.codes import Calibration, Code, Fault, ResetReason, State
 from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import (
     Acknowledge,
@@ -22,6 +22,7 @@ from tensionlab.hardware.protocol.messages import (
     Calibrate,
     ConfigureTelemetry,
     EmergencyStop,
+    Event,
     GetParameter,
     Hello,
     Info,
@@ -48,7 +49,9 @@ def program(tmp_path_factory):
         pytest.fail("no C++ compiler 'c++' was found; the package itself needs one to build")
     built = tmp_path_factory.mktemp("esp32") / "module"
     sources = [*FIRMWARE.glob("core/*.cpp"), *FIRMWARE.glob("esp32/*.cpp"), ROOT / "tests/data/esp32_fakes.cpp"]
-    command = [compiler, "-std=c++17", "-O1", "-pthread", "-Wall", "-Wextra", "-Werror"]
+    # The window for pairing is a minute; here it is 10 s.
+    options = ["-DTENSIONLAB_PAIRING_S=10", "-pthread", "-Wall", "-Wextra", "-Werror"]
+    command = [compiler, "-std=c++17", "-O1", *options]
     subprocess.run(
         [*command, "-isystem", str(FIRMWARE / "stubs"), *map(str, sources), "-o", str(built)], check=True
     )
@@ -93,7 +96,8 @@ class Board:
         (usb_in, usb_to), (usb_from, usb_out), (noted, notes) = os.pipe(), os.pipe(), os.pipe()
         (air_in, self.air_to), (air_from, air_out) = os.pipe(), os.pipe()
         (time_in, self._time_to), (self._time_from, time_out) = os.pipe(), os.pipe()
-        theirs = (air_in, air_out, time_in, time_out)
+        happen_in, self._happen_to = os.pipe()
+        theirs = (air_in, air_out, time_in, time_out, happen_in)
         self.process = subprocess.Popen(
             [str(word) for word in (program, blocking_ms, *theirs)],
             stdin=usb_in,
@@ -104,7 +108,16 @@ class Board:
         for end in (usb_in, usb_out, notes, *theirs):
             os.close(end)
         self.now, self.told, self._noted, self._half = 0.0, [], noted, b""
-        self._ours = [usb_to, usb_from, noted, self.air_to, air_from, self._time_to, self._time_from]
+        self._ours = [
+            usb_to,
+            usb_from,
+            noted,
+            self.air_to,
+            air_from,
+            self._time_to,
+            self._time_from,
+            self._happen_to,
+        ]
         self.usb, self._air = Wire(usb_to, usb_from, self.advance), Wire(self.air_to, air_from, self.advance)
 
     def connect_bluetooth(self):
@@ -113,6 +126,11 @@ class Board:
     def end_bluetooth(self):
         os.close(self.air_to)
         self._ours.remove(self.air_to)
+
+    def happen(self, what):
+        """Press the button (b) or release it (B), end the converter's answers (c), or hang the FOC task (h)."""
+        os.write(self._happen_to, what.encode())
+        self.advance(0.001)
 
     def close(self):
         for end in self._ours:
@@ -171,7 +189,9 @@ def test_it_boots_with_the_driver_off_and_each_task_on_its_processor(program):
             [0],
             [0],
         )
-        assert module.numbers("watchdog_ms") == [1000]
+        assert module.numbers("watchdog_ms") == [1000], "flash may be written while the driver is off"
+        assert module.numbers("announces_at_begin") == [0], "else the core refuses to pair"
+        assert (module.numbers("pairs"), module.numbers("found")) == ([0], [0])
         assert module.numbers("servo_us") == [1000]
 
 
@@ -179,6 +199,7 @@ def test_it_boots_with_the_driver_off_and_each_task_on_its_processor(program):
 def test_it_reels_in_whichever_way_round_the_encoder_is(program, direction):
     with board(program) as module:
         usb = module.usb
+        module.advance(0.6)  # the offsets of the currents, which the radio moved, are found again
         assert usb.ask(SetParameter(PARAMETERS["motor_direction"].index, direction)).code is Code.OK
         assert usb.ask(SetParameter(PARAMETERS["motor_zero"].index, 1.5)).code is Code.OK
         pull(usb)
@@ -274,3 +295,93 @@ def test_a_flood_does_not_hold_the_loop_up(program):
         telemetry = usb.wait(Telemetry)
         assert telemetry.bad_frames > 60
         assert telemetry.longest_step_us == 250
+
+
+def test_strangers_pair_only_for_a_while_after_the_button_was_pressed(program):
+    with board(program) as module:
+        module.usb.ask(Hello(), Info)
+        module.happen("b")
+        module.advance(0.01)
+        module.happen("B")
+        assert (module.numbers("pairs"), module.numbers("found")) == ([0, 1], [0, 1])
+        module.advance(9.9)
+        assert module.numbers("pairs") == [0, 1]
+        module.advance(0.2)
+        assert (module.numbers("pairs"), module.numbers("found")) == ([0, 1, 0], [0, 1, 0])
+        assert set(module.numbers("connectable")) == {1}, "those that have paired connect at any time"
+
+
+def test_nobody_pairs_with_a_module_that_pulls(program):
+    with board(program) as module:
+        module.usb.ask(Hello(), Info)
+        module.happen("bB")
+        module.happen("b")
+        pull(module.usb)
+        module.until("driver", 1)
+        module.advance(0.01)
+        assert module.numbers("pairs") == [0, 1, 0], "storing a key would halt the loop"
+
+
+@pytest.mark.parametrize(("stop", "state"), [(Stop(), State.IDLE), (EmergencyStop(), State.ESTOP)])
+def test_a_stop_is_obeyed_from_usb_though_bluetooth_has_the_link(program, stop, state):
+    with board(program) as module:
+        module.advance(0.01)
+        air = module.connect_bluetooth()
+        pull(air)
+        module.until("driver", 1)
+        available(module.usb._out)  # what it said before Bluetooth was there
+        module.usb.send(SetTension(5, 3.0, ttl_ms=2000))
+        module.usb.send(Hello())
+        module.usb.send(stop)
+        module.until("driver", 0, 0.1)
+        assert air.wait(Event).state is state
+        assert air.ask(Hello(), Info).state is state
+        assert available(module.usb._out) == b"", "and nothing else is"
+
+
+def test_an_emergency_stop_is_obeyed_from_bluetooth_that_has_just_lost_the_link(program):
+    with board(program) as module:
+        module.advance(0.01)
+        air = module.connect_bluetooth()
+        pull(air)
+        module.until("driver", 1)
+        air.send(EmergencyStop())
+        module.end_bluetooth()
+        module.until("driver", 0, 0.1)
+        assert module.usb.ask(Hello(), Info).state is State.ESTOP
+
+
+def test_a_hang_takes_the_driver_off_within_the_watchdogs_50_ms_before_the_panic(program):
+    with board(program) as module:
+        pull(module.usb)
+        module.until("driver", 1)
+        module.advance(0.1)
+        assert module.numbers("watchdog_ms") == [1000, 50]
+        begin = module.now
+        module.happen("h")
+        module.until("panic", 1, 0.2)
+        [off] = [at for what, number, at in module.told if (what, number) == ("driver", 0)]
+        assert off - begin < 0.053
+        assert [what for what, *_ in module.told][-2:] == ["driver", "panic"]
+
+
+def test_a_hang_with_the_driver_off_may_last_a_second(program):
+    """As long as flash may take to be written."""
+    with board(program) as module:
+        pull(module.usb)
+        module.until("driver", 1)
+        module.usb.ask(Stop())
+        module.until("driver", 0)
+        assert module.numbers("watchdog_ms") == [1000, 50, 1000]
+
+
+def test_a_converter_that_does_not_answer_is_a_fault_at_once_and_no_hang(program):
+    with board(program) as module:
+        pull(module.usb)
+        module.until("driver", 1)
+        begin = module.now
+        module.happen("c")
+        module.until("driver", 0, 0.1)
+        assert module.now - begin < 0.01
+        assert module.usb.wait(Event, state=State.FAULT).faults & Fault.CURRENT
+        assert module.numbers("panic") == []

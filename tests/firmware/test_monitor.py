@@ -23,8 +23,11 @@ from tensionlab.hardware.protocol.messages import (
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 
 ROOT = Path(__file__).parents[2]
-USUAL = {"elapsed": 250, "angle": 10.0, "speed": 0.0, "current": 0.7, "supply": 12.0, "ok": 1, "commanded": 0.7}
-RADIUS, SPEED_LIMIT, PEAK = 0.0195, 3.0, 2.2  # as a module has them at first
+USUAL = {
+    "elapsed": 250, "angle": 10.0, "speed": 0.0, "current": 0.7, "induced": 0.0, "across": 0.0, "supply": 12.0,
+    "ok": 1, "commanded": 0.7,
+}  # fmt: skip
+RADIUS, SPEED_LIMIT, PEAK = 0.0195, 1.5, 2.2  # as a module has them at first
 
 
 def built(name, folder, *parts):
@@ -57,8 +60,11 @@ def monitor(tmp_path_factory):
         ({"ok": 0}, 4, Fault.ENCODER),
         ({"angle": "nan"}, 4, Fault.ENCODER),
         ({"speed": "inf"}, 4, Fault.ENCODER),
-        ({"speed": -1.01 * 2.0 * SPEED_LIMIT / RADIUS}, 4, Fault.SPEED),
+        ({"speed": -1.01 * 1.4 * SPEED_LIMIT / RADIUS}, 4, Fault.SPEED),
+        ({"speed": 1.01 * 2.25 * SPEED_LIMIT / RADIUS}, 400, Fault.SPEED),
         ({"current": "nan"}, 4, Fault.CURRENT),
+        ({"induced": "nan"}, 4, Fault.CURRENT),
+        ({"across": "inf"}, 4, Fault.CURRENT),
         ({"current": 1.51 * PEAK}, 4, Fault.CURRENT),
         ({"current": -1.51 * PEAK}, 4, Fault.CURRENT),
         ({"supply": 7.9}, 40, Fault.SUPPLY),
@@ -78,8 +84,8 @@ def test_what_is_wrong_for_a_while_is_a_fault_until_it_has_been_right_for_ten_ti
 @pytest.mark.parametrize(
     "usual",
     [
-        {"speed": 5.0 * SPEED_LIMIT / RADIUS},  # a hand pulls the cable out
-        {"speed": -0.99 * 2.0 * SPEED_LIMIT / RADIUS, "current": 0.0},  # the supply does not suffice
+        {"speed": 2.0 * SPEED_LIMIT / RADIUS},  # a hand pulls the cable out
+        {"speed": -0.99 * 1.4 * SPEED_LIMIT / RADIUS, "current": 0.0},  # the supply does not suffice
         {"current": 1.49 * PEAK},
         {"current": -1.49 * PEAK, "commanded": 0.0},
         {"current": 0.36},

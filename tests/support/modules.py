@@ -1,5 +1,7 @@
 """A host's side of the link to one simulated module, for the tests."""
 
+from dataclasses import replace
+
 from tensionlab.hardware.protocol.codes import Calibration, Code, State
 from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import (
@@ -25,14 +27,19 @@ class Host:
     def __init__(self, session=SESSION, **options):
         self.module = SimulatedModule(**options)
         self.decoder = Decoder()
-        self.sequence = 0
+        self.sequence, self.rounds = 0, 0
         self.session = session
         self.module.advance(STEP_S)  # before its first step, the firmware knows nothing
 
     def say(self, message: Message, sequence: int | None = None) -> list[Message]:
         """Send a message; what the module has said up to now, without any time passing."""
         if sequence is None:
+            self.rounds += self.sequence == 255
             sequence = self.sequence = (self.sequence + 1) % 256
+        if isinstance(message, Arm):
+            self.rounds = 0
+        if isinstance(message, SetTension | SetImpedance) and not message.rounds:
+            message = replace(message, rounds=self.rounds)
         self.module.receive(message.frame(sequence).pack())
         return self.hear()
 

@@ -43,7 +43,7 @@ def test_the_wiring_is_that_of_the_board():
     pins = dict(re.findall(r"(k\w+) = (\d+)[,;]", "\n".join(re.findall(r"constexpr Pin .*?;", text, re.DOTALL))))
     wired = {name: pin for pin, name in re.findall(r"\| GPIO (\d+) \|.*`(k\w+)` \|", README)}
     assert wired == pins
-    assert len(set(pins.values())) == len(pins) == 12
+    assert len(set(pins.values())) == len(pins) == 13
 
 
 def test_what_the_readme_talks_is_understood(capsys):

@@ -60,6 +60,13 @@ class Received(Generic[MessageType_co]):
     time: float
 
 
+def answers(found: Acknowledge, command: Message) -> bool:
+    """Tell whether an acknowledgement is of this command: of its type, and where it arms a module, its session."""
+    if found.command is not command.type:
+        return False
+    return not (isinstance(command, messages.Arm) and found.code is Code.OK and found.session != command.session)
+
+
 class ModuleClient:
     """Client of one module: commands, their answers, and messages that the module sends by itself.
 
@@ -99,7 +106,8 @@ class ModuleClient:
         self.link = open_link(link, name) if isinstance(link, str) else link
         self._arm_repeated = False
         self._on_message: Callable[[Received[Message]], None] | None = None
-        self._random = random.Random(seed)
+        # Sessions are to be unlike those of any other host and of any earlier run.
+        self._random = random.SystemRandom() if seed is None else random.Random(seed)
         self._sequence = self._random.randrange(256)
         self.endpoint = _native.Endpoint(self._random.randrange(256))
         self._heard: tuple[int, Received[Telemetry] | None] = (0, None)
@@ -207,7 +215,7 @@ class ModuleClient:
             raise ProtocolError(f'module "{self.name}" {found}')
         if isinstance(found, ProtocolError):
             raise ProtocolError(f'module "{self.name}" answered what makes no sense: {found}')
-        if isinstance(found, Acknowledge) and found.command is not command.type:
+        if isinstance(found, Acknowledge) and not answers(found, command):
             return None
         if isinstance(found, Acknowledge) and found.code is not Code.OK:
             raise ModuleFault(
@@ -227,8 +235,8 @@ class ModuleClient:
 
     def send_set_point(self, message: messages.SetTension | messages.SetImpedance) -> int:
         """Send a set-point, which is not answered, and return its number."""
-        sequence = self.endpoint.next_set_point()
-        self.link.send(message.frame(sequence).pack())
+        rounds, sequence = divmod(self.endpoint.next_set_point(), 256)
+        self.link.send(replace(message, rounds=rounds).frame(sequence).pack())
         return sequence
 
     def listen(self, seconds: float = 0.0) -> None:

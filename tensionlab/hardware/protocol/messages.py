@@ -26,7 +26,7 @@ from tensionlab.hardware.protocol.codes import (
 )
 from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, MAX_PIECE, Frame, pack_1, unpack_1
 
-PROTOCOL = 2
+PROTOCOL = 3
 """Version of the protocol; `Info` has the module's."""
 MESSAGES: dict[int, type[Message]] = {}
 """Message class of each type of frame."""
@@ -138,12 +138,16 @@ class Arm(Message, type=Type.ARM):
 
 @dataclass(frozen=True)
 class SetTension(Message, type=Type.SET_TENSION):
-    """Pull with so many N until the next set-point, for at most `ttl_ms` (0: as long as the module's own)."""
+    """Pull with so many N until the next set-point, for at most `ttl_ms` (0: as long as the module's own).
+
+    `rounds` is how often the sequence numbers have begun again since ARM.
+    """
 
     session: U16
     tension: F32
     brake: Flag = False
     ttl_ms: U16 = 0
+    rounds: U8 = 0
 
 
 @dataclass(frozen=True)
@@ -163,6 +167,7 @@ class SetImpedance(Message, type=Type.SET_IMPEDANCE):
     frequency: F32 = 0.0
     brake: Flag = False
     ttl_ms: U16 = 0
+    rounds: U8 = 0
 
 
 @dataclass(frozen=True)
@@ -304,11 +309,12 @@ class Telemetry(Message, type=Type.TELEMETRY):
 
 @dataclass(frozen=True)
 class Acknowledge(Message, type=Type.ACKNOWLEDGE):
-    """Result of a command."""
+    """Result of a command; `session` is the one that armed the module last, 0 if none did."""
 
     command: Annotated[Type, "B"]
     code: Annotated[Code, "B"]
     state: Annotated[State, "B"]
+    session: U16 = 0
 
 
 @dataclass(frozen=True)
@@ -349,7 +355,7 @@ def repeated_in_protocol_1(command: Frame) -> bytes:
 class Protocol1Listener:
     """Detector of modules of protocol 1, by their INFO.
 
-    Messages of protocol 1 are those of protocol 2; frames are not, so neither understands the other by accident.
+    Frames of protocol 1 are others than these, so neither understands the other by accident.
     """
 
     def __init__(self) -> None:

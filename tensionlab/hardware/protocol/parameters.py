@@ -23,7 +23,7 @@ class Parameter:
 
 PARAMETERS = {row[0]: Parameter(index, *row[1:]) for index, row in enumerate(_native.parameter_table())}
 """The firmware's parameters, by name."""
-CHOICES = frozenset({"timeout_brake", "motor_direction", "calibrated"})
+CHOICES = frozenset({"timeout_brake", "brake_on_fault", "motor_direction", "calibrated"})
 """Parameters that are one of their two bounds."""
 PARAMETER_DESCRIPTIONS = {
     "tension_lower": "the taut minimum: the least tension of an armed module",
@@ -35,7 +35,7 @@ PARAMETER_DESCRIPTIONS = {
     "current_continuous": "current that the winding stands for ever",
     "current_peak": "current that the winding stands for a while",
     "thermal_time": "time constant of the winding",
-    "speed_limit": "reeling in faster than this, the module pulls less, and at twice this it faults",
+    "speed_limit": "reeling in faster, the module pulls less; at 1.4 times it faults",
     "length_lower": "cable that must stay out; shorter, it pulls only with the taut minimum",
     "length_upper": "cable there is; longer, it pulls only with the taut minimum",
     "spool_radius": "from encoder angle to cable length",
@@ -51,6 +51,7 @@ PARAMETER_DESCRIPTIONS = {
     "brake_tooth": "cable from tooth to tooth of the brake's wheel",
     "brake_release_tension": "to reel the load off the pawl before it is lifted",
     "timeout_brake": "what the brake does when the module times out",
+    "brake_on_fault": "after a fault or emergency stop: open for people, closed for loads",
     "motor_direction": "sign of the encoder while the cable pays out",
     "motor_zero": "electrical angle at the encoder's zero; CALIBRATE finds it",
     "calibrated": "whether the module may be armed; CALIBRATE sets it",

@@ -101,17 +101,18 @@ class Endpoint {
     return keep(telemetry, now);
   }
 
-  // The number of the next ARM or set-point: the module accepts up to 127 after the last.
-  std::uint8_t next_set_point() {
+  // The number of the next set-point: below, its sequence number, and above, how often those began again since
+  // ARM.
+  std::uint16_t next_set_point() {
     const std::lock_guard<std::mutex> locked(mutex_);
     return ++set_point_;
   }
 
-  // The same of an ARM, from which on telemetry may say that it is followed.
+  // The sequence number of the next ARM, from which on telemetry may say that it is followed.
   std::uint8_t next_arm() {
     const std::lock_guard<std::mutex> locked(mutex_);
     followed_ = false;
-    return armed_ = ++set_point_;
+    return armed_ = static_cast<std::uint8_t>(set_point_ = (set_point_ + 1) & 0xFF);
   }
 
   struct Known {
@@ -197,12 +198,13 @@ class Endpoint {
     if (!std::isfinite(number)) return {kNotSent, Sent::not_a_number};
     firmware::Frame frame;
     frame.type = static_cast<std::uint8_t>(firmware::Type::set_tension);
-    frame.sequence = ++set_point_;
+    frame.sequence = static_cast<std::uint8_t>(++set_point_);
     firmware::Writer writer(frame.payload);
     writer.u16(session_);
     writer.f32(number);
     writer.u8(brake ? 1 : 0);
     writer.u16(ttl_ms);
+    writer.u8(static_cast<std::uint8_t>(set_point_ >> 8));
     frame.size = static_cast<std::uint8_t>(writer.size());
     std::uint8_t bytes[firmware::kMaxFrame];
     const std::size_t size = firmware::write_frame(frame, bytes);
@@ -244,8 +246,8 @@ class Endpoint {
   Telemetry latest_{}, checked_{};
   std::uint64_t telemetries_ = 0, checks_ = 0, stale_ = 0, repeated_ = 0;
   int state_ = kNoState;
-  std::uint16_t faults_ = 0, session_ = 0;
-  std::uint8_t set_point_, armed_;
+  std::uint16_t faults_ = 0, session_ = 0, set_point_;
+  std::uint8_t armed_;
   bool followed_ = false, attended_ = false, troubled_ = false;
   Descriptor file_ = kNoDescriptor;
 };

@@ -79,7 +79,9 @@ def test_a_line_of_text_is_cut_and_has_only_printable_ascii(text):
 
 
 def test_a_payload_worked_out_by_hand():
-    assert SetTension(0x0102, 1.5, brake=True, ttl_ms=250).pack() == bytes.fromhex("0201 0000c03f 01 fa00")
+    assert SetTension(0x0102, 1.5, brake=True, ttl_ms=250, rounds=3).pack() == bytes.fromhex(
+        "0201 0000c03f 01 fa00 03"
+    )
     assert Telemetry.unpack(bytes(40)).faults == Fault(0)
 
 
@@ -113,14 +115,17 @@ def test_numbers_that_do_not_fit_are_not_sent(session):
 @pytest.mark.parametrize(
     ("frame", "message"),
     [
-        (Frame(0x7F, 0), "no message has type 0x7f in protocol 2"),
+        (Frame(0x7F, 0), "no message has type 0x7f in protocol 3"),
         (Frame(Type.PONG, 0, bytes(11)), "Pong has 12 bytes of payload; got 11"),
-        (Frame(Type.ACKNOWLEDGE, 0, bytes([1, 99, 0])), "Acknowledge: 99 is not a valid Code; does the module"),
+        (
+            Frame(Type.ACKNOWLEDGE, 0, bytes([1, 99, 0, 0, 0])),
+            "Acknowledge: 99 is not a valid Code; does the module",
+        ),
         (Frame(Type.EVENT, 0, bytes([9, 0, 0, 0])), "Event: 9 is not a valid State"),
         (Frame(Type.INFO, 0), "Info has 30 bytes of payload; got 0"),
         (
-            Frame(Type.INFO, 0, b"\3later, and longer"),
-            "speaks protocol 3, this tensionlab 2: install the tensionlab",
+            Frame(Type.INFO, 0, b"\4later, and longer"),
+            "speaks protocol 4, this tensionlab 3: install the tensionlab",
         ),
         (parameter(math.nan), "ParameterValue: value is nan; all its numbers must be finite"),
         (parameter(math.inf), "value is inf"),
@@ -167,7 +172,7 @@ def test_words_are_those_of_the_firmware(enum, header, declaration):
 
 
 def test_an_acknowledgement_reads_as_words():
-    message = read(Frame(Type.ACKNOWLEDGE, 9, bytes([Type.ARM, Code.NOT_CALIBRATED, State.IDLE])))
-    assert message == Acknowledge(Type.ARM, Code.NOT_CALIBRATED, State.IDLE)
+    message = read(Frame(Type.ACKNOWLEDGE, 9, bytes([Type.ARM, Code.NOT_CALIBRATED, State.IDLE, 2, 1])))
+    assert message == Acknowledge(Type.ARM, Code.NOT_CALIBRATED, State.IDLE, 0x0102)
     assert "NOT_CALIBRATED" in str(message)
     assert read(Ping(2**63).frame(0)).echo == 2**63

@@ -19,7 +19,7 @@ from tests.support.protocol_1 import LinkTo1, pack, unpack
 # As protocol 1 had it, with the sequence number 0.
 HELLO_1 = bytes.fromhex("0201033e2e00")
 TO_DO = (
-    r'module "old" speaks protocol 1, this tensionlab 2; it is {} now: put the firmware of this tensionlab on the '
+    r'module "old" speaks protocol 1, this tensionlab 3; it is {} now: put the firmware of this tensionlab on the '
     r"module \(firmware/README.md\)"
 )
 
@@ -77,12 +77,12 @@ def test_a_module_of_a_later_protocol_is_refused_in_words(monkeypatch):
 
     def later(content):  # its INFO is another, but for the first byte
         (frame,) = Decoder().feed(content)
-        said.append(Frame(Type.INFO, frame.sequence, b"\3" + bytes(40)).pack())
+        said.append(Frame(Type.INFO, frame.sequence, b"\4" + bytes(40)).pack())
 
     said: list[bytes] = []
     monkeypatch.setattr(client.link.module, "receive", later)
     monkeypatch.setattr(client.link.module, "transmit", lambda: said.pop() if said else b"")
-    with pytest.raises(ProtocolError, match='module "new" speaks protocol 3, this tensionlab 2: install the ten'):
+    with pytest.raises(ProtocolError, match='module "new" speaks protocol 4, this tensionlab 3: install the ten'):
         client.hello()
 
 
@@ -95,7 +95,7 @@ def test_a_host_of_protocol_1_learns_that_the_module_speaks_another(before):
     stuffed, *zeros = host.module.transmit().split(b"\0")
     assert zeros == [b""] * 3, "so that the next frame of protocol 2 is not joined with it"
     info = unpack(stuffed)
-    assert (info.type, info.sequence, info.payload[0]) == (Type.INFO, 0, 2)
+    assert (info.type, info.sequence, info.payload[0]) == (Type.INFO, 0, 3)
     assert Info.unpack(info.payload).state is State.IDLE
 
 
@@ -116,7 +116,7 @@ def test_questions_in_both_protocols_count_as_no_damage_to_a_module_of_this_one(
     with pytest.raises(LinkTimeout):
         client.hello()
     monkeypatch.setattr(client.link.module, "transmit", transmit)
-    assert client.hello().protocol == 2  # the answers to all before come now
+    assert client.hello().protocol == 3  # the answers to all before come now
     assert client.bad_frames == 0
     client.telemetry_every(10)
     client.listen(0.05)
@@ -141,8 +141,8 @@ def test_the_listener_takes_only_whole_info_of_protocol_1():
 
 
 def test_what_is_said_names_both_protocols_and_what_to_do():
-    assert str(OtherProtocolError(1)).startswith("speaks protocol 1, this tensionlab 2: put the firmware")
-    assert str(OtherProtocolError(7)).startswith("speaks protocol 7, this tensionlab 2: install the tensionlab")
+    assert str(OtherProtocolError(1)).startswith("speaks protocol 1, this tensionlab 3: put the firmware")
+    assert str(OtherProtocolError(7)).startswith("speaks protocol 7, this tensionlab 3: install the tensionlab")
 
 
 def test_an_emergency_stop_of_many_says_which_speaks_protocol_1(monkeypatch, locks_folder):

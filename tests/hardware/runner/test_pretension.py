@@ -175,10 +175,14 @@ def test_lengths_too_short_for_any_pose_are_refused_before_a_module_is_armed():
 def test_cables_that_do_not_come_to_rest_are_named():
     rig = tl.load_rig("floor-3")
     world = out_and_back(rig, 50.0)
+    group = world.group()
+    for client in group.clients:  # a module that takes up more than there is has a fault
+        client.set_parameter("length_upper", 20.0)
+        client.set_parameter("speed_limit", 0.5)
     with pytest.raises(
         HardwareError, match=r'not come to rest within 20 s \(module "floor-1", "floor-2", "floor-3"'
     ):
-        begin(world, rig)
+        begin(world, rig, group=group)
     assert {module.sample.state for module in world.modules} == {State.IDLE}
 
 

@@ -306,12 +306,13 @@ def test_lengths_of_different_instants_are_compared_at_one(rig):
 
 
 def test_a_fast_hand_that_leaves_cables_slack_for_a_moment_does_not_end_a_run(rig):
-    """It gets to 3.1 m/s in 75 ms, as fast as spools reel in; nothing of that is taken for a fault."""
+    """It gets to 1.75 m/s in 0.15 s, faster than spools follow; nothing of that is taken for a fault."""
     begun = []
 
     def motion(time):
-        passed = np.clip(time - begun[0] - 0.5, 0.0, 0.15) if begun else 0.0
-        return Pose(rig.home + np.array([0.0, 0.15 * (1.0 - np.cos(np.pi * passed / 0.15)), 0.0]))
+        share = np.clip((time - begun[0] - 0.5) / 0.3, 0.0, 1.0) if begun else 0.0
+        moved = 0.28 * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)  # with the least jerk
+        return Pose(rig.home + np.array([0.0, moved, 0.0]))
 
     world, off = World(rig, motion), []
 
