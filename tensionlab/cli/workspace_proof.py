@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tensionlab.arrays import Floats
 from tensionlab.cli.common import output
-from tensionlab.display import percent
+from tensionlab.display import count, percent
 from tensionlab.model.rig import Rig
 from tensionlab.workspace.certification.certify import certify
 from tensionlab.workspace.certification.problem import WRENCH_CLOSURE
@@ -79,15 +79,15 @@ def _print(proved: CertifiedWorkspace, duration_s: float, out: Path | None) -> N
     axes = zip("xyz", cells.low, cells.low + cells.extent, strict=False)
     title = ", ".join(f"{axis} {low:g} to {high:g} m" for axis, low, high in axes)
     rows = [
-        (VERDICTS[verdict], f"{count:,}", f"{volume:.4g} {proved.unit}", percent(volume / region))
-        for verdict, (count, volume) in proved.tally().items()
+        (VERDICTS[verdict], f"{cells_of:,}", f"{volume:.4g} {proved.unit}", percent(volume / region))
+        for verdict, (cells_of, volume) in proved.tally().items()
     ]
     output.print_table(f"{proved.rig.name}, {proved.required}: {title}", HEADINGS, rows)
     console = output.console()
     console.print()
     shares = Bounds(*(100 * each for each in proved.share)).describe()
     console.print(f"workspace: {proved.volume.describe()} {proved.unit}, {shares} % of the box", soft_wrap=True)
-    finest = f"{proved.evaluations:,} cells down to {cells.edges(cells.levels).max():.3g} m"
+    finest = f"{count(proved.evaluations, 'cell')} down to {cells.edges(cells.levels).max():.3g} m"
     console.print(f"looked at: {finest}, in {duration_s:.1f} s", style="dim", soft_wrap=True)
     if out:
         console.print(f"cells: {out}", soft_wrap=True)

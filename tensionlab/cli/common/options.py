@@ -35,17 +35,15 @@ EXAMPLES = {
 
 def parse_numbers(option: str, text: str) -> list[float]:
     """Return the numbers in an option, separated by commas or spaces; there must be one at least."""
+    example = f"write {option} {EXAMPLES.get(option, '0 -0.1 0.3')}"
     values: list[float] = []
     for part in text.replace(",", " ").split():
         try:
             values.append(float(part))
         except ValueError:
-            example = EXAMPLES.get(option, "0 -0.1 0.3")
-            raise typer.BadParameter(
-                f"{option}: {brief(part)} is not a number; write {option} {example}"
-            ) from None
+            raise typer.BadParameter(f"{option}: {brief(part)} is not a number; {example}") from None
     if not values:
-        raise typer.BadParameter(f"{option}: no numbers; write them like 0 -0.1 0.3")
+        raise typer.BadParameter(f"{option}: no numbers; {example}")
     if not all(abs(value) < MAX_MAGNITUDE for value in values):
         raise typer.BadParameter(f"{option} is {text.replace(',', ' ')}; give finite numbers below 1e100")
     return values
