@@ -15,8 +15,8 @@ from benchmarks.processes import process
 from tensionlab.arrays import Floats
 from tensionlab.model.files import load_rig
 from tensionlab.model.kinematics import in_space
-from tensionlab.view.drawing import place_camera
-from tensionlab.view.state import begin
+from tensionlab.viewer.drawing import place_camera
+from tensionlab.viewer.state import begin
 from tools.site.browser import installed
 
 if TYPE_CHECKING:

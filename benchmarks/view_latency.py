@@ -19,10 +19,10 @@ import numpy as np
 from benchmarks.view_browser import Shown, shown
 from tensionlab.arrays import Floats
 from tensionlab.model.files import load_rig
-from tensionlab.view import volume
-from tensionlab.view.evaluation import evaluate
-from tensionlab.view.scene import draw
-from tensionlab.view.state import begin
+from tensionlab.viewer import volume
+from tensionlab.viewer.evaluation import evaluate
+from tensionlab.viewer.scene import draw
+from tensionlab.viewer.state import begin
 from tools.site.browser import installed
 
 RIGS = ("bartels2026-validation", "seven-modules", "ipanema-2")

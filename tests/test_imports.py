@@ -59,9 +59,9 @@ ALLOWED = {
     "validation": ABOVE,
     "datasets": {"model", "workspace", "benchmarking", "validation"},
     "plots": ABOVE | {"comparison", "benchmarking", "validation"},
-    "view": ABOVE | {"comparison", "validation"},
-    "cli": ABOVE | {"comparison", "benchmarking", "validation", "plots", "view", "lsl"},
-    "__init__": ABOVE | {"comparison", "benchmarking", "jacobian", "plots", "view"},
+    "viewer": ABOVE | {"comparison", "validation"},
+    "cli": ABOVE | {"comparison", "benchmarking", "validation", "plots", "viewer", "lsl"},
+    "__init__": ABOVE | {"comparison", "benchmarking", "jacobian", "plots", "viewer"},
     "__main__": {"cli"},
 }
 # Folders of a room that may not enter these of its others.
@@ -77,10 +77,10 @@ DOORS = {
     "cvxpy": {"solvers/convex.py"},
     "filelock": {"files/writing.py"},
     "serial": {"hardware/client/links.py"},
-    "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py", "view/gate.py"},
-    "viser": {"view/gate.py", "view/drawing.py", "view/panel.py"},
-    "msgspec": {"view/gate.py"},
-    "skimage": {"view/volume.py"},
+    "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py", "viewer/gate.py"},
+    "viser": {"viewer/gate.py", "viewer/drawing.py", "viewer/panel.py"},
+    "msgspec": {"viewer/gate.py"},
+    "skimage": {"viewer/volume.py"},
     "pythonosc": {"haptics/bridge/osc.py"},
     "mcap": {"hardware/log/mcap_file.py"},
     "zstandard": {"hardware/log/mcap_file.py"},
@@ -117,6 +117,7 @@ NATIVE = {
     "hardware/protocol/frames.py",
     "hardware/protocol/parameters.py",
     "hardware/runner/guard.py",
+    "hardware/runner/length_check.py",
     "hardware/runner/module_monitor.py",
     "hardware/runner/state_estimation.py",
     "hardware/runner/watchdog.py",
@@ -260,10 +261,10 @@ def test_no_optional_library_is_imported_before_it_is_used(name: str) -> None:
 
 def test_one_file_touches_the_inside_of_viser() -> None:
     inside = {name for name in NAMES if any(re.match(r"viser\.(infra|_)", each) for each in imports_of(name))}
-    assert inside == {"view/gate.py"}
+    assert inside == {"viewer/gate.py"}
     private = re.compile(r"\b(viser|server|scene|gui)\._[a-z]")  # attributes of its objects
-    files = {name for name in NAMES if name.startswith("view/") and private.search((PACKAGE / name).read_text())}
-    assert files == {"view/gate.py"}
+    files = {name for name in NAMES if name.startswith("viewer/") and private.search((PACKAGE / name).read_text())}
+    assert files == {"viewer/gate.py"}
 
 
 def test_the_rules_see_what_is_imported_in_the_open() -> None:

@@ -127,9 +127,9 @@ def view(
     another solver would have commanded. Ctrl-C ends it.
     """
     from tensionlab.scenarios.scenery import read_scenery
-    from tensionlab.view.recorded import require_drawable
-    from tensionlab.view.replay import ReplayPage
-    from tensionlab.view.server import PageServer
+    from tensionlab.viewer.recorded import require_drawable
+    from tensionlab.viewer.replay import ReplayPage
+    from tensionlab.viewer.server import PageServer
 
     run = _read(path)
     require_drawable(run, path)

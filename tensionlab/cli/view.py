@@ -15,9 +15,9 @@ from tensionlab.errors import RigError
 from tensionlab.files.named import is_path
 from tensionlab.hardware.log.shared_run import RunWatcher, find_runs
 from tensionlab.model.files import load_rig
-from tensionlab.view.live import LivePage
-from tensionlab.view.page import DesignPage
-from tensionlab.view.server import PageServer
+from tensionlab.viewer.live import LivePage
+from tensionlab.viewer.page import DesignPage
+from tensionlab.viewer.server import PageServer
 
 
 def view(

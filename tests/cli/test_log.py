@@ -88,7 +88,7 @@ def test_a_picture_is_drawn(run, file, tmp_path):
 
 
 def test_a_run_without_a_cycle_is_refused_before_a_page_is_served(run, tmp_path, monkeypatch):
-    monkeypatch.setattr("tensionlab.view.server.PageServer", lambda **how: pytest.fail("it was served"))
+    monkeypatch.setattr("tensionlab.viewer.server.PageServer", lambda **how: pytest.fail("it was served"))
     runs.logged(tmp_path / "empty.mcap", runs.four(), 0)
     code, out, err = run("log", "view", tmp_path / "empty.mcap")
     assert (code, out) == (2, "")

@@ -1,4 +1,4 @@
-"""`tensionlab view` and `--view`, without a browser; `tests/view` has what they show."""
+"""`tensionlab view` and `--view`, without a browser; `tests/viewer` has what they show."""
 
 from types import SimpleNamespace
 from unittest.mock import Mock
@@ -16,8 +16,8 @@ from tensionlab.hardware.log import shared_run
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.world import World
-from tensionlab.view import beside
-from tensionlab.view import state as edits
+from tensionlab.viewer import beside
+from tensionlab.viewer import state as edits
 
 RIG = "bartels2026-validation"
 

@@ -20,10 +20,10 @@ from tensionlab.hardware.runner.state_estimation import PoseTracker
 from tensionlab.model.kinematics import exponential
 from tensionlab.model.pose import in_own_axes, place_anchors, place_axes
 from tensionlab.model.pulleys import Pulleys, arcs, go_over, ways
-from tensionlab.view import instant
-from tensionlab.view.evaluation import evaluate
-from tensionlab.view.scene import draw
-from tensionlab.view.state import begin
+from tensionlab.viewer import instant
+from tensionlab.viewer.evaluation import evaluate
+from tensionlab.viewer.scene import draw
+from tensionlab.viewer.state import begin
 from tensionlab.workspace import Capsule, Grid, body_distance, rig_margin_gradient
 from tests.support.examples import many
 from tests.support.runs import cycles

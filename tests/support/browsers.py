@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tensionlab.model.files import load_rig
-from tensionlab.view.page import DesignPage
-from tensionlab.view.server import PageServer
+from tensionlab.viewer.page import DesignPage
+from tensionlab.viewer.server import PageServer
 from tools.site.browser import installed
 
 OPTIONS = ("--enable-unsafe-swiftshader", "--use-angle=swiftshader", "--no-sandbox", "--disable-dev-shm-usage")

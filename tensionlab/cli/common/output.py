@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from tensionlab.view.server import PageServer
+    from tensionlab.viewer.server import PageServer
 
 
 PIPE_WIDTH = 120

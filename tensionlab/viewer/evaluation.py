@@ -1,0 +1,224 @@
+"""What the public interface says of a state: tensions, capacity margin, and the forces that are available."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.allocation import Allocation, Allocator
+from tensionlab.arrays import Floats
+from tensionlab.errors import TensionlabError
+from tensionlab.solvers.base import Nearest, Status
+from tensionlab.viewer.state import State, of_ghost
+from tensionlab.workspace.margin import required_margin
+from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
+
+FLAT = 1e-9
+"""Share of the largest force by which a set may differ from a plane and still be flat."""
+
+
+@dataclass(frozen=True)
+class ForceSet:
+    """Forces that are available at the hand, as a polytope, in N, beside what the rig requires.
+
+    Attributes
+    ----------
+    corners : (k, d) array
+        Its vertices, in N.
+    faces : (f, 3) array of int
+        Triangles between them, seen anticlockwise from outside; in the plane they fill the polygon.
+    edges : (e, 2) array of int
+        Its edges.
+    """
+
+    corners: Floats
+    faces: NDArray[np.int64]
+    edges: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Proof that a force is infeasible: along a direction, available forces reach less far than it.
+
+    Attributes
+    ----------
+    direction : (d,) array
+        Unit vector of force.
+    reach : float
+        Largest ``direction @ force`` of the available forces at the desired torque, or more, in N.
+    desired : float
+        That of the desired force, in N, which is larger.
+    """
+
+    direction: Floats
+    reach: float
+    desired: float
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Answers for one state.
+
+    Attributes
+    ----------
+    allocation : Allocation or None
+        Tensions for the desired wrench and what the rig requires; None where ``problem`` says why.
+    nearest : str or None
+        Policy that the solver honours where the wrench is infeasible.
+    margin : float
+        Capacity margin at the hand about what the rig requires, in N; NaN where a cable has no length.
+    available : ForceSet or None
+        Forces that are available at the desired torque; None if not asked for, or there are none.
+    rendered : (n,) array or None
+        Wrench that is rendered beside what the rig requires, in N and N·m; None without an allocation.
+    certificate : Certificate or None
+        Where the desired force is certified infeasible; None if it is not, or the torque alone is.
+    ghost_margin : float or None
+        Capacity margin of the other rig at the hand, in N; None if there is none, or it cannot be there.
+    problem : str
+        What is in the way, in words; empty if nothing is.
+    """
+
+    allocation: Allocation | None
+    nearest: Nearest | None
+    margin: float
+    available: ForceSet | None = None
+    rendered: Floats | None = None
+    certificate: Certificate | None = None
+    ghost_margin: float | None = None
+    problem: str = ""
+
+
+def evaluate(state: State) -> Evaluation:
+    """Return the tensions, the margin and the available forces of a state."""
+    rig = state.rig
+    try:
+        structure = rig.structure_matrix(state.position, state.rotation, rig.at_rest)
+        required = rig.required.middle(rig, state.rotation)
+        margin = _margin(state)
+    except TensionlabError as error:
+        return Evaluation(None, None, float("nan"), problem=str(error))
+    available = force_set(structure, state, required) if state.show_available else None
+    ghost_margin = _ghost_margin(state)
+    try:
+        allocator = Allocator(rig.limits, state.solver, nearest=state.nearest)
+        allocation = allocator(structure, state.wrench + required)
+    except TensionlabError as error:
+        return Evaluation(None, None, margin, available, ghost_margin=ghost_margin, problem=str(error))
+    return Evaluation(
+        allocation,
+        allocator.nearest,
+        margin,
+        available,
+        allocation.wrench - required,
+        _certificate(structure, state, required, allocation),
+        ghost_margin,
+    )
+
+
+def _margin(state: State) -> float:
+    structure = state.rig.structure_matrix(state.position, state.rotation, state.rig.at_rest)
+    return float(required_margin(state.rig, structure, state.rig.required, state.rotation))
+
+
+def _ghost_margin(state: State) -> float | None:
+    """Return the capacity margin of the other rig at the hand."""
+    if state.ghost is None or state.ghost.dimension != state.rig.dimension:
+        return None
+    try:
+        return _margin(of_ghost(state, state.ghost))
+    except TensionlabError:
+        return None
+
+
+def _certificate(structure: Floats, state: State, required: Floats, allocation: Allocation) -> Certificate | None:
+    """Return what the separating direction of the wrench says of its force, at the desired torque."""
+    d, direction = state.rig.dimension, allocation.separation
+    length = float(np.linalg.norm(direction[:d]))
+    if allocation.status != Status.NEAREST or length <= FLAT * float(np.linalg.norm(direction)):
+        return None
+    pulls = direction @ structure
+    limits = state.rig.limits
+    most = float(np.maximum(pulls * limits.lower, pulls * limits.upper).sum())
+    rest = float(direction @ required) + float(direction[d:] @ state.wrench[d:])
+    along = direction[:d] / length
+    return Certificate(along, (most - rest) / length, float(along @ state.wrench[:d]))
+
+
+def force_set(structure: Floats, state: State, required: Floats) -> ForceSet | None:
+    """Return the forces that are available at the desired torque; None if no tensions exert that torque."""
+    rig = state.rig
+    d = rig.dimension
+    if rig.n == d:
+        return polytope(vertices(structure, rig.limits) - required)
+    corners = _section(half_spaces(structure, rig.limits), (state.wrench + required)[d:], d)
+    return None if corners is None else polytope(corners - required[:d])
+
+
+def _section(spaces: HalfSpaces, torque: Floats, d: int) -> Floats | None:
+    """Return the corners (k, d) of the available wrenches with that torque; None where there is no volume of them.
+
+    The planes are those of the wrenches, cut at the torque. Their corners are found around a point inside, the
+    middle of the largest ball.
+    """
+    from scipy.optimize import linprog
+    from scipy.spatial import HalfspaceIntersection, QhullError
+
+    normals, offsets = spaces.normals[:, :d], spaces.offsets - spaces.normals[:, d:] @ torque
+    length = np.linalg.norm(normals, axis=1)
+    steep = length > FLAT
+    if (offsets[~steep] < 0.0).any():
+        return None
+    normals, offsets, length = normals[steep], offsets[steep], length[steep]
+    rows = np.column_stack([normals, length])
+    bounds = [(None, None)] * d + [(0.0, None)]
+    ball = linprog(np.append(np.zeros(d), -1.0), A_ub=rows, b_ub=offsets, bounds=bounds, method="highs")
+    if ball.x is None or ball.x[-1] <= FLAT * np.abs(offsets).max(initial=1.0):
+        return None
+    try:
+        planes = HalfspaceIntersection(np.column_stack([normals, -offsets]), ball.x[:-1])
+    except QhullError:
+        return None
+    return np.asarray(planes.intersections[np.isfinite(planes.intersections).all(axis=1)])
+
+
+def polytope(points: Floats) -> ForceSet:
+    """Return the hull of points (k, d), with triangles and edges; a flat set has one side, or is a line."""
+    from scipy.spatial import ConvexHull
+
+    middle = points.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(points - middle, full_matrices=False)
+    rank = int((sizes > max(FLAT * sizes.max(initial=0.0), 1e-12)).sum())
+    if rank < 2:
+        along = (points - middle) @ axes[0] if len(axes) else np.zeros(len(points))
+        ends = points[[along.argmin(), along.argmax()]]
+        return ForceSet(ends, np.empty((0, 3), np.int64), np.array([[0, 1]]))
+    hull = ConvexHull((points - middle) @ axes[:rank].T)
+    if rank == 2:
+        ring = hull.vertices  # anticlockwise
+        count = len(ring)
+        fan = np.array([[0, i, i + 1] for i in range(1, count - 1)])
+        around = np.column_stack([np.arange(count), np.roll(np.arange(count), -1)])
+        return ForceSet(points[ring], fan, around)
+    number = np.full(len(points), -1)
+    number[hull.vertices] = np.arange(len(hull.vertices))
+    corners = points[hull.vertices]
+    faces = number[hull.simplices]
+    across = np.cross(corners[faces[:, 1]] - corners[faces[:, 0]], corners[faces[:, 2]] - corners[faces[:, 0]])
+    inward = np.einsum("ij,ij->i", across, hull.equations[:, :3] @ axes) < 0.0
+    faces[inward] = faces[inward][:, ::-1]
+    return ForceSet(corners, faces, _creases(hull.simplices, hull.neighbors, hull.equations, number))
+
+
+def _creases(
+    simplices: NDArray[np.int32], neighbours: NDArray[np.int32], equations: Floats, number: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return the edges at which triangles meet that are not in one plane."""
+    found = []
+    for side in range(3):  # a neighbour is opposite the corner of its number
+        other = neighbours[:, side]
+        crease = (np.abs(equations - equations[other]).max(axis=1) > 1e-6) & (np.arange(len(other)) < other)
+        found.append(np.delete(simplices, side, axis=1)[crease])
+    return np.asarray(number[np.concatenate(found)])

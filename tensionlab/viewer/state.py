@@ -1,0 +1,298 @@
+"""All that a person can change on the design page, and how: pure functions from state to state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensionlab.arrays import Floats, frozen
+from tensionlab.errors import RigError
+from tensionlab.model import kinematics, pose
+from tensionlab.model.module import WORLD, Module
+from tensionlab.model.pose import RestPose
+from tensionlab.model.rig import Rig
+from tensionlab.solvers.base import Nearest
+from tensionlab.viewer.snapping import nearest_on_surfaces
+from tensionlab.workspace.layout.task import LayoutTask
+
+HAND = "hand"
+"""What the hand, or the platform, is called where modules have names."""
+
+DECIMALS = 4
+"""Of coordinates in m and forces in N that are dragged."""
+
+Display = Literal["surface", "slices", "off"]
+Study = Literal["force in a circle", "force in all directions", "hand in a circle"]
+STUDIES: tuple[Study, ...] = get_args(Study)
+"""Problems at which solvers are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Everything that a person can change on the design page.
+
+    Attributes
+    ----------
+    rig : Rig
+        As it is designed.
+    position : (d,) array
+        Of the hand, or of the platform's reference point, in m.
+    rotation : (3, 3) array, number or None
+        Of the platform: a matrix in space, an angle in rad in the plane; None for a point.
+    wrench : (n,) array
+        Desired, in N and N·m, beside what the rig requires.
+    solver, nearest : str, and a policy or None
+        As `tensionlab.allocate` takes them.
+    compared : tuple of str
+        Solvers that are compared with that one.
+    study : str
+        What they are compared at, besides the desired wrench; one of `STUDIES`.
+    metric : str
+        Of the workspace, by its name in `tensionlab.workspace.METRICS`.
+    level : float
+        Of the metric, above which the workspace is drawn.
+    display : "surface", "slices" or "off"
+        How the workspace is drawn.
+    show_available : bool
+        Whether the forces that are available at the hand are drawn.
+    selected : str
+        Name of a module, `HAND`, or nothing: what the handle with arrows is at.
+    grid_m : float
+        Step of the grid to which what is dragged snaps, in m; 0 for none.
+    task : LayoutTask or None
+        Of a space file: to its surfaces anchors snap, and for its target layouts are searched for.
+    ghost : Rig or None
+        Rig that is drawn beside, for comparison.
+    dark : bool
+        Whether the page is dark.
+    """
+
+    rig: Rig
+    position: Floats
+    rotation: Floats | None
+    wrench: Floats
+    solver: str = "newton"
+    nearest: Nearest | None = None
+    compared: tuple[str, ...] = ()
+    study: Study = STUDIES[0]
+    metric: str = "capacity-margin"
+    level: float = 0.0
+    display: Display = "off"
+    show_available: bool = True
+    selected: str = ""
+    grid_m: float = 0.0
+    task: LayoutTask | None = None
+    ghost: Rig | None = None
+    dark: bool = False
+
+    @property
+    def anchors(self) -> Floats:
+        """Anchors in the world, (m, d), in m, with body frames at rest."""
+        return pose.place_anchors(self.rig.modules, self.rig.anchors, self.rig.at_rest)
+
+    @property
+    def attachments(self) -> Floats:
+        """Attachments in the world, (m, d), in m."""
+        arms = self.rig.attachments
+        if self.rotation is not None:
+            arms = kinematics.rotate(pose.rotations(self.rotation, self.rig.dimension, "rotation"), arms)
+        return self.position + arms
+
+    @property
+    def exerted(self) -> Floats:
+        """Wrench that the cables are to exert, (n,): the desired one, and what the rig requires."""
+        return self.wrench + self.rig.required.middle(self.rig, self.rotation)
+
+
+Edit = Callable[[State], State]
+"""A change of the state; RigError for what no rig can be."""
+
+
+def begin(rig: Rig) -> State:
+    """Return the state in which a rig is first shown: the hand at home, no force desired.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab.viewer import state
+    >>> shown = state.begin(tl.load_rig("bartels2026-validation"))
+    >>> state.move_anchor(shown, "floor-1", [1.0, 0.0, 0.0]).rig.modules[0].anchor
+    array([1., 0., 0.])
+    """
+    return State(rig=rig, position=rig.home, rotation=_upright(rig), wrench=frozen(np.zeros(rig.n)))
+
+
+def _upright(rig: Rig) -> Floats | None:
+    if rig.n == rig.dimension:
+        return None
+    return frozen(np.zeros(())) if rig.dimension == 2 else frozen(np.eye(3))
+
+
+def find(state: State, name: str) -> Module:
+    """Return a module by its name.
+
+    Raises
+    ------
+    RigError
+        If there is none of that name.
+    """
+    for module in state.rig.modules:
+        if module.name == name:
+            return module
+    names = ", ".join(module.name for module in state.rig.modules)
+    raise RigError(f'rig "{state.rig.name}" has no module "{name}"; it has {names}')
+
+
+def _replaced(state: State, old: Module, **changes: Any) -> State:
+    """Return the state with some keys of a module changed."""
+    new = replace(old, **changes)
+    modules = tuple(new if each is old else each for each in state.rig.modules)
+    return replace(state, rig=with_modules(state.rig, modules))
+
+
+def with_modules(rig: Rig, modules: tuple[Module, ...]) -> Rig:
+    """Return the rig with other modules, without the rest poses of frames that carry none of them."""
+    carried = {module.frame for module in modules}
+    return replace(rig, modules=modules, rest=tuple(each for each in rig.rest if each.name in carried))
+
+
+def in_frame(rig: Rig, frame: str, place: ArrayLike) -> Floats:
+    """Return a place in the world, (d,), in the axes of a frame, which is where it is at rest."""
+    point = np.asarray(place, np.float64)
+    at_rest = rig.at_rest.get(frame)
+    if at_rest is None:  # the world, or a frame that no module is on yet: at the origin
+        return point
+    offset: Floats = point - np.asarray(at_rest.position)
+    if at_rest.rotation is None:
+        return offset
+    return np.asarray(pose.rotations(at_rest.rotation, rig.dimension, "rotation").T @ offset)
+
+
+def snap(state: State, place: ArrayLike) -> Floats:
+    """Return the nearest point of the grid, (d,), in m; without a grid the place, to a tenth of a mm."""
+    point = np.asarray(place, np.float64)
+    if not state.grid_m:
+        return np.asarray(np.round(point, DECIMALS) + 0.0)
+    return np.asarray(np.round(point / state.grid_m) * state.grid_m + 0.0)
+
+
+def move_anchor(state: State, name: str, place: ArrayLike) -> State:
+    """Put an anchor at a place in the world, (d,), in m, or at the nearest point of the grid and the surfaces."""
+    module, point = find(state, name), snap(state, place)
+    if state.task is not None and state.task.space.dimension == state.rig.dimension:
+        point = np.round(nearest_on_surfaces(state.task.space, point), DECIMALS) + 0.0
+    anchor = in_frame(state.rig, module.frame, point)
+    return state if np.array_equal(anchor, module.anchor) else _replaced(state, module, anchor=anchor)
+
+
+def move_attachment(state: State, name: str, place: ArrayLike) -> State:
+    """Put an attachment at a place in platform axes, (d,), in m."""
+    return _replaced(state, find(state, name), attachment=np.asarray(place, np.float64))
+
+
+def relimit(state: State, name: str, lower: float, upper: float) -> State:
+    """Give a module other tension limits, in N."""
+    return _replaced(state, find(state, name), lower=float(lower), upper=float(upper))
+
+
+def rename(state: State, name: str, new: str) -> State:
+    """Give a module another name."""
+    changed = _replaced(state, find(state, name), name=new)
+    return replace(changed, selected=new) if state.selected == name else changed
+
+
+def set_frame(state: State, name: str, frame: str) -> State:
+    """Put a module on a body frame, or in the world, where it is; a new frame is at the origin of the world."""
+    module = find(state, name)
+    place = state.anchors[state.rig.modules.index(module)]
+    return _replaced(state, module, frame=frame or WORLD, anchor=in_frame(state.rig, frame or WORLD, place))
+
+
+def move_frame(state: State, name: str, position: ArrayLike) -> State:
+    """Put a body frame, with its modules, elsewhere: its origin, (d,), in m."""
+    rest = {each.name: each for each in state.rig.rest}
+    turn = rest[name].rotation if name in rest else None
+    rest[name] = RestPose(name, np.asarray(position, np.float64), turn)
+    return replace(state, rig=replace(state.rig, rest=tuple(rest.values())))
+
+
+def add_module(state: State) -> State:
+    """Add a module above the hand, as far from it as the nearest one, with the limits of the first; select it."""
+    rig, taken = state.rig, {module.name for module in state.rig.modules}
+    number = next(i for i in range(1, rig.m + 2) if f"module {i}" not in taken)
+    away = float(np.linalg.norm(state.anchors - state.position, axis=1).min()) or 1.0
+    up = rig.upward if rig.up is not None else np.eye(rig.dimension)[1]
+    new = replace(
+        rig.modules[0],
+        name=f"module {number}",
+        anchor=snap(state, state.position + away * up),
+        attachment=np.zeros(rig.dimension),
+        frame=WORLD,
+    )
+    return replace(state, rig=replace(rig, modules=(*rig.modules, new)), selected=new.name)
+
+
+def remove_module(state: State, name: str) -> State:
+    """Remove a module. RigError for the last one."""
+    gone = find(state, name)
+    if state.rig.m == 1:
+        raise RigError(f'"{name}" is the only module of the rig; add another before it is removed')
+    rig = with_modules(state.rig, tuple(each for each in state.rig.modules if each is not gone))
+    return replace(state, rig=rig, selected="" if state.selected == name else state.selected)
+
+
+def name_rig(state: State, name: str) -> State:
+    """Give the rig another name."""
+    return replace(state, rig=replace(state.rig, name=name))
+
+
+def set_home(state: State) -> State:
+    """Make the place of the hand the home of the rig."""
+    return replace(state, rig=replace(state.rig, home=state.position))
+
+
+def move_hand(state: State, place: ArrayLike) -> State:
+    """Put the hand, or the platform's reference point, at a place, (d,), in m, or the nearest grid point."""
+    return replace(state, position=frozen(snap(state, place)))
+
+
+def turn_platform(state: State, rotation: ArrayLike) -> State:
+    """Turn the platform: a matrix (3, 3) in space, an angle in rad in the plane; nothing for a point."""
+    if state.rotation is None:
+        return state
+    return replace(state, rotation=frozen(np.asarray(rotation, np.float64)))
+
+
+def desire(state: State, wrench: ArrayLike) -> State:
+    """Desire another wrench, (n,), in N and N·m."""
+    return replace(state, wrench=frozen(np.asarray(wrench, np.float64)))
+
+
+def of_ghost(state: State, ghost: Rig) -> State:
+    """Return the state with another rig of as many dimensions, at the same place and turned alike if it can be."""
+    turns = ghost.n > ghost.dimension
+    rotation = state.rotation if turns and state.rotation is not None else _upright(ghost)
+    wrench = state.wrench if ghost.n == state.rig.n else frozen(np.zeros(ghost.n))
+    return replace(state, rig=ghost, rotation=rotation, wrench=wrench)
+
+
+def replace_rig(state: State, rig: Rig) -> State:
+    """Show another rig, as a search found it, with the hand at its home; what is desired stays if it can."""
+    shown = begin(rig)
+    return replace(
+        state,
+        rig=rig,
+        position=shown.position,
+        rotation=shown.rotation,
+        wrench=state.wrench if rig.kind == state.rig.kind else shown.wrench,
+        selected="",
+    )
+
+
+def choose(**changes: Any) -> Edit:
+    """Return the edit that sets attributes of the state, such as ``solver`` or ``level``."""
+    return lambda state: replace(state, **changes)

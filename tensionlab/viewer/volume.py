@@ -1,0 +1,193 @@
+"""Workspace of a state: a metric over a box, the surface at a level, slices, and shares."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.arrays import Floats
+from tensionlab.errors import needs
+from tensionlab.model.pose import place_anchors
+from tensionlab.model.rig import Rig
+from tensionlab.viewer.state import State
+from tensionlab.workspace import metrics
+from tensionlab.workspace.poses import Grid
+from tensionlab.workspace.sweep.executors import evaluate_on_threads
+from tensionlab.workspace.sweep.plan import Plan, vary
+from tensionlab.workspace.volume import node_weights, weighted_share
+
+COARSE, FINE = 30, 80
+"""Positions along each axis while something is dragged, and when it is released."""
+CHUNK = 8_192
+"""Positions that are evaluated before it is asked whether the answer is still wanted."""
+VALUE_RAMP = ("#00224E", "#575D6D", "#A59C74", "#FDE737")
+"""Colours of values from the least to the greatest: about those of cividis, as in figures of slices."""
+THIN = 0.5
+"""Share of the longest edge of the box that every edge has at least."""
+
+
+FEW = 0.995
+"""Share of values that count for their range: some metrics grow without limit towards an anchor."""
+
+
+@dataclass(frozen=True)
+class Volume:
+    """Metric over a box around a rig.
+
+    Attributes
+    ----------
+    axes : tuple of d arrays
+        Coordinates along each axis, in m.
+    values : array
+        Of the metric, one axis for each coordinate; NaN where there is none.
+    """
+
+    axes: tuple[Floats, ...]
+    values: Floats
+
+    def share(self, level: float) -> float:
+        """Return the share of the box in which the metric is above a level; NaN does not count as above."""
+        return float(weighted_share(self.values > level, [node_weights(axis) for axis in self.axes]))
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Least value, and one that few exceed, of those that are finite; zeros where there is none."""
+        finite = self.values[np.isfinite(self.values)]
+        return (float(finite.min()), float(np.quantile(finite, FEW))) if finite.size else (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles in space: vertices (k, 3), in m, and faces (f, 3), seen anticlockwise from outside."""
+
+    vertices: Floats
+    faces: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Slice:
+    """Picture of a metric in a plane.
+
+    Attributes
+    ----------
+    image : (h, w, 4) array of uint8
+        Red, green, blue and opacity.
+    middle : (3,) array
+        Of the picture, in m.
+    edges : (float, float)
+        Lengths along its columns and rows, in m.
+    axes : (3, 3) array
+        Rotation whose first columns are the directions in which columns and rows of the image run.
+    """
+
+    image: NDArray[np.uint8]
+    middle: Floats
+    edges: tuple[float, float]
+    axes: Floats
+
+
+def bounds(rig: Rig, *more: Floats) -> tuple[Floats, Floats]:
+    """Return the low and high corner, (d,), in m, of a box around the anchors and the home of a rig.
+
+    ``more`` are arrays (k, d) of points that are in it, too.
+
+    Where all of them are nearly in a plane, as on a ceiling, the box reaches beyond it on the side of home.
+    """
+    points = np.concatenate([place_anchors(rig.modules, rig.anchors, rig.at_rest), rig.home[None], *more])
+    low, high = points.min(axis=0), points.max(axis=0)
+    missing = np.maximum(THIN * float((high - low).max()) - (high - low), 0.0)
+    below = np.where(rig.home - low < high - rig.home, 1.0, np.where(rig.home - low > high - rig.home, 0.0, 0.5))
+    return low - below * missing, high + (1.0 - below) * missing
+
+
+def sweep(state: State, box: tuple[Floats, Floats], resolution: int, wanted: Callable[[], bool]) -> Volume | None:
+    """Evaluate the metric of a state over a box, as `bounds` returns it; None as soon as it is no longer wanted.
+
+    The platform is turned as it is at the hand. SweepError if the metric refuses the rig.
+    """
+    rig, metric = state.rig, metrics.make(state.metric)
+    axes = tuple(np.linspace(a, b, resolution) for a, b in zip(*box, strict=True))
+    rotations = None if state.rotation is None else state.rotation[None]
+    grid = Grid(axes[0], axes[1], axes[2] if len(axes) == 3 else None, rotations)
+    plan = Plan(vary(rig), grid, {state.metric: metric}, rig.at_rest, CHUNK)
+    plan.check(rig)
+    values = np.empty(plan.shape)
+    tasks = (plan.task(number) for number in range(math.prod(plan.tiles)))
+    for task, found in evaluate_on_threads(tasks):
+        values[task.block] = found[0]
+        if not wanted():
+            return None  # which closes the iterator, and with it what waits
+    return Volume(axes, values.reshape((resolution,) * rig.dimension))
+
+
+def surface(volume: Volume, level: float) -> Mesh | None:
+    """Return the surface around all that is above a level, closed at the edges of the box; None if nothing is.
+
+    In the plane, it is the region itself, as squares. Source: Lewiner, Lopes, Vieira and Tavares, "Efficient
+    implementation of marching cubes' cases with topological guarantees", 2003, in scikit-image.
+    """
+    above = volume.values > level
+    if not above.any():
+        return None
+    if volume.values.ndim == 2:
+        return _squares(volume.axes, above)
+    with needs("view", "the surface of a workspace"):
+        from skimage.measure import marching_cubes
+    step = np.array([axis[1] - axis[0] for axis in volume.axes])
+    # What lies outside is a little below the level, so that the surface closes at the edge of the box.
+    margin = 1e-6 * (np.nanmax(volume.values[np.isfinite(volume.values)]) - level) + 1e-12
+    heights = np.nan_to_num(volume.values - level, nan=-margin, posinf=1e30, neginf=-margin)
+    padded = np.pad(heights, 1, constant_values=-margin)
+    march: Any = marching_cubes  # it has no types
+    corners, faces, _, _ = march(padded, 0.0, spacing=tuple(step), gradient_direction="ascent")
+    low = np.array([axis[0] for axis in volume.axes])
+    high = np.array([axis[-1] for axis in volume.axes])
+    return Mesh(np.clip(corners - step + low, low, high), faces.astype(np.int64))
+
+
+def _squares(axes: tuple[Floats, ...], chosen: NDArray[np.bool_]) -> Mesh:
+    """Return a square around each chosen point of a grid in the plane."""
+    (i, j), half = np.nonzero(chosen), [0.5 * (axis[1] - axis[0]) for axis in axes]
+    middle = np.column_stack([axes[0][i], axes[1][j], np.zeros(len(i))])
+    ring = np.array(
+        [[-half[0], -half[1], 0], [half[0], -half[1], 0], [half[0], half[1], 0], [-half[0], half[1], 0]]
+    )
+    corners = (middle[:, None] + ring).reshape(-1, 3)
+    faces = (4 * np.arange(len(i))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    return Mesh(corners, faces)
+
+
+def slices(volume: Volume, place: Floats, level: float) -> list[Slice]:
+    """Return the slices through a place (d,), one across each axis; in the plane, all of it.
+
+    Colours go from the least value to the greatest; what is not above the level is pale, what has no value clear.
+    """
+    if volume.values.ndim == 2:
+        return [_slice(volume, volume.values, (0, 1), np.zeros(3), level)]
+    found = []
+    for axis in range(3):
+        at = int(np.abs(volume.axes[axis] - place[axis]).argmin())
+        along = ((1, 2), (2, 0), (0, 1))[axis]
+        values = np.moveaxis(volume.values, (axis, *along), (0, 1, 2))[at]
+        found.append(_slice(volume, values, along, volume.axes[axis][at] * np.eye(3)[axis], level))
+    return found
+
+
+def _slice(volume: Volume, values: Floats, along: tuple[int, int], offset: Floats, level: float) -> Slice:
+    low, high = volume.extent
+    share = np.clip((values - low) / ((high - low) or 1.0), 0.0, 1.0)
+    stops = np.array([[int(each[i : i + 2], 16) for i in (1, 3, 5)] for each in VALUE_RAMP], np.float64)
+    at = np.linspace(0.0, 1.0, len(stops))
+    colours = [np.interp(np.nan_to_num(share), at, channel) for channel in stops.T]
+    opacity = np.where(np.isnan(values), 0.0, np.where(values > level, 230.0, 90.0))
+    image = np.stack([*colours, opacity], axis=-1).swapaxes(0, 1).astype(np.uint8)
+    ends = [(volume.axes[i][0], volume.axes[i][-1]) for i in along]
+    axes = np.eye(3)[list(along)]
+    middle = offset + np.mean(ends, axis=1) @ axes
+    frame = np.column_stack([*axes, np.cross(*axes)])
+    return Slice(image, middle, (float(np.ptp(ends[0])), float(np.ptp(ends[1]))), frame)

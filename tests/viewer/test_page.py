@@ -1,0 +1,173 @@
+"""The design page in real browsers, with real drags and clicks."""
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+import tensionlab as tl
+from tensionlab.errors import TensionlabError
+from tensionlab.viewer.drawing import Grab, both_sides
+from tensionlab.viewer.evaluation import evaluate
+from tensionlab.viewer.page import dragged, on_plane
+from tensionlab.viewer.panel import _with_space
+from tensionlab.viewer.scene import draw, force_scale
+from tensionlab.viewer.state import HAND, begin
+from tensionlab.viewer.volume import Mesh
+from tests.support.browsers import HANGS_S, VISER, Tab, chromium, needs_browser, served, until
+
+VISERS_OWN = "Unable to preventDefault inside passive event listener"
+"""Complaint of the browser about how viser listens to the mouse."""
+
+
+def test_a_drag_in_the_plane_stays_in_it():
+    state = begin(tl.load_rig("kntu-planar"))
+    place, eye = np.array([0.3, 0.2, 0.5]), np.array([0.0, 0.0, 5.0])
+    moved = dragged(state, Grab(HAND, "update", place, eye))
+    assert moved.position == pytest.approx([1 / 3, 2 / 9], abs=1e-4)
+    level = np.array([1.0, 0.0, 5.0])
+    assert on_plane(eye, level).tolist() == level.tolist()  # a ray that never meets it
+
+
+def changed(page, before):
+    """Wait until the rig is another one than before."""
+    until(lambda: page.state.rig is not before, "the change")
+
+
+def saved(tab, name):
+    """The anchors of a rig that the page saves in a file."""
+    tab.click_tab("File")
+    tab.enter("file", str(name))
+    tab.press("Save")
+    until(name.exists, "the file")
+    return tl.load_rig(name).anchors
+
+
+def test_what_is_flat_has_triangles_for_either_side():
+    mesh = both_sides(Mesh(np.eye(3), np.array([[0, 1, 2]])))
+    assert mesh.faces.tolist() == [[0, 1, 2], [2, 1, 0]]
+
+
+def test_a_space_whose_name_is_half_written_is_none_yet(tmp_path):
+    state = begin(tl.load_rig("bartels2026-validation"))
+    assert _with_space("four-in-a-room", tmp_path)(state).task.name == "four-in-a-room"
+    for word in ("", "four-in", "/tmp/spaces/my-ro"):
+        assert _with_space(word, tmp_path)(state).task is None
+    with pytest.raises(TensionlabError, match="my-room"):
+        _with_space("my-room.toml", tmp_path)(state)
+
+
+@pytest.mark.slow
+@needs_browser
+@pytest.mark.realtime  # a real browser
+def test_a_rig_is_designed_with_the_mouse(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with chromium() as browser, served() as page:
+        tab = Tab(browser, page)
+
+        # An anchor is dragged twice, saved, and put back step by step.
+        anchor = page.state.anchors[0]
+        for goal in np.add(anchor, [[0.15, 0.0, 0.25], [0.2, 0.1, -0.1]]):
+            before = page.state.rig
+            tab.drag(page.state.anchors[0], goal)
+            changed(page, before)
+            tab.settle()
+            moved = page.state.anchors[0]
+            assert tab.pixel(moved) == pytest.approx(tab.pixel(goal), abs=4.0)  # under the mouse
+        assert saved(tab, tmp_path / "dragged.toml")[0] == pytest.approx(moved)
+        for _ in range(2):
+            before = page.state.rig
+            tab.press("Undo")
+            changed(page, before)
+        assert page.state.anchors[0].tolist() == anchor.tolist()
+        assert not page.history.can_undo
+
+        # The arrow of the desired force follows its ball, out of the available forces and back in.
+        far, near = (np.add(page.state.position, [0.0, up, 0.0]) for up in (0.45, 0.1))
+        for goal, word in ((far, "NEAREST"), (near, "EXACT")):
+            tab.drag(draw(page.state, evaluate(page.state)).tip, goal)
+            tab.wait_for(word)
+            tab.settle()
+            end = page.state.position + force_scale(page.state.rig) * page.state.wrench
+            assert tab.pixel(end) == pytest.approx(tab.pixel(goal), abs=4.0)
+
+        # Two more solvers have a row each, and a bar for each cable.
+        tab.click_tab("Solvers")
+        tab.open_folder("compare with")
+        for solver in ("minimax", "dykstra"):
+            tab.check(solver)
+        for solver in ("newton", "minimax", "dykstra"):
+            tab.tab.locator(f'[title^="{solver} "]').nth(3).wait_for(state="attached")
+        now = tl.allocate(page.state.rig.structure_matrix(page.state.position), page.state.wrench,
+                          page.state.rig.limits, solver="minimax")  # fmt: skip
+        bars = [tab.tab.locator('[title^="minimax "]').nth(i).get_attribute("title") for i in range(4)]
+        assert [float(each.split()[1]) for each in bars] == pytest.approx(now.tensions, abs=0.01)
+
+        # A search shows its best rig so far, which stays when it is stopped, can be saved,
+        # and undone in one step. The charts of the solvers are not in its tab.
+        rig = page.state.rig
+        tab.click_tab("Search")
+        tab.enter("space", "four-in-the-room")
+        tab.press("Search for a layout")
+        tab.tab.get_by_text(re.compile("did you mean 'four-in-a-room'")).wait_for()
+        tab.enter("space", "four-in-a-room")
+        tab.press("Search for a layout")
+        tab.tab.get_by_text(re.compile(r"^four-in-a-room-4: ")).wait_for()
+        tab.press("Stop")
+        tab.tab.get_by_text(re.compile(r"^stopped; four-in-a-room-4: ")).wait_for()
+        until(lambda: page.state.rig.name == "four-in-a-room-4", "the best rig")
+        assert tab.tab.get_by_text("error N", exact=True).locator("visible=true").count() == 0
+        assert saved(tab, tmp_path / "found.toml") == pytest.approx(page.state.anchors)
+        tab.press("Undo")
+        until(lambda: page.state.rig is rig, "the rig before")
+
+        # Nothing came from elsewhere meanwhile.
+        assert tab.requests
+        assert [
+            each
+            for each in tab.requests
+            if not each.startswith((page.server.url.partition("?")[0], "blob:", "data:"))
+        ] == []
+        assert [each for each in tab.errors if VISERS_OWN not in each] == []
+
+
+@pytest.mark.slow
+@needs_browser
+@pytest.mark.realtime  # two real browsers
+def test_browsers_with_the_token_show_one_state_and_one_that_is_closed_harms_nothing():
+    with chromium() as browser, served(host="0.0.0.0") as page:
+        port, token = page.server.viser.get_port(), page.server.url.partition("=")[2]
+        assert len(token) > 16
+        with pytest.raises(InvalidStatus, match="403"):
+            connect(f"ws://127.0.0.1:{port}/", subprotocols=[VISER])  # without it
+        page.server.url = f"http://localhost:{port}/?token={token}"
+        one, other = Tab(browser, page), Tab(browser, page)
+        one.drag(page.state.position, np.add(page.state.position, [0.0, 2.6, 0.0]))
+        for tab in (one, other):
+            tab.wait_for("NEAREST")  # the hand is out of reach
+        one.tab.close()
+        until(lambda: len(page.server.viser.get_clients()) == 1, "the end of a browser")
+        other.press("Undo")
+        other.wait_for("EXACT")
+        assert page.state.position.tolist() == page.state.rig.home.tolist()
+
+
+@pytest.mark.realtime  # a process and a signal
+def test_ctrl_c_ends_the_command_with_one_line():
+    import signal
+
+    words = [sys.executable, "-m", "tensionlab", "view", "bartels2026-validation", "--no-browser"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+        try:
+            line = running.stdout.readline()
+            assert line.startswith("http://127.0.0.1:"), running.stderr.read()
+            running.send_signal(signal.SIGINT)
+            out, err = running.communicate(timeout=HANGS_S)
+        finally:
+            running.kill()
+    kept = "what was saved from the page is kept; the same command shows the file's rig again"
+    assert (running.returncode, out, err) == (130, "", f"tensionlab: interrupted: {kept}\n")

@@ -1,0 +1,160 @@
+"""Edits of the design page's state: pure functions, without a browser."""
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.viewer import state as edits
+from tensionlab.viewer.history import History
+from tensionlab.viewer.state import begin
+
+
+@pytest.fixture
+def point():
+    return begin(tl.load_rig("bartels2026-validation"))
+
+
+@pytest.fixture
+def platform():
+    return begin(tl.load_rig("ipanema-2"))
+
+
+def test_a_rig_is_first_shown_at_home_without_a_force(point, platform):
+    assert (point.position == point.rig.home).all()
+    assert not point.wrench.any()
+    assert point.rotation is None
+    assert (platform.rotation == np.eye(3)).all()
+
+
+def test_an_anchor_that_is_moved_leaves_the_others_and_the_old_state_alone(point):
+    moved = edits.move_anchor(point, "floor-2", [-0.4, 0.1, 0.6])
+    assert moved.anchors[1] == pytest.approx([-0.4, 0.1, 0.6])
+    assert (moved.anchors[[0, 2, 3]] == point.anchors[[0, 2, 3]]).all()
+    assert (point.rig.modules[1].anchor == tl.load_rig("bartels2026-validation").modules[1].anchor).all()
+
+
+def test_what_is_dragged_snaps_to_the_grid(point):
+    state = edits.choose(grid_m=0.25)(point)
+    assert edits.move_anchor(state, "top", [0.1, 2.2, -0.13]).anchors[3] == pytest.approx([0.0, 2.25, -0.25])
+    assert edits.move_hand(state, [0.13, 0.3, 0.0]).position == pytest.approx([0.25, 0.25, 0.0])
+
+
+def test_an_anchor_on_a_turned_body_is_put_where_the_world_has_it():
+    rig = tl.load_rig("body-mounted")
+    quarter = tl.RestPose(rig.frames[0], np.array([0.0, 0.9, 0.0]), np.array([0.0, np.pi / 2, 0.0]))
+    others = tuple(each for each in rig.rest if each.name != quarter.name)
+    state = begin(tl.Rig(**{**vars_of(rig), "rest": (*others, quarter)}))
+    rider = next(module.name for module in rig.modules if module.frame == quarter.name)
+    moved = edits.move_anchor(state, rider, [0.3, 1.0, -0.2])
+    assert moved.anchors[names(moved).index(rider)] == pytest.approx([0.3, 1.0, -0.2])
+    assert edits.find(moved, rider).anchor == pytest.approx([0.2, 0.1, 0.3])  # turned by a quarter
+
+
+def vars_of(rig):
+    return {name: getattr(rig, name) for name in rig.__dataclass_fields__}
+
+
+def names(state):
+    return [module.name for module in state.rig.modules]
+
+
+def test_a_module_that_changes_its_frame_stays_where_it_is(point):
+    on_hip = edits.move_frame(edits.set_frame(point, "top", "hip"), "hip", [0.0, 1.0, 0.0])
+    assert on_hip.anchors[3] == pytest.approx(point.anchors[3] + [0.0, 1.0, 0.0])  # it went with the body
+    back = edits.set_frame(on_hip, "top", "world")
+    assert back.anchors[3] == pytest.approx(on_hip.anchors[3])
+    assert back.rig.frames == ()
+    assert back.rig.rest == ()  # no rest pose of a frame that carries nothing
+
+
+def test_a_module_is_added_with_a_name_of_its_own_and_is_selected(point):
+    twice = edits.add_module(edits.add_module(point))
+    assert names(twice) == [*names(point), "module 1", "module 2"]
+    assert twice.selected == "module 2"
+    assert twice.rig.modules[4].upper == point.rig.modules[0].upper
+    assert twice.anchors[4][1] > twice.position[1]  # above the hand
+
+
+def test_modules_are_removed_down_to_the_last(point):
+    for name in names(point)[1:]:
+        point = edits.remove_module(edits.choose(selected=name)(point), name)
+    assert names(point) == ["floor-1"]
+    assert point.selected == ""
+    with pytest.raises(tl.RigError, match="only module"):
+        edits.remove_module(point, "floor-1")
+
+
+def test_a_renamed_module_stays_selected(point):
+    renamed = edits.rename(edits.choose(selected="top")(point), "top", "ceiling")
+    assert renamed.selected == "ceiling"
+    with pytest.raises(tl.RigError, match="used by modules"):
+        edits.rename(point, "top", "floor-1")
+
+
+def test_limits_that_no_module_can_have_are_refused(point):
+    assert edits.relimit(point, "top", 1.0, 9.0).rig.limits.upper[3] == 9.0
+    with pytest.raises(tl.RigError, match='above "upper"'):
+        edits.relimit(point, "top", 9.0, 1.0)
+
+
+def test_a_module_that_is_not_there_is_named_with_those_that_are(point):
+    with pytest.raises(tl.RigError, match='no module "roof"; it has floor-1, floor-2, floor-3, top'):
+        edits.move_anchor(point, "roof", [0.0, 0.0, 0.0])
+
+
+def test_attachments_turn_with_the_platform(platform):
+    quarter = tl.workspace.roll_pitch_yaw(0.0, 0.0, np.pi / 2)[0]
+    turned = edits.turn_platform(platform, quarter)
+    arms, old = turned.attachments - turned.position, platform.attachments - platform.position
+    assert arms == pytest.approx(np.stack([-old[:, 1], old[:, 0], old[:, 2]], axis=1))
+
+
+def test_what_a_rig_requires_is_exerted_beside_what_is_desired():
+    rig = tl.load_rig("cogiro")
+    lifting = tl.Rig(**{**vars_of(rig), "required": tl.Requirement(gravity=True)})
+    state = edits.desire(begin(lifting), [0.0, 0.0, 10.0, 0.0, 0.0, 0.0])
+    assert state.exerted[2] == pytest.approx(10.0 + 9.81 * rig.platform.mass)
+
+
+def test_undo_and_redo_go_through_the_steps(point):
+    history = History(point)
+    history.record(edits.move_hand(point, [0.0, 0.4, 0.0]))
+    history.record(edits.desire(history.present, [1.0, 0.0, 0.0]))
+    assert history.undo().wrench.tolist() == [0.0, 0.0, 0.0]
+    assert history.undo().position.tolist() == [0.0, 0.3, 0.0]
+    assert not history.can_undo
+    assert history.undo().position.tolist() == [0.0, 0.3, 0.0]  # there is nothing more
+    assert history.redo().position.tolist() == [0.0, 0.4, 0.0]
+    history.record(edits.move_hand(history.present, [0.1, 0.4, 0.0]))
+    assert not history.can_redo
+
+
+def test_a_drag_is_one_step(point):
+    history, drag = History(point), object()
+    for height in np.linspace(0.3, 0.8, 6):
+        history.record(edits.move_hand(history.present, [0.0, height, 0.0]), drag)
+    history.record(edits.move_hand(history.present, [0.2, 0.8, 0.0]), object())
+    assert history.undo().position.tolist() == [0.0, 0.8, 0.0]
+    assert history.undo().position.tolist() == [0.0, 0.3, 0.0]
+
+
+def test_how_it_is_looked_at_is_not_undone(point):
+    history = History(point)
+    history.record(edits.add_module(point))
+    history.record(edits.choose(metric="tension-factor", dark=True)(history.present))
+    before = history.undo()
+    assert (before.metric, before.dark) == ("tension-factor", True)
+    assert before.rig.m == 4
+    assert before.selected == ""  # what was selected is gone
+
+
+def test_an_anchor_that_stays_where_it_is_leaves_the_state_and_so_the_workspace():
+    state = begin(tl.load_rig("bartels2026-validation"))
+    assert edits.move_anchor(state, "top", state.anchors[3]) is state
+
+
+def test_a_rig_that_was_found_is_shown_with_the_hand_at_its_home():
+    state = edits.desire(begin(tl.load_rig("bartels2026-validation")), [1.0, 0.0, 0.0])
+    shown = edits.replace_rig(state, tl.load_rig("seven-modules"))
+    assert shown.position.tolist() == shown.rig.home.tolist() != state.position.tolist()
+    assert shown.wrench is state.wrench
