@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
     from tensionlab.solvers.penalty import AnalyticCentre, SlackNorm, Spidar
     from tensionlab.solvers.quadratic import QuadraticProgram
+    from tensionlab.viewer.rig_page import view
     from tensionlab.workspace.sweep import sweep
 
 __version__ = "0.1.0"
@@ -98,6 +99,7 @@ __all__ = [
     "ring_plus_top",
     "save_rig",
     "sweep",
+    "view",
     "workspace",
 ]
 
@@ -134,6 +136,7 @@ _NAMES = {
     "tensionlab.solvers.quadratic": ("QuadraticProgram",),
     "tensionlab.workspace.sweep": ("sweep",),
     "tensionlab.plots": ("plot",),
+    "tensionlab.viewer.rig_page": ("view",),
 }
 _HOMES = {name: module for module, names in _NAMES.items() for name in names}
 

@@ -25,8 +25,7 @@ class RigPage:
     Examples
     --------
     >>> import tensionlab as tl
-    >>> from tensionlab.viewer.rig_page import open_rig
-    >>> page = open_rig(tl.load_rig("bartels2026-validation"))  # doctest: +SKIP
+    >>> page = tl.view(tl.load_rig("bartels2026-validation"))  # doctest: +SKIP
     >>> tl.save_rig(page.rig, "designed.toml")  # doctest: +SKIP
     """
 
@@ -55,10 +54,31 @@ class RigPage:
         )
 
 
-def open_rig(rig: Rig) -> RigPage:
+def view(rig: Rig) -> RigPage:
     """Open the design page of a rig: inline in a notebook, in a browser elsewhere.
 
-    A thread serves it until it is closed or this process ends; MissingDependency if viser is not installed.
+    A thread serves it until it is closed or this process ends.
+
+    Parameters
+    ----------
+    rig : Rig
+        Rig to design.
+
+    Returns
+    -------
+    RigPage
+        With ``url``, ``rig`` (as it is designed now) and ``close()``.
+
+    Raises
+    ------
+    MissingDependency
+        If viser is not installed.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> page = tl.view(tl.load_rig("bartels2026-validation"))  # doctest: +SKIP
+    >>> designed = page.rig  # doctest: +SKIP
     """
     page = RigPage(rig)
     if not in_notebook():

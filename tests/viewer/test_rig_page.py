@@ -14,7 +14,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.rig_page import in_notebook, open_rig
+from tensionlab.viewer.rig_page import in_notebook
 from tensionlab.viewer.server import PageServer
 from tests.support.browsers import HANGS_S, chromium, needs_browser, until
 
@@ -37,7 +37,7 @@ def notebook(monkeypatch, shell):
 def test_outside_a_notebook_a_browser_opens_and_the_rig_is_as_it_is_designed(opened, monkeypatch):
     monkeypatch.setitem(sys.modules, "IPython", None)
     rig = tl.load_rig(RIG)
-    page = open_rig(rig)
+    page = tl.view(rig)
     try:
         assert opened == [page.url]
         assert page.rig == rig
@@ -59,7 +59,7 @@ def test_outside_a_notebook_a_browser_opens_and_the_rig_is_as_it_is_designed(ope
 @pytest.mark.realtime  # a real server
 def test_a_notebook_shows_it_inline_and_opens_no_browser(opened, monkeypatch):
     notebook(monkeypatch, SimpleNamespace(kernel=object()))
-    page = open_rig(tl.load_rig(RIG))
+    page = tl.view(tl.load_rig(RIG))
     try:
         assert opened == []
         [source] = re.findall(r'<iframe src="([^"]+)"', page._repr_html_())
@@ -93,7 +93,7 @@ def notebook_server(html):
 @pytest.mark.realtime  # a real browser
 def test_a_page_of_another_origin_shows_it_in_a_frame_and_it_works_there(opened, monkeypatch):
     notebook(monkeypatch, SimpleNamespace(kernel=object()))
-    page = open_rig(tl.load_rig(RIG))
+    page = tl.view(tl.load_rig(RIG))
     try:
         with chromium() as browser, notebook_server(page._repr_html_()) as url:
             tab = browser.new_page()

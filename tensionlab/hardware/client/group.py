@@ -286,7 +286,7 @@ def connect(rig: Rig, links: Mapping[str, str | Link]) -> ModuleGroup:
     >>> links = {module.name: SimulatedLink(simulated) for module, simulated in zip(rig.modules, modules)}
     >>> group = connect(rig, links)
     >>> group.clients[0].hello().firmware
-    2
+    3
     """
     names = [module.name for module in rig.modules]
     for name in links:
