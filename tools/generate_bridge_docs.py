@@ -73,6 +73,8 @@ messages. This page is generated from the code, by `make generated`.
   `127.0.0.1`, `localhost` or `[::1]`, so that no foreign page can have its own name lead here. Beyond this machine
   (`--host 0.0.0.0`) a token is needed instead: `?token=...` or `Authorization: Bearer ...`. The server has it from
   `--token-file FILE` or the environment, `TENSIONLAB_BRIDGE_TOKEN`.
+- On Linux, programs of another user of this machine are refused without a token. OSC and other systems do not tell
+  users apart.
 - When a client connects, goes or is refused, there is a line on stderr and a `client` event.
 - The same comes in over OSC (`--osc PORT`): `/body/hand x y z`, `/effect/NAME KIND parameter value ...`,
   `/effect/NAME` alone to take it away, `/stop`. Parameters have the names of the tables below, such as
