@@ -14,6 +14,7 @@ from xml.parsers import expat
 
 import numpy as np
 
+from tensionlab import display
 from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
 from tensionlab.files.reading import MAX_NESTING, brief, read_bytes
@@ -68,7 +69,7 @@ class Element:
         except ValueError:
             values = np.empty(0)
         if values.size != count or not np.isfinite(values).all():
-            self.fail(f"{what} is {brief(text.strip())}; give {count} finite number{'s' if count > 1 else ''}")
+            self.fail(f"{what} is {brief(text.strip())}; give {display.count(count, 'finite number')}")
         return values
 
 

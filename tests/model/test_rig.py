@@ -66,7 +66,7 @@ def make(**change):
     ],
 )
 def test_a_bad_module_is_refused_by_name_and_key(change, key):
-    make()
+    make(spool_radius=1e-4)
     with pytest.raises(RigError, match=rf'module "a": key "{key}"'):
         make(**change)
 

@@ -177,3 +177,7 @@ def test_each_goal_states_the_objective_that_its_answers_have() -> None:
         others = [measured(found[other]) for other in GOALS if other != goal]
         assert measured(found[goal]) <= min(others) + 1e-12
         assert measured(found[goal]) < max(others) - 1e-3
+
+
+def test_it_serves_up_to_two_cables_more_than_components():
+    assert [tl.Polygon().refuses(3, cables) is None for cables in (3, 4, 5, 6, 7)] == [True] * 3 + [False] * 2

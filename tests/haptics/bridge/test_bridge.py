@@ -117,7 +117,7 @@ def test_a_watching_client_gets_rates_and_what_is_softer_than_desired(bridge):
 
 
 BAD = [
-    ("{", "not JSON"),
+    ('{"type": }', "not JSON: expecting value, at character 10"),
     (b"\x00\xff", "not JSON"),
     ("[1]", "a message is [1]; give an object whose type is"),
     ("{}", 'type is missing; give "frame" or "stop"'),

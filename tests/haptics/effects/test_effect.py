@@ -34,7 +34,9 @@ ALONG_ONLY = {"magnet", "ball"}
 @pytest.mark.parametrize("name", SPLIT)
 def test_what_a_module_and_the_host_render_adds_up_to_the_effect(name):
     effect, rng = SPLIT[name], np.random.default_rng(1)
-    for position, velocity in rng.uniform(-0.3, 0.3, (200, 2, 3)):
+    near = TILTED.point + rng.uniform(-3e-4, 3e-4, (10, 3))
+    positions = np.concatenate([rng.uniform(-0.3, 0.3, (200, 3)), near])
+    for position, velocity in zip(positions, rng.uniform(-0.3, 0.3, positions.shape), strict=True):
         part = effect.module_side(Motion(position, velocity))
         if part is None:
             continue

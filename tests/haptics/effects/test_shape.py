@@ -26,6 +26,9 @@ def test_known_distances():
         [0.05, np.sqrt(2) * 0.1, -0.01]
     )
     assert Box()(np.array([0.0, 0.09, 0.0]))[1].tolist() == [0.0, 1.0, 0.0]
+    for off, distance in ((1e-4, np.sqrt(2) * 1e-4), (-1e-4, -1e-4)):
+        assert Box()(np.array([0.1 + off, 0.1 + off, 0.0]))[0] == pytest.approx(distance)
+    assert Sphere()(np.array([1e-4, 0.0, 0.0]))[1].tolist() == [1.0, 0.0, 0.0]
 
 
 def test_a_hand_in_a_ball_is_pushed_out_along_the_radius():

@@ -17,7 +17,14 @@ from tensionlab.haptics.effects import (
     Viscous,
     Wall,
 )
-from tensionlab.haptics.rendering.assignment import Cables, EffectFailed, ModuleLimits, along_cable, assign
+from tensionlab.haptics.rendering.assignment import (
+    MAX_APPROACH_M,
+    Cables,
+    EffectFailed,
+    ModuleLimits,
+    along_cable,
+    assign,
+)
 from tests.support.motions import at
 
 
@@ -163,6 +170,11 @@ def test_a_bow_that_is_loosed_falls_without_its_hum_where_no_module_can_render_i
     bow, position = Bow(loosed=0.0), np.array([0.5, 0.0, 0.0])
     forces = [assign((bow,), Motion(position, np.zeros(3), t, 0.02), none).force[0] for t in (0.0, 0.1, 0.5)]
     assert forces == pytest.approx([-1.5, -0.5 - np.exp(-2.0), -0.5], abs=1e-4)
+
+
+def test_a_wall_that_is_far_away_has_no_cable_yet():
+    for height, cables in ((0.9 * MAX_APPROACH_M, 1), (1.1 * MAX_APPROACH_M, 0)):
+        assert len(assign((Wall(),), at(0.0, 0.0, height), CABLES).impedances) == cables
 
 
 def test_two_parts_go_to_two_cables():

@@ -201,6 +201,16 @@ def test_poses_in_a_plane_do_not_tell_how_far_anchors_are_off_it(noise):
     np.testing.assert_allclose(found.anchors, CUBE.anchors, atol=1e-9 if noise == 0.0 else 0.01)
 
 
+def test_poses_of_one_orientation_do_not_tell_and_turned_ones_among_the_anchors_are_advised():
+    far = replace(PLANAR, modules=tuple(replace(m, anchor=np.add(m.anchor, [5.0, -3.0])) for m in PLANAR.modules))
+    poses = Poses.at(far, sampled(far, 20, np.random.default_rng(0)).position)
+    with pytest.raises(CalibrationError, match=r"Add poses such as .* m turned by \(-?0.3\) rad") as caught:
+        calibrate_anchors(far, lengths_at(far, poses))
+    places = np.array([place.split(", ") for place in re.findall(r"\(([-\d., ]+)\) m", str(caught.value))], float)
+    assert len(places) == 3
+    assert np.all((far.anchors.min(axis=0) <= places) & (places <= far.anchors.max(axis=0)))
+
+
 def test_one_pose_many_times_is_one_pose():
     rng = np.random.default_rng(0)
     poses = Poses.at(POINT, np.tile(POINT.home, (6, 1)))

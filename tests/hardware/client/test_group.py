@@ -105,6 +105,7 @@ class Modules:
         return [module.sample.state for module in self.world.modules]
 
     def pull(self):
+        self.world.advance(10.0)  # links do not count time from the begin of a command
         self.group.arm([1.0] * RIG.m)
         for client in self.group.clients:
             client.set_tension(2.0)

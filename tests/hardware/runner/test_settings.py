@@ -88,6 +88,13 @@ def test_one_that_computes_for_too_long_loses_them(computer):
         ran(computer, 1.0)
 
 
+def test_playback_keeps_to_real_time_in_the_shortest_steps_too(computer):
+    clock = PlaybackClock(World(four()))
+    for step in range(1, 501):
+        clock.wait_until(2e-4 * step)
+    assert computer.now == pytest.approx(1000.1, abs=1e-3)
+
+
 def test_playback_is_never_ahead_of_real_time_and_leaves_no_cycle_out_behind_it(computer):
     world, times = World(four()), []
 
@@ -99,6 +106,7 @@ def test_playback_is_never_ahead_of_real_time_and_leaves_no_cycle_out_behind_it(
     clock = PlaybackClock(world)
     statistics = Runner(four(), world.group(), "newton", demand, RunSettings(), clock=clock).run(1.0)
     assert (statistics.cycles, statistics.missed, statistics.lost) == (50, 0, {})
+    assert max(statistics.start_delays) == pytest.approx(0.0, abs=1e-6)
     steps = np.diff(times)
     assert steps[[10, 20]] == pytest.approx([1.0, 1.0], abs=1e-3)
     assert np.delete(steps, [10, 20]) == pytest.approx(0.02, abs=1e-3)  # what was lost is not caught up
