@@ -287,3 +287,10 @@ def test_too_few_cables_are_refused():
     one = tl.Rig("one", "planar-point", rig.modules[:1], home=[0.0, 0.0])
     with pytest.raises(InputError, match="1 cables whose tension can change; give it 2"):
         certify(one, [(0.0, 1.0), (0.0, 1.0)], [0.0, 1.0], 0.1)
+
+
+def test_bodies_that_are_in_several_places_are_refused():
+    rig = tl.load_rig("body-mounted")
+    frames = {name: (each.position + np.zeros((2, 3)), None) for name, each in rig.at_rest.items()}
+    with pytest.raises(InputError, match="frames: give one pose for each body frame"):
+        certify(rig, [(-0.1, 0.1)] * 3, tl.Requirement(ball=1.0), 0.1, frames=frames)

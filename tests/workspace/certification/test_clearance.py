@@ -63,3 +63,11 @@ def test_cables_at_just_the_required_distance_are_left_undecided(gap, verdict):
     anchors, arms = np.array([[[0.0, 0.0, 2.0], [gap, 0.0, 2.0]]]), np.array([[[0.0, 0.0, 0.0], [gap, 0.0, 0.0]]])
     problem = ClearanceProblem(1.0, np.array([[0, 1]]), np.zeros((0, 2, 3)), np.zeros(2))
     assert problem.decide(anchors, arms, 0.0, np.zeros((1, 3)), np.zeros(3)).tolist() == [verdict]
+
+
+@pytest.mark.parametrize(("gap", "verdict"), [(0.7, -1), (0.9, 0), (1.1, 0), (1.3, 1)])
+def test_what_may_turn_or_move_by_some_centimetres_is_in_doubt_by_as_much(gap, verdict):
+    anchors, arms = np.array([[[0.0, 0.0, 2.0], [gap, 0.0, 2.0]]]), np.array([[[0.0, 0.0, 0.5], [gap, 0.0, 0.5]]])
+    problem = ClearanceProblem(1.0, np.array([[0, 1]]), np.zeros((0, 2, 3)), np.zeros(2))
+    assert problem.decide(anchors, arms, 0.07, np.zeros((1, 3)), np.full(3, 0.02)).tolist() == [verdict]
+    assert problem.decide(anchors, arms, 0.0, np.zeros((1, 3)), np.full(3, 0.11)).tolist() == [verdict]
