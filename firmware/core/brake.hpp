@@ -48,7 +48,9 @@ class Brake {
         }
         break;
       case BrakeState::releasing:
-        if (!driven || length <= released_at_ || since(now_us, since_us_) >= kReleaseTime) {
+        if (wanted && !driven) {  // a fault: the pawl is still on its wheel
+          enter(BrakeState::closed, now_us);
+        } else if (!driven || length <= released_at_ || since(now_us, since_us_) >= kReleaseTime) {
           enter(BrakeState::opening, now_us);
         }
         break;

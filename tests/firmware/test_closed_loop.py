@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tensionlab.hardware.protocol.codes import BrakeState, Limit, ResetReason, State
-from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Stop
-from tensionlab.hardware.simulation.simulated_module import STEP_S, Trace
+from tensionlab.hardware.protocol.codes import BrakeState, Code, Limit, ResetReason, State
+from tensionlab.hardware.protocol.messages import Clear, ConfigureTelemetry, EmergencyStop, Stop
+from tensionlab.hardware.simulation.simulated_module import STEP_S, HangingMass, Trace
 from tests.support.modules import Host
 
 HOLD = 186.0  # N, published: what the brake holds
@@ -242,6 +242,87 @@ def test_a_timeout_lifts_the_brake_unless_it_is_to_be_kept(keep):
     assert host.state == State.TIMEOUT
     assert trace.pawl_down[-1] == bool(keep)
     assert not trace.driver_on[-1]
+
+
+def lifting() -> Host:
+    """A host whose module has lifted 0.2 kg off the floor, with the brake that closes at a fault."""
+    host = Host()
+    host.module = HangingMass(0.2)
+    host.set(brake_on_fault=1.0)
+    host.calibrate(length=1.0)
+    host.arm()
+    play(host, 3.0, 0.3)
+    play(host, 1.96, 0.05)
+    assert host.module.sample.distance < 0.9
+    return host
+
+
+def play(host: Host, tension: float, seconds: float, *, brake: bool = False) -> None:
+    """Repeat a set-point at 50 Hz, while the load moves by itself."""
+    for _ in range(round(seconds / 0.01)):
+        host.pull(tension, brake=brake)
+        host.module.advance(0.01)
+
+
+def fail(host: Host, failure: str) -> None:
+    """Let a module fail by a part that breaks, a loop that hangs, or an emergency stop."""
+    if failure == "loop":
+        host.module.pause(0.006)
+    elif failure == "estop":
+        host.say(EmergencyStop())
+    else:
+        host.module.damage(failure)
+
+
+FAILURES = ("encoder", "supply", "loop", "estop")
+
+
+@pytest.mark.parametrize("failure", FAILURES)
+@pytest.mark.parametrize(
+    ("releasing", "braked", "most"),
+    [(0.0, 0.6, 0.004), (0.1, 0.6, 0.004), (0.0, 0.0, 0.03), (0.32, 0.6, 0.2)],
+    ids=["brake closed", "brake being released", "brake open", "brake being opened"],
+)
+def test_a_brake_for_loads_lets_no_load_drop_at_a_fault(releasing, braked, most, failure):
+    """But by a tooth of 3 mm, and by what falls until the servo is through and the dwell over."""
+    host = lifting()
+    play(host, 1.0, braked, brake=True)
+    play(host, 1.0, releasing)
+    start = host.module.sample.distance
+    fail(host, failure)
+    sunk = []
+    for _ in range(200):
+        host.module.advance(0.01)
+        sunk.append(host.module.sample.distance - start)
+    assert host.state in (State.FAULT, State.ESTOP)
+    assert max(sunk) < most
+    assert host.module.sample.pawl_down
+
+
+def test_a_brake_for_loads_stays_closed_until_a_module_that_pulls_releases_it():
+    host = lifting()
+    host.say(EmergencyStop())
+    host.module.advance(1.0)
+    held = host.module.sample.distance
+    assert host.code(Clear()) == Code.OK
+    host.module.advance(1.0)
+    assert host.module.sample.distance == pytest.approx(held, abs=1e-3)
+    host.session += 1
+    host.arm()
+    play(host, 2.5, 0.3)
+    assert not host.module.sample.pawl_down
+    assert host.module.sample.distance < held
+
+
+@pytest.mark.parametrize("failure", FAILURES)
+def test_a_brake_for_people_sets_the_hand_free_at_a_fault(failure):
+    host = braked(0.0)
+    fail(host, failure)
+    host.module.advance(0.1)
+    trace = host.module.trace(0.5, host.module.sample.distance + 0.2)
+    assert host.state in (State.FAULT, State.ESTOP)
+    assert not trace.pawl_down.any()
+    assert trace.tension[400:].max() < 0.3  # it swings at first
 
 
 # What a module renders by itself
