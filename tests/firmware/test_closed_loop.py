@@ -322,7 +322,7 @@ def test_a_brake_for_people_sets_the_hand_free_at_a_fault(failure):
     trace = host.module.trace(0.5, host.module.sample.distance + 0.2)
     assert host.state in (State.FAULT, State.ESTOP)
     assert not trace.pawl_down.any()
-    assert trace.tension[400:].max() < 0.3  # it swings at first
+    assert trace.tension.mean() < 0.2  # in jerks of the spool that it takes along
 
 
 # What a module renders by itself

@@ -26,7 +26,7 @@ from tensionlab.operating_system import ESTOP_SIGNAL
 
 RIGS = Path(__file__).parents[3] / "datasets" / "rigs"
 RIG, PLANAR = load_rig(RIGS / "bartels2026-validation.toml"), load_rig(RIGS / "kntu-planar.toml")
-STAY, GO = 1.0, 0.5
+STAY, GO = 1.0, 1.0
 PLACES = RIG.home + np.random.default_rng(4).uniform([-0.2, 0.0, -0.2], [0.2, 0.4, 0.2], (15, 3))
 PLACES[0] = RIG.home
 
@@ -35,7 +35,8 @@ def hand(time):
     """A person who goes from place to place, and stays a second at each."""
     index, since = divmod(time, STAY + GO)
     here, there = (PLACES[min(int(index) + step, len(PLACES) - 1)] for step in (0, 1))
-    return Pose(here + (there - here) * np.clip((since - STAY) / GO, 0.0, 1.0))
+    share = np.clip((since - STAY) / GO, 0.0, 1.0)
+    return Pose(here + (there - here) * share**3 * (10.0 - 15.0 * share + 6.0 * share**2))  # with the least jerk
 
 
 @pytest.fixture

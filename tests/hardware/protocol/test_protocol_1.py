@@ -147,8 +147,7 @@ def test_what_is_said_names_both_protocols_and_what_to_do():
 
 def test_an_emergency_stop_of_many_says_which_speaks_protocol_1(monkeypatch, locks_folder):
     links = {"sim:": LinkTo1(host_in(State.RUNNING).module)}
-    monkeypatch.setattr("tensionlab.hardware.client.module.open_link", links.__getitem__)
-    monkeypatch.setattr("tensionlab.hardware.client.emergency_stop.holder", lambda url: None)
+    monkeypatch.setattr("tensionlab.hardware.client.emergency_stop.open_link", lambda url, locked: links[url])
     outcome = emergency_stop({"old": "sim:"})["old"]
     assert "speaks protocol 1" in outcome.error
     assert "it is ESTOP now" in outcome.error
