@@ -25,7 +25,7 @@ from tensionlab.benchmarking.speed import (
     using_threads,
 )
 from tensionlab.jacobian import allocation_jacobian
-from tensionlab.solvers.base import POLICIES, Nearest, Status
+from tensionlab.solvers.base import POLICIES, Policy, Status
 
 TOLERANCE = 1e-7
 """Largest difference, against the largest entry of an array of derivatives, or 1."""
@@ -50,7 +50,7 @@ class Problems:
     upper: Floats
     reference: Floats
     weights: Floats
-    nearest: Nearest
+    policy: Policy
 
     def solve(self, **changed: Floats) -> Allocation:
         """Return tensions, with some of `ARGUMENTS` changed: (B, K, ...)."""
@@ -60,7 +60,7 @@ class Problems:
             given["wrench"],
             (given["lower"], given["upper"]),
             reference=given["reference"],
-            nearest=self.nearest,
+            policy=self.policy,
             wrench_weights=self.weights,
         )
 
@@ -99,9 +99,9 @@ class Agreement:
         return Agreement(**counts, largest=max(self.largest, other.largest))
 
 
-def draw(n: int, m: int, count: int, nearest: Nearest, seed: int) -> Problems:
+def draw(n: int, m: int, count: int, policy: Policy, seed: int) -> Problems:
     """Return random problems, about half of them feasible where there are cables enough."""
-    rng = np.random.default_rng([seed, n, m, POLICIES.index(nearest)])
+    rng = np.random.default_rng([seed, n, m, POLICIES.index(policy)])
     structure = rng.normal(size=(count, n, m))
     lower = rng.uniform(0.0, 1.0, (count, m))
     upper = lower + rng.uniform(0.5, 6.0, (count, m))
@@ -111,7 +111,7 @@ def draw(n: int, m: int, count: int, nearest: Nearest, seed: int) -> Problems:
     elsewhere = rng.normal(size=(count, n)) * rng.uniform(0.5, 8.0, (count, 1))
     wrench = np.where(rng.random((count, 1)) < 0.3, elsewhere, wrench)
     reference = rng.uniform(-2.0, 8.0, (count, m))
-    return Problems(structure, wrench, lower, upper, reference, rng.uniform(0.2, 5.0, n), nearest)
+    return Problems(structure, wrench, lower, upper, reference, rng.uniform(0.2, 5.0, n), policy)
 
 
 def compare(problems: Problems, seed: int = 0) -> Agreement:
@@ -122,7 +122,7 @@ def compare(problems: Problems, seed: int = 0) -> Agreement:
         problems.wrench,
         (problems.lower, problems.upper),
         reference=problems.reference,
-        nearest=problems.nearest,
+        policy=problems.policy,
         wrench_weights=problems.weights,
     )
     found = jacobian.allocation
@@ -175,14 +175,14 @@ def polished(
     direction solve ``W t = s w`` for the free cables, one fewer than components, and s. Where none do, they are
     those of the force policy.
     """
-    if problems.nearest != "direction":
+    if problems.policy != "direction":
         return tensions
     n = problems.structure.shape[1]
     some = some & (found.status == Status.NEAREST)
     free = problems.held(found.tensions[:, None])[:, 0] == 0
     better = tensions.copy()
     hopeless = some & np.isnan(found.scale)
-    better[hopeless] = replace(problems, nearest="force").solve(**changed).tensions[hopeless]
+    better[hopeless] = replace(problems, policy="force").solve(**changed).tensions[hopeless]
     kept = some & ~hopeless & (free.sum(axis=1) == n - 1)
     if not kept.any():
         return better

@@ -7,7 +7,7 @@ structure = rig.structure_matrix(rig.home)
 desired = [6.0, 3.0, 1.0]
 
 for policy in ("force", "tension", "direction"):
-    result = tl.allocate(structure, desired, rig.limits, nearest=policy)
+    result = tl.allocate(structure, desired, rig.limits, policy=policy)
     print(f"{policy:10} renders {result.wrench.round(2)} N")
 
 # Along `separation`, the desired force exceeds what any tensions inside the limits reach.

@@ -71,7 +71,7 @@ def policies() -> dict[str, Any]:
     """Return what each policy renders of a wrench that is infeasible, and the direction that certifies it."""
     rig = demonstration_rig()
     W = rig.structure_matrix(rig.home)
-    answers = {name: tl.allocate(W, DESIRED, rig.limits, nearest=name) for name in POLICY_LOOKS}  # type: ignore[arg-type]
+    answers = {name: tl.allocate(W, DESIRED, rig.limits, policy=name) for name in POLICY_LOOKS}  # type: ignore[arg-type]
     return {"corners": tl.workspace.vertices(W, rig.limits), "answers": answers, "W": W, "limits": rig.limits}
 
 

@@ -35,7 +35,7 @@ from tensionlab.solvers.base import (
     POLICIES,
     RANK_TOLERANCE,
     TOLERANCE,
-    Nearest,
+    Policy,
     Problem,
     SingleSolver,
     Solver,
@@ -57,7 +57,7 @@ __all__ = [
     "TOLERANCE",
     "Allocation",
     "Allocator",
-    "Nearest",
+    "Policy",
     "Solver",
     "Status",
     "allocate",
@@ -268,7 +268,7 @@ class _Prepared:
     single: SingleSolver | None
 
 
-def resolve_solver(solver: str | Solver, nearest: Nearest | None) -> tuple[Solver, Nearest | None]:
+def resolve_solver(solver: str | Solver, policy: Policy | None) -> tuple[Solver, Policy | None]:
     """Return the solver that a name or an instance stands for, and the policy that it will honour.
 
     Parameters and errors as those of `allocate`.
@@ -277,10 +277,10 @@ def resolve_solver(solver: str | Solver, nearest: Nearest | None) -> tuple[Solve
         raise InputError(f"solver is the class {solver.__name__}; give an instance, {solver.__name__}()")
     if not isinstance(solver, str) and not hasattr(solver, "policies"):
         raise InputError(f"solver is {solver!r:.60}; give a name in tensionlab.SOLVERS or an instance of a solver")
-    if nearest is not None and not isinstance(nearest, str):
-        raise InputError(f"nearest is {nearest!r:.60}; give one of {', '.join(map(repr, POLICIES))}")
+    if policy is not None and not isinstance(policy, str):
+        raise InputError(f"policy is {policy!r:.60}; give one of {', '.join(map(repr, POLICIES))}")
     made: Solver = make(solver) if isinstance(solver, str) else solver
-    return made, resolve_policy(made, nearest, type(made).__name__)
+    return made, resolve_policy(made, policy, type(made).__name__)
 
 
 class Allocator:
@@ -303,10 +303,10 @@ class Allocator:
         limits: Limits | tuple[ArrayLike, ArrayLike],
         solver: str | Solver = "newton",
         reference: ArrayLike | Literal["lower", "middle"] | None = None,
-        nearest: Nearest | None = None,
+        policy: Policy | None = None,
         wrench_weights: ArrayLike | None = None,
     ) -> None:
-        self.solver, self.nearest = resolve_solver(solver, nearest)
+        self.solver, self.policy = resolve_solver(solver, policy)
         self._fused = fused(self.solver)
         self.lower, self.upper = tension_limits(limits)
         self.reference = self._resolve(reference)
@@ -314,7 +314,7 @@ class Allocator:
         self._prepared: dict[tuple[int, ...], _Prepared] = {}
 
     def __repr__(self) -> str:
-        policy = f", nearest in {self.nearest}" if self.nearest else ""
+        policy = f", nearest in {self.policy}" if self.policy else ""
         limits = f"limits {display.extent(self.lower, self.upper)} N"
         return f"<Allocator {self.solver}{policy}, {limits}, reference {display.extent(self.reference)} N>"
 
@@ -369,7 +369,7 @@ class Allocator:
             upper=rows(fixed.upper, shape, 1),
             reference=rows(fixed.reference, shape, 1),
             weights=fixed.weights,
-            nearest=self.nearest,
+            policy=self.policy,
         ), shape
 
     def _prepare(self, n: int, m: int) -> _Prepared:
@@ -385,7 +385,7 @@ class Allocator:
         weights = spread("wrench_weights", self.weights, n, "rows")
         single = None
         if self._fused and lower.ndim == upper.ndim == reference.ndim == 1:
-            single = self._fused.prepare(lower, upper, reference, weights, self.nearest)
+            single = self._fused.prepare(lower, upper, reference, weights, self.policy)
         # Threads may share an allocator: what one has prepared is never changed, only found or not.
         prepared = self._prepared[n, m] = _Prepared(lower, upper, reference, weights, single)
         return prepared
@@ -397,7 +397,7 @@ def allocate(
     limits: Limits | tuple[ArrayLike, ArrayLike],
     solver: str | Solver = "newton",
     reference: ArrayLike | Literal["lower", "middle"] | None = None,
-    nearest: Nearest | None = None,
+    policy: Policy | None = None,
     wrench_weights: ArrayLike | None = None,
 ) -> Allocation:
     """Return cable tensions inside their limits that render the wrench, and what is proved about them.
@@ -414,7 +414,7 @@ def allocate(
         A name in `tensionlab.SOLVERS` (``"qp:osqp"`` picks a variant), or an instance.
     reference : (..., m) array, "lower", "middle" or None
         Tensions to stay close to; None is zero, which gives the least sum of squares.
-    nearest : {"force", "tension", "direction"} or None
+    policy : {"force", "tension", "direction"} or None
         What to render where the wrench is infeasible: the closest wrench; the tensions closest to
         equilibrium, in the metric ``(W W')^+``; or the longest wrench in the desired direction, and the
         closest wrench where none of that direction can be rendered. None: the solver's own.
@@ -443,14 +443,14 @@ def allocate(
     >>> result.tensions.round(3)
     array([2.278, 1.801, 0.5  , 2.611])
     >>> forces = [[1.0, 0.5, 1.0], [20.0, 0.0, 0.0]]  # the second is infeasible
-    >>> tl.allocate(structure, forces, rig.limits, nearest="direction").scale.round(3)
+    >>> tl.allocate(structure, forces, rig.limits, policy="direction").scale.round(3)
     array([1.   , 0.244])
     """
     allocator = None
     if isinstance(solver, str) and solver == "newton" and wrench_weights is None:
-        allocator = _kept_allocator(limits, reference, nearest)
+        allocator = _kept_allocator(limits, reference, policy)
     if allocator is None:
-        allocator = Allocator(limits, solver, reference, nearest, wrench_weights)
+        allocator = Allocator(limits, solver, reference, policy, wrench_weights)
     return allocator(structure, wrench)
 
 
@@ -472,9 +472,9 @@ def _kept_allocator(limits: object, *options: object) -> Allocator | None:
 
 
 @lru_cache(maxsize=64)
-def _allocator_of(lower: bytes, upper: bytes, reference: Any, nearest: Any) -> Allocator:
+def _allocator_of(lower: bytes, upper: bytes, reference: Any, policy: Any) -> Allocator:
     """Return an allocator of the exact solver, with limits by their bytes."""
-    return Allocator((np.frombuffer(lower), np.frombuffer(upper)), "newton", reference, nearest)
+    return Allocator((np.frombuffer(lower), np.frombuffer(upper)), "newton", reference, policy)
 
 
 atexit.register(_allocator_of.cache_clear)  # a native object that is still there at the end is reported as leaked

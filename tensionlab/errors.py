@@ -50,10 +50,10 @@ class InputError(TensionlabError, ValueError):
     Examples
     --------
     >>> import tensionlab as tl
-    >>> tl.allocate([[1.0, -1.0]], [2.0], (1.0, 5.0), "dykstra", nearest="direction")
+    >>> tl.allocate([[1.0, -1.0]], [2.0], (1.0, 5.0), "dykstra", policy="direction")
     Traceback (most recent call last):
         ...
-    tensionlab.errors.InputError: Dykstra cannot honour nearest='direction'; it honours 'tension'
+    tensionlab.errors.InputError: Dykstra cannot honour policy='direction'; it honours 'tension'
     """
 
 

@@ -13,7 +13,7 @@ from tensionlab import _native
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.arrays import Floats, Limits, finite, numbers, rows
 from tensionlab.errors import InputError, ShapeError
-from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, Nearest, Problem, Solver
+from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, Policy, Problem, Solver
 from tensionlab.solvers.least_squares import Newton
 
 
@@ -136,7 +136,7 @@ class AllocationJacobian:
             found.tensions.reshape(size, found.tensions.shape[-1]),
             np.reshape(found.scale, size),
             np.reshape(found.status, size),
-            POLICIES.index(self._problem.nearest or "force"),
+            POLICIES.index(self._problem.policy or "force"),
             RANK_TOLERANCE,
             last,
         )
@@ -151,7 +151,7 @@ def allocation_jacobian(
     limits: Limits | tuple[ArrayLike, ArrayLike],
     solver: str | Solver = "newton",
     reference: ArrayLike | Literal["lower", "middle"] | None = None,
-    nearest: Nearest | None = None,
+    policy: Policy | None = None,
     wrench_weights: ArrayLike | None = None,
 ) -> AllocationJacobian:
     """Choose tensions, as `allocate` does, and return them with their derivatives.
@@ -180,7 +180,7 @@ def allocation_jacobian(
     >>> jacobian.kink
     array([False,  True, False])
     """
-    allocator = Allocator(limits, solver, reference, nearest, wrench_weights)
+    allocator = Allocator(limits, solver, reference, policy, wrench_weights)
     if type(allocator.solver) is not Newton:
         raise InputError(
             f"solver is {solver!r:.60}, which minimises {allocator.solver.objective!r}; allocation_jacobian "

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from tensionlab.errors import InputError, needs
 from tensionlab.jacobian import AllocationJacobian, allocation_jacobian
-from tensionlab.solvers.base import Nearest
+from tensionlab.solvers.base import Policy
 
 if TYPE_CHECKING:
     import jax
@@ -23,7 +23,7 @@ def allocate(
     wrench: jax.Array,
     limits: Any,
     reference: jax.Array | Literal["lower", "middle"] | None = None,
-    nearest: Nearest | None = None,
+    policy: Policy | None = None,
     wrench_weights: ArrayLike | None = None,
 ) -> jax.Array:
     """Return the tensions of `tensionlab.allocate`, for ``jax.grad``, ``jax.vmap`` and ``jax.jit``.
@@ -75,18 +75,18 @@ def allocate(
         for each, own in zip((matrices, *vectors), inner, strict=True)
     ]
     weights = None if wrench_weights is None else tuple(np.asarray(wrench_weights, dtype=float).tolist())
-    found: jax.Array = _function(nearest, weights)(*spread)
+    found: jax.Array = _function(policy, weights)(*spread)
     return found
 
 
 @cache
-def _function(nearest: Nearest | None, weights: tuple[float, ...] | None) -> Any:
+def _function(policy: Policy | None, weights: tuple[float, ...] | None) -> Any:
     import jax
 
     def solved(arrays: tuple[Any, ...]) -> AllocationJacobian:
         structure, wrench, lower, upper, reference = (np.asarray(each, dtype=np.float64) for each in arrays)
         return allocation_jacobian(
-            structure, wrench, (lower, upper), reference=reference, nearest=nearest, wrench_weights=weights
+            structure, wrench, (lower, upper), reference=reference, policy=policy, wrench_weights=weights
         )
 
     def tensions(*arrays: Any) -> Any:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.allocation import Allocation, Allocator, Nearest, Solver
+from tensionlab.allocation import Allocation, Allocator, Policy, Solver
 from tensionlab.arrays import Floats
 from tensionlab.demand import Pose
 from tensionlab.errors import InputError, needs
@@ -134,7 +134,7 @@ class TendonAllocator:
         Names of the cables.
     body : str
         Name of the body that they hold.
-    solver, reference, nearest, wrench_weights
+    solver, reference, policy, wrench_weights
         As in `tensionlab.Allocator`.
 
     Attributes
@@ -172,7 +172,7 @@ class TendonAllocator:
         body: str,
         solver: str | Solver = "newton",
         reference: ArrayLike | Literal["lower", "middle"] | None = None,
-        nearest: Nearest | None = None,
+        policy: Policy | None = None,
         wrench_weights: ArrayLike | None = None,
     ) -> None:
         mujoco = _import_mujoco("an allocator for MuJoCo's actuators")
@@ -185,7 +185,7 @@ class TendonAllocator:
             _pulls(model, name, actuator) for name, actuator in zip(self._tendons, self._actuators, strict=True)
         ]
         self._newton_per_control, self.lower, self.upper = (np.array(each) for each in zip(*drawn, strict=True))
-        self._allocate = Allocator((self.lower, self.upper), solver, reference, nearest, wrench_weights)
+        self._allocate = Allocator((self.lower, self.upper), solver, reference, policy, wrench_weights)
 
     def __call__(self, data: Any, wrench: ArrayLike) -> Allocation:
         """Choose tensions for a wrench (n,) on the body, and write them to ``data.ctrl``.

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from tensionlab.errors import InputError, needs
 from tensionlab.jacobian import allocation_jacobian
-from tensionlab.solvers.base import Nearest
+from tensionlab.solvers.base import Policy
 
 if TYPE_CHECKING:
     import torch
@@ -23,7 +23,7 @@ def allocate(
     wrench: torch.Tensor,
     limits: Any,
     reference: torch.Tensor | Literal["lower", "middle"] | None = None,
-    nearest: Nearest | None = None,
+    policy: Policy | None = None,
     wrench_weights: ArrayLike | None = None,
 ) -> torch.Tensor:
     """Return the tensions of `tensionlab.allocate`, through which gradients go back.
@@ -70,7 +70,7 @@ def allocate(
         raise InputError(f"reference {reference!r} is unknown; give tensions, 'lower' or 'middle'")
     near = words[reference] if isinstance(reference, str) else 0.0 if reference is None else reference
     tensors = map(tensor, (structure, wrench, lower, upper, near))
-    found: torch.Tensor = _function().apply(*tensors, nearest, wrench_weights)
+    found: torch.Tensor = _function().apply(*tensors, policy, wrench_weights)
     return found
 
 
@@ -81,7 +81,7 @@ def _function() -> Any:
     class Allocate(torch.autograd.Function):  # type: ignore[misc]
         @staticmethod
         def forward(ctx: Any, *given: Any) -> Any:
-            *tensors, nearest, weights = given
+            *tensors, policy, weights = given
             structure, wrench, lower, upper, reference = (
                 each.detach().to("cpu", torch.float64).numpy() for each in tensors
             )
@@ -90,7 +90,7 @@ def _function() -> Any:
                 wrench,
                 (lower, upper),
                 reference=reference,
-                nearest=nearest,
+                policy=policy,
                 wrench_weights=None if weights is None else np.asarray(weights),
             )
             ctx.like = [(each.shape, each.dtype, each.device) for each in tensors]

@@ -29,7 +29,7 @@ def verify(problem: Problem, answer: Answer) -> Verified:
     failures: dict[int, str] = {}
     if flawed:
         unproved = np.flatnonzero(status == Status.UNPROVEN)
-        if problem.nearest == "direction" and not proposed and unproved.size:
+        if problem.policy == "direction" and not proposed and unproved.size:
             # That proof needs a direction that no error vector supplies: ask the exact solver for one.
             part, found = problem.take(unproved), tensions[unproved]
             proof = _writable(Newton().solve(part).separation)
@@ -69,7 +69,7 @@ def _certify(
         problem.weights,
         tensions,
         separation,
-        0 if problem.nearest is None else 1 + POLICIES.index(problem.nearest),
+        0 if problem.policy is None else 1 + POLICIES.index(problem.policy),
         TOLERANCE,
         RANK_TOLERANCE,
     )

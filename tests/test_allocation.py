@@ -12,7 +12,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.arrays import Floats
-from tensionlab.solvers.base import Answer, Nearest, Problem, Verified
+from tensionlab.solvers.base import Answer, Policy, Problem, Verified
 
 PLANAR = np.array([[1.0, -0.6, -0.6], [0.0, 0.8, -0.8]])
 LIMITS = ([1.0, 1.0, 1.0], [10.0, 10.0, 10.0])
@@ -75,7 +75,7 @@ def test_limits_and_references_broadcast_too() -> None:
 
 def test_weights_choose_the_nearest_wrench() -> None:
     light, heavy = (
-        tl.allocate(PLANAR, FAR, LIMITS, nearest="force", wrench_weights=[1, weight]) for weight in (1e-3, 1e3)
+        tl.allocate(PLANAR, FAR, LIMITS, policy="force", wrench_weights=[1, weight]) for weight in (1e-3, 1e3)
     )
     error_light, error_heavy = FAR - light.wrench, FAR - heavy.wrench
     assert abs(error_heavy[1]) < 0.01
@@ -85,16 +85,16 @@ def test_weights_choose_the_nearest_wrench() -> None:
 
 
 def test_scale_tells_how_much_of_the_wrench_is_rendered() -> None:
-    along = tl.allocate(PLANAR, np.stack([REACHABLE, FAR, 2 * FAR]), LIMITS, nearest="direction")
+    along = tl.allocate(PLANAR, np.stack([REACHABLE, FAR, 2 * FAR]), LIMITS, policy="direction")
     np.testing.assert_allclose(along.scale, [1, 8 / 15, 4 / 15], rtol=0, atol=1e-9)
     np.testing.assert_allclose(along.wrench, along.scale[:, None] * [REACHABLE, FAR, 2 * FAR], atol=1e-8)
     # Three parallel cables that must pull: nothing points up, not even zero.
-    stuck = tl.allocate([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]], [0.0, 5.0], LIMITS, nearest="direction")
+    stuck = tl.allocate([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]], [0.0, 5.0], LIMITS, policy="direction")
     assert stuck.status == tl.Status.NEAREST
     assert np.isnan(stuck.scale)
     np.testing.assert_allclose(stuck.tensions, [1, 1, 1], rtol=0, atol=1e-9)
     for policy in ("force", "tension"):
-        assert np.isnan(tl.allocate(PLANAR, FAR, LIMITS, nearest=policy).scale)
+        assert np.isnan(tl.allocate(PLANAR, FAR, LIMITS, policy=policy).scale)
 
 
 def test_allocator_equals_allocate() -> None:
@@ -147,8 +147,8 @@ def test_one_call_after_another_takes_the_limits_as_they_are_now() -> None:
     for _ in range(2):  # what is refused is not kept
         with pytest.raises(tl.ShapeError, match="lower"):
             tl.allocate(W, w, (lower, upper))
-    with pytest.raises(tl.InputError, match="nearest is"):
-        tl.allocate(W, w, (np.ones(2), np.ones(2)), nearest=["force"])
+    with pytest.raises(tl.InputError, match="policy is"):
+        tl.allocate(W, w, (np.ones(2), np.ones(2)), policy=["force"])
 
 
 def test_an_allocator_does_not_follow_what_it_was_given() -> None:
@@ -252,11 +252,11 @@ def test_unknown_names_are_refused_with_a_suggestion() -> None:
 
 def test_a_policy_that_is_not_honoured_names_those_that_are() -> None:
     with pytest.raises(ValueError, match=r"Dykstra.*'force'.*'tension'"):
-        tl.allocate(PLANAR, REACHABLE, LIMITS, "dykstra", nearest="force")
+        tl.allocate(PLANAR, REACHABLE, LIMITS, "dykstra", policy="force")
     with pytest.raises(ValueError, match=r"Pseudoinverse.*'force'"):
-        tl.allocate(PLANAR, REACHABLE, LIMITS, "pseudoinverse", nearest="force")
+        tl.allocate(PLANAR, REACHABLE, LIMITS, "pseudoinverse", policy="force")
     with pytest.raises(ValueError, match=r"sideways.*'force', 'tension', 'direction'"):
-        tl.allocate(PLANAR, REACHABLE, LIMITS, nearest="sideways")  # type: ignore[arg-type]
+        tl.allocate(PLANAR, REACHABLE, LIMITS, policy="sideways")  # type: ignore[arg-type]
 
 
 def test_a_solver_may_be_an_instance() -> None:
@@ -274,7 +274,7 @@ class Stranger:
     reason: str | None = None
 
     objective: ClassVar[str] = "none"
-    policies: ClassVar[tuple[Nearest, ...]] = ("force", "tension", "direction")
+    policies: ClassVar[tuple[Policy, ...]] = ("force", "tension", "direction")
 
     def solve(self, problem: Problem) -> Answer:
         size = len(problem)
@@ -291,8 +291,8 @@ NAN = (np.nan, np.nan, np.nan)
 
 def test_a_stranger_who_is_right_is_believed_after_measuring() -> None:
     for policy in Stranger.policies:
-        truth = tl.allocate(PLANAR, FAR, LIMITS, nearest=policy)
-        found = tl.allocate(PLANAR, FAR, LIMITS, Stranger(tuple(truth.tensions)), nearest=policy)
+        truth = tl.allocate(PLANAR, FAR, LIMITS, policy=policy)
+        found = tl.allocate(PLANAR, FAR, LIMITS, Stranger(tuple(truth.tensions)), policy=policy)
         assert found.status == tl.Status.NEAREST
         assert found.iterations == 7
         np.testing.assert_allclose(found.scale, truth.scale, rtol=0, atol=1e-9)
@@ -302,13 +302,13 @@ def test_a_stranger_who_is_right_is_believed_after_measuring() -> None:
 
 @pytest.mark.parametrize("policy", Stranger.policies)
 @pytest.mark.parametrize("claim", [(1.0, 0.5), (-1.0, -0.5), (1e300, 1e300), (np.nan, np.inf), (0.0, 0.0)])
-def test_a_liar_is_not_believed(policy: Nearest, claim: tuple[float, float]) -> None:
+def test_a_liar_is_not_believed(policy: Policy, claim: tuple[float, float]) -> None:
     # Reachable, but not by these tensions: no claimed direction makes that NEAREST.
-    lie = tl.allocate(PLANAR, REACHABLE, LIMITS, Stranger((5.0, 1.0, 9.0), claim), nearest=policy)
+    lie = tl.allocate(PLANAR, REACHABLE, LIMITS, Stranger((5.0, 1.0, 9.0), claim), policy=policy)
     assert lie.status == tl.Status.UNPROVEN
     assert not lie.separation.any()
     # Out of reach, but these tensions are not the best: nor is that NEAREST.
-    lazy = tl.allocate(PLANAR, FAR, LIMITS, Stranger((5.0, 1.0, 9.0), claim), nearest=policy)
+    lazy = tl.allocate(PLANAR, FAR, LIMITS, Stranger((5.0, 1.0, 9.0), claim), policy=policy)
     assert lazy.status == tl.Status.UNPROVEN
 
 
@@ -350,7 +350,7 @@ def test_a_broken_backend_fails_with_its_reason() -> None:
 def test_weights_make_no_error_vanish(weight: float) -> None:
     # The second component is out of reach, however little it counts; the first can be had exactly.
     found = tl.allocate(
-        [[1.0, 1.0], [1.0, -1.0]], [6.0, 20.0], (0.5, 6.0), nearest="force", wrench_weights=[1.0, weight]
+        [[1.0, 1.0], [1.0, -1.0]], [6.0, 20.0], (0.5, 6.0), policy="force", wrench_weights=[1.0, weight]
     )
     assert found.status == tl.Status.NEAREST
     within = tl.allocate([[1.0, 1.0], [1.0, -1.0]], [6.0, 2.0], (0.5, 6.0), wrench_weights=[1.0, weight])

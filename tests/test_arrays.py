@@ -92,9 +92,9 @@ def test_no_wrong_wrench_shows_the_words_of_the_binding(wrench: Any) -> None:
         {"solver": None},
         {"solver": 3},
         {"solver": np.array([1.0, 2.0])},
-        {"nearest": ["force"]},
-        {"nearest": 1},
-        {"nearest": np.array(["force"])},
+        {"policy": ["force"]},
+        {"policy": 1},
+        {"policy": np.array(["force"])},
     ],
 )
 def test_a_wrong_solver_or_policy_is_refused_by_name(change: dict[str, Any]) -> None:

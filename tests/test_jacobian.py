@@ -31,12 +31,12 @@ def test_the_cable_at_its_limit_stays_there_and_moves_with_the_limit():
 def test_beyond_the_edge_the_nearest_force_stays_and_a_direction_turns():
     rig = tl.load_rig("bartels2026-validation")
     structure, wrench = rig.structure_matrix(rig.home), np.array([20.0, 1.0, 2.0])
-    for nearest in ("force", "direction"):
-        jacobian = tl.allocation_jacobian(structure, wrench, rig.limits, nearest=nearest)
+    for policy in ("force", "direction"):
+        jacobian = tl.allocation_jacobian(structure, wrench, rig.limits, policy=policy)
         assert jacobian.allocation.status == tl.Status.NEAREST
         assert not jacobian.kink
         rendered = structure @ jacobian.wrench
-        if nearest == "direction":  # a longer wrench is rendered as before
+        if policy == "direction":  # a longer wrench is rendered as before
             np.testing.assert_allclose(rendered @ wrench, 0.0, atol=1e-12)
             assert np.abs(rendered).max() > 0.1
         else:  # what is moved off the face changes nothing, what is moved along it all
@@ -59,8 +59,8 @@ def test_a_cable_that_just_meets_its_limit_is_a_kink():
 
 def test_a_structure_whose_rank_would_change_is_a_kink():
     flat = np.array([[1.0, 1.0, -1.0], [0.0, 0.0, 0.0]])
-    for nearest in ("force", "tension", "direction"):
-        jacobian = tl.allocation_jacobian(flat, [1.0, 0.0], (0.0, 5.0), reference="middle", nearest=nearest)
+    for policy in ("force", "tension", "direction"):
+        jacobian = tl.allocation_jacobian(flat, [1.0, 0.0], (0.0, 5.0), reference="middle", policy=policy)
         assert jacobian.kink
         assert np.isfinite(jacobian.structure).all()
     # Two cables side by side on the nearest face share by the reference, until they are no longer parallel.
@@ -80,10 +80,10 @@ def test_a_cable_without_play_follows_its_limits_and_is_no_kink():
     np.testing.assert_allclose(gradients.lower + gradients.upper, [-0.5, 0.0, 0.0])
 
 
-@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
-def test_products_are_those_of_the_arrays(nearest):
+@pytest.mark.parametrize("policy", ["force", "tension", "direction"])
+def test_products_are_those_of_the_arrays(policy):
     cases = random_cases(1, 3, 6, 300)
-    options = {"reference": cases.reference, "nearest": nearest, "wrench_weights": cases.weights}
+    options = {"reference": cases.reference, "policy": policy, "wrench_weights": cases.weights}
     jacobian = tl.allocation_jacobian(cases.structure, cases.wrench, cases.limits, **options)
     cotangent = np.random.default_rng(2).normal(size=(300, 6))
     gradients = jacobian.pull_back(cotangent)

@@ -18,10 +18,10 @@ def _in_float64():
     jax.config.update("jax_enable_x64", before)
 
 
-@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
-def test_tensions_and_gradients_are_those_of_the_jacobian(nearest):
+@pytest.mark.parametrize("policy", ["force", "tension", "direction"])
+def test_tensions_and_gradients_are_those_of_the_jacobian(policy):
     cases = random_cases(5, 3, 6, 20)
-    options = {"nearest": nearest, "wrench_weights": cases.weights}
+    options = {"policy": policy, "wrench_weights": cases.weights}
 
     @jax.jit
     def chosen(W, w, lower, upper, reference):

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import tensionlab as tl
-from tensionlab.solvers import Nearest, make
+from tensionlab.solvers import Policy, make
 
 ROOT = Path(__file__).parents[1]
 CASES = json.loads((ROOT / "tests/data/known_answers.json").read_text())["cases"]
@@ -51,7 +51,7 @@ def angle(wanted: NDArray[np.float64], rendered: NDArray[np.float64]) -> NDArray
     return np.asarray(np.degrees(2 * half))
 
 
-PROMISES = [(name, nearest) for name in SOLVERS for nearest in make(name).policies]
+PROMISES = [(name, policy) for name in SOLVERS for policy in make(name).policies]
 THREE_WAYS = {
     "tension": ((10, 575 / 122, 1), 2.24, np.nan),
     "force": ((10, 3.88, 1), 8.52, np.nan),
@@ -59,11 +59,11 @@ THREE_WAYS = {
 }
 
 
-@pytest.mark.parametrize(("solver", "nearest"), PROMISES)
-def test_three_ways_to_be_nearest(solver: str, nearest: Nearest) -> None:
-    tensions, degrees, scale = THREE_WAYS[nearest]
+@pytest.mark.parametrize(("solver", "policy"), PROMISES)
+def test_three_ways_to_be_nearest(solver: str, policy: Policy) -> None:
+    tensions, degrees, scale = THREE_WAYS[policy]
     W, w = np.array([[1, -0.6, -0.6], [0, 0.8, -0.8]]), np.array([12.0, 6.0])
-    found = tl.allocate(W, w, ([1] * 3, [10] * 3), solver, nearest=nearest)
+    found = tl.allocate(W, w, ([1] * 3, [10] * 3), solver, policy=policy)
     assert found.status == tl.Status.NEAREST
     np.testing.assert_allclose(found.tensions, tensions, rtol=0, atol=1e-6)
     np.testing.assert_allclose(found.scale, scale, rtol=0, atol=1e-7)
@@ -98,11 +98,11 @@ def test_published_rig_renders_all_vectors(solver: str, vectors: NDArray[np.floa
 SMALL_RIG = {"tension": (10.7, 0.32), "force": (1.6, 0.20), "direction": (0, 0.20)}
 
 
-@pytest.mark.parametrize(("solver", "nearest"), PROMISES)
-def test_small_rig_proves_29_out_of_reach(solver: str, nearest: Nearest, vectors: NDArray[np.float64]) -> None:
-    degrees, residual = SMALL_RIG[nearest]
+@pytest.mark.parametrize(("solver", "policy"), PROMISES)
+def test_small_rig_proves_29_out_of_reach(solver: str, policy: Policy, vectors: NDArray[np.float64]) -> None:
+    degrees, residual = SMALL_RIG[policy]
     rig, structure = published("bartels2026-validation-0.3m")
-    found = tl.allocate(structure, vectors, rig.limits, solver, nearest=nearest)
+    found = tl.allocate(structure, vectors, rig.limits, solver, policy=policy)
     assert np.count_nonzero(found.status == tl.Status.EXACT) == 153
     far = found.status == tl.Status.NEAREST
     assert np.count_nonzero(far) == 29

@@ -36,7 +36,7 @@ NO_IDIOMS = ("Image(", "root =", 'Path("..', "style.use", "set_printoptions", "r
 EXERCISE = re.compile(r"\d\. \S[^\n]*\n   \*Hint:\* [^\n]*\S")
 SOLUTIONS = {
     "01_allocation": """
-found = tl.allocate(rig.structure_matrix(rig.home), [10.0, 5.0, 10.0], rig.limits, nearest="direction")
+found = tl.allocate(rig.structure_matrix(rig.home), [10.0, 5.0, 10.0], rig.limits, policy="direction")
 assert round(15 * found.scale, 2) == 4.15
 worst = many.residual.argmax()
 assert many.status[worst] == tl.Status.NEAREST and abs(grid18()[worst, 1]) < 0.4  # nearly sideways

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 
 import tensionlab as tl
-from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, Answer, Nearest, Problem
+from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, Answer, Policy, Problem
 from tensionlab.verification import verify
 from tests.support.examples import many
 from tests.support.oracle import Box, Floats, Truth, UnsureError, along_ray, judge, solve, support
@@ -27,16 +27,16 @@ COUNT = many(100)
 PRECISION = 1e-7  # N
 
 
-def judged(case: Case, nearest: Nearest) -> Truth | None:
+def judged(case: Case, policy: Policy) -> Truth | None:
     try:
-        return solve(case, nearest)
+        return solve(case, policy)
     except UnsureError:
         return None
 
 
-@pytest.mark.parametrize("nearest", POLICIES)
+@pytest.mark.parametrize("policy", POLICIES)
 @pytest.mark.parametrize(("n", "m"), SHAPES)
-def test_newton_is_exact(n: int, m: int, nearest: Nearest) -> None:
+def test_newton_is_exact(n: int, m: int, policy: Policy) -> None:
     batch = random_cases(1000 * n + m, n, m, COUNT)
     if m % 2:  # every other shape weighs all components alike
         batch = replace(batch, weights=np.ones(n))
@@ -45,10 +45,10 @@ def test_newton_is_exact(n: int, m: int, nearest: Nearest) -> None:
         batch.wrench,
         batch.limits,
         reference=batch.reference,
-        nearest=nearest,
+        policy=policy,
         wrench_weights=batch.weights,
     )
-    truths = [judged(one(batch, i), nearest) for i in range(COUNT)]
+    truths = [judged(one(batch, i), policy) for i in range(COUNT)]
     known = np.array([truth is not None for truth in truths])
     assert known.sum() >= 0.98 * COUNT - 1
     sure = [truth for truth in truths if truth is not None]
@@ -108,11 +108,11 @@ def furthest_by_patterns(W: Floats, w: Floats, box: Box) -> float:
     return best / float(ray.upper[-1])
 
 
-def agree(case: Case, nearest: Nearest) -> bool:
+def agree(case: Case, policy: Policy) -> bool:
     """Whether both judges are sure; fails if they are and differ, or if a direction does not separate."""
     try:
-        first = judge(case, nearest, nearest_by_patterns, furthest_by_patterns)
-        second = solve(case, nearest)
+        first = judge(case, policy, nearest_by_patterns, furthest_by_patterns)
+        second = solve(case, policy)
     except UnsureError:
         return False
     assert first.reachable == second.reachable
@@ -125,19 +125,19 @@ def agree(case: Case, nearest: Nearest) -> bool:
     return True
 
 
-@pytest.mark.parametrize("nearest", POLICIES)
-def test_the_two_judges_agree(nearest: Nearest) -> None:
+@pytest.mark.parametrize("policy", POLICIES)
+def test_the_two_judges_agree(policy: Policy) -> None:
     rng = np.random.default_rng(3)
     shapes = [(n, m) for n in (2, 3, 6) for m in range(1, 7) for _ in range(many(10, least=2))]
-    sure = sum(agree(random_case(rng, n, m), nearest) for n, m in shapes)
+    sure = sum(agree(random_case(rng, n, m), policy) for n, m in shapes)
     assert sure >= 0.97 * len(shapes) - 1
 
 
 @settings(max_examples=many(60))
 @given(case=cases(largest=6))
 def test_the_two_judges_agree_on_awkward_problems(case: Case) -> None:
-    for nearest in POLICIES:
-        agree(case, nearest)
+    for policy in POLICIES:
+        agree(case, policy)
 
 
 def weakly_fixed(case: Case) -> float:
@@ -152,14 +152,14 @@ def weakly_fixed(case: Case) -> float:
 @given(case=cases())
 def test_newton_is_exact_on_awkward_problems(case: Case) -> None:
     # Parallel and absent cables, cables without play, singular and nearly singular matrices, n > m.
-    for nearest in POLICIES:
-        truth = judged(case, nearest)
+    for policy in POLICIES:
+        truth = judged(case, policy)
         found = tl.allocate(
             case.structure,
             case.wrench,
             case.limits,
             reference=case.reference,
-            nearest=nearest,
+            policy=policy,
             wrench_weights=case.weights,
         )
         assert found.status in (tl.Status.EXACT, tl.Status.NEAREST)
@@ -194,39 +194,39 @@ def test_a_direction_that_no_scale_can_keep_is_proved(problem: tuple[list[float]
     W, w, lower, upper, reference = map(np.array, problem)
     truth = solve(Case(W, w, lower, upper, reference, np.ones(len(w))), "direction")
     assert np.isnan(truth.scale)
-    found = tl.allocate(W, w, (lower, upper), reference=reference, nearest="direction")
+    found = tl.allocate(W, w, (lower, upper), reference=reference, policy="direction")
     np.testing.assert_allclose(found.tensions, truth.tensions, rtol=0, atol=PRECISION)
     assert found.status == tl.Status.NEAREST
 
 
-@pytest.mark.parametrize("nearest", POLICIES)
+@pytest.mark.parametrize("policy", POLICIES)
 @pytest.mark.parametrize("upper", [1e3, 1e5])
-def test_limits_far_beyond_the_wrench_hide_no_proof(upper: float, nearest: Nearest) -> None:
+def test_limits_far_beyond_the_wrench_hide_no_proof(upper: float, policy: Policy) -> None:
     # An upper limit may stand for none: a brake, or a cable that never breaks.
     for n, m in ((2, 2), (3, 2), (3, 4), (6, 8)):
         batch = random_cases(100 * n + m, n, m, many(300))
         found = tl.allocate(
-            batch.structure, batch.wrench, (batch.lower, upper), reference=batch.reference, nearest=nearest
+            batch.structure, batch.wrench, (batch.lower, upper), reference=batch.reference, policy=policy
         )
         assert np.all(found.status != tl.Status.UNPROVEN), (n, m)
 
 
-@pytest.mark.parametrize("nearest", POLICIES)
-def test_however_far_the_wrench_it_is_proved_and_the_answer_is_the_best(nearest: Nearest) -> None:
+@pytest.mark.parametrize("policy", POLICIES)
+def test_however_far_the_wrench_it_is_proved_and_the_answer_is_the_best(policy: Policy) -> None:
     # In the limit the answer is a corner of the available wrench set: one more newton asked for changes nothing.
     batch = random_cases(8, 3, 5, 200)
     for factor in (1e4, 1e8, 1e12):
-        found = tl.allocate(batch.structure, factor * batch.wrench, batch.limits, nearest=nearest)
-        further = tl.allocate(batch.structure, 2 * factor * batch.wrench, batch.limits, nearest=nearest)
+        found = tl.allocate(batch.structure, factor * batch.wrench, batch.limits, policy=policy)
+        further = tl.allocate(batch.structure, 2 * factor * batch.wrench, batch.limits, policy=policy)
         assert np.all(found.status != tl.Status.UNPROVEN)
-        if nearest == "force" and factor >= 1e8:
+        if policy == "force" and factor >= 1e8:
             np.testing.assert_allclose(found.wrench, further.wrench, atol=1e-5)
 
 
 def test_a_wrench_far_out_of_reach_excuses_no_poor_answer() -> None:
     batch = random_cases(8, 3, 5, 20)
     lazy = replace(batch, lower=batch.upper)  # all cables at full tension: hardly ever the best
-    found = tl.allocate(lazy.structure, 1e8 * batch.wrench, batch.limits, nearest="force")
+    found = tl.allocate(lazy.structure, 1e8 * batch.wrench, batch.limits, policy="force")
     answer = Answer(lazy.lower.copy(), np.zeros(20, dtype=np.int64))
     given = Problem(
         batch.structure, 1e8 * batch.wrench, batch.lower, batch.upper, 0 * batch.lower, np.ones(3), "force"

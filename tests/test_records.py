@@ -13,8 +13,8 @@ import tensionlab as tl
 from tensionlab import records
 
 ROWS = [
-    {"solver": "newton", "nearest": "force", "exact": 3, "gap_max": 0.0},
-    {"solver": "closed-form", "nearest": None, "exact": 2, "gap_max": float("nan")},
+    {"solver": "newton", "policy": "force", "exact": 3, "gap_max": 0.0},
+    {"solver": "closed-form", "policy": None, "exact": 2, "gap_max": float("nan")},
 ]
 
 
@@ -26,7 +26,7 @@ def test_parquet_keeps_rows_and_manifest(tmp_path):
     assert table.column_names == list(ROWS[0])
     read = table.to_pylist()
     assert read[0] == ROWS[0]
-    assert read[1]["nearest"] is None
+    assert read[1]["policy"] is None
     assert np.isnan(read[1]["gap_max"])
     assert json.loads(pq.read_schema(path).metadata[b"tensionlab"]) == manifest
 
@@ -37,7 +37,7 @@ def test_the_suffix_decides_the_format_of_a_table(tmp_path, table):
     with (tmp_path / "rows.csv").open(newline="") as file:
         read = list(csv.DictReader(file))
     assert [row["solver"] for row in read] == ["newton", "closed-form"]
-    assert [row["nearest"] for row in read] == ["force", ""]
+    assert [row["policy"] for row in read] == ["force", ""]
     assert [row["gap_max"] for row in read] == ["0.0", "nan"]
     records.write_table(tmp_path / "rows.parquet", table, {"seed": 7})
     assert pq.read_table(tmp_path / "rows.parquet").column_names == list(ROWS[0])

@@ -16,10 +16,10 @@ def tensors(count=20):
     return cases, [torch.tensor(each, requires_grad=True) for each in given]
 
 
-@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
-def test_tensions_and_gradients_are_those_of_the_jacobian(nearest):
+@pytest.mark.parametrize("policy", ["force", "tension", "direction"])
+def test_tensions_and_gradients_are_those_of_the_jacobian(policy):
     cases, (W, w, lower, upper, reference) = tensors()
-    options = {"nearest": nearest, "wrench_weights": cases.weights}
+    options = {"policy": policy, "wrench_weights": cases.weights}
     found = allocate(W, w, (lower, upper), reference, **options)
     jacobian = tl.allocation_jacobian(*(each.detach().numpy() for each in (W, w)), cases.limits,
                                       reference=cases.reference, **options)  # fmt: skip

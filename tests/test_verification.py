@@ -16,17 +16,17 @@ COUNT = many(100)
 """Problems for each statement."""
 
 
-def problems(n, m, count, nearest, stretch, weights):
+def problems(n, m, count, policy, stretch, weights):
     rng = np.random.default_rng(100 * n + m)
     structure = rng.normal(size=(count, n, m))
     if n > 2:
         structure[: count // 4, -1] = structure[: count // 4, 0]  # a quarter of them without full rank
     wrench = stretch * np.einsum("bnm,bm->bn", structure, rng.uniform(LOWER, UPPER, size=(count, m)))
     limits = [np.full((count, m), value) for value in (LOWER, UPPER, 0.0)]
-    return Problem(structure, wrench, *limits, weights, nearest)
+    return Problem(structure, wrench, *limits, weights, policy)
 
 
-def statement(W, w, weights, nearest, t, d):
+def statement(W, w, weights, policy, t, d):
     """Status, residual and scale of tensions t with the proposed direction d, as NumPy would say it."""
     t = np.clip(t, LOWER, UPPER)
     error = w - W @ t
@@ -45,9 +45,9 @@ def statement(W, w, weights, nearest, t, d):
     span = W[:, free] @ np.linalg.pinv(W[:, free], rcond=1e-8)
     force = [d, weights * error - span @ (weights * error), weights * error]
     best_force = max(bounds(x, np.sqrt(np.sum(x**2 / weights))) for x in force)
-    if nearest == "force" and best_force > 1e-12 and residual - best_force <= tolerance:
+    if policy == "force" and best_force > 1e-12 and residual - best_force <= tolerance:
         return tl.Status.NEAREST, residual, np.nan
-    if nearest == "tension":
+    if policy == "tension":
         inverse = np.linalg.pinv(W, rcond=RANK_TOLERANCE)
         size, outside = np.linalg.norm(inverse @ error), w - W @ inverse @ w
         tolerance = TOLERANCE * max(1, np.linalg.norm(inverse @ W @ t))
@@ -58,7 +58,7 @@ def statement(W, w, weights, nearest, t, d):
             best > 1e-12 and size - best <= tolerance
         ):
             return tl.Status.NEAREST, residual, np.nan
-    if nearest == "direction" and d @ w - reach(d) > 1e-12:
+    if policy == "direction" and d @ w - reach(d) > 1e-12:
         # Unit normals; s along <= far, moved outwards by what w may be missed by, less a tenth of it at s = 0.
         length, unit = np.linalg.norm(w), 1 / np.linalg.norm(d)
         allowed = TOLERANCE * max(1, min(length, np.abs(W).sum() * UPPER))
@@ -78,14 +78,14 @@ def statement(W, w, weights, nearest, t, d):
 
 @pytest.mark.parametrize("blur", [0.0, 1e-9, 1e-4, 1.0])
 @pytest.mark.parametrize(
-    ("nearest", "proposed"),
+    ("policy", "proposed"),
     [("force", True), ("force", False), ("tension", True), ("tension", False), ("direction", True)],
 )
 @pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 3), (3, 8), (6, 8)])
-def test_finds_what_its_statement_finds(n, m, nearest, proposed, blur):
+def test_finds_what_its_statement_finds(n, m, policy, proposed, blur):
     weights = np.linspace(0.5, 2.0, n)
     for stretch in (1.0, 1.5):
-        problem = problems(n, m, COUNT, nearest, stretch, weights)
+        problem = problems(n, m, COUNT, policy, stretch, weights)
         answer = tl.Newton().solve(problem)
         rng = np.random.default_rng(0)
         tensions = answer.tensions + blur * rng.normal(size=answer.tensions.shape)
@@ -93,7 +93,7 @@ def test_finds_what_its_statement_finds(n, m, nearest, proposed, blur):
         found = verify(problem, Answer(tensions.copy(), answer.iterations, proposal.copy()))
         for row in range(COUNT):
             status, residual, scale = statement(
-                problem.structure[row], problem.wrench[row], weights, nearest, tensions[row], proposal[row]
+                problem.structure[row], problem.wrench[row], weights, policy, tensions[row], proposal[row]
             )
             assert found.status[row] == status, row
             assert found.residual[row] == pytest.approx(residual, rel=1e-9, abs=1e-9)
@@ -130,13 +130,13 @@ def test_tensions_of_another_shape_are_refused():
         verify(problems(3, 4, 2, "force", 1.0, np.ones(3)), Answer(np.ones((2, 3)), np.zeros(2, dtype=np.int64)))
 
 
-def judged(structure, wrench, tensions, nearest="force", separation=None, weights=None, lower=LOWER, upper=UPPER):
+def judged(structure, wrench, tensions, policy="force", separation=None, weights=None, lower=LOWER, upper=UPPER):
     """What is found of one answer: status, scale, separation."""
     structure = np.atleast_2d(np.asarray(structure, dtype=float))
     n, m = structure.shape
     limits = [np.full((1, m), value) for value in (lower, upper, 0.0)]
     weights = np.ones(n) if weights is None else np.asarray(weights, dtype=float)
-    problem = Problem(structure[None], np.asarray([wrench], dtype=float), *limits, weights, nearest)
+    problem = Problem(structure[None], np.asarray([wrench], dtype=float), *limits, weights, policy)
     proposal = None if separation is None else np.asarray([separation], dtype=float)
     found = verify(problem, Answer(np.asarray([tensions], dtype=float), np.zeros(1, dtype=np.int64), proposal))
     return found.status[0], found.scale[0], found.separation[0]
@@ -158,9 +158,9 @@ def test_a_direction_that_is_no_number_proves_nothing_and_hinders_no_proof(separ
     np.testing.assert_allclose(proof / np.linalg.norm(proof), [1.0, 0.0], atol=1e-9)
 
 
-@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
-def test_what_is_not_proved_comes_without_a_direction(nearest):
-    status, scale, proof = judged(np.eye(2), [9.0, 2.0], [3.0, 2.0], nearest, [1.0, 0.0])
+@pytest.mark.parametrize("policy", ["force", "tension", "direction"])
+def test_what_is_not_proved_comes_without_a_direction(policy):
+    status, scale, proof = judged(np.eye(2), [9.0, 2.0], [3.0, 2.0], policy, [1.0, 0.0])
     assert status == tl.Status.UNPROVEN
     assert np.isnan(scale)
     assert not proof.any()
@@ -173,8 +173,8 @@ def test_no_wrench_on_the_boundary_is_out_of_reach_by_rounding():
         vertex = np.where(normal @ structure > 0.0, UPPER, LOWER)
         tensions = vertex.copy()
         tensions[0] -= np.copysign(30.0 * TOLERANCE * np.linalg.norm(structure @ vertex), vertex[0] - 3.0)
-        for nearest in ("force", "tension", "direction"):
-            status, _, _ = judged(structure, structure @ vertex, tensions, nearest, normal)
+        for policy in ("force", "tension", "direction"):
+            status, _, _ = judged(structure, structure @ vertex, tensions, policy, normal)
             assert status == tl.Status.UNPROVEN
 
 
@@ -336,16 +336,16 @@ def test_the_summary_says_what_was_found():
     assert str(tl.allocate(np.ones((0, 1, 2)), [1.0], (0.5, 6.0))) == "Allocation of 0 wrenches: none"
 
 
-@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
+@pytest.mark.parametrize("policy", ["force", "tension", "direction"])
 @pytest.mark.parametrize("stretch", [1.0, 2.0])
 @pytest.mark.parametrize(("n", "m"), [(2, 3), (3, 8), (6, 8), (6, 3)])
-def test_one_pass_over_a_batch_one_call_a_problem_and_solver_then_judge_agree(n, m, stretch, nearest):
+def test_one_pass_over_a_batch_one_call_a_problem_and_solver_then_judge_agree(n, m, stretch, policy):
     weights = np.linspace(1.0, 2.0, n)
-    problem = problems(n, m, 700, nearest, stretch, weights)  # more than the compiled loop takes at a time
+    problem = problems(n, m, 700, policy, stretch, weights)  # more than the compiled loop takes at a time
     limits = LOWER, UPPER
     apart = verify(problem, tl.Newton().solve(problem))
-    whole = tl.allocate(problem.structure, problem.wrench, limits, nearest=nearest, wrench_weights=weights)
-    allocator = tl.Allocator(limits, nearest=nearest, wrench_weights=weights)
+    whole = tl.allocate(problem.structure, problem.wrench, limits, policy=policy, wrench_weights=weights)
+    allocator = tl.Allocator(limits, policy=policy, wrench_weights=weights)
     singles = [allocator(problem.structure[i], problem.wrench[i]) for i in range(50)]
     for name in ("tensions", "wrench", "residual", "status", "scale", "separation"):
         expected = getattr(apart, name)
@@ -408,17 +408,17 @@ def test_what_the_exact_solver_proves_in_passing_is_what_verification_finds(n, m
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e4, 1e8, 1e9, 1e10])
-@pytest.mark.parametrize("nearest", tl.solvers.base.POLICIES)
-def test_exact_is_true_in_rational_arithmetic_however_large_the_structure(scale, nearest):
+@pytest.mark.parametrize("policy", tl.solvers.base.POLICIES)
+def test_exact_is_true_in_rational_arithmetic_however_large_the_structure(scale, policy):
     """Large columns that nearly cancel: the rounding of ``W t`` comes near to the tolerance, and exceeds it."""
     rng = np.random.default_rng(0)
     structure = scale * rng.normal(size=(COUNT, 3, 8))
     structure[..., -1] = -structure[..., :-1].sum(axis=-1)
     wrench = rng.normal(size=(COUNT, 3))
-    found = tl.allocate(structure, wrench, (LOWER, UPPER), nearest=nearest)
+    found = tl.allocate(structure, wrench, (LOWER, UPPER), policy=policy)
     limits = [np.full((COUNT, 8), value) for value in (LOWER, UPPER, 0.0)]
     answer = Answer(found.tensions.copy(), np.zeros(COUNT, dtype=np.int64))
-    again = verify(Problem(structure, wrench, *limits, np.ones(3), nearest), answer)
+    again = verify(Problem(structure, wrench, *limits, np.ones(3), policy), answer)
     for W, w, t, *statuses in zip(structure, wrench, found.tensions, found.status, again.status, strict=True):
         error = [
             Fraction(wanted)

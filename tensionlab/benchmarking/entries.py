@@ -15,7 +15,7 @@ from tensionlab.allocation import Allocator
 from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver, needs
 from tensionlab.solvers import every_solver, make, name_solvers
-from tensionlab.solvers.base import POLICIES, Answer, Nearest, Problem, Solver
+from tensionlab.solvers.base import POLICIES, Answer, Policy, Problem, Solver
 from tensionlab.solvers.convex import PlainConvex
 from tensionlab.solvers.least_squares import Newton
 from tensionlab.solvers.programs import Baseline, Reply, finite_tensions
@@ -47,7 +47,7 @@ class Entry:
 
     solver: str
     setting: Setting
-    nearest: Nearest | None
+    policy: Policy | None
     objective: str
     missing: str = ""
     instance: Solver | None = field(default=None, compare=False, repr=False)
@@ -58,9 +58,9 @@ class Entry:
         return self.objective == LEAST_SQUARES
 
     @property
-    def policy(self) -> Nearest:
+    def compared_policy(self) -> Policy:
         """Policy that its answers to infeasible wrenches are compared with."""
-        return self.nearest or POLICIES[0]
+        return self.policy or POLICIES[0]
 
 
 def entries(
@@ -140,7 +140,7 @@ class Driver(Protocol):
 def driver(entry: Entry) -> Driver:
     """Return the driver of an entry."""
     if entry.instance is not None:
-        return _Interface(entry.instance, entry.nearest)
+        return _Interface(entry.instance, entry.policy)
     return _Baseline(_baseline(entry.solver, "tight" if entry.setting == "tight" else "default"))
 
 
@@ -149,11 +149,11 @@ class _Interface:
     """Driver of a solver: one `Allocator` for each set of limits, prepared as for a control loop."""
 
     solver: Solver
-    nearest: Nearest | None
+    policy: Policy | None
     prepared: dict[tuple[int, bytes, bytes], Allocator] = field(default_factory=dict)
 
     def answers(self, problem: Problem) -> Answer:
-        problem = replace(problem, nearest=self.nearest)
+        problem = replace(problem, policy=self.policy)
         return require_answer(problem, self.solver.solve(problem))
 
     def call(self, problem: Problem, row: int) -> CallTimes:
@@ -162,7 +162,7 @@ class _Interface:
         key = (len(wrench), lower.tobytes(), upper.tobytes())
         allocator = self.prepared.get(key)
         if allocator is None:
-            allocator = Allocator((lower, upper), self.solver, nearest=self.nearest)
+            allocator = Allocator((lower, upper), self.solver, policy=self.policy)
             allocator(structure, wrench)
             self.prepared[key] = allocator
         began = time.perf_counter()

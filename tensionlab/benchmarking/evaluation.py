@@ -28,7 +28,7 @@ from tensionlab.benchmarking.problem_sets import ProblemSet, problem_of
 from tensionlab.benchmarking.results import Evidence, Row, Trajectory, empty_evidence, summarise
 from tensionlab.errors import TensionlabError
 from tensionlab.solvers import is_built_in
-from tensionlab.solvers.base import Answer, Nearest, Problem, Status
+from tensionlab.solvers.base import Answer, Policy, Problem, Status
 from tensionlab.verification import verify
 
 BLOCK = 20
@@ -41,7 +41,7 @@ class Evaluation(NamedTuple):
     """The rows of one set, and for how many of its problems the optimum is verified, by policy."""
 
     rows: list[Row]
-    verified: dict[Nearest, int]
+    verified: dict[Policy, int]
 
 
 class Effort(NamedTuple):
@@ -71,8 +71,8 @@ def evaluate_set(
     """
     blocks = _blocks(problems, rng)
     trajectories = all(group.path_mm is not None for group in problems.groups)
-    policies = {entry.policy for entry in entries}
-    best = {policy: [optimum(replace(block.problem, nearest=policy)) for block in blocks] for policy in policies}
+    policies = {entry.compared_policy for entry in entries}
+    best = {policy: [optimum(replace(block.problem, policy=policy)) for block in blocks] for policy in policies}
     scale = np.maximum(1.0, np.concatenate([np.linalg.norm(group.wrench, axis=1) for group in problems.groups]))
     present = [entry for entry in entries if not entry.missing]
     evidence = {each: empty_evidence(scale, effort.repeats) for each in present}
@@ -84,13 +84,16 @@ def evaluate_set(
             gc.collect()
             gc.freeze()  # what the others left is not searched for each
             mine = evidence[entry]
-            answered[entry] = runs, _answers(runs, entry, blocks, best[entry.policy], mine, effort, trajectories)
+            answered[entry] = (
+                runs,
+                _answers(runs, entry, blocks, best[entry.compared_policy], mine, effort, trajectories),
+            )
             _along_trajectories(problems, mine)
             progress(0.4 * (done + 1) / len(present))
         _time_calls(answered, evidence, effort.repeats, rng, lambda share: progress(0.4 + 0.5 * share))
         for done, entry in enumerate(present):
             if entry.instance is not None and entry.solver.partition(":")[0] not in WRAPPERS:
-                allocator = partial(Allocator, solver=entry.instance, nearest=entry.nearest)
+                allocator = partial(Allocator, solver=entry.instance, policy=entry.policy)
                 evidence[entry].batch_s = _time_batch(allocator, answered[entry][1], effort.seconds / 4)
             progress(0.9 + 0.1 * (done + 1) / len(present))
     absent = {each: replace(empty_evidence(scale, 1), note=each.missing) for each in entries if each.missing}
@@ -157,7 +160,7 @@ def _answers(
         if spent <= effort.seconds:
             answered.append(block)
         spent += time.perf_counter() - began + call * (len(block.rows) + 1) * effort.repeats
-        _verify(replace(block.problem, nearest=entry.policy), found, entry, target, evidence, block.rows)
+        _verify(replace(block.problem, policy=entry.compared_policy), found, entry, target, evidence, block.rows)
     return answered
 
 
@@ -175,7 +178,7 @@ def _verify(
     evidence.reachable[rows] = best.reachable
     evidence.iterations[rows] = found.iterations
     if entry.setting == "proved":
-        own = replace(problem, nearest=entry.nearest)
+        own = replace(problem, policy=entry.policy)
         status = verify(own, replace(found, tensions=tensions)).status
         evidence.proved[rows] = (status == Status.EXACT) | (status == Status.NEAREST)
     evidence.tensions.update(zip(rows.tolist(), tensions, strict=True))

@@ -18,7 +18,7 @@ from tensionlab.benchmarking.rigs import Stream, border_path, near_singular, str
 from tensionlab.errors import InputError
 from tensionlab.model.directions import forces, grid18
 from tensionlab.model.files import load_rig
-from tensionlab.solvers.base import Nearest, Problem
+from tensionlab.solvers.base import Policy, Problem
 from tensionlab.workspace import half_spaces
 
 LOWER, UPPER = 0.5, 6.0
@@ -85,7 +85,7 @@ def problem_set(name: str, count: int, seed: int = 0) -> ProblemSet:
     return PROBLEM_SETS[name](count, seed)
 
 
-def problem_of(group: Group, nearest: Nearest | None = None) -> Problem:
+def problem_of(group: Group, policy: Policy | None = None) -> Problem:
     """Return the problems of a group, with this policy: reference 0, no weights."""
     size, n, m = group.structure.shape
     return Problem(
@@ -95,7 +95,7 @@ def problem_of(group: Group, nearest: Nearest | None = None) -> Problem:
         upper=np.broadcast_to(group.upper, (size, m)),
         reference=np.zeros((size, m)),
         weights=np.ones(n),
-        nearest=nearest,
+        policy=policy,
     )
 
 

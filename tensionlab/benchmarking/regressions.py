@@ -35,7 +35,7 @@ QUANTILE = 2.576
 """Of the normal distribution, for an interval of 99 %."""
 MIN_PROBLEMS = 8
 """Timed in both runs: fewer have no interval of 99 %."""
-HEADINGS = ["<set", "<solver", "<nearest", "time\nnew / old", "99 %\ninterval", "problems\nlost", "gained", "<"]
+HEADINGS = ["<set", "<solver", "<policy", "time\nnew / old", "99 %\ninterval", "problems\nlost", "gained", "<"]
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Change:
 
     problem_set: str
     solver: str
-    nearest: str | None
+    policy: str | None
     ratio: float
     ratio_low: float
     ratio_high: float
@@ -143,7 +143,7 @@ def table_rows(changes: Sequence[Change]) -> list[list[str]]:
         [
             each.problem_set,
             each.solver,
-            each.nearest or "–",
+            each.policy or "–",
             "–" if np.isnan(each.ratio) else f"{each.ratio:.2f}",
             "–" if np.isnan(each.ratio) else f"{each.ratio_low:.2f} to {each.ratio_high:.2f}",
             str(each.lost or "–"),
@@ -201,7 +201,7 @@ def regressions(old: Results, new: Results) -> Regressions:
 
 def _by_key(results: Results) -> dict[tuple[str, str, str | None], Row]:
     """Return the rows that took part."""
-    return {(row.problem_set, row.label, row.nearest): row for row in results.rows if row.tried}
+    return {(row.problem_set, row.label, row.policy): row for row in results.rows if row.tried}
 
 
 def _require_same(name: str, old: Results, new: Results) -> None:
@@ -237,7 +237,7 @@ def _change(old: Row, new: Row, drift: float, noise: float) -> Change:
     if count >= MIN_PROBLEMS:
         rank = max(0, int(count / 2 - QUANTILE * np.sqrt(count) / 2))
         median, low, high = np.exp([np.median(ratios), ratios[rank], ratios[count - 1 - rank]])
-    return Change(new.problem_set, new.label, new.nearest, float(median), float(low), float(high), noise,
+    return Change(new.problem_set, new.label, new.policy, float(median), float(low), float(high), noise,
                   _solved_only_in(old, new), _solved_only_in(new, old))  # fmt: skip
 
 

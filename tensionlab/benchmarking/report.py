@@ -166,16 +166,16 @@ def _set(results: Results, name: str) -> str:
     for row in rows:
         label = marked(f"**{row.label}**" if row.setting == "proved" else row.label, row.comparable)
         if row.tried:
-            cells.append([label, row.nearest or "–", *(write(row) for _, write in ROW_COLUMNS)])
+            cells.append([label, row.policy or "–", *(write(row) for _, write in ROW_COLUMNS)])
         else:
-            cells.append([label, row.nearest or "–", row.note or "–", *[""] * (len(ROW_COLUMNS) - 1)])
+            cells.append([label, row.policy or "–", row.note or "–", *[""] * (len(ROW_COLUMNS) - 1)])
         if row.tried and row.note:
             notes.append(f"- {row.label}: {row.note} ({count(row.refused)} of {count(row.tried)} problems)")
     parts = [
         f"## {name}",
         f"{about['title'][0].upper()}{about['title'][1:]}. {groups}. "
         f"The optimum is verified for {count(verified)} of {count(about['problems'])}.",
-        table(["solver", "nearest", *(heading for heading, _ in ROW_COLUMNS)], cells, left=2),
+        table(["solver", "policy", *(heading for heading, _ in ROW_COLUMNS)], cells, left=2),
     ]
     return "\n\n".join(parts + (["\n".join(notes)] if notes else []))
 

@@ -32,7 +32,7 @@ NAN = float("nan")
 class Row:
     """Result of one solver with one setting on one problem set; NaN where there is nothing to measure.
 
-    ``nearest`` is None for a solver without a policy, whose answers to infeasible wrenches are compared with
+    ``policy`` is None for a solver without a policy, whose answers to infeasible wrenches are compared with
     "force". ``comparable`` tells whether the objective is that of the sets; if not, the gap is a difference of
     objectives, not an error. ``note`` says why it did not take part, or which part it refused.
 
@@ -57,7 +57,7 @@ class Row:
     problem_set: str
     solver: str
     setting: str
-    nearest: str | None
+    policy: str | None
     objective: str
     comparable: bool
     note: str
@@ -385,7 +385,7 @@ def summarise(name: str, entry: Entry, evidence: Evidence) -> Row:
         problem_set=name,
         solver=entry.solver,
         setting=entry.setting,
-        nearest=entry.nearest,
+        policy=entry.policy,
         objective=entry.objective,
         comparable=entry.comparable,
         note=evidence.note,

@@ -60,7 +60,7 @@ def random_problems(components: int, cables: int, count: int, seed: int) -> tupl
 def infeasible_wrenches(structure: Floats, wrench: Floats, seed: int) -> Floats:
     """Return wrenches in the same directions that are 1 % to 100 % larger than any tensions can render."""
     far = 1e3 * wrench
-    scale = allocate(structure, far, (LOWER, UPPER), nearest="direction").scale
+    scale = allocate(structure, far, (LOWER, UPPER), policy="direction").scale
     share = 1.0 + 10.0 ** np.random.default_rng(seed).uniform(-2.0, 0.0, len(wrench))
     return np.asarray((np.nan_to_num(scale, nan=1e-2) * share)[:, None] * far)
 

@@ -9,7 +9,7 @@ import typer
 
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import At, BodyFrames, Json, Nearest, RigArgument, Solver
+from tensionlab.cli.common.options import At, BodyFrames, Json, Policy, RigArgument, Solver
 from tensionlab.cli.common.required import Gravity, with_requirement
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
@@ -35,7 +35,7 @@ def allocate(
     frames: BodyFrames = None,
     at: At = None,
     solver: Solver = "newton",
-    nearest: Nearest = None,
+    policy: Policy = None,
     reference: Annotated[
         str | None,
         typer.Option(
@@ -49,14 +49,14 @@ def allocate(
     Where the rig's file or --gravity says so, they hold the weight as well.
     """
     loaded = with_requirement(options.with_frames(load_rig(rig), frames), wrench, gravity)
-    options.check_solvers(loaded, [solver], nearest)
+    options.check_solvers(loaded, [solver], policy)
     desired = loaded.required.middle(loaded).tolist()
     position = options.parse_position(at, loaded)
     allocator = Allocator(
         loaded.limits,
         solver,
         _reference(loaded, reference),
-        nearest,  # type: ignore[arg-type]  # checked above
+        policy,  # type: ignore[arg-type]  # checked above
     )
     result = allocator(loaded.structure_matrix(position, frames=loaded.at_rest), desired)
     status = Status(int(result.status))
@@ -65,7 +65,7 @@ def allocate(
             rig=loaded.name,
             position=position,
             solver=solver,
-            nearest=allocator.nearest,
+            policy=allocator.policy,
             status=status.name,
             modules=[module.name for module in loaded.modules],
             tensions=result.tensions,
@@ -75,7 +75,7 @@ def allocate(
             failure=result.failures.get(0),
         )
     else:
-        _print(loaded, position, desired, result, _status_text(status, allocator.nearest, float(result.scale)))
+        _print(loaded, position, desired, result, _status_text(status, allocator.policy, float(result.scale)))
     raise typer.Exit(0 if status is Status.EXACT else 1)
 
 

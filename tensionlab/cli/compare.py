@@ -47,7 +47,7 @@ def compare(
         list[str] | None,
         typer.Option(metavar="A,B,...", help="Solvers, such as newton,qp:daqp, also repeated; all if left out."),
     ] = None,
-    nearest: Annotated[
+    policy: Annotated[
         str | None,
         typer.Option(
             metavar="POLICY",
@@ -72,7 +72,7 @@ def compare(
     """
     loaded = with_requirement(options.with_frames(load_rig(rig), frames), wrench, gravity, required)
     names = options.parse_names(solvers)
-    options.check_solvers(loaded, names, nearest)
+    options.check_solvers(loaded, names, policy)
     with output.progress(f"Comparing on {loaded.name}") as progress:
         result = comparison.compare(
             loaded,
@@ -80,7 +80,7 @@ def compare(
             directions=directions,
             magnitude=magnitude,
             solvers=names,
-            nearest=nearest,  # type: ignore[arg-type]  # checked above
+            policy=policy,  # type: ignore[arg-type]  # checked above
             progress=progress,
         )
     rows = [dataclasses.asdict(row) for row in result.rows]

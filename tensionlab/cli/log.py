@@ -150,7 +150,7 @@ def _read(path: Path) -> reader.Run:
 def _print_info(found: reader.RunReport) -> None:
     console = output.console()
     statistics = found.statistics
-    policy = f", nearest in {found.nearest}" if found.nearest else ""
+    policy = f", nearest in {found.policy}" if found.policy else ""
     console.print(f"{found.rig}, {found.solver}{policy}", style="bold")
     console.print(
         f"{statistics.cycles} cycles in {found.duration_s:.2f} s, {found.rate_hz:g} Hz desired, "

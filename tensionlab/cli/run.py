@@ -13,7 +13,7 @@ import typer
 from tensionlab.arrays import Floats
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules, show_run, tell_streams
-from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Nearest, RigArgument, Solver, View
+from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Policy, RigArgument, Solver, View
 from tensionlab.demand import Demand, DemandSource, Pose
 from tensionlab.display import duration
 from tensionlab.errors import HardwareError
@@ -37,7 +37,7 @@ def run(
     rig: RigArgument,
     modules: Modules = None,
     solver: Solver = "newton",
-    nearest: Nearest = None,
+    policy: Policy = None,
     force: Annotated[
         str | None,
         typer.Option(
@@ -82,8 +82,8 @@ def run(
 
     loaded = load_rig(rig)
     demand = _demand(loaded, force, program)
-    settings = RunSettings(rate=rate, ttl=ttl, on_loss=on_loss, nearest=nearest)  # type: ignore[arg-type]  # it checks them
-    options.check_solvers(loaded, [solver], nearest)
+    settings = RunSettings(rate=rate, ttl=ttl, on_loss=on_loss, policy=policy)  # type: ignore[arg-type]  # it checks them
+    options.check_solvers(loaded, [solver], policy)
     tracker = _tracker(loaded, at)
     if view:
         show_run()

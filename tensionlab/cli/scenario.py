@@ -84,7 +84,7 @@ def scenario(
         _list(json)
         return
     loaded = load_scenario(name, rig)
-    options.check_solvers(loaded.rig, [solver], loaded.nearest)
+    options.check_solvers(loaded.rig, [solver], loaded.policy)
     if seconds is not None and seconds > loaded.seconds:
         raise typer.BadParameter(f"--seconds is above 0 and at most {loaded.seconds:g}; got {seconds:g}")
     _require_tracking(loaded, modules, osc)

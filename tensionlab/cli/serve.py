@@ -107,10 +107,10 @@ def serve(
     loaded, played = _loaded(rig, scenario)
     standard = RunSettings()
     if played is not None:
-        standard = RunSettings(played.rate, nearest=played.nearest, scenery=as_mapping(played, repeat=True))
+        standard = RunSettings(played.rate, policy=played.policy, scenery=as_mapping(played, repeat=True))
     settings = standard if rate is None else replace(standard, rate=rate)
     client = ClientState(loaded)
-    options.check_solvers(loaded, [solver], settings.nearest)
+    options.check_solvers(loaded, [solver], settings.policy)
     follow = tracked_pose(client)
     welcome = Welcome(
         rig=loaded.name,

@@ -26,7 +26,7 @@ def solvers(json: Json = False) -> None:
         entries.append(
             {
                 "solver": name,
-                "nearest": list(solver.policies),
+                "policy": list(solver.policies),
                 "objective": solver.objective,
                 "source": " ".join(found[1].split()) if found else "",
                 "installed": installed,
@@ -39,7 +39,7 @@ def solvers(json: Json = False) -> None:
 
     minimised = "<minimises, among tensions that render the wrench"
     rows = (
-        (entry["solver"], entry["installed"], ", ".join(entry["nearest"]) or "–", entry["objective"])
+        (entry["solver"], entry["installed"], ", ".join(entry["policy"]) or "–", entry["objective"])
         for entry in entries
     )
     output.print_table("", ("<solver", "<installed", "<if infeasible, nearest in", minimised), rows)

@@ -23,7 +23,7 @@ from tensionlab.errors import InputError
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import Solver, select_solvers
-from tensionlab.solvers.base import POLICIES, Nearest, Status
+from tensionlab.solvers.base import POLICIES, Policy, Status
 
 if TYPE_CHECKING:
     import pandas
@@ -56,7 +56,7 @@ class Score:
     """
 
     solver: str
-    nearest: Nearest | None
+    policy: Policy | None
     exact: int
     nearest_count: int
     unproven: int
@@ -89,7 +89,7 @@ Column = tuple[str, Callable[[RowType], str], bool]
 
 STATUSES: list[Column[Score]] = [
     ("<solver", lambda row: row.solver, True),
-    ("<nearest", lambda row: row.nearest or "–", True),
+    ("<policy", lambda row: row.policy or "–", True),
     ("exact", lambda row: str(row.exact), True),
     ("near", lambda row: str(row.nearest_count), True),
     ("unproven", lambda row: str(row.unproven), True),
@@ -118,7 +118,7 @@ def merge_policies(rows: Sequence[RowType]) -> list[RowType]:
     for _, group in itertools.groupby(rows, key=lambda row: row.solver):
         same = list(group)
         if len(same) > 1 and all(row.nearest_count + row.unproven + row.failed == 0 for row in same):
-            same = [dataclasses.replace(same[0], nearest="any")]  # type: ignore[arg-type]  # to be shown
+            same = [dataclasses.replace(same[0], policy="any")]  # type: ignore[arg-type]  # to be shown
         merged += same
     return merged
 
@@ -131,7 +131,7 @@ def scores_table(
     failures: Mapping[str, str] | None = None,
 ) -> str:
     """Return a table of solvers in HTML: their statuses, and then these columns; which are left out, or failed."""
-    headings = ["<solver", "<nearest", *(display.status_mark(status).text for status in Status)]
+    headings = ["<solver", "<policy", *(display.status_mark(status).text for status in Status)]
     shown = [*STATUSES, *columns]
     notes = [f"left out: {name}, {reason}" for name, reason in missing.items()]
     notes += [f"failed: {name}, {reason}" for name, reason in (failures or {}).items()]
@@ -199,7 +199,7 @@ def compare(
     directions: ArrayLike | str | None = None,
     magnitude: float | None = None,
     solvers: Sequence[str | Solver] | None = None,
-    nearest: Nearest | None = None,
+    policy: Policy | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Comparison:
     """Compare solvers on the same forces, with the same verification.
@@ -223,7 +223,7 @@ def compare(
         Size of each force, in N; left out: the ball that the rig requires, or 1.5 as in the published validation.
     solvers : sequence of str or Solver, optional
         Names, as ``tensionlab solvers`` lists them or ``"module:Class"``, and instances; left out: all by name.
-    nearest : {"force", "tension", "direction"}, optional
+    policy : {"force", "tension", "direction"}, optional
         Only this policy for infeasible wrenches; left out: each that a solver honours.
     progress : callable, optional
         Called with the share that is done.
@@ -242,11 +242,11 @@ def compare(
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation-0.3m")
-    >>> result = tl.compare(rig, solvers=[tl.Dykstra(iteration_limit=50), "newton"], nearest="tension")
+    >>> result = tl.compare(rig, solvers=[tl.Dykstra(iteration_limit=50), "newton"], policy="tension")
     >>> [(row.solver, row.exact, row.nearest_count) for row in result.rows]
     [('dykstra(iteration_limit=50)', 2, 27), ('newton', 153, 29)]
     """
-    runs, missing = select_solvers(solvers, nearest, (rig.n, rig.m))
+    runs, missing = select_solvers(solvers, policy, (rig.n, rig.m))
     place = rig.home if position is None else as_finite("position", position, 1)
     structure = rig.structure_matrix(place, frames=rig.at_rest)
     wrenches = rig.required.at(rig)
@@ -262,7 +262,7 @@ def compare(
         wrenches = rig.required.middle(rig) + direction_sets.forces(forces, rig.n, rig.dimension)
     elif magnitude is not None:
         raise InputError(f"magnitude {magnitude}: the required wrenches are compared; give directions as well")
-    allocators = [Allocator(rig.limits, guarded(solver), nearest=policy) for _, policy, solver in runs]
+    allocators = [Allocator(rig.limits, guarded(solver), policy=policy) for _, policy, solver in runs]
 
     def seconds(allocator: Allocator, wrench: Floats) -> float:
         start = time.perf_counter()
@@ -292,16 +292,16 @@ def compare(
             progress((len(runs) + min(first + CALLS_PER_TURN, len(chosen))) / steps)
 
     optima = {
-        policy: Allocator(rig.limits, "newton", nearest=policy)(structure, wrenches)
-        for policy in {run.nearest or POLICIES[0] for run in runs}
+        each: Allocator(rig.limits, "newton", policy=each)(structure, wrenches)
+        for each in {run.policy or POLICIES[0] for run in runs}
     }
     rows = []
-    for column, ((name, policy, _), found) in enumerate(zip(runs, allocations, strict=True)):
-        optimum = optima[policy or POLICIES[0]]
+    for column, ((name, honoured, _), found) in enumerate(zip(runs, allocations, strict=True)):
+        optimum = optima[honoured or POLICIES[0]]
         gaps = abs(found.tensions - optimum.tensions)
         row = Row(
-            **vars(score(name, policy, wrenches, found, rig.dimension)),
-            gap_max=finite(np.max, gaps[optimum.status == Status.EXACT] if policy is None else gaps),
+            **vars(score(name, honoured, wrenches, found, rig.dimension)),
+            gap_max=finite(np.max, gaps[optimum.status == Status.EXACT] if honoured is None else gaps),
             call_median_s=float(np.nanmedian(calls[:, column])),
             call_p99_s=float(np.nanquantile(calls[:, column], 0.99)),
             batch_s=float(np.median(batch[column])) / len(wrenches),
@@ -310,13 +310,13 @@ def compare(
     return Comparison(rig, place, structure, wrenches, tuple(rows), tuple(allocations), missing, magnitude)
 
 
-def score(solver: str, nearest: Nearest | None, wrenches: Floats, found: Allocation, dimension: int) -> Score:
+def score(solver: str, policy: Policy | None, wrenches: Floats, found: Allocation, dimension: int) -> Score:
     """Return the score of K answers to desired wrenches (K, n), whose first components are the force."""
     angle = angles(wrenches[:, :dimension], found.wrench[:, :dimension])
     counts = found.counts()
     return Score(
         solver=solver,
-        nearest=nearest,
+        policy=policy,
         exact=counts[Status.EXACT],
         nearest_count=counts[Status.NEAREST],
         unproven=counts[Status.UNPROVEN],

@@ -12,7 +12,7 @@ import numpy as np
 
 from tensionlab.errors import MissingDependency
 from tensionlab.solvers import SOLVERS
-from tensionlab.solvers.base import Answer, Nearest, Problem, Solver
+from tensionlab.solvers.base import Answer, Policy, Problem, Solver
 from tensionlab.verification import require_answer
 
 
@@ -26,7 +26,7 @@ class _Guarded:
     """Solver whose exceptions, and answers that are none, are failures of the problems that cause them."""
 
     solver: Solver
-    policies: tuple[Nearest, ...]
+    policies: tuple[Policy, ...]
 
     @property
     def objective(self) -> str:

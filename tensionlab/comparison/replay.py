@@ -16,7 +16,7 @@ from tensionlab.comparison.guarded import guarded
 from tensionlab.display import short
 from tensionlab.hardware.log.reader import Run
 from tensionlab.solvers import Selected, Solver, select_solvers
-from tensionlab.solvers.base import Nearest
+from tensionlab.solvers.base import Policy
 
 if TYPE_CHECKING:
     import pandas
@@ -98,10 +98,10 @@ def replay(
     consecutive = (np.diff(run.cycle[kept]) == 1) & (rendering[1:] == rendering[:-1]).all(axis=1)
     dimension = run.rig.dimension
 
-    def row(solver: str, nearest: Nearest | None, found: Allocation, fallback_used: int) -> ReplayRow:
+    def row(solver: str, policy: Policy | None, found: Allocation, fallback_used: int) -> ReplayRow:
         norms = [np.linalg.norm(each[:, :dimension], axis=1) for each in (found.wrench, wrenches)]
         return ReplayRow(
-            **vars(score(solver, nearest, wrenches, found, dimension)),
+            **vars(score(solver, policy, wrenches, found, dimension)),
             fallback_used=fallback_used,
             magnitude_mean=finite(np.mean, abs(norms[0] - norms[1])),
             magnitude_max=finite(np.max, abs(norms[0] - norms[1])),
@@ -114,7 +114,7 @@ def replay(
     arrays: dict[str, Any] = {
         name: values[kept] for name, values in vars(run.allocation).items() if isinstance(values, np.ndarray)
     }
-    rows = [row(run.setup.solver, run.setup.nearest, Allocation(**arrays), int(run.fallback_used[kept].sum()))]
+    rows = [row(run.setup.solver, run.setup.policy, Allocation(**arrays), int(run.fallback_used[kept].sum()))]
     for done, (name, policy, solver) in enumerate(own.values(), start=1):
         found = answer_again(run, kept, guarded(solver), policy)
         rows.append(row(name, policy, found, 0))
@@ -124,7 +124,7 @@ def replay(
 
 
 def answer_again(
-    run: Run, cycles: NDArray[np.bool_] | int, solver: str | Solver, nearest: Nearest | None = None
+    run: Run, cycles: NDArray[np.bool_] | int, solver: str | Solver, policy: Policy | None = None
 ) -> Allocation:
     """Return what a solver answers to the wrenches that the run's had in some cycles, with its limits.
 
@@ -132,7 +132,7 @@ def answer_again(
     """
     rendering = _rendering(run, cycles)
     limits = np.where(rendering, run.setup.lower, 0.0), np.where(rendering, run.setup.upper, 0.0)
-    return Allocator(limits, solver, nearest=nearest)(run.structure[cycles], run.solver_wrench[cycles])
+    return Allocator(limits, solver, policy=policy)(run.structure[cycles], run.solver_wrench[cycles])
 
 
 def _rendering(run: Run, cycles: NDArray[np.bool_] | int) -> NDArray[np.bool_]:

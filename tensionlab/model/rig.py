@@ -36,7 +36,7 @@ from tensionlab.model.requirement import Requirement
 if TYPE_CHECKING:
     import pandas
 
-    from tensionlab.allocation import Allocation, Nearest, Solver
+    from tensionlab.allocation import Allocation, Policy, Solver
 
 
 class Cables(NamedTuple):
@@ -437,7 +437,7 @@ class Rig:
         *,
         solver: str | Solver = "newton",
         reference: ArrayLike | Literal["lower", "middle"] | None = None,
-        nearest: Nearest | None = None,
+        policy: Policy | None = None,
         wrench_weights: ArrayLike | None = None,
     ) -> Allocation:
         """Return tensions that render a wrench at a pose, beside the wrench that the rig requires.
@@ -451,7 +451,7 @@ class Rig:
             Desired, in N and N·m. All leading axes broadcast.
         position, rotation, frames
             Pose, as in `structure_matrix`; home and the frames at rest if left out.
-        solver, reference, nearest, wrench_weights
+        solver, reference, policy, wrench_weights
             As in `tensionlab.allocate`, whose errors are raised as well.
 
         Returns
@@ -476,7 +476,7 @@ class Rig:
         place = pose.points(self.home if position is None else position, self.dimension, "position")
         W = self.structure_matrix(place, rotation, self.at_rest if frames is None else frames)
         desired = pose.points(wrench, self.n, "wrench") + self.required.middle(self, rotation)
-        found = allocate(W, desired, self.limits, solver, reference, nearest, wrench_weights)
+        found = allocate(W, desired, self.limits, solver, reference, policy, wrench_weights)
         names = tuple(module.name for module in self.modules)
         return replace(found, modules=names, desired=desired, position=place)
 

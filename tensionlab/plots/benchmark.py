@@ -341,9 +341,9 @@ def plot_continuity(results: Results) -> Figure:
     rows = [row for row in results.rows if row.path_mm and row.setting != "tight" and _drawable(row)]
     if not rows:
         raise InputError("no trajectory in these results; measure the set `trajectory`")
-    alone = [row.nearest is None or sum(other.label == row.label for other in rows) == 1 for row in rows]
+    alone = [row.policy is None or sum(other.label == row.label for other in rows) == 1 for row in rows]
     names = [
-        short_name(row.label).removesuffix(", default") + ("" if single else f", {row.nearest}")
+        short_name(row.label).removesuffix(", default") + ("" if single else f", {row.policy}")
         for row, single in zip(rows, alone, strict=True)
     ]
     panels = dict(zip(names, rows, strict=True))

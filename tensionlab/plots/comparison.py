@@ -60,14 +60,14 @@ def plot_comparison(comparison: Comparison) -> Figure:
     names = [*dict.fromkeys(row.solver for row in rows), *comparison.missing]
     alone = [sum(other.solver == row.solver for other in rows) == 1 for row in rows]
     lines = [
-        names.index(row.solver) + (0.0 if single else POLICY_LOOK[row.nearest][2])
+        names.index(row.solver) + (0.0 if single else POLICY_LOOK[row.policy][2])
         for row, single in zip(rows, alone, strict=True)
     ]
     count, size = len(comparison.wrenches), np.linalg.norm(comparison.wrenches[0])
     with new_figure((14.5, max(8.0 if spatial else 5.0, 2.0 + 0.42 * len(names)))) as figure:
         parts: Any = figure.subfigures(1, 2, width_ratios=[1.0, 2.5])
         left, right = parts
-        policy = f", nearest in {rows[0].nearest}" if rows[0].nearest else ""
+        policy = f", nearest in {rows[0].policy}" if rows[0].policy else ""
         left.suptitle(f"Rendered by {rows[0].solver}{policy}", fontweight="bold")
         views = [(0, 1), (0, 2)] if spatial else [(0, 1)]
         for axes, view in zip(np.atleast_1d(left.subplots(len(views), 1)), views, strict=True):
@@ -104,7 +104,7 @@ def plot_comparison(comparison: Comparison) -> Figure:
         microseconds = [1e6 * row.call_median_s for row in rows]
         _draw_points(panels[3], rows, lines, microseconds)
         for row, line, median in zip(rows, lines, microseconds, strict=True):
-            colour = POLICY_LOOK[row.nearest][0]
+            colour = POLICY_LOOK[row.policy][0]
             panels[3].plot([median, 1e6 * row.call_p99_s], [line, line], color=colour, linewidth=1.2)
             panels[3].plot(1e6 * row.batch_s, line, marker="|", color=colour, markersize=7, markeredgewidth=1.6)
         panels[3].set(xscale="log", xlabel="time of a call (µs)")
@@ -123,7 +123,7 @@ def plot_comparison(comparison: Comparison) -> Figure:
             *(
                 (f"nearest in {name}" if name else "no policy", {"color": colour, "marker": marker, "ls": ""})
                 for name, (colour, marker, _) in POLICY_LOOK.items()
-                if any(row.nearest == name for row in rows)
+                if any(row.policy == name for row in rows)
             ),
             ("one call: median to 99 %", {"color": GREY, "marker": "o", "markevery": [0]}),
             ("each in a batch", {"color": GREY, "marker": "|", "ls": "", "mew": 1.6}),
@@ -185,5 +185,5 @@ def _draw_statuses(axes: Axes, rows: Sequence[Row], lines: Sequence[float]) -> N
 def _draw_points(axes: Axes, rows: Sequence[Row], lines: Sequence[float], values: Sequence[float]) -> None:
     """Draw one marker for each row."""
     for row, line, value in zip(rows, lines, values, strict=True):
-        colour, marker, _ = POLICY_LOOK[row.nearest]
+        colour, marker, _ = POLICY_LOOK[row.policy]
         axes.plot(value, line, marker=marker, color=colour, markersize=5, linestyle="", zorder=3)

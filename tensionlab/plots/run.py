@@ -117,7 +117,7 @@ def plot_run(run: Run) -> Figure:
 
 
 def _title(run: Run) -> str:
-    policy = f", nearest in {run.setup.nearest}" if run.setup.nearest else ""
+    policy = f", nearest in {run.setup.policy}" if run.setup.policy else ""
     length = f"{len(run)} cycles, {run.setup.rate:g} a second"
     cut = "" if run.complete else "; the log was cut off"
     return f"{run.rig.name}, {run.setup.solver}{policy}: {length}{cut}"

@@ -169,7 +169,7 @@ def perform(
 
 
 def _settings(scenario: Scenario) -> RunSettings:
-    return RunSettings(rate=scenario.rate, nearest=scenario.nearest, scenery=as_mapping(scenario))
+    return RunSettings(rate=scenario.rate, policy=scenario.policy, scenery=as_mapping(scenario))
 
 
 def module_limits(rig: Rig, group: ModuleGroup) -> ModuleLimits:

@@ -138,7 +138,7 @@ def _force(scenario: Scenario, phase: Phase, played: Rehearsal, during: Integers
         return Finding(phase.name, True, f"no force above {MIN_FORCE_N:g} N is desired")
     desired, sizes = played.desired[strong], sizes[sizes > MIN_FORCE_N]
     required = scenario.rig.required.middle(scenario.rig)
-    found = allocate(played.structure[strong], desired + required, scenario.rig.limits, nearest=scenario.nearest)
+    found = allocate(played.structure[strong], desired + required, scenario.rig.limits, policy=scenario.policy)
     rendered = found.wrench - required
     missing = np.linalg.norm(desired - rendered, axis=1) / sizes
     feasible = missing <= MAX_MISSING

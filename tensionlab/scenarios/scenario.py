@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tensionlab import display
-from tensionlab.allocation import Nearest
+from tensionlab.allocation import Policy
 from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError, RigError, ScenarioError
 from tensionlab.files.named import describe_unknown, is_path
@@ -37,7 +37,7 @@ KEYS = {
     "about": str,
     "seconds": float,
     "rate": float,
-    "nearest": Nearest,
+    "policy": Policy,
     "seen_from": str,
     "slew": float,
     "labels": dict[str, str],
@@ -138,7 +138,7 @@ class Scenario:
         Those that overlap are rendered together.
     seconds, rate : float
         Duration in s, and rate in Hz.
-    nearest : str
+    policy : str
         Policy for infeasible forces.
     seen_from : str or None
         Body frame in which effects and brake targets are; the world if None.
@@ -169,7 +169,7 @@ class Scenario:
     phases: tuple[Phase, ...]
     seconds: float
     rate: float = 200.0
-    nearest: Nearest = "direction"
+    policy: Policy = "direction"
     seen_from: str | None = None
     slew: float | None = None
     labels: Mapping[str, str] = field(default_factory=dict)

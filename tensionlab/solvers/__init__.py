@@ -19,7 +19,7 @@ from tensionlab.solvers.base import (
     POLICIES,
     Answer,
     FusedSolver,
-    Nearest,
+    Policy,
     Problem,
     Solver,
     Status,
@@ -153,7 +153,7 @@ class Selected(NamedTuple):
     """Run of a comparison: a solver with a policy, which is None if it honours none; and what it is called."""
 
     name: str
-    nearest: Nearest | None
+    policy: Policy | None
     solver: Solver
 
 
@@ -181,7 +181,7 @@ def name_solvers(solvers: Sequence[str | Solver]) -> dict[str, Solver | None]:
 
 def select_solvers(
     solvers: Sequence[str | Solver] | None = None,
-    nearest: str | None = None,
+    policy: str | None = None,
     size: tuple[int, int] | None = None,
 ) -> tuple[list[Selected], dict[str, str]]:
     """Choose which solvers run with which policies.
@@ -195,8 +195,8 @@ def select_solvers(
     that lack the policy, unless all do; what else is in the way of one is an `InputError`, `UnknownSolver`,
     `MissingDependency` or `PluginError`.
     """
-    if nearest is not None and not (isinstance(nearest, str) and nearest in POLICIES):
-        raise InputError(f"nearest={nearest!r} is no policy; choose one of {', '.join(POLICIES)}")
+    if policy is not None and not (isinstance(policy, str) and policy in POLICIES):
+        raise InputError(f"policy={policy!r} is unknown; choose one of {', '.join(POLICIES)}")
     usable = every_solver() if solvers is None else _built_in()
     wanted = dict.fromkeys(usable) if solvers is None else name_solvers(solvers)
     runs: list[Selected] = []
@@ -213,13 +213,13 @@ def select_solvers(
             if solvers is not None:
                 raise InputError(f"solver {name} does not serve this rig: {reason}")
             missing[name] = reason
-        elif nearest is None:
+        elif policy is None:
             runs += [Selected(name, policy, solver) for policy in solver.policies or (None,)]
-        elif solvers is None and nearest not in solver.policies:
+        elif solvers is None and policy not in solver.policies:
             continue
         else:
             try:
-                runs.append(Selected(name, resolve_policy(solver, nearest, f"solver {name}"), solver))
+                runs.append(Selected(name, resolve_policy(solver, policy, f"solver {name}"), solver))
             except InputError as error:
                 if len(wanted) == 1:
                     raise

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import InputError
 
-Nearest = Literal["force", "tension", "direction"]
-POLICIES: tuple[Nearest, ...] = get_args(Nearest)
+Policy = Literal["force", "tension", "direction"]
+POLICIES: tuple[Policy, ...] = get_args(Policy)
 
 TOLERANCE = 1e-6
 """Largest error of a proved answer, in newton. EXACT: of the wrench, times max(1, its norm). NEAREST: of the
@@ -73,7 +73,7 @@ class Problem:
         Tension limits and the tensions to stay close to, in N.
     weights : (n,) array
         Positive weights of the wrench components; the error of an answer is ``sqrt(sum(weights * r**2))``.
-    nearest : {"force", "tension", "direction"} or None
+    policy : {"force", "tension", "direction"} or None
         What to do where w is infeasible. None only for solvers that honour no policy.
 
     Examples
@@ -88,7 +88,7 @@ class Problem:
     ...     upper=5.0 * one,
     ...     reference=0.0 * one,
     ...     weights=np.ones(1),
-    ...     nearest="force",
+    ...     policy="force",
     ... )
     >>> Newton().solve(problem).tensions
     array([[3., 1.]])
@@ -100,7 +100,7 @@ class Problem:
     upper: Floats
     reference: Floats
     weights: Floats
-    nearest: Nearest | None
+    policy: Policy | None
 
     def __len__(self) -> int:
         return len(self.structure)
@@ -113,7 +113,7 @@ class Problem:
     def take(self, rows: NDArray[np.intp]) -> Problem:
         """Return the problems of these rows, in arrays of their own."""
         structure, wrench, lower, upper, reference = (each[rows] for each in self.arrays[:5])
-        return Problem(structure, wrench, lower, upper, reference, self.weights, self.nearest)
+        return Problem(structure, wrench, lower, upper, reference, self.weights, self.policy)
 
 
 @dataclass(frozen=True)
@@ -181,8 +181,8 @@ class Solver(Protocol):
         """What it minimises among the tensions that render the wrench, in a few words."""
         ...
 
-    policies: ClassVar[tuple[Nearest, ...]]
-    """The ``nearest`` policies it can honour, its own first; empty if it promises no best substitute."""
+    policies: ClassVar[tuple[Policy, ...]]
+    """The ``policy`` policies it can honour, its own first; empty if it promises no best substitute."""
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
@@ -203,26 +203,26 @@ class FusedSolver(Solver, Protocol):
         ...
 
     def prepare(
-        self, lower: Floats, upper: Floats, reference: Floats, weights: Floats, nearest: Nearest | None
+        self, lower: Floats, upper: Floats, reference: Floats, weights: Floats, policy: Policy | None
     ) -> SingleSolver:
         """Return the same for single problems that have these limits, (m,), reference, weights and policy."""
         ...
 
 
-def resolve_policy(solver: Solver, nearest: str | None, name: str) -> Nearest | None:
+def resolve_policy(solver: Solver, policy: str | None, name: str) -> Policy | None:
     """Return a policy that the solver honours: the one given, or its own; None if it honours none.
 
     InputError, calling the solver by ``name``, if it cannot honour the policy given.
     """
-    if nearest is None:
+    if policy is None:
         return solver.policies[0] if solver.policies else None
-    for policy in solver.policies:
-        if policy == nearest:
-            return policy
-    honoured = ", ".join(repr(policy) for policy in solver.policies)
+    for honoured in solver.policies:
+        if honoured == policy:
+            return honoured
+    own = ", ".join(map(repr, solver.policies))
     raise InputError(
-        f"{name} cannot honour nearest={nearest!r}; "
-        + (f"it honours {honoured}" if honoured else "it promises no best substitute, so leave nearest out")
+        f"{name} cannot honour policy={policy!r}; "
+        + (f"it honours {own}" if own else "it promises no best substitute, so leave policy out")
     )
 
 

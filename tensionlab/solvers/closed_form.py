@@ -9,7 +9,7 @@ import numpy as np
 
 from tensionlab import _native
 from tensionlab.errors import InputError
-from tensionlab.solvers.base import RANK_TOLERANCE, Answer, Nearest, Problem
+from tensionlab.solvers.base import RANK_TOLERANCE, Answer, Policy, Problem
 
 Start = Literal["reference", "middle"]
 
@@ -43,7 +43,7 @@ class Pseudoinverse:
 
     start: Start = "reference"
 
-    policies: ClassVar[tuple[Nearest, ...]] = ()
+    policies: ClassVar[tuple[Policy, ...]] = ()
 
     def __post_init__(self) -> None:
         if self.start not in get_args(Start):
@@ -85,7 +85,7 @@ class ClosedForm:
     """
 
     objective: ClassVar[str] = "close to the middle of the limits, the worst cable fixed first"
-    policies: ClassVar[tuple[Nearest, ...]] = ()
+    policies: ClassVar[tuple[Policy, ...]] = ()
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
@@ -118,7 +118,7 @@ class Puncture:
     """
 
     objective: ClassVar[str] = "least share of the way from the least norm to the middle of the limits"
-    policies: ClassVar[tuple[Nearest, ...]] = ()
+    policies: ClassVar[tuple[Policy, ...]] = ()
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
@@ -184,7 +184,7 @@ class Polygon:
 
     goal: PolygonGoal = "centroid"
 
-    policies: ClassVar[tuple[Nearest, ...]] = ()
+    policies: ClassVar[tuple[Policy, ...]] = ()
 
     def __post_init__(self) -> None:
         if self.goal not in get_args(PolygonGoal):

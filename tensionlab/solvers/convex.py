@@ -11,7 +11,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import UnknownSolver, needs
-from tensionlab.solvers.base import TOLERANCE, Answer, Nearest, Problem
+from tensionlab.solvers.base import TOLERANCE, Answer, Policy, Problem
 from tensionlab.solvers.programs import NO_TENSIONS, SAFETY, Reply, ScaledProblem, choose_each, finite_tensions
 
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -49,7 +49,7 @@ class ConvexProgram:
     backend: str = "CLARABEL"
 
     objective: ClassVar[str] = "least squared change from the reference"
-    policies: ClassVar[tuple[Nearest, ...]] = ("force", "tension", "direction")
+    policies: ClassVar[tuple[Policy, ...]] = ("force", "tension", "direction")
 
     def __post_init__(self) -> None:
         if self.backend not in SETTINGS:

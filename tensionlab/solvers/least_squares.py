@@ -8,7 +8,7 @@ from typing import ClassVar
 from tensionlab import _native
 from tensionlab.arrays import MAX_MAGNITUDE, Floats
 from tensionlab.errors import InputError
-from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer, Nearest, Problem, Verified
+from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer, Policy, Problem, Verified
 
 
 @dataclass(frozen=True)
@@ -39,25 +39,25 @@ class Newton:
     """
 
     objective: ClassVar[str] = "least squared change from the reference"
-    policies: ClassVar[tuple[Nearest, ...]] = ("force", "tension", "direction")
+    policies: ClassVar[tuple[Policy, ...]] = ("force", "tension", "direction")
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        policy = POLICIES.index(problem.nearest or "force")
+        policy = POLICIES.index(problem.policy or "force")
         return Answer(*_native.newton(*problem.arrays, policy, RANK_TOLERANCE, TOLERANCE))
 
     def solve_verified(self, problem: Problem) -> Verified | None:
         """Choose and verify tensions in one pass over the batch (native/bindings/allocate.cpp)."""
-        policy = POLICIES.index(problem.nearest or "force")
+        policy = POLICIES.index(problem.policy or "force")
         found = _native.allocate(*problem.arrays, policy, MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE)
         return None if found is None else Verified(*found, {})
 
     def prepare(
-        self, lower: Floats, upper: Floats, reference: Floats, weights: Floats, nearest: Nearest | None
+        self, lower: Floats, upper: Floats, reference: Floats, weights: Floats, policy: Policy | None
     ) -> _native.Single:
         """Return what solves and verifies one problem with these limits, reference, weights and policy."""
-        policy = POLICIES.index(nearest or "force")
-        return _native.Single(lower, upper, reference, weights, policy, MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE)
+        index = POLICIES.index(policy or "force")
+        return _native.Single(lower, upper, reference, weights, index, MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE)
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Dykstra:
     iteration_limit: int = 50_000
 
     objective: ClassVar[str] = "least squared change from the reference"
-    policies: ClassVar[tuple[Nearest, ...]] = ("tension",)
+    policies: ClassVar[tuple[Policy, ...]] = ("tension",)
 
     def __post_init__(self) -> None:
         if not self.tolerance >= 0 or self.iteration_limit < 1:

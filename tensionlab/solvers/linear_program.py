@@ -16,7 +16,7 @@ from typing import ClassVar, Literal
 
 from tensionlab import _native
 from tensionlab.errors import InputError
-from tensionlab.solvers.base import Answer, Nearest, Problem
+from tensionlab.solvers.base import Answer, Policy, Problem
 from tensionlab.solvers.least_squares import Newton
 
 Program = Literal["sum", "largest", "margin"]
@@ -45,7 +45,7 @@ class LeastSum:
     """
 
     objective: ClassVar[str] = "least sum of tensions"
-    policies: ClassVar[tuple[Nearest, ...]] = ()
+    policies: ClassVar[tuple[Policy, ...]] = ()
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
@@ -74,7 +74,7 @@ class Minimax:
     """
 
     objective: ClassVar[str] = "least largest tension"
-    policies: ClassVar[tuple[Nearest, ...]] = ()
+    policies: ClassVar[tuple[Policy, ...]] = ()
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
@@ -111,7 +111,7 @@ class OptimallySafe:
     alpha: float = 1.0
 
     objective: ClassVar[str] = "largest margin to the limits"
-    policies: ClassVar[tuple[Nearest, ...]] = ()
+    policies: ClassVar[tuple[Policy, ...]] = ()
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.alpha < math.inf:

@@ -9,7 +9,7 @@ import numpy as np
 
 from tensionlab import _native
 from tensionlab.errors import InputError
-from tensionlab.solvers.base import Answer, Nearest, Problem
+from tensionlab.solvers.base import Answer, Policy, Problem
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class AnalyticCentre:
     """
 
     objective: ClassVar[str] = "largest product of distances to the limits"
-    policies: ClassVar[tuple[Nearest, ...]] = ()
+    policies: ClassVar[tuple[Policy, ...]] = ()
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
@@ -111,7 +111,7 @@ class SlackNorm:
     gamma: float = 0.0875
 
     objective: ClassVar[str] = "least p-norm of the change from the reference, with log barriers and priced slack"
-    policies: ClassVar[tuple[Nearest, ...]] = ()
+    policies: ClassVar[tuple[Policy, ...]] = ()
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -170,7 +170,7 @@ class Spidar:
     torque: float = 0.3
 
     objective: ClassVar[str] = "least squared wrench error plus mu times the squared change from the reference"
-    policies: ClassVar[tuple[Nearest, ...]] = ()
+    policies: ClassVar[tuple[Policy, ...]] = ()
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -61,7 +61,7 @@ MAX_CUTS = 12
 class Ray:
     """Wrench w of one problem, in N, and what may be rendered of it: ``s w`` for s in [0, 1].
 
-    ``nearest`` takes s, and returns tensions inside the limits with the least ``|W t - s w|``, or None.
+    ``policy`` takes s, and returns tensions inside the limits with the least ``|W t - s w|``, or None.
     """
 
     structure: Floats
@@ -207,10 +207,10 @@ def _choose(programs: Programs, problem: Problem, row: int) -> Floats | None:
     found = _closest(programs, scaled.wrench)
     if found is not None:
         return found
-    best = _along(programs) if problem.nearest == "direction" else None
+    best = _along(programs) if problem.policy == "direction" else None
     if best is None:
         force = np.diag(np.sqrt(problem.weights))
-        root = whitener(problem.structure[row]) if problem.nearest == "tension" else force
+        root = whitener(problem.structure[row]) if problem.policy == "tension" else force
         best = programs.least_error(root, scaled.wrench)
     if best is None:
         return None

@@ -9,7 +9,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import InputError, MissingDependency, UnknownSolver
-from tensionlab.solvers.base import TOLERANCE, Answer, Nearest, Problem
+from tensionlab.solvers.base import TOLERANCE, Answer, Policy, Problem
 from tensionlab.solvers.programs import (
     NO_TENSIONS,
     SAFETY,
@@ -124,7 +124,7 @@ class QuadraticProgram:
     backend: str = "clarabel"
 
     objective: ClassVar[str] = "least squared change from the reference"
-    policies: ClassVar[tuple[Nearest, ...]] = ("force", "tension", "direction")
+    policies: ClassVar[tuple[Policy, ...]] = ("force", "tension", "direction")
 
     def __post_init__(self) -> None:
         check_known(self.backend)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.arrays import Floats
 from tensionlab.errors import TensionlabError
-from tensionlab.solvers.base import Nearest, Status
+from tensionlab.solvers.base import Policy, Status
 from tensionlab.viewer.state import State, of_ghost
 from tensionlab.workspace.margin import required_margin
 from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
@@ -65,7 +65,7 @@ class Evaluation:
     ----------
     allocation : Allocation or None
         Tensions for the desired wrench and what the rig requires; None where ``problem`` says why.
-    nearest : str or None
+    policy : str or None
         Policy that the solver honours where the wrench is infeasible.
     margin : float
         Capacity margin at the hand about what the rig requires, in N; NaN where a cable has no length.
@@ -82,7 +82,7 @@ class Evaluation:
     """
 
     allocation: Allocation | None
-    nearest: Nearest | None
+    policy: Policy | None
     margin: float
     available: ForceSet | None = None
     rendered: Floats | None = None
@@ -103,13 +103,13 @@ def evaluate(state: State) -> Evaluation:
     available = force_set(structure, state, required) if state.show_available else None
     ghost_margin = _ghost_margin(state)
     try:
-        allocator = Allocator(rig.limits, state.solver, nearest=state.nearest)
+        allocator = Allocator(rig.limits, state.solver, policy=state.policy)
         allocation = allocator(structure, state.wrench + required)
     except TensionlabError as error:
         return Evaluation(None, None, margin, available, ghost_margin=ghost_margin, problem=str(error))
     return Evaluation(
         allocation,
-        allocator.nearest,
+        allocator.policy,
         margin,
         available,
         allocation.wrench - required,

@@ -78,7 +78,7 @@ def python_text(state: State, source: str) -> str:
         turn = ", rotation" if state.rotation is not None else ""
         lines.append(f"wrench = np.add(wrench, rig.required.middle(rig{turn}))")
     frames = ", frames=rig.at_rest" if rig.frames else ""
-    policy = "" if state.nearest is None else f', nearest="{state.nearest}"'
+    policy = "" if state.policy is None else f', policy="{state.policy}"'
     lines += [
         f"structure = rig.structure_matrix({pose}{frames})",
         "result = tl.allocate(",

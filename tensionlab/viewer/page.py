@@ -31,7 +31,7 @@ from tensionlab.viewer.state import HAND, Edit, State
 from tensionlab.viewer.workspace import WorkspaceWorker
 from tensionlab.workspace.layout.results import Layout
 
-COMPARED_BY = (*UNDONE, "solver", "nearest", "compared", "study", "selected")
+COMPARED_BY = (*UNDONE, "solver", "policy", "compared", "study", "selected")
 """Attributes of a state that the comparison of solvers depends on."""
 NOTICE_S = 8.0
 """How long it is shown that something was done."""

@@ -120,9 +120,9 @@ class Panel:
         self._solver = self._edits(
             gui.add_dropdown("solver", solver_names(self._rig)), lambda name: edits.choose(solver=name)
         )
-        self._nearest = self._edits(
+        self._policy = self._edits(
             gui.add_dropdown("if infeasible", (OWN_POLICY, *POLICIES)),
-            lambda name: edits.choose(nearest=None if name == OWN_POLICY else name),
+            lambda name: edits.choose(policy=None if name == OWN_POLICY else name),
         )
         self._available = self._edits(
             gui.add_checkbox("available forces", True), lambda shown: edits.choose(show_available=shown)
@@ -222,7 +222,7 @@ class Panel:
             _set(self._turn, np.degrees(turn))
             _set(self._torque, state.wrench[d:])
         for field, value in (
-            (self._solver, state.solver), (self._nearest, state.nearest or OWN_POLICY), (self._grid, state.grid_m),
+            (self._solver, state.solver), (self._policy, state.policy or OWN_POLICY), (self._grid, state.grid_m),
             (self._available, state.show_available), (self._metric, state.metric), (self._display, state.display),
             (self._rig_name, state.rig.name), (self._dark_field, state.dark),
         ):  # fmt: skip

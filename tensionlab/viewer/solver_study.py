@@ -109,8 +109,8 @@ def answer(state: State, solver: str, asked: Problems) -> Answer:
     d = rig.dimension
     try:
         made = make(solver)
-        nearest = state.nearest if state.nearest in made.policies else None
-        allocator = Allocator(rig.limits, made, nearest=nearest)
+        policy = state.policy if state.policy in made.policies else None
+        allocator = Allocator(rig.limits, made, policy=policy)
         here = rig.structure_matrix(state.position, state.rotation, rig.at_rest)
         now = allocator(here, state.exerted)
         wrenches = np.tile(state.exerted, (len(asked.forces), 1))

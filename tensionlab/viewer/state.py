@@ -15,7 +15,7 @@ from tensionlab.model import kinematics, pose
 from tensionlab.model.module import WORLD, Module
 from tensionlab.model.pose import RestPose
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.base import Nearest
+from tensionlab.solvers.base import Policy
 from tensionlab.viewer.snapping import nearest_on_surfaces
 from tensionlab.workspace.layout.task import LayoutTask
 
@@ -45,7 +45,7 @@ class State:
         Of the platform: a matrix in space, an angle in rad in the plane; None for a point.
     wrench : (n,) array
         Desired, in N and N·m, beside what the rig requires.
-    solver, nearest : str, and a policy or None
+    solver, policy : str, and a policy or None
         As `tensionlab.allocate` takes them.
     compared : tuple of str
         Solvers that are compared with that one.
@@ -76,7 +76,7 @@ class State:
     rotation: Floats | None
     wrench: Floats
     solver: str = "newton"
-    nearest: Nearest | None = None
+    policy: Policy | None = None
     compared: tuple[str, ...] = ()
     study: Study = STUDIES[0]
     metric: str = "capacity-margin"

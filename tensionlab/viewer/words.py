@@ -44,8 +44,8 @@ def status(state: State, found: Evaluation) -> str:
     code = Status(int(found.allocation.status))
     if code is Status.NEAREST:
         word, colour = "NEAREST", "#D55E00"
-        more = "certified infeasible: " + POLICY_WORDS.get(str(found.nearest), "another wrench is rendered")
-        if found.nearest == "direction" and np.isfinite(found.allocation.scale):
+        more = "certified infeasible: " + POLICY_WORDS.get(str(found.policy), "another wrench is rendered")
+        if found.policy == "direction" and np.isfinite(found.allocation.scale):
             more += f", {100 * float(found.allocation.scale):.3g} % of it"
     elif code is not Status.EXACT:
         word, colour, more = code.name, "#D55E00", status_mark(int(code)).word

@@ -32,9 +32,9 @@ def test_baselines_run_at_their_defaults_and_tight_where_they_have_such_options(
 
 def test_for_infeasible_wrenches_every_policy_runs_and_wrappers_get_theirs():
     found = entries("none")
-    assert [each.nearest for each in found if each.solver == "newton"] == ["force", "tension", "direction"]
-    assert [each.nearest for each in found if each.solver == "qp:daqp"] == ["force", "tension", "direction"]
-    assert [each.nearest for each in entries("all") if each.solver == "newton"] == ["force"]
+    assert [each.policy for each in found if each.solver == "newton"] == ["force", "tension", "direction"]
+    assert [each.policy for each in found if each.solver == "qp:daqp"] == ["force", "tension", "direction"]
+    assert [each.policy for each in entries("all") if each.solver == "newton"] == ["force"]
 
 
 def test_another_objective_is_marked():

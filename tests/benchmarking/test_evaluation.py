@@ -144,7 +144,7 @@ def test_out_of_reach_the_least_error_is_not_held_against_anyone():
     assert set(found.verified.values()) == {2}
     for row in found.rows:
         if row.setting == "proved":
-            assert (row.solved_1e6, row.proved) == (1.0, 2), (row.label, row.nearest)
+            assert (row.solved_1e6, row.proved) == (1.0, 2), (row.label, row.policy)
             assert row.gap_max < 1e-6
         else:
             assert (row.solved_1e6, row.proved) == (0.0, 0)

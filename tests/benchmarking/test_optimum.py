@@ -16,16 +16,16 @@ PLANAR = np.array([[1, -0.6, -0.6], [0, 0.8, -0.8]])
 NEAREST = {"tension": (10, 575 / 122, 1), "force": (10, 3.88, 1), "direction": (10, 5, 1)}
 
 
-def as_problem(case: Case, nearest: str = "force") -> Problem:
+def as_problem(case: Case, policy: str = "force") -> Problem:
     """A batch of the tests with reference 0, as the benchmark asks for."""
     zero, ones = np.zeros_like(case.lower), np.ones(case.wrench.shape[-1])
-    return Problem(case.structure, case.wrench, case.lower, case.upper, zero, ones, nearest)
+    return Problem(case.structure, case.wrench, case.lower, case.upper, zero, ones, policy)
 
 
 @pytest.mark.parametrize(("n", "m"), [(2, 2), (3, 3), (3, 5), (3, 12), (6, 8)])
-@pytest.mark.parametrize("nearest", POLICIES)
-def test_ordinary_optima_are_verified(n, m, nearest):
-    found = optimum(as_problem(random_cases(n + m, n, m, 60), nearest))
+@pytest.mark.parametrize("policy", POLICIES)
+def test_ordinary_optima_are_verified(n, m, policy):
+    found = optimum(as_problem(random_cases(n + m, n, m, 60), policy))
     assert found.verified.mean() > 0.95
     assert 0 < found.reachable.mean() < 1
 
@@ -54,14 +54,14 @@ def test_the_bound_is_never_below_the_distance(case):
     assert np.isfinite(best.tensions).all()
 
 
-@pytest.mark.parametrize("nearest", POLICIES)
-def test_each_policy_has_its_own_least_error(nearest):
-    desired = problem(PLANAR, [12, 6], [1] * 3, [10] * 3, nearest)
+@pytest.mark.parametrize("policy", POLICIES)
+def test_each_policy_has_its_own_least_error(policy):
+    desired = problem(PLANAR, [12, 6], [1] * 3, [10] * 3, policy)
     best = optimum(desired)
     assert best.verified.all()
-    np.testing.assert_allclose(best.tensions, [NEAREST[nearest]], atol=1e-6)
+    np.testing.assert_allclose(best.tensions, [NEAREST[policy]], atol=1e-6)
     above = {name: excess_error(desired, best, np.array([t]))[0] for name, t in NEAREST.items()}
-    assert above.pop(nearest) == pytest.approx(0.0, abs=1e-6)
+    assert above.pop(policy) == pytest.approx(0.0, abs=1e-6)
     assert min(above.values()) > 1e-3
 
 

@@ -15,7 +15,7 @@ NOISE = np.random.default_rng(3).normal(1.0, 0.02, (6, PROBLEMS))
 
 def row(solver, index, *, seconds=1e-5, errors=1e-12, setting="proved", problem_set="edge", **more):
     """A solver whose calls take so long, with 2 % of noise."""
-    defaults = {"nearest": None, "objective": "", "comparable": True, "note": "", "problems": PROBLEMS}
+    defaults = {"policy": None, "objective": "", "comparable": True, "note": "", "problems": PROBLEMS}
     evidence = {
         "tried": PROBLEMS,
         "call_s": (seconds * NOISE[index]).tolist(),

@@ -9,11 +9,11 @@ from tensionlab.benchmarking.results import Results, Row, summaries
 from tensionlab.display import duration, percent
 
 
-def row(problem_set="a", solver="newton", setting="proved", nearest="force", **values):
+def row(problem_set="a", solver="newton", setting="proved", policy="force", **values):
     defaults = {"problems": 10, "tried": 10, "solved_1e3": 1.0, "solved_1e6": 1.0, "solved_1e9": 1.0,
                 "sgm_s": 1e-5, "median_s": 1e-5, "p999_s": 2e-5, "worst_s": 3e-5, "gap_max": 0.0, "error_max": 0.0,
                 "violation_max": 0.0, "objective": "", "comparable": True, "note": ""}  # fmt: skip
-    return Row(problem_set=problem_set, solver=solver, setting=setting, nearest=nearest, **(defaults | values))
+    return Row(problem_set=problem_set, solver=solver, setting=setting, policy=policy, **(defaults | values))
 
 
 def made(*rows, **reachable):
@@ -42,7 +42,7 @@ def test_a_summary_counts_each_set_once_and_only_the_own_policy():
             row("a", solved_1e6=0.5, sgm_s=1e-5, p999_s=4e-5),
             row("b", sgm_s=4e-5, p999_s=3e-5, gap_max=2.0),
             row("c", solved_1e6=0.25, sgm_s=9.0, iterations_max=9),
-            row("c", nearest="tension", solved_1e6=0.0),
+            row("c", policy="tension", solved_1e6=0.0),
             a="all", b="all", c="none",
         )
     )  # fmt: skip
@@ -57,7 +57,7 @@ def test_a_summary_counts_each_set_once_and_only_the_own_policy():
 
 def test_summaries_come_fastest_first_and_absent_ones_last():
     gone = row(
-        solver="qpsolvers:highs", setting="default", nearest=None, note="not installed", tried=0, sgm_s=np.nan
+        solver="qpsolvers:highs", setting="default", policy=None, note="not installed", tried=0, sgm_s=np.nan
     )
     slow, fast = row(solver="dykstra", sgm_s=1.0), row(solver="newton", sgm_s=1e-6)
     assert [line.label for line in summaries(made(gone, slow, fast, a="all"))] == [

@@ -38,7 +38,7 @@ def test_every_library_was_told_to_use_one_thread(bench_results):
 
 
 def test_each_set_has_a_row_for_each_solver_and_setting(bench_results):
-    keys = {(row.problem_set, row.label, row.nearest) for row in bench_results.rows}
+    keys = {(row.problem_set, row.label, row.policy) for row in bench_results.rows}
     assert len(keys) == len(bench_results.rows)
     assert {label for name, label, _ in keys if name == "point"} == {
         "newton", "closed-form", "qp:daqp", "daqp, default", "daqp, tight", "qpsolvers:osqp, default",
@@ -125,7 +125,7 @@ class Halves:
     policies: ClassVar[tuple[str, ...]] = ()
 
     def solve(self, problem):
-        exact = tl.Newton().solve(replace(problem, nearest="force"))
+        exact = tl.Newton().solve(replace(problem, policy="force"))
         return exact.tensions if problem.lower.shape[1] == 6 else replace(exact, tensions=0.5 * exact.tensions)
 
 

@@ -10,9 +10,9 @@ from tensionlab.jacobian import allocation_jacobian
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
-def test_derivatives_of_all_sizes_are_those_of_differences(nearest):
-    total = sum((compare(draw(n, m, 8, nearest, seed=1)) for n, m in SIZES), Agreement())
+@pytest.mark.parametrize("policy", ["force", "tension", "direction"])
+def test_derivatives_of_all_sizes_are_those_of_differences(policy):
+    total = sum((compare(draw(n, m, 8, policy, seed=1)) for n, m in SIZES), Agreement())
     assert total.problems == 768
     assert total.compared > 0.8 * total.problems
     assert 0.3 < total.infeasible / total.compared < 0.7

@@ -18,7 +18,7 @@ PUBLISHED = str(RIGS / "bartels2026-validation.toml")
 NARROW = str(RIGS / "bartels2026-validation-0.3m.toml")
 CUBE = str(RIGS / "cube-8.toml")
 KEYS = """
-solver nearest exact nearest_count unproven failed residual_mean residual_max angle_mean_deg
+solver policy  exact nearest_count unproven failed residual_mean residual_max angle_mean_deg
 angle_max_deg tension_sq_mean gap_max call_median_s call_p99_s batch_s
 """
 
@@ -98,13 +98,13 @@ def test_compare_writes_json_a_picture_and_a_table_with_its_manifest(run, tmp_pa
     assert report["rig"] == "bartels2026-validation-0.3m"
     assert [list(row) for row in report["rows"]] == [KEYS.split()] * 4
     first = report["rows"][0]
-    assert (first["solver"], first["nearest"], first["exact"], first["nearest_count"]) == (
+    assert (first["solver"], first["policy"], first["exact"], first["nearest_count"]) == (
         "newton",
         "force",
         153,
         29,
     )
-    assert report["rows"][3]["nearest"] is None
+    assert report["rows"][3]["policy"] is None
     assert plot.read_bytes().startswith(b"\x89PNG")
     assert pq.read_table(out_file).to_pylist() == report["rows"]
     manifest = json.loads(pq.read_schema(out_file).metadata[b"tensionlab"])
@@ -113,7 +113,7 @@ def test_compare_writes_json_a_picture_and_a_table_with_its_manifest(run, tmp_pa
 
 
 def test_solvers_named_in_several_options_all_count_and_one_without_the_policy_is_left_out(run):
-    words = ["compare", CUBE, "--solvers", "newton", "--solvers", "dykstra,spidar", "--nearest", "force", "--json"]
+    words = ["compare", CUBE, "--solvers", "newton", "--solvers", "dykstra,spidar", "--policy", "force", "--json"]
     code, out, _ = run(*words)
     report = json.loads(out)
     assert (code, [row["solver"] for row in report["rows"]]) == (0, ["newton"])
@@ -151,14 +151,14 @@ def test_compare_takes_a_file_of_directions_and_a_position(run, tmp_path):
     file = tmp_path / "d.csv"
     file.write_text("x,y,z\n0,-3,0\n")
     code, out, _ = run(
-        "compare", PUBLISHED, "--at", "0", "0.4", "-0.1", "--directions", file, "--nearest", "direction",
+        "compare", PUBLISHED, "--at", "0", "0.4", "-0.1", "--directions", file, "--policy", "direction",
         "--solvers", "newton", "--json",
     )  # fmt: skip
     report = json.loads(out)
     assert code == 0
     assert report["position"] == [0.0, 0.4, -0.1]
     assert report["vectors"] == 1
-    assert [(row["solver"], row["nearest"]) for row in report["rows"]] == [("newton", "direction")]
+    assert [(row["solver"], row["policy"]) for row in report["rows"]] == [("newton", "direction")]
 
 
 def test_allocate_renders_what_it_says(run):
@@ -176,11 +176,11 @@ def test_allocate_renders_what_it_says(run):
 
 
 def test_allocate_exits_with_1_where_the_wrench_is_not_rendered(run):
-    code, out, err = run("allocate", NARROW, "--wrench", "-1.5", "0", "0", "--nearest", "direction")
+    code, out, err = run("allocate", NARROW, "--wrench", "-1.5", "0", "0", "--policy", "direction")
     assert (code, err) == (1, "")
     assert "certified infeasible" in out
     assert "at its lower limit" in out
-    code, out, _ = run("allocate", NARROW, "--wrench", "-1.5", "0", "0", "--nearest", "direction", "--json")
+    code, out, _ = run("allocate", NARROW, "--wrench", "-1.5", "0", "0", "--policy", "direction", "--json")
     report = json.loads(out)
     assert code == 1
     assert report["status"] == "NEAREST"
@@ -265,8 +265,8 @@ def test_solvers_are_listed_with_policies_and_sources(run):
     listed = {entry["solver"]: entry for entry in json.loads(out)["solvers"]}
     assert code == 0
     assert {name.partition(":")[0] for name in listed} == set(tl.SOLVERS)
-    assert listed["newton"]["nearest"] == ["force", "tension", "direction"]
-    assert listed["closed-form"]["nearest"] == []
+    assert listed["newton"]["policy"] == ["force", "tension", "direction"]
+    assert listed["closed-form"]["policy"] == []
     assert "2014" in listed["closed-form"]["source"]
     code, out, _ = run("solvers")
     assert code == 0
@@ -293,9 +293,9 @@ def test_numbers_are_short(value, text):
 
 def test_allocate_says_in_which_sense_it_is_nearest(run):
     small = RIGS / "bartels2026-validation-0.3m.toml"
-    for nearest, words in (("force", "nearest in force"), ("direction", "90.47 % of it")):
-        code, out, _ = run("allocate", small, "--wrench", "-1.5", "0", "0", "--nearest", nearest)
+    for policy, words in (("force", "nearest in force"), ("direction", "90.47 % of it")):
+        code, out, _ = run("allocate", small, "--wrench", "-1.5", "0", "0", "--policy", policy)
         assert code == 1
         assert words in out
     code, out, _ = run("allocate", small, "--wrench", "-1.5", "0", "0", "--json")
-    assert json.loads(out)["nearest"] == "force"
+    assert json.loads(out)["policy"] == "force"

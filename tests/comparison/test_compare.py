@@ -33,12 +33,12 @@ def narrow():
 
 
 def rows_of(comparison):
-    return {(row.solver, row.nearest): row for row in comparison.rows}
+    return {(row.solver, row.policy): row for row in comparison.rows}
 
 
 def test_rows_hold_exactly_the_published_fields(published):
     names = (
-        "solver nearest exact nearest_count unproven failed residual_mean residual_max angle_mean_deg "
+        "solver policy  exact nearest_count unproven failed residual_mean residual_max angle_mean_deg "
         "angle_max_deg tension_sq_mean gap_max call_median_s call_p99_s batch_s"
     )
     assert [field.name for field in dataclasses.fields(published.rows[0])] == names.split()
@@ -73,12 +73,12 @@ def test_on_the_narrow_rig_29_are_infeasible_with_the_published_errors(narrow):
 
 
 def test_policies_are_one_row_where_all_is_feasible_and_only_there(published, narrow):
-    shown = [(row.solver, row.nearest) for row in merge_policies(published.rows)]
+    shown = [(row.solver, row.policy) for row in merge_policies(published.rows)]
     assert len(shown) == len({solver for solver, _ in shown})
     assert ("newton", "any") in shown
     assert ("dykstra", "tension") in shown, "one policy stays what it is"
     assert merge_policies(narrow.rows) == list(narrow.rows)
-    assert "any" not in {row.nearest for row in published.rows}, "the rows themselves stay"
+    assert "any" not in {row.policy for row in published.rows}, "the rows themselves stay"
 
 
 def test_without_a_policy_the_gap_counts_only_what_is_feasible(narrow):
@@ -86,7 +86,7 @@ def test_without_a_policy_the_gap_counts_only_what_is_feasible(narrow):
     column = [row.solver for row in narrow.rows].index("closed-form")
     difference = np.abs(narrow.allocations[column].tensions - narrow.allocations[0].tensions)
     row = narrow.rows[column]
-    assert (row.nearest, row.nearest_count) == (None, 0)
+    assert (row.policy, row.nearest_count) == (None, 0)
     assert row.exact + row.unproven == 182
     assert row.gap_max == difference[reachable].max()
 
@@ -134,10 +134,10 @@ def test_a_slow_moment_of_the_machine_changes_no_time(monkeypatch):
 def test_position_and_magnitude_and_directions_are_used():
     rig = tl.load_rig(RIGS / "bartels2026-validation.toml")
     at, up = [0.0, 0.5, 0.1], [[0.0, 1.0, 0.0]]
-    result = compare(rig, position=at, directions=up, magnitude=2.0, solvers=["newton"], nearest="tension")
+    result = compare(rig, position=at, directions=up, magnitude=2.0, solvers=["newton"], policy="tension")
     np.testing.assert_array_equal(result.wrenches, [[0.0, 2.0, 0.0]])
     np.testing.assert_allclose(result.structure, rig.structure_matrix([0.0, 0.5, 0.1]))
-    assert [(row.solver, row.nearest) for row in result.rows] == [("newton", "tension")]
+    assert [(row.solver, row.policy) for row in result.rows] == [("newton", "tension")]
 
 
 def test_a_planar_platform_is_pulled_in_its_plane_without_torque():
@@ -148,14 +148,14 @@ def test_a_planar_platform_is_pulled_in_its_plane_without_torque():
 
 
 def test_a_platform_in_space_is_pulled_without_torque():
-    result = compare(tl.load_rig(RIGS / "ipanema-1.toml"), magnitude=5.0, solvers=["newton"], nearest="force")
+    result = compare(tl.load_rig(RIGS / "ipanema-1.toml"), magnitude=5.0, solvers=["newton"], policy="force")
     assert result.wrenches.shape == (182, 6)
     assert not result.wrenches[:, 3:].any()
 
 
 def test_the_polygon_takes_part_where_the_rig_is_one_for_it():
     rig = tl.load_rig(RIGS / "ipanema-2.toml")
-    result = compare(rig, magnitude=5.0, solvers=["newton", "polygon:2-norm", "puncture"], nearest=None)
+    result = compare(rig, magnitude=5.0, solvers=["newton", "polygon:2-norm", "puncture"], policy=None)
     rows = rows_of(result)
     assert rows["polygon:2-norm", None].exact == rows["newton", "force"].exact > 0
     assert rows["polygon:2-norm", None].gap_max < 1e-7
@@ -176,7 +176,7 @@ def test_an_instance_is_compared_beside_names():
 
 def test_modules_on_a_body_are_compared_with_the_body_at_rest():
     rig = tl.load_rig(RIGS / "body-mounted.toml")
-    result = compare(rig, solvers=["newton"], nearest="force")
+    result = compare(rig, solvers=["newton"], policy="force")
     frames = {"shoulder": [-0.2, 1.4, 0.0], "hip": [-0.15, 0.95, 0.0]}
     np.testing.assert_array_equal(result.structure, rig.structure_matrix(rig.home, frames=frames))
 
@@ -198,7 +198,7 @@ def test_a_large_set_is_solved_whole_and_timed_in_part(monkeypatch):
     )
     rig = tl.load_rig(RIGS / "bartels2026-validation.toml")
     vectors = np.tile([[1.0, 0.0, 0.0]], (1000, 1))
-    result = compare(rig, directions=vectors, solvers=["newton"], nearest="force")
+    result = compare(rig, directions=vectors, solvers=["newton"], policy="force")
     assert result.rows[0].exact == 1000
     assert MAX_TIMED_CALLS <= calls.count(1) <= 1.2 * MAX_TIMED_CALLS
 
@@ -231,7 +231,7 @@ class BreaksUpwards:
     def solve(self, problem):
         if (problem.wrench[:, 1] > 0).any():
             raise ZeroDivisionError("no way up")
-        return tl.Newton().solve(dataclasses.replace(problem, nearest="force"))
+        return tl.Newton().solve(dataclasses.replace(problem, policy="force"))
 
 
 class AnswersNothing(BreaksUpwards):

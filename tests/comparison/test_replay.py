@@ -21,8 +21,8 @@ def test_the_runs_own_solver_scores_as_the_run_did(lossy):
     found = replay(lossy, ["dykstra", "newton"])
     run, again, other = found.rows
     assert run == again
-    assert (run.solver, run.nearest) == ("dykstra", "tension")
-    assert (other.solver, other.nearest) == ("newton", "force")
+    assert (run.solver, run.policy) == ("dykstra", "tension")
+    assert (other.solver, other.policy) == ("newton", "force")
     assert found.cycles == 196  # in four of them, no wrench was desired
     assert run.exact + run.nearest_count == 196
     assert other.residual_max < run.residual_max  # nearest in force is what newton promises

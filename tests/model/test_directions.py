@@ -42,8 +42,8 @@ def test_fibonacci_is_spread_evenly(count):
         # The second moment of the uniform sphere is a third of the identity.
         np.testing.assert_allclose(vectors.T @ vectors / count, np.eye(3) / 3, atol=2e-3)
         cosine = vectors @ vectors.T - 2 * np.eye(count)
-        nearest = np.degrees(np.arccos(cosine.max(axis=1)))
-        assert nearest.min() > 0.8 * np.degrees(np.sqrt(4 * np.pi / count))
+        policy = np.degrees(np.arccos(cosine.max(axis=1)))
+        assert policy.min() > 0.8 * np.degrees(np.sqrt(4 * np.pi / count))
 
 
 def test_circle_is_evenly_spaced():

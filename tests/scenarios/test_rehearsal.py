@@ -93,7 +93,7 @@ def test_what_the_motors_cannot_is_said_with_how_much_they_can(table, tmp_path):
     assert weak.passed is None
     along = float(weak.text.split(" s, ")[1].split(" N are")[0])
     W = rig.structure_matrix([0.0, 1.19, 0.0])
-    most = tl.allocate(W, [0.0, 3.0, 0.0], rig.limits, nearest="direction").wrench[1]
+    most = tl.allocate(W, [0.0, 3.0, 0.0], rig.limits, policy="direction").wrench[1]
     assert along == pytest.approx(most, abs=0.1)
     assert needs(table(rig="floor-3"))["table"].passed is False
 
@@ -103,7 +103,7 @@ def test_what_the_rig_holds_anyway_is_no_part_of_what_is_felt(table, tmp_path):
     light = rig_of(modules=tuple(dataclasses.replace(each, upper=3.0) for each in rig_of().modules))
     heavy = dataclasses.replace(light, platform=tl.Platform(0.3), required=tl.Requirement(gravity=True))
     W = light.structure_matrix([0.0, 1.19, 0.0])
-    most = tl.allocate(W, [0.0, 100.0, 0.0], light.limits, nearest="direction").wrench[1]
+    most = tl.allocate(W, [0.0, 100.0, 0.0], light.limits, policy="direction").wrench[1]
     assert needs(table(rig=saved(light, tmp_path)))["table"].passed is True
     text = needs(table(rig=saved(heavy, tmp_path)))["table"].text
     along = float(text.split(" s, ")[1].split(" N are")[0])

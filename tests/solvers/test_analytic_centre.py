@@ -146,7 +146,7 @@ def test_awkward_problems_leave_every_tension_clear_of_its_limits(case):
     assert np.all(found.tensions[moving] > case.lower[moving])
     assert np.all(found.tensions[moving] < case.upper[moving])
     assert found.iterations <= 60
-    exact = allocate(case.structure, case.wrench, case.limits, nearest="force", wrench_weights=case.weights)
+    exact = allocate(case.structure, case.wrench, case.limits, policy="force", wrench_weights=case.weights)
     if exact.status == Status.NEAREST and exact.residual > 1e-3:
         # Not proved, but near: the error is at most a little more than the least.
         assert found.residual <= exact.residual * (1 + 1e-6) + 1e-6

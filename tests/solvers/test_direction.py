@@ -25,7 +25,7 @@ def test_a_wrench_at_a_corner_and_the_hand_almost_in_a_line_of_anchors_ends():
     structure = rig.structure_matrix([0.15674991955083237, 1.3660854928855298e-08, 0.03740702398990891])
     wrench = [-2.048109466505713, 0.49877675394167476, -0.8370705891369621]
     for policy in ("force", "tension", "direction"):
-        found = tl.allocate(structure, wrench, rig.limits, nearest=policy)
+        found = tl.allocate(structure, wrench, rig.limits, policy=policy)
         assert found.status == tl.Status.EXACT
         assert found.iterations < 400
 
@@ -38,10 +38,10 @@ def test_what_force_renders_direction_renders(solver: str, across: float):
         (FLOOR, [1.0, 0.5, across], LIMITS),
         (WEDGE[0], [2.0, -across], WEDGE[1]),
     ):
-        found = tl.allocate(structure, wrench, limits, solver, nearest="direction")
+        found = tl.allocate(structure, wrench, limits, solver, policy="direction")
         if structure is WEDGE[0] and solver != "newton":
             # An interior point of the cables' limits comes near their corner, not into it.
-            assert found.status == tl.allocate(structure, wrench, limits, solver, nearest="force").status
+            assert found.status == tl.allocate(structure, wrench, limits, solver, policy="force").status
         else:
             assert found.status == tl.Status.EXACT
             assert found.residual <= TOLERANCE * np.linalg.norm(wrench)
@@ -51,7 +51,7 @@ def test_no_wrench_out_of_the_plane_by_rounding_is_dropped():
     rng = np.random.default_rng(0)
     wrenches = FLOOR @ rng.uniform(1.0, 5.0, (3, 4000))
     wrenches[2] = 1e-10 * rng.normal(size=4000)
-    found = tl.allocate(FLOOR, wrenches.T, LIMITS, nearest="direction")
+    found = tl.allocate(FLOOR, wrenches.T, LIMITS, policy="direction")
     assert found.counts()[tl.Status.EXACT] == 4000
 
 
@@ -61,7 +61,7 @@ def test_the_rendered_wrench_falls_off_gradually(wedge: bool):
     across = np.geomspace(1e-9, 1.0, 20_000)
     structure, limits = WEDGE if wedge else (ALONG, LIMITS)
     wrench = np.stack([np.full_like(across, 2.0), -across if wedge else across], axis=-1)
-    found = tl.allocate(structure, wrench, limits, nearest="direction")
+    found = tl.allocate(structure, wrench, limits, policy="direction")
     assert found.counts()[tl.Status.UNPROVEN] == 0
     scale = found.scale
     assert scale[0] == 1.0
@@ -75,14 +75,14 @@ def test_the_rendered_wrench_falls_off_gradually(wedge: bool):
 @pytest.mark.parametrize("solver", FOLLOWERS)
 def test_every_solver_with_the_policy_falls_off_alike(solver: str):
     wrench = np.stack([np.full(5, 2.0), [0.5e-6, 3e-6, 1e-5, 1e-3, 0.5]], axis=-1)
-    found = tl.allocate(ALONG, wrench, LIMITS, solver, nearest="direction")
+    found = tl.allocate(ALONG, wrench, LIMITS, solver, policy="direction")
     assert (found.status <= tl.Status.NEAREST).all()
-    truth = tl.allocate(ALONG, wrench, LIMITS, nearest="direction")
+    truth = tl.allocate(ALONG, wrench, LIMITS, policy="direction")
     np.testing.assert_allclose(found.scale, truth.scale, atol=1e-3)  # programs end at a small error of their own
 
 
 def test_a_face_that_is_met_head_on_is_not_overstepped():
-    found = tl.allocate([[1.0, -0.6, -0.6], [0.0, 0.8, -0.8]], [12.0, 6.0], (1.0, 10.0), nearest="direction")
+    found = tl.allocate([[1.0, -0.6, -0.6], [0.0, 0.8, -0.8]], [12.0, 6.0], (1.0, 10.0), policy="direction")
     assert found.scale == pytest.approx(8 / 15, abs=1e-14)
     np.testing.assert_allclose(found.tensions, [10, 5, 1], atol=1e-12)
 
@@ -93,12 +93,12 @@ def test_a_wrench_that_is_a_hair_out_of_reach_is_exact_whatever_the_angle():
     rng = np.random.default_rng(1)
     angle = rng.uniform(0.0, 2 * np.pi, 500)
     wrench = 20.0 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    edge = tl.allocate(structure, wrench, limits, nearest="direction")
+    edge = tl.allocate(structure, wrench, limits, policy="direction")
     keep = edge.scale > 0.1
     hair = edge.wrench[keep] * (1 + 1e-6 * rng.uniform(0.0, 2.0, (keep.sum(), 1)))
-    force = tl.allocate(structure, hair, limits, nearest="force").status
+    force = tl.allocate(structure, hair, limits, policy="force").status
     assert 0 < (force == 0).sum() < keep.sum()
-    assert (tl.allocate(structure, hair, limits, nearest="direction").status == force).all()
+    assert (tl.allocate(structure, hair, limits, policy="direction").status == force).all()
 
 
 def test_where_cables_hang_the_direction_jumps_and_the_other_policies_do_not():
@@ -106,7 +106,7 @@ def test_where_cables_hang_the_direction_jumps_and_the_other_policies_do_not():
     edge, structure = np.arctan2(8.8, 5.4), [[-0.6, 0.6], [0.8, 0.8]]
     wrenches = [[20.0 * np.cos(edge + turn), 20.0 * np.sin(edge + turn)] for turn in (-5e-6, 5e-6)]
     change = {
-        policy: np.ptp(tl.allocate(structure, wrenches, (1.0, 10.0), nearest=policy).tensions, axis=0).max()
+        policy: np.ptp(tl.allocate(structure, wrenches, (1.0, 10.0), policy=policy).tensions, axis=0).max()
         for policy in ("direction", "force", "tension")
     }
     assert change["direction"] > 3.0

@@ -24,7 +24,7 @@ def test_the_nearest_wrench_is_bounded_least_squares(cables, weights):
 def test_the_nearest_tension_is_bounded_least_squares_of_whitened_rows():
     structure, inside = random_problems(6, 8, 100, seed=2)
     wrench = infeasible_wrenches(structure, inside, seed=2)
-    found = tl.allocate(structure, wrench, (LOWER, UPPER), nearest="tension")
+    found = tl.allocate(structure, wrench, (LOWER, UPPER), policy="tension")
     assert (found.status == tl.Status.NEAREST).all()
     for W, w, tensions in zip(structure, wrench, found.tensions, strict=True):
         to_unit = np.linalg.inv(np.linalg.cholesky(W @ W.T))
@@ -32,11 +32,11 @@ def test_the_nearest_tension_is_bounded_least_squares_of_whitened_rows():
         np.testing.assert_allclose(tensions, best.x, atol=1e-6)
 
 
-@pytest.mark.parametrize("nearest", ["force", "tension"])
-def test_free_cables_along_one_another_share_as_the_reference_does(nearest):
+@pytest.mark.parametrize("policy", ["force", "tension"])
+def test_free_cables_along_one_another_share_as_the_reference_does(policy):
     structure = [[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]]
     for reference, expected in (((0, 0, 0), (10, 4, 4)), ((0, 2, 0), (10, 5, 3)), ((0, 9, 0), (10, 7, 1))):
-        found = tl.allocate(structure, (20.0, 8.0), (1.0, 10.0), reference=reference, nearest=nearest)
+        found = tl.allocate(structure, (20.0, 8.0), (1.0, 10.0), reference=reference, policy=policy)
         assert found.status == tl.Status.NEAREST
         np.testing.assert_allclose(found.tensions, expected, atol=1e-9)
 
@@ -59,7 +59,7 @@ def test_it_takes_about_as_many_steps_as_within_reach(components, cables):
     structure, inside = random_problems(components, cables, 2000, seed=3)
     limits = (LOWER, UPPER)
     within = tl.allocate(structure, inside, limits).iterations.mean()
-    for nearest in ("force", "tension"):
-        out = tl.allocate(structure, infeasible_wrenches(structure, inside, seed=3), limits, nearest=nearest)
+    for policy in ("force", "tension"):
+        out = tl.allocate(structure, infeasible_wrenches(structure, inside, seed=3), limits, policy=policy)
         assert (out.status == tl.Status.NEAREST).all()
         assert out.iterations.mean() < 2.2 * within

@@ -67,7 +67,7 @@ def test_agrees_with_its_statement_in_numpy(n, stretch):
     rng = np.random.default_rng(n)
     structure, wrench = random_problems(rng, 12, n, 7, stretch)
     reference = rng.uniform(0, 3, size=(12, 7))
-    result = tl.allocate(structure, wrench, (LOWER, UPPER), reference=reference, nearest="force")
+    result = tl.allocate(structure, wrench, (LOWER, UPPER), reference=reference, policy="force")
     for row in range(12):
         stated = dual_newton(structure[row], wrench[row], reference[row])
         np.testing.assert_allclose(structure[row] @ stated, result.wrench[row], atol=1e-7)
@@ -75,31 +75,31 @@ def test_agrees_with_its_statement_in_numpy(n, stretch):
             np.testing.assert_allclose(stated, result.tensions[row], atol=1e-7)
 
 
-@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
+@pytest.mark.parametrize("policy", ["force", "tension", "direction"])
 @pytest.mark.parametrize("cables", [1, 3, 6, 8, 32])
 @pytest.mark.parametrize("n", [1, 2, 3, 6])
-def test_proves_every_answer(n, cables, nearest):
+def test_proves_every_answer(n, cables, policy):
     rng = np.random.default_rng(10 * n + cables)
     count = many(4000)
     for stretch in (1.0, 1.1, 3.0):
         structure, wrench = random_problems(rng, count, n, cables, stretch)
         if n == 1:
             structure, wrench = structure[:, :1], wrench[:, :1]
-        result = tl.allocate(structure, wrench, (LOWER, UPPER), nearest=nearest)
+        result = tl.allocate(structure, wrench, (LOWER, UPPER), policy=policy)
         counts = result.counts()
         assert counts[tl.Status.EXACT] + counts[tl.Status.NEAREST] == count
         if stretch == 1.0:
             assert counts[tl.Status.EXACT] == count
 
 
-@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
-def test_the_share_of_lanes_and_threads_does_not_change_an_answer(nearest, monkeypatch):
+@pytest.mark.parametrize("policy", ["force", "tension", "direction"])
+def test_the_share_of_lanes_and_threads_does_not_change_an_answer(policy, monkeypatch):
     structure, wrench = random_problems(np.random.default_rng(0), 12_000, 3, 6, 1.4)
     monkeypatch.setenv("TENSIONLAB_NUM_THREADS", "1")
-    one = tl.allocate(structure, wrench, (LOWER, UPPER), nearest=nearest)
+    one = tl.allocate(structure, wrench, (LOWER, UPPER), policy=policy)
     monkeypatch.setenv("TENSIONLAB_NUM_THREADS", "3")
-    three = tl.allocate(structure, wrench, (LOWER, UPPER), nearest=nearest)
-    backwards = tl.allocate(structure[::-1], wrench[::-1], (LOWER, UPPER), nearest=nearest)
+    three = tl.allocate(structure, wrench, (LOWER, UPPER), policy=policy)
+    backwards = tl.allocate(structure[::-1], wrench[::-1], (LOWER, UPPER), policy=policy)
     np.testing.assert_array_equal(one.tensions, three.tensions)
     np.testing.assert_array_equal(one.tensions, backwards.tensions[::-1])
 
@@ -110,7 +110,7 @@ from tensionlab import _native
 data = np.load(sys.argv[1])
 print(_native.INSTRUCTION_SET)
 pairs = [("newton", "force"), ("newton", "tension"), ("newton", "direction"), ("dykstra", "tension")]
-answers = [tl.allocate(data["W"], data["w"], (0.5, 6.0), name, nearest=p).tensions for name, p in pairs]
+answers = [tl.allocate(data["W"], data["w"], (0.5, 6.0), name, policy=p).tensions for name, p in pairs]
 np.save(sys.argv[2], np.array(answers))
 """
 

@@ -49,7 +49,7 @@ def test_it_compiles_strictly_and_never_asks_for_memory(answers):
 def test_it_gives_the_answers_of_the_double_solver(answers, index):
     _, found = answers
     for row, wrench in enumerate([(1, 2), (12, 6)]):
-        nearest = ("force", "tension", "direction")[index]
-        exact = tl.allocate(STRUCTURE, wrench, LIMITS, nearest=nearest)
+        policy = ("force", "tension", "direction")[index]
+        exact = tl.allocate(STRUCTURE, wrench, LIMITS, policy=policy)
         np.testing.assert_allclose(found[2 * index + row, :3], exact.tensions, rtol=1e-3)  # of float
         assert found[2 * index + row, 3] < 60

@@ -47,8 +47,8 @@ def test_beside_a_cable_with_equal_limits_programs_have_newtons_answer(solver, p
     limits = ([1.0, 1.0, 2.0, 1.0], [8.0, 8.0, 2.0, 8.0])
     feasible = structure @ [4.0, 2.0, 2.0, 5.0]
     wrenches = [3.0 * feasible, [12.0, 6.0], [-9.0, 20.0], [3.0, -30.0], feasible]
-    expected = tl.allocate(structure, wrenches, limits, nearest=policy)
-    found = tl.allocate(structure, wrenches, limits, solver, nearest=policy)
+    expected = tl.allocate(structure, wrenches, limits, policy=policy)
+    found = tl.allocate(structure, wrenches, limits, solver, policy=policy)
     assert expected.status.tolist() == [tl.Status.NEAREST] * 4 + [tl.Status.EXACT]
     assert (found.status == expected.status).all()
     np.testing.assert_allclose(found.tensions, expected.tensions, atol=1e-5)

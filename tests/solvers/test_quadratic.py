@@ -17,7 +17,7 @@ CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]
 PLANAR = np.array([[1, -0.6, -0.6], [0, 0.8, -0.8]])
 
 each_backend = pytest.mark.parametrize("backend", installed_backends())
-each_policy = pytest.mark.parametrize("nearest", QuadraticProgram.policies)
+each_policy = pytest.mark.parametrize("policy", QuadraticProgram.policies)
 
 
 def test_all_backends_of_the_extra_are_there():
@@ -37,15 +37,15 @@ def test_known_answers(case, key, backend):
 
 @each_backend
 @pytest.mark.parametrize(
-    ("nearest", "tensions", "scale"),
+    ("policy", "tensions", "scale"),
     [
         ("tension", (10, 575 / 122, 1), None),
         ("force", (10, 3.88, 1), None),
         ("direction", (10, 5, 1), 8 / 15),
     ],
 )
-def test_out_of_reach_each_policy_gives_its_own_answer(backend, nearest, tensions, scale):
-    result = allocate(PLANAR, [12, 6], (1, 10), f"qp:{backend}", nearest=nearest)
+def test_out_of_reach_each_policy_gives_its_own_answer(backend, policy, tensions, scale):
+    result = allocate(PLANAR, [12, 6], (1, 10), f"qp:{backend}", policy=policy)
     assert result.status == Status.NEAREST
     np.testing.assert_allclose(result.tensions, tensions, atol=1e-7)
     if scale:
@@ -55,17 +55,17 @@ def test_out_of_reach_each_policy_gives_its_own_answer(backend, nearest, tension
 @each_backend
 def test_weights_say_which_component_matters(backend):
     # One cable pulls both components alike: q1 (2 - t)² + q2 t² is least at t = 2 q1 / (q1 + q2).
-    result = allocate([[1], [1]], [2, 0], (0, 5), f"qp:{backend}", nearest="force", wrench_weights=[3, 1])
+    result = allocate([[1], [1]], [2, 0], (0, 5), f"qp:{backend}", policy="force", wrench_weights=[3, 1])
     np.testing.assert_allclose(result.tensions, [1.5], atol=1e-7)
     assert result.status == Status.NEAREST
 
 
 @each_backend
-@pytest.mark.parametrize("nearest", ["force", "tension"])
-def test_of_equally_near_tensions_the_closest_to_the_reference(backend, nearest):
+@pytest.mark.parametrize("policy", ["force", "tension"])
+def test_of_equally_near_tensions_the_closest_to_the_reference(backend, policy):
     # The first two cables render the same; what is out of reach is the second component.
     W, reference = [[1, 1, 0], [0, 0, 1]], [3, 2, 0]
-    result = allocate(W, [4, 9], (0, 5), f"qp:{backend}", reference, nearest)
+    result = allocate(W, [4, 9], (0, 5), f"qp:{backend}", reference, policy)
     np.testing.assert_allclose(result.tensions, [2.5, 1.5, 5], atol=1e-6)
     assert result.status == Status.NEAREST
 
@@ -81,25 +81,25 @@ def test_along_the_longest_wrench_the_closest_to_the_reference(backend):
 
 @each_backend
 @each_policy
-def test_rank_deficient_rigs_are_ordinary(backend, nearest):
+def test_rank_deficient_rigs_are_ordinary(backend, policy):
     # Two opposite cables on a line: what lies on it is rendered, what lies across is not.
     W, limits = np.array([[1, -1], [1, -1]]), (1, 5)
-    along = allocate(W, [2, 2], limits, f"qp:{backend}", nearest=nearest)
+    along = allocate(W, [2, 2], limits, f"qp:{backend}", policy=policy)
     assert along.status == Status.EXACT
     np.testing.assert_allclose(along.tensions, [3, 1], atol=1e-7)
-    across = allocate(W, [2, 0], limits, f"qp:{backend}", nearest=nearest)
-    np.testing.assert_allclose(across.tensions, [1, 1] if nearest == "direction" else [2, 1], atol=1e-7)
+    across = allocate(W, [2, 0], limits, f"qp:{backend}", policy=policy)
+    np.testing.assert_allclose(across.tensions, [1, 1] if policy == "direction" else [2, 1], atol=1e-7)
     assert across.status == Status.NEAREST
 
 
 @each_backend
 @each_policy
-def test_cables_without_play_keep_their_tensions(backend, nearest):
-    some = allocate([[1, 1, 1]], [9], ([2, 0, 0], [2, 5, 5]), f"qp:{backend}", nearest=nearest)
+def test_cables_without_play_keep_their_tensions(backend, policy):
+    some = allocate([[1, 1, 1]], [9], ([2, 0, 0], [2, 5, 5]), f"qp:{backend}", policy=policy)
     assert some.status == Status.EXACT
     assert some.tensions[0] == 2
     np.testing.assert_allclose(some.tensions, [2, 3.5, 3.5], atol=1e-7)
-    every = QuadraticProgram(backend).solve(problem([[1, 1]], [9], [2, 3], [2, 3], nearest))
+    every = QuadraticProgram(backend).solve(problem([[1, 1]], [9], [2, 3], [2, 3], policy))
     np.testing.assert_array_equal(every.tensions, [[2, 3]])
 
 
@@ -111,23 +111,23 @@ def test_cables_that_pull_nothing_stay_at_the_reference(backend):
 
 @each_backend
 @each_policy
-def test_random_rigs_agree_with_the_exact_solver(backend, nearest):
+def test_random_rigs_agree_with_the_exact_solver(backend, policy):
     rng = np.random.default_rng(11)
     for n, m in [(2, 3), (3, 8), (6, 8)]:
         W = rng.normal(size=(n, m))
         w = np.concatenate([rng.uniform(0.5, 6, (4, m)) @ W.T, 8 * rng.normal(size=(4, n))])
-        ours = allocate(W, w, (0.5, 6), f"qp:{backend}", nearest=nearest)
-        exact = allocate(W, w, (0.5, 6), "newton", nearest=nearest)
+        ours = allocate(W, w, (0.5, 6), f"qp:{backend}", policy=policy)
+        exact = allocate(W, w, (0.5, 6), "newton", policy=policy)
         assert Status.UNPROVEN not in ours.status
         np.testing.assert_array_equal(ours.status, exact.status)
         np.testing.assert_allclose(ours.tensions, exact.tensions, rtol=0, atol=1e-5)
 
 
 @each_policy
-def test_the_unit_of_tension_does_not_matter(nearest):
+def test_the_unit_of_tension_does_not_matter(policy):
     for unit in (1e-3, 1e3):
-        answer = QuadraticProgram().solve(problem(PLANAR, np.array([12, 6]) * unit, unit, 10 * unit, nearest))
-        ours = QuadraticProgram().solve(problem(PLANAR, [12, 6], 1, 10, nearest))
+        answer = QuadraticProgram().solve(problem(PLANAR, np.array([12, 6]) * unit, unit, 10 * unit, policy))
+        ours = QuadraticProgram().solve(problem(PLANAR, [12, 6], 1, 10, policy))
         np.testing.assert_allclose(answer.tensions / unit, ours.tensions, atol=1e-6)
 
 

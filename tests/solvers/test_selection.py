@@ -23,7 +23,7 @@ def test_every_solver_runs_with_every_policy_it_honours():
 
 
 def test_one_policy_leaves_out_those_that_do_not_honour_it():
-    runs, _ = select_solvers(nearest="force")
+    runs, _ = select_solvers(policy="force")
     assert {policy for _, policy, _ in runs} == {"force"}
     names = {run.name for run in runs}
     assert {"newton", "cvxpy"} <= names
@@ -37,7 +37,7 @@ def test_order_is_kept_and_repeats_are_not():
 
 
 @pytest.mark.parametrize(
-    ("solvers", "nearest", "message"),
+    ("solvers", "policy", "message"),
     [
         (None, "closest", "force, tension, direction"),
         (["dykstra"], "force", "dykstra.*honours 'tension'"),
@@ -47,9 +47,9 @@ def test_order_is_kept_and_repeats_are_not():
         ("newton", None, r"solvers is 'newton'; give a list of names"),
     ],
 )
-def test_what_cannot_be_honoured_is_a_value_error(solvers, nearest, message):
+def test_what_cannot_be_honoured_is_a_value_error(solvers, policy, message):
     with pytest.raises(ValueError, match=message):
-        select_solvers(solvers, nearest)
+        select_solvers(solvers, policy)
 
 
 def test_a_solver_that_does_not_serve_the_size_is_left_out_by_default_and_refused_by_name():

@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.solvers.base import GRAZING, TOLERANCE, Nearest, Status
+from tensionlab.solvers.base import GRAZING, TOLERANCE, Policy, Status
 
 Exact = list[Fraction]
 Matrix = list[Exact]
@@ -28,7 +28,7 @@ def flaw(
     structure: Floats,
     wrench: Floats,
     limits: tuple[Floats, Floats],
-    nearest: Nearest,
+    policy: Policy,
     found: tuple[int, Floats, Floats, float],
     feasible: Floats | None = None,
 ) -> str | None:
@@ -38,7 +38,7 @@ def flaw(
     ----------
     structure, wrench, limits : arrays
         Of one problem, (n, m), (n,) and two of (m,), in N. All numbers are taken as they are.
-    nearest : {"force", "tension", "direction"}
+    policy : {"force", "tension", "direction"}
     found : (status, tensions, separation, scale)
         Of its allocation.
     feasible : (m,) array or None
@@ -67,10 +67,10 @@ def flaw(
     if not _dot(d, w) > reach:
         return "NEAREST, and the direction does not separate"
     near = _tolerance(rendered) + slack
-    if nearest == "tension":
+    if policy == "tension":
         return _tension_flaw(structure, W, d, _dot(d, w) - reach, error, rendered, slack)
     length = _root(_dot(d, d))
-    if nearest == "direction":
+    if policy == "direction":
         line = _dot(d, w) / length, reach / length
         size = sum(
             (abs(x) * max(abs(p), abs(q)) for row in W for x, p, q in zip(row, a, b, strict=True)), Fraction(0)
@@ -83,11 +83,11 @@ def flaw(
             return "NEAREST without a scale, and one may be feasible"
         # The nearest wrench has a proof of its own, the error without what free cables could still render of it.
         own = [error, _cleaned(structure, tensions, limits, error)]
-        return None if any(_nearest(W, x, a, b, w, error) <= near for x in own) else FARTHER
-    return None if _nearest(W, d, a, b, w, error) <= near else FARTHER
+        return None if any(_policy(W, x, a, b, w, error) <= near for x in own) else FARTHER
+    return None if _policy(W, d, a, b, w, error) <= near else FARTHER
 
 
-def _nearest(W: Matrix, d: Exact, a: Exact, b: Exact, w: Exact, error: Exact) -> Fraction:
+def _policy(W: Matrix, d: Exact, a: Exact, b: Exact, w: Exact, error: Exact) -> Fraction:
     """By how much may another wrench be nearer, as d shows."""
     length = _root(_dot(d, d))
     if not length:

@@ -328,7 +328,7 @@ def _log() -> dict[str, Any]:
     setup = {
         "solver": "newton",
         "parameters": {},
-        "nearest": "direction",
+        "policy": "direction",
         "rate": 50.0,
         "ttl": 0.25,
         "on_loss": "stop",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
 from tensionlab.benchmarking.rigs import unit_vectors
-from tensionlab.solvers.base import Nearest, Problem
+from tensionlab.solvers.base import Policy, Problem
 
 SHAPES = ((1, 2), (2, 2), (2, 3), (2, 4), (3, 2), (3, 3), (3, 4), (3, 5), (3, 8), (6, 6), (6, 7), (6, 8))
 GRID = 2.0**-16
@@ -109,7 +109,7 @@ def _moved(rng: np.random.Generator, structure: Floats, wrench: Floats) -> Float
 
 
 def hostile_problems(
-    rng: np.random.Generator, n: int, m: int, count: int, nearest: Nearest | None = "force"
+    rng: np.random.Generator, n: int, m: int, count: int, policy: Policy | None = "force"
 ) -> tuple[Problem, Floats, NDArray[np.str_]]:
     """Draw hostile problems of one shape.
 
@@ -118,7 +118,7 @@ def hostile_problems(
     rng : Generator
     n, m, count : int
         Wrench components, cables, problems.
-    nearest : {"force", "tension", "direction"}
+    policy : {"force", "tension", "direction"}
         The policy they ask for.
 
     Returns
@@ -140,4 +140,4 @@ def hostile_problems(
         wrench[row] = _moved(rng, structure[row], structure[row] @ tensions[row])
     references = (np.zeros_like(lower), lower, (lower + upper) / 2)
     reference = references[rng.integers(3)]
-    return Problem(structure, wrench, lower, upper, reference, np.ones(n), nearest), tensions, kinds
+    return Problem(structure, wrench, lower, upper, reference, np.ones(n), policy), tensions, kinds

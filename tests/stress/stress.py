@@ -14,7 +14,7 @@ from tensionlab.allocation import Allocation, allocate
 from tensionlab.arrays import Floats, Integers
 from tensionlab.benchmarking.optimum import at_limits, distance_bound, largest_limit
 from tensionlab.benchmarking.rigs import near_singular, structures
-from tensionlab.solvers.base import POLICIES, TOLERANCE, Nearest, Problem, Status
+from tensionlab.solvers.base import POLICIES, TOLERANCE, Policy, Problem, Status
 from tensionlab.solvers.programs import times
 
 SHAPES = (
@@ -127,7 +127,7 @@ class Tally:
 
     problems: int = 0
     exact: int = 0
-    nearest: int = 0
+    policy: int = 0
     unproved: int = 0
     wrong: int = 0
     worst: float = 0.0
@@ -137,7 +137,7 @@ class Tally:
         """Count one batch."""
         self.problems += len(status)
         self.exact += int(np.count_nonzero(status == Status.EXACT))
-        self.nearest += int(np.count_nonzero(status == Status.NEAREST))
+        self.policy += int(np.count_nonzero(status == Status.NEAREST))
         self.unproved += int(np.count_nonzero(status >= Status.UNPROVEN))
         self.wrong += int(np.count_nonzero(distance > WRONG))
         self.worst = max(self.worst, float(distance.max(initial=0.0)))
@@ -149,7 +149,7 @@ class Tally:
         return int(np.searchsorted(np.cumsum(self.rounds), share * self.problems))
 
 
-def stress(count: int, seed: int = 0, report: Callable[[str], None] = print) -> dict[tuple[str, Nearest], Tally]:
+def stress(count: int, seed: int = 0, report: Callable[[str], None] = print) -> dict[tuple[str, Policy], Tally]:
     """Solve random problems, and tally wrong and missing answers and iterations of the exact solver.
 
     Each batch draws its limits, wrench and reference (zero, the lower limits, the middle, or random). An answer is
@@ -165,10 +165,10 @@ def stress(count: int, seed: int = 0, report: Callable[[str], None] = print) -> 
     report : callable
         Takes a line of the table when a kind is done.
     """
-    tallies: dict[tuple[str, Nearest], Tally] = {}
+    tallies: dict[tuple[str, Policy], Tally] = {}
     each = max(1, count // (len(KINDS) * len(SHAPES) * len(POLICIES)))
     report(
-        f"{'kind':24} {'policy':10} {'problems':>10} {'exact':>10} {'nearest':>10} {'unproved':>8} {'wrong':>6} "
+        f"{'kind':24} {'policy':10} {'problems':>10} {'exact':>10} {'policy':>10} {'unproved':>8} {'wrong':>6} "
         f"{'worst, N':>9}   iterations: median, 99.9 %, worst"
     )
     for number, (kind, (draw, stretch)) in enumerate(KINDS.items()):
@@ -183,14 +183,14 @@ def stress(count: int, seed: int = 0, report: Callable[[str], None] = print) -> 
                     problem = _problem(rng, drawn, drawn.wrench(stretched), policy)
                     tally.add(*_check(problem, stretched == 1.0))
             report(
-                f"{kind:24} {policy:10} {tally.problems:10,} {tally.exact:10,} {tally.nearest:10,} "
+                f"{kind:24} {policy:10} {tally.problems:10,} {tally.exact:10,} {tally.policy:10,} "
                 f"{tally.unproved:8} {tally.wrong:6} {tally.worst:9.1e}   "
                 f"{tally.quantile(0.5)}, {tally.quantile(0.999)}, {tally.quantile(1.0)}"
             )
     return tallies
 
 
-def _problem(rng: np.random.Generator, draw: Draw, wrench: Floats, policy: Nearest) -> Problem:
+def _problem(rng: np.random.Generator, draw: Draw, wrench: Floats, policy: Policy) -> Problem:
     references = (
         np.zeros_like(draw.lower),
         draw.lower,
@@ -205,8 +205,8 @@ def _solve(problem: Problem) -> Allocation:
     lower, upper = problem.lower, problem.upper
     if (lower == lower[0]).all() and (upper == upper[0]).all():
         lower, upper = lower[0], upper[0]  # one for all rows goes another way
-    limits, nearest = (lower, upper), problem.nearest
-    return allocate(problem.structure, problem.wrench, limits, reference=problem.reference, nearest=nearest)
+    limits, policy = (lower, upper), problem.policy
+    return allocate(problem.structure, problem.wrench, limits, reference=problem.reference, policy=policy)
 
 
 def _check(problem: Problem, within_reach: NDArray[np.bool_]) -> tuple[NDArray[np.int8], Floats, Integers]:

@@ -17,13 +17,13 @@ def test_the_exact_solver_is_never_wrong_and_never_without_proof():
         "not all of these are proved, and it says so"
     )
     for (kind, _), tally in tallies.items():
-        assert tally.problems == tally.exact + tally.nearest > 0
+        assert tally.problems == tally.exact + tally.policy > 0
         assert (tally.unproved, tally.wrong) == (0, 0), kind
         assert tally.worst < stress.WRONG
         assert 1 <= tally.quantile(0.5) <= tally.quantile(1.0) < 400
-    assert all(tallies["within reach", policy].nearest == 0 for policy in POLICIES)
+    assert all(tallies["within reach", policy].policy == 0 for policy in POLICIES)
     assert all(tally.exact < 0.01 * tally.problems for (kind, _), tally in tallies.items() if kind == "far beyond")
-    assert all(tallies["singular", policy].exact and tallies["singular", policy].nearest for policy in POLICIES)
+    assert all(tallies["singular", policy].exact and tallies["singular", policy].policy for policy in POLICIES)
 
 
 def test_an_answer_that_is_off_by_little_is_found_out(monkeypatch: pytest.MonkeyPatch):

@@ -65,7 +65,7 @@ def test_a_verdict_that_is_off_by_little_is_found_out(policy):
             caught["direction"] += flaw(W, w, limits, policy, (1, t, -d, s)) is not None
             poor = limits[0] + 0.5 * (limits[1] - limits[0])
             caught["nearer"] += flaw(W, w, limits, policy, (1, poor, d, s)) is not None
-    nearest = int((found.status == Status.NEAREST).sum())
+    policy = int((found.status == Status.NEAREST).sum())
     assert caught["limits"] == 300
-    assert caught["exact"] == caught["direction"] == nearest > 50
-    assert caught["nearer"] > 0.5 * nearest
+    assert caught["exact"] == caught["direction"] == policy > 50
+    assert caught["nearer"] > 0.5 * policy

@@ -59,7 +59,7 @@ def check(count: int, seed: int = 0, report: Callable[[str], None] = print) -> C
         exact: dict[str, bool] = {}
         for row in range(len(problem)):
             for policy in POLICIES:
-                one = replace(problem.take(np.array([row])), nearest=policy)
+                one = replace(problem.take(np.array([row])), policy=policy)
                 answer, seconds = _timed(one)
                 found = verify(one, answer)
                 status = Status(int(found.status[0]))
@@ -134,7 +134,7 @@ def _solve(tell: Connection, count: int, seed: int) -> None:
     solved, most = 0, 0
     for block in _blocks(seed):
         for policy in POLICIES:
-            most = max(most, int(Newton().solve(replace(block, nearest=policy)).iterations.max()))
+            most = max(most, int(Newton().solve(replace(block, policy=policy)).iterations.max()))
         solved += len(block)
         tell.send((instruction_set(), solved, most))
         if solved >= count:

@@ -5,14 +5,14 @@ import numpy as np
 from tensionlab.solvers.base import Problem
 
 
-def problem(W, w, lower, upper, nearest="force", reference=0.0):
+def problem(W, w, lower, upper, policy="force", reference=0.0):
     """A batch of wrenches (B, n); the structure matrix and the limits may be the same for all."""
     W, w = np.asarray(W, dtype=float, order="C"), np.atleast_2d(np.asarray(w, dtype=float))
     size, (n, m) = len(w), W.shape[-2:]
     lower, upper, reference = (
         np.broadcast_to(np.asarray(each, float), (size, m)).copy() for each in (lower, upper, reference)
     )
-    return Problem(np.broadcast_to(W, (size, n, m)), w, lower, upper, reference, np.ones(n), nearest)
+    return Problem(np.broadcast_to(W, (size, n, m)), w, lower, upper, reference, np.ones(n), policy)
 
 
 def random_problem(n, m, count=40):

@@ -58,7 +58,7 @@ class Box:
     size: float
 
 
-Nearest = Callable[[Floats, Floats, Box], Floats]
+Policy = Callable[[Floats, Floats, Box], Floats]
 """Of the t in the box that make |V t - y| least, the one closest to the reference: ``f(V, y, box)``."""
 Furthest = Callable[[Floats, Floats, Box], float]
 """Largest s in [0, 1] with ``W t = s w`` in the box, given that there is one: ``f(W, w, box)``."""
@@ -79,15 +79,15 @@ def support(W: Floats, d: Floats, lower: Floats, upper: Floats) -> float:
     return float(np.maximum(gain * lower, gain * upper).sum())
 
 
-def solve(case: Case, nearest: str) -> Truth:
+def solve(case: Case, policy: str) -> Truth:
     """Which tensions are best, by numerical solvers and a polish; for any number of cables.
 
     Raises `UnsureError` where that can't be known to 1e-9 N.
     """
-    return judge(case, nearest, _nearest_by_solvers, _furthest_by_simplex)
+    return judge(case, policy, _nearest_by_solvers, _furthest_by_simplex)
 
 
-def judge(case: Case, nearest: str, closest: Nearest, furthest: Furthest) -> Truth:
+def judge(case: Case, policy: str, closest: Policy, furthest: Furthest) -> Truth:
     """Assemble and verify the answer of a policy from the two steps that a method provides."""
     W, w = case.structure, case.wrench
     sizes = [float(np.abs(x).max()) for x in (w, case.lower, case.upper, case.reference)]
@@ -102,26 +102,26 @@ def judge(case: Case, nearest: str, closest: Nearest, furthest: Furthest) -> Tru
     if _is_zero(float(np.linalg.norm(r)), box):
         _check_closest(force @ W, force @ w, t, box)
         return Truth(t, W @ t, 1.0, 0.0, np.zeros_like(w), reachable=True)
-    if nearest == "direction":
+    if policy == "direction":
         matrix, ray = along_ray(W, w, box)
         ts = closest(matrix, np.zeros_like(w), ray)
         _check_least(matrix, -matrix @ ts, ts, ray)
         if _is_zero(float(np.linalg.norm(matrix @ ts)), box):
             return _judge_direction(W, w, box, closest, furthest)
-    root = force if nearest != "tension" else _tension_metric(W)
-    if nearest == "tension":
+    root = force if policy != "tension" else _tension_metric(W)
+    if policy == "tension":
         t = closest(root @ W, root @ w, box)
         r = root @ (w - W @ t)
     _check_least(root @ W, r, t, box)
     _check_closest(root @ W, root @ W @ t, t, box)
     error = float(np.linalg.norm(r))
     d = root.T @ r
-    if nearest == "tension" and _is_zero(error, box):  # only what no tension can render is missing
+    if policy == "tension" and _is_zero(error, box):  # only what no tension can render is missing
         d = w - W @ t
     return Truth(t, W @ t, float("nan"), error, d / np.linalg.norm(d), reachable=False)
 
 
-def _judge_direction(W: Floats, w: Floats, box: Box, closest: Nearest, furthest: Furthest) -> Truth:
+def _judge_direction(W: Floats, w: Floats, box: Box, closest: Policy, furthest: Furthest) -> Truth:
     s = furthest(W, w, box)
     t = closest(W, s * w, box)
     _check_closest(W, s * w, t, box)

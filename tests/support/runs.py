@@ -31,15 +31,15 @@ def seven():
     return tl.load_rig(RIGS / "seven-modules.toml")
 
 
-def new_log(path, rig, solver="newton", nearest=None, rate=50.0):
+def new_log(path, rig, solver="newton", policy=None, rate=50.0):
     links = {module.name: f"sim:{module.name}" for module in rig.modules}
-    return RunLog(path, rig, MANIFEST, solver, RunSettings(rate, nearest=nearest), links)
+    return RunLog(path, rig, MANIFEST, solver, RunSettings(rate, policy=policy), links)
 
 
-def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=None) -> Iterator[Cycle]:
+def cycles(rig, count, rate=50.0, solver="newton", policy=None, size=2.0, lost=None) -> Iterator[Cycle]:
     """Yield cycles in which point and desired force go round; one module may be lost half way."""
     random = np.random.default_rng(0)
-    exact, own = tl.Allocator(rig.limits), tl.Allocator(rig.limits, solver, nearest=nearest)
+    exact, own = tl.Allocator(rig.limits), tl.Allocator(rig.limits, solver, policy=policy)
     measured = np.full(rig.m, np.nan)
     sequence = 250
     for index in range(count):
@@ -57,7 +57,7 @@ def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=
         if active.all():
             found = own(structure, wrench)
         else:
-            found = tl.allocate(structure, wrench, limits, solver, nearest=nearest)
+            found = tl.allocate(structure, wrench, limits, solver, policy=policy)
         fallback_used = bool(found.status == Status.UNPROVEN)
         if fallback_used:
             found = exact(structure, wrench) if active.all() else tl.allocate(structure, wrench, limits)
@@ -105,7 +105,7 @@ def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=
 
 def logged(path, rig, count=200, **how):
     """Write a run to a file, and return its cycles."""
-    log = new_log(path, rig, **{key: how[key] for key in ("solver", "nearest", "rate") if key in how})
+    log = new_log(path, rig, **{key: how[key] for key in ("solver", "policy", "rate") if key in how})
     log.modules({module.name: INFO for module in rig.modules})
     log.note("armed", "all modules are armed")
     written = []

@@ -27,8 +27,8 @@ def test_the_committed_results_are_of_the_solvers_and_sets_that_there_are():
     committed = results.read(ROOT / COMMITTED)
     assert list(committed.sets) == list(PROBLEM_SETS), "run `make bench-readme` on an idle machine"
     for name, about in committed.sets.items():
-        took_part = [(row.solver, row.setting, row.nearest) for row in committed.of_set(name)]
-        takers = [(each.solver, each.setting, each.nearest) for each in entries(about["reachable"])]
+        took_part = [(row.solver, row.setting, row.policy) for row in committed.of_set(name)]
+        takers = [(each.solver, each.setting, each.policy) for each in entries(about["reachable"])]
         assert sorted(took_part, key=str) == sorted(takers, key=str), "run `make bench-readme` on an idle machine"
 
 

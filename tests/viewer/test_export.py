@@ -69,12 +69,12 @@ def test_a_name_with_quotes_stays_a_text_in_the_program(point):
 @pytest.mark.parametrize("name", ["bartels2026-validation", "cogiro", "body-mounted", "kntu-planar"])
 def test_the_program_allocates_what_the_page_shows(name, tmp_path):
     state = begin(tl.load_rig(name))
-    state = edits.choose(solver="newton", nearest="force")(edits.desire(state, state.wrench + 0.5))
+    state = edits.choose(solver="newton", policy="force")(edits.desire(state, state.wrench + 0.5))
     if state.rig.n > state.rig.dimension:
         turn = tl.workspace.roll_pitch_yaw(0.0, 0.0, 0.1)[0] if state.rig.dimension == 3 else 0.1
         state = edits.turn_platform(state, turn)
     program = export.python_text(state, name)
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     structure = state.rig.structure_matrix(state.position, state.rotation, state.rig.at_rest)
-    shown = tl.allocate(structure, state.exerted, state.rig.limits, solver="newton", nearest="force")
+    shown = tl.allocate(structure, state.exerted, state.rig.limits, solver="newton", policy="force")
     assert run.stdout.partition("residual")[0] == str(shown).partition("residual")[0]

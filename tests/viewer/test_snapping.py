@@ -30,11 +30,11 @@ def test_the_mouse_may_point_at_nothing():
 
 
 @pytest.mark.parametrize(
-    ("place", "nearest"),
+    ("place", "policy"),
     [([1.8, 1.0, 0.0], [2.0, 1.0, 0.0]), ([0.0, 0.3, 0.0], [0.0, 0.0, 0.0]), ([5.0, 5.0, 0.5], [2.0, 2.0, 0.5])],
 )
-def test_a_place_snaps_to_the_nearest_wall(place, nearest):
-    assert nearest_on_surfaces(ROOM, np.array(place)) == pytest.approx(nearest)
+def test_a_place_snaps_to_the_nearest_wall(place, policy):
+    assert nearest_on_surfaces(ROOM, np.array(place)) == pytest.approx(policy)
 
 
 def test_rails_and_boxes_hold_modules_too():

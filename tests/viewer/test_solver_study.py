@@ -82,7 +82,7 @@ def test_what_a_rig_requires_is_held_beside_each_force():
 
 
 def test_a_policy_that_a_solver_has_not_is_left_to_it(point):
-    state = edits.choose(nearest="direction")(point)
+    state = edits.choose(policy="direction")(point)
     assert answer(state, "dykstra", problems(state)).problem == ""
 
 

@@ -30,7 +30,7 @@ def test_a_feasible_force_is_exact(point):
 
 
 def test_an_infeasible_force_is_nearest_and_says_by_which_policy(point):
-    state = edits.choose(nearest="direction")(edits.desire(point, [20.0, 0.0, 0.0]))
+    state = edits.choose(policy="direction")(edits.desire(point, [20.0, 0.0, 0.0]))
     said = plain(words.status(state, evaluate(state)))
     assert said.startswith("NEAREST certified infeasible: the longest wrench in the desired direction is rendered")
     assert "24.4 % of it" in said

@@ -117,7 +117,7 @@ def test_isotropic_force_of_a_platform_is_rendered_without_torque(name, dimensio
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     wrenches = np.zeros((4000, platform.n))
     wrenches[:, :dimension] = directions
-    reach = tl.allocate(W, 1e3 * wrenches, platform.limits, nearest="direction").scale * 1e3
+    reach = tl.allocate(W, 1e3 * wrenches, platform.limits, policy="direction").scale * 1e3
     assert reach.min() >= force - 1e-6
     assert reach.min() == pytest.approx(force, rel=0.02)
 

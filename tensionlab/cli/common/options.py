@@ -88,10 +88,10 @@ def with_frames(rig: Rig, frames: list[str] | None) -> Rig:
     return replace(rig, rest=tuple(rest.values()))
 
 
-def check_solvers(rig: Rig, names: list[str] | None, nearest: str | None) -> None:
+def check_solvers(rig: Rig, names: list[str] | None, policy: str | None) -> None:
     """Refuse solvers that do not serve the rig with that policy, before the work; as `select_solvers`."""
     try:
-        select_solvers(names, nearest, (rig.n, rig.m))
+        select_solvers(names, policy, (rig.n, rig.m))
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
 
@@ -210,7 +210,7 @@ Solver = Annotated[
         help="Name of a solver, as `tensionlab solvers` lists them.", autocompletion=complete(every_solver)
     ),
 ]
-Nearest = Annotated[
+Policy = Annotated[
     str | None,
     typer.Option(
         metavar="POLICY",

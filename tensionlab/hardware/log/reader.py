@@ -351,7 +351,7 @@ class RunReport:
 
     rig: str
     solver: str
-    nearest: str | None
+    policy: str | None
     rate_hz: float  # desired cycles
     duration_s: float  # from the first cycle to the last
     statistics: Statistics  # recounted from the cycles; what ended the run is empty if the log does not say
@@ -363,7 +363,7 @@ class RunReport:
         return f"<RunReport of {self.rig} by {self.solver}: {self.statistics.title}, {self.statistics.answers}>"
 
     def _repr_html_(self) -> str:
-        policy = f", nearest in {self.nearest}" if self.nearest else ""
+        policy = f", nearest in {self.policy}" if self.policy else ""
         cut = "" if self.complete else "; cut off, the log was never closed"
         title = f"{self.rig}, {self.solver}{policy}: {self.duration_s:.2f} s at {self.rate_hz:g} Hz{cut}"
         notes = [
@@ -377,7 +377,7 @@ class RunReport:
         return {
             "rig": self.rig,
             "solver": self.solver,
-            "nearest": self.nearest,
+            "policy": self.policy,
             "rate_hz": self.rate_hz,
             "duration_s": self.duration_s,
             **self.statistics.counts(),
@@ -393,7 +393,7 @@ def report(run: Run) -> RunReport:
     return RunReport(
         rig=run.rig.name,
         solver=run.setup.solver,
-        nearest=run.setup.nearest,
+        policy=run.setup.policy,
         rate_hz=run.setup.rate,
         duration_s=float(run.time[-1] - run.time[0]) if len(run) else 0.0,
         statistics=recount(run),

@@ -13,7 +13,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from tensionlab.allocation import Nearest, Solver, resolve_solver
+from tensionlab.allocation import Policy, Solver, resolve_solver
 from tensionlab.errors import LogError, WriteError
 from tensionlab.hardware.log import columns
 from tensionlab.hardware.log.mcap_file import McapWriter
@@ -55,7 +55,7 @@ class RunSetup:
 
     solver: str  # its name in `tensionlab.SOLVERS`; of one that was given as an instance, that of its class
     parameters: Mapping[str, Any]  # the solver's hyper-parameters
-    nearest: Nearest | None  # its policy for infeasible wrenches
+    policy: Policy | None  # its policy for infeasible wrenches
     rate: float
     ttl: float
     on_loss: str
@@ -67,11 +67,11 @@ class RunSetup:
 
 def setup_of(rig: Rig, solver: str | Solver, settings: RunSettings, links: Mapping[str, str]) -> RunSetup:
     """Return the setup of a run with these settings. Arguments and errors as those of `RunLog`."""
-    made, nearest = resolve_solver(solver, settings.nearest)
+    made, policy = resolve_solver(solver, settings.policy)
     return RunSetup(
         solver=solver if isinstance(solver, str) else type(solver).__name__,
         parameters=vars(made),
-        nearest=nearest,
+        policy=policy,
         rate=settings.rate,
         ttl=settings.ttl,
         on_loss=settings.on_loss,

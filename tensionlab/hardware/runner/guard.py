@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab import _native
-from tensionlab.allocation import Allocation, Allocator, Nearest, Solver, Status, resolve_solver
+from tensionlab.allocation import Allocation, Allocator, Policy, Solver, Status, resolve_solver
 from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit, State
@@ -26,11 +26,11 @@ EXACT_SOLVER = "newton"
 class GuardedAllocator:
     """Allocator whose answers are certified: the solver's, or else that of the exact solver.
 
-    A module that does not take part has a tension of zero. The policy `nearest` is the solver's own if None.
+    A module that does not take part has a tension of zero. The policy `policy` is the solver's own if None.
     """
 
-    def __init__(self, solver: str | Solver, nearest: Nearest | None = None) -> None:
-        self._solver, self._nearest = resolve_solver(solver, nearest)
+    def __init__(self, solver: str | Solver, policy: Policy | None = None) -> None:
+        self._solver, self._policy = resolve_solver(solver, policy)
         self._prepared: dict[bytes, tuple[Allocator, Allocator]] = {}
 
     def __call__(
@@ -49,8 +49,8 @@ class GuardedAllocator:
             if len(self._prepared) >= MAX_PREPARED:
                 self._prepared.clear()
             limits = limits.only(part)
-            chosen = Allocator(limits, self._solver, nearest=self._nearest)
-            self._prepared[key] = chosen, Allocator(limits, EXACT_SOLVER, nearest=chosen.nearest)
+            chosen = Allocator(limits, self._solver, policy=self._policy)
+            self._prepared[key] = chosen, Allocator(limits, EXACT_SOLVER, policy=chosen.policy)
         return self._prepared[key]
 
 

@@ -142,7 +142,7 @@ class Runner:
         self.events: deque[RunEvent] = deque(maxlen=MAX_EVENTS)
         self._solver = solver if isinstance(solver, str) else type(solver).__name__
         self._shared: SharedRun | None = None
-        self._allocator = guard.GuardedAllocator(solver, self.settings.nearest)
+        self._allocator = guard.GuardedAllocator(solver, self.settings.policy)
         self._taut = guard.GuardedAllocator(guard.EXACT_SOLVER)  # lowest tensions, whatever the solver optimises
         self._demand, self._tracker = demand, tracker
         self._required = rig.required.gravity or rig.required.wrench is not None

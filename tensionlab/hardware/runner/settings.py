@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, get_args
 
-from tensionlab.allocation import Nearest
+from tensionlab.allocation import Policy
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.simulation.world import World
@@ -36,7 +36,7 @@ class RunSettings:
         How long a set-point lives in a module, in s; a module that is silent for longer is lost.
     on_loss : {"stop", "continue"}
         When a module is lost (fault, refused set-point, silence): all stop, or the others go on.
-    nearest : str or None
+    policy : str or None
         Policy for an infeasible wrench; the solver's own if None.
     scenery : mapping
         What pages draw around the rig, as plain values (`tensionlab.scenarios.scenery`); kept for them in the log.
@@ -56,7 +56,7 @@ class RunSettings:
     rate: float = 50.0
     ttl: float = 0.25
     on_loss: OnLoss = "stop"
-    nearest: Nearest | None = None
+    policy: Policy | None = None
     scenery: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -89,7 +89,7 @@ def statement(U, n, F, box, strengths, pushing, held, stiffness_ratio, rule):
             continue
         upper = box.upper.copy()
         upper[each] = np.maximum(upper[each], strengths[each])
-        tensions = tl.allocate(U, F * n, (box.lower, upper), reference="lower", nearest="force").tensions
+        tensions = tl.allocate(U, F * n, (box.lower, upper), reference="lower", policy="force").tensions
         missing = np.linalg.norm(U @ tensions - F * n)
         if not each and missing <= same:
             return [], missing
@@ -143,7 +143,7 @@ def test_motors_alone_where_they_do():
     strong = found.unresisted < 1e-9
     assert strong.mean() > 0.5
     np.testing.assert_array_equal(chosen_for(FOUR, 0.0).locked, False)
-    alone = tl.allocate(FOUR.structure_matrix(FOUR.home), WALLS, FOUR.limits, nearest="force", reference="lower")
+    alone = tl.allocate(FOUR.structure_matrix(FOUR.home), WALLS, FOUR.limits, policy="force", reference="lower")
     exact = alone.status == tl.Status.EXACT
     assert not found.locked[exact].any()
     np.testing.assert_allclose(found.motors[exact], alone.tensions[exact], atol=1e-9)

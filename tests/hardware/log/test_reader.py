@@ -82,7 +82,7 @@ def test_what_was_around_the_cycles_is_in_the_log_too(seven):
     assert run.rig == runs.seven()
     assert run.manifest == runs.MANIFEST
     assert run.setup == setup_of(run.rig, "newton", RunSettings(50.0), run.setup.links)
-    assert run.setup.nearest == "force"
+    assert run.setup.policy == "force"
     assert run.setup.links[run.rig.modules[1].name] == f"sim:{run.rig.modules[1].name}"
     assert run.modules == {module.name: asdict(runs.INFO) for module in run.rig.modules}
     assert (run.summary["ended"], run.summary["missed"]) == ("stopped by the demand", 3)
@@ -363,7 +363,7 @@ def test_counts_and_shares_are_those_of_the_cycles(tmp_path):
     rig = runs.seven()
     cycles = runs.logged(tmp_path / "run.mcap", rig, 200, solver="dykstra", lost=2)
     found = report(read_run(tmp_path / "run.mcap"))
-    assert (found.rig, found.solver, found.nearest) == ("seven-modules", "dykstra", "tension")
+    assert (found.rig, found.solver, found.policy) == ("seven-modules", "dykstra", "tension")
     statistics = found.statistics
     assert (statistics.cycles, statistics.missed, statistics.slew_limited) == (200, 0, 0)
     assert found.duration_s == pytest.approx(199 / 50)

@@ -98,7 +98,7 @@ def test_out_of_reach_the_exact_solver_keeps_to_the_policy(structure):
     wrench = np.array([0.0, -50.0, 1.0])
     for policy in ("force", "tension", "direction"):
         allocation, _ = GuardedAllocator("newton", policy)(structure, wrench, ALL, LIMITS)
-        expected = tl.allocate(structure, wrench, LIMITS, nearest=policy)
+        expected = tl.allocate(structure, wrench, LIMITS, policy=policy)
         np.testing.assert_allclose(allocation.tensions, expected.tensions, atol=1e-9)
     # One that promises no best substitute: the exact solver's own policy.
     allocation, replaced = GuardedAllocator("pseudoinverse")(structure, wrench, ALL, LIMITS)
