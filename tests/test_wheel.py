@@ -78,7 +78,7 @@ REFUSED = {
     "run RIG --log run.mcap": "hardware",
     "scenario bow": "hardware",
     "validate RIG --out validation": "data",
-    "estop socket://127.0.0.1:1": "hardware",
+    "estop /dev/ttyUSB99": "hardware",
     "module discover": "hardware",
     "log info run.mcap": "hardware",
     "serve RIG": "haptics",
@@ -326,4 +326,4 @@ except tl.MissingDependency as missing:
 """
     done = call(control / "bin" / "python", "-c", script)
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == "QP backend 'clarabel' needs qpsolvers: pip install tensionlab\n"
+    assert done.stdout == "QP backend 'clarabel' is not installed: pip install \"tensionlab[solvers]\"\n"

@@ -57,6 +57,7 @@ class Breaks:
         raise ValueError("of a reason that takes " + "very " * 20 + "long to tell")
 """
     (tmp_path / "fable_breaks.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
     code, said, _ = run("--set", "edge", "--solvers", "fable_breaks:Breaks,newton", "--count", 6, "--quick",
                         "--out", "own")  # fmt: skip
     assert code == 0

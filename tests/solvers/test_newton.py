@@ -131,7 +131,7 @@ def test_every_instruction_set_gives_the_same_answers(tmp_path):
 
 def test_the_first_solve_loads_nothing():
     script = (
-        "import sys, tensionlab as tl; before = set(sys.modules); "
+        "import sys, tensionlab as tl; tl.allocate; before = set(sys.modules); "
         "tl.allocate([[1.0, -1.0]], [1.0], (0.5, 6.0)); print(sorted(set(sys.modules) - before))"
     )
     loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout

@@ -91,8 +91,9 @@ def test_the_reaction_is_a_projection_onto_the_cone(situation):
     np.testing.assert_allclose(net, load + U @ tensions, atol=1e-12)
     # What is left moves the point as the brakes allow, and each reacts only where its cable stays taut.
     rates = U[:, locked].T @ net
+    strength = max(1.0, tensions.max(initial=0.0))  # cables that nearly oppose each other pull hard
     assert np.all(rates >= -1e-9)
-    assert np.abs(tensions[locked] * rates).max(initial=0.0) <= 1e-9
+    assert np.abs(tensions[locked] * rates).max(initial=0.0) <= 1e-9 * strength
     if locked.any():
         assert np.linalg.norm(net) == pytest.approx(nnls(U[:, locked], -load)[1], abs=1e-9)
 
