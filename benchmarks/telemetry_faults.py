@@ -252,12 +252,13 @@ def _judge(case: Case, victim: str, lost: dict[str, str], after: float, stale: i
 
 
 def _hand(rig: Rig, draw: np.random.Generator) -> Callable[[float], Pose]:
-    """Return the path of a hand that goes round home, at up to 1 m/s."""
+    """Return the path of a hand that goes round home, at up to 1 m/s, which it gains in half a second."""
     radius, rate = 0.1, draw.uniform(1.0, 10.0)
     first, second = np.linalg.qr(draw.normal(size=(rig.dimension, 2)))[0].T
 
     def motion(time: float) -> Pose:
-        return Pose(rig.home + radius * (np.sin(rate * time) * first + (1.0 - np.cos(rate * time)) * second))
+        angle = rate * (time + 0.5 * np.expm1(-time / 0.5))
+        return Pose(rig.home + radius * (np.sin(angle) * first + (1.0 - np.cos(angle)) * second))
 
     return motion
 

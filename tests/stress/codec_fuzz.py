@@ -55,9 +55,10 @@ def lengths() -> dict[Type, list[int]]:
     """Return the lengths that the payload of each type may have."""
     found: dict[Type, list[int]] = {each: [] for each in Type}
     for each in Type:
+        byte = PROTOCOL if each is Type.INFO else 1  # which means something in every field
         for length in range(MAX_PAYLOAD + 1):
             with suppress(ProtocolError):
-                read(Frame(each, 0, bytes([PROTOCOL]) * length))  # which means something in every field
+                read(Frame(each, 0, bytes([byte]) * length))
                 found[each].append(length)
     return found
 
