@@ -113,7 +113,8 @@ def test_the_quasi_static_model_equals_the_protocol_on_stepped_modules(
     assert np.allclose([each.tensions for each in found], chosen.tensions, atol=1e-6)
     noise = mean_noise(errors.noise, seed, protocol)
     quick = predict_forces(rig, errors, chosen.tensions, chosen.wrench[:AXIS_FORCES], noise)
-    assert np.abs(quick.sensor - [each.measured for each in found]).max() < 1e-5  # in N
+    # In N. An encoder's noise hides some 1e-5 of a current; a run that begins 10 ms later differs by 2e-3.
+    assert np.abs(quick.sensor - [each.measured for each in found]).max() < 2e-4
 
 
 def test_play_follows_with_a_lag_and_ignores_less():
