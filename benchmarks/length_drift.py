@@ -31,6 +31,7 @@ from tensionlab.hardware.protocol.messages import Telemetry, read
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.runner.state_estimation import PoseTracker, at_one_time
+from tensionlab.hardware.runner.statistics import Cycle
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
@@ -123,18 +124,21 @@ class Hand:
 
 
 class ForceError:
-    """Largest error of the commanded force by the drift alone: at the pose by the true lengths."""
+    """Largest error of the commanded force by the drift alone: at the pose by the true lengths.
 
-    def __init__(self, rig: Rig, force: Floats) -> None:
-        self._rig, self._force, self._tracker = rig, force, PoseTracker(rig)
+    It is the difference to the force that the run says it renders, which is limited near singular poses.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig, self._tracker = rig, PoseTracker(rig)
         self._structure: Floats | None = None
         self.largest: float = 0.0
 
-    def take(self, state: RigState, offsets: Floats, commanded: Floats | None) -> None:
-        """Take a cycle, how wrong its lengths are (m,) in m, and the tensions of the one before (m,) in N."""
-        if self._structure is not None and commanded is not None and state.time > 0.5:
-            feasible = bool(tl.allocate(self._structure, self._force, self._rig.limits).residual < 1e-6)
-            error = float(np.linalg.norm(self._structure @ np.nan_to_num(commanded) - self._force))
+    def take(self, state: RigState, offsets: Floats, before: Cycle | None) -> None:
+        """Take the state of a cycle, how wrong its lengths are (m,) in m, and the cycle before."""
+        if self._structure is not None and before is not None and state.time > 0.5:
+            feasible = bool(tl.allocate(self._structure, before.solver_wrench, self._rig.limits).residual < 1e-6)
+            error = float(np.linalg.norm(self._structure @ np.nan_to_num(before.commanded) - before.solver_wrench))
             self.largest = max(self.largest, error if feasible else 0.0)
         lengths = at_one_time(state.lengths, state.speeds, state.ages) - offsets
         _, self._structure = self._tracker.follow(lengths, state.active)
@@ -159,14 +163,14 @@ def play(case: Case) -> Outcome:
         clients.append(ModuleClient(module.name, faulty, seed=case.seed + index))
     force = draw.normal(size=3)
     force *= draw.uniform(0.2, 1.0) / np.linalg.norm(force)
-    error, doubts = ForceError(rig, force), []
+    error, doubts = ForceError(rig), []
 
     def demand(state: RigState) -> Demand:
         offsets = np.zeros(rig.m)
         if drifting is not None:
             offsets[victim] = drifting.offset(float(state.ages[victim]))
         doubts.append(float(runner._length_monitor.doubts.max()))
-        error.take(state, offsets, None if runner.latest is None else runner.latest.commanded)
+        error.take(state, offsets, runner.latest)
         return Demand(force)
 
     runner = Runner(rig, ModuleGroup(clients), "newton", demand, RunSettings(), clock=WorldClock(world))

@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensionlab.allocation import Solver
 from tensionlab.arrays import Floats, Integers
@@ -316,6 +317,9 @@ class Runner:
                 wrench = wrench - state.structure @ self._pulls(demand, state)
         allocator = self._taut if taut else self._allocator
         allocation, fallback_used = allocator(state.structure, wrench, free, limits)
+        if not taut and self._length_monitor.must_limit(allocation.tensions):
+            demand, wrench = self._limited(demand, state, free, wrench, allocation.tensions)
+            allocation, fallback_used = allocator(state.structure, wrench, free, limits)
         tensions, commanded, slew_limited = guard.next_tensions(
             self._before, allocation.tensions, free, limits, self._max_change, self._names
         )
@@ -389,15 +393,40 @@ class Runner:
 
     def _with_required(self, demand: Demand, state: RigState) -> Demand:
         """Return a demand with what the rig requires besides, such as the weight of its platform."""
-        if not self._required:
-            return demand
-        required = self.rig.required.middle(self.rig, state.pose.rotation)
-        if not required.any():
+        required = self._required_wrench(state)
+        if required is None:
             return demand
         wrench = required if demand.wrench is None else demand.wrench + required
         return replace(
             demand, wrench=wrench, desired=None if demand.desired is None else demand.desired + required
         )
+
+    def _required_wrench(self, state: RigState) -> Floats | None:
+        if not self._required:
+            return None
+        required = self.rig.required.middle(self.rig, state.pose.rotation)
+        return required if required.any() else None
+
+    def _limited(
+        self, demand: Demand, state: RigState, free: NDArray[np.bool_], wrench: Floats, tensions: Floats
+    ) -> tuple[Demand, Floats]:
+        """Return a demand and its wrench (n,) for the free modules, limited for drifts that are not noticed.
+
+        The tensions (m,) render the wrench without the limit. With it, the wrench is nearer to what is rendered
+        without a demand: what the rig requires, or all cables at their lower limits.
+        """
+        limits, required = self._derating.limits, self._required_wrench(state)
+        if required is None:
+            at_rest = np.where(free, limits.lower, 0.0)
+            rest = state.structure @ at_rest
+        else:
+            rest = required
+            at_rest = self._taut(state.structure, rest, free, limits)[0].tensions
+        share = self._length_monitor.share(at_rest, tensions)
+        limited = rest + share * (state.structure @ tensions - rest)
+        assert demand.wrench is not None
+        desired = demand.wrench if demand.desired is None else demand.desired
+        return replace(demand, wrench=demand.wrench + limited - wrench, desired=desired), limited
 
     def _pulls(self, demand: Demand, state: RigState) -> Floats:
         """Return the tensions of modules with an impedance, and of lost ones that have not released yet."""

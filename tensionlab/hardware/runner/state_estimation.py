@@ -150,9 +150,13 @@ class PoseTracker:
         tensions: Floats,
         known: NDArray[np.bool_],
         seconds: float,
-    ) -> tuple[float, float, float]:
-        """Return the largest doubt, creep in m and protection level in N of the lengths followed last."""
+    ) -> tuple[float, float]:
+        """Return the largest doubt and creep in m of the lengths followed last."""
         return check.update(self._native, lengths, speeds, tensions, known, seconds)
+
+    def protection(self, check: _native.LengthCheck, tensions: Floats) -> float:
+        """Return the largest change in N of the force of tensions (m,) in N by a bias that is not in doubt."""
+        return check.protection(self._native, tensions)
 
     def velocity(self, speeds: Floats, known: NDArray[np.bool_]) -> Floats:
         """Return the same as the function `velocity`, at the latest pose."""

@@ -68,7 +68,12 @@ nb::tuple check_lengths(LengthCheck& check, const PoseTracker& tracker, const Le
   require_size(tracker, speeds.size(), check.size());
   require(tensions.size() == check.size(), "one tension for each cable");
   const auto result = check.update(tracker, lengths.data(), speeds.data(), tensions.data(), known.data(), seconds);
-  return nb::make_tuple(result.doubt, result.creep, result.protection);
+  return nb::make_tuple(result.doubt, result.creep);
+}
+
+double protection_of(const LengthCheck& check, const PoseTracker& tracker, const Lengths& tensions) {
+  require_size(tracker, tensions.size(), check.size());
+  return check.protection(tracker, tensions.data());
 }
 
 // Doubts, residuals, biases and creeps of all cables.
@@ -151,6 +156,7 @@ void bind_pose_tracker(nb::module_& module) {
   nb::class_<LengthCheck>(module, "LengthCheck")
       .def(nb::init<std::size_t>())
       .def("update", &check_lengths)
+      .def("protection", &protection_of)
       .def("doubts", &doubts_of);
   module.def("at_one_time", &at_one_time);
   module.def("any_reaches", &any_reaches);

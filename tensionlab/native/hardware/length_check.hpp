@@ -34,9 +34,9 @@ constexpr double kMinLeverage = 1e-9;      // of s_i: the others know nothing
 
 class LengthCheck {
  public:
-  // Largest estimate over its threshold; largest creep in m; largest force in N that an unnoticed bias can make.
+  // Largest estimate over its threshold; largest creep in m.
   struct Result {
-    double doubt, creep, protection;
+    double doubt, creep;
   };
 
   explicit LengthCheck(std::size_t cables)
@@ -66,25 +66,42 @@ class LengthCheck {
                 const bool* known, double seconds) {
     if (!std::equal(known_.begin(), known_.end(), known, [](char a, bool b) { return (a != 0) == b; }))
       reset(known);
-    Result result{0.0, creep(lengths, speeds, seconds), std::numeric_limits<double>::infinity()};
+    Result result{0.0, creep(lengths, speeds, seconds)};
     std::fill(doubts_.begin(), doubts_.end(), 0.0);
-    if (!solve_motions(tracker)) return result;
+    solved_ = solve_motions(tracker);
+    if (!solved_) return result;
     average(tracker, speeds, std::min(seconds, kMaxCheckPeriod));
-    result.protection = 0.0;
     for (std::size_t i = 0; i < size(); ++i) {
       if (!known_[i]) continue;
-      const double share = std::max(shares_[i], kMinLeverage), root = std::sqrt(share);
-      const double force = tracker.force_change(motions_[i], tensions);
-      const double threshold =
-          std::clamp(kMaxForceError * root / std::max(force, 1e-9), kMinLengthDoubt, kMaxLengthDoubt);
-      if (settled_ >= kReferenceTime) doubts_[i] = std::abs(residuals_[i]) / root / threshold;
+      if (settled_ >= kReferenceTime) doubts_[i] = residual(i) / threshold(force_change(tracker, i, tensions));
       result.doubt = std::max(result.doubt, doubts_[i]);
-      result.protection = std::max(result.protection, force * threshold / root);
     }
     return result;
   }
 
+  // Largest change of the force in N by a bias that is not in doubt, at these tensions and the latest pose.
+  double protection(const PoseTracker& tracker, const double* tensions) const {
+    if (!solved_) return std::numeric_limits<double>::infinity();
+    double largest = 0.0;
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (!known_[i]) continue;
+      const double force = force_change(tracker, i, tensions);
+      largest = std::max(largest, force * threshold(force));
+    }
+    return largest;
+  }
+
  private:
+  // Change of the force by a bias of a cable in N/m; the bias is in standard deviations, if one is 1 m.
+  double force_change(const PoseTracker& tracker, std::size_t cable, const double* tensions) const {
+    return tracker.force_change(motions_[cable], tensions) / std::sqrt(std::max(shares_[cable], kMinLeverage));
+  }
+
+  // Bias in m from which on a cable is in doubt that changes the force by so many N/m.
+  static double threshold(double force) {
+    return std::clamp(kMaxForceError / std::max(force, 1e-9), kMinLengthDoubt, kMaxLengthDoubt);
+  }
+
   void reset(const bool* known) {
     std::copy(known, known + size(), known_.begin());
     std::fill(residuals_.begin(), residuals_.end(), 0.0);
@@ -193,7 +210,7 @@ class LengthCheck {
   std::vector<double> residuals_, shares_, reference_, lengths_, speeds_, doubts_, creeps_, left_;
   std::vector<Vector> motions_;
   double settled_ = 0.0;
-  bool first_ = true;
+  bool first_ = true, solved_ = false;
 };
 
 }  // namespace tensionlab

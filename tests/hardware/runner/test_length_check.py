@@ -7,7 +7,7 @@ import pytest
 
 import tensionlab as tl
 from benchmarks.length_drift import Case, DriftingLink, clean, drifts, play
-from tensionlab.demand import Demand
+from tensionlab.demand import Demand, Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.module import ModuleClient
@@ -27,6 +27,38 @@ def test_a_drift_is_noticed_before_the_force_is_wrong_by_1_newton(rig, rate):
     assert found.force_error < 1.0
     assert re.search(f'(drifted apart: .*that|cable length) of module "{re.escape(found.victim)}"', found.reason)
     assert found.after < 1.0 + 0.15 / abs(rate)
+
+
+@pytest.mark.parametrize("seed", [39, 54, 179, 229, 239])
+def test_near_singular_poses_the_force_is_limited_so_that_a_drift_changes_it_by_less_than_1_newton(seed):
+    case = next(case for case in drifts(1, seed) if case.rig == "bartels2026-validation-0.3m")
+    assert play(case).force_error < 1.0
+
+
+def rendered(name, away, force):
+    """Return the latest cycle of a run with a force at a pose away from home, and its events `unchecked`."""
+    rig = tl.load_rig(name)
+    world = World(rig, lambda _: Pose(rig.home + away))
+    runner = Runner(rig, world.group(), "newton", lambda _: Demand(np.array(force)), clock=WorldClock(world))
+    runner.run(1.0)
+    return runner.latest, [event.text for event in runner.events if event.kind == "unchecked"]
+
+
+def test_a_limited_force_is_logged_as_such_and_is_what_the_tensions_render():
+    cycle, events = rendered("bartels2026-validation-0.3m", [-0.07, 0.0, 0.0], [-0.5, 0.0, 0.0])
+    assert cycle.demand.desired.tolist() == [-0.5, 0.0, 0.0]
+    assert np.linalg.norm(cycle.demand.wrench - cycle.demand.desired) > 0.1
+    assert cycle.state.structure @ cycle.commanded == pytest.approx(cycle.demand.wrench, abs=1e-6)
+    assert len(events) == 1
+    assert "the force is limited there" in events[0]
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_away_from_singular_poses_no_force_is_limited(rig):
+    cycle, events = rendered(rig, [0.05, 0.05, 0.05], [0.5, 0.3, 0.8])
+    assert cycle.demand.desired is None
+    assert cycle.demand.wrench.tolist() == [0.5, 0.3, 0.8]
+    assert events == []
 
 
 def test_the_module_that_drifts_is_the_only_one_named_where_two_cables_are_to_spare():
