@@ -35,8 +35,8 @@ MAX_CREEP_M = 0.06
 MAX_PROTECTION_N = 0.55
 """Protection level at which the force is limited.
 
-Away from singular poses it is 0.5 N at most. A fast drift adds to it while residuals are averaged: of 200 near
-singular poses, three changed the force by more than 1 N, the largest by 1.05 N.
+Away from singular poses it is 0.5 N at most. It is linear in the drift, and residuals are averaged: of 200
+drifts near singular poses, three changed the force by more than 1 N, the largest by 1.05 N.
 """
 SUSPECT_SHARE = 0.8
 """Modules whose residual is above this share of the largest are named: with one cable to spare, all of them."""
