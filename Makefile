@@ -10,7 +10,7 @@ BUILD_TOOLS := scikit-build-core nanobind hatch-fancy-pypi-readme $(foreach tool
 export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
 NATIVE := $(wildcard tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo install test test-fast coverage check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner bench-view stress file-fuzz soak soak-view drift faults impacts what-if hostile figures docs docs-check generated checksums clean
+.PHONY: demo install test test-fast coverage check firmware-check sanitize format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner bench-view stress file-fuzz soak soak-view drift faults impacts what-if hostile figures docs docs-check generated checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -124,6 +124,10 @@ checksums: .venv/bin/python
 # Sizes, sanitizers and fuzzing; what needs a tool that is not there is left out.
 firmware-check: .venv/dev.stamp
 	@$(BIN)/python firmware/check.py
+
+# A few minutes to compile, and three to test.
+sanitize: .venv/dev.stamp
+	@PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m tools.sanitize
 
 .venv/docs.stamp: .venv/user.stamp
 	@echo "Fetching what builds the site ..."
