@@ -73,21 +73,26 @@ class CellProblem:
 
     def _prove_wrenches(self, centres: Floats, half_edges: Floats, shares: bool) -> Verdicts:
         verdict, found = _native.certify_cells(
-            self.anchors,
-            self.arms,
-            self.lower,
-            self.upper,
-            self.wrenches,
+            _aligned(self.anchors),
+            _aligned(self.arms),
+            _aligned(self.lower),
+            _aligned(self.upper),
+            _aligned(self.wrenches),
             self.radius,
             self.slack,
             self.angle,
             self.length,
             self.closure,
-            np.ascontiguousarray(centres),
-            half_edges,
+            _aligned(centres),
+            _aligned(half_edges),
             shares,
         )
         return Verdicts(verdict, _whole(verdict) if found is None else found)
+
+
+def _aligned(array: Floats) -> Floats:
+    """Return an array for the kernel: what came in a cluster's message may lie between the addresses of doubles."""
+    return np.require(array, requirements=["C", "A"])
 
 
 def cell_problem(
