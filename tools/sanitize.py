@@ -1,8 +1,8 @@
-"""Run tests of the native code under the thread sanitizer (``make sanitize``).
+"""Run tests of the native code under the thread, address and undefined-behaviour sanitizers (``make sanitize``).
 
-The sanitizer has its own build of the extension in ``build/sanitize/``, compiled for this processor with GCC. In
+Each has its own build of the extension in ``build/sanitize/``, compiled for this processor with GCC. In
 the tests every Python process loads that one, through `sitecustomize`. Tests that limit the memory or fork
-a process with threads are left out: the sanitizer can do neither.
+a process with threads are left out: the sanitizers can do neither.
 """
 
 from __future__ import annotations
@@ -17,14 +17,22 @@ ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "build" / "sanitize"
 LEFT_OUT = "not realtime and not slow"
 NOT_RUN = "not memory and not fork"
+COUPLED = ["tests/test_threads.py", "tests/hardware/simulation", "tests/hardware/client/test_endpoint.py"]
 TESTS = {
     "thread": [
-        "tests/test_threads.py", "tests/test_allocation.py", "tests/hardware/simulation",
-        *(f"tests/hardware/client/test_{name}.py" for name in ("endpoint", "link_reader", "group")),
-    ]
+        *COUPLED, "tests/test_allocation.py",
+        *(f"tests/hardware/client/test_{name}.py" for name in ("link_reader", "group")),
+    ],
+    "address,undefined": [
+        *COUPLED, "tests/solvers", "tests/firmware", "tests/test_verification.py", "tests/test_optimality.py",
+        "tests/workspace/certification",
+        *(f"tests/workspace/test_{name}.py" for name in ("margin", "structure_metrics")),
+    ],
 }  # fmt: skip
-"""Tests by the sanitizer that they run under."""
-LIBRARIES = {"thread": ("libtsan.so",)}
+"""Tests by the sanitizers that they run under."""
+# The C++ library is there before the address sanitizer, which looks for its exceptions as it starts.
+LIBRARIES = {"thread": ["libtsan.so"], "address,undefined": ["libasan.so", "libstdc++.so"]}
+OPTIONS = {"thread": "halt_on_error=0", "address,undefined": "detect_leaks=0"}
 PRELOADED = """
 import importlib.util, sys
 spec = importlib.util.spec_from_file_location("tensionlab._native", {library!r})
@@ -35,11 +43,11 @@ spec.loader.exec_module(module)
 
 def build(sanitizers: str, folder: Path) -> Path:
     """Compile the extension, and return it."""
-    flags = f"-fsanitize={sanitizers} -g1"
+    flags = f"-fsanitize={sanitizers} -fno-sanitize-recover=all -g1"
     words = [sys.executable, "-m", "nanobind", "--cmake_dir"]
     nanobind = subprocess.run(words, check=True, capture_output=True, text=True).stdout.strip()
     options = {
-        "CMAKE_BUILD_TYPE": "RelWithDebInfo",
+        "CMAKE_BUILD_TYPE": "Debug",
         "CMAKE_CXX_COMPILER": "g++",
         "CMAKE_CXX_FLAGS": flags,
         "CMAKE_MODULE_LINKER_FLAGS": flags,
@@ -66,14 +74,27 @@ def run(sanitizers: str, folder: Path, library: Path) -> int:
         ).stdout.strip()
         for name in LIBRARIES[sanitizers]
     ]
-    options = f"log_path={folder / 'report'}:halt_on_error=0"
+    options = f"log_path={folder / 'report'}:{OPTIONS[sanitizers]}"
     environment = {
-        "TSAN_OPTIONS": options,
+        **{f"{name}SAN_OPTIONS": options for name in ("T", "A", "UB")},
         "LD_PRELOAD": " ".join(paths),
         "PYTHONPATH": str(folder),
         "TENSIONLAB_NUM_THREADS": "4",
     }
-    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-m", LEFT_OUT, "-k", NOT_RUN, *TESTS[sanitizers]]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-n",
+        "0",
+        "--capture=sys",
+        "-m",
+        LEFT_OUT,
+        "-k",
+        NOT_RUN,
+        *TESTS[sanitizers],
+    ]
     # Without random addresses, which GCC's thread sanitizer does not expect.
     ended = subprocess.run(["setarch", "-R", *command], cwd=ROOT, env={**os.environ, **environment}, check=False)
     reports = list(folder.glob("report.*"))
