@@ -10,7 +10,7 @@ BUILD_TOOLS := scikit-build-core nanobind hatch-fancy-pypi-readme $(foreach tool
 export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
 NATIVE := $(wildcard tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo install test test-fast coverage check firmware-check sanitize format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner bench-view stress file-fuzz soak soak-view drift faults impacts what-if hostile figures docs docs-check generated checksums clean
+.PHONY: demo install test test-fast test-lowest coverage check firmware-check sanitize format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner bench-view stress file-fuzz soak soak-view drift faults impacts what-if hostile figures docs docs-check generated checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -29,6 +29,21 @@ test: .venv/dev.stamp
 
 test-fast: .venv/dev.stamp
 	@$(BIN)/pytest -n auto --dist worksteal -m "not realtime"
+
+# The lowest versions that pyproject.toml declares, by the tests of what uses them. What is newer beneath these warns of
+# what is old, so here a warning is no error.
+DOORS := $(addprefix tests/,solvers/test_convex.py solvers/test_plugins.py solvers/test_quadratic.py model files plots \
+  workspace/sweep hardware/client hardware/log haptics/bridge viewer cli comparison test_records.py test_jax.py \
+  test_mujoco.py test_lsl.py)
+test-lowest: .venv-lowest/dev.stamp
+	@.venv-lowest/bin/pytest -n auto --dist worksteal -W ignore -m "not realtime and not slow" $(DOORS)
+
+.venv-lowest/dev.stamp: pyproject.toml CMakeLists.txt $(NATIVE)
+	@$(PYTHON) -m venv .venv-lowest
+	@.venv-lowest/bin/pip install --quiet --disable-pip-version-check uv
+	@TENSIONLAB_BUILDS=native .venv-lowest/bin/uv pip install --quiet --python .venv-lowest/bin/python \
+	  --resolution lowest-direct -e '.[dev]'
+	@touch $@
 
 # Lines and branches that these tests do not reach, by file.
 coverage: .venv/dev.stamp
@@ -125,7 +140,7 @@ checksums: .venv/bin/python
 firmware-check: .venv/dev.stamp
 	@$(BIN)/python firmware/check.py
 
-# A few minutes to compile, and three to test.
+# Native code under the sanitizers of GCC.
 sanitize: .venv/dev.stamp
 	@PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m tools.sanitize
 
@@ -135,7 +150,7 @@ sanitize: .venv/dev.stamp
 	@touch $@
 
 clean:
-	rm -rf .venv build out docs/reference/generated
+	rm -rf .venv .venv-lowest build out docs/reference/generated
 
 .venv/bin/python:
 	@command -v $(PYTHON) >/dev/null || { echo "No Python: '$(PYTHON)' was not found."; exit 1; }
