@@ -91,7 +91,7 @@ class CellProblem:
 
 
 def _aligned(array: Floats) -> Floats:
-    """Return an array for the kernel: what a cluster's message brought may lie between the addresses of doubles."""
+    """Return an aligned copy of what a message of a cluster brought, where it is not."""
     return np.require(array, requirements=["C", "A"])
 
 
