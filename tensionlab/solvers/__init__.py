@@ -326,7 +326,7 @@ def _lacks(solver: object) -> list[str]:
 __all__ = [
     "SOLVERS",
     "Answer",
-    "Nearest",
+    "Policy",
     "Problem",
     "Selected",
     "Solver",

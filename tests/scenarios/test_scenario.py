@@ -101,7 +101,7 @@ def test_another_rig_may_take_its_place(bow):
         ("reach = 0.80", "reach = 0.80, stength = 1.0", "hold: no parameter 'stength'"),
         ("end = 5.0", "end = -5.0", 'phase "draw": begin 0.0, end -5.0'),
         ("end = 5.0", "", 'phase "draw": end'),
-        ('nearest = "force"', 'nearest = "nowhere"', "nearest: "),
+        ('policy = "force"', 'policy = "nowhere"', "policy: "),
         ("[person.bodies.bow]", "[person.bodies.bw]", "modules ride on ['bow']"),
         ("title =", "title", "not valid TOML"),
     ],

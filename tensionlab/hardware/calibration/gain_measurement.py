@@ -119,12 +119,11 @@ def pulling(client: ModuleClient) -> Iterator[Puller]:
         client.on_message = before
         with suppress(HardwareError):
             client.telemetry_every(0)
-        if not info.calibrated:
             client.wait(0.3)  # until nothing pulls any more
-            if armable := _mark_uncalibrated(client):
-                if ended is None:
-                    raise HardwareError(armable)
-                ended.args = (f"{ended}. And {armable}",)
+        if not info.calibrated and (armable := _mark_uncalibrated(client)):
+            if ended is None:
+                raise HardwareError(armable)
+            ended.args = (f"{ended}. And {armable}",)
 
 
 def _mark_uncalibrated(client: ModuleClient) -> str:
