@@ -23,7 +23,7 @@ MISTAKES = {
     "compare": "RIG is missing; see `tensionlab compare -h`",
     "compare cube-8 tetra-4": "too many words: tetra-4; see `tensionlab compare -h`",
     "solvers newton": "too many words: newton; see `tensionlab solvers -h`",
-    "compare cube-8 --plt c.png": "no such option: --plt (Possible options: --at, --plot, --policy); see `tensionlab",
+    "compare cube-8 --plt c.png": "no such option: --plt (Possible options: --at, --plot, --policy); see `",
     "compare cube-8 --json=yes": "--json does not take a value",
     "allocate cube-8": "--wrench is missing; see `tensionlab allocate -h`",
     "new": "is missing; see `tensionlab new -h`",
