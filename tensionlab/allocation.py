@@ -171,7 +171,7 @@ class Allocation:
     def _repr_html_(self) -> str:
         if not self.status.ndim:
             note = f"renders {display.vector(self.wrench)}, with an error of {display.short(float(self.residual))}"
-            tensions = [*map(list, zip(self._cables(), self.tensions, strict=True))]
+            tensions = zip(self._cables(), self.tensions, strict=True)
             mark = display.status_mark(int(self.status))
             return display.table(mark, ["<cable", "tension N"], tensions, [note, *self.failures.values()])
         rows = []
