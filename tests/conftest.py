@@ -5,7 +5,7 @@ import os
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tests.support.examples import PROFILE, many
+from tests.helpers.examples import PROFILE, many
 
 # "ci" draws few examples, the same every time; HYPOTHESIS_PROFILE=nightly draws many new ones.
 settings.register_profile(
@@ -32,7 +32,7 @@ def run(capsys):
 @pytest.fixture
 def simulated_time(monkeypatch):
     """Time of runs and verbs that passes only while they sleep: `SimulatedTime`."""
-    from tests.support.simulated_time import SimulatedTime
+    from tests.helpers.simulated_time import SimulatedTime
 
     here = SimulatedTime()
     monkeypatch.setattr("tensionlab.hardware.runner.settings.time", here)

@@ -16,9 +16,9 @@ from tensionlab.solvers import find_plugins, make
 from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE, refusal
 from tensionlab.solvers.programs import whitener
 from tensionlab.solvers.quadratic import installed_backends
-from tests.support.examples import many
-from tests.support.oracle import Truth, UnsureError, solve, support
-from tests.support.problems import Case, batches, one, random_cases
+from tests.helpers.examples import many
+from tests.helpers.oracle import Truth, UnsureError, solve, support
+from tests.helpers.problems import Case, batches, one, random_cases
 
 CLOSEST = ("newton", "dykstra", "qp", "cvxpy")
 """Families that minimise the distance to the reference, and find an answer wherever there is one."""

@@ -18,7 +18,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.model.directions import grid18
 from tensionlab.solvers import select_solvers
-from tests.support.distribution import install
+from tests.helpers.distribution import install
 
 ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "docs" / "how-to" / "add-a-solver.md").read_text(encoding="utf-8")

@@ -15,7 +15,7 @@ from tensionlab.errors import DataError, InputError
 from tensionlab.files import reading
 from tensionlab.model.directions import grid18
 from tensionlab.validation.data_tables import Published, write_recording
-from tests.support.recorded import made_up
+from tests.helpers.recorded import made_up
 
 DATASETS = Path(__file__).parents[1] / "datasets"
 DATA = (".csv", ".json", ".parquet", ".toml")

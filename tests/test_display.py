@@ -20,7 +20,7 @@ from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.checks import Check, Checks
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
-from tests.support.runs import four, logged
+from tests.helpers.runs import four, logged
 
 STRUCTURE = np.array([[1.0, -1.0]])
 LIMITS = (0.5, 6.0)

@@ -14,7 +14,7 @@ import pytest
 
 from tensionlab.benchmarking import results
 from tensionlab.validation.data_tables import write_recording, write_trials
-from tests.support.recorded import made_up, made_up_trials
+from tests.helpers.recorded import made_up, made_up_trials
 
 ROOT = Path(__file__).parents[1]
 COMMITTED = ROOT / "docs" / "figures"

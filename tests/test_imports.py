@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.windows import LACKING, NOT_THERE
+from tests.helpers.windows import LACKING, NOT_THERE
 
 PACKAGE = Path(__file__).parents[1] / "tensionlab"
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tests.support.problems import random_cases
+from tests.helpers.problems import random_cases
 
 TUG_OF_WAR = np.array([[1.0, -1.0]])
 

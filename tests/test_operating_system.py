@@ -20,8 +20,8 @@ from tensionlab.hardware.client import locks
 from tensionlab.hardware.client.locks import LinkLock, holder
 from tensionlab.hardware.runner import watchdog
 from tensionlab.hardware.runner.watchdog import Hung, Interrupts
-from tests.support.simulated_time import SimulatedTime
-from tests.support.windows import SIGBREAK, as_on_windows
+from tests.helpers.simulated_time import SimulatedTime
+from tests.helpers.windows import SIGBREAK, as_on_windows
 
 OPEN_ELSEWHERE = PermissionError(errno.EACCES, "The process cannot access the file because it is being used ...")
 
@@ -230,7 +230,7 @@ import importlib, sys
 from pathlib import Path
 import pytest, rich.live
 import tensionlab as tl
-from tests.support.windows import pretend
+from tests.helpers.windows import pretend
 
 folder = Path(tl.__file__).parent
 files = [path.relative_to(folder.parent).with_suffix("") for path in folder.rglob("*.py")]
@@ -248,7 +248,7 @@ import_all()
 
 import tensionlab as tl
 from tensionlab.cli import main
-from tests.support.serving import ServedRig
+from tests.helpers.serving import ServedRig
 assert tl.operating_system.ESTOP_SIGNAL.name == "SIGTERM"
 rig = tl.datasets.folder() / "rigs" / "bartels2026-validation.toml"
 with ServedRig(tl.load_rig(rig)) as served:

@@ -13,9 +13,9 @@ from hypothesis import given, settings
 import tensionlab as tl
 from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, Answer, Policy, Problem
 from tensionlab.verification import verify
-from tests.support.examples import many
-from tests.support.oracle import Box, Floats, Truth, UnsureError, along_ray, judge, solve, support
-from tests.support.problems import Case, cases, one, random_case, random_cases
+from tests.helpers.examples import many
+from tests.helpers.oracle import Box, Floats, Truth, UnsureError, along_ray, judge, solve, support
+from tests.helpers.problems import Case, cases, one, random_case, random_cases
 
 SHAPES = [
     *((2, m) for m in (2, 3, 4, 6)),

@@ -20,7 +20,7 @@ from tensionlab.haptics.bridge.server import Bridge
 from tensionlab.hardware.client import shared_telemetry
 from tensionlab.hardware.client.locks import LinkLock, holder
 from tensionlab.hardware.client.shared_telemetry import Publisher, Report, Watcher
-from tests.support.runs import four
+from tests.helpers.runs import four
 
 pytestmark = [
     pytest.mark.realtime,  # processes of another user

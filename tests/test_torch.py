@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tests.support.problems import random_cases
+from tests.helpers.problems import random_cases
 
 torch = pytest.importorskip("torch")
 from tensionlab.torch import allocate  # noqa: E402 - after the library that it needs

@@ -9,7 +9,7 @@ import tensionlab as tl
 from tensionlab import _native
 from tensionlab.solvers.base import GRAZING, RANK_TOLERANCE, TOLERANCE, Answer, Problem
 from tensionlab.verification import verify
-from tests.support.examples import many
+from tests.helpers.examples import many
 
 LOWER, UPPER = 0.5, 6.0
 COUNT = many(100)

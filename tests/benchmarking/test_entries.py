@@ -6,7 +6,7 @@ from tensionlab.benchmarking.entries import BASELINES, WRAPPERS, entries
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers import SOLVERS
 from tensionlab.solvers.quadratic import BACKENDS
-from tests.support import batch
+from tests.helpers import batch
 
 
 def names(found):

@@ -9,8 +9,8 @@ from hypothesis import given
 import tensionlab as tl
 from tensionlab.benchmarking.optimum import _bound, distance_bound, excess_error, optimum
 from tensionlab.solvers.base import POLICIES, Problem
-from tests.support.batch import problem, random_problem
-from tests.support.problems import Case, batches, random_cases
+from tests.helpers.batch import problem, random_problem
+from tests.helpers.problems import Case, batches, random_cases
 
 PLANAR = np.array([[1, -0.6, -0.6], [0, 0.8, -0.8]])
 NEAREST = {"tension": (10, 575 / 122, 1), "force": (10, 3.88, 1), "direction": (10, 5, 1)}

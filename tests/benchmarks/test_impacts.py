@@ -22,7 +22,7 @@ from benchmarks.impacts import (
 from tensionlab.errors import ScenarioError
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.expected import find_brake_wall
-from tests.support.examples import many
+from tests.helpers.examples import many
 
 COUNT = many(20, least=4)
 """`make impacts` plays 1,000."""

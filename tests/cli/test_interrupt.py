@@ -11,7 +11,7 @@ from tensionlab import __main__ as program
 from tensionlab.cli.common import output
 from tensionlab.hardware.client.links import OPENERS
 from tensionlab.workspace.sweep.store import ZarrStore
-from tests.support import runs
+from tests.helpers import runs
 
 CUBE = "datasets/rigs/cube-8.toml"
 SWEEP = f"workspace {CUBE} --box -0.4 0.4 -0.4 0.4 -0.4 0.4 --step 0.008 --metric capacity-margin"

@@ -7,7 +7,7 @@ import pytest
 import xarray
 
 from tensionlab.hardware.log.columns import COLUMNS
-from tests.support import runs
+from tests.helpers import runs
 
 
 @pytest.fixture(scope="module")

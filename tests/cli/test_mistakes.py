@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import runs
+from tests.helpers import runs
 
 RIG = (Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml").read_text()
 LINKS = "give one of these: bt://AA:BB:CC:DD:EE:FF/1"

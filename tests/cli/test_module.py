@@ -18,7 +18,7 @@ from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.hardware.protocol.messages import Telemetry
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.model.files import load_rig
-from tests.support.reachable import ReachableRig
+from tests.helpers.reachable import ReachableRig
 
 RIG = load_rig(Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml")
 

@@ -39,8 +39,8 @@ from tensionlab.hardware.protocol.messages import (
 )
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.model.files import load_rig
-from tests.support.served import Simulation
-from tests.support.wire import connected
+from tests.helpers.served import Simulation
+from tests.helpers.wire import connected
 
 ROOT = Path(__file__).parents[2]
 RIG = ROOT / "datasets" / "rigs" / "bartels2026-validation.toml"

@@ -11,7 +11,7 @@ import pytest
 import typer
 
 from tensionlab.cli import app
-from tests.support.distribution import install
+from tests.helpers.distribution import install
 
 ROOT = Path(__file__).parents[2]
 RIG = ROOT / "datasets" / "rigs" / "bartels2026-validation.toml"

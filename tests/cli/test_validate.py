@@ -17,7 +17,7 @@ from tensionlab.validation.protocol import Protocol
 from tensionlab.validation.report import evaluate
 from tensionlab.validation.sensors import connect_sensor
 from tensionlab.validation.session import ValidationPlan, validate
-from tests.support.served import Simulation
+from tests.helpers.served import Simulation
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 RIG = RIGS / "bartels2026-validation.toml"

@@ -29,7 +29,7 @@ from tensionlab.files.tables import table_text
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.simulation import serve as serving
 from tensionlab.model.files import load_rig
-from tests.support import runs
+from tests.helpers import runs
 
 resource = pytest.importorskip("resource", reason="limits of a process stand for the disk's")
 

@@ -6,7 +6,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.comparison.replay import replay
 from tensionlab.hardware.log.reader import read_run
-from tests.support import runs
+from tests.helpers import runs
 
 
 @pytest.fixture(scope="module")

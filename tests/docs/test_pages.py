@@ -29,9 +29,9 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.hardware.client.group import modules_to_toml
-from tests.support.reachable import ReachableRig
-from tests.support.shown import differences
-from tests.support.simulated_bridge import SimulatedServe
+from tests.helpers.reachable import ReachableRig
+from tests.helpers.shown import differences
+from tests.helpers.simulated_bridge import SimulatedServe
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

@@ -6,7 +6,7 @@ import pytest
 from tensionlab.hardware.protocol.codes import BrakeState, Code, Limit, ResetReason, State
 from tensionlab.hardware.protocol.messages import Clear, ConfigureTelemetry, EmergencyStop, Stop
 from tensionlab.hardware.simulation.simulated_module import STEP_S, HangingMass, Trace
-from tests.support.modules import Host
+from tests.helpers.modules import Host
 
 HOLD = 186.0  # N, published: what the brake holds
 

@@ -31,7 +31,7 @@ from tensionlab.hardware.protocol.messages import (
 )
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
-from tests.support.modules import SESSION, Host, host_in
+from tests.helpers.modules import SESSION, Host, host_in
 
 NO_NUMBERS = (math.nan, math.inf, -math.inf)
 PLAIN = {"rest": 0.0, "stiffness": 0.0, "damping": 0.0, "feed_forward": 1.0}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tensionlab.hardware.protocol.codes import Fault, State
-from tests.support.modules import Host
+from tests.helpers.modules import Host
 
 SOON = 0.06  # s: within this, a fault is noticed and the driver is off
 MOTORS = [

@@ -21,8 +21,8 @@ from tensionlab.hardware.protocol.messages import (
     Stop,
 )
 from tensionlab.hardware.simulation.simulated_module import PARTS, STEP_S, Sample, SimulatedModule, Trace
-from tests.support.examples import many
-from tests.support.modules import SESSION, Host, host_in
+from tests.helpers.examples import many
+from tests.helpers.modules import SESSION, Host, host_in
 
 LOWER, UPPER, SLEW, PEAK, RELEASE = 0.5, 6.0, 60.0, 2.2, 2.0
 TINY = 1e-5  # of single precision

@@ -5,7 +5,7 @@ import pytest
 from tensionlab import _native
 from tensionlab.hardware.protocol.codes import Code, Fault, Limit, State
 from tensionlab.hardware.protocol.messages import Arm, Clear, EmergencyStop, Hello, SetTension, Stop
-from tests.support.modules import Host, host_in
+from tests.helpers.modules import Host, host_in
 
 EVENTS = ("arm", "set_point", "stop", "estop", "clear", "expire", "fault")
 TABLE = {

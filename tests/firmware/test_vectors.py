@@ -11,7 +11,7 @@ from tensionlab import _native
 from tensionlab.hardware.protocol import messages as protocol
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.protocol.frames import DELIMITER, Decoder, Frame
-from tests.support.modules import Host
+from tests.helpers.modules import Host
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 VECTORS = json.loads((FIRMWARE / "vectors.json").read_text())

@@ -16,7 +16,7 @@ from tensionlab.model.files import load_rig, rig_from_toml, rig_to_toml, save_ri
 from tensionlab.model.module import KINDS, MAX_LENGTH, Module, Platform
 from tensionlab.model.rig import Rig
 from tensionlab.model.schema import MAX_PROBLEMS_CHARACTERS
-from tests.support.examples import many
+from tests.helpers.examples import many
 
 RIGS = sorted((Path(__file__).parents[2] / "datasets" / "rigs").glob("*.toml"))
 GOOD = """

@@ -14,7 +14,7 @@ from tensionlab.model import kinematics
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import KINDS, Module
 from tensionlab.model.rig import Rig
-from tests.support.examples import many
+from tests.helpers.examples import many
 
 ROOT = Path(__file__).parents[2]
 RIGS = ROOT / "datasets" / "rigs"

@@ -25,8 +25,8 @@ from tensionlab.viewer.evaluation import evaluate
 from tensionlab.viewer.scene import draw
 from tensionlab.viewer.state import begin
 from tensionlab.workspace import Capsule, Grid, body_distance, rig_margin_gradient
-from tests.support.examples import many
-from tests.support.runs import cycles
+from tests.helpers.examples import many
+from tests.helpers.runs import cycles
 
 RADIUS = 0.05
 RIGS = ("bartels2026-validation", "kntu-planar", "ipanema-1", "body-mounted")

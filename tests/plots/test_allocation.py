@@ -3,8 +3,8 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.plots import plot_allocation
-from tests.support.figures import content_of, words_in
-from tests.support.runs import four, seven
+from tests.helpers.figures import content_of, words_in
+from tests.helpers.runs import four, seven
 
 
 def test_tensions_are_drawn_between_their_limits_by_status():

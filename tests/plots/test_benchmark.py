@@ -12,7 +12,7 @@ from tensionlab.errors import InputError
 from tensionlab.plots import plot_accuracy, plot_continuity, plot_pareto, plot_profile, plot_worst
 from tensionlab.plots.benchmark import EXACT_N, _compared, pareto_front
 from tensionlab.plots.style import _cost, _distance, _places
-from tests.support.figures import content_of, words_in
+from tests.helpers.figures import content_of, words_in
 
 DRAW = {
     "profile": plot_profile,

@@ -4,7 +4,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.errors import InputError
 from tensionlab.plots import plot_certified
-from tests.support.figures import content_of, words_in
+from tests.helpers.figures import content_of, words_in
 
 BALL = ([0.0, 0.0, 0.0], 1.0)
 

@@ -7,7 +7,7 @@ from tensionlab.comparison.compare import compare
 from tensionlab.errors import InputError
 from tensionlab.plots import plot_comparison, plot_rig
 from tensionlab.plots.style import save_figure
-from tests.support.figures import content_of, words_in, words_of
+from tests.helpers.figures import content_of, words_in, words_of
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 

@@ -11,7 +11,7 @@ import pytest
 import tensionlab as tl
 from tensionlab import plots
 from tensionlab.errors import InputError
-from tests.support.runs import four
+from tests.helpers.runs import four
 
 AXIS = np.linspace(-0.4, 0.4, 5)
 RIGS = [tl.box_corners((1, 1, 1)), tl.alternate_corners((1, 1, 1))]

@@ -10,8 +10,8 @@ from tensionlab.hardware.protocol.codes import Limit, State
 from tensionlab.plots import plot_run
 from tensionlab.plots.run import BINS, LIMITER_LOOKS, bins_of, severity, thinned
 from tensionlab.plots.style import save_figure
-from tests.support import runs
-from tests.support.figures import content_of, words_in, words_of
+from tests.helpers import runs
+from tests.helpers.figures import content_of, words_in, words_of
 
 
 @pytest.fixture(scope="module")

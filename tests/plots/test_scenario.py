@@ -22,7 +22,7 @@ from tensionlab.plots.style import save_figure
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.checks import Check, rendered_force
 from tensionlab.scenarios.play import play, simulate_modules
-from tests.support.figures import content_of, words_in
+from tests.helpers.figures import content_of, words_in
 
 ROWS = (
     Check("a thing that is right", "N", 1.0, 2.0, 1.5),

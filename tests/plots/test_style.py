@@ -4,7 +4,7 @@ from matplotlib.figure import Figure
 
 from tensionlab.plots import plot_rig
 from tensionlab.plots.style import save_figure, two_scales
-from tests.support.runs import four
+from tests.helpers.runs import four
 
 
 def test_the_same_figure_makes_the_same_file(tmp_path):

@@ -11,8 +11,8 @@ from tensionlab.plots.style import save_figure
 from tensionlab.plots.validation import _on_disc, grouped
 from tensionlab.validation.data_tables import Trials
 from tensionlab.validation.statistics import deviations
-from tests.support.figures import content_of, words_in, words_of
-from tests.support.recorded import QUESTIONS, made_up, made_up_trials
+from tests.helpers.figures import content_of, words_in, words_of
+from tests.helpers.recorded import QUESTIONS, made_up, made_up_trials
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 

@@ -13,7 +13,7 @@ from tensionlab.plots.volume import level_surface
 from tensionlab.plots.workspace import Field, read_field, share_above
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep.plan import vary
-from tests.support.figures import content_of, words_in, words_of
+from tests.helpers.figures import content_of, words_in, words_of
 
 
 @pytest.fixture(scope="module")

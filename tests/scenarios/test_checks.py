@@ -10,7 +10,7 @@ from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.protocol.codes import Limit
 from tensionlab.scenarios.checks import REASONS, check_directions, direction_reasons
 from tensionlab.solvers.base import Status
-from tests.support.runs import logged
+from tests.helpers.runs import logged
 
 COUNT = 200
 

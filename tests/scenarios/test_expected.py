@@ -11,7 +11,7 @@ from tensionlab.scenarios import SCENARIOS, load_scenario
 from tensionlab.scenarios.checks import check_directions
 from tensionlab.scenarios.expected import check_scenario
 from tensionlab.scenarios.play import play, simulate_modules
-from tests.support.examples import PROFILE
+from tests.helpers.examples import PROFILE
 
 WALL = 0.30
 LEANS, TURNS, RUNS = 3.2, 4.2, 5.4

@@ -14,7 +14,7 @@ from tensionlab.scenarios.checks import check_directions
 from tensionlab.scenarios.expected import check_magnet, check_scenario
 from tensionlab.scenarios.person import RETURN_S
 from tensionlab.scenarios.play import ScenarioModules, play
-from tests.support.served_person import ServedPerson
+from tests.helpers.served_person import ServedPerson
 
 PARTS = {
     "materials": (3.0, check_magnet),

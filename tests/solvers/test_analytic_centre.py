@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 
 from tensionlab import Status, allocate, load_rig
-from tests.support.examples import many
-from tests.support.problems import Case, cases, one, random_cases, random_structure
+from tests.helpers.examples import many
+from tests.helpers.problems import Case, cases, one, random_cases, random_structure
 
 LIMITS = (0.5, 6.0)
 

@@ -6,7 +6,7 @@ import pytest
 from tensionlab.solvers.base import RANK_TOLERANCE
 from tensionlab.solvers.closed_form import ClosedForm, Pseudoinverse
 from tensionlab.solvers.programs import times
-from tests.support.batch import problem, random_problem
+from tests.helpers.batch import problem, random_problem
 
 
 def reachable_problem(n, m, count=300):

@@ -12,7 +12,7 @@ from tensionlab import Status, allocate
 from tensionlab.errors import UnknownSolver
 from tensionlab.solvers import convex
 from tensionlab.solvers.convex import ConvexProgram
-from tests.support.batch import problem
+from tests.helpers.batch import problem
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
 CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]

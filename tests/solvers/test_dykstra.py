@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE
 from tensionlab.solvers.least_squares import Dykstra
 from tensionlab.solvers.programs import times
-from tests.support.batch import problem, random_problem
+from tests.helpers.batch import problem, random_problem
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
 CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]

@@ -12,8 +12,8 @@ from scipy.optimize import linprog
 
 import tensionlab as tl
 from tensionlab import Status, allocate
-from tests.support.examples import many
-from tests.support.problems import cases, one, random_cases, random_structure
+from tests.helpers.examples import many
+from tests.helpers.problems import cases, one, random_cases, random_structure
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
 CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]

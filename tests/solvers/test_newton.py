@@ -10,7 +10,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.benchmarking.rigs import near_singular
-from tests.support.examples import many
+from tests.helpers.examples import many
 
 LOWER, UPPER = 0.5, 6.0
 

@@ -13,7 +13,7 @@ import tensionlab as tl
 from tensionlab.cli import main
 from tensionlab.errors import PluginError, UnknownSolver
 from tensionlab.solvers import every_solver, make, offered_plugins, select_solvers
-from tests.support.distribution import install
+from tests.helpers.distribution import install
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 GOOD = """

@@ -13,8 +13,8 @@ from scipy.optimize import linprog
 
 import tensionlab as tl
 from tensionlab.arrays import Floats
-from tests.support.examples import many
-from tests.support.problems import Case, random_cases
+from tests.helpers.examples import many
+from tests.helpers.problems import Case, random_cases
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
 CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 import tensionlab as tl
 from tensionlab.arrays import Floats
 from tensionlab.solvers.base import RANK_TOLERANCE
-from tests.support.examples import many
-from tests.support.oracle import UnsureError, solve
-from tests.support.problems import Case, cases, random_cases
+from tests.helpers.examples import many
+from tests.helpers.oracle import UnsureError, solve
+from tests.helpers.problems import Case, cases, random_cases
 
 every_goal = pytest.mark.parametrize("goal", ["polygon:centroid", "polygon:1-norm", "polygon:2-norm"])
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tests.support.examples import many
-from tests.support.problems import random_cases
+from tests.helpers.examples import many
+from tests.helpers.problems import random_cases
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import qpsolvers
 from tensionlab import Status, allocate
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers.quadratic import BACKENDS, QuadraticProgram, installed_backends
-from tests.support.batch import problem
+from tests.helpers.batch import problem
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
 CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]

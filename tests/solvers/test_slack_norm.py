@@ -9,8 +9,8 @@ from hypothesis import given, settings
 
 from tensionlab import SlackNorm, Status, allocate, load_rig
 from tensionlab.solvers import make
-from tests.support.examples import many
-from tests.support.problems import cases, one, random_cases, random_structure
+from tests.helpers.examples import many
+from tests.helpers.problems import cases, one, random_cases, random_structure
 
 LIMITS = (0.5, 6.0)
 ROUND = SlackNorm(p=3.0, c1=0.05, c2=0.2, kappa=40.0, epsilon=1e-4, gamma=0.5)

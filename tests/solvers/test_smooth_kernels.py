@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tests.support.examples import many
-from tests.support.problems import random_cases
+from tests.helpers.examples import many
+from tests.helpers.problems import random_cases
 
 NAMES = ("analytic-centre", "slack", "slack:3", "spidar")
 

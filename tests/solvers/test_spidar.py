@@ -7,8 +7,8 @@ from hypothesis import given, settings
 
 from tensionlab import Spidar, Status, allocate
 from tensionlab.solvers import make
-from tests.support.examples import many
-from tests.support.problems import Case, cases, one, random_cases
+from tests.helpers.examples import many
+from tests.helpers.problems import Case, cases, one, random_cases
 
 
 def prices(solver, n, weights):

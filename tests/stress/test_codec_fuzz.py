@@ -8,9 +8,9 @@ from binascii import crc_hqx
 import pytest
 
 from tensionlab.hardware.protocol.frames import DELIMITER, MAX_PIECE, Decoder, unpack_1
+from tests.helpers.examples import many
 from tests.stress import codec_fuzz
 from tests.stress.codec_fuzz import BY_CHANCE, CERTAIN, allowed, fuzz
-from tests.support.examples import many
 
 
 def test_damaged_streams_raise_nothing_and_no_wrong_frame_passes():

@@ -8,7 +8,7 @@ import pytest
 
 from tensionlab.comparison import compare as comparison
 from tensionlab.solvers import SOLVERS, every_solver, make
-from tests.support.shown import differences
+from tests.helpers.shown import differences
 
 ROOT = Path(__file__).parents[2]
 spec = importlib.util.spec_from_file_location("generate_docs", ROOT / "tools" / "generate_docs.py")

@@ -17,7 +17,7 @@ from tensionlab.validation.data_tables import (
     write_recording,
     write_trials,
 )
-from tests.support.recorded import MODULES, made_up, made_up_trials
+from tests.helpers.recorded import MODULES, made_up, made_up_trials
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 RECORDINGS_CARD = DATASETS / "recordings" / "README.md"

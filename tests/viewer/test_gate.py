@@ -14,8 +14,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from tensionlab.viewer.gate import MAX_CLIENTS, MAX_MESSAGE_BYTES, MAX_TEXT, Gate, can_have
 from tensionlab.viewer.state import HAND, choose
-from tests.support.browsers import HANGS_S, served, until
-from tests.support.page_client import joined
+from tests.helpers.browsers import HANGS_S, served, until
+from tests.helpers.page_client import joined
 
 TOKEN, HERE = "/?token=secret", "127.0.0.1:8080"
 

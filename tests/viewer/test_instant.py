@@ -10,7 +10,7 @@ from tensionlab.display import BLUE, FORCE_COLOURS, GREY, ORANGE, RED, rgb
 from tensionlab.hardware.log.columns import VALUES
 from tensionlab.viewer.instant import DASHES, ENLARGED, STEPS, Instant, draw
 from tensionlab.viewer.scene import force_scale, size
-from tests.support.runs import cycles, four
+from tests.helpers.runs import cycles, four
 
 
 def instant_of(rig, count=10, **how):

@@ -3,7 +3,7 @@
 import threading
 
 from tensionlab.viewer.latest import Latest
-from tests.support.browsers import HANGS_S
+from tests.helpers.browsers import HANGS_S
 
 
 def test_it_outlives_what_fails(caplog):

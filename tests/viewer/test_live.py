@@ -16,8 +16,8 @@ from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.log.shared_run import find_runs
 from tensionlab.hardware.protocol.codes import State
-from tests.support.browsers import BROWSER, HANGS_S, OPTIONS, chromium, needs_browser, until
-from tests.support.page_client import attacked
+from tests.helpers.browsers import BROWSER, HANGS_S, OPTIONS, chromium, needs_browser, until
+from tests.helpers.page_client import attacked
 
 RIG = "bartels2026-validation"
 NO_NEWS = """opacity => [...document.querySelectorAll("b")].some(

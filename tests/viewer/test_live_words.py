@@ -22,7 +22,7 @@ from tensionlab.scenarios.scenery import scenery
 from tensionlab.viewer import live_words
 from tensionlab.viewer.instant import Instant
 from tensionlab.viewer.stop import StopOutcome
-from tests.support.runs import four
+from tests.helpers.runs import four
 
 INFO = RunInfo(0, 4711, "tensionlab run <floor>", four(), "newton", 50.0, 0.25, {})
 

@@ -18,7 +18,7 @@ from tensionlab.viewer.panel import _with_space
 from tensionlab.viewer.scene import draw, force_scale
 from tensionlab.viewer.state import HAND, begin
 from tensionlab.viewer.volume import Mesh
-from tests.support.browsers import HANGS_S, VISER, Tab, chromium, needs_browser, served, until
+from tests.helpers.browsers import HANGS_S, VISER, Tab, chromium, needs_browser, served, until
 
 VISERS_OWN = "Unable to preventDefault inside passive event listener"
 """Complaint of the browser about how viser listens to the mouse."""

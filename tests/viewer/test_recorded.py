@@ -10,7 +10,7 @@ from tensionlab.errors import LogError
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.viewer.instant import BESIDE_COLOUR, draw
 from tensionlab.viewer.recorded import answer_at, info_of, instant_at, report_at, require_drawable
-from tests.support import runs
+from tests.helpers import runs
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ from tensionlab.viewer import playback, replay
 from tensionlab.viewer.playback import cycle_at
 from tensionlab.viewer.replay import ReplayPage
 from tensionlab.viewer.server import PageServer
-from tests.support import runs
-from tests.support.browsers import HANGS_S, chromium, needs_browser, until
-from tests.support.simulated_time import SimulatedTime
+from tests.helpers import runs
+from tests.helpers.browsers import HANGS_S, chromium, needs_browser, until
+from tests.helpers.simulated_time import SimulatedTime
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from tensionlab.viewer.instant import BESIDE_COLOUR
 from tensionlab.viewer.playback import Playback
 from tensionlab.viewer.recorded import answer_at
 from tensionlab.viewer.run_marks import KINDS, Band, Mark
-from tests.support import runs
+from tests.helpers import runs
 
 
 def plain(text):

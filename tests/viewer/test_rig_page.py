@@ -16,7 +16,7 @@ import tensionlab as tl
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.rig_page import in_notebook
 from tensionlab.viewer.server import PageServer
-from tests.support.browsers import HANGS_S, chromium, needs_browser, until
+from tests.helpers.browsers import HANGS_S, chromium, needs_browser, until
 
 RIG = "bartels2026-validation"
 

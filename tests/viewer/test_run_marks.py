@@ -9,7 +9,7 @@ from tensionlab.hardware.log.reader import RunEvent, read_run
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit
 from tensionlab.solvers.base import Status
 from tensionlab.viewer.run_marks import GAP_S, KINDS, Mark, marks, spells
-from tests.support import runs
+from tests.helpers import runs
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from tensionlab.viewer.gate import MAX_WAITING
-from tests.support.browsers import HANGS_S, VISER, served, until
-from tests.support.other_user import as_nobody, needs_root
-from tests.support.page_client import joined
+from tests.helpers.browsers import HANGS_S, VISER, served, until
+from tests.helpers.other_user import as_nobody, needs_root
+from tests.helpers.page_client import joined
 
 IDLE = 150
 """Connections that the other user opens and leaves."""

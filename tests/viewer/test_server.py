@@ -11,8 +11,8 @@ from websockets.sync.client import connect
 
 from tensionlab.errors import InputError
 from tensionlab.viewer.server import PageServer
-from tests.support.browsers import HANGS_S, VISER, chromium, needs_browser, served, until
-from tests.support.page_client import joined
+from tests.helpers.browsers import HANGS_S, VISER, chromium, needs_browser, served, until
+from tests.helpers.page_client import joined
 
 
 @pytest.mark.parametrize("host", ["no.such.host.invalid", "192.0.2.1", "a..b"])

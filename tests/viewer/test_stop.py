@@ -10,7 +10,7 @@ from tensionlab.hardware.client.emergency_stop import RELEASE_TIMEOUT_S, Outcome
 from tensionlab.operating_system import ESTOP_SIGNAL
 from tensionlab.viewer import stop
 from tensionlab.viewer.stop import stop_modules
-from tests.support.simulated_time import SimulatedTime
+from tests.helpers.simulated_time import SimulatedTime
 
 PID = 4_000_000
 LINKS = {"left": "socket://127.0.0.1:50001", "right": "socket://127.0.0.1:50002"}

@@ -20,7 +20,7 @@ from tensionlab.workspace.interference import (
     cable_pairs,
     segment_distance,
 )
-from tests.support.examples import many
+from tests.helpers.examples import many
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 
 import tensionlab as tl
-from tests.support.examples import many
-from tests.support.problems import cases, random_structure
-from tests.support.reference_metrics import hull_margins, renders
+from tests.helpers.examples import many
+from tests.helpers.problems import cases, random_structure
+from tests.helpers.reference_metrics import hull_margins, renders
 
 ROOT = Path(__file__).parents[2]
 CASES = json.loads((ROOT / "tests/data/known_answers.json").read_text())["cases"]

@@ -5,9 +5,9 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.workspace import effort, reachable_share
-from tests.support.examples import many
-from tests.support.problems import random_structure
-from tests.support.reference_metrics import evenness, renders
+from tests.helpers.examples import many
+from tests.helpers.problems import random_structure
+from tests.helpers.reference_metrics import evenness, renders
 
 RIGS = Path(__file__).parents[2] / "datasets/rigs"
 factor, closure = tl.workspace.tension_factor, tl.workspace.wrench_closure

@@ -5,8 +5,8 @@ from scipy.spatial import ConvexHull
 
 import tensionlab as tl
 from tensionlab.workspace import capacity_margin, half_spaces, vertices
-from tests.support.problems import cases, random_structure
-from tests.support.reference_metrics import corners
+from tests.helpers.problems import cases, random_structure
+from tests.helpers.reference_metrics import corners
 
 CROSS = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
 

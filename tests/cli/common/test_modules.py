@@ -10,7 +10,7 @@ from tensionlab.cli.common.modules import module_links, reach_modules
 from tensionlab.demand import Pose
 from tensionlab.hardware.runner.settings import RealClock
 from tensionlab.model.files import load_rig
-from tests.support.reachable import ReachableRig
+from tests.helpers.reachable import ReachableRig
 
 PATH = Path(__file__).parents[3] / "datasets" / "rigs" / "bartels2026-validation.toml"
 RIG = load_rig(PATH)

@@ -11,7 +11,7 @@ import tensionlab as tl
 from tensionlab.errors import ShapeError
 from tensionlab.haptics.brakes.choice import LOCK_RULE, LockRule, brake_map, brake_strengths, choose_locks
 from tensionlab.model.directions import circle, fibonacci
-from tests.support.brake_cones import blocks_withdrawal, brake_reaction, traps
+from tests.helpers.brake_cones import blocks_withdrawal, brake_reaction, traps
 
 FOUR = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
 CUBE = tl.load_rig("datasets/rigs/cube-8.toml")

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog, nnls
 
 from tensionlab.errors import ShapeError
-from tests.support.brake_cones import (
+from tests.helpers.brake_cones import (
     allows,
     blocks_free_motion,
     blocks_withdrawal,

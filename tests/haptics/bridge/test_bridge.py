@@ -22,8 +22,8 @@ from tensionlab.haptics.bridge.server import MAX_REFUSED, REFUSAL_PAUSE_S
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.model.files import load_rig
 from tensionlab.scenarios import load_scenario
-from tests.support.simulated_bridge import Line, SimulatedServe
-from tests.support.simulated_loop import SimulatedLoop
+from tests.helpers.simulated_bridge import Line, SimulatedServe
+from tests.helpers.simulated_loop import SimulatedLoop
 
 RIG = Path(__file__).parents[3] / "datasets/rigs/bartels2026-validation.toml"
 FLOOR = {

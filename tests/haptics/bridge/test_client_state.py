@@ -6,7 +6,7 @@ from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import FrameRefused
 from tensionlab.haptics.bridge.messages import Frame
 from tensionlab.model import kinematics
-from tests.support.runs import four
+from tests.helpers.runs import four
 
 
 def frame(time, *position, effects=None, rotation=None):

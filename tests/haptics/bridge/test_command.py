@@ -10,7 +10,7 @@ from tensionlab.haptics.bridge.command import BYTES_AT_ONCE, BYTES_PER_S, SILENC
 from tensionlab.haptics.bridge.messages import Frame
 from tensionlab.haptics.bridge.osc import OscServer, bundle_of
 from tensionlab.haptics.effects import Plane
-from tests.support.runs import four
+from tests.helpers.runs import four
 
 FRAME = Frame.model_validate({"time": 0.0, "bodies": {"hand": {"position": [0.0, 0.31, 0.0]}}})
 PULL = build_msg("/effect/pull", ["spring", "centre", 0.0, 0.36, 0.0, "stiffness", 20.0]).dgram

@@ -12,7 +12,7 @@ from tensionlab.haptics.bridge.messages import KINDS
 from tensionlab.haptics.rendering.assignment import Cut
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.hardware.protocol.codes import BrakeState, Limit
-from tests.support.runs import cycles, four
+from tests.helpers.runs import cycles, four
 
 RIG = four()
 FORCE = Demand(np.array([0.0, 1.0, 0.0]))

@@ -12,8 +12,8 @@ from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.server import Bridge, CommandConnection
 from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects
 from tensionlab.scenarios import ScenarioDemand, load_scenario
+from tests.helpers.runs import cycles, four
 from tests.stress.hostile_messages import datagrams, draw, texts
-from tests.support.runs import cycles, four
 
 COUNT = int(os.environ.get("TENSIONLAB_HOSTILE", "150"))
 

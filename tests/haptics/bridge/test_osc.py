@@ -23,7 +23,7 @@ from tensionlab.haptics.bridge.osc import (
     read_packet,
 )
 from tensionlab.scenarios import load_scenario
-from tests.support.examples import many
+from tests.helpers.examples import many
 
 HAND_MESSAGE = build_msg("/body/hand", [0.5, 1.0, 2.0])
 # A rig with the torso as a body.

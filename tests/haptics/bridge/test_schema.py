@@ -20,9 +20,9 @@ from tensionlab.hardware.protocol.codes import BrakeState, Limit
 from tensionlab.model.files import load_rig
 from tensionlab.scenarios import load_scenario
 from tests.haptics.bridge.test_bridge import BAD, CYCLE_S, FLOOR, HAND, push
+from tests.helpers.examples import many
+from tests.helpers.simulated_bridge import SimulatedServe
 from tests.stress.hostile_messages import draw, texts
-from tests.support.examples import many
-from tests.support.simulated_bridge import SimulatedServe
 
 ROOT = Path(__file__).parents[3]
 RIG = load_rig("bartels2026-validation")

@@ -15,7 +15,7 @@ from tensionlab.haptics.effects.effect import Rendered
 from tensionlab.haptics.rendering.assignment import EffectFailed
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.scenarios import ScenarioDemand, load_scenario
-from tests.support.runs import cycles, four
+from tests.helpers.runs import cycles, four
 
 RIG = four()
 

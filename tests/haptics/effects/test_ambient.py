@@ -5,7 +5,7 @@ import pytest
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import Motion, Spring, Vibration, Viscous, Water
-from tests.support.motions import at
+from tests.helpers.motions import at
 
 
 def test_viscous_brakes():

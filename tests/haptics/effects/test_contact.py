@@ -6,7 +6,7 @@ import pytest
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import Friction, Magnet, Motion, Plane, Ripples, Texture, Wall
 from tensionlab.haptics.effects.contact import Bristle
-from tests.support.motions import at, follow
+from tests.helpers.motions import at, follow
 
 
 def height(effect, *heights, speed=0.0):

@@ -18,8 +18,8 @@ from tensionlab.haptics.effects import (
     Wall,
     Water,
 )
-from tests.support.examples import many
-from tests.support.motions import follow
+from tests.helpers.examples import many
+from tests.helpers.motions import follow
 
 # The steepest a force may be, in N/m, for a hand at rest.
 STEEPEST = {

@@ -16,7 +16,7 @@ from tensionlab.haptics.effects import (
     VirtualCoupling,
     Wall,
 )
-from tests.support.motions import at
+from tests.helpers.motions import at
 
 TILTED = Plane(point=(0.1, -0.05, 0.2), normal=(1.0, -2.0, 3.0))
 SPLIT = {

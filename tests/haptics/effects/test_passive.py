@@ -18,9 +18,9 @@ from tensionlab.haptics.effects import (
     Water,
     Weight,
 )
-from tests.support.examples import many
-from tests.support.motions import closed_paths, follow
-from tests.support.motions import given as energy_given
+from tests.helpers.examples import many
+from tests.helpers.motions import closed_paths, follow
+from tests.helpers.motions import given as energy_given
 
 STEPS = 600
 PASSIVE = {

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tensionlab.haptics.effects import Box, HalfSpace, Shape, Sphere, VirtualCoupling
-from tests.support.motions import at, follow
+from tests.helpers.motions import at, follow
 
 FIELDS = [HalfSpace(), Sphere(), Box(), Box(centre=(0.01, 0.0, 0.0), size=(0.1, 0.2, 0.3))]
 COORDINATES = st.tuples(*[st.floats(-0.3, 0.3)] * 3).map(np.array)

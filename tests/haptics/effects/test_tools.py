@@ -8,7 +8,7 @@ import pytest
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import Bow, Motion, Recoil, Weight, relative
 from tensionlab.haptics.rendering.filtering import limit_force_slew
-from tests.support.motions import at, follow
+from tests.helpers.motions import at, follow
 
 
 def test_a_weight_at_rest_is_its_weight():

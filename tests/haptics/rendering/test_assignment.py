@@ -25,7 +25,7 @@ from tensionlab.haptics.rendering.assignment import (
     along_cable,
     assign,
 )
-from tests.support.motions import at
+from tests.helpers.motions import at
 
 
 def pulled(impedance, length):

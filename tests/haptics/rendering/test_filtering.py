@@ -15,7 +15,7 @@ from tensionlab.haptics.rendering.filtering import (
     low_pass,
 )
 from tensionlab.haptics.rendering.stability import PassivityController
-from tests.support.motions import Staged, at, follow
+from tests.helpers.motions import Staged, at, follow
 
 
 def test_the_low_pass_halves_the_power_at_its_cutoff():

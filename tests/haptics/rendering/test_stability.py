@@ -26,7 +26,7 @@ from tensionlab.haptics.rendering.stability import (
     stiffness_bound,
     stiffness_cap,
 )
-from tests.support.motions import Staged
+from tests.helpers.motions import Staged
 
 STEP = 0.001
 DELAYS = np.array([0, 1, 2, 5, 10, 15, 20, 25, 30]) * 1e-3

@@ -17,7 +17,7 @@ from tensionlab.hardware.calibration.anchors import (
 )
 from tensionlab.hardware.calibration.gain import quantile
 from tensionlab.model.files import load_rig
-from tests.support.examples import many
+from tests.helpers.examples import many
 
 RIGS = Path(__file__).parents[3] / "datasets" / "rigs"
 POINT, SEVEN, CUBE, PLANAR, PLATFORM = (

@@ -29,7 +29,7 @@ from tensionlab.hardware.protocol.messages import Calibrate, ConfigureTelemetry,
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, HangingMass, SimulatedModule
 from tensionlab.operating_system import ESTOP_SIGNAL
-from tests.support.examples import many
+from tests.helpers.examples import many
 
 SPOOL = 0.0195
 

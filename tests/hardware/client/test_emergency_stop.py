@@ -20,9 +20,9 @@ from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.protocol.messages import EmergencyStop
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.operating_system import ESTOP_SIGNAL
-from tests.support.reachable import ReachableRig
-from tests.support.scripts import running
-from tests.support.simulated_time import START_S, SimulatedTime
+from tests.helpers.reachable import ReachableRig
+from tests.helpers.scripts import running
+from tests.helpers.simulated_time import START_S, SimulatedTime
 
 HOST = """
 import signal, sys

@@ -19,8 +19,8 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.protocol.messages import Hello, Info
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
-from tests.support.windows_port import MAX_DWORD, as_on_windows
-from tests.support.wire import NoLock
+from tests.helpers.windows_port import MAX_DWORD, as_on_windows
+from tests.helpers.wire import NoLock
 
 LONG_S = 60.0
 """No test waits for so long, unless something that should come does not."""

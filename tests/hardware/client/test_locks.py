@@ -13,7 +13,7 @@ from tensionlab.hardware.client import locks
 from tensionlab.hardware.client.links import open_link
 from tensionlab.hardware.client.locks import LinkLock, holder, normalised
 from tensionlab.hardware.simulation.serve import TcpPort
-from tests.support.scripts import running
+from tests.helpers.scripts import running
 
 HOLD = """
 import sys

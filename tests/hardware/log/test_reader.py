@@ -23,8 +23,8 @@ from tensionlab.hardware.log.scene import CHANNELS
 from tensionlab.hardware.log.writer import EVENT_SCHEMA, setup_of
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.solvers.base import Status
-from tests.support import runs
-from tests.support.examples import many
+from tests.helpers import runs
+from tests.helpers.examples import many
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from tensionlab.hardware.log.columns import anchors_in_world
 from tensionlab.hardware.log.mcap_file import read_records
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.log.scene import CHANNELS, SceneEncoder
-from tests.support import runs
+from tests.helpers import runs
 
 LAYOUT = Path(__file__).parents[3] / "examples" / "foxglove" / "layout.json"
 TIME_NS = 1_800_000_000_123_456_789

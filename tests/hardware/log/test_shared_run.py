@@ -19,7 +19,7 @@ from tensionlab.hardware.protocol.codes import BrakeState
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.world import World
-from tests.support.simulated_time import SimulatedTime
+from tests.helpers.simulated_time import SimulatedTime
 
 PULL = Demand(np.array([0.0, 0.0, 1.5]))
 

@@ -15,14 +15,14 @@ from tensionlab.files import writing
 from tensionlab.hardware.log import writer
 from tensionlab.hardware.log.mcap_file import McapWriter
 from tensionlab.hardware.log.reader import read_run
-from tests.support import runs
+from tests.helpers import runs
 
 ROOT = Path(__file__).parents[3]
 TIMEOUT_S = 60.0
 KILLED = """
 import os, signal, sys, threading
 from tensionlab.hardware.log.mcap_file import McapWriter
-from tests.support import runs
+from tests.helpers import runs
 
 def message(self, *words):
     global written

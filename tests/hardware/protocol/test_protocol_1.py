@@ -13,8 +13,8 @@ from tensionlab.hardware.protocol.messages import Hello, Info, OtherProtocolErro
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 from tensionlab.hardware.simulation.world import simulated_module
-from tests.support.modules import Host, host_in
-from tests.support.protocol_1 import LinkTo1, pack, unpack
+from tests.helpers.modules import Host, host_in
+from tests.helpers.protocol_1 import LinkTo1, pack, unpack
 
 # As protocol 1 had it, with the sequence number 0.
 HELLO_1 = bytes.fromhex("0201033e2e00")

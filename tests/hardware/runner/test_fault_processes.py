@@ -12,7 +12,7 @@ import pytest
 import tensionlab as tl
 from benchmarks.processes import command, process, simulated
 from tensionlab.hardware.protocol.codes import State
-from tests.support.serving import ROW_S, TIMEOUT_S, ServedRig
+from tests.helpers.serving import ROW_S, TIMEOUT_S, ServedRig
 
 PATH = Path(__file__).parents[3] / "datasets" / "rigs" / "bartels2026-validation.toml"
 RIG = tl.load_rig(PATH)

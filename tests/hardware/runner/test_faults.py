@@ -21,7 +21,7 @@ from tensionlab.hardware.simulation.world import simulated_module
 from tensionlab.operating_system import ESTOP_SIGNAL
 from tensionlab.records import manifest
 from tensionlab.solvers.base import Status
-from tests.support.rehearsal import GENTLE, TROUBLE, Rehearsal
+from tests.helpers.rehearsal import GENTLE, TROUBLE, Rehearsal
 
 TTL, CYCLE = 0.25, 0.02
 TAUT = 0.5

@@ -18,9 +18,9 @@ from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.runner.settings import RunSettings
-from tests.support.rehearsal import Rehearsal
-from tests.support.scripts import running
-from tests.support.serving import TIMEOUT_S, ServedRig
+from tests.helpers.rehearsal import Rehearsal
+from tests.helpers.scripts import running
+from tests.helpers.serving import TIMEOUT_S, ServedRig
 
 PATH = Path(__file__).parents[3] / "datasets" / "rigs" / "bartels2026-validation.toml"
 RIG = tl.load_rig(PATH)

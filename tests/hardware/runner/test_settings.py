@@ -9,7 +9,7 @@ from tensionlab.hardware.runner import settings
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import MAX_BEHIND_S, PlaybackClock, RealClock, RunSettings, WorldClock
 from tensionlab.hardware.simulation.world import World
-from tests.support.runs import four
+from tests.helpers.runs import four
 
 
 class Computer:

@@ -14,7 +14,7 @@ from tensionlab.hardware.protocol.messages import Hello, Info
 from tensionlab.hardware.simulation.links import POLL_PERIOD_S, Channel, Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.serve import TcpPort
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
-from tests.support.paired import PairedLink
+from tests.helpers.paired import PairedLink
 
 
 def channel(seed=1, **conditions):

@@ -13,9 +13,9 @@ from benchmarks.certify import (
 from tensionlab.errors import InputError, RigError, ShapeError
 from tensionlab.workspace.certification.problem import cell_problem
 from tensionlab.workspace.margin import required_margin
-from tests.support.certified_cells import Cell
-from tests.support.examples import many
-from tests.support.reference_metrics import renders
+from tests.helpers.certified_cells import Cell
+from tests.helpers.examples import many
+from tests.helpers.reference_metrics import renders
 
 certify = tl.workspace.certify
 BALL = ([0.0, 0.0, 0.0], 1.0)

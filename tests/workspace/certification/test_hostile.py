@@ -8,8 +8,8 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.workspace.margin import required_margin
-from tests.support.examples import many
-from tests.support.reference_metrics import renders
+from tests.helpers.examples import many
+from tests.helpers.reference_metrics import renders
 
 SIZES = {"planar-point": (2, 2), "point": (3, 3), "planar": (2, 3), "platform": (3, 6)}
 FLAWS = [

@@ -12,7 +12,7 @@ from tensionlab.workspace.layout import search
 from tensionlab.workspace.layout.objective import target_margins
 from tensionlab.workspace.layout.search import polish
 from tensionlab.workspace.layout.space import Places
-from tests.support.examples import many
+from tests.helpers.examples import many
 
 WALLS = tuple(
     Surface(name, corner, [edge])

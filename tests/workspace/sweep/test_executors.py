@@ -19,7 +19,7 @@ from tensionlab.errors import SweepError
 from tensionlab.workspace import Grid
 from tensionlab.workspace.sweep import executors
 from tensionlab.workspace.sweep.store import LEDGER
-from tests.support.tallied import Tallied, read
+from tests.helpers.tallied import Tallied, read
 
 CUBE = tl.box_corners([2.0, 1.0, 3.0])
 POSES = Grid(np.linspace(-0.9, 0.9, 40), np.linspace(-0.4, 0.4, 5), np.linspace(-1.0, 1.0, 3))

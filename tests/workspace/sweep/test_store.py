@@ -17,7 +17,7 @@ from tensionlab.errors import SweepError
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep.plan import vary
 from tensionlab.workspace.sweep.store import LEDGER, LOCK, ZarrStore
-from tests.support.tallied import Tallied, read
+from tests.helpers.tallied import Tallied, read
 
 RIGS = vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4])
 POSES = Grid(np.linspace(-1, 1, 5), np.linspace(0, 1, 4), np.linspace(-1, 1, 3))
@@ -31,7 +31,7 @@ import tensionlab as tl
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep import store
 from tensionlab.workspace.sweep.plan import vary
-from tests.support.tallied import Tallied
+from tests.helpers.tallied import Tallied
 
 def sweep(seconds):
     tl.sweep(

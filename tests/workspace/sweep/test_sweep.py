@@ -22,7 +22,7 @@ from tensionlab.workspace.poses import Grid, PoseList, box, polyline
 from tensionlab.workspace.structure_metrics import effort, reachable_share, tension_factor, wrench_closure
 from tensionlab.workspace.sweep import store
 from tensionlab.workspace.sweep.plan import vary
-from tests.support.examples import many
+from tests.helpers.examples import many
 
 CUBE = tl.box_corners([2.0, 1.0, 3.0])
 

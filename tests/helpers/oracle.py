@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import linprog, lsq_linear, nnls
 
 from tensionlab.arrays import Floats
-from tests.support.problems import Case
+from tests.helpers.problems import Case
 
 ZERO = 1e-10
 """A number below this, relative to the size of the problem, is zero ..."""

@@ -12,7 +12,7 @@ from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.scenarios.play import ScenarioModules, ScenarioResult, needs_tracker, play
 from tensionlab.scenarios.scenario import Scenario
-from tests.support.served import Simulation
+from tests.helpers.served import Simulation
 
 
 class ServedPerson:

@@ -9,7 +9,7 @@ import zstandard
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import connect
 
-from tests.support.browsers import VISER
+from tests.helpers.browsers import VISER
 
 CAMERA = {
     "type": "ViewerCameraMessage", "wxyz": [1, 0, 0, 0], "position": [0, 0, 1], "fov": 0.7, "near": 0.1, "far": 10,

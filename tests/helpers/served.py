@@ -14,8 +14,8 @@ import pytest
 from tensionlab.cli import main
 from tensionlab.errors import LinkError
 from tensionlab.hardware.simulation import serve
-from tests.support.simulated_time import SimulatedTime
-from tests.support.wire import Client, connected
+from tests.helpers.simulated_time import SimulatedTime
+from tests.helpers.wire import Client, connected
 
 
 class PairPort(serve.TcpPort):

@@ -17,7 +17,7 @@ from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.server import Bridge
 from tensionlab.hardware.runner.settings import WorldClock
-from tests.support.simulated_loop import SimulatedLoop, Turns
+from tests.helpers.simulated_loop import SimulatedLoop, Turns
 
 HANGS_S = 600.0
 """Only what hangs takes so long."""
