@@ -10,12 +10,12 @@ import time
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.haptics.brakes.choice import brake_map, choose_locks
 from tensionlab.model.directions import fibonacci
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 
 BRAKE = 186.0
 """What a brake holds, in N: the published one."""

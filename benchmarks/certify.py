@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import Floats
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import Module
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 from tensionlab.workspace import CertifiedWorkspace, certify, wrench_closure
 from tensionlab.workspace.certification.problem import WRENCH_CLOSURE
 from tensionlab.workspace.margin import required_margin

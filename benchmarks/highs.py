@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import needs
+from tensionlab.support.arrays import Floats
 
 
 def model(structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:

@@ -15,7 +15,6 @@ from typing import Literal
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError, ScenarioError
 from tensionlab.haptics.effects.contact import Plane
 from tensionlab.hardware.simulation.links import Conditions
@@ -23,6 +22,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.scenarios import PersonPlan, Scenario, Script, Waypoint, load_scenario
 from tensionlab.scenarios.expected import find_brake_wall
 from tensionlab.scenarios.play import perform, simulate_modules, temporary_slew
+from tensionlab.support.arrays import Floats
 
 MAX_FORCE_N = 60.0
 """Allowed on a head."""

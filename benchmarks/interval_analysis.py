@@ -20,8 +20,8 @@ import time
 import numpy as np
 
 from benchmarks.certify import Case, cases
-from tensionlab.arrays import Floats
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 from tensionlab.workspace import capacity_margin, half_spaces
 from tensionlab.workspace.certification.result import Bounds
 from tensionlab.workspace.certification.subdivision import subdivide

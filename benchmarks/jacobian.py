@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from benchmarks.workspace import LOWER, UPPER
 from tensionlab.allocation import Allocation, allocate
-from tensionlab.arrays import Floats
 from tensionlab.benchmarking.speed import (
     describe_kernels,
     infeasible_wrenches,
@@ -26,6 +25,7 @@ from tensionlab.benchmarking.speed import (
 )
 from tensionlab.jacobian import allocation_jacobian
 from tensionlab.solvers.base import POLICIES, Policy, Status
+from tensionlab.support.arrays import Floats
 
 TOLERANCE = 1e-7
 """Largest difference, against the largest entry of an array of derivatives, or 1."""

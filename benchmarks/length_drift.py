@@ -20,7 +20,6 @@ import numpy as np
 
 import tensionlab as tl
 from benchmarks.telemetry_faults import PUBLISHED, TamperedLink
-from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup
@@ -36,6 +35,7 @@ from tensionlab.hardware.simulation.links import Conditions, FaultyLink, Simulat
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 
 RIGS = ("bartels2026-validation", "cube-8", "seven-modules", "tetra-4", "bartels2026-validation-0.3m")
 ANCHOR_ERROR_M = 0.003

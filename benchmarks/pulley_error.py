@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 import tensionlab as tl
-from tensionlab.arrays import Floats
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 from tensionlab.workspace import capacity_margin
 
 RIG = "bartels2026-validation"

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from benchmarks.processes import process
-from tensionlab.arrays import Floats
 from tensionlab.model.files import load_rig
 from tensionlab.model.kinematics import in_space
+from tensionlab.support.arrays import Floats
 from tensionlab.viewer.drawing import place_camera
 from tensionlab.viewer.state import begin
 from tools.site.browser import installed

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.view_browser import Shown, shown
-from tensionlab.arrays import Floats
 from tensionlab.model.files import load_rig
+from tensionlab.support.arrays import Floats
 from tensionlab.viewer import volume
 from tensionlab.viewer.evaluation import evaluate
 from tensionlab.viewer.scene import draw

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
 from tensionlab.haptics.effects.parameters import Damping, Parameters, PositiveMass
 from tensionlab.haptics.rendering.stability import stiffness_bound
+from tensionlab.support.arrays import Floats
 
 Law = Callable[[int, Floats, Floats], Floats]
 """Which force (...) acts on a hand at a position (...) with a velocity (...), at a step? As the host sees them."""

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import highs
-from tensionlab.arrays import Floats
 from tensionlab.benchmarking.rigs import rotations, structures, unit_vectors
 from tensionlab.benchmarking.speed import instruction_set, using_threads
 from tensionlab.model.files import load_rig
 from tensionlab.model.requirement import Requirement
+from tensionlab.support.arrays import Floats
 from tensionlab.workspace import PoseList, capacity_margin, wrench_closure
 from tensionlab.workspace.structure_metrics import feasibility_tolerance
 from tensionlab.workspace.sweep import sweep

@@ -7,7 +7,7 @@ import numpy as np
 
 import tensionlab as tl
 from tensionlab.hardware import Demand, Pose, RigState, RunLog, Runner, RunSettings, World, WorldClock, read_run
-from tensionlab.records import manifest
+from tensionlab.support.provenance import manifest
 
 rig = tl.load_rig("bartels2026-validation")
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import LIMITS, box_corners
 from tensionlab.model.module import Module
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep import sweep
 

@@ -9,7 +9,6 @@ from portraits import demonstration_rig
 
 import tensionlab as tl
 from benchmarks import pulley_error
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.haptics.brakes.choice import brake_map, brake_strengths
 from tensionlab.haptics.rendering.stability import MARGIN, stiffness_bound
 from tensionlab.hardware.protocol.codes import EVENTS, State
@@ -17,6 +16,7 @@ from tensionlab.hardware.simulation.simulated_module import TRANSITIONS
 from tensionlab.plots.rig import map_normals
 from tensionlab.plots.style import new_figure
 from tensionlab.scenarios import load_scenario
+from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, RED
 
 DESIRED = np.array([-8.0, -7.0])
 """The infeasible wrench of the policies, in N."""

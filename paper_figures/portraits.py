@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 import tensionlab as tl
-from tensionlab.display import BLUE, GREY, RED
 from tensionlab.plots.style import new_figure
+from tensionlab.support.table import BLUE, GREY, RED
 
 ANCHORS = ((1.2, 1.1), (0.8, 0.6), (0.2, -1.3), (-1.1, 0.5))
 LOWER, UPPER = 1.0, (10.0, 10.0, 10.0, 4.0)

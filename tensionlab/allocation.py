@@ -14,21 +14,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensionlab import display, records
-from tensionlab.arrays import (
-    Floats,
-    Integers,
-    Limits,
-    check,
-    check_size,
-    common_axes,
-    finite,
-    frozen,
-    numbers,
-    rows,
-    spread,
-    tension_limits,
-)
 from tensionlab.errors import InputError, ShapeError, Unreachable
 from tensionlab.solvers import SOLVERS, fused, make
 from tensionlab.solvers.base import (
@@ -43,6 +28,22 @@ from tensionlab.solvers.base import (
     Verified,
     refusal,
     resolve_policy,
+)
+from tensionlab.support import provenance
+from tensionlab.support import table as display
+from tensionlab.support.arrays import (
+    Floats,
+    Integers,
+    Limits,
+    check,
+    check_size,
+    common_axes,
+    finite,
+    frozen,
+    numbers,
+    rows,
+    spread,
+    tension_limits,
 )
 from tensionlab.verification import verify
 
@@ -198,7 +199,7 @@ class Allocation:
             if table is not None:
                 whole = np.broadcast_to(table, (*self.status.shape, table.shape[-1]))
                 columns |= {f"{name}_{i}": whole[..., i].ravel() for i in range(table.shape[-1])}
-        frame = records.data_frame(columns)
+        frame = provenance.data_frame(columns)
         if self.status.ndim > 1:
             axes = np.indices(self.status.shape).reshape(self.status.ndim, -1)
             frame = frame.set_index([*axes]).rename_axis([f"axis_{i}" for i in range(len(axes))])
@@ -218,7 +219,7 @@ class Allocation:
         last = {"tensions": ["cable"], "wrench": ["component"], "separation": ["component"]}
         units = {"tensions": "N", "wrench": "N and N m", "residual": "N"}
         names = ("tensions", "wrench", "residual", "status", "scale", "iterations", "separation")
-        found: xarray.Dataset = records.import_xarray().Dataset({
+        found: xarray.Dataset = provenance.import_xarray().Dataset({
             name: ([*leading, *last.get(name, [])], getattr(self, name), {"units": units.get(name, "1")})
             for name in names
         })  # fmt: skip

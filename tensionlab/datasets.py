@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from tensionlab.errors import InputError
-from tensionlab.files.named import SUFFIXES, describe_unknown, list_names
-from tensionlab.files.reading import datasets_folder as folder
+from tensionlab.support.files.named import SUFFIXES, describe_unknown, list_names
+from tensionlab.support.files.reading import datasets_folder as folder
 
 __all__ = ["folder", "load", "names"]
 PROBLEMS = "problems"

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats, Integers
 from tensionlab.model.pose import Frames
+from tensionlab.support.arrays import Floats, Integers
 
 
 class Pose(NamedTuple):

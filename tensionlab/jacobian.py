@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
 from tensionlab.allocation import Allocation, Allocator
-from tensionlab.arrays import Floats, Limits, finite, numbers, rows
 from tensionlab.errors import InputError, ShapeError
 from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, Policy, Problem, Solver
 from tensionlab.solvers.least_squares import Newton
+from tensionlab.support.arrays import Floats, Limits, finite, numbers, rows
 
 
 class AllocationGradients(NamedTuple):

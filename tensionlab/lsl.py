@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, needs
 from tensionlab.hardware.log.columns import demanded_wrench, desired_wrench, rotation_matrix
 from tensionlab.hardware.protocol.messages import Info
 from tensionlab.hardware.runner.statistics import Cycle, RunSink, Statistics
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 
 if TYPE_CHECKING:
     from pylsl import StreamOutlet

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.allocation import Allocation, Allocator, Policy, Solver
-from tensionlab.arrays import Floats
 from tensionlab.demand import Pose
 from tensionlab.errors import InputError, needs
 from tensionlab.model.mjcf import rig_to_mjcf
 from tensionlab.model.pose import in_own_axes, place_anchors
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 
 __all__ = ["RigBody", "TendonAllocator", "gravity", "structure_matrix"]
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab import _native
-from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
 from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer, Problem, Status, Verified
 from tensionlab.solvers.least_squares import Newton
+from tensionlab.support.arrays import Floats
 
 
 def verify(problem: Problem, answer: Answer) -> Verified:

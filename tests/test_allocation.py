@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.arrays import Floats
 from tensionlab.solvers.base import Answer, Policy, Problem, Verified
+from tensionlab.support.arrays import Floats
 
 PLANAR = np.array([[1.0, -0.6, -0.6], [0.0, 0.8, -0.8]])
 LIMITS = ([1.0, 1.0, 1.0], [10.0, 10.0, 10.0])

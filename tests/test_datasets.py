@@ -12,8 +12,8 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import DataError, InputError
-from tensionlab.files import reading
 from tensionlab.model.directions import grid18
+from tensionlab.support.files import reading
 from tensionlab.validation.data_tables import Published, write_recording
 from tests.helpers.recorded import made_up
 

@@ -17,28 +17,12 @@ from tests.helpers.windows import LACKING, NOT_THERE
 PACKAGE = Path(__file__).parents[1] / "tensionlab"
 
 # Rooms that each room may enter, besides itself and those of everybody.
-EVERYBODY = {
-    "errors",
-    "admission",
-    "operating_system",
-    "arrays",
-    "files",
-    "records",
-    "variants",
-    "display",
-    "__version__",
-}
+EVERYBODY = {"errors", "support", "__version__"}
 CORE = {"model", "allocation", "demand", "_native"}
 ABOVE = CORE | {"solvers", "verification", "datasets", "workspace", "hardware", "haptics", "scenarios"}
 ALLOWED = {
     "errors": set(),
-    "admission": set(),
-    "operating_system": set(),
-    "arrays": {"_native"},
-    "files": set(),
-    "display": set(),
-    "records": set(),
-    "variants": set(),
+    "support": {"_native"},
     "model": {"allocation"},  # Rig.allocate alone: see test_only_a_rig_allocates
     "solvers": {"_native"},
     "verification": {"solvers", "_native"},
@@ -75,7 +59,7 @@ DOORS = {
     "osqp": {"solvers/quadratic.py"},
     "clarabel": {"solvers/quadratic.py"},
     "cvxpy": {"solvers/convex.py"},
-    "filelock": {"files/writing.py"},
+    "filelock": {"support/files/writing.py"},
     "serial": {"hardware/client/links.py"},
     "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py", "viewer/gate.py"},
     "viser": {"viewer/gate.py", "viewer/drawing.py", "viewer/panel.py"},
@@ -84,8 +68,8 @@ DOORS = {
     "pythonosc": {"haptics/bridge/osc.py"},
     "mcap": {"hardware/log/mcap_file.py"},
     "zstandard": {"hardware/log/mcap_file.py"},
-    "xarray": {"records.py"},
-    "pandas": {"records.py"},
+    "xarray": {"support/provenance.py"},
+    "pandas": {"support/provenance.py"},
     "zarr": {"workspace/sweep/store.py"},
     "distributed": {"workspace/sweep/executors.py"},
     "jax": {"jax.py"},
@@ -100,7 +84,7 @@ NATIVE = {
     "solvers/least_squares.py",
     "solvers/closed_form.py",
     "solvers/penalty.py",
-    "arrays.py",
+    "support/arrays.py",
     "jacobian.py",
     "verification.py",
     "benchmarking/speed.py",
@@ -123,7 +107,7 @@ NATIVE = {
     "hardware/runner/watchdog.py",
     "hardware/simulation/simulated_module.py",
 }
-# What the other files leave to operating_system.py: what some systems lack, and asking which one this is. Steps of
+# Only support/operating_system.py uses what some systems lack, or asks which system this is. Steps of
 # time.monotonic are 16 ms on Windows before Python 3.13; time.perf_counter is the same clock elsewhere.
 SYSTEM_MODULES = {*NOT_THERE, "msvcrt", "winreg", "ctypes", "posix", "nt"}
 SYSTEM_NAMES = {f"{module.__name__}.{name}" for module, names in LACKING.items() for name in names}
@@ -243,14 +227,14 @@ def system_parts(tree: ast.Module) -> set[str]:
 @pytest.mark.parametrize("name", NAMES)
 def test_what_differs_between_systems_is_in_one_file(name: str) -> None:
     found = system_parts(ast.parse((PACKAGE / name).read_text()))
-    assert not found or name == "operating_system.py", f"{name} uses {found}"
+    assert not found or name == "support/operating_system.py", f"{name} uses {found}"
 
 
 def test_the_rules_see_what_differs() -> None:
     text = "import tty\nfrom os import nice\nos.name\nhasattr(os, 'nice')\ntime.monotonic()\nselect.poll()\n"
     expected = {"tty", "os.nice", "os.name", "hasattr(os, 'nice')", "time.monotonic", "select.poll"}
     assert system_parts(ast.parse(text)) == expected
-    assert "sys.platform" in system_parts(ast.parse((PACKAGE / "operating_system.py").read_text()))
+    assert "sys.platform" in system_parts(ast.parse((PACKAGE / "support/operating_system.py").read_text()))
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -12,8 +12,8 @@ from benchmarks.processes import process
 from tensionlab.cli import main
 from tensionlab.demand import Demand
 from tensionlab.hardware import RunLog, Runner, RunSettings, World, WorldClock, read_run
-from tensionlab.records import manifest
 from tensionlab.scenarios import load_scenario
+from tensionlab.support.provenance import manifest
 
 pylsl = pytest.importorskip("pylsl")
 

@@ -23,9 +23,9 @@ from tensionlab.benchmarking.report import (
     summary_table,
 )
 from tensionlab.benchmarking.results import Results, Summary
-from tensionlab.display import duration, percent
 from tensionlab.errors import InputError, TensionlabError
-from tensionlab.files import writing
+from tensionlab.support.files import writing
+from tensionlab.support.table import duration, percent
 
 COMMITTED = Path("datasets") / "benchmarks"
 

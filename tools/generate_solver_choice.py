@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from tensionlab.benchmarking.report import table
 from tensionlab.benchmarking.results import Results, Summary, summaries
-from tensionlab.display import duration, percent
 from tensionlab.solvers import make
+from tensionlab.support.table import duration, percent
 
 
 class Choice(NamedTuple):

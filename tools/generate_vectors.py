@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tensionlab import records
 from tensionlab.model.directions import grid18
+from tensionlab.support import provenance
 
 FILE = Path("datasets") / "vectors" / "grid18.parquet"
 
@@ -25,8 +25,8 @@ def main() -> None:
         "polar": polar.round(9),
         "azimuth": np.mod(azimuth.round(9), 360.0),
     }
-    records.write_parquet(
-        path, columns, records.manifest(["python", "-m", "tools.generate_vectors", *sys.argv[1:]])
+    provenance.write_parquet(
+        path, columns, provenance.manifest(["python", "-m", "tools.generate_vectors", *sys.argv[1:]])
     )
     print(f"vectors: {path}")
 

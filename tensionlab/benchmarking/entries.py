@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
-from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver, needs
 from tensionlab.solvers import every_solver, make, name_solvers
 from tensionlab.solvers.base import POLICIES, Answer, Policy, Problem, Solver
@@ -20,6 +19,7 @@ from tensionlab.solvers.convex import PlainConvex
 from tensionlab.solvers.least_squares import Newton
 from tensionlab.solvers.programs import Baseline, Reply, finite_tensions
 from tensionlab.solvers.quadratic import BACKENDS, TIGHT, PlainProgram
+from tensionlab.support.arrays import Floats
 from tensionlab.verification import require_answer
 
 Setting = Literal["proved", "default", "tight"]

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
-from tensionlab.arrays import Floats
 from tensionlab.benchmarking import statistics
 from tensionlab.benchmarking.entries import WRAPPERS, Driver, Entry, driver
 from tensionlab.benchmarking.optimum import Optimum, excess_error, optimum
@@ -29,6 +28,7 @@ from tensionlab.benchmarking.results import Evidence, Row, Trajectory, empty_evi
 from tensionlab.errors import TensionlabError
 from tensionlab.solvers import is_built_in
 from tensionlab.solvers.base import Answer, Policy, Problem, Status
+from tensionlab.support.arrays import Floats
 from tensionlab.verification import verify
 
 BLOCK = 20

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
 from tensionlab.solvers.base import Problem, Status
 from tensionlab.solvers.least_squares import Newton
 from tensionlab.solvers.programs import times, whitener
+from tensionlab.support.arrays import Floats
 from tensionlab.verification import verify
 
 Flags = NDArray[np.bool_]

@@ -16,7 +16,6 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from tensionlab.arrays import Floats, check_size
 from tensionlab.benchmarking.optimum import optimum
 from tensionlab.benchmarking.problem_sets import (
     PROBLEM_SETS,
@@ -27,7 +26,8 @@ from tensionlab.benchmarking.problem_sets import (
     size_label,
 )
 from tensionlab.errors import DataError, InputError, ShapeError
-from tensionlab.files.tables import read_npz, read_parquet
+from tensionlab.support.arrays import Floats, check_size
+from tensionlab.support.files.tables import read_npz, read_parquet
 
 KIND = "quadratic programs: a Parquet file, or a folder of NPZ files"
 KEYS = ("P", "q", "G", "h", "A", "b", "lb", "ub")

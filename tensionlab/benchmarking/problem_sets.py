@@ -13,12 +13,12 @@ from typing import Literal
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.benchmarking.rigs import Stream, border_path, near_singular, streams, workspace_samples
 from tensionlab.errors import InputError
 from tensionlab.model.directions import forces, grid18
 from tensionlab.model.files import load_rig
 from tensionlab.solvers.base import Policy, Problem
+from tensionlab.support.arrays import Floats
 from tensionlab.workspace import half_spaces
 
 LOWER, UPPER = 0.5, 6.0

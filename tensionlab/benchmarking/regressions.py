@@ -18,11 +18,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab import display, records
-from tensionlab.arrays import Floats
 from tensionlab.benchmarking import report
 from tensionlab.benchmarking.results import ACCURACIES, Results, Row
 from tensionlab.errors import InputError
+from tensionlab.support import provenance
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats
 
 if TYPE_CHECKING:
     import pandas
@@ -114,7 +115,7 @@ class Regressions:
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each change, as in `Change`; MissingDependency if pandas is not installed."""
-        return records.data_frame([vars(each) | {"verdict": each.verdict} for each in self.changes])
+        return provenance.data_frame([vars(each) | {"verdict": each.verdict} for each in self.changes])
 
     def report(self) -> str:
         """Return the report in Markdown."""

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from tensionlab.benchmarking.results import Results, Row, Summary, summaries
 from tensionlab.benchmarking.speed import PASSES
-from tensionlab.display import duration, percent
+from tensionlab.support.table import duration, percent
 
 Of = TypeVar("Of")
 

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab import display, records
-from tensionlab.arrays import Floats
 from tensionlab.benchmarking import statistics
 from tensionlab.benchmarking.entries import Entry
 from tensionlab.errors import DataError
-from tensionlab.files.tables import from_mappings, read_parquet
+from tensionlab.support import provenance
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.tables import from_mappings, read_parquet
 
 if TYPE_CHECKING:
     import pandas
@@ -151,7 +152,7 @@ class CallRow:
 class Results:
     """All rows of a benchmark, and its manifest.
 
-    The manifest is that of `tensionlab.records`, and under ``bench`` has what the report needs of the run:
+    The manifest is `provenance.manifest`'s, and under ``bench`` has what the report needs of the run:
     ``sets`` (by name: title, reachable, groups, problems, verified), ``plan``, ``instruction_set``,
     ``processor_share``, ``batches`` and ``calls``.
     """
@@ -186,7 +187,7 @@ class Results:
         MissingDependency if pandas is not installed.
         """
         rows = [{key: value for key, value in vars(row).items() if key not in EVIDENCE} for row in self.rows]
-        return records.data_frame(rows)
+        return provenance.data_frame(rows)
 
     @property
     def sets(self) -> dict[str, Any]:
@@ -213,7 +214,7 @@ def write(path: str | Path, rows: Sequence[Row], manifest: dict[str, Any], evide
     table = [dataclasses.asdict(row) for row in rows]
     if not evidence:
         table = [{key: value for key, value in row.items() if key not in EVIDENCE} for row in table]
-    records.write_parquet(path, table, manifest)
+    provenance.write_parquet(path, table, manifest)
 
 
 def read(path: str | Path) -> Results:

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
 from tensionlab.model.module import GRAVITY_M_S2
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 from tensionlab.workspace import capacity_margin
 
 ARM_M = 0.3

@@ -22,16 +22,16 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab import records
 from tensionlab.benchmarking import results, speed
 from tensionlab.benchmarking.entries import entries
 from tensionlab.benchmarking.evaluation import Effort, evaluate_set
 from tensionlab.benchmarking.problem_files import find_problem_set
 from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, checksum
 from tensionlab.errors import InputError, TensionlabError, WriteError
-from tensionlab.files import writing
-from tensionlab.operating_system import OWN_GROUP
 from tensionlab.solvers import Solver, name_solvers
+from tensionlab.support import provenance
+from tensionlab.support.files import writing
+from tensionlab.support.operating_system import OWN_GROUP
 
 KERNEL_THREADS = "TENSIONLAB_NUM_THREADS"
 """Variable of the environment, read with each batch, that says how many threads tensionlab's kernels use."""
@@ -250,7 +250,7 @@ def measure_here(what: Plan, folder: Path, call: Sequence[str], progress: Callab
         }
     busy = (time.process_time() - processor) / (time.perf_counter() - wall)
     batch_rows, call_rows = _speed(what, progress)
-    manifest = records.manifest(call, what.seed)
+    manifest = provenance.manifest(call, what.seed)
     manifest["bench"] = {
         "sets": sets,
         "plan": what.record,

@@ -14,13 +14,13 @@ import numpy as np
 
 from tensionlab import _native
 from tensionlab.allocation import Allocator, allocate
-from tensionlab.arrays import Floats
 from tensionlab.benchmarking import entries
 from tensionlab.benchmarking.results import BatchRow, CallRow
 from tensionlab.benchmarking.rigs import structures
 from tensionlab.benchmarking.statistics import quantile
 from tensionlab.solvers.base import Status
 from tensionlab.solvers.quadratic import solve_qp
+from tensionlab.support.arrays import Floats
 
 LOWER, UPPER = 0.5, 6.0
 """Tension limits of all problems, in N."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
+from tensionlab.support.arrays import Floats
 
 SHIFT_S = 1e-6
 """Shift of the geometric mean, in s: a call of 0.1 µs counts hardly less than one of 0.2 µs."""

@@ -25,7 +25,7 @@ from typer.core import TyperGroup
 from tensionlab import __version__
 from tensionlab.cli.common.output import NOTHING_KEPT, print_error
 from tensionlab.errors import TensionlabError
-from tensionlab.operating_system import reader_has_gone
+from tensionlab.support.operating_system import reader_has_gone
 
 if TYPE_CHECKING:
     from typing import TextIO

@@ -12,7 +12,6 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from tensionlab import display, records
 from tensionlab.allocation import allocate
 from tensionlab.benchmarking import report
 from tensionlab.benchmarking import run as benchmark
@@ -21,10 +20,12 @@ from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, problem_set
 from tensionlab.benchmarking.results import Results, read, summaries
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
-from tensionlab.display import duration, percent
 from tensionlab.errors import InputError, WriteError
-from tensionlab.files.writing import make_folder, write_text
 from tensionlab.solvers.base import Status
+from tensionlab.support import provenance
+from tensionlab.support import table as display
+from tensionlab.support.files.writing import make_folder, write_text
+from tensionlab.support.table import duration, percent
 
 problems = options.group("List, show and export the benchmark's problem sets.")
 Count = Annotated[int, typer.Option(min=1, help="About so many problems in the set.")]
@@ -216,5 +217,5 @@ def export(
     rows = qp_rows(found)
     manifest = output.manifest(seed)
     description = {"set": found.name, "title": found.title, "reachable": found.reachable, "count": count}
-    records.write_parquet(out, rows, manifest | description)
+    provenance.write_parquet(out, rows, manifest | description)
     output.console().print(f"{found.name}, {len(rows)} problems: {out}", soft_wrap=True)

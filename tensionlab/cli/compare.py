@@ -8,13 +8,13 @@ from typing import Annotated
 
 import typer
 
-from tensionlab import records
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import At, BodyFrames, Json, Plot, RigArgument, Rows
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
 from tensionlab.comparison import compare as comparison
 from tensionlab.comparison.compare import COLUMNS, STATUSES, Column, RowType
 from tensionlab.model.files import load_rig
+from tensionlab.support import provenance
 
 STATUS_LEGEND = """\
 exact: limits kept, wrench rendered   near: certified infeasible, the policy's best substitute found
@@ -91,7 +91,7 @@ def compare(
 
             writer.write("plot", plot, lambda path: save_figure(plot_comparison(result), path))
         if out:
-            writer.write("rows", out, lambda path: records.write_table(path, rows, manifest))
+            writer.write("rows", out, lambda path: provenance.write_table(path, rows, manifest))
         if json:
             output.print_json(
                 rig=loaded.name,

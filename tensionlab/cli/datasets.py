@@ -11,8 +11,8 @@ from tensionlab.benchmarking.problem_sets import problem_set
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
 from tensionlab.errors import DataError
-from tensionlab.files.named import SUFFIXES
-from tensionlab.files.reading import read_toml
+from tensionlab.support.files.named import SUFFIXES
+from tensionlab.support.files.reading import read_toml
 
 TABLES = {
     "vectors": "directions of the published validation",

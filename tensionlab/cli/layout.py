@@ -12,7 +12,7 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, Plot
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
-from tensionlab.files import writing
+from tensionlab.support.files import writing
 from tensionlab.workspace.layout.results import LAYOUT_HEADINGS, SEARCH_HEADINGS, Layout, LayoutSearch
 from tensionlab.workspace.layout.task import load_task
 

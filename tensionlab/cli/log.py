@@ -9,17 +9,17 @@ from typing import Annotated
 
 import typer
 
-from tensionlab import records
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Browser, Json, PagePort, Rows
 from tensionlab.cli.common.output import if_interrupted, open_page
 from tensionlab.cli.compare import STATUS_LEGEND, print_scores
 from tensionlab.comparison import replay as replays
 from tensionlab.comparison.replay import COLUMNS
-from tensionlab.display import count, duration
 from tensionlab.errors import LogError
 from tensionlab.hardware.log import reader
 from tensionlab.hardware.log.reader import MAX_EVENTS, MODULE_HEADINGS
+from tensionlab.support import provenance
+from tensionlab.support.table import count, duration
 
 log = options.group("Show, export, draw, play and replay logs of runs.")
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).", show_default=False)]
@@ -44,7 +44,8 @@ def info(path: RunFile, json: Json = False) -> None:
 def export(
     path: RunFile,
     out: Annotated[
-        Path, options.writes("Write to this file: NetCDF (.nc), Parquet or CSV.", ".nc", *records.TABLE_SUFFIXES)
+        Path,
+        options.writes("Write to this file: NetCDF (.nc), Parquet or CSV.", ".nc", *provenance.TABLE_SUFFIXES),
     ],
 ) -> None:
     """Write a run as NetCDF, Parquet or CSV.
@@ -55,7 +56,7 @@ def export(
     if out.suffix.lower() == ".nc":
         reader.write_netcdf(run, out)
     else:
-        records.write_table(out, reader.flat_columns(run), run.manifest)
+        provenance.write_table(out, reader.flat_columns(run), run.manifest)
     typer.echo(f"{out}: {len(run)} cycles")
 
 
@@ -101,7 +102,7 @@ def replay(
     manifest = {**output.manifest(), "run": run.manifest}
     with output.ResultWriter(quiet=json) as writer:
         if out:
-            writer.write("rows", out, lambda file: records.write_table(file, rows, manifest))
+            writer.write("rows", out, lambda file: provenance.write_table(file, rows, manifest))
         if json:
             output.print_json(
                 rig=run.rig.name, cycles=found.cycles, rows=rows, left_out=found.missing, manifest=manifest

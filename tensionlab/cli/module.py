@@ -16,8 +16,6 @@ from tensionlab.cli.common.options import Json, Links, ModulesFile
 from tensionlab.cli.module_calibrate import calibrate
 from tensionlab.cli.module_monitor import monitor, ping
 from tensionlab.errors import HardwareError, ModuleFault
-from tensionlab.files.reading import read_text
-from tensionlab.files.writing import make_folder, write_text
 from tensionlab.hardware.client import parameter_file
 from tensionlab.hardware.client.discovery import find_all, ports
 from tensionlab.hardware.client.discovery import identify as pulse
@@ -29,6 +27,8 @@ from tensionlab.hardware.client.parameter_file import Change, firmware, plain
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, State
 from tensionlab.hardware.protocol.messages import Clear, EmergencyStop, Info, Message, Stop
 from tensionlab.hardware.protocol.parameters import PARAMETER_DESCRIPTIONS, PARAMETERS
+from tensionlab.support.files.reading import read_text
+from tensionlab.support.files.writing import make_folder, write_text
 
 module = options.group("Find modules, show how they are, set them up and stop them.")
 config = options.group("Get and set the parameters of modules. The modules must be idle.")

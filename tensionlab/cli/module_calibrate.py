@@ -12,7 +12,6 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, RigArgument
-from tensionlab.files.tables import table_text
 from tensionlab.hardware.calibration import anchors as calibration
 from tensionlab.hardware.calibration import gain_measurement as measurement
 from tensionlab.hardware.calibration import lengths as length_calibration
@@ -26,6 +25,7 @@ from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import PLANT, HangingMass
 from tensionlab.model.files import load_rig, rig_to_toml
 from tensionlab.model.rig import Rig
+from tensionlab.support.files.tables import table_text
 
 calibrate = options.group("Calibrate modules and rigs.")
 Url = Annotated[

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.files import writing
 from tensionlab.model.module import require_name
+from tensionlab.support.files import writing
 
 FOLDER = Path(__file__).parent / "templates"
 KINDS = ("rig", "space", "scenario", "program")

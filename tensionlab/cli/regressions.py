@@ -11,7 +11,7 @@ from tensionlab.benchmarking import regressions as room
 from tensionlab.benchmarking.results import read
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
-from tensionlab.files.writing import write_text
+from tensionlab.support.files.writing import write_text
 
 
 def regressions(

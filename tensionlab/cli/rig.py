@@ -7,15 +7,15 @@ from typing import Annotated
 
 import typer
 
-from tensionlab.arrays import Floats
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import BodyFrames, Json, Plot, RigArgument
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
-from tensionlab.files import writing
 from tensionlab.model import caspr as caspr_models
 from tensionlab.model.files import load_rig, rig_to_toml, save_rig
 from tensionlab.model.mjcf import rig_to_mjcf
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files import writing
 from tensionlab.validation.rig_check import check_rig
 
 rig = options.group("Show, check, import and export rigs.")

@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from tensionlab.arrays import Floats
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules, show_run, tell_streams
 from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Policy, RigArgument, Solver, View
 from tensionlab.demand import Demand, DemandSource, Pose
-from tensionlab.display import duration
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Fault, Limit, State
 from tensionlab.hardware.runner.program import load_program
@@ -24,6 +22,8 @@ from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.hardware.runner.statistics import CTRL_C
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import duration
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

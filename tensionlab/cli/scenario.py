@@ -19,9 +19,7 @@ from tensionlab.cli.common.modules import (
     show_run,
 )
 from tensionlab.cli.common.options import Duration, Json, Log, Lsl, Modules, Plot, Solver, View
-from tensionlab.display import Finding
 from tensionlab.errors import HardwareError
-from tensionlab.files.named import list_names
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.source import tracked_pose
@@ -30,6 +28,8 @@ from tensionlab.scenarios import SCENARIOS, Scenario, check_needs, load_scenario
 from tensionlab.scenarios.checks import Check, Directions, check_directions, loop_delay
 from tensionlab.scenarios.expected import EXPECTED, check_scenario
 from tensionlab.scenarios.play import ScenarioModules, ScenarioResult, needs_tracker, play, simulate_modules
+from tensionlab.support.files.named import list_names
+from tensionlab.support.table import Finding
 
 LIST = "list"
 """Shows the scenarios, in the place of a name."""

@@ -16,7 +16,6 @@ from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules,
 from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Solver, View
 from tensionlab.cli.run import print_summary
 from tensionlab.errors import InputError, TensionlabError
-from tensionlab.files.reading import read_text
 from tensionlab.haptics.bridge.admission import PAGE_PATH, SCHEMA_PATH, Admission
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.events import RunEvents
@@ -36,6 +35,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.scenarios import SCENARIOS, Scenario, ScenarioDemand, load_scenario
 from tensionlab.scenarios.play import module_limits, needs_tracker, temporary_slew
 from tensionlab.scenarios.scenery import as_mapping
+from tensionlab.support.files.reading import read_text
 
 TOKEN_VARIABLE = "TENSIONLAB_BRIDGE_TOKEN"
 """Variable of the environment that may hold the token of clients."""

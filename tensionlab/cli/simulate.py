@@ -12,7 +12,6 @@ import typer
 
 from tensionlab.cli.common import options
 from tensionlab.cli.common.modules import until_interrupted
-from tensionlab.files import writing
 from tensionlab.haptics.bridge.osc import OscTracker
 from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.hardware.simulation import serve as serving
@@ -23,6 +22,7 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios import SCENARIOS, Scenario, load_scenario
 from tensionlab.scenarios.person import PersonSimulation
+from tensionlab.support.files import writing
 from tensionlab.validation.error_model import PRESETS, RigErrors, draw_errors, require_point, true_plants, true_rig
 from tensionlab.validation.simulated_sensor import SensorServer
 

@@ -12,9 +12,9 @@ from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Browser, PagePort
 from tensionlab.cli.common.output import if_interrupted, open_page
 from tensionlab.errors import RigError
-from tensionlab.files.named import is_path
 from tensionlab.hardware.log.shared_run import RunWatcher, find_runs
 from tensionlab.model.files import load_rig
+from tensionlab.support.files.named import is_path
 from tensionlab.viewer.live import LivePage
 from tensionlab.viewer.page import DesignPage
 from tensionlab.viewer.server import PageServer

@@ -13,15 +13,15 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import typer
 
-from tensionlab.arrays import Floats
 from tensionlab.cli import workspace_proof
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import BodyFrames, Json
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
-from tensionlab.display import count
-from tensionlab.files.writing import unwritable
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.writing import unwritable
+from tensionlab.support.table import count
 from tensionlab.workspace.certification.certify import SUFFIX as PROOF_SUFFIX
 from tensionlab.workspace.metrics import description, make
 from tensionlab.workspace.orientations import over_orientations, parse_rotations

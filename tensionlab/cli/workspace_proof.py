@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from tensionlab.arrays import Floats
 from tensionlab.cli.common import output
-from tensionlab.display import count, percent
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import count, percent
 from tensionlab.workspace.certification.certify import certify
 from tensionlab.workspace.certification.problem import WRENCH_CLOSURE
 from tensionlab.workspace.certification.result import Bounds, CertifiedWorkspace

@@ -13,17 +13,18 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab import display, records
 from tensionlab.allocation import Allocation, Allocator
-from tensionlab.arrays import MAX_MAGNITUDE, Floats, Integers, angles
-from tensionlab.arrays import finite as as_finite
 from tensionlab.comparison.guarded import guarded
-from tensionlab.display import duration, short
 from tensionlab.errors import InputError
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import Solver, select_solvers
 from tensionlab.solvers.base import POLICIES, Policy, Status
+from tensionlab.support import provenance
+from tensionlab.support import table as display
+from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers, angles
+from tensionlab.support.arrays import finite as as_finite
+from tensionlab.support.table import duration, short
 
 if TYPE_CHECKING:
     import pandas
@@ -189,7 +190,7 @@ class Comparison:
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each solver and policy, as in `Row`; MissingDependency if pandas is not installed."""
-        return records.data_frame([vars(row) for row in self.rows])
+        return provenance.data_frame([vars(row) for row in self.rows])
 
 
 def compare(

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab import display, records
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.comparison.compare import Column, Score, finite, score, scores_table
 from tensionlab.comparison.guarded import guarded
-from tensionlab.display import short
 from tensionlab.hardware.log.reader import Run
 from tensionlab.solvers import Selected, Solver, select_solvers
 from tensionlab.solvers.base import Policy
+from tensionlab.support import provenance
+from tensionlab.support import table as display
+from tensionlab.support.table import short
 
 if TYPE_CHECKING:
     import pandas
@@ -76,7 +77,7 @@ class Replay:
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each solver, as in `ReplayRow`; MissingDependency if pandas is not installed."""
-        return records.data_frame([vars(row) for row in self.rows])
+        return provenance.data_frame([vars(row) for row in self.rows])
 
 
 def replay(

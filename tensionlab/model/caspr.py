@@ -14,13 +14,13 @@ from xml.parsers import expat
 
 import numpy as np
 
-from tensionlab import display
-from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
-from tensionlab.files.reading import MAX_NESTING, brief, read_bytes
 from tensionlab.model.module import KINDS, Module, Platform
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.reading import MAX_NESTING, brief, read_bytes
 
 
 @dataclass

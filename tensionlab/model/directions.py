@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import DataError, InputError, ShapeError
-from tensionlab.files.reading import brief, read_text
-from tensionlab.files.tables import MAX_FILE_BYTES, csv_rows
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.reading import brief, read_text
+from tensionlab.support.files.tables import MAX_FILE_BYTES, csv_rows
 
 MAX_DIRECTIONS = 10_000_000
 CIRCLE_COUNT = 72

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from tensionlab.errors import RigError
-from tensionlab.files import writing
-from tensionlab.files.named import find
-from tensionlab.files.reading import parse_toml, read_text, read_toml
 from tensionlab.model.module import KINDS, WORLD, Module, Platform
 from tensionlab.model.pose import RestPose
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
+from tensionlab.support.files import writing
+from tensionlab.support.files.named import find
+from tensionlab.support.files.reading import parse_toml, read_text, read_toml
 
 SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius", "pulley_radius", "pulley_axis")
 """Keys of a module that the table ``[limits]`` can give for all."""

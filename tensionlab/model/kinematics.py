@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats, Integers, common_axes
 from tensionlab.model.pulleys import Pulleys, go_over, turn_gradient
+from tensionlab.support.arrays import Floats, Integers, common_axes
 
 
 def planar_rotation(angle: Floats) -> Floats:

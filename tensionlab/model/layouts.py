@@ -8,10 +8,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import RigError
 from tensionlab.model.module import Module
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats, as_floats
 
 LIMITS = (0.5, 6.0)
 """Tension limits of the published module, in N (Bartels et al. 2026)."""

@@ -7,12 +7,12 @@ from xml.etree import ElementTree as Xml
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
 from tensionlab.model import pose
 from tensionlab.model.kinematics import in_space
 from tensionlab.model.module import GRAVITY_M_S2, KINDS, WORLD, Module
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 
 MASS = 1.0
 """Of what the cables hold where the rig has no platform, in kg."""

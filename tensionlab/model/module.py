@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensionlab import display
-from tensionlab.arrays import Floats, as_floats, frozen, tension_limits
 from tensionlab.errors import RigError, ShapeError
-from tensionlab.files.reading import brief
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats, as_floats, frozen, tension_limits
+from tensionlab.support.files.reading import brief
 
 WORLD = "world"
 """The frame that never moves."""

@@ -9,11 +9,11 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensionlab.arrays import Floats, as_floats, common_axes, finite, frozen
 from tensionlab.errors import RigError, ShapeError
-from tensionlab.files.reading import brief
 from tensionlab.model import kinematics
 from tensionlab.model.module import WORLD, Module, require_name, same, vector
+from tensionlab.support.arrays import Floats, as_floats, common_axes, finite, frozen
+from tensionlab.support.files.reading import brief
 
 ORTHOGONALITY = 1e-6
 """Largest entry of ``R R' - 1`` in what is still taken for a rotation."""

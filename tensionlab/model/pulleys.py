@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
+from tensionlab.support.arrays import Floats
 
 ARC_POINTS = 16
 """Of the arc of a cable on its pulley, where it is drawn."""

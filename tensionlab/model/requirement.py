@@ -9,11 +9,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab import display
-from tensionlab.arrays import Floats, as_floats, frozen
 from tensionlab.errors import RigError, ShapeError
-from tensionlab.files.reading import brief
 from tensionlab.model.module import MAX_LENGTH, MAX_TENSION, Platform, same
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats, as_floats, frozen
+from tensionlab.support.files.reading import brief
 
 MAX_WRENCHES = 100_000
 """Wrenches of a list: each of them is looked at in every pose."""

@@ -9,10 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab import display, records
-from tensionlab.arrays import Floats, common_axes, frozen
 from tensionlab.errors import RigError, ShapeError
-from tensionlab.files.reading import brief
 from tensionlab.model import kinematics, pose
 from tensionlab.model.kinematics import PoseEstimate
 from tensionlab.model.module import (
@@ -32,6 +29,10 @@ from tensionlab.model.module import (
 from tensionlab.model.pose import Frame, Frames, RestPose
 from tensionlab.model.pulleys import Pulleys, go_over
 from tensionlab.model.requirement import Requirement
+from tensionlab.support import provenance
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats, common_axes, frozen
+from tensionlab.support.files.reading import brief
 
 if TYPE_CHECKING:
     import pandas
@@ -179,7 +180,7 @@ class Rig:
         }
         keys = ("frame", "lower", "upper", "brake", "newton_per_ampere", "spool_radius", "pulley_radius")
         table |= {key: [getattr(module, key) for module in self.modules] for key in keys}
-        return records.data_frame(table, [module.name for module in self.modules])
+        return provenance.data_frame(table, [module.name for module in self.modules])
 
     @property
     def _kind(self) -> Kind:

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from tensionlab.errors import RigError
-from tensionlab.files.reading import brief
+from tensionlab.support.files.reading import brief
 
 
 class Table(BaseModel):

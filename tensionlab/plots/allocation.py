@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from tensionlab.display import GREY, STATUS_LOOK
 from tensionlab.errors import ShapeError
 from tensionlab.plots.style import one_panel, panel_legend
+from tensionlab.support.table import GREY, STATUS_LOOK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

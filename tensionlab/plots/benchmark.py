@@ -10,17 +10,17 @@ import numpy as np
 from tensionlab.benchmarking.entries import WRAPPERS
 from tensionlab.benchmarking.statistics import profile, quantile
 from tensionlab.comparison.compare import Comparison
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 from tensionlab.errors import InputError
 from tensionlab.plots.style import add_legend, label_points, new_figure, one_panel, panel_legend
 from tensionlab.solvers import is_built_in
+from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tensionlab.arrays import Floats
     from tensionlab.benchmarking.results import Results, Row
+    from tensionlab.support.arrays import Floats
 
 EXACT_N = 1e-6
 """An answer with an error up to this is exact, as the interface verifies."""

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE
 from tensionlab.errors import InputError
 from tensionlab.plots.style import add_legend, new_figure
 from tensionlab.plots.workspace import NONE_COLOUR, PANEL_WIDTH
+from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, STATUS_LOOK
 from tensionlab.plots.style import HALO, add_legend, new_figure
 from tensionlab.solvers import is_built_in
 from tensionlab.solvers.base import TOLERANCE
+from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, STATUS_LOOK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from tensionlab.display import BLUE, GREY, ORANGE, RED
 from tensionlab.model.pulleys import ways
 from tensionlab.plots.style import HALO, add_legend, new_figure, one_panel, panel_legend
+from tensionlab.support.table import BLUE, GREY, ORANGE, RED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tensionlab.arrays import Floats
     from tensionlab.haptics.brakes.choice import BrakeMap
     from tensionlab.model.rig import Rig
+    from tensionlab.support.arrays import Floats
 
 
 MARGIN_INCHES = 0.5

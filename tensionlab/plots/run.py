@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED, STATUS_LOOK
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit
 from tensionlab.plots.style import HALO, legend_beside, new_figure
 from tensionlab.solvers.base import Status
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, RED, STATUS_LOOK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,7 +58,7 @@ def plot_run(run: Run) -> Figure:
     >>> import tensionlab as tl
     >>> from tensionlab import plots
     >>> from tensionlab.hardware import Demand, RunLog, Runner, RunSettings, World, WorldClock, read_run
-    >>> from tensionlab.records import manifest
+    >>> from tensionlab.support.provenance import manifest
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> world, settings, pull = World(rig), RunSettings(rate=50.0), Demand(np.array([0.0, 0.0, 1.5]))
     >>> links = {module.name: "sim:" for module in rig.modules}

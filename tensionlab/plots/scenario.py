@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.errors import InputError
 from tensionlab.plots import scene, style
 from tensionlab.plots.run import COLOURS
@@ -19,6 +17,8 @@ from tensionlab.plots.scene import TILE_M, Moment
 from tensionlab.plots.style import COARSE_SHADE
 from tensionlab.scenarios.checks import ForceRecord, desired_force, rendered_force
 from tensionlab.scenarios.expected import check_scenario
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, RED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

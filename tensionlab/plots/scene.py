@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, GREEN, ORANGE, RED
 from tensionlab.scenarios.stick_figure import HEAD_M, stick_figure
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import BLUE, GREEN, ORANGE, RED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,9 +14,9 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import InputError
-from tensionlab.files import writing
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files import writing
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

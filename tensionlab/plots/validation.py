@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.model.files import rig_from_toml
 from tensionlab.plots.style import HALO, add_legend, new_figure
+from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.validation.report import ValidationResult, make_recording
 from tensionlab.validation.statistics import deviations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tensionlab.arrays import Floats
     from tensionlab.model.rig import Rig
+    from tensionlab.support.arrays import Floats
     from tensionlab.validation.data_tables import Published, Recording, Trial, Trials
 
 

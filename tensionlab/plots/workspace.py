@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.errors import InputError
 from tensionlab.plots.style import add_legend, new_figure, one_panel
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.workspace.sweep.dataset import configuration_names
 from tensionlab.workspace.volume import node_weights, weighted_share
 

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab import display, records
 from tensionlab.allocation import Status
-from tensionlab.arrays import Floats
 from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.rendering.assignment import MIN_COSINE
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.protocol.codes import Limit
 from tensionlab.scenarios.play import ScenarioResult
+from tensionlab.support import provenance
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats
 
 if TYPE_CHECKING:
     import pandas
@@ -69,7 +70,7 @@ class Checks(tuple[Check, ...]):
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each check; MissingDependency if pandas is not installed."""
-        return records.data_frame([{**each._asdict(), "met": each.met} for each in self])
+        return provenance.data_frame([{**each._asdict(), "met": each.met} for each in self])
 
 
 @dataclass(frozen=True, eq=False)

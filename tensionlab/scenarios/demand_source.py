@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.haptics.brakes.choice import brake_strengths
 from tensionlab.haptics.brakes.contact import BrakeContact, decide
@@ -16,6 +15,7 @@ from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S, Effect, Motion
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.pose import frame_of
 from tensionlab.scenarios.scenario import BrakeTarget, Scenario
+from tensionlab.support.arrays import Floats
 
 FADE_IN_S = 0.25
 """Time in which all force fades in: nobody knows where the hand is when a run begins."""

@@ -11,7 +11,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats, angles
 from tensionlab.haptics.effects import Bow, Magnet, Recoil, Shape, Sphere, Texture, Vibration, Water, Weight
 from tensionlab.haptics.effects.contact import Plane, Wall
 from tensionlab.haptics.effects.effect import Motion
@@ -34,6 +33,7 @@ from tensionlab.scenarios.checks import (
 )
 from tensionlab.scenarios.play import ScenarioResult
 from tensionlab.scenarios.scenario import BrakeTarget, Scenario
+from tensionlab.support.arrays import Floats, angles
 
 START_S = 0.3
 """Time in which modules come up; what is rendered before does not count."""

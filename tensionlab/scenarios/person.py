@@ -14,10 +14,8 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.demand import Pose
 from tensionlab.errors import ScenarioError
-from tensionlab.files.reading import brief
 from tensionlab.haptics.bridge.messages import HAND
 from tensionlab.haptics.effects import parameters
 from tensionlab.hardware.protocol.codes import State
@@ -26,6 +24,8 @@ from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
 from tensionlab.model.kinematics import structure_matrix
 from tensionlab.model.pose import frame_of
 from tensionlab.model.rig import Cables, Rig
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.reading import brief
 
 AXIS_RATES = np.array([1.0, 0.83, 1.21])
 """Of a sway's frequency: axes out of step make it go round rather than along a line; it begins where it rests."""

@@ -23,11 +23,11 @@ from tensionlab.hardware.runner.statistics import RunSink, Statistics
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.rig import Rig
-from tensionlab.records import manifest
 from tensionlab.scenarios.demand_source import Notify, ScenarioDemand
 from tensionlab.scenarios.person import Person, PersonRecord
 from tensionlab.scenarios.scenario import Scenario
 from tensionlab.scenarios.scenery import as_mapping
+from tensionlab.support.provenance import manifest
 
 if TYPE_CHECKING:
     pass

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensionlab.allocation import Status, allocate
-from tensionlab.arrays import Floats, Integers
-from tensionlab.display import Finding, count, extent, percent, vector
 from tensionlab.haptics.brakes.choice import brake_strengths, choose_locks
 from tensionlab.haptics.effects.effect import Memory, Motion
 from tensionlab.haptics.rendering.assignment import MIN_COSINE
 from tensionlab.scenarios.demand_source import body_origin
 from tensionlab.scenarios.person import Person
 from tensionlab.scenarios.scenario import BrakeTarget, Phase, Scenario
+from tensionlab.support.arrays import Floats, Integers
+from tensionlab.support.table import Finding, count, extent, percent, vector
 
 STOP_STIFFNESS_N_M, STOP_DAMPING_N_S_M = 5000.0, 50.0
 """Of the ideal brakes."""

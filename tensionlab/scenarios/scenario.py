@@ -11,12 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab import display
 from tensionlab.allocation import Policy
-from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError, RigError, ScenarioError
-from tensionlab.files.named import describe_unknown, is_path
-from tensionlab.files.reading import brief, read_toml
 from tensionlab.haptics.brakes.choice import brake_strengths
 from tensionlab.haptics.brakes.contact import TIMING, ImpactCap, Timing, Wall
 from tensionlab.haptics.effects import Plane
@@ -27,6 +23,10 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.kinematics import turn_axes
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.person import PersonPlan
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.named import describe_unknown, is_path
+from tensionlab.support.files.reading import brief, read_toml
 
 FOLDER = Path(__file__).parent / "files"
 """Scenarios of this package: NAME.toml, and NAME.rig.toml beside it."""

@@ -13,10 +13,10 @@ import numpy as np
 from pydantic import FiniteFloat, TypeAdapter, ValidationError
 
 from tensionlab.errors import TensionlabError
-from tensionlab.files.reading import brief
 from tensionlab.haptics.effects.shape import Box, Sphere
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenario import Phase, Scenario
+from tensionlab.support.files.reading import brief
 
 Numbers = tuple[FiniteFloat, ...]
 FLAT_PARTS = ("plane", "surface")

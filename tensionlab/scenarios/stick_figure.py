@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab.arrays import Floats
+from tensionlab.support.arrays import Floats
 
 JOINT_HEIGHTS_M = {"hip": 0.92, "shoulder": 1.42, "head": 1.66}
 """Of the joints of a person who stands upright, unless they are known to be elsewhere."""

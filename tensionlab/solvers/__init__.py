@@ -13,7 +13,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
 
-from tensionlab import variants
 from tensionlab.errors import InputError, MissingDependency, PluginError, UnknownSolver
 from tensionlab.solvers.base import (
     POLICIES,
@@ -32,6 +31,7 @@ from tensionlab.solvers.least_squares import Dykstra, Newton
 from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
 from tensionlab.solvers.penalty import AnalyticCentre, SlackNorm, Spidar
 from tensionlab.solvers.quadratic import BACKENDS, QuadraticProgram, installed_backends
+from tensionlab.support import registry
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -91,7 +91,7 @@ def make(name: str) -> Solver:
                 f"no solver is called {family!r}, and Python can import no module of that name; install the "
                 "module of module:Class, or name its folder in the variable PYTHONPATH"
             )
-    solver: Solver = variants.make(name, found, names, "solver", UnknownSolver)
+    solver: Solver = registry.create_by_name(name, found, names, "solver", UnknownSolver)
     return solver
 
 

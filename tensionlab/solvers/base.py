@@ -16,8 +16,8 @@ from typing import ClassVar, Literal, NamedTuple, Protocol, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import InputError
+from tensionlab.support.arrays import Floats, Integers
 
 Policy = Literal["force", "tension", "direction"]
 POLICIES: tuple[Policy, ...] = get_args(Policy)

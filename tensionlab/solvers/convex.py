@@ -9,10 +9,10 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import UnknownSolver, needs
 from tensionlab.solvers.base import TOLERANCE, Answer, Policy, Problem
 from tensionlab.solvers.programs import NO_TENSIONS, SAFETY, Reply, ScaledProblem, choose_each, finite_tensions
+from tensionlab.support.arrays import Floats
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "CLARABEL": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from tensionlab import _native
-from tensionlab.arrays import MAX_MAGNITUDE, Floats
 from tensionlab.errors import InputError
 from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer, Policy, Problem, Verified
+from tensionlab.support.arrays import MAX_MAGNITUDE, Floats
 
 
 @dataclass(frozen=True)

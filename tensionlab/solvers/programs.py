@@ -10,8 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
 from tensionlab.solvers.base import GRAZING, RANK_TOLERANCE, TOLERANCE, Answer, Problem
+from tensionlab.support.arrays import Floats
 
 
 def times(matrices: Floats, vectors: Floats) -> Floats:

@@ -7,7 +7,6 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import InputError, MissingDependency, UnknownSolver
 from tensionlab.solvers.base import TOLERANCE, Answer, Policy, Problem
 from tensionlab.solvers.programs import (
@@ -19,6 +18,7 @@ from tensionlab.solvers.programs import (
     finite_tensions,
     independent_rows,
 )
+from tensionlab.support.arrays import Floats
 
 BACKENDS: dict[str, dict[str, Any]] = {
     # The programs are scaled already; Clarabel's own scaling costs it the last digits.

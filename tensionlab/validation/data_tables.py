@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab import display, records
-from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import DataError, InputError, ShapeError
-from tensionlab.files.reading import brief, read_toml
-from tensionlab.files.tables import read_parquet
 from tensionlab.solvers.base import Status
+from tensionlab.support import provenance
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats, Integers
+from tensionlab.support.files.reading import brief, read_toml
+from tensionlab.support.files.tables import read_parquet
 
 if TYPE_CHECKING:
     import pandas
@@ -68,7 +69,7 @@ class Recording:
     limited_modules : (K,) array of str
         Modules at a limit of their own, with spaces between.
     manifest : dict
-        That of `tensionlab.records`, and under ``recording`` the entries of `ENTRIES`: whether it is simulated,
+        That of `provenance.manifest`, and under ``recording`` the entries of `ENTRIES`: whether it is simulated,
         the rig and its modules by name, the solver, the sensor, the rotations from the sensor's axes to the rig's
         by method (3 x 3) and which of them was applied (``alignment``), the sensor's rate in Hz, the hold in s.
     """
@@ -101,7 +102,7 @@ class Recording:
 
         MissingDependency if pandas is not installed.
         """
-        return records.data_frame(self.columns()).set_index("vector")
+        return provenance.data_frame(self.columns()).set_index("vector")
 
     def columns(self) -> dict[str, Any]:
         """Return the columns of the table by name, a row for each force; `Status` by name."""
@@ -142,7 +143,7 @@ def write_recording(path: str | Path, recording: Recording) -> None:
     if ("simulated" in Path(path).stem) != recording.simulated:
         word = "simulated, so its name must say" if recording.simulated else "real, so its name must not say"
         raise InputError(f'{path}: the recording is {word} "simulated"')
-    records.write_parquet(path, recording.columns(), recording.manifest)
+    provenance.write_parquet(path, recording.columns(), recording.manifest)
 
 
 def read_recording(path: str | Path) -> Recording:
@@ -245,7 +246,7 @@ class Trials:
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each trial, as in `Trial`; MissingDependency if pandas is not installed."""
-        return records.data_frame([vars(row) for row in self.rows])
+        return provenance.data_frame([vars(row) for row in self.rows])
 
     def of(self, question: str) -> dict[str, list[Trial]]:
         """Return the trials of a question, by choice."""
@@ -260,7 +261,7 @@ def write_trials(path: str | Path, rows: Sequence[Trial], manifest: dict[str, An
     """Write trials; raise `InputError` if the file's name does not say that they are simulated."""
     if "simulated" not in Path(path).stem:
         raise InputError(f'{path}: the trials are simulated, so its name must say "simulated"')
-    records.write_parquet(path, [dataclasses.asdict(row) for row in rows], {**manifest, "simulated": True})
+    provenance.write_parquet(path, [dataclasses.asdict(row) for row in rows], {**manifest, "simulated": True})
 
 
 def read_trials(path: str | Path) -> Trials:

@@ -24,11 +24,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
 from tensionlab.hardware.simulation.world import plant_of
 from tensionlab.model.kinematics import exponential
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 
 IDEAL_PLANT = {"dry_friction": 0.0, "cogging": 0.0, "damping": 25.0}
 """Hardware without errors; its spool and cable swing least with 23 N s/m."""

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import allocate
-from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import HardwareError, InputError
 from tensionlab.hardware.client.group import ModuleGroup
@@ -26,6 +25,7 @@ from tensionlab.hardware.simulation.world import newton_per_ampere
 from tensionlab.model.directions import grid18
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Solver, Status
+from tensionlab.support.arrays import Floats
 from tensionlab.validation.sensors import ForceSensor
 
 CONTINUOUS_CURRENT_A = PARAMETERS["current_continuous"].standard

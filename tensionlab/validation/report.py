@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tensionlab import display
-from tensionlab.arrays import Floats
 from tensionlab.model.files import rig_from_toml
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats
 from tensionlab.validation.data_tables import Recording
 from tensionlab.validation.protocol import AXIS_FORCES, Measurement
 from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
@@ -129,7 +129,7 @@ def evaluate(setup: Mapping[str, Any], measurements: Sequence[Measurement]) -> V
 def make_recording(result: ValidationResult, rig: Rig, sensor: str, manifest: Mapping[str, Any]) -> Recording:
     """Return the forces without the axes, aligned as published, as a recording that others can read.
 
-    ``sensor`` says what measured; the manifest is that of `tensionlab.records`.
+    ``sensor`` says what measured; the manifest is that of `tensionlab.support.provenance`.
     """
     kept, setup = result.measurements[AXIS_FORCES:], result.setup
     about = {

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from tensionlab.allocation import allocate
-from tensionlab.arrays import Floats
-from tensionlab.display import Finding
 from tensionlab.haptics.brakes.choice import brake_strengths
 from tensionlab.haptics.brakes.contact import ImpactCap
 from tensionlab.haptics.rendering.assignment import MIN_COSINE, STANDARD_LIMITS
@@ -16,6 +14,8 @@ from tensionlab.model import directions
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import RANK_TOLERANCE, Status
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import Finding
 from tensionlab.workspace.margin import required_margin
 from tensionlab.workspace.structure_metrics import feasibility_tolerance
 from tensionlab.workspace.wrench_set import half_spaces

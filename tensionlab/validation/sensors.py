@@ -20,9 +20,9 @@ from typing import Protocol
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError, LinkError
-from tensionlab.files.reading import brief
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.reading import brief
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """From the sensor's axes, Z up, to the devices', Y up: a turn by -90 degrees about X."""

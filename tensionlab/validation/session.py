@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from tensionlab.errors import LogError, WriteError
-from tensionlab.files import writing
-from tensionlab.files.reading import brief, parse_json, read_text
-from tensionlab.files.tables import MAX_FILE_BYTES, from_mappings
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.runner.settings import RealClock
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
+from tensionlab.support.files import writing
+from tensionlab.support.files.reading import brief, parse_json, read_text
+from tensionlab.support.files.tables import MAX_FILE_BYTES, from_mappings
 from tensionlab.validation.error_model import PRESETS, draw_errors, require_point
 from tensionlab.validation.protocol import Measurement, Protocol, measure
 from tensionlab.validation.sensors import ForceSensor

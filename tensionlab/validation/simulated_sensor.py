@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.serve import TcpPort
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule, Trace
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 from tensionlab.validation.error_model import RigErrors, require_point, true_plants, true_rig
 from tensionlab.validation.sensors import SAMPLE_RATE_HZ, SIMULATED, UPRIGHT
 

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import ShapeError
 from tensionlab.hardware.calibration.gain import Estimate, LinearFit, around, fit
 from tensionlab.model import kinematics
+from tensionlab.support.arrays import Floats, Integers
 
 MAX_ANGLE_DEG = 45.0
 """Every vector of the publication was within."""

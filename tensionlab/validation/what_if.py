@@ -24,13 +24,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import allocate
-from tensionlab.arrays import Floats
 from tensionlab.model.layouts import ring_plus_top
 from tensionlab.model.rig import Rig
-from tensionlab.records import manifest
 from tensionlab.solvers import select_solvers
 from tensionlab.solvers.base import Solver, Status
 from tensionlab.solvers.least_squares import Dykstra
+from tensionlab.support.arrays import Floats
+from tensionlab.support.provenance import manifest
 from tensionlab.validation.data_tables import Trial, write_trials
 from tensionlab.validation.error_model import PRESETS, ErrorModel, RigErrors, draw_errors, true_rig
 from tensionlab.validation.protocol import AXIS_FORCES, ZERO_S, Protocol

@@ -9,7 +9,7 @@ from contextlib import suppress
 
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.shared_telemetry import publisher
-from tensionlab.operating_system import OWN_GROUP
+from tensionlab.support.operating_system import OWN_GROUP
 
 _started: list[subprocess.Popen[str]] = []
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocation, Allocator
-from tensionlab.arrays import Floats
 from tensionlab.errors import TensionlabError
 from tensionlab.solvers.base import Policy, Status
+from tensionlab.support.arrays import Floats
 from tensionlab.viewer.state import State, of_ghost
 from tensionlab.workspace.margin import required_margin
 from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices

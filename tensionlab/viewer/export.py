@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from tensionlab.errors import RigError, WriteError
-from tensionlab.files import writing
-from tensionlab.files.named import is_path
 from tensionlab.model.files import save_rig
 from tensionlab.model.rig import Rig
+from tensionlab.support.files import writing
+from tensionlab.support.files.named import is_path
 from tensionlab.validation.rig_check import check_rig
 from tensionlab.viewer.state import State
 

@@ -18,9 +18,9 @@ from urllib.parse import quote, urlencode, urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
-from tensionlab.admission import Header, knows_token, loaded_by_other_page, names_this_machine
 from tensionlab.errors import needs
-from tensionlab.files.reading import brief
+from tensionlab.support.access import Header, knows_token, loaded_by_other_page, names_this_machine
+from tensionlab.support.files.reading import brief
 
 if TYPE_CHECKING:
     import viser

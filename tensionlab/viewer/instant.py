@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, FORCE_COLOURS, GREY, ORANGE, PURPLE, RED, Colours, ramp, rgb, short
 from tensionlab.model.kinematics import in_space
 from tensionlab.model.pulleys import ARC_POINTS, ways
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import BLUE, FORCE_COLOURS, GREY, ORANGE, PURPLE, RED, Colours, ramp, rgb, short
 from tensionlab.viewer.scene import (
     Arrow,
     Label,

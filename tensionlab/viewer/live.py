@@ -19,8 +19,8 @@ import numpy as np
 
 from tensionlab.errors import LogError, TensionlabError
 from tensionlab.hardware.log.shared_run import POLL_S, RunInfo, RunReport, RunWatcher
-from tensionlab.operating_system import lower_priority
 from tensionlab.scenarios.scenery import Scenery, read_scenery
+from tensionlab.support.operating_system import lower_priority
 from tensionlab.viewer import live_words
 from tensionlab.viewer.instant import Instant
 from tensionlab.viewer.run_drawing import RunDrawing

@@ -7,13 +7,13 @@ from html import escape
 
 import numpy as np
 
-from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, FORCE_COLOURS, GREEN, GREY, ORANGE, RED, count, duration, ramp, short
 from tensionlab.hardware.log.shared_run import Condition, RunInfo, RunReport
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, DURATION_REACHED
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import Scenery
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import BLUE, FORCE_COLOURS, GREEN, GREY, ORANGE, RED, count, duration, ramp, short
 from tensionlab.viewer.instant import BESIDE_COLOUR, ENLARGED, Instant
 from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.stop import StopOutcome

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import InputError, TensionlabError
 from tensionlab.model.mjcf import rig_to_mjcf
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 from tensionlab.viewer import export, volume
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.drawing import TIP, Drawing, Grab, rotation_of

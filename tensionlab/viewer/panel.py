@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import Floats
-from tensionlab.files.named import is_path, list_names
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import select_solvers
 from tensionlab.solvers.base import POLICIES
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.named import is_path, list_names
 from tensionlab.viewer import state as edits
 from tensionlab.viewer import words
 from tensionlab.viewer.evaluation import Evaluation

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.arrays import Floats
+from tensionlab.support.arrays import Floats
 
 SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 """In times of the run's own."""

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from tensionlab.allocation import Allocation
-from tensionlab.arrays import Floats
 from tensionlab.errors import TensionlabError
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.log.shared_run import POLL_S
 from tensionlab.scenarios.scenery import Scenery
+from tensionlab.support.arrays import Floats
 from tensionlab.viewer import live_words, playback, replay_words, words
 from tensionlab.viewer.instant import Instant
 from tensionlab.viewer.panel import PANEL_PIXELS, entered, pressed, solver_names

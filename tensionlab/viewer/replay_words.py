@@ -8,10 +8,10 @@ from html import escape
 import numpy as np
 
 from tensionlab.allocation import Allocation
-from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, FORCE_COLOURS, GREEN, GREY, ORANGE, count, short
 from tensionlab.hardware.log.reader import Run
 from tensionlab.solvers.base import Status
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import BLUE, FORCE_COLOURS, GREEN, GREY, ORANGE, count, short
 from tensionlab.viewer.instant import BESIDE_COLOUR
 from tensionlab.viewer.live_words import DECIMALS, SMALL
 from tensionlab.viewer.playback import Playback

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, short
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit
 from tensionlab.solvers.base import Status
+from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, short
 
 KINDS = {"phase": GREY, "run": BLUE, "status": ORANGE, "fault": RED, "limiter": PURPLE, "brake": GREEN}
 """Kinds of marks, and their colours. Those of the run are its end, and modules that are lost or derated."""

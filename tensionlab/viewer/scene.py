@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, GREY, ORANGE, PURPLE, Colours, ramp, rgb, short
 from tensionlab.model.kinematics import in_space
 from tensionlab.model.pulleys import ways
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import BLUE, GREY, ORANGE, PURPLE, Colours, ramp, rgb, short
 from tensionlab.viewer.evaluation import Evaluation
 from tensionlab.viewer.snapping import outlines
 from tensionlab.viewer.state import State, of_ghost

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
-from tensionlab.display import GREEN, GREY, rgb
 from tensionlab.model.kinematics import in_space
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import Scenery, Surface
 from tensionlab.scenarios.stick_figure import stick_figure
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import GREEN, GREY, rgb
 from tensionlab.viewer.instant import Instant
 from tensionlab.viewer.scene import Label, Lines, both_ends
 from tensionlab.viewer.volume import Mesh

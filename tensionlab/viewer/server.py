@@ -12,8 +12,8 @@ import threading
 import webbrowser
 from pathlib import Path
 
-from tensionlab.admission import LOOPBACK
 from tensionlab.errors import InputError
+from tensionlab.support.access import LOOPBACK
 from tensionlab.viewer.gate import Gate, start
 
 _starting = threading.Lock()

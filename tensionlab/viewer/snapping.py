@@ -6,8 +6,8 @@ from itertools import product
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.model.module import WORLD
+from tensionlab.support.arrays import Floats
 from tensionlab.workspace.layout.space import Space
 
 PARALLEL = 1e-9

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensionlab.allocation import Allocation, Allocator
-from tensionlab.arrays import Floats
-from tensionlab.display import GREEN, ORANGE, PURPLE, RED, Colours, rgb
 from tensionlab.errors import TensionlabError
 from tensionlab.model import directions
 from tensionlab.model.kinematics import in_space
 from tensionlab.solvers import make
 from tensionlab.solvers.base import Status
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import GREEN, ORANGE, PURPLE, RED, Colours, rgb
 from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.state import State
 from tensionlab.viewer.volume import bounds

@@ -9,13 +9,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import Floats, frozen
 from tensionlab.errors import RigError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.module import WORLD, Module
 from tensionlab.model.pose import RestPose
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Policy
+from tensionlab.support.arrays import Floats, frozen
 from tensionlab.viewer.snapping import nearest_on_surfaces
 from tensionlab.workspace.layout.task import LayoutTask
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from tensionlab.display import count
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.emergency_stop import RELEASE_TIMEOUT_S, emergency_stop
 from tensionlab.hardware.log.shared_run import RunWatcher
-from tensionlab.operating_system import kill_command, send_estop
+from tensionlab.support.operating_system import kill_command, send_estop
+from tensionlab.support.table import count
 
 POLL_PERIOD_S = 0.02
 IN_PROCESS = "sim:"

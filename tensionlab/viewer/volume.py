@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import needs
 from tensionlab.model.pose import place_anchors
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 from tensionlab.viewer.state import State
 from tensionlab.workspace import metrics
 from tensionlab.workspace.poses import Grid

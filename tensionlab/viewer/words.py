@@ -7,10 +7,10 @@ from html import escape
 
 import numpy as np
 
-from tensionlab.arrays import Floats
-from tensionlab.display import duration, short, status_mark
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import duration, short, status_mark
 from tensionlab.viewer.evaluation import Evaluation
 from tensionlab.viewer.scene import force_scale, tension_colours
 from tensionlab.viewer.solver_study import STATUS_COLOURS, Answer

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
-from tensionlab.arrays import Floats, Integers, common_axes
 from tensionlab.errors import InputError
 from tensionlab.model import pose
 from tensionlab.model.pose import Frames
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats, Integers, common_axes
 
 
 class Capsule(NamedTuple):

@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 
 from tensionlab import _native
 from tensionlab.allocation import RANK_TOLERANCE
-from tensionlab.arrays import Floats, finite, rows
 from tensionlab.errors import ShapeError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.pose import Frames
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats, finite, rows
 from tensionlab.workspace.wrench_set import StructureBatch, TensionRange, structure_batch, structure_matrices
 
 RequiredWrenches = ArrayLike | tuple[ArrayLike, ArrayLike] | None

@@ -12,13 +12,13 @@ from typing import Any, ClassVar, Literal, Protocol, get_args
 
 import numpy as np
 
-from tensionlab import variants
-from tensionlab.arrays import Floats
 from tensionlab.errors import SweepError
 from tensionlab.model.directions import circle, fibonacci
 from tensionlab.model.pose import Frames
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
+from tensionlab.support import registry
+from tensionlab.support.arrays import Floats
 from tensionlab.workspace import interference, margin, structure_metrics
 
 
@@ -389,7 +389,7 @@ def make(name: str) -> Metric:
     ``ReachableShare(magnitude=2.0)``.
     """
     found = METRICS.get(name.partition(":")[0])
-    metric: Metric = variants.make(name, found, METRICS, "metric", SweepError)
+    metric: Metric = registry.create_by_name(name, found, METRICS, "metric", SweepError)
     return metric
 
 
@@ -401,7 +401,7 @@ def name_of(metric: Metric) -> str:
     family = next((name for name, kind in METRICS.items() if type(metric) is kind), None)
     if family is None:
         return type(metric).__name__
-    first = variants.variant_field(type(metric))
+    first = registry.variant_field(type(metric))
     value = first and getattr(metric, first.name)
     return family if first is None or value == first.default else f"{family}:{value}"
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import Floats, finite
 from tensionlab.errors import DataError, InputError, SweepError
-from tensionlab.files.tables import read_table
 from tensionlab.model import kinematics
+from tensionlab.support.arrays import Floats, finite
+from tensionlab.support.files.tables import read_table
 
 if TYPE_CHECKING:
     import xarray

@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensionlab import display
-from tensionlab.arrays import Floats, as_floats, finite
 from tensionlab.errors import DataError, InputError, ShapeError
-from tensionlab.files.reading import brief
-from tensionlab.files.tables import check_columns, read_npz, read_parquet, read_table
 from tensionlab.model import kinematics, pose
 from tensionlab.model.module import MAX_LENGTH
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats, as_floats, finite
+from tensionlab.support.files.reading import brief
+from tensionlab.support.files.tables import check_columns, read_npz, read_parquet, read_table
 from tensionlab.workspace.orientations import roll_pitch_yaw_of
 from tensionlab.workspace.volume import equal_weights, node_weights
 

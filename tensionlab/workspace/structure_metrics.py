@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
 from tensionlab.allocation import RANK_TOLERANCE, TOLERANCE, Allocator, Status
-from tensionlab.arrays import Floats, finite, rows
 from tensionlab.errors import InputError, ShapeError
+from tensionlab.support.arrays import Floats, finite, rows
 from tensionlab.workspace.wrench_set import TensionRange, structure_batch, structure_matrices
 
 CLOSURE_TOLERANCE = 1e-10

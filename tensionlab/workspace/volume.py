@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import Floats
+from tensionlab.support.arrays import Floats
 
 
 def node_weights(axis: Floats) -> Floats:

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from tensionlab import _native
 from tensionlab.allocation import RANK_TOLERANCE
-from tensionlab.arrays import Floats, Limits, check_size, common_axes, finite, rows, spread, tension_limits
 from tensionlab.errors import ShapeError
+from tensionlab.support.arrays import Floats, Limits, check_size, common_axes, finite, rows, spread, tension_limits
 
 TensionRange = Limits | tuple[ArrayLike, ArrayLike]
 """Tension limits in N: an object with ``lower`` and ``upper``, or that pair; each (..., m) or a number."""

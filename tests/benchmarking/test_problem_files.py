@@ -7,10 +7,10 @@ import pytest
 import qpsolvers
 
 import tensionlab as tl
-from tensionlab import records
 from tensionlab.benchmarking.problem_files import find_problem_set, qp_rows, read_problem_set
 from tensionlab.benchmarking.problem_sets import problem_set
 from tensionlab.errors import DataError, InputError
+from tensionlab.support import provenance
 
 EYE = np.eye(3)
 GOOD = {"P": np.diag([1.0, 4.0, 9.0]), "q": np.array([1.0, -2.0, 3.0]), "A": np.array([[1.0, -1.0, 2.0]]),
@@ -28,7 +28,7 @@ def save(folder, name="good", **changed):
 @pytest.mark.parametrize("name", ["edge", "trajectory", "unreachable", "published"])
 def test_what_is_exported_is_read_as_it_was(tmp_path, name):
     original = problem_set(name, 12)
-    records.write_parquet(tmp_path / "set.parquet", qp_rows(original), {})
+    provenance.write_parquet(tmp_path / "set.parquet", qp_rows(original), {})
     again = read_problem_set(tmp_path / "set.parquet")
     assert again.reachable == original.reachable
     assert [group.label for group in again.groups] == [group.label for group in original.groups]
@@ -110,6 +110,6 @@ def test_nothing_to_read_is_refused(tmp_path):
 
 def test_the_count_is_an_even_selection_but_of_a_path_all(tmp_path):
     for name, kept in (("edge", 12), ("trajectory", 200)):
-        records.write_parquet(tmp_path / f"{name}.parquet", qp_rows(problem_set(name, 60)), {})
+        provenance.write_parquet(tmp_path / f"{name}.parquet", qp_rows(problem_set(name, 60)), {})
         groups = read_problem_set(tmp_path / f"{name}.parquet", 12).groups
         assert sum(len(group.wrench) for group in groups) == kept

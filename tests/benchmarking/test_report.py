@@ -6,7 +6,7 @@ import pytest
 
 from tensionlab.benchmarking.report import FIGURES, newton, report, table, times
 from tensionlab.benchmarking.results import Results, Row, summaries
-from tensionlab.display import duration, percent
+from tensionlab.support.table import duration, percent
 
 
 def row(problem_set="a", solver="newton", setting="proved", policy="force", **values):

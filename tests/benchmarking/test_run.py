@@ -11,12 +11,12 @@ import pyarrow.parquet as pq
 import pytest
 
 import tensionlab as tl
-from tensionlab import records
 from tensionlab.benchmarking import results
 from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, checksum, problem_set
 from tensionlab.benchmarking.results import EVIDENCE
 from tensionlab.benchmarking.run import ONE_THREAD, Plan, main, measure_here, plan, run
 from tensionlab.errors import DataError, InputError, TensionlabError, UnknownSolver
+from tensionlab.support import provenance
 
 
 def test_a_run_writes_one_table_with_its_manifest(bench_folder, bench_results):
@@ -83,7 +83,7 @@ def test_results_survive_the_disk_with_and_without_evidence(tmp_path, bench_resu
 
 def test_what_is_no_result_is_refused_by_name(tmp_path):
     other = tmp_path / "other.parquet"
-    records.write_parquet(other, [{"solver": "newton"}], records.manifest([]))
+    provenance.write_parquet(other, [{"solver": "newton"}], provenance.manifest([]))
     for path in (other, tmp_path / "nothing.parquet", tmp_path):
         with pytest.raises(DataError, match="results of `tensionlab bench`"):
             results.read(path)

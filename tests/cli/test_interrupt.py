@@ -80,7 +80,7 @@ def test_a_sweep_goes_on_where_it_was(run, tmp_path, monkeypatch):
 
 
 def test_files_that_were_written_by_then_are_named(run, tmp_path, monkeypatch):
-    monkeypatch.setattr("tensionlab.records.write_table", press)
+    monkeypatch.setattr("tensionlab.support.provenance.write_table", press)
     plot = tmp_path / "c.svg"
     words = ["compare", CUBE, "--solvers", "newton", "--directions", "fibonacci:2"]
     code, _, err = run(*words, "--plot", plot, "--out", tmp_path / "c.csv")

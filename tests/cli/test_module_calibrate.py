@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import CalibrationError
-from tensionlab.files.tables import read_table, table_text
 from tensionlab.hardware.calibration import gain_measurement
 from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.model.files import load_rig
+from tensionlab.support.files.tables import read_table, table_text
 from tests.helpers.reachable import ReachableRig
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"

@@ -13,7 +13,7 @@ from tensionlab.hardware.client.links import OPENERS
 from tensionlab.hardware.client.locks import LinkLock
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.protocol.codes import State
-from tensionlab.operating_system import ESTOP_SIGNAL
+from tensionlab.support.operating_system import ESTOP_SIGNAL
 from tests.helpers.reachable import ReachableRig
 
 PATH = "datasets/rigs/bartels2026-validation.toml"

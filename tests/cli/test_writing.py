@@ -24,11 +24,11 @@ import typer
 from tensionlab.benchmarking import results
 from tensionlab.benchmarking import run as bench
 from tensionlab.cli import app
-from tensionlab.files import writing
-from tensionlab.files.tables import table_text
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.simulation import serve as serving
 from tensionlab.model.files import load_rig
+from tensionlab.support.files import writing
+from tensionlab.support.files.tables import table_text
 from tests.helpers import runs
 
 resource = pytest.importorskip("resource", reason="limits of a process stand for the disk's")

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.arrays import angles
 from tensionlab.comparison.compare import MAX_TIMED_CALLS, compare, merge_policies
 from tensionlab.errors import InputError
+from tensionlab.support.arrays import angles
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 QUICK = ["newton", "dykstra", "pseudoinverse:middle", "closed-form", "qp:daqp"]

@@ -25,10 +25,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import Floats, common_axes, finite
 from tensionlab.errors import ShapeError
 from tensionlab.haptics.brakes.choice import Flags
 from tensionlab.model import pose
+from tensionlab.support.arrays import Floats, common_axes, finite
 
 TOLERANCE = 1e-9
 """What counts as zero of a unit vector."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab.arrays import Floats
+from tensionlab.support.arrays import Floats
 from tensionlab.workspace.certification.problem import CellProblem
 
 

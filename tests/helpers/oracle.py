@@ -16,7 +16,7 @@ import daqp
 import numpy as np
 from scipy.optimize import linprog, lsq_linear, nnls
 
-from tensionlab.arrays import Floats
+from tensionlab.support.arrays import Floats
 from tests.helpers.problems import Case
 
 ZERO = 1e-10

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from tensionlab.arrays import Floats
+from tensionlab.support.arrays import Floats
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
-from tensionlab.arrays import Floats
+from tensionlab.support.arrays import Floats
 
 
 def corners(lower: Floats, upper: Floats) -> Floats:

@@ -39,8 +39,8 @@ def pretend(patch: pytest.MonkeyPatch) -> None:
 
 
 def as_on_windows(patch: pytest.MonkeyPatch) -> ModuleType:
-    """Return another `tensionlab.operating_system`, as it is on Windows."""
-    from tensionlab import operating_system
+    """Return another `tensionlab.support.operating_system`, as it is on Windows."""
+    from tensionlab.support import operating_system
 
     pretend(patch)
     spec = importlib.util.spec_from_file_location("operating_system_of_windows", operating_system.__file__)

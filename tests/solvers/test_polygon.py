@@ -12,7 +12,7 @@ from scipy.linalg import null_space
 from scipy.optimize import linprog
 
 import tensionlab as tl
-from tensionlab.arrays import Floats
+from tensionlab.support.arrays import Floats
 from tests.helpers.examples import many
 from tests.helpers.problems import Case, random_cases
 

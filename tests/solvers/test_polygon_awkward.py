@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tensionlab as tl
-from tensionlab.arrays import Floats
 from tensionlab.solvers.base import RANK_TOLERANCE
+from tensionlab.support.arrays import Floats
 from tests.helpers.examples import many
 from tests.helpers.oracle import UnsureError, solve
 from tests.helpers.problems import Case, cases, random_cases

@@ -8,8 +8,8 @@ from fractions import Fraction
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.solvers.base import GRAZING, TOLERANCE, Policy, Status
+from tensionlab.support.arrays import Floats
 
 Exact = list[Fraction]
 Matrix = list[Exact]

@@ -166,8 +166,8 @@ def _read_modules(place: Path) -> object:
 
 def _read_parameters(place: Path) -> object:
     from tensionlab.errors import HardwareError
-    from tensionlab.files.reading import read_text
     from tensionlab.hardware.client.parameter_file import parse
+    from tensionlab.support.files.reading import read_text
 
     return parse(read_text(place, "a file of parameters (*.toml)", HardwareError), str(place))
 

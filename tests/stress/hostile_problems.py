@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
 from tensionlab.benchmarking.rigs import unit_vectors
 from tensionlab.solvers.base import Policy, Problem
+from tensionlab.support.arrays import Floats
 
 SHAPES = ((1, 2), (2, 2), (2, 3), (2, 4), (3, 2), (3, 3), (3, 4), (3, 5), (3, 8), (6, 6), (6, 7), (6, 8))
 GRID = 2.0**-16

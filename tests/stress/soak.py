@@ -25,7 +25,7 @@ from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import World, position
 from tensionlab.model.files import load_rig
-from tensionlab.records import manifest
+from tensionlab.support.provenance import manifest
 from tests.stress.soak_checks import Findings, LimitWatch, examine
 
 RIG = "seven-modules"

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensionlab.arrays import Integers
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.protocol.codes import Limit, State
 from tensionlab.hardware.simulation.simulated_module import Trace
 from tensionlab.model.module import TensionLimits
 from tensionlab.solvers.base import Status
+from tensionlab.support.arrays import Integers
 
 ROUNDING = 1e-5
 """Tensions travel as singles, N."""

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocation, allocate
-from tensionlab.arrays import Floats, Integers
 from tensionlab.benchmarking.optimum import at_limits, distance_bound, largest_limit
 from tensionlab.benchmarking.rigs import near_singular, structures
 from tensionlab.solvers.base import POLICIES, TOLERANCE, Policy, Problem, Status
 from tensionlab.solvers.programs import times
+from tensionlab.support.arrays import Floats, Integers
 
 SHAPES = (
     *((1, 1), (1, 2), (2, 3), (2, 8), (3, 3), (3, 4), (3, 5), (3, 8), (3, 12), (3, 32)),

@@ -6,9 +6,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from tensionlab import records
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.solvers.base import Status
+from tensionlab.support import provenance
 from tensionlab.validation.data_tables import (
     ENTRIES,
     Trial,
@@ -69,7 +69,7 @@ def test_shapes_that_do_not_fit_are_refused():
 
 
 def test_other_tables_are_no_recordings(tmp_path):
-    records.write_parquet(tmp_path / "a.parquet", [{"a": 1}], {})
+    provenance.write_parquet(tmp_path / "a.parquet", [{"a": 1}], {})
     with pytest.raises(DataError, match=r"a\.parquet: the manifest of a recording has no"):
         read_recording(tmp_path / "a.parquet")
     with pytest.raises(DataError, match=r"nothing\.parquet: no such file; give the path of a recording"):
@@ -102,7 +102,7 @@ def test_trials_that_were_written_are_read_trials(tmp_path):
 def test_names_of_trials_say_that_they_are_simulated_and_other_tables_are_refused(tmp_path):
     with pytest.raises(InputError, match="must say"):
         write_trials(tmp_path / "a.parquet", made_up_trials(), {})
-    records.write_parquet(tmp_path / "b.parquet", [{"question": "solver"}], {})
+    provenance.write_parquet(tmp_path / "b.parquet", [{"question": "solver"}], {})
     with pytest.raises(DataError, match=r"b\.parquet: row 1: .angle. is missing"):
         read_trials(tmp_path / "b.parquet")
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from tensionlab.demand import Demand
-from tensionlab.display import GREEN, ORANGE, RED
 from tensionlab.hardware.client import shared_telemetry
 from tensionlab.hardware.log.reader import RunEvent
 from tensionlab.hardware.log.shared_run import RUN, RunInfo, RunReport
@@ -19,6 +18,7 @@ from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.world import World
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.scenery import scenery
+from tensionlab.support.table import GREEN, ORANGE, RED
 from tensionlab.viewer import live_words
 from tensionlab.viewer.instant import Instant
 from tensionlab.viewer.stop import StopOutcome

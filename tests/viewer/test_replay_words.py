@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensionlab.display import GREEN, ORANGE
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.solvers.base import Status
+from tensionlab.support.table import GREEN, ORANGE
 from tensionlab.viewer import replay_words
 from tensionlab.viewer.instant import BESIDE_COLOUR
 from tensionlab.viewer.playback import Playback

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensionlab.display import GREEN, GREY
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.play import play, simulate_modules
 from tensionlab.scenarios.scenery import ScenePhase, Surface, scenery
 from tensionlab.scenarios.stick_figure import HEAD_M
+from tensionlab.support.table import GREEN, GREY
 from tensionlab.viewer.recorded import instant_at
 from tensionlab.viewer.scenery import CAP_RAD, PATCH_M, SURFACE_COLOUR, body_origins, draw_scenery
 

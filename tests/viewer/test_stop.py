@@ -7,7 +7,7 @@ import pytest
 
 from tensionlab.errors import LinkError
 from tensionlab.hardware.client.emergency_stop import RELEASE_TIMEOUT_S, Outcome
-from tensionlab.operating_system import ESTOP_SIGNAL
+from tensionlab.support.operating_system import ESTOP_SIGNAL
 from tensionlab.viewer import stop
 from tensionlab.viewer.stop import stop_modules
 from tests.helpers.simulated_time import SimulatedTime

@@ -24,8 +24,8 @@ from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings, W
 from tensionlab.hardware.runner.statistics import RunSink
 from tensionlab.hardware.simulation.world import Motion, World
 from tensionlab.model.rig import Rig
-from tensionlab.operating_system import INTERRUPT_SIGNALS
-from tensionlab.records import manifest
+from tensionlab.support.operating_system import INTERRUPT_SIGNALS
+from tensionlab.support.provenance import manifest
 
 Answer = TypeVar("Answer")
 

@@ -11,16 +11,16 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from tensionlab.arrays import MAX_MAGNITUDE, Floats
-from tensionlab.display import count
 from tensionlab.errors import WriteError
-from tensionlab.files import writing
-from tensionlab.files.named import list_names
-from tensionlab.files.reading import brief
 from tensionlab.model.pose import RestPose
 from tensionlab.model.rig import Rig
-from tensionlab.records import TABLE_SUFFIXES
 from tensionlab.solvers import every_solver, select_solvers
+from tensionlab.support.arrays import MAX_MAGNITUDE, Floats
+from tensionlab.support.files import writing
+from tensionlab.support.files.named import list_names
+from tensionlab.support.files.reading import brief
+from tensionlab.support.provenance import TABLE_SUFFIXES
+from tensionlab.support.table import count
 
 EXAMPLES = {
     "--wrench": "1 2 3 (in N)",

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any, Self
 
 import typer
 
-from tensionlab import display, records
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, InputError, WriteError
-from tensionlab.files import writing
 from tensionlab.model.rig import Rig
+from tensionlab.support import provenance
+from tensionlab.support import table as display
+from tensionlab.support.files import writing
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -232,7 +233,7 @@ def plain(value: Any) -> Any:
 
 def manifest(seed: int | None = None) -> dict[str, Any]:
     """Return where and how a result was made, with the command line."""
-    return records.manifest(["tensionlab", *sys.argv[1:]], seed)
+    return provenance.manifest(["tensionlab", *sys.argv[1:]], seed)
 
 
 def fields(thing: object, *names: str) -> dict[str, Any]:

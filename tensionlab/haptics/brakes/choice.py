@@ -25,11 +25,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
 from tensionlab.allocation import RANK_TOLERANCE, TOLERANCE
-from tensionlab.arrays import Floats, as_floats, common_axes, finite
 from tensionlab.errors import InputError, ShapeError
 from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats, as_floats, common_axes, finite
 
 Flags = NDArray[np.bool_]
 

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.allocation import TOLERANCE
-from tensionlab.arrays import Floats, finite
 from tensionlab.errors import InputError
 from tensionlab.haptics.brakes.choice import Flags, LockSet, choose_locks
 from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
+from tensionlab.support.arrays import Floats, finite
 
 Reason = Literal["locked", "motors", "no cable", "too fast", "not near", "leaving"]
 """What decided: brakes are locked; the motors do, or no set of brakes is worth its price; no brake may be locked

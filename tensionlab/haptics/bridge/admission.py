@@ -7,8 +7,8 @@ from http import HTTPStatus
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from tensionlab.admission import LOCAL_PAGES, Header, knows_token, loaded_by_other_page, names_this_machine
-from tensionlab.files.reading import brief
+from tensionlab.support.access import LOCAL_PAGES, Header, knows_token, loaded_by_other_page, names_this_machine
+from tensionlab.support.files.reading import brief
 
 COMMAND_PATH, EVENTS_PATH, STATE_PATH = "/command", "/events", "/state"
 PAGE_PATH, SCHEMA_PATH = "/", "/schema.json"

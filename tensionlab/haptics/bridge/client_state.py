@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
 from tensionlab.haptics.bridge.command import Command, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import HAND, Body, Frame
@@ -20,6 +19,7 @@ from tensionlab.haptics.effects.described import effect_of, prepare
 from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S, Effect
 from tensionlab.model import pose
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 
 MIN_FRAME_GAP_S = 1e-3
 """Frames that come closer together are taken to be so far apart."""

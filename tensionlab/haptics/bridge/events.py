@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, RigState
 from tensionlab.haptics.bridge.messages import Event, State
 from tensionlab.haptics.rendering.assignment import Cut
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 
 MIN_SHARE = 1e-3
 """Of the force; below this there is none."""

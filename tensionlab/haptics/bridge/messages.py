@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal, NoReturn
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, field_validator
 
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, ProtocolError, TensionlabError
-from tensionlab.files.reading import brief
 from tensionlab.haptics.effects.refusal import first_problem, shown
+from tensionlab.support.files.reading import brief
 
 PROTOCOL = 3
 """Version of the messages; a `Welcome` has the server's."""

@@ -25,15 +25,15 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError, HardwareError, ProtocolError, TensionlabError, cannot_listen, needs
-from tensionlab.files.reading import brief
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander
 from tensionlab.haptics.bridge.messages import Frame, message_of, reason_of
 from tensionlab.haptics.bridge.report import LimitedReport
 from tensionlab.haptics.effects import EFFECTS
 from tensionlab.haptics.effects.parameters import Many, bounds
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.reading import brief
 
 ADDRESS = re.compile(r"/stop|/(body|effect)/[^/]+")
 MAX_MESSAGES = 64

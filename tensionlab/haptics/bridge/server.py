@@ -15,7 +15,6 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 from urllib.parse import urlsplit
 
-from tensionlab.admission import LOOPBACK
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError, TensionlabError, cannot_listen, needs
 from tensionlab.haptics.bridge.admission import COMMAND_PATH, HEADERS, STATE_PATH, Admission
 from tensionlab.haptics.bridge.client_state import ClientState
@@ -31,7 +30,8 @@ from tensionlab.haptics.bridge.messages import (
     parse,
     reason_of,
 )
-from tensionlab.operating_system import opened_by_other_user
+from tensionlab.support.access import LOOPBACK
+from tensionlab.support.operating_system import opened_by_other_user
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection

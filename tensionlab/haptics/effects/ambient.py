@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.haptics.effects import parameters
 from tensionlab.haptics.effects.contact import ORIGIN, Plane
 from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, norm, normalized, smoothstep
+from tensionlab.support.arrays import Floats
 
 
 @dataclass(frozen=True)

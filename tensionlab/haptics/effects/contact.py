@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import parameters
 from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, dot, norm, normalized
+from tensionlab.support.arrays import Floats
 
 ORIGIN = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)

@@ -10,9 +10,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
-from tensionlab.files.reading import brief
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.effects.parameters import Vector, bounds, require_dimension
@@ -20,6 +18,8 @@ from tensionlab.haptics.effects.refusal import first_problem, shown
 from tensionlab.haptics.effects.tools import Weight
 from tensionlab.model.kinematics import turn_axes
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.reading import brief
 
 Z_UP = np.array([0.0, 0.0, 1.0])
 """As the defaults of effects have it."""

@@ -17,7 +17,7 @@ from typing import NamedTuple, Protocol, TypeGuard, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensionlab.arrays import Floats
+from tensionlab.support.arrays import Floats
 
 Memory = tuple[object, ...] | None
 """What an effect remembers: a NamedTuple of its own, such as `Bristle`; None before the first step, and where

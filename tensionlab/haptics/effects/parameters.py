@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, get_args, get_type_hints
 from pydantic import Strict
 
 from tensionlab.errors import EffectError, TensionlabError
-from tensionlab.files.reading import brief
+from tensionlab.support.files.reading import brief
 
 FAR_M = 100.0
 """Coordinates are between minus and plus this, in m."""

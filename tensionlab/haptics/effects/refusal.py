@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from tensionlab.files.reading import brief
+from tensionlab.support.files.reading import brief
 
 OWN_WORDS = "value_error"
 """Kind of problem whose text is this project's already."""

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import parameters
 from tensionlab.haptics.effects.contact import ORIGIN, Plane
 from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, dot, norm, normalized
+from tensionlab.support.arrays import Floats
 
 Field = Callable[[Floats], tuple[Floats, Floats]]
 MAX_PROXY_STEPS = 10

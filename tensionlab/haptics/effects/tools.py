@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
-from tensionlab.files.reading import brief
 from tensionlab.haptics.effects import parameters
 from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, norm, normalized, smoothstep
 from tensionlab.model.module import GRAVITY_M_S2
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.reading import brief
 
 
 class WeightMotion(NamedTuple):

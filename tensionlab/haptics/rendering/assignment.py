@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
 from tensionlab.demand import Impedance
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
 from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, Rendered, is_split
 from tensionlab.haptics.rendering.stability import capped, cut_stiffnesses
+from tensionlab.support.arrays import Floats
 
 MAX_APPROACH_M = 0.5
 """Further out of contact than this, no module renders a wall: set-points come many times before it could."""

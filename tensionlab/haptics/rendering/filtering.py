@@ -9,10 +9,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
 from tensionlab.haptics.effects.effect import Motion, norm
 from tensionlab.haptics.effects.parameters import Parameters, PositiveForce, Range
 from tensionlab.haptics.rendering.stability import Observed, PassivityController
+from tensionlab.support.arrays import Floats
 
 MAX_FORCE_N = 1000.0
 """Largest force that is desired of any rig."""

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
-from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, Impedance, RigState
 from tensionlab.haptics.effects import Friction, Shape, Viscous, Wall
 from tensionlab.haptics.effects.effect import Effect, Motion
@@ -32,6 +31,7 @@ from tensionlab.haptics.rendering.assignment import (
 from tensionlab.haptics.rendering.filtering import MAX_FORCE_N, StageMemory, Stages, limit_force
 from tensionlab.haptics.rendering.stability import PassivityController, max_damping, stiffness_cap
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 
 MAX_FORCE_RATIO = 2.0
 """Of the desired force to all upper tensions together. At 1 it would take away what can be rendered: where cables

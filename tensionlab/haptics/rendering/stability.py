@@ -9,9 +9,9 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects.effect import Motion, dot, is_split
+from tensionlab.support.arrays import Floats
 
 T = TypeVar("T")
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats, Integers
 from tensionlab.model import kinematics
 from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats, Integers
 
 TILT_RAD = 0.3
 """How far advised poses are turned about each axis, in rad."""

@@ -20,12 +20,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError
 from tensionlab.hardware.calibration.anchor_fit import Poses, Problem, advice, best_fit
 from tensionlab.hardware.calibration.gain import quantile
 from tensionlab.model.kinematics import fit_rotation
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 
 WEAK = 1e-5
 """A motion of the anchors that changes lengths by less than this share of what the strongest does goes unseen."""

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError
+from tensionlab.support.arrays import Floats
 
 CONFIDENCE = 0.95
 """Of all intervals here."""

@@ -15,9 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError, HardwareError, ModuleFault
-from tensionlab.files.tables import read_table
 from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2, Balance
 from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S
 from tensionlab.hardware.client.module import ModuleClient, Received
@@ -25,6 +23,8 @@ from tensionlab.hardware.protocol.codes import Calibration, Limit, State
 from tensionlab.hardware.protocol.messages import Info, Message, SetParameter, Telemetry
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.hardware.runner.watchdog import stopping
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.tables import read_table
 
 PERIOD_S = 0.02
 """From one set-point to the next, in s."""

@@ -7,9 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError, HardwareError
-from tensionlab.files.tables import read_table
 from tensionlab.hardware.calibration.anchor_fit import Poses, rotations
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import Calibration
@@ -19,6 +17,8 @@ from tensionlab.hardware.runner.settings import Clock
 from tensionlab.hardware.runner.watchdog import stopping
 from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.tables import read_table
 
 PERIOD_S = 0.02
 TAUT_S, LOOSE_S = 1.0, 0.5

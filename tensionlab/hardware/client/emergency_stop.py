@@ -15,7 +15,7 @@ from tensionlab.hardware.client.links import open_link
 from tensionlab.hardware.client.locks import Holder, holder, locked_links
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.messages import EmergencyStop
-from tensionlab.operating_system import kill_command, send_estop
+from tensionlab.support.operating_system import kill_command, send_estop
 
 RELEASE_TIMEOUT_S = 6.0
 """How long a signalled process may take to stop its modules and close their links."""

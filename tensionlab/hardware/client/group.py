@@ -23,9 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab import _native
-from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
-from tensionlab.files.reading import brief, read_toml
 from tensionlab.hardware.client.links import Link, not_taken
 from tensionlab.hardware.client.module import ANSWER_TIMEOUTS_S, AnswerType, ModuleClient
 from tensionlab.hardware.protocol import messages
@@ -34,6 +32,8 @@ from tensionlab.hardware.protocol.messages import Acknowledge, Info, Message, St
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.model.module import MAX_NAME
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats, Integers
+from tensionlab.support.files.reading import brief, read_toml
 
 PATIENT_TIMEOUTS_S = (*ANSWER_TIMEOUTS_S, *(ANSWER_TIMEOUTS_S[-1],) * 5)
 """More tries than those of one command: a bad link is no reason to give up before a run, or at its end."""

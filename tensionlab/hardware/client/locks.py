@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from tensionlab.errors import LinkError
-from tensionlab.files.writing import acquire_lock
 from tensionlab.hardware.client.shared_telemetry import publisher
-from tensionlab.operating_system import is_private, patiently, process_start, user_folders
+from tensionlab.support.files.writing import acquire_lock
+from tensionlab.support.operating_system import is_private, patiently, process_start, user_folders
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock

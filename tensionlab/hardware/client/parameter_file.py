@@ -25,7 +25,6 @@ from pathlib import Path
 import numpy as np
 
 from tensionlab.errors import HardwareError
-from tensionlab.files.reading import brief, parse_toml
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.messages import GetParameter, Info, ParameterValue, SetParameter
 from tensionlab.hardware.protocol.parameters import (
@@ -35,6 +34,7 @@ from tensionlab.hardware.protocol.parameters import (
     require_value,
     single,
 )
+from tensionlab.support.files.reading import brief, parse_toml
 
 UPPER_BOUNDS = frozenset({"tension_upper", "newton_per_ampere", "current_peak", "length_upper", "supply_upper"})
 """Parameters that allow others more as they grow."""

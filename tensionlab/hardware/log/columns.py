@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Status
-from tensionlab.arrays import MAX_MAGNITUDE, Floats, Integers
 from tensionlab.demand import Impedance
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.hardware.runner.statistics import Cycle
 from tensionlab.model.pose import place_anchors
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers
 
 IMPEDANCE = tuple(each.name for each in fields(Impedance))
 """The numbers of an impedance, in their order."""

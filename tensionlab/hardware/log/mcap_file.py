@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 from tensionlab.errors import LogError, needs
-from tensionlab.files import writing
-from tensionlab.files.reading import parse_json, require_unpackable
+from tensionlab.support.files import writing
+from tensionlab.support.files.reading import parse_json, require_unpackable
 
 PROFILE = "tensionlab-run-1"
 """Mark in a file's header of the log of a run, and of its version."""

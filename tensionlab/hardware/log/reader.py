@@ -14,13 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab import display, records
 from tensionlab.allocation import Allocation
-from tensionlab.arrays import MAX_MAGNITUDE
 from tensionlab.errors import LogError
-from tensionlab.files import writing
-from tensionlab.files.reading import brief, parse_json
-from tensionlab.files.tables import from_mappings
 from tensionlab.hardware.log import columns
 from tensionlab.hardware.log.columns import COLUMNS, IMPEDANCE, CycleTable
 from tensionlab.hardware.log.mcap_file import read_records
@@ -29,6 +24,12 @@ from tensionlab.hardware.protocol.codes import Fault, Limit
 from tensionlab.hardware.runner.statistics import PERCENTILES, Statistics, percentiles
 from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.rig import Rig
+from tensionlab.support import provenance
+from tensionlab.support import table as display
+from tensionlab.support.arrays import MAX_MAGNITUDE
+from tensionlab.support.files import writing
+from tensionlab.support.files.reading import brief, parse_json
+from tensionlab.support.files.tables import from_mappings
 
 if TYPE_CHECKING:
     import pandas
@@ -61,7 +62,7 @@ class Run(CycleTable):
     ----------
     rig : Rig
     manifest : mapping
-        Where the run came from: `tensionlab.records.manifest`.
+        Where the run came from: `tensionlab.support.provenance.manifest`.
     setup : RunSetup
     modules : mapping of str to mapping
         Of each module, by its name, the fields of `protocol.Info`.
@@ -79,7 +80,7 @@ class Run(CycleTable):
     >>> import numpy as np
     >>> import tensionlab as tl
     >>> from tensionlab.hardware import Demand, RunLog, Runner, RunSettings, World, WorldClock, read_run
-    >>> from tensionlab.records import manifest
+    >>> from tensionlab.support.provenance import manifest
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> world, settings, pull = World(rig), RunSettings(rate=50.0), Demand(np.array([0.0, 0.0, 1.5]))
     >>> links = {module.name: "sim:" for module in rig.modules}
@@ -129,7 +130,7 @@ class Run(CycleTable):
 
         MissingDependency if pandas is not installed.
         """
-        return records.data_frame(flat_columns(self)).set_index("cycle")
+        return provenance.data_frame(flat_columns(self)).set_index("cycle")
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the run as a dataset with names, units and labels.
@@ -157,7 +158,7 @@ class Run(CycleTable):
             for name, column in COLUMNS.items()
         }
         coordinates = {"cycle": table.pop("cycle"), "time": table.pop("time"), **limits}
-        dataset: xarray.Dataset = records.import_xarray().Dataset(
+        dataset: xarray.Dataset = provenance.import_xarray().Dataset(
             table,
             {**dimension_labels(self.rig), **coordinates},
             {
@@ -194,7 +195,7 @@ def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | N
     >>> import numpy as np
     >>> import tensionlab as tl
     >>> from tensionlab.hardware import Demand, RunLog, Runner, RunSettings, World, WorldClock, read_run
-    >>> from tensionlab.records import manifest
+    >>> from tensionlab.support.provenance import manifest
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> world, settings, pull = World(rig), RunSettings(rate=50.0), Demand(np.array([0.0, 0.0, 1.5]))
     >>> links = {module.name: "sim:" for module in rig.modules}

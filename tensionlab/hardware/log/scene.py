@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, FORCE_COLOURS, GREY, ORANGE, RED, Colours, ramp, rgb
 from tensionlab.hardware.log.columns import anchors_in_world, desired_wrench, rotation_matrix
 from tensionlab.hardware.log.foxglove_schemas import (
     FRAME_TRANSFORMS,
@@ -35,6 +33,8 @@ from tensionlab.model.module import WORLD, upward
 from tensionlab.model.pose import Frame, frame_of, place_anchors
 from tensionlab.model.pulleys import ways
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import BLUE, FORCE_COLOURS, GREY, ORANGE, RED, Colours, ramp, rgb
 
 RATE_HZ = 30.0
 """A screen shows no more."""

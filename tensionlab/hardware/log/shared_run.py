@@ -19,7 +19,6 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import TensionlabError
 from tensionlab.hardware.client.locks import locked_links, program
 from tensionlab.hardware.client.module import ModuleClient
@@ -30,6 +29,7 @@ from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.hardware.runner.statistics import Cycle, Statistics
 from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats, Integers
 
 RUN, SETUP = "run", "setup"
 """Topics of the publisher: a run as it is now, and what does not change while it lasts."""

@@ -95,7 +95,7 @@ class RunLog:
         An MCAP file (``.mcap``): new, or empty.
     rig : Rig
     manifest : mapping
-        Where the run comes from: `tensionlab.records.manifest`.
+        Where the run comes from: `tensionlab.support.provenance.manifest`.
     solver : str or Solver
         As in `tensionlab.allocate`.
     settings : RunSettings
@@ -117,7 +117,7 @@ class RunLog:
     >>> import numpy as np
     >>> import tensionlab as tl
     >>> from tensionlab.hardware import Demand, RunLog, Runner, RunSettings, World, WorldClock, read_run
-    >>> from tensionlab.records import manifest
+    >>> from tensionlab.support.provenance import manifest
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> world, settings, pull = World(rig), RunSettings(rate=50.0), Demand(np.array([0.0, 0.0, 1.5]))
     >>> links = {module.name: "sim:" for module in rig.modules}

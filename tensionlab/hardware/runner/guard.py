@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from tensionlab import _native
 from tensionlab.allocation import Allocation, Allocator, Policy, Solver, Status, resolve_solver
-from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit, State
 from tensionlab.model.module import TensionLimits
+from tensionlab.support.arrays import Floats
 
 CERTIFIED = frozenset((int(Status.EXACT), int(Status.NEAREST)))
 MAX_PREPARED = 256

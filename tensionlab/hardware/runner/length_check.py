@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab import _native
-from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.runner.state_estimation import PoseTracker
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 
 CHECK_PERIOD_S = 0.02
 """Shortest time between two checks; faster runs leave cycles out."""

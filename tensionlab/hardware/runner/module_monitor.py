@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab import _native
-from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client.group import ModuleGroup
@@ -21,6 +20,7 @@ from tensionlab.hardware.protocol.messages import SetImpedance, Stop, Telemetry
 from tensionlab.hardware.runner.guard import Derating
 from tensionlab.hardware.runner.settings import OnLoss
 from tensionlab.hardware.runner.state_estimation import Observation
+from tensionlab.support.arrays import Floats, Integers
 
 TELEMETRY_UNITS = {
     "length": "m",

@@ -25,11 +25,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.runner.settings import Clock
 from tensionlab.hardware.runner.state_estimation import MAX_LENGTH_ERROR_M, Observation, PoseTracker, at_one_time
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 
 WINDOW_S = 0.5
 """Speeds of cables are averaged for so long: meanwhile a hand may shake, and telemetry be late."""

@@ -25,12 +25,12 @@ from os import PathLike
 import numpy as np
 from pydantic import Field
 
-from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, RigState
 from tensionlab.errors import HardwareError, RigError
-from tensionlab.files.reading import brief, read_toml
 from tensionlab.model.rig import Rig
 from tensionlab.model.schema import Table
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.reading import brief, read_toml
 
 
 @dataclass(frozen=True, eq=False)

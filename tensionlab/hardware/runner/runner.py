@@ -16,9 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Solver
-from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand, DemandSource, Pose, RigState
-from tensionlab.display import count
 from tensionlab.errors import HardwareError, LinkTimeout
 from tensionlab.hardware.client import shared_telemetry
 from tensionlab.hardware.client.group import ModuleGroup
@@ -51,7 +49,9 @@ from tensionlab.hardware.runner.statistics import (
 )
 from tensionlab.hardware.runner.watchdog import STOPPING_SIGNALS, Hung, Interrupted, Interrupts, Watchdog
 from tensionlab.model.rig import Rig
-from tensionlab.operating_system import ESTOP_SIGNAL
+from tensionlab.support.arrays import Floats, Integers
+from tensionlab.support.operating_system import ESTOP_SIGNAL
+from tensionlab.support.table import count
 
 FIRST_TELEMETRY_TIMEOUT_S = 2.0
 MAX_EARLY_S = 1e-3

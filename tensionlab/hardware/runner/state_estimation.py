@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab import _native
-from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats, Integers
 
 
 class Observation(NamedTuple):

@@ -9,11 +9,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from tensionlab import display
 from tensionlab.allocation import Allocation, Status
-from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand, RigState
 from tensionlab.hardware.protocol.messages import Info
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats, Integers
 
 MAX_TIMES = 100_000
 """Cycles whose times are kept for percentiles while a run lasts."""

@@ -18,7 +18,7 @@ from typing import NamedTuple, Self
 
 from tensionlab import _native
 from tensionlab.errors import HardwareError
-from tensionlab.operating_system import ENDING_SIGNALS, ESTOP_SIGNAL, interrupt_main_thread
+from tensionlab.support.operating_system import ENDING_SIGNALS, ESTOP_SIGNAL, interrupt_main_thread
 
 TICK_S = 0.02
 """Period of the checks. Ticks are counted, and not time: a process that got no time at all has missed none."""

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Protocol
 
 from tensionlab.errors import HardwareError, InputError, cannot_listen
-from tensionlab.files import writing
 from tensionlab.hardware.simulation.links import Channel, Conditions
 from tensionlab.hardware.simulation.simulated_module import PARTS, STEP_S, SimulatedModule
-from tensionlab.operating_system import open_pseudo_terminal, poll_pseudo_terminal
+from tensionlab.support.files import writing
+from tensionlab.support.operating_system import open_pseudo_terminal, poll_pseudo_terminal
 
 READ_BYTES = 65536
 """Most bytes read at a time."""

@@ -10,7 +10,6 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.demand import Pose
 from tensionlab.errors import HardwareError, InputError
 from tensionlab.hardware.client.group import ModuleGroup
@@ -25,6 +24,7 @@ from tensionlab.hardware.simulation.simulated_module import PLANT, STEP_S, Simul
 from tensionlab.model.module import Module
 from tensionlab.model.pose import frame_of
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 
 
 def plant_of(module: Module) -> dict[str, float]:

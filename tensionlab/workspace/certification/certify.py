@@ -9,10 +9,10 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from tensionlab.errors import WriteError
-from tensionlab.files import writing
 from tensionlab.model.pose import Frames
 from tensionlab.model.requirement import as_requirement
 from tensionlab.model.rig import Rig
+from tensionlab.support.files import writing
 from tensionlab.workspace.certification.clearance import clearance_problem
 from tensionlab.workspace.certification.problem import Required, Verdicts, cell_problem
 from tensionlab.workspace.certification.result import CertifiedWorkspace

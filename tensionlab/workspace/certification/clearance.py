@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import InputError
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats, Integers
 from tensionlab.workspace.interference import Capsule, body_pairs, body_segments, cable_pairs, closest
 
 ROUNDING = 1e-7

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
-from tensionlab.arrays import Floats, check_size
 from tensionlab.errors import InputError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.pose import Frames
 from tensionlab.model.requirement import Requirement, as_requirement
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats, check_size
 from tensionlab.workspace.certification.clearance import ClearanceProblem
 
 WRENCH_CLOSURE = "wrench-closure"

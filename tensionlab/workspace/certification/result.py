@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensionlab import display, records
-from tensionlab.arrays import Floats, Integers
-from tensionlab.display import Mark
 from tensionlab.model import pose
 from tensionlab.model.rig import Rig
+from tensionlab.support import provenance
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats, Integers
+from tensionlab.support.table import Mark
 from tensionlab.workspace.certification.subdivision import Subdivision
 
 if TYPE_CHECKING:
@@ -203,7 +204,7 @@ class CertifiedWorkspace:
         MissingDependency if xarray is not installed.
         """
         axes = list("xyz"[: self.rig.dimension])
-        data: xarray.Dataset = records.import_xarray().Dataset(
+        data: xarray.Dataset = provenance.import_xarray().Dataset(
             {
                 "verdict": ("cell", self.verdict, {"long_name": "1 inside, -1 outside, 0 undecided"}),
                 "share_inside": ("cell", self.shares[:, 0], {"long_name": "share inside, at least"}),

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import DataError, InputError
-from tensionlab.files import writing
-from tensionlab.files.tables import read_npz
+from tensionlab.support.arrays import Floats, Integers
+from tensionlab.support.files import writing
+from tensionlab.support.files.tables import read_npz
 from tensionlab.workspace.certification.problem import CellProblem, Verdicts
 from tensionlab.workspace.certification.subdivision import Subdivision
 

@@ -8,8 +8,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import Floats, Integers, finite
 from tensionlab.errors import InputError
+from tensionlab.support.arrays import Floats, Integers, finite
 
 MIN_ROOTS = 4
 """Cells along the shortest edge to begin with: fewer would make the finest much smaller than they need be."""

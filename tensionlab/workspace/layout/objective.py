@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
-from tensionlab.display import percent
 from tensionlab.errors import InputError
 from tensionlab.model import kinematics
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
+from tensionlab.support.table import percent
 from tensionlab.workspace.layout.space import Places, Space
 from tensionlab.workspace.margin import capacity_margin, margin_gradient
 from tensionlab.workspace.poses import Grid

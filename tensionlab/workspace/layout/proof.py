@@ -8,8 +8,8 @@ from itertools import islice
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 from tensionlab.workspace.certification.certify import certify
 from tensionlab.workspace.layout.results import Layout
 

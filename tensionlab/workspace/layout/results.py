@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tensionlab import display, records
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
+from tensionlab.support import provenance
+from tensionlab.support import table as display
 from tensionlab.workspace.layout.objective import Objective
 
 if TYPE_CHECKING:
@@ -104,7 +105,7 @@ class LayoutSearch:
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each number of modules; MissingDependency if pandas is not installed."""
-        return records.data_frame(
+        return provenance.data_frame(
             [
                 {"modules": each.rig.m, "score": each.score, "worst": each.worst, "on_front": each in self.front}
                 for each in self.layouts

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import InputError, ShapeError
 from tensionlab.model import pose
 from tensionlab.model.module import Module, TensionLimits
+from tensionlab.support.arrays import Floats
 from tensionlab.workspace.layout.objective import Objective, target_margins, target_slopes
 from tensionlab.workspace.layout.proof import most_proved
 from tensionlab.workspace.layout.results import Layout, LayoutSearch

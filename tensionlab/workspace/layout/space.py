@@ -9,16 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tensionlab import display
-from tensionlab.arrays import Floats, Integers, as_floats
 from tensionlab.errors import RigError
-from tensionlab.files.reading import brief
 from tensionlab.model import pose
 from tensionlab.model.layouts import LIMITS
 from tensionlab.model.module import WORLD, Module, Platform, TensionLimits, require_name, vector
 from tensionlab.model.pose import Frame, RestPose
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats, Integers, as_floats
+from tensionlab.support.files.reading import brief
 
 HARDWARE = ("brake", "newton_per_ampere", "spool_radius")
 """What modules may have beside their limits."""

@@ -13,13 +13,13 @@ from typing import NamedTuple
 from pydantic import Field
 
 from tensionlab.errors import InputError, RigError, ShapeError
-from tensionlab.files.named import find
-from tensionlab.files.reading import brief, read_toml
 from tensionlab.model import schema
 from tensionlab.model.files import requirement
 from tensionlab.model.module import MAX_LENGTH, Module, Platform
 from tensionlab.model.pose import RestPose
 from tensionlab.model.schema import FrameTable, ModuleTable, PlatformTable, RequiredTable, Table, check
+from tensionlab.support.files.named import find
+from tensionlab.support.files.reading import brief, read_toml
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.search import Progress, search_layout

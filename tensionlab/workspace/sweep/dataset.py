@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab import display, records
-from tensionlab.arrays import Floats
 from tensionlab.errors import SweepError
 from tensionlab.model import pose
+from tensionlab.support import provenance
+from tensionlab.support import table as display
+from tensionlab.support.arrays import Floats
 from tensionlab.workspace.metrics import Metric, description
 from tensionlab.workspace.poses import Coordinate
 from tensionlab.workspace.sweep.plan import Plan
@@ -44,7 +45,7 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
         raise SweepError(f'two axes or variables of the sweep are called "{twice[0]}"; rename one')
     if slashed := [name for name in names if "/" in name]:
         raise SweepError(f'"{slashed[0]}" has a slash, and cannot name an axis or variable; rename it')
-    manifest = records.manifest(sys.orig_argv)
+    manifest = provenance.manifest(sys.orig_argv)
     labels = {
         each.name: (each.dims, each.values, {"units": each.units, "long_name": each.long_name}) for each in found
     }
@@ -53,7 +54,7 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
         "sweep": json.dumps(_identity(plan, found, demands, manifest["versions"]["tensionlab"])),
         "manifest": json.dumps(manifest),
     }
-    empty: xarray.Dataset = records.import_xarray().Dataset(coords=labels, attrs=attrs)
+    empty: xarray.Dataset = provenance.import_xarray().Dataset(coords=labels, attrs=attrs)
     return empty
 
 
@@ -190,7 +191,7 @@ class SweepSummary:
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each configuration and metric; MissingDependency if pandas is not installed."""
-        return records.data_frame(
+        return provenance.data_frame(
             [{"rig": rig, "metric": metric, "unit": unit, **vars(each)} for rig, metric, unit, each in self.rows]
         )
 

@@ -15,8 +15,8 @@ from typing import Any, Protocol, TypeVar
 from urllib.parse import urlsplit
 
 from tensionlab.errors import SweepError, needs
-from tensionlab.files.reading import brief
-from tensionlab.operating_system import processors
+from tensionlab.support.files.reading import brief
+from tensionlab.support.operating_system import processors
 
 CHUNKS_PER_WORKER = 2
 """Under way at once, so that no worker waits and memory is bounded."""

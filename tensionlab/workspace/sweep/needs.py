@@ -9,8 +9,8 @@ from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
-from tensionlab import display
 from tensionlab.errors import SweepError
+from tensionlab.support import table as display
 from tensionlab.workspace.sweep.executors import thread_count
 from tensionlab.workspace.sweep.plan import Plan
 

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
-from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import RigError, SweepError
 from tensionlab.model import kinematics, layouts, pose
 from tensionlab.model.pose import Frames
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats, as_floats
 from tensionlab.workspace.metrics import Batch, Metric
 from tensionlab.workspace.poses import Coordinate, Poses
 

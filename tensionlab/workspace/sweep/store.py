@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab import records
-from tensionlab.arrays import Floats
 from tensionlab.errors import SweepError, needs
-from tensionlab.files import writing
-from tensionlab.operating_system import patiently
+from tensionlab.support import provenance
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files import writing
+from tensionlab.support.operating_system import patiently
 from tensionlab.workspace.sweep.dataset import attributes
 from tensionlab.workspace.sweep.plan import Plan, Task
 
@@ -126,7 +126,7 @@ class ZarrStore:
         """Complete the ledger, and open the whole; values are read when they are needed."""
         if not self._ledger.complete:
             self._ledger.finish()
-        data: xarray.Dataset = records.import_xarray().open_zarr(self._path, chunks=None)
+        data: xarray.Dataset = provenance.import_xarray().open_zarr(self._path, chunks=None)
         ordered = {name: data[name] for name in self._metrics}  # a folder has them by the alphabet
         return data.drop_vars(list(ordered)).assign(ordered)
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import CalibrationError, HardwareError, InputError, LinkTimeout, ModuleFault
-from tensionlab.files.tables import table_text
 from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2, gain_from_sensor, gain_from_weights
 from tensionlab.hardware.calibration.gain_measurement import (
     LEVELS,
@@ -28,7 +27,8 @@ from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import Calibrate, ConfigureTelemetry, SetParameter, read
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, HangingMass, SimulatedModule
-from tensionlab.operating_system import ESTOP_SIGNAL
+from tensionlab.support.files.tables import table_text
+from tensionlab.support.operating_system import ESTOP_SIGNAL
 from tests.helpers.examples import many
 
 SPOOL = 0.0195

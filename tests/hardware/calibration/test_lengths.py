@@ -8,7 +8,6 @@ import pytest
 
 from tensionlab.demand import Pose
 from tensionlab.errors import CalibrationError, HardwareError, LinkError
-from tensionlab.files.tables import table_text
 from tensionlab.hardware.calibration.anchors import calibrate_anchors
 from tensionlab.hardware.calibration.lengths import (
     LOOSE_S,
@@ -22,7 +21,8 @@ from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
-from tensionlab.operating_system import ESTOP_SIGNAL
+from tensionlab.support.files.tables import table_text
+from tensionlab.support.operating_system import ESTOP_SIGNAL
 
 RIGS = Path(__file__).parents[3] / "datasets" / "rigs"
 RIG, PLANAR = load_rig(RIGS / "bartels2026-validation.toml"), load_rig(RIGS / "kntu-planar.toml")

@@ -19,7 +19,7 @@ from tensionlab.hardware.client.locks import LinkLock
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.protocol.messages import EmergencyStop
 from tensionlab.hardware.simulation.links import SimulatedLink
-from tensionlab.operating_system import ESTOP_SIGNAL
+from tensionlab.support.operating_system import ESTOP_SIGNAL
 from tests.helpers.reachable import ReachableRig
 from tests.helpers.scripts import running
 from tests.helpers.simulated_time import START_S, SimulatedTime
@@ -28,7 +28,7 @@ HOST = """
 import signal, sys
 from pathlib import Path
 from tensionlab.hardware.client import locks
-from tensionlab.operating_system import ESTOP_SIGNAL
+from tensionlab.support.operating_system import ESTOP_SIGNAL
 locks.user_folders = lambda: [Path(sys.argv[2])]
 locks = [locks.LinkLock(url) for url in sys.argv[3:]]
 def stop(number, frame):

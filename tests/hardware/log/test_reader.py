@@ -239,7 +239,7 @@ def test_a_chunk_that_unpacks_to_more_than_the_memory_is_damage(tmp_path, monkey
 
 
 def test_a_log_whose_chunks_unpack_to_much_in_all_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("tensionlab.files.reading.FREE_UNPACKED_BYTES", 1_000_000)
+    monkeypatch.setattr("tensionlab.support.files.reading.FREE_UNPACKED_BYTES", 1_000_000)
     file = tmp_path / "x.mcap"
     writer = McapWriter(file, {"numbers": {"title": "n"}})
     for _ in range(20):

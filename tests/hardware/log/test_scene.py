@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 
 import tensionlab as tl
 from tensionlab.demand import Pose
-from tensionlab.display import FORCE_COLOURS, GREY, ramp, rgb
 from tensionlab.hardware.log.columns import anchors_in_world
 from tensionlab.hardware.log.mcap_file import read_records
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.log.scene import CHANNELS, SceneEncoder
+from tensionlab.support.table import FORCE_COLOURS, GREY, ramp, rgb
 from tests.helpers import runs
 
 LAYOUT = Path(__file__).parents[3] / "examples" / "foxglove" / "layout.json"

@@ -11,10 +11,10 @@ from types import SimpleNamespace
 import pytest
 
 from tensionlab.errors import LogError
-from tensionlab.files import writing
 from tensionlab.hardware.log import writer
 from tensionlab.hardware.log.mcap_file import McapWriter
 from tensionlab.hardware.log.reader import read_run
+from tensionlab.support.files import writing
 from tests.helpers import runs
 
 ROOT = Path(__file__).parents[3]

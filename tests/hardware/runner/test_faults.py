@@ -18,9 +18,9 @@ from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.protocol.codes import Code, Fault, Limit, State
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.hardware.simulation.world import simulated_module
-from tensionlab.operating_system import ESTOP_SIGNAL
-from tensionlab.records import manifest
 from tensionlab.solvers.base import Status
+from tensionlab.support.operating_system import ESTOP_SIGNAL
+from tensionlab.support.provenance import manifest
 from tests.helpers.rehearsal import GENTLE, TROUBLE, Rehearsal
 
 TTL, CYCLE = 0.25, 0.02

@@ -18,7 +18,7 @@ from tensionlab.hardware.runner.watchdog import (
     Watchdog,
     stopping,
 )
-from tensionlab.operating_system import ESTOP_SIGNAL
+from tensionlab.support.operating_system import ESTOP_SIGNAL
 
 
 class Ticks:

@@ -316,7 +316,7 @@ def test_two_sweeps_that_start_together_end_well(store, tmp_path):
 
 
 def test_a_finished_store_is_opened_while_another_has_it_open(store, finished, monkeypatch):
-    monkeypatch.setattr("tensionlab.files.writing.acquire_lock", None)  # not needed
+    monkeypatch.setattr("tensionlab.support.files.writing.acquire_lock", None)  # not needed
     assert sweep(store, finished).sizes["x"] == 5
 
 

@@ -10,7 +10,9 @@ from typing import Any
 from tensionlab.errors import TensionlabError
 
 
-def make(name: str, found: type[Any] | None, names: Iterable[str], what: str, error: type[TensionlabError]) -> Any:
+def create_by_name(
+    name: str, found: type[Any] | None, names: Iterable[str], what: str, error: type[TensionlabError]
+) -> Any:
     """Return an object of the class ``found`` under the first part of a name; its other part sets the variant.
 
     The error, which says ``what`` the names are of, such as "solver", is raised if no class was found, or it has

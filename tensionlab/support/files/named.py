@@ -14,7 +14,7 @@ from os import PathLike
 from pathlib import Path
 
 from tensionlab.errors import TensionlabError
-from tensionlab.files.reading import brief, datasets_folder
+from tensionlab.support.files.reading import brief, datasets_folder
 
 SUFFIXES = {
     "rigs": ".toml",

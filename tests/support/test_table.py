@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab import display
 from tensionlab.benchmarking.problem_sets import problem_set
 from tensionlab.comparison.compare import compare
 from tensionlab.comparison.replay import replay
@@ -18,6 +17,7 @@ from tensionlab.hardware import read_run
 from tensionlab.hardware.log.reader import report
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.checks import Check, Checks
+from tensionlab.support import table as display
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tests.helpers.runs import four, logged

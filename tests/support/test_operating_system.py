@@ -13,13 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from tensionlab import operating_system
 from tensionlab.errors import HardwareError, WriteError
-from tensionlab.files import writing
 from tensionlab.hardware.client import locks
 from tensionlab.hardware.client.locks import LinkLock, holder
 from tensionlab.hardware.runner import watchdog
 from tensionlab.hardware.runner.watchdog import Hung, Interrupts
+from tensionlab.support import operating_system
+from tensionlab.support.files import writing
 from tests.helpers.simulated_time import SimulatedTime
 from tests.helpers.windows import SIGBREAK, as_on_windows
 
@@ -249,7 +249,7 @@ import_all()
 import tensionlab as tl
 from tensionlab.cli import main
 from tests.helpers.serving import ServedRig
-assert tl.operating_system.ESTOP_SIGNAL.name == "SIGTERM"
+assert tl.support.operating_system.ESTOP_SIGNAL.name == "SIGTERM"
 rig = tl.datasets.folder() / "rigs" / "bartels2026-validation.toml"
 with ServedRig(tl.load_rig(rig)) as served:
     links = ",".join(served.links.values())

@@ -8,7 +8,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import RigError
-from tensionlab.files import named
+from tensionlab.support.files import named
 from tensionlab.workspace.layout.task import load_task
 
 

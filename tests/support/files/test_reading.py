@@ -6,8 +6,8 @@ import threading
 import pytest
 
 from tensionlab.errors import RigError, ShapeError
-from tensionlab.files import reading
-from tensionlab.files.reading import brief, parse_json, parse_toml, read_bytes, read_text, read_toml
+from tensionlab.support.files import reading
+from tensionlab.support.files.reading import brief, parse_json, parse_toml, read_bytes, read_text, read_toml
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,9 @@ import pytest
 
 import tensionlab as tl
 from tensionlab import _native
-from tensionlab.arrays import as_floats
 from tensionlab.model import pose
 from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE
+from tensionlab.support.arrays import as_floats
 
 W, w, LIMITS = np.array([[1.0, -0.6, -0.6], [0.0, 0.8, -0.8]]), np.array([2.0, 1.0]), (1.0, 10.0)
 LOSSY: dict[str, tuple[Callable[[Any], Any], str]] = {

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from tensionlab.errors import WriteError, needs
-from tensionlab.operating_system import patiently
+from tensionlab.support.operating_system import patiently
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock

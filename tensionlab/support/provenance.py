@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tensionlab.errors import needs
-from tensionlab.files import writing
-from tensionlab.operating_system import processor_name
+from tensionlab.support.files import writing
+from tensionlab.support.operating_system import processor_name
 
 if TYPE_CHECKING:
     import pandas

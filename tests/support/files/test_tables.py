@@ -10,8 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from tensionlab.errors import ShapeError
-from tensionlab.files import reading
-from tensionlab.files.tables import from_mappings, read_npz, read_parquet, read_table
+from tensionlab.support.files import reading
+from tensionlab.support.files.tables import from_mappings, read_npz, read_parquet, read_table
 
 
 def npy(header, content=b""):

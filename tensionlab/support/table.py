@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.arrays import Floats
+from tensionlab.support.arrays import Floats
 
 if TYPE_CHECKING:
     pass

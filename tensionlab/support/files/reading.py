@@ -13,7 +13,7 @@ from typing import Any
 
 from tensionlab.errors import DataError, TensionlabError
 
-DATASETS_FOLDERS = tuple(parent / "datasets" for parent in Path(__file__).parents[1:3])
+DATASETS_FOLDERS = tuple(parent / "datasets" for parent in Path(__file__).parents[2:4])
 """Where this package's data sets may be: inside the installed package, or beside it in the source tree."""
 CHECKSUMS = "SHA256SUMS"
 """A file that marks the folder as this package's: beside an installed package there may be others' `datasets`."""

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from tensionlab.errors import WriteError
-from tensionlab.files import writing
+from tensionlab.support.files import writing
 
-PACKAGE = Path(writing.__file__).parents[1]
+PACKAGE = Path(writing.__file__).parents[2]
 # What is written bit by bit in its own place, so that it outlives a killed process; locks; nowhere.
 IN_PLACE = {
     "files/writing.py",
@@ -115,4 +115,4 @@ def test_all_that_the_package_writes_goes_through_this_door():
         if WRITES.search(re.sub(r"^ *(>>>|\.\.\.) .*$", "", text, flags=re.MULTILINE)):  # examples may write
             found.add(path.relative_to(PACKAGE).as_posix())
     programs = {name for name in found if "__main__" in (PACKAGE / name).read_text(encoding="utf-8")}
-    assert found - programs <= IN_PLACE, "write with tensionlab.files.writing"
+    assert found - programs <= IN_PLACE, "write with tensionlab.support.files.writing"

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import tensionlab as tl
-from tensionlab import records
+from tensionlab.support import provenance
 
 ROWS = [
     {"solver": "newton", "policy": "force", "exact": 3, "gap_max": 0.0},
@@ -20,8 +20,8 @@ ROWS = [
 
 def test_parquet_keeps_rows_and_manifest(tmp_path):
     path = tmp_path / "rows.parquet"
-    manifest = records.manifest(["tensionlab", "compare", "my rig.toml"], seed=7)
-    records.write_parquet(path, ROWS, manifest)
+    manifest = provenance.manifest(["tensionlab", "compare", "my rig.toml"], seed=7)
+    provenance.write_parquet(path, ROWS, manifest)
     table = pq.read_table(path)
     assert table.column_names == list(ROWS[0])
     read = table.to_pylist()
@@ -33,18 +33,18 @@ def test_parquet_keeps_rows_and_manifest(tmp_path):
 
 @pytest.mark.parametrize("table", [ROWS, {name: [row[name] for row in ROWS] for name in ROWS[0]}])
 def test_the_suffix_decides_the_format_of_a_table(tmp_path, table):
-    records.write_table(tmp_path / "rows.csv", table, {})
+    provenance.write_table(tmp_path / "rows.csv", table, {})
     with (tmp_path / "rows.csv").open(newline="") as file:
         read = list(csv.DictReader(file))
     assert [row["solver"] for row in read] == ["newton", "closed-form"]
     assert [row["policy"] for row in read] == ["force", ""]
     assert [row["gap_max"] for row in read] == ["0.0", "nan"]
-    records.write_table(tmp_path / "rows.parquet", table, {"seed": 7})
+    provenance.write_table(tmp_path / "rows.parquet", table, {"seed": 7})
     assert pq.read_table(tmp_path / "rows.parquet").column_names == list(ROWS[0])
 
 
 def test_a_manifest_says_how_to_repeat_the_result():
-    manifest = records.manifest(["tensionlab", "compare", "my rig.toml"], seed=7)
+    manifest = provenance.manifest(["tensionlab", "compare", "my rig.toml"], seed=7)
     assert manifest["call"] == "tensionlab compare 'my rig.toml'"
     assert manifest["seed"] == 7
     assert manifest["python"] == platform.python_version()
@@ -54,7 +54,7 @@ def test_a_manifest_says_how_to_repeat_the_result():
     assert {"cvxpy", "cvxpy-base"} & set(manifest["versions"])
     assert manifest["processor"]
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00", manifest["date"])
-    assert records.manifest([])["seed"] is None
+    assert provenance.manifest([])["seed"] is None
 
 
 def test_a_package_that_is_only_on_the_path_says_its_version(monkeypatch):
@@ -62,13 +62,13 @@ def test_a_package_that_is_only_on_the_path_says_its_version(monkeypatch):
         raise importlib.metadata.PackageNotFoundError(name)
 
     monkeypatch.setattr(importlib.metadata, "version", nothing_is_installed)
-    assert records.manifest([])["versions"] == {"tensionlab": tl.__version__}
+    assert provenance.manifest([])["versions"] == {"tensionlab": tl.__version__}
 
 
 def test_the_commit_is_that_of_the_working_directory(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
-    assert records.manifest([])["git_commit"] is None
+    assert provenance.manifest([])["git_commit"] is None
 
     def git(*words):
         identity = ["-c", "user.name=t", "-c", "user.email=t@example.org", "-c", "core.hooksPath=/dev/null"]
@@ -82,6 +82,6 @@ def test_the_commit_is_that_of_the_working_directory(tmp_path, monkeypatch):
     git("commit", "-q", "-m", "first")
     git("tag", "v1")
     head = git("rev-parse", "HEAD")
-    assert records.manifest([])["git_commit"] == head
+    assert provenance.manifest([])["git_commit"] == head
     (tmp_path / "a").write_text("2")
-    assert records.manifest([])["git_commit"] == f"{head}-dirty"
+    assert provenance.manifest([])["git_commit"] == f"{head}-dirty"

@@ -15,9 +15,9 @@ from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import TensionlabError, needs
-from tensionlab.files.reading import brief, parse_json, read_bytes, read_text, require_unpackable
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.reading import brief, parse_json, read_bytes, read_text, require_unpackable
 
 Row = TypeVar("Row")
 
