@@ -12,7 +12,7 @@ from tensionlab.support.files import writing
 PACKAGE = Path(writing.__file__).parents[2]
 # What is written bit by bit in its own place, so that it outlives a killed process; locks; nowhere.
 IN_PLACE = {
-    "files/writing.py",
+    "support/files/writing.py",
     "cli/__init__.py",
     "hardware/client/locks.py",
     "validation/session.py",
