@@ -39,7 +39,7 @@ STDOUT_CLOSED = 141
 PROGRAM = "tensionlab"
 COMPLETION_VARIABLE = f"_{PROGRAM.upper()}_COMPLETE"
 """Variable of the environment in which a shell asks how an unfinished command may go on."""
-NUMBER_OPTIONS = ("--at", "--force", "--orbit", "--wrench", "--reference", "--box", "--step", "--frame")
+NUMBER_OPTIONS = ("--at", "--force", "--wrench", "--reference", "--box", "--step", "--frame")
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*([a-z°]{1,3}|N·m)?,?|[-+]?(nan|inf),?", re.IGNORECASE)
 """Numbers, with a unit as well: whoever reads them says that it is left out."""
 PARSER_WORDS = {

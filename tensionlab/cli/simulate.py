@@ -17,7 +17,7 @@ from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.hardware.simulation import serve as serving
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.simulated_module import SimulatedModule
-from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S, cable_lengths, simulated_module
+from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S, simulated_module
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios import SCENARIOS, Scenario, load_scenario
@@ -44,7 +44,6 @@ def simulate(
             max=65535,
         ),
     ] = 0,
-    pty: Annotated[bool, typer.Option("--pty", help="Pseudo-terminals instead of TCP.")] = False,
     modules: Annotated[
         Path | None, options.writes("Also write the modules file here.", ".toml", names=["--modules"])
     ] = None,
@@ -65,17 +64,6 @@ def simulate(
     speed: Annotated[float, typer.Option(help="How much faster than real time the modules' time passes.")] = 1.0,
     only: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Only these modules of the rig; also repeated.")
-    ] = None,
-    orbit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="RADIUS PERIOD",
-            help="Move the point on a circle of this radius in m around its home, once in this period in s. All "
-            "processes on this computer move it in step.",
-        ),
-    ] = None,
-    record: Annotated[
-        Path | None, options.writes("Write the true tensions to this file.", ".csv", names=["--record"])
     ] = None,
     scenario: Annotated[
         str | None,
@@ -121,8 +109,8 @@ def simulate(
 ) -> None:
     """Simulate the modules of a rig, with their firmware.
 
-    Serves one module for each cable until Ctrl-C. The end of each cable stays at the rig's home, moves around it
-    (--orbit), or is where a simulated person holds it (--scenario). The person begins when all modules are
+    Serves one module for each cable until Ctrl-C. The end of each cable stays at the rig's home, or is
+    where a simulated person holds it (--scenario). The person begins when all modules are
     armed, and goes back to the start when all have been stopped; ``tensionlab scenario NAME --modules FILE --osc
     PORT`` plays with it.
 
@@ -132,13 +120,13 @@ def simulate(
     if not 0.0 < speed <= MAX_SPEED:
         raise typer.BadParameter(f"--speed is above 0 and at most {MAX_SPEED:g}; got {speed:g}")
     conditions = Conditions(1e-3 * latency_ms, 1e-3 * jitter_ms, 0.01 * drop_pct, 0.01 * corrupt_pct)
-    if scenario is not None and (only or orbit is not None or sensor_port is not None):
+    if scenario is not None and (only or sensor_port is not None):
         raise typer.BadParameter(
-            "--scenario takes all modules of its rig, and a person holds their cables: leave out --only, --orbit "
-            "and --sensor-port"
+            "--scenario takes all modules of its rig, and a person holds their cables: leave out --only and "
+            "--sensor-port"
         )
-    if sensor_port is not None and (rig is None or only or orbit is not None):
-        raise typer.BadParameter("--sensor-port takes a rig with all its modules, and a point that stays")
+    if sensor_port is not None and (rig is None or only):
+        raise typer.BadParameter("--sensor-port takes a rig with all its modules")
     if tracker is not None and scenario is None:
         raise typer.BadParameter("--tracker sends the positions of a scenario: give --scenario NAME as well")
     loaded = None if rig is None else load_rig(rig)
@@ -151,15 +139,13 @@ def simulate(
     with ExitStack() as opened:
         person = None if loaded_scenario is None else _person(loaded_scenario, tracker, opened)
         far_ends: FarEnds = {} if person is None else person.far_ends
-        if orbit is not None:
-            far_ends = _orbit(loaded, options.parse_numbers("--orbit", orbit))
         simulated = _modules(loaded, seed, config_file, far_ends, errors)
         chosen = _chosen(only, list(simulated))
         faults = _faults(fault or [], list(simulated))
         served = [
             serving.ServedModule(
                 module,
-                serving.PtyPort() if pty else serving.TcpPort(listen, port and port + chosen.index(name)),
+                serving.TcpPort(listen, port and port + chosen.index(name)),
                 conditions=conditions,
                 seed=seed + index,
                 faults=faults[name],
@@ -179,16 +165,11 @@ def simulate(
             opened.callback(sensor.close)
             text += f"# Force sensor: {sensor.url}\n"
             watchers.append(SensorServer(loaded, errors, seed, sensor).take)
-        if record is not None:
-            watchers.append(opened.enter_context(serving.recording(record, chosen)))
         if modules is not None:
             writing.write_text(modules, text)
         ports.pop_all()  # from here on, they are closed by serve
         server = serving.Server(served, speed, watchers, math.inf if person is None else COMPLIANT_STEP_S)
-        kept = "the simulated modules are gone; the same command serves new ones"
-        if record is not None:
-            kept = f"{record} has the tensions until then; {kept}"
-        with until_interrupted(kept) as interrupted:
+        with until_interrupted("the simulated modules are gone; the same command serves new ones") as interrupted:
             typer.echo(text)
             serving.serve(server, interrupted)
 
@@ -242,13 +223,6 @@ def _errors(rig: Rig, preset: str, seed: int) -> RigErrors:
         raise typer.BadParameter(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
     require_point(rig)
     return draw_errors(PRESETS[preset], rig.m, seed)
-
-
-def _orbit(rig: Rig | None, numbers: list[float]) -> FarEnds:
-    """Return the lengths of cables whose point goes round its home, by the time of day, which processes share."""
-    if rig is None or len(numbers) != 2:
-        raise typer.BadParameter("--orbit takes a rig, and two numbers: a radius in m and a period in s")
-    return cable_lengths(rig, *numbers)
 
 
 def _chosen(only: list[str] | None, names: list[str]) -> list[str]:

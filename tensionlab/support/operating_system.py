@@ -8,7 +8,6 @@ from __future__ import annotations
 import errno
 import os
 import platform
-import select
 import signal
 import stat
 import subprocess
@@ -20,8 +19,6 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
-
-from tensionlab.errors import HardwareError
 
 Result = TypeVar("Result")
 
@@ -181,30 +178,3 @@ def processor_name() -> str:
                 if line.startswith("model name"):
                     return line.partition(":")[2].strip()
     return platform.processor() or platform.machine()
-
-
-def open_pseudo_terminal() -> tuple[int, str]:
-    """Return the file descriptor of a new pseudo-terminal, which does not block, and its path for the other end.
-
-    A `HardwareError` on Windows, which has none that another program could open.
-    """
-    if sys.platform == "win32":
-        raise HardwareError("Windows has no pseudo-terminals; serve over TCP: leave out --pty")
-    import tty
-
-    terminal, other = os.openpty()
-    tty.setraw(other)
-    path = os.ttyname(other)
-    os.close(other)
-    os.set_blocking(terminal, False)
-    return terminal, path
-
-
-def poll_pseudo_terminal(terminal: int) -> tuple[bool, bool]:
-    """Return whether there are bytes to read, and whether somebody has the other end open."""
-    if sys.platform == "win32":
-        raise NotImplementedError
-    poll = select.poll()
-    poll.register(terminal, select.POLLIN)
-    events = dict(poll.poll(0)).get(terminal, 0)
-    return bool(events & select.POLLIN), not events & select.POLLHUP

@@ -84,7 +84,6 @@ MISTAKES = {
     "run cube-8 --at 100 0 0": "its cable would be 100.5 m long, and a module takes 20 m at most; move the pose",
     "scenario bow --seconds 100": "--seconds is above 0 and at most 5; got 100",
     "simulate rig.toml --drop-pct 200": "--drop-pct: it must be less than or equal to 100",
-    "simulate rig.toml --orbit 1": "--orbit takes a rig, and two numbers: a radius in m and a period in s",
     "validate --out v --hold 0": "each force is held for 0 s, of which 0.3 s are left out; hold longer than that",
     "module config set sim: slew=-50": "slew is from 10 to 300 N/s; got -50",
     "module config set sim: slew=fast": "slew=fast: give a number, such as slew=50",

@@ -1,11 +1,9 @@
 """Simulated modules that other programs reach: in simulated time, and once over each real transport."""
 
-import csv
 import json
 import signal
 import socket
 import statistics
-import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -82,31 +80,6 @@ def test_over_tcp_every_module_of_a_rig_answers_at_its_link(run, tmp_path):
         found = [each["info"] for each in json.loads(out)]
         assert [info["serial_number"] for info in found] == [1, 2, 3, 4]
         assert all(info["calibrated"] for info in found)
-
-
-@pytest.mark.realtime  # a real pseudo-terminal, which tells nobody when its client goes
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
-def test_over_a_pseudo_terminal_a_client_that_goes_away_is_a_link_that_closed(tmp_path):
-    record = tmp_path / "record.csv"
-
-    def timeouts():
-        with record.open(newline="") as file:
-            return [float(row["own_time"]) for row in csv.DictReader(file) if row["state"] == "TIMEOUT"]
-
-    with simulated("--pty", "--record", record) as (links, _):
-        with connected(links["module"]) as client:
-            pull(client)
-            assert client.ask(Hello(), Info).state is State.RUNNING
-            before = client.ask(Ping(1), Pong).time_us
-            client.send(SetTension(7, 1.0, ttl_ms=2000))
-        end = time.monotonic() + HANG_S
-        while not timeouts():
-            assert time.monotonic() < end
-            time.sleep(0.01)
-        assert timeouts()[0] < 1e-6 * before + 2.0  # when the set-point would have been too old, by the same clock
-        with connected(links["module"]) as client:
-            assert client.ask(Hello(), Info).state is State.TIMEOUT
-            assert client.ask(Stop()).state is State.IDLE
 
 
 @pytest.mark.realtime  # signals to a process

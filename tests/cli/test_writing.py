@@ -62,7 +62,6 @@ RECIPES = {
     ("scenario", "--plot"): (PLAYED, ".svg"),
     ("serve", "--log"): (f"serve {RIG} --seconds 0.3 --port 0", ".mcap"),
     ("simulate", "--modules"): (f"simulate {RIG}", ".toml"),
-    ("simulate", "--record"): (f"simulate {RIG}", ".csv"),
     ("simulate", "--config-file"): ("simulate", ".bin"),
     ("validate", "--out"): (f"validate {RIG} --preset ideal --hold 0.35", ""),
     ("module calibrate staircase", "--out"): ("module calibrate staircase sim:", ".csv"),

@@ -119,9 +119,8 @@ def test_a_scenario_is_played_between_processes(monkeypatch):
 
 
 WRONG = [
-    (("--scenario", "bow", "--orbit", "0.1 3"), "leave out --only, --orbit"),
-    (("--scenario", "bow", "--only", "bow-hand"), "leave out --only, --orbit"),
-    (("--scenario", "bow", "--sensor-port", "0"), "leave out --only, --orbit"),
+    (("--scenario", "bow", "--only", "bow-hand"), "leave out --only and --sensor-port"),
+    (("--scenario", "bow", "--sensor-port", "0"), "leave out --only and --sensor-port"),
     (("--tracker", "127.0.0.1:9000"), "give --scenario NAME"),
     (("--scenario", "bow", "--tracker", "9000"), "--tracker is HOST:PORT"),
     (("--scenario", "bow", "--tracker", "nowhere.invalid:9000"), "nowhere.invalid"),

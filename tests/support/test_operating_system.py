@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tensionlab.errors import HardwareError, WriteError
+from tensionlab.errors import WriteError
 from tensionlab.hardware.client import locks
 from tensionlab.hardware.client.locks import LinkLock, holder
 from tensionlab.hardware.runner import watchdog
@@ -287,23 +287,3 @@ def test_processors_on_linux(monkeypatch):
     monkeypatch.setattr("platform.processor", lambda: "x86_64")
     monkeypatch.setattr(Path, "read_text", lambda self, encoding: "processor\t: 0\n")
     assert operating_system.processor_name() == "x86_64"
-
-
-def test_windows_has_no_pseudo_terminals(windows):
-    with pytest.raises(HardwareError, match=r"Windows has no pseudo-terminals; serve over TCP: leave out --pty"):
-        windows.open_pseudo_terminal()
-
-
-def test_a_pseudo_terminal_passes_all_bytes_on_and_tells_who_is_there():
-    terminal, path = operating_system.open_pseudo_terminal()
-    assert operating_system.poll_pseudo_terminal(terminal)[0] is False
-    other = os.open(path, os.O_RDWR | os.O_NOCTTY)
-    assert operating_system.poll_pseudo_terminal(terminal) == (False, True)
-    os.write(other, b"\x03\r\n\x04\xff")
-    assert operating_system.poll_pseudo_terminal(terminal) == (True, True)
-    assert os.read(terminal, 100) == b"\x03\r\n\x04\xff"
-    with pytest.raises(BlockingIOError):
-        os.read(terminal, 100)
-    os.close(other)
-    assert operating_system.poll_pseudo_terminal(terminal)[1] is False
-    os.close(terminal)

@@ -1,18 +1,15 @@
-"""Simulated modules served in real time at TCP ports and pseudo-terminals, and a recording of their cables."""
+"""Simulated modules served in real time at TCP ports."""
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-import os
 import random
 import re
 import select
 import socket
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -21,7 +18,6 @@ from tensionlab.errors import HardwareError, InputError, cannot_listen
 from tensionlab.hardware.simulation.links import Channel, Conditions
 from tensionlab.hardware.simulation.simulated_module import PARTS, STEP_S, SimulatedModule
 from tensionlab.support.files import writing
-from tensionlab.support.operating_system import open_pseudo_terminal, poll_pseudo_terminal
 
 READ_BYTES = 65536
 """Most bytes read at a time."""
@@ -124,89 +120,8 @@ class TcpPort:
             self._client = None
 
 
-class PtyPort:
-    """Pseudo-terminal, as a serial port would be; `url` is its path. Whoever opens it is the client."""
-
-    def __init__(self) -> None:
-        self._terminal, self.url = open_pseudo_terminal()
-        self._open = False
-
-    def files(self) -> list[int]:
-        """Return the file descriptors to wait for; none while it is not open: it would always be ready."""
-        return [self._terminal] if self._open else []
-
-    def connected(self) -> bool:
-        """Return whether it is open."""
-        return self._open
-
-    def receive(self) -> bytes | None:
-        """Return the bytes since the last call; None if the client has gone since then."""
-        was_open = self._open
-        readable, self._open = poll_pseudo_terminal(self._terminal)
-        if readable:
-            self._open = True  # until all of it is read
-            return os.read(self._terminal, READ_BYTES)
-        return None if was_open and not self._open else b""
-
-    def send(self, content: bytes) -> None:
-        """Send what the client has room for; as over Bluetooth, the rest is lost."""
-        if self._open:
-            with suppress(OSError):  # full, or about to be found gone
-                os.write(self._terminal, content)
-
-    def close(self) -> None:
-        """Close the terminal."""
-        os.close(self._terminal)
-
-
-RECORD_PERIOD_S = 5e-3
-"""Time from one row to the next of a module, at least."""
-COLUMNS = ("time", "module", "tension", "commanded", "distance", "state", "own_time")
-"""Time of day in s since 1970, name, N, N, m, the state's name, and the module's own time in s, which passes more
-slowly on a busy machine."""
-
-
 Watcher = Callable[[Sequence[SimulatedModule]], None]
 """Function that sees the modules after each step."""
-
-
-@contextmanager
-def recording(path: Path, names: Sequence[str]) -> Iterator[Watcher]:
-    """Open a CSV file for modules of these names; yield the function that records all of them, once a period.
-
-    It and this raise a `WriteError` if the file cannot be written.
-    """
-    file = io.TextIOWrapper(
-        writing.open_stream(path), encoding="utf-8", newline="", line_buffering=True, write_through=True
-    )
-    rows = csv.writer(file)
-    due = 0.0
-
-    def write(row: Sequence[str]) -> None:
-        try:
-            rows.writerow(row)
-        except OSError as error:
-            raise writing.unwritable(path, error) from None
-
-    def take(modules: Sequence[SimulatedModule]) -> None:
-        nonlocal due
-        now = time.time()
-        if now < due:
-            return
-        due = now + RECORD_PERIOD_S
-        for name, module in zip(names, modules, strict=True):
-            sample = module.sample
-            numbers = (f"{value:.4f}" for value in (sample.tension, sample.commanded, sample.distance))
-            write([f"{now:.4f}", name, *numbers, sample.state.name, f"{sample.seconds:.4f}"])
-
-    try:
-        write(COLUMNS)
-        yield take
-    finally:
-        with suppress(OSError):  # that a row could not be written has been said
-            file.close()
-
-
 TICK_S, IDLE_TICK_S = 1e-3, 20e-3
 """How often time passes in a module that has a client, and in one that has none."""
 MAX_LATE_S = 20e-3

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from tensionlab.demand import Pose
-from tensionlab.errors import HardwareError, InputError
+from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.client.module import ModuleClient
@@ -277,28 +275,3 @@ class GuidedHand:
             seconds -= step
         self._places[name] = (place, velocity)
         return place
-
-
-def position(rig: Rig, radius: float, period: float, now: float) -> Floats:
-    """Return the point at a time, in m: on a circle around the rig's home, across the axis that points up."""
-    first, second = [axis for axis in range(3) if rig.dimension == 2 or "xyz"[axis] != rig.vertical][:2]
-    angle = 2.0 * math.pi * now / period
-    place: Floats = rig.home.copy()
-    place[first] += radius * math.cos(angle)
-    place[second] += radius * math.sin(angle)
-    return place
-
-
-def cable_lengths(rig: Rig, radius: float, period: float) -> dict[str, Callable[[], float]]:
-    """Return functions for the lengths of the cables now, by the time of day, so that processes agree.
-
-    The circle has a radius in m, and one turn a period in s.
-    """
-    if not (0.0 <= radius < math.inf and 0.0 < period < math.inf):
-        raise InputError(f"an orbit has a radius of 0 m or more and a period above 0 s; got {radius}, {period}")
-
-    def length(index: int) -> float:
-        place = position(rig, radius, period, time.time())
-        return float(np.asarray(rig.lengths(place, frames=rig.at_rest))[index])
-
-    return {module.name: partial(length, index) for index, module in enumerate(rig.modules)}

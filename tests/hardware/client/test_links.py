@@ -6,6 +6,7 @@ import io
 import os
 import socket
 import struct
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -16,8 +17,9 @@ from tensionlab.errors import LinkError
 from tensionlab.hardware.client import links
 from tensionlab.hardware.client.links import READ_BYTES, SerialLink, SocketLink, connect, open_link
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import State
+from tensionlab.hardware.protocol.codes import Calibration, State
 from tensionlab.hardware.protocol.messages import Hello, Info
+from tensionlab.hardware.simulation.serve import ServedModule, Server, serve
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 from tests.helpers.windows_port import MAX_DWORD, as_on_windows
 from tests.helpers.wire import NoLock
@@ -201,6 +203,32 @@ def test_a_bluetooth_link_is_one_of_these(monkeypatch):
 
 
 # Ports
+
+
+@pytest.mark.realtime  # a pseudo-terminal of the system
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
+def test_a_module_at_a_serial_port_notices_that_its_client_has_gone():
+    from tests.helpers.pseudo_terminal import PseudoTerminalPort
+
+    module, port, ended = SimulatedModule(), PseudoTerminalPort(), threading.Event()
+    server = Server([ServedModule(module, port)])
+    thread = threading.Thread(target=serve, args=(server, ended.is_set))
+    thread.start()
+    try:
+        with ModuleClient("floor-1", SerialLink(port.url, NoLock())) as client:
+            client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
+            client.arm()
+            client.set_tension(1.0, ttl_ms=60_000)
+            end = time.monotonic() + LONG_S
+            while client.hello().state is not State.RUNNING and time.monotonic() < end:
+                pass
+        while module.sample.state is not State.TIMEOUT and time.monotonic() < end:
+            time.sleep(0.01)
+        with ModuleClient("floor-1", SerialLink(port.url, NoLock())) as client:
+            assert client.hello().state is State.TIMEOUT
+    finally:
+        ended.set()
+        thread.join()
 
 
 def test_a_port_that_has_no_file_to_wait_for_is_read():
