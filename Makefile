@@ -33,8 +33,7 @@ test-fast: .venv/dev.stamp
 # The lowest versions that pyproject.toml declares, by the tests of what uses them. What is newer beneath these warns of
 # what is old, so here a warning is no error.
 DOORS := $(addprefix tests/,solvers/test_convex.py solvers/test_plugins.py solvers/test_quadratic.py model files plots \
-  workspace/sweep hardware/client hardware/log haptics/bridge viewer cli comparison test_records.py test_jax.py \
-  test_mujoco.py test_lsl.py)
+  workspace/sweep hardware/client hardware/log haptics/bridge viewer cli comparison support interop)
 test-lowest: .venv-lowest/dev.stamp
 	@.venv-lowest/bin/pytest -n auto --dist worksteal -W ignore -m "not realtime and not slow" $(DOORS)
 

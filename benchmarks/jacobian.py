@@ -23,7 +23,7 @@ from tensionlab.benchmarking.speed import (
     random_problems,
     using_threads,
 )
-from tensionlab.jacobian import allocation_jacobian
+from tensionlab.gradients import allocation_jacobian
 from tensionlab.solvers.base import POLICIES, Policy, Status
 from tensionlab.support.arrays import Floats
 

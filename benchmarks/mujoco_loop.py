@@ -14,8 +14,8 @@ import mujoco
 import numpy as np
 
 import tensionlab as tl
+from tensionlab.interop.mjcf import rig_to_mjcf
 from tensionlab.model import kinematics
-from tensionlab.model.mjcf import rig_to_mjcf
 from tensionlab.mujoco import TendonAllocator, structure_matrix
 
 RIGS = ("bartels2026-validation", "kntu-planar", "ipanema-1", "ipanema-2", "cogiro")

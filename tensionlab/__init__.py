@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         UnknownSolver,
         Unreachable,
     )
-    from tensionlab.jacobian import AllocationGradients, AllocationJacobian, allocation_jacobian
+    from tensionlab.gradients import AllocationGradients, AllocationJacobian, allocation_jacobian
     from tensionlab.model.files import load_requirement, load_rig, save_rig
     from tensionlab.model.kinematics import PoseEstimate
     from tensionlab.model.layouts import alternate_corners, box_corners, ring_plus_top
@@ -119,7 +119,7 @@ _NAMES = {
         "UnknownSolver",
         "Unreachable",
     ),
-    "tensionlab.jacobian": ("AllocationGradients", "AllocationJacobian", "allocation_jacobian"),
+    "tensionlab.gradients": ("AllocationGradients", "AllocationJacobian", "allocation_jacobian"),
     "tensionlab.model.files": ("load_requirement", "load_rig", "save_rig"),
     "tensionlab.model.kinematics": ("PoseEstimate",),
     "tensionlab.model.layouts": ("alternate_corners", "box_corners", "ring_plus_top"),

@@ -10,9 +10,9 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import BodyFrames, Json, Plot, RigArgument
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
-from tensionlab.model import caspr as caspr_models
+from tensionlab.interop import caspr as caspr_models
+from tensionlab.interop.mjcf import rig_to_mjcf
 from tensionlab.model.files import load_rig, rig_to_toml, save_rig
-from tensionlab.model.mjcf import rig_to_mjcf
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files import writing

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tensionlab.errors import InputError, TensionlabError
-from tensionlab.model.mjcf import rig_to_mjcf
+from tensionlab.interop.mjcf import rig_to_mjcf
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.viewer import export, volume

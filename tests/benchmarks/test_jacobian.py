@@ -6,7 +6,7 @@ import pytest
 import tensionlab as tl
 from benchmarks import jacobian as bench
 from benchmarks.jacobian import SIZES, TOLERANCE, Agreement, compare, draw, times
-from tensionlab.jacobian import allocation_jacobian
+from tensionlab.gradients import allocation_jacobian
 
 
 @pytest.mark.slow

@@ -163,7 +163,7 @@ def quick(monkeypatch):
     """Leave out what takes long, wants hardware or never ends; all that writes is real."""
     from tensionlab.cli import module_calibrate, rig
     from tensionlab.hardware.calibration import lengths
-    from tensionlab.model import caspr
+    from tensionlab.interop import caspr
 
     def measured(what, folder, call, progress):
         writing.require_folder(folder, parents=True)

@@ -96,13 +96,13 @@ def _bodies() -> dict[str, Any]:
 
 
 def _read_caspr(place: Path) -> object:
-    from tensionlab.model.caspr import load_caspr
+    from tensionlab.interop.caspr import load_caspr
 
     return rig_from_toml(rig_to_toml(load_caspr(place / "bodies.xml", place / "cables.xml")), "imported")
 
 
 def _read_rig(place: Path) -> object:
-    from tensionlab.model.mjcf import rig_to_mjcf
+    from tensionlab.interop.mjcf import rig_to_mjcf
     from tensionlab.validation.rig_check import check_rig
 
     rig = load_rig(place)

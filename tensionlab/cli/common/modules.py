@@ -190,7 +190,7 @@ def lsl_streams(
     if not wanted:
         yield None
         return
-    from tensionlab.lsl import LslStreams
+    from tensionlab.interop.lsl import LslStreams
 
     made: list[RunSink] = []
 
@@ -212,6 +212,6 @@ def begin_log(
         log = RunLog(path, rig, manifest(["tensionlab", *sys.argv[1:]]), solver, settings, links)
     if not lsl:
         return log
-    from tensionlab.lsl import LslStreams
+    from tensionlab.interop.lsl import LslStreams
 
     return LslStreams(rig, solver, settings.rate, log)

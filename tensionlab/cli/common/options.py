@@ -137,7 +137,7 @@ def output_folder(suffix: str = "", *, parents: bool = False) -> Callable[[Path 
 def _require_lsl(wanted: bool) -> bool:
     """Check that there can be streams for Lab Streaming Layer, if there are to be any."""
     if wanted:
-        from tensionlab.lsl import require_lsl
+        from tensionlab.interop.lsl import require_lsl
 
         require_lsl()
     return wanted

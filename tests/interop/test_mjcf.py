@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 import tensionlab as tl
 from tensionlab.errors import RigError
+from tensionlab.interop.mjcf import rig_to_mjcf
 from tensionlab.model.files import load_rig
-from tensionlab.model.mjcf import rig_to_mjcf
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 MASS = 2.0

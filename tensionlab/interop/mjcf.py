@@ -30,7 +30,7 @@ def rig_to_mjcf(rig: Rig) -> str:
     - Each cable is a spatial tendon from the site ``<module> anchor`` to the site ``<module> attachment``.
     - A pulley is a cylinder, over which the tendon runs, on the body ``<module> pulley``, which is turned to where
       the cable is at home: on a hinge, MuJoCo's tendons would slip off it, since its cylinders have no groove.
-      `tensionlab.mujoco.RigBody` turns it. Arcs are of less than half a round.
+      `tensionlab.interop.mujoco.RigBody` turns it. Arcs are of less than half a round.
     - Each module is a motor on its tendon. Its control is the tension in N, within the limits of the module; the
       gear of -1 lets it only pull.
     - What the cables hold is the body ``platform``, with sliding joints for a point, a hinge as well in the plane,

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tensionlab.errors import RigError
+from tensionlab.interop.caspr import load_caspr
 from tensionlab.model import kinematics
-from tensionlab.model.caspr import load_caspr
 from tensionlab.model.files import load_rig, rig_from_toml, rig_to_toml
 
 ROOT = Path(__file__).parents[2]

@@ -17,12 +17,12 @@ from tensionlab.errors import InputError, MissingDependency
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.world import CompliantMotion, World
-from tensionlab.model.mjcf import rig_to_mjcf
+from tensionlab.interop.mjcf import rig_to_mjcf
 from tensionlab.model.module import GRAVITY_M_S2
 from tensionlab.mujoco import RigBody, TendonAllocator, gravity, structure_matrix
 from tensionlab.solvers.base import Status
 
-EXAMPLE = Path(__file__).parents[1] / "examples" / "mujoco"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "mujoco"
 RIGS = ("bartels2026-validation", "kntu-planar", "ipanema-1", "ipanema-2", "cogiro")
 
 

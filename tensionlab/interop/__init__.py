@@ -1,0 +1,1 @@
+"""Doors to other libraries and their files: MuJoCo, MJCF, CASPR, PyTorch, JAX, Lab Streaming Layer."""

@@ -1,0 +1,216 @@
+"""Streams of a run for Lab Streaming Layer, extra ``lsl``: forces, tensions, pose, and what happens.
+
+Whatever else a study records comes with the same clock, and a recorder brings it all together (Kothe et al. 2025,
+"The lab streaming layer for synchronized multimodal recording").
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from tensionlab.errors import MissingDependency, needs
+from tensionlab.hardware.log.columns import demanded_wrench, desired_wrench, rotation_matrix
+from tensionlab.hardware.protocol.messages import Info
+from tensionlab.hardware.runner.statistics import Cycle, RunSink, Statistics
+from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
+
+if TYPE_CHECKING:
+    from pylsl import StreamOutlet
+
+__all__ = ["LslStreams", "require_lsl"]
+
+LAST_SAMPLES_S = 0.3
+"""An outlet that is closed drops what its inlets have not got yet: so long they have."""
+
+
+class Channel(NamedTuple):
+    """Label, unit and type of a channel of a stream."""
+
+    label: str
+    unit: str
+    type: str
+
+
+class LslStreams:
+    """Streams of a run, and its log if there is one: give it to a `Runner` as its ``log``.
+
+    Four streams, each called as the rig and what is in it, as in "floor-3 forces":
+
+    - *forces* (type Force): ``desired``, ``commanded`` and ``measured``, each with the components of a wrench, in
+      N and N·m. Desired is NaN where the run only holds the cables taut.
+    - *tensions* (type Tension): ``commanded`` and ``measured`` of each module, in N.
+    - *pose* (type MoCap): position in m and, of what turns, the orientation: a quaternion, or an angle in rad.
+    - *markers* (type Markers): texts, such as "armed: 4 modules", "phase: touch" or "ended: duration reached".
+
+    There is a sample of the first three for each cycle. All are stamped with ``pylsl.local_clock``, a cycle's with
+    the time at which it began; they come at irregular times, as LSL calls it, so that no recorder moves them. An
+    error of LSL does not reach the run: the streams end, and ``error`` says why.
+
+    Parameters
+    ----------
+    rig : Rig
+    solver : str
+        Its name, for the description of the streams.
+    rate : float
+        Cycles per second, for the description.
+    log : RunLog, optional
+        Gets all that comes.
+
+    Attributes
+    ----------
+    error : str or None
+        Why the streams ended before the run did.
+
+    Raises
+    ------
+    MissingDependency
+        If pylsl, or the library that it loads, is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tensionlab as tl
+    >>> from tensionlab.hardware import Demand, Runner, World, WorldClock
+    >>> from tensionlab.interop.lsl import LslStreams
+    >>> rig = tl.load_rig("floor-3")
+    >>> world, streams = World(rig), LslStreams(rig, "newton", 50.0)
+    >>> runner = Runner(rig, world.group(), "newton", lambda state: Demand(), log=streams, clock=WorldClock(world))
+    >>> _ = runner.run(seconds=0.1)
+    >>> print(streams.error)
+    None
+    """
+
+    def __init__(self, rig: Rig, solver: str, rate: float, log: RunSink | None = None) -> None:
+        from scipy.spatial.transform import Rotation  # here: no cycle may wait for its import
+
+        lsl = require_lsl()
+        self._rig, self._log, self._turn = rig, log, Rotation.from_matrix
+        self._clock: Callable[[], float] = lsl.local_clock
+        self._sending = threading.Lock()  # events come from any thread
+        self.error: str | None = None
+        source = f"tensionlab {rig.name} {os.getpid()}"
+        described = {"rig": rig.name, "solver": solver, "rate_hz": f"{rate:g}"}
+
+        def outlet(what: str, kind: str, channels: list[Channel], numbers: bool = True) -> StreamOutlet:
+            info = lsl.StreamInfo(
+                f"{rig.name} {what}",
+                kind,
+                len(channels),
+                lsl.IRREGULAR_RATE,
+                lsl.cf_double64 if numbers else lsl.cf_string,
+                f"{source} {what}",
+            )
+            description = info.desc()
+            for key, value in described.items():
+                description.append_child_value(key, value)
+            listed = description.append_child("channels")
+            for channel in channels:
+                one = listed.append_child("channel")
+                for key, value in channel._asdict().items():
+                    one.append_child_value(key, value)
+            return lsl.StreamOutlet(info)
+
+        axes = "xyz"[: rig.dimension]
+        torques = axes if rig.n == 6 else "z" if rig.n > rig.dimension else ""
+        wrench = [(f"F{axis}", "N") for axis in axes] + [(f"M{axis}", "N·m") for axis in torques]
+        position = [Channel(f"Position{axis.upper()}", "m", f"Position{axis.upper()}") for axis in axes]
+        orientation = [Channel(f"Orientation{axis}", "quaternion", f"Orientation{axis}") for axis in "XYZW"]
+        if rig.n == 3 and rig.dimension == 2:
+            orientation = [Channel("OrientationZ", "rad", "OrientationZ")]
+        self._forces = outlet(
+            "forces",
+            "Force",
+            [
+                Channel(f"{of} {name}", unit, of)
+                for of in ("desired", "commanded", "measured")
+                for name, unit in wrench
+            ],
+        )
+        self._tensions = outlet(
+            "tensions",
+            "Tension",
+            [
+                Channel(f"{of} {module.name}", "N", of)
+                for of in ("commanded", "measured")
+                for module in rig.modules
+            ],
+        )
+        self._pose = outlet("pose", "MoCap", position + (orientation if rig.n > rig.dimension else []))
+        self._markers = outlet("markers", "Markers", [Channel("event", "", "Marker")], numbers=False)
+
+    def write(self, cycle: Cycle) -> None:
+        """Send the samples of a cycle; errors are those of the log."""
+        began = self._clock() - cycle.compute_time
+        state = cycle.state
+        forces = [desired_wrench(cycle, self._rig), demanded_wrench(cycle, self._rig)]
+        forces.append(state.structure @ np.where(state.active, state.tensions, 0.0))
+        self._send(self._forces, np.concatenate(forces).tolist(), began)
+        self._send(self._tensions, [*cycle.commanded.tolist(), *state.tensions.tolist()], began)
+        self._send(self._pose, [*state.pose.position, *self._orientation(cycle)], began)
+        if self._log is not None:
+            self._log.write(cycle)
+
+    def note(self, kind: str, text: str, module: str | None = None) -> None:
+        """Send a marker; errors are those of the log."""
+        words = f"{kind}: {text}" if module is None else f"{kind} {module}: {text}"
+        self._send(self._markers, [words], self._clock())
+        if self._log is not None:
+            self._log.note(kind, text, module)
+
+    def modules(self, infos: Mapping[str, Info]) -> None:
+        """Send the marker with which a run begins; errors are those of the log."""
+        self._send(self._markers, [f"begins: {self._rig.name}"], self._clock())
+        if self._log is not None:
+            self._log.modules(infos)
+
+    def close(self, statistics: Statistics | None = None) -> None:
+        """End the streams, when inlets have had time for the last samples; errors are those of the log."""
+        outlets = (self._forces, self._tensions, self._pose, self._markers)
+        if self.error is None and any(each.have_consumers() for each in outlets):
+            time.sleep(LAST_SAMPLES_S)
+        with self._sending:
+            del self._forces, self._tensions, self._pose, self._markers  # pylsl ends a stream with its outlet
+        if self._log is not None:
+            self._log.close(statistics)
+
+    def _orientation(self, cycle: Cycle) -> Floats:
+        """Return the quaternion x, y, z, w of what turns, or its angle in the plane; nothing for a point."""
+        rig = self._rig
+        if rig.n == rig.dimension:
+            return np.zeros(0)
+        rotation = rotation_matrix(cycle, rig)
+        if rig.dimension == 2:
+            return np.array([np.arctan2(rotation[1, 0], rotation[0, 0])])
+        return np.asarray(self._turn(rotation).as_quat())
+
+    def _send(self, outlet: Any, sample: list[Any], when: float) -> None:
+        if self.error is not None:
+            return
+        try:
+            with self._sending:
+                outlet.push_sample(sample, when)
+        except Exception as error:  # whatever it is, the run goes on
+            self.error = f"{type(error).__name__}: {error}"
+
+
+def require_lsl() -> ModuleType:
+    """Return pylsl; MissingDependency if it, or the library that it loads, is not installed."""
+    with needs("lsl", "streams for Lab Streaming Layer"):
+        try:
+            import pylsl
+        except (OSError, RuntimeError) as error:
+            why = str(error).split("\n", 1)[0]
+            raise MissingDependency(
+                f"streams for Lab Streaming Layer need liblsl, which pylsl does not find ({why:.100}); see "
+                "the installation of pylsl"
+            ) from None
+    module: ModuleType = pylsl
+    return module
