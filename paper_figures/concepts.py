@@ -16,7 +16,7 @@ from tensionlab.hardware.simulation.simulated_module import TRANSITIONS
 from tensionlab.plots.rig import map_normals
 from tensionlab.plots.style import new_figure
 from tensionlab.scenarios import load_scenario
-from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, RED
+from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
 
 DESIRED = np.array([-8.0, -7.0])
 """The infeasible wrench of the policies, in N."""

@@ -13,7 +13,7 @@ import numpy as np
 
 import tensionlab as tl
 from tensionlab.plots.style import new_figure
-from tensionlab.support.table import BLUE, GREY, RED
+from tensionlab.support.colours import BLUE, GREY, RED
 
 ANCHORS = ((1.2, 1.1), (0.8, 0.6), (0.2, -1.3), (-1.1, 0.5))
 LOWER, UPPER = 1.0, (10.0, 10.0, 10.0, 4.0)

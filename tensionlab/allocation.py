@@ -30,7 +30,6 @@ from tensionlab.solvers.base import (
     resolve_policy,
 )
 from tensionlab.support import provenance
-from tensionlab.support import table as display
 from tensionlab.support.arrays import (
     Floats,
     Integers,
@@ -45,6 +44,8 @@ from tensionlab.support.arrays import (
     spread,
     tension_limits,
 )
+from tensionlab.support.formatting import format_number, format_range, format_vector
+from tensionlab.support.table import STATUS_MARKS, table
 from tensionlab.verification import verify
 
 if TYPE_CHECKING:
@@ -171,10 +172,10 @@ class Allocation:
 
     def _repr_html_(self) -> str:
         if not self.status.ndim:
-            note = f"renders {display.vector(self.wrench)}, with an error of {display.short(float(self.residual))}"
+            note = f"renders {format_vector(self.wrench)}, with an error of {format_number(float(self.residual))}"
             tensions = zip(self._cables(), self.tensions, strict=True)
-            mark = display.status_mark(int(self.status))
-            return display.table(mark, ["<cable", "tension N"], tensions, [note, *self.failures.values()])
+            mark = STATUS_MARKS[int(self.status)]
+            return table(mark, ["<cable", "tension N"], tensions, [note, *self.failures.values()])
         rows = []
         for status, count in self.counts().items():
             if count:
@@ -183,7 +184,7 @@ class Allocation:
                 rows.append([status, count, f"{100 * count / part.size:.3g} %", most[0], round(most[1])])
         shape = " x ".join(map(str, self.status.shape))
         title = f"{shape} wrenches, {self.tensions.shape[-1]} cables"
-        return display.table(title, ["<status", "wrenches", "share", "error\nmax", "iterations\nmax"], rows)
+        return table(title, ["<status", "wrenches", "share", "error\nmax", "iterations\nmax"], rows)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each wrench, indexed by the leading axes.
@@ -195,10 +196,10 @@ class Allocation:
         columns: dict[str, Any] = {"status": np.array([status.name for status in Status])[self.status.ravel()]}
         columns |= {name: np.ravel(getattr(self, name)) for name in ("residual", "scale", "iterations")}
         columns |= {f"tension_{cable}": self.tensions[..., j].ravel() for j, cable in enumerate(self._cables())}
-        for name, table in (("wrench", self.wrench), ("desired", self.desired), ("position", self.position)):
-            if table is not None:
-                whole = np.broadcast_to(table, (*self.status.shape, table.shape[-1]))
-                columns |= {f"{name}_{i}": whole[..., i].ravel() for i in range(table.shape[-1])}
+        for name, array in (("wrench", self.wrench), ("desired", self.desired), ("position", self.position)):
+            if array is not None:
+                whole = np.broadcast_to(array, (*self.status.shape, array.shape[-1]))
+                columns |= {f"{name}_{i}": whole[..., i].ravel() for i in range(array.shape[-1])}
         frame = provenance.data_frame(columns)
         if self.status.ndim > 1:
             axes = np.indices(self.status.shape).reshape(self.status.ndim, -1)
@@ -316,8 +317,8 @@ class Allocator:
 
     def __repr__(self) -> str:
         policy = f", nearest in {self.policy}" if self.policy else ""
-        limits = f"limits {display.extent(self.lower, self.upper)} N"
-        return f"<Allocator {self.solver}{policy}, {limits}, reference {display.extent(self.reference)} N>"
+        limits = f"limits {format_range(self.lower, self.upper)} N"
+        return f"<Allocator {self.solver}{policy}, {limits}, reference {format_range(self.reference)} N>"
 
     def _resolve(self, reference: ArrayLike | None) -> Floats:
         if reference is None:

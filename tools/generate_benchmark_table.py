@@ -25,18 +25,18 @@ from tensionlab.benchmarking.report import (
 from tensionlab.benchmarking.results import Results, Summary
 from tensionlab.errors import InputError, TensionlabError
 from tensionlab.support.files import writing
-from tensionlab.support.table import duration, percent
+from tensionlab.support.formatting import format_duration, format_share
 
 COMMITTED = Path("datasets") / "benchmarks"
 
 COLUMNS: list[Column[Summary]] = [
-    ("solved to 1e-6 N", lambda line: percent(line.solved_1e6)),
-    ("to 1e-9 N", lambda line: percent(line.solved_1e9)),
-    ("elsewhere", lambda line: percent(line.elsewhere)),
+    ("solved to 1e-6 N", lambda line: format_share(line.solved_1e6)),
+    ("to 1e-9 N", lambda line: format_share(line.solved_1e9)),
+    ("elsewhere", lambda line: format_share(line.elsewhere)),
     ("max gap, N", lambda line: marked(newton(line.gap_max), line.comparable)),
-    ("typical call", lambda line: duration(line.sgm_s)),
-    ("p99.9", lambda line: duration(line.p999_s)),
-    ("in a batch", lambda line: duration(line.batch_s)),
+    ("typical call", lambda line: format_duration(line.sgm_s)),
+    ("p99.9", lambda line: format_duration(line.p999_s)),
+    ("in a batch", lambda line: format_duration(line.batch_s)),
 ]
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from tensionlab.benchmarking.report import table
 from tensionlab.benchmarking.results import Results, Summary, summaries
 from tensionlab.solvers import make
-from tensionlab.support.table import duration, percent
+from tensionlab.support.formatting import format_duration, format_share
 
 
 class Choice(NamedTuple):
@@ -31,10 +31,10 @@ CHOICES = (
     Choice("a little error for less tension", "spidar"),
 )
 COLUMNS: dict[str, Callable[[Summary], str]] = {
-    "renders": lambda line: percent(line.solved_1e6),
-    "best if infeasible": lambda line: percent(line.elsewhere),
-    "typical call": lambda line: duration(line.sgm_s),
-    "99.9 % within": lambda line: duration(line.p999_s),
+    "renders": lambda line: format_share(line.solved_1e6),
+    "best if infeasible": lambda line: format_share(line.elsewhere),
+    "typical call": lambda line: format_duration(line.sgm_s),
+    "99.9 % within": lambda line: format_duration(line.p999_s),
 }
 
 

@@ -22,8 +22,9 @@ from tensionlab.benchmarking import report
 from tensionlab.benchmarking.results import ACCURACIES, Results, Row
 from tensionlab.errors import InputError
 from tensionlab.support import provenance
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats
+from tensionlab.support.formatting import format_count
+from tensionlab.support.table import table
 
 if TYPE_CHECKING:
     import pandas
@@ -105,13 +106,13 @@ class Regressions:
         """How many entries, and how many of them became slower or less accurate."""
         slower, lost = sum(each.slower for each in self.changes), sum(each.lost > 0 for each in self.changes)
         times = f"{slower} slower" if self.judged else "times not judged, the machine was busy"
-        return f"{display.count(len(self.changes), 'row')}: {lost} less accurate, {times}"
+        return f"{format_count(len(self.changes), 'row')}: {lost} less accurate, {times}"
 
     def __repr__(self) -> str:
         return f"<Regressions of {self.title}>"
 
     def _repr_html_(self) -> str:
-        return display.table(self.title, HEADINGS, table_rows(self.changes))
+        return table(self.title, HEADINGS, table_rows(self.changes))
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each change, as in `Change`; MissingDependency if pandas is not installed."""

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from tensionlab.benchmarking.results import Results, Row, Summary, summaries
 from tensionlab.benchmarking.speed import PASSES
-from tensionlab.support.table import duration, percent
+from tensionlab.support.formatting import format_duration, format_share
 
 Of = TypeVar("Of")
 
@@ -56,37 +56,37 @@ IDLE_SHARE = 0.9
 Column = tuple[str, Callable[[Of], str]]
 """Heading, and the text of a cell."""
 SUMMARY_COLUMNS: list[Column[Summary]] = [
-    ("1e-3 N", lambda line: percent(line.solved_1e3)),
-    ("1e-6 N", lambda line: percent(line.solved_1e6)),
-    ("1e-9 N", lambda line: percent(line.solved_1e9)),
-    ("elsewhere 1e-6 N", lambda line: percent(line.elsewhere)),
+    ("1e-3 N", lambda line: format_share(line.solved_1e3)),
+    ("1e-6 N", lambda line: format_share(line.solved_1e6)),
+    ("1e-9 N", lambda line: format_share(line.solved_1e9)),
+    ("elsewhere 1e-6 N", lambda line: format_share(line.elsewhere)),
     ("max gap, N", lambda line: marked(newton(line.gap_max), line.comparable)),
-    ("typical call", lambda line: duration(line.sgm_s)),
-    ("prebuilt", lambda line: duration(line.prebuilt_s)),
-    ("p99.9", lambda line: duration(line.p999_s)),
-    ("worst", lambda line: duration(line.worst_s)),
-    ("in a batch", lambda line: duration(line.batch_s)),
+    ("typical call", lambda line: format_duration(line.sgm_s)),
+    ("prebuilt", lambda line: format_duration(line.prebuilt_s)),
+    ("p99.9", lambda line: format_duration(line.p999_s)),
+    ("worst", lambda line: format_duration(line.worst_s)),
+    ("in a batch", lambda line: format_duration(line.batch_s)),
     ("iterations", lambda line: count(line.iterations_max) if line.iterations_max else "–"),
 ]
 ROW_COLUMNS: list[Column[Row]] = [
     ("tried", lambda row: count(row.tried)),
-    ("verified", lambda row: percent(row.proved / row.tried) if row.setting == "proved" else "–"),
-    ("1e-3 N", lambda row: percent(row.solved_1e3)),
-    ("1e-6 N", lambda row: percent(row.solved_1e6)),
-    ("1e-9 N", lambda row: percent(row.solved_1e9)),
+    ("verified", lambda row: format_share(row.proved / row.tried) if row.setting == "proved" else "–"),
+    ("1e-3 N", lambda row: format_share(row.solved_1e3)),
+    ("1e-6 N", lambda row: format_share(row.solved_1e6)),
+    ("1e-9 N", lambda row: format_share(row.solved_1e9)),
     ("error, N", lambda row: newton(row.error_max)),
     ("limits, N", lambda row: newton(row.violation_max)),
     ("gap median", lambda row: marked(newton(row.gap_median), row.comparable)),
     ("gap max, N", lambda row: marked(newton(row.gap_max), row.comparable)),
-    ("typical", lambda row: duration(row.sgm_s)),
-    ("median", lambda row: duration(row.median_s)),
-    ("p99", lambda row: duration(row.p99_s)),
-    ("p99.9", lambda row: duration(row.p999_s)),
-    ("worst", lambda row: duration(row.worst_s)),
-    ("build", lambda row: duration(row.build_s)),
-    ("set-up", lambda row: duration(row.setup_s)),
-    ("solve", lambda row: duration(row.solve_s)),
-    ("batch", lambda row: duration(row.batch_s)),
+    ("typical", lambda row: format_duration(row.sgm_s)),
+    ("median", lambda row: format_duration(row.median_s)),
+    ("p99", lambda row: format_duration(row.p99_s)),
+    ("p99.9", lambda row: format_duration(row.p999_s)),
+    ("worst", lambda row: format_duration(row.worst_s)),
+    ("build", lambda row: format_duration(row.build_s)),
+    ("set-up", lambda row: format_duration(row.setup_s)),
+    ("solve", lambda row: format_duration(row.solve_s)),
+    ("batch", lambda row: format_duration(row.batch_s)),
     ("iterations", lambda row: count(row.iterations_max) if row.iterations_max else "–"),
 ]
 
@@ -188,10 +188,10 @@ def _batches(results: Results) -> list[str]:
         [
             f"n = {row.components}, m = {row.cables}",
             "feasible" if row.reachable else "infeasible",
-            duration(row.one_core_s),
-            duration(row.all_cores_s),
-            duration(row.daqp_c_s),
-            duration(row.daqp_loop_s),
+            format_duration(row.one_core_s),
+            format_duration(row.all_cores_s),
+            format_duration(row.daqp_c_s),
+            format_duration(row.daqp_loop_s),
             f"{row.ratio:.3f}",
             times(row.daqp_loop_s / row.all_cores_s),
             newton(row.gap_max),
@@ -217,8 +217,8 @@ def calls_table(results: Results) -> str:
         [
             f"n = {call.components}, m = {call.cables}",
             f"`{call.caller}`",
-            duration(call.median_s),
-            duration(call.p999_s),
+            format_duration(call.median_s),
+            format_duration(call.p999_s),
             times(call.p999_s / call.median_s),
             times(call.quiet_p999_s / call.median_s),
         ]
@@ -243,7 +243,7 @@ def _machine(results: Results) -> str:
         f"- {about['platform']}; Python {about['python']}.",
         "- " + ", ".join(f"{name} {version}" for name, version in about["versions"].items()) + ".",
         f"- Seed {about['seed']}; commit {about['git_commit'] or 'unknown'}; {about['date']}.",
-        f"- The benchmark had the processor for {percent(busy)} of the time"
+        f"- The benchmark had the processor for {format_share(busy)} of the time"
         + ("." if busy >= IDLE_SHARE else ": **the machine was busy, and times are worse than they should be.**"),
         f"- To repeat: `{about['call']}`",
     ]

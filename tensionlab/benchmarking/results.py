@@ -16,9 +16,10 @@ from tensionlab.benchmarking import statistics
 from tensionlab.benchmarking.entries import Entry
 from tensionlab.errors import DataError
 from tensionlab.support import provenance
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.tables import from_mappings, read_parquet
+from tensionlab.support.formatting import format_count, format_duration, format_number, format_share
+from tensionlab.support.table import table
 
 if TYPE_CHECKING:
     import pandas
@@ -161,7 +162,7 @@ class Results:
     manifest: dict[str, Any]
 
     def __repr__(self) -> str:
-        sets = display.count(len(self.sets), "problem set")
+        sets = format_count(len(self.sets), "problem set")
         return f"<Results of {len({row.label for row in self.rows})} entries on {sets}>"
 
     def _repr_html_(self) -> str:
@@ -169,9 +170,9 @@ class Results:
                     "call\ntypical", "\np99.9", "\nworst", "batch\neach"]  # fmt: skip
         found = summaries(self)
         rows = [
-            [line.label, *map(display.percent, (line.solved_1e6, line.solved_1e9, line.elsewhere)),
-             display.short(line.gap_max) + " †" * (not line.comparable),
-             *map(display.duration, (line.sgm_s, line.p999_s, line.worst_s, line.batch_s))]
+            [line.label, *map(format_share, (line.solved_1e6, line.solved_1e9, line.elsewhere)),
+             format_number(line.gap_max) + " †" * (not line.comparable),
+             *map(format_duration, (line.sgm_s, line.p999_s, line.worst_s, line.batch_s))]
             for line in found if not line.absent
         ]  # fmt: skip
         notes = [
@@ -179,7 +180,7 @@ class Results:
         ]
         notes += ["†: another objective, so that the gap is no error"] * any(not line.comparable for line in found)
         notes += [f"left out: {line.label}, {line.note}" for line in found if line.absent]
-        return display.table(f"{len(rows)} entries, {len(self.sets)} problem sets", headings, rows, notes)
+        return table(f"{len(rows)} entries, {len(self.sets)} problem sets", headings, rows, notes)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each problem set, solver, setting and policy, as in `Row`, without the evidence.

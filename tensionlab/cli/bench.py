@@ -23,9 +23,8 @@ from tensionlab.cli.common.options import Json
 from tensionlab.errors import InputError, WriteError
 from tensionlab.solvers.base import Status
 from tensionlab.support import provenance
-from tensionlab.support import table as display
 from tensionlab.support.files.writing import make_folder, write_text
-from tensionlab.support.table import duration, percent
+from tensionlab.support.formatting import format_count, format_duration, format_share
 
 problems = options.group("List, show and export the benchmark's problem sets.")
 Count = Annotated[int, typer.Option(min=1, help="About so many problems in the set.")]
@@ -133,16 +132,16 @@ def _print(results: Results, out: Path, json: bool) -> None:
             continue
         grid.add_row(
             name,
-            percent(line.solved_1e6),
-            percent(line.solved_1e9),
-            percent(line.elsewhere),
+            format_share(line.solved_1e6),
+            format_share(line.solved_1e9),
+            format_share(line.elsewhere),
             report.newton(line.gap_max) + ("" if line.comparable else " †"),
-            duration(line.sgm_s),
-            duration(line.p999_s),
-            duration(line.batch_s),
+            format_duration(line.sgm_s),
+            format_duration(line.p999_s),
+            format_duration(line.batch_s),
         )
     console = output.console()
-    output.print_title(f"{display.count(len(results.sets), 'problem set')}, {len(lines)} entries")
+    output.print_title(f"{format_count(len(results.sets), 'problem set')}, {len(lines)} entries")
     console.print(grid)
     console.print()
     console.print(LEGEND, style="dim")

@@ -19,7 +19,7 @@ from tensionlab.errors import LogError
 from tensionlab.hardware.log import reader
 from tensionlab.hardware.log.reader import MAX_EVENTS, MODULE_HEADINGS
 from tensionlab.support import provenance
-from tensionlab.support.table import count, duration
+from tensionlab.support.formatting import format_count, format_duration
 
 log = options.group("Show, export, draw, play and replay logs of runs.")
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).", show_default=False)]
@@ -108,7 +108,8 @@ def replay(
                 rig=run.rig.name, cycles=found.cycles, rows=rows, left_out=found.missing, manifest=manifest
             )
             return
-        title = f"{run.rig.name}, {count(run.rig.m, 'module')}: {count(found.cycles, 'cycle')} of {path.name}"
+        cycles = format_count(found.cycles, "cycle")
+        title = f"{run.rig.name}, {format_count(run.rig.m, 'module')}: {cycles} of {path.name}"
         own = dataclasses.replace(found.rows[0], solver=f"the run: {found.rows[0].solver}")
         print_scores(title, [own, *found.rows[1:]], COLUMNS, found.missing, LEGEND, first_apart=True)
 
@@ -163,7 +164,7 @@ def _print_info(found: reader.RunReport) -> None:
     fallback, slewed = statistics.fallback_used, statistics.slew_limited
     console.print(f"answers: {counts}; {fallback} by newton as fallback, {slewed} slew-rate limited")
     for name, times in zip(("start jitter", "compute time"), statistics.percentiles().values(), strict=True):
-        written = ", ".join(duration(value) for value in times)
+        written = ", ".join(format_duration(value) for value in times)
         console.print(f"{name}: {written} (median, 99 %, max)")
     if found.complete:
         console.print(f"finished: {statistics.ended or 'the log does not say why'}")

@@ -23,7 +23,7 @@ from tensionlab.hardware.runner.statistics import CTRL_C
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import duration
+from tensionlab.support.formatting import format_duration
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -168,8 +168,8 @@ def live_table(runner: Runner) -> RenderableType:
         heat, age = f"{100.0 * state.thermal[index]:.0f} %", f"{1e3 * state.ages[index]:.0f} ms"
         rows.append((module.name, *tensions, limited_by, now, heat, age))
     times, statistics = runner.statistics.percentiles(), runner.statistics
-    figures = [statistics.answers, f"start jitter {duration(times['start_delay'][1])}"]
-    figures.append(f"compute time {duration(times['compute_time'][1])} (p99)")
+    figures = [statistics.answers, f"start jitter {format_duration(times['start_delay'][1])}"]
+    figures.append(f"compute time {format_duration(times['compute_time'][1])} (p99)")
     if statistics.missed:
         figures.append(f"{statistics.missed} deadlines missed")
     title = f"{runner.rig.name}, {state.time:.1f} s: desired {desired}, measured {measured}"

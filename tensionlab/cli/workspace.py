@@ -21,7 +21,7 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.writing import unwritable
-from tensionlab.support.table import count
+from tensionlab.support.formatting import format_count
 from tensionlab.workspace.certification.certify import SUFFIX as PROOF_SUFFIX
 from tensionlab.workspace.metrics import description, make
 from tensionlab.workspace.orientations import over_orientations, parse_rotations
@@ -260,7 +260,7 @@ def _region(rigs: list[Rig], box: str | None, step: str | None) -> tuple[Floats,
         if len(numbers) != 2 * dimension:
             names = " ".join(f"{axis}0 {axis}1" for axis in "xyz"[:dimension])
             raise typer.BadParameter(
-                f"--box has {count(len(numbers), 'number')}; {rigs[0].name} needs {2 * dimension}: {names}"
+                f"--box has {format_count(len(numbers), 'number')}; {rigs[0].name} needs {2 * dimension}: {names}"
             )
         ends = np.array(numbers).reshape(dimension, 2)
     if step is None:

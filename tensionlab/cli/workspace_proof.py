@@ -8,7 +8,7 @@ from pathlib import Path
 from tensionlab.cli.common import output
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import count, percent
+from tensionlab.support.formatting import format_count, format_share
 from tensionlab.workspace.certification.certify import certify
 from tensionlab.workspace.certification.problem import WRENCH_CLOSURE
 from tensionlab.workspace.certification.result import Bounds, CertifiedWorkspace
@@ -79,7 +79,7 @@ def _print(proved: CertifiedWorkspace, duration_s: float, out: Path | None) -> N
     axes = zip("xyz", cells.low, cells.low + cells.extent, strict=False)
     title = ", ".join(f"{axis} {low:g} to {high:g} m" for axis, low, high in axes)
     rows = [
-        (VERDICTS[verdict], f"{cells_of:,}", f"{volume:.4g} {proved.unit}", percent(volume / region))
+        (VERDICTS[verdict], f"{cells_of:,}", f"{volume:.4g} {proved.unit}", format_share(volume / region))
         for verdict, (cells_of, volume) in proved.tally().items()
     ]
     output.print_table(f"{proved.rig.name}, {proved.required}: {title}", HEADINGS, rows)
@@ -87,7 +87,7 @@ def _print(proved: CertifiedWorkspace, duration_s: float, out: Path | None) -> N
     console.print()
     shares = Bounds(*(100 * each for each in proved.share)).describe()
     console.print(f"workspace: {proved.volume.describe()} {proved.unit}, {shares} % of the box", soft_wrap=True)
-    finest = f"{count(proved.evaluations, 'cell')} down to {cells.edges(cells.levels).max():.3g} m"
+    finest = f"{format_count(proved.evaluations, 'cell')} down to {cells.edges(cells.levels).max():.3g} m"
     console.print(f"looked at: {finest}, in {duration_s:.1f} s", style="dim", soft_wrap=True)
     if out:
         console.print(f"cells: {out}", soft_wrap=True)

@@ -21,10 +21,10 @@ from tensionlab.model.rig import Rig
 from tensionlab.solvers import Solver, select_solvers
 from tensionlab.solvers.base import POLICIES, Policy, Status
 from tensionlab.support import provenance
-from tensionlab.support import table as display
 from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers, angles
 from tensionlab.support.arrays import finite as as_finite
-from tensionlab.support.table import duration, short
+from tensionlab.support.formatting import format_count, format_duration, format_number, format_vector
+from tensionlab.support.table import STATUS_MARKS, table
 
 if TYPE_CHECKING:
     import pandas
@@ -98,15 +98,15 @@ STATUSES: list[Column[Score]] = [
 ]
 """The columns that each table of solvers begins with."""
 COLUMNS: list[Column[Row]] = [
-    ("error\nmean N", lambda row: short(row.residual_mean), False),
-    ("error\nmax N", lambda row: short(row.residual_max), True),
-    ("angle\nmean °", lambda row: short(row.angle_mean_deg), False),
-    ("angle\nmax °", lambda row: short(row.angle_max_deg), True),
-    ("mean t²\nN²", lambda row: short(row.tension_sq_mean), False),
-    ("gap\nmax N", lambda row: short(row.gap_max), False),
-    ("call\nmedian", lambda row: duration(row.call_median_s), True),
-    ("call\np99", lambda row: duration(row.call_p99_s), False),
-    ("batch\neach", lambda row: duration(row.batch_s), True),
+    ("error\nmean N", lambda row: format_number(row.residual_mean), False),
+    ("error\nmax N", lambda row: format_number(row.residual_max), True),
+    ("angle\nmean °", lambda row: format_number(row.angle_mean_deg), False),
+    ("angle\nmax °", lambda row: format_number(row.angle_max_deg), True),
+    ("mean t²\nN²", lambda row: format_number(row.tension_sq_mean), False),
+    ("gap\nmax N", lambda row: format_number(row.gap_max), False),
+    ("call\nmedian", lambda row: format_duration(row.call_median_s), True),
+    ("call\np99", lambda row: format_duration(row.call_p99_s), False),
+    ("batch\neach", lambda row: format_duration(row.batch_s), True),
 ]
 
 
@@ -132,11 +132,11 @@ def scores_table(
     failures: Mapping[str, str] | None = None,
 ) -> str:
     """Return a table of solvers in HTML: their statuses, and then these columns; which are left out, or failed."""
-    headings = ["<solver", "<policy", *(display.status_mark(status).text for status in Status)]
+    headings = ["<solver", "<policy", *(mark.text for mark in STATUS_MARKS)]
     shown = [*STATUSES, *columns]
     notes = [f"left out: {name}, {reason}" for name, reason in missing.items()]
     notes += [f"failed: {name}, {reason}" for name, reason in (failures or {}).items()]
-    return display.table(
+    return table(
         title,
         [*headings, *(heading for heading, *_ in columns)],
         ([text(row) for _, text, _ in shown] for row in rows),
@@ -170,11 +170,11 @@ class Comparison:
             forces = f"{count} required wrenches"
         else:
             beside = f" beside {rig.required.describe(rig)}" if rig.required else ""
-            forces = f"{display.count(count, 'force')} of {self.magnitude:g} N{beside}"
-        return f"{rig.name}, {display.count(rig.m, 'module')}: {forces} at {display.vector(self.position)} m"
+            forces = f"{format_count(count, 'force')} of {self.magnitude:g} N{beside}"
+        return f"{rig.name}, {format_count(rig.m, 'module')}: {forces} at {format_vector(self.position)} m"
 
     def __repr__(self) -> str:
-        return f"<Comparison of {display.count(len({row.solver for row in self.rows}), 'solver')} on {self.title}>"
+        return f"<Comparison of {format_count(len({row.solver for row in self.rows}), 'solver')} on {self.title}>"
 
     def _repr_html_(self) -> str:
         return scores_table(self.title, merge_policies(self.rows), COLUMNS, self.missing, self.failures)

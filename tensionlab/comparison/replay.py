@@ -16,8 +16,7 @@ from tensionlab.hardware.log.reader import Run
 from tensionlab.solvers import Selected, Solver, select_solvers
 from tensionlab.solvers.base import Policy
 from tensionlab.support import provenance
-from tensionlab.support import table as display
-from tensionlab.support.table import short
+from tensionlab.support.formatting import format_count, format_number
 
 if TYPE_CHECKING:
     import pandas
@@ -44,15 +43,15 @@ class ReplayRow(Score):
 
 COLUMNS: list[Column[ReplayRow]] = [
     ("fall-\nback", lambda row: str(row.fallback_used), False),
-    ("error\nmean N", lambda row: short(row.residual_mean), False),
-    ("error\nmax N", lambda row: short(row.residual_max), True),
-    ("angle\nmax °", lambda row: short(row.angle_max_deg), True),
-    ("size\nmax N", lambda row: short(row.magnitude_max), False),
-    ("mean t²\nN²", lambda row: short(row.tension_sq_mean), True),
-    ("t max\nN", lambda row: short(row.tension_max), False),
-    ("jump\nmax N", lambda row: short(row.jump_max), True),
-    ("iter\nmean", lambda row: short(row.iterations_mean), False),
-    ("iter\nmax", lambda row: short(row.iterations_max), False),
+    ("error\nmean N", lambda row: format_number(row.residual_mean), False),
+    ("error\nmax N", lambda row: format_number(row.residual_max), True),
+    ("angle\nmax °", lambda row: format_number(row.angle_max_deg), True),
+    ("size\nmax N", lambda row: format_number(row.magnitude_max), False),
+    ("mean t²\nN²", lambda row: format_number(row.tension_sq_mean), True),
+    ("t max\nN", lambda row: format_number(row.tension_max), False),
+    ("jump\nmax N", lambda row: format_number(row.jump_max), True),
+    ("iter\nmean", lambda row: format_number(row.iterations_mean), False),
+    ("iter\nmax", lambda row: format_number(row.iterations_max), False),
 ]
 """Of a replay, those after the statuses."""
 
@@ -69,7 +68,7 @@ class Replay:
     missing: dict[str, str]
 
     def __repr__(self) -> str:
-        return f"<Replay of {self.cycles} cycles by {display.count(len(self.rows) - 1, 'solver')}>"
+        return f"<Replay of {self.cycles} cycles by {format_count(len(self.rows) - 1, 'solver')}>"
 
     def _repr_html_(self) -> str:
         own = replace(self.rows[0], solver=f"the run: {self.rows[0].solver}")

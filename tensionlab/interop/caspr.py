@@ -18,9 +18,9 @@ from tensionlab.errors import RigError
 from tensionlab.model.module import KINDS, Module, Platform
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import MAX_NESTING, brief, read_bytes
+from tensionlab.support.formatting import format_count
 
 
 @dataclass
@@ -69,7 +69,7 @@ class Element:
         except ValueError:
             values = np.empty(0)
         if values.size != count or not np.isfinite(values).all():
-            self.fail(f"{what} is {brief(text.strip())}; give {display.count(count, 'finite number')}")
+            self.fail(f"{what} is {brief(text.strip())}; give {format_count(count, 'finite number')}")
         return values
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab.errors import RigError, ShapeError
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats, as_floats, frozen, tension_limits
 from tensionlab.support.files.reading import brief
+from tensionlab.support.formatting import format_range, format_vector
 
 WORLD = "world"
 """The frame that never moves."""
@@ -151,8 +151,8 @@ class Module:
         object.__setattr__(self, "pulley_axis", axis)
 
     def __repr__(self) -> str:
-        anchor = f"{display.vector(self.anchor)} m" + (f" on {self.frame}" if self.frame != WORLD else "")
-        return f"<Module {self.name}: {anchor}, {display.extent(self.lower, self.upper)} N>"
+        anchor = f"{format_vector(self.anchor)} m" + (f" on {self.frame}" if self.frame != WORLD else "")
+        return f"<Module {self.name}: {anchor}, {format_range(self.lower, self.upper)} N>"
 
     def check_kind(self, kind: str) -> None:
         """Refuse coordinates that do not suit a kind of rig."""
@@ -198,8 +198,8 @@ class Platform:
     inertia: Floats | None = None
 
     def __repr__(self) -> str:
-        com = "" if self.com is None else f", centre of mass at {display.vector(self.com)} m"
-        inertia = "" if self.inertia is None else f", inertia {display.vector(np.diag(self.inertia))} kg·m²"
+        com = "" if self.com is None else f", centre of mass at {format_vector(self.com)} m"
+        inertia = "" if self.inertia is None else f", inertia {format_vector(np.diag(self.inertia))} kg·m²"
         return f"<Platform of {self.mass:g} kg{com}{inertia}>"
 
     def __post_init__(self) -> None:
@@ -319,7 +319,7 @@ class TensionLimits:
     def __repr__(self) -> str:
         if np.ptp(self.lower) == np.ptp(self.upper) == 0.0:
             return f"<TensionLimits of {self.lower.size} cables: {self.lower[0]:.4g} to {self.upper[0]:.4g} N>"
-        ends = f"lower {display.vector(self.lower)} N, upper {display.vector(self.upper)} N"
+        ends = f"lower {format_vector(self.lower)} N, upper {format_vector(self.upper)} N"
         return f"<TensionLimits of {self.lower.size} cables: {ends}>"
 
     def only(self, part: NDArray[np.bool_]) -> TensionLimits:

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model.module import MAX_LENGTH, MAX_TENSION, Platform, same
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats, as_floats, frozen
 from tensionlab.support.files.reading import brief
+from tensionlab.support.formatting import format_vector
 
 MAX_WRENCHES = 100_000
 """Wrenches of a list: each of them is looked at in every pose."""
@@ -179,9 +179,9 @@ class Requirement:
         if self.gravity and rig.platform is not None:
             parts.append(f"its weight of {rig.platform.mass:g} kg")
         if self.wrench is not None and (self.wrench.any() or not parts):
-            parts.append(f"the wrench {display.vector(self.wrench)} {unit}")
+            parts.append(f"the wrench {format_vector(self.wrench)} {unit}")
         if self.box is not None:
-            parts.append(f"a box of ± {display.vector(self.box)} {unit}")
+            parts.append(f"a box of ± {format_vector(self.box)} {unit}")
         if self.wrenches is not None:
             parts.append(f"{len(self.wrenches)} wrenches")
         if self.ball:

@@ -30,9 +30,10 @@ from tensionlab.model.pose import Frame, Frames, RestPose
 from tensionlab.model.pulleys import Pulleys, go_over
 from tensionlab.model.requirement import Requirement
 from tensionlab.support import provenance
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats, common_axes, frozen
 from tensionlab.support.files.reading import brief
+from tensionlab.support.formatting import format_count, format_range, format_vector
+from tensionlab.support.table import table
 
 if TYPE_CHECKING:
     import pandas
@@ -145,8 +146,8 @@ class Rig:
 
     def __repr__(self) -> str:
         names = ", ".join(module.name for module in self.modules[:4]) + ", …" * (self.m > 4)
-        limits = display.extent(self.limits.lower, self.limits.upper)
-        return f"<Rig {self.name}: {self.kind}, {display.count(self.m, 'module')} ({names}), {limits} N>"
+        limits = format_range(self.limits.lower, self.limits.upper)
+        return f"<Rig {self.name}: {self.kind}, {format_count(self.m, 'module')} ({names}), {limits} N>"
 
     def _repr_html_(self) -> str:
         columns: dict[str, list[Any]] = {
@@ -163,10 +164,10 @@ class Rig:
         }
         shown = {head: each for head, each in columns.items() if any(value is not None for value in each)}
         held = "" if self.platform is None else f", platform of {self.platform.mass:g} kg"
-        modules = display.count(self.m, "module")
-        title = f"{self.name}: {self.kind}, {modules}{held}, home {display.vector(self.home)} m"
+        modules = format_count(self.m, "module")
+        title = f"{self.name}: {self.kind}, {modules}{held}, home {format_vector(self.home)} m"
         notes = [self.description] if self.description else []
-        return display.table(title, [*shown], zip(*shown.values(), strict=True), notes)
+        return table(title, [*shown], zip(*shown.values(), strict=True), notes)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each module, by name, with its limits in N and coordinates in m.

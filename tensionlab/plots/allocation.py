@@ -8,7 +8,8 @@ import numpy as np
 
 from tensionlab.errors import ShapeError
 from tensionlab.plots.style import one_panel, panel_legend
-from tensionlab.support.table import GREY, STATUS_LOOK
+from tensionlab.support.colours import GREY
+from tensionlab.support.table import STATUS_MARKS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,7 +82,7 @@ def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes | None = None)
             spread = SPREAD * (2 * np.modf(0.618034 * np.arange(len(index)))[0] - 1) * (len(index) > 1)
             for row in range(rig.m):
                 axes.plot(
-                    tensions[index, row], row + height + spread, linestyle="", color=STATUS_LOOK[each][1],
+                    tensions[index, row], row + height + spread, linestyle="", color=STATUS_MARKS[each].colour,
                     markersize=6 if few else 3, alpha=1.0 if few else 0.5, zorder=3, **MARKERS[each],
                 )  # fmt: skip
         axes.set_title(f"{rig.name}: {len(tensions):,} wrenches" if len(tensions) > 1 else rig.name)
@@ -91,7 +92,8 @@ def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes | None = None)
         axes.spines["left"].set_visible(False)
         axes.grid(axis="x")
         words = [
-            (STATUS_LOOK[each][0], {"color": STATUS_LOOK[each][1], "ls": "", **MARKERS[each]}) for each in there
+            (STATUS_MARKS[each].word, {"color": STATUS_MARKS[each].colour, "ls": "", **MARKERS[each]})
+            for each in there
         ]
         limits = ("limits", {"color": GREY, "linewidth": 0.8, "marker": "|", "markersize": 10})
         panel_legend(figure, ax, 1 + len(words), [*words, limits])

@@ -13,7 +13,7 @@ from tensionlab.comparison.compare import Comparison
 from tensionlab.errors import InputError
 from tensionlab.plots.style import add_legend, label_points, new_figure, one_panel, panel_legend
 from tensionlab.solvers import is_built_in
-from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
+from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,7 @@ import numpy as np
 from tensionlab.errors import InputError
 from tensionlab.plots.style import add_legend, new_figure
 from tensionlab.plots.workspace import NONE_COLOUR, PANEL_WIDTH
-from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE
+from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

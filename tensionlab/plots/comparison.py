@@ -10,7 +10,8 @@ import numpy as np
 from tensionlab.plots.style import HALO, add_legend, new_figure
 from tensionlab.solvers import is_built_in
 from tensionlab.solvers.base import TOLERANCE
-from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, STATUS_LOOK
+from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
+from tensionlab.support.table import STATUS_MARKS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +28,7 @@ POLICY_LOOK = {
 """Colour, marker and place within the solver's row."""
 
 COUNTS = ("exact", "nearest_count", "unproven", "failed")
-"""Of a row, by `STATUS_LOOK`."""
+"""Of a row, by `STATUS_MARKS`."""
 CABLE = "#C8C8C8"
 MAX_DRAWN_FORCES = 200
 """Of a larger set, so many forces are drawn, evenly spread."""
@@ -116,8 +117,8 @@ def plot_comparison(comparison: Comparison) -> Figure:
                 axes.axhline(border - 0.5, color="#DDDDDD", linewidth=0.8, zorder=1)
         add_legend(right, 5, [
             *(
-                (word, {"color": colour, "linewidth": 6})
-                for key, (word, colour) in zip(COUNTS, STATUS_LOOK, strict=True)
+                (mark.word, {"color": mark.colour, "linewidth": 6})
+                for key, mark in zip(COUNTS, STATUS_MARKS, strict=True)
                 if any(getattr(row, key) for row in rows)
             ),
             *(
@@ -177,8 +178,8 @@ def _draw_statuses(axes: Axes, rows: Sequence[Row], lines: Sequence[float]) -> N
     """Draw the statuses of each row as a bar."""
     for row, line in zip(rows, lines, strict=True):
         start = 0
-        for key, (_, colour) in zip(COUNTS, STATUS_LOOK, strict=True):
-            axes.barh(line, getattr(row, key), left=start, height=0.2, color=colour)
+        for key, mark in zip(COUNTS, STATUS_MARKS, strict=True):
+            axes.barh(line, getattr(row, key), left=start, height=0.2, color=mark.colour)
             start += getattr(row, key)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tensionlab.model.pulleys import ways
 from tensionlab.plots.style import HALO, add_legend, new_figure, one_panel, panel_legend
-from tensionlab.support.table import BLUE, GREY, ORANGE, RED
+from tensionlab.support.colours import BLUE, GREY, ORANGE, RED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

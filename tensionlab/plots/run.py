@@ -11,7 +11,8 @@ from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit
 from tensionlab.plots.style import HALO, legend_beside, new_figure
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, RED, STATUS_LOOK
+from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
+from tensionlab.support.table import STATUS_MARKS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -202,7 +203,7 @@ def _draw_timeline(axes: Axes, run: Run) -> list[tuple[str, str]]:
     proofs = np.maximum.reduceat(run.status.astype(np.int64), begins)
     levels = np.maximum.reduceat(severity(run), begins)
     rows = np.concatenate([proofs[:, None], len(Status) + levels], axis=1)
-    look = [*STATUS_LOOK, *held]
+    look = [*((mark.word, mark.colour) for mark in STATUS_MARKS), *held]
     for row in range(len(names)):
         axes.pcolormesh(
             edges, [row + 0.08, row + 0.92], rows[None, :, row], cmap=ListedColormap([each for _, each in look]),

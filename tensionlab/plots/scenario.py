@@ -18,7 +18,7 @@ from tensionlab.plots.style import COARSE_SHADE
 from tensionlab.scenarios.checks import ForceRecord, desired_force, rendered_force
 from tensionlab.scenarios.expected import check_scenario
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, RED
+from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

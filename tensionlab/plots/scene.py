@@ -13,7 +13,7 @@ import numpy as np
 
 from tensionlab.scenarios.stick_figure import HEAD_M, stick_figure
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import BLUE, GREEN, ORANGE, RED
+from tensionlab.support.colours import BLUE, GREEN, ORANGE, RED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tensionlab.model.files import rig_from_toml
 from tensionlab.plots.style import HALO, add_legend, new_figure
-from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, RED
+from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.validation.report import ValidationResult, make_recording
 from tensionlab.validation.statistics import deviations
 

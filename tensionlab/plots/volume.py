@@ -12,7 +12,7 @@ from tensionlab.plots.rig import frame_panel, plot_rig
 from tensionlab.plots.style import add_legend, new_figure, one_panel, panel_legend
 from tensionlab.plots.workspace import SLICE_LEGEND, Field, draw_shares, read_field, require_one, share_above
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import BLUE, GREY, ORANGE
+from tensionlab.support.colours import BLUE, GREY, ORANGE
 
 ON_FRONT: dict[str, Any] = {"color": BLUE, "marker": "o", "linewidth": 1.4, "drawstyle": "steps-post"}
 OFF_FRONT: dict[str, Any] = {"color": GREY, "marker": "o", "linestyle": "", "fillstyle": "none"}

@@ -16,8 +16,9 @@ from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.protocol.codes import Limit
 from tensionlab.scenarios.play import ScenarioResult
 from tensionlab.support import provenance
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats
+from tensionlab.support.formatting import format_number
+from tensionlab.support.table import met_mark, table
 
 if TYPE_CHECKING:
     import pandas
@@ -62,11 +63,11 @@ class Checks(tuple[Check, ...]):
 
     def _repr_html_(self) -> str:
         rows = [
-            [display.met_mark(each.met, ("as expected", "not met")), each.name, each.measured,
-             f"{display.short(each.low)} to {display.short(each.high)}", each.unit.removeprefix("1")]
+            [met_mark(each.met, ("as expected", "not met")), each.name, each.measured,
+             f"{format_number(each.low)} to {format_number(each.high)}", each.unit.removeprefix("1")]
             for each in self
         ]  # fmt: skip
-        return display.table("", ["<", "<", "measured", "expected", "<"], rows)
+        return table("", ["<", "<", "measured", "expected", "<"], rows)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each check; MissingDependency if pandas is not installed."""

@@ -18,7 +18,8 @@ from tensionlab.scenarios.demand_source import body_origin
 from tensionlab.scenarios.person import Person
 from tensionlab.scenarios.scenario import BrakeTarget, Phase, Scenario
 from tensionlab.support.arrays import Floats, Integers
-from tensionlab.support.table import Finding, count, extent, percent, vector
+from tensionlab.support.formatting import format_count, format_range, format_share, format_vector
+from tensionlab.support.table import Finding
 
 STOP_STIFFNESS_N_M, STOP_DAMPING_N_S_M = 5000.0, 50.0
 """Of the ideal brakes."""
@@ -111,10 +112,12 @@ def _reach(scenario: Scenario, played: Rehearsal) -> Finding:
     """Check that the cables hold the hand, inside their limits, wherever it goes."""
     rig = scenario.rig
     low, high = played.position.min(axis=0).round(2) + 0.0, played.position.max(axis=0).round(2) + 0.0
-    where = f"{vector(low)} to {vector(high)} m"
-    lengths = f"cables of {extent(played.lengths.round(2))} m"
+    where = f"{format_vector(low)} to {format_vector(high)} m"
+    lengths = f"cables of {format_range(played.lengths.round(2))} m"
     if rig.m <= rig.n:
-        return Finding("reach", None, f"{where}, {lengths}; {count(rig.m, 'cable')} cannot pull in all directions")
+        return Finding(
+            "reach", None, f"{where}, {lengths}; {format_count(rig.m, 'cable')} cannot pull in all directions"
+        )
     nothing = rig.required.middle(rig)
     held = allocate(played.structure, nothing, rig.limits).status == Status.EXACT
     if held.all():
@@ -124,8 +127,8 @@ def _reach(scenario: Scenario, played: Rehearsal) -> Finding:
         return Finding("reach", None, f"{where}, {lengths}; not all directions, nor at the rig's home")
     first = int(np.argmin(held))
     text = (
-        f"{where}, {lengths}; the cables hold the hand {percent(float(held.mean()))} of the time, not at "
-        f"{played.time[first]:.2f} s, {vector(played.position[first].round(2) + 0.0)} m"
+        f"{where}, {lengths}; the cables hold the hand {format_share(float(held.mean()))} of the time, not at "
+        f"{played.time[first]:.2f} s, {format_vector(played.position[first].round(2) + 0.0)} m"
     )
     return Finding("reach", None if held.any() else False, text)
 
@@ -148,9 +151,9 @@ def _force(scenario: Scenario, phase: Phase, played: Rehearsal, during: Integers
     along = np.einsum("kn,kn->k", desired, rendered) / sizes
     some = along > MIN_COSINE * np.linalg.norm(rendered, axis=1)
     worst = int(np.argmax(missing * sizes))
-    direction = vector((desired[worst] / sizes[worst]).round(2) + 0.0)
+    direction = format_vector((desired[worst] / sizes[worst]).round(2) + 0.0)
     text += (
-        f" {percent(float(feasible.mean()))} of the time; at {played.time[strong[worst]]:.2f} s, "
+        f" {format_share(float(feasible.mean()))} of the time; at {played.time[strong[worst]]:.2f} s, "
         f"{along[worst]:.1f} N are rendered where {sizes[worst]:.1f} N are desired along {direction}"
     )
     return Finding(phase.name, None if some.any() else False, text)

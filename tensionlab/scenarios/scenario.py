@@ -23,10 +23,10 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.kinematics import turn_axes
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.person import PersonPlan
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.named import describe_unknown, is_path
 from tensionlab.support.files.reading import brief, read_toml
+from tensionlab.support.formatting import format_count
 
 FOLDER = Path(__file__).parent / "files"
 """Scenarios of this package: NAME.toml, and NAME.rig.toml beside it."""
@@ -178,7 +178,7 @@ class Scenario:
     turned: str = ""
 
     def __repr__(self) -> str:
-        phases = display.count(len(self.phases), "phase")
+        phases = format_count(len(self.phases), "phase")
         return f"<Scenario {self.name}: {phases} in {self.seconds:g} s on {self.rig.name}>"
 
     def __post_init__(self) -> None:

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.solvers.base import Status
 from tensionlab.support import provenance
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats, Integers
 from tensionlab.support.files.reading import brief, read_toml
 from tensionlab.support.files.tables import read_parquet
+from tensionlab.support.table import table
 
 if TYPE_CHECKING:
     import pandas
@@ -306,7 +306,7 @@ class Published:
             for part in (self.protocol, self.results)
             for name, each in part.items()
         ]
-        return display.table(self.source, ["<name", "value", "<unit", "<meaning"], rows)
+        return table(self.source, ["<name", "value", "<unit", "<meaning"], rows)
 
 
 def read_published(path: str | Path) -> Published:

@@ -11,8 +11,8 @@ import numpy as np
 from tensionlab.model.files import rig_from_toml
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats
+from tensionlab.support.table import table
 from tensionlab.validation.data_tables import Recording
 from tensionlab.validation.protocol import AXIS_FORCES, Measurement
 from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
@@ -77,7 +77,7 @@ class ValidationResult:
         return f"<ValidationResult of {self.title}: {errors}>"
 
     def _repr_html_(self) -> str:
-        return display.table(self.title, [heading or "<" for heading in HEADINGS], rows(self), remarks(self))
+        return table(self.title, [heading or "<" for heading in HEADINGS], rows(self), remarks(self))
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each force: desired and measured, aligned as published, in N, and the tensions.

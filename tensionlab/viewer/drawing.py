@@ -12,7 +12,7 @@ import numpy as np
 from tensionlab.model.kinematics import in_space
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, Colours, rgb
+from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, Colours, rgb
 from tensionlab.viewer.scene import ARROWS, Arrow, Lines, Scene, size
 from tensionlab.viewer.snapping import outlines
 from tensionlab.viewer.state import HAND, State

@@ -13,7 +13,8 @@ from tensionlab.model.kinematics import in_space
 from tensionlab.model.pulleys import ARC_POINTS, ways
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import BLUE, FORCE_COLOURS, GREY, ORANGE, PURPLE, RED, Colours, ramp, rgb, short
+from tensionlab.support.colours import BLUE, FORCE_COLOURS, GREY, ORANGE, PURPLE, RED, Colours, ramp, rgb
+from tensionlab.support.formatting import format_number
 from tensionlab.viewer.scene import (
     Arrow,
     Label,
@@ -175,7 +176,7 @@ def _stepped(rig: Rig, points: Floats) -> Floats:
 
 
 def _word(tension: float, *, lost: bool, slack: bool) -> str:
-    return "LOST" if lost else "slack" if slack else f"{short(float(tension))} N"
+    return "LOST" if lost else "slack" if slack else f"{format_number(float(tension))} N"
 
 
 def _cables(rig: Rig, ends: Floats, anchors: Floats, colours: Colours, dashed: NDArray[np.bool_]) -> Lines:

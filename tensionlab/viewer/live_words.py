@@ -13,7 +13,8 @@ from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, DURATION_REACH
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import Scenery
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import BLUE, FORCE_COLOURS, GREEN, GREY, ORANGE, RED, count, duration, ramp, short
+from tensionlab.support.colours import BLUE, FORCE_COLOURS, GREEN, GREY, ORANGE, RED, ramp
+from tensionlab.support.formatting import format_count, format_duration, format_number
 from tensionlab.viewer.instant import BESIDE_COLOUR, ENLARGED, Instant
 from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.stop import StopOutcome
@@ -51,11 +52,10 @@ def heading(condition: Condition, age: float, info: RunInfo | None, report: RunR
     if condition == "ended":
         return _ended(report)
     assert report.cycle is not None
-    now = (
-        f"{float(report.cycle['time']):.1f} s, {count(report.cycles, 'cycle')} at {info.rate:g} Hz, {info.solver}"
-    )
+    cycles = format_count(report.cycles, "cycle")
+    now = f"{float(report.cycle['time']):.1f} s, {cycles} at {info.rate:g} Hz, {info.solver}"
     if report.lost:
-        return box(ORANGE, f"LIVE, {count(len(report.lost), 'module')} lost", now + who)
+        return box(ORANGE, f"LIVE, {format_count(len(report.lost), 'module')} lost", now + who)
     return box(GREEN, "LIVE", now + who)
 
 
@@ -73,7 +73,7 @@ def _ended(report: RunReport) -> str:
     well = report.ended in (DURATION_REACHED, DEMAND_STOPPED) or report.ended.startswith("signal")
     colour = RED if report.unconfirmed or report.lost or report.emergency or not well else GREY
     confirmed = "" if report.unconfirmed else "; all modules have confirmed that they stopped"
-    return box(colour, "ENDED", f"{count(report.cycles, 'cycle')}{confirmed}<br>{'<br>'.join(lines)}")
+    return box(colour, "ENDED", f"{format_count(report.cycles, 'cycle')}{confirmed}<br>{'<br>'.join(lines)}")
 
 
 def style() -> str:
@@ -163,7 +163,7 @@ def modules(info: RunInfo, report: RunReport, instant: Instant, *, fresh: bool =
             f'<div style="width:{share:.1f}%;height:100%;background:rgb({",".join(map(str, colours[i]))});'
             f'border-radius:2px"></div>{mark}</div>'
         )
-        value = "LOST" if lost else f"{short(float(instant.tensions[i]))} N"
+        value = "LOST" if lost else f"{format_number(float(instant.tensions[i]))} N"
         look = f"color:{RED}" if lost or slack[i] else ""
         name = "overflow:hidden;text-overflow:ellipsis;white-space:nowrap"
         lines.append(
@@ -199,7 +199,7 @@ def _state(info: RunInfo, report: RunReport, index: int, *, slack: bool) -> str:
     brake = int(cycle["brake_states"][index])
     words = [state.name.lower()]
     if np.isfinite(report.currents[index]):
-        words.append(f"{short(float(report.currents[index]))} A")
+        words.append(f"{format_number(float(report.currents[index]))} A")
     words.append(f"heat {100 * float(np.nan_to_num(cycle['thermal'][index])):.0f} %")
     commanded = bool(cycle["commanded_brakes"][index])
     if brake >= 0:
@@ -211,7 +211,7 @@ def _state(info: RunInfo, report: RunReport, index: int, *, slack: bool) -> str:
     link = f"link {1e3 * age:.0f} ms" if np.isfinite(age) else "link silent"
     words.append(_marked(link) if age * info.rate > LATE_PERIODS else link)
     if bad := int(report.bad_frames[index]):
-        words.append(count(bad, "damaged frame"))
+        words.append(format_count(bad, "damaged frame"))
     if slack:
         words.append(_marked("slack"))
     words += [_marked(f"fault: {each.lower()}") for each in faults]
@@ -230,15 +230,15 @@ def times(info: RunInfo, report: RunReport, start_delays: Floats, compute_times:
     if report.cycle is not None:
         delays = report.cycle["delays"][report.cycle["active"]]
         worst = float(np.nanmax(delays)) if np.isfinite(delays).any() else float("nan")
-        lines.append(f"loop latency {duration(worst)} (set-point to telemetry, slowest module)")
+        lines.append(f"loop latency {format_duration(worst)} (set-point to telemetry, slowest module)")
     for name, values in (("start jitter", start_delays), ("compute time", compute_times)):
         if len(values):
             middle, high = np.percentile(values, [50.0, 99.0])
-            lines.append(f"{name} {duration(float(middle))} median, {duration(float(high))} p99")
-    missed = f"{count(report.missed, 'deadline')} missed"
+            lines.append(f"{name} {format_duration(float(middle))} median, {format_duration(float(high))} p99")
+    missed = f"{format_count(report.missed, 'deadline')} missed"
     lines.append(_marked(missed) if report.missed else missed)
     lines.append(escape(report.answers))
-    period = f"; a cycle has {duration(1.0 / info.rate)}"
+    period = f"; a cycle has {format_duration(1.0 / info.rate)}"
     return f'<div style="{SMALL}">{"<br>".join(lines)}{period}</div>'
 
 

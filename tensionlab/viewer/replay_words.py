@@ -11,7 +11,8 @@ from tensionlab.allocation import Allocation
 from tensionlab.hardware.log.reader import Run
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import BLUE, FORCE_COLOURS, GREEN, GREY, ORANGE, count, short
+from tensionlab.support.colours import BLUE, FORCE_COLOURS, GREEN, GREY, ORANGE
+from tensionlab.support.formatting import format_count, format_number
 from tensionlab.viewer.instant import BESIDE_COLOUR
 from tensionlab.viewer.live_words import DECIMALS, SMALL
 from tensionlab.viewer.playback import Playback
@@ -92,7 +93,7 @@ def curves(run: Run) -> str:
         f'<svg viewBox="0 0 1 1" preserveAspectRatio="none" style="display:block;width:100%;'
         f'height:{CURVES_PIXELS}px;background:rgba(128,128,128,.08)">{lines}</svg>'
         f'<div style="position:absolute;right:0;margin-top:-{CURVES_PIXELS}px;font-size:10px;opacity:.8;'
-        f'padding:1px 4px">{legend} force, up to {short(most)} N</div>'
+        f'padding:1px 4px">{legend} force, up to {format_number(most)} N</div>'
     )
 
 
@@ -126,7 +127,7 @@ def events(shown: Sequence[Mark], time: float) -> str:
         for index, mark in list(enumerate(shown))[first : first + LISTED]
     )
     more = len(shown) - LISTED
-    last = f"; {count(more, 'event')} more" if more > 0 else ""
+    last = f"; {format_count(more, 'event')} more" if more > 0 else ""
     return (
         f'<div style="{SMALL}"><table style="border-collapse:collapse">{lines}</table>'
         f'<div style="opacity:.65">those around {time:.2f} s{last}</div></div>'
@@ -158,7 +159,12 @@ def answer(run: Run, index: int, solver: str, found: Allocation | None) -> str:
     body = ""
     for i, module in enumerate(run.rig.modules):
         chosen, sent, other = float(run.chosen[index, i]), float(run.commanded[index, i]), float(found.tensions[i])
-        values = (short(chosen), short(sent), short(other), number(round(other - chosen, DECIMALS)))
+        values = (
+            format_number(chosen),
+            format_number(sent),
+            format_number(other),
+            number(round(other - chosen, DECIMALS)),
+        )
         if not np.isfinite(sent):  # a spring, or lost: no solver is asked for it
             values = ("–", "–", "–", "–")
         body += (

@@ -10,7 +10,7 @@ import numpy as np
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import Scenery
 from tensionlab.scenarios.stick_figure import HEAD_M
-from tensionlab.support.table import GREY, RED, rgb
+from tensionlab.support.colours import GREY, RED, rgb
 from tensionlab.viewer.drawing import (
     ANCHOR_SHARE,
     CABLE_PIXELS,

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit
 from tensionlab.solvers.base import Status
-from tensionlab.support.table import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, short
+from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
+from tensionlab.support.formatting import format_number
 
 KINDS = {"phase": GREY, "run": BLUE, "status": ORANGE, "fault": RED, "limiter": PURPLE, "brake": GREEN}
 """Kinds of marks, and their colours. Those of the run are its end, and modules that are lost or derated."""
@@ -76,7 +77,9 @@ def _lasting(run: Run, flags: NDArray[np.bool_], kind: str, text: str) -> Iterat
     """Yield a mark for each time that something began to be so."""
     for first, last in spells(run.time, flags):
         to_end = last == len(run) - 1
-        duration = "to the end" if to_end else f"for {short(float(run.time[last + 1] - run.time[first]))} s"
+        duration = (
+            "to the end" if to_end else f"for {format_number(float(run.time[last + 1] - run.time[first]))} s"
+        )
         yield Mark(float(run.time[first]), kind, f"{text}, {duration}")
 
 

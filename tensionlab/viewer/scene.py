@@ -17,7 +17,8 @@ from tensionlab.model.pulleys import ways
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import BLUE, GREY, ORANGE, PURPLE, Colours, ramp, rgb, short
+from tensionlab.support.colours import BLUE, GREY, ORANGE, PURPLE, Colours, ramp, rgb
+from tensionlab.support.formatting import format_number
 from tensionlab.viewer.evaluation import Evaluation
 from tensionlab.viewer.snapping import outlines
 from tensionlab.viewer.state import State, of_ghost
@@ -194,7 +195,7 @@ def _walls(state: State) -> Lines:
 def _labels(state: State, found: Evaluation, anchors: Floats) -> tuple[Label, ...]:
     tensions: Any = [None] * state.rig.m if found.allocation is None else found.allocation.tensions
     return tuple(
-        Label(place, module.name if tension is None else f"{module.name} · {short(tension)} N")
+        Label(place, module.name if tension is None else f"{module.name} · {format_number(tension)} N")
         for module, place, tension in zip(state.rig.modules, anchors, tensions, strict=True)
     )
 

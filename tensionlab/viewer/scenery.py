@@ -12,7 +12,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import Scenery, Surface
 from tensionlab.scenarios.stick_figure import stick_figure
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import GREEN, GREY, rgb
+from tensionlab.support.colours import GREEN, GREY, rgb
 from tensionlab.viewer.instant import Instant
 from tensionlab.viewer.scene import Label, Lines, both_ends
 from tensionlab.viewer.volume import Mesh

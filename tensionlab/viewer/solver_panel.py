@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import BLUE, GREEN, ORANGE, PURPLE, RED
+from tensionlab.support.colours import BLUE, GREEN, ORANGE, PURPLE, RED
 from tensionlab.viewer import state as edits
 from tensionlab.viewer import words
 from tensionlab.viewer.solver_study import Answer, Problems

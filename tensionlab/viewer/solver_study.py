@@ -15,7 +15,7 @@ from tensionlab.model.kinematics import in_space
 from tensionlab.solvers import make
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import GREEN, ORANGE, PURPLE, RED, Colours, rgb
+from tensionlab.support.colours import GREEN, ORANGE, PURPLE, RED, Colours, rgb
 from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.state import State
 from tensionlab.viewer.volume import bounds

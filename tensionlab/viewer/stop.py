@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.emergency_stop import RELEASE_TIMEOUT_S, emergency_stop
 from tensionlab.hardware.log.shared_run import RunWatcher
+from tensionlab.support.formatting import format_count
 from tensionlab.support.operating_system import kill_command, send_estop
-from tensionlab.support.table import count
 
 POLL_PERIOD_S = 0.02
 IN_PROCESS = "sim:"
@@ -45,8 +45,8 @@ def stop_modules(watcher: RunWatcher) -> StopOutcome:
         wrong.append(problem)
     if wrong:
         others = sum(not each.error for each in outcomes.values())
-        return StopOutcome(False, (*wrong, f"confirmed by {count(others, 'module')}"))
-    return StopOutcome(True, (f"confirmed by {count(len(info.links), 'module')}",))
+        return StopOutcome(False, (*wrong, f"confirmed by {format_count(others, 'module')}"))
+    return StopOutcome(True, (f"confirmed by {format_count(len(info.links), 'module')}",))
 
 
 def _stop_process(watcher: RunWatcher, pid: int) -> str:

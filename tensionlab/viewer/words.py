@@ -10,7 +10,8 @@ import numpy as np
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import duration, short, status_mark
+from tensionlab.support.formatting import format_duration, format_number
+from tensionlab.support.table import STATUS_MARKS
 from tensionlab.viewer.evaluation import Evaluation
 from tensionlab.viewer.scene import force_scale, tension_colours
 from tensionlab.viewer.solver_study import STATUS_COLOURS, Answer
@@ -48,7 +49,7 @@ def status(state: State, found: Evaluation) -> str:
         if found.policy == "direction" and np.isfinite(found.allocation.scale):
             more += f", {100 * float(found.allocation.scale):.3g} % of it"
     elif code is not Status.EXACT:
-        word, colour, more = code.name, "#D55E00", status_mark(int(code)).word
+        word, colour, more = code.name, "#D55E00", STATUS_MARKS[code].word
     return box(colour, word, more) + rows(_lines(state, found)) + _scale(state)
 
 
@@ -119,7 +120,7 @@ def tensions(state: State, found: Evaluation) -> str:
         rows.append(
             '<div style="overflow:hidden;text-overflow:ellipsis;white-space:nowrap">'
             f"{escape(module.name)}</div>{bar}"
-            f'<div style="text-align:right;white-space:nowrap"><b>{short(float(tension))} N</b> '
+            f'<div style="text-align:right;white-space:nowrap"><b>{format_number(float(tension))} N</b> '
             f'<span style="opacity:.65">{at}</span></div>'
         )
     grid = "display:grid;grid-template-columns:minmax(4em,8em) 1fr auto;gap:3px 8px;align-items:center;"
@@ -208,12 +209,12 @@ def _solver_cells(each: Answer) -> list[tuple[str, int]]:
     tensions = each.now.tensions
     texts = (
         _dot(Status(int(each.now.status))),
-        "0" if each.now.residual < ZERO else short(float(each.now.residual)),
-        short(float(np.linalg.norm(tensions))),
-        short(float(tensions.max())),
-        duration(each.seconds),
+        "0" if each.now.residual < ZERO else format_number(float(each.now.residual)),
+        format_number(float(np.linalg.norm(tensions))),
+        format_number(float(tensions.max())),
+        format_duration(each.seconds),
         f"{exact}/{len(each.study.status)}",
-        short(each.jump),
+        format_number(each.jump),
     )
     return [(text, 1) for text in texts]
 
@@ -233,7 +234,7 @@ def solver_bars(state: State, answers: Sequence[Answer], colours: Sequence[str])
         bars = "".join(
             f'<div style="height:5px;width:{100 * float(now.tensions[number]) / most:.2f}%;'
             f'background:{colours[i % len(colours)]}" title="{escape(answers[i].solver)} '
-            f'{short(float(now.tensions[number]))} N"></div>'
+            f'{format_number(float(now.tensions[number]))} N"></div>'
             for i, now in known
         )
         left, width = 100 * module.lower / most, 100 * (module.upper - module.lower) / most

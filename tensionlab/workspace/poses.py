@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.module import MAX_LENGTH
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats, as_floats, finite
 from tensionlab.support.files.reading import brief
 from tensionlab.support.files.tables import check_columns, read_npz, read_parquet, read_table
+from tensionlab.support.formatting import format_count, format_range
 from tensionlab.workspace.orientations import roll_pitch_yaw_of
 from tensionlab.workspace.volume import equal_weights, node_weights
 
@@ -81,9 +81,7 @@ class Grid:
             object.__setattr__(self, "rotations", rotations)
 
     def __repr__(self) -> str:
-        edges = ", ".join(
-            f"{name} {display.extent(getattr(self, name))} m" for name in self.dims[: self.dimension]
-        )
+        edges = ", ".join(f"{name} {format_range(getattr(self, name))} m" for name in self.dims[: self.dimension])
         return f"<Grid of {' x '.join(map(str, self.shape))} poses: {edges}>"
 
     @property
@@ -179,9 +177,9 @@ class PoseList:
 
     def __repr__(self) -> str:
         edges = ", ".join(
-            f"{axis} {display.extent(self.position[:, i])} m" for i, axis in enumerate("xyz"[: self.dimension])
+            f"{axis} {format_range(self.position[:, i])} m" for i, axis in enumerate("xyz"[: self.dimension])
         )
-        return f"<PoseList of {display.count(len(self.position), 'pose')}: {edges}>"
+        return f"<PoseList of {format_count(len(self.position), 'pose')}: {edges}>"
 
     @property
     def dimension(self) -> int:

@@ -6,7 +6,7 @@ import pytest
 
 from tensionlab.benchmarking.report import FIGURES, newton, report, table, times
 from tensionlab.benchmarking.results import Results, Row, summaries
-from tensionlab.support.table import duration, percent
+from tensionlab.support.formatting import format_duration, format_share
 
 
 def row(problem_set="a", solver="newton", setting="proved", policy="force", **values):
@@ -23,13 +23,13 @@ def made(*rows, **reachable):
 
 
 def test_numbers_as_words():
-    assert [percent(share) for share in (0.0, 1.0, 0.9999, 0.00001, 0.5, np.nan)] == [
+    assert [format_share(share) for share in (0.0, 1.0, 0.9999, 0.00001, 0.5, np.nan)] == [
         "0 %", "100 %", "99.9 %", "0.1 %", "50.0 %", "–",
     ]  # fmt: skip
     assert [newton(value) for value in (0.0, 1e-12, 0.0123, 3.14159, 437.2, 2e9, np.nan)] == [
         "0", "1e-12", "0.012", "3.1", "437", "2e9", "–",
     ]  # fmt: skip
-    assert [duration(value) for value in (2e-7, 1.5e-6, 2.34e-4, 0.0123, 2.0, np.nan)] == [
+    assert [format_duration(value) for value in (2e-7, 1.5e-6, 2.34e-4, 0.0123, 2.0, np.nan)] == [
         "200 ns", "1.5 µs", "234 µs", "12 ms", "2 s", "–",
     ]  # fmt: skip
     assert [times(value) for value in (1.234, 12.6)] == ["1.2", "13"]

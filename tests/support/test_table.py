@@ -17,7 +17,8 @@ from tensionlab.hardware import read_run
 from tensionlab.hardware.log.reader import report
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.checks import Check, Checks
-from tensionlab.support import table as display
+from tensionlab.support.formatting import format_duration, format_vector
+from tensionlab.support.table import MAX_ROWS, STATUS_MARKS, table
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tests.helpers.runs import four, logged
@@ -39,13 +40,13 @@ LIMITS = (0.5, 6.0)
     ],
 )
 def test_times_have_the_unit_that_suits_them(seconds, text):
-    assert display.duration(seconds) == text
+    assert format_duration(seconds) == text
 
 
 def test_a_vector_shows_no_rounding_errors_and_a_long_one_its_ends():
-    assert display.vector([1.0, -4e-17, 0.25]) == "(1, 0, 0.25)"
-    assert display.vector(np.arange(20.0)) == "(0, 1, 2, 3, …, 18, 19)"
-    assert display.vector([]) == "()"
+    assert format_vector([1.0, -4e-17, 0.25]) == "(1, 0, 0.25)"
+    assert format_vector(np.arange(20.0)) == "(0, 1, 2, 3, …, 18, 19)"
+    assert format_vector([]) == "()"
 
 
 def words(html):
@@ -56,24 +57,24 @@ def words(html):
 
 
 def test_every_status_has_a_shape_of_its_own_and_the_colour_of_the_figures():
-    assert len(set(display.STATUS_MARKS)) == len(display.STATUS_LOOK) == len(tl.Status)
-    html = display.table("", ["<status"], [[status] for status in tl.Status])
-    for (word, colour), shape in zip(display.STATUS_LOOK, display.STATUS_MARKS, strict=True):
-        assert [f"{shape} {word}"] in words(html)
-        assert colour in html
+    assert len({mark.shape for mark in STATUS_MARKS}) == len(tl.Status)
+    html = table("", ["<status"], [[status] for status in tl.Status])
+    for mark in STATUS_MARKS:
+        assert [mark.text] in words(html)
+        assert mark.colour in html
 
 
 def test_what_cells_say():
     cells = [["<script>", 12345], [None, 0.123456], [True, np.array([1.0, 2.0])]]
-    html = display.table("a < b", ["<text", "n"], cells)
+    html = table("a < b", ["<text", "n"], cells)
     assert "a &lt; b" in html
     assert words(html)[1:] == [["&lt;script&gt;", "12,345"], ["–", "0.12"], ["✓ yes", "(1, 2)"]]
 
 
 def test_a_long_table_leaves_out_its_middle():
-    rows = words(display.table("", ["n"], [[i] for i in range(1000)]))
-    assert len(rows) == 1 + display.MAX_ROWS + 1
-    assert rows[1 + display.MAX_ROWS // 2] == ["… 960 more"]
+    rows = words(table("", ["n"], [[i] for i in range(1000)]))
+    assert len(rows) == 1 + MAX_ROWS + 1
+    assert rows[1 + MAX_ROWS // 2] == ["… 960 more"]
     assert (rows[1], rows[-1]) == (["0"], ["999"])
 
 

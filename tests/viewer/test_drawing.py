@@ -5,7 +5,7 @@ from unittest.mock import MagicMock
 import numpy as np
 
 import tensionlab as tl
-from tensionlab.support.table import rgb
+from tensionlab.support.colours import rgb
 from tensionlab.viewer.drawing import ARROW_SHARES, Drawing, linear
 from tensionlab.viewer.instant import ARROW_COLOURS
 from tensionlab.viewer.run_drawing import RunDrawing

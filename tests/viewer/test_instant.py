@@ -7,7 +7,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.hardware.log.columns import VALUES
-from tensionlab.support.table import BLUE, FORCE_COLOURS, GREY, ORANGE, RED, rgb
+from tensionlab.support.colours import BLUE, FORCE_COLOURS, GREY, ORANGE, RED, rgb
 from tensionlab.viewer.instant import DASHES, ENLARGED, STEPS, Instant, draw
 from tensionlab.viewer.scene import force_scale, size
 from tests.helpers.runs import cycles, four

@@ -18,7 +18,7 @@ from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.world import World
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.scenery import scenery
-from tensionlab.support.table import GREEN, ORANGE, RED
+from tensionlab.support.colours import GREEN, ORANGE, RED
 from tensionlab.viewer import live_words
 from tensionlab.viewer.instant import Instant
 from tensionlab.viewer.stop import StopOutcome

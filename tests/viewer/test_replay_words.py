@@ -8,7 +8,7 @@ import pytest
 
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.solvers.base import Status
-from tensionlab.support.table import GREEN, ORANGE
+from tensionlab.support.colours import GREEN, ORANGE
 from tensionlab.viewer import replay_words
 from tensionlab.viewer.instant import BESIDE_COLOUR
 from tensionlab.viewer.playback import Playback

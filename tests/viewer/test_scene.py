@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.support.table import rgb
+from tensionlab.support.colours import rgb
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.evaluation import evaluate
 from tensionlab.viewer.scene import draw, force_scale, tension_colours

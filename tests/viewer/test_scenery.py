@@ -10,7 +10,7 @@ from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.play import play, simulate_modules
 from tensionlab.scenarios.scenery import ScenePhase, Surface, scenery
 from tensionlab.scenarios.stick_figure import HEAD_M
-from tensionlab.support.table import GREEN, GREY
+from tensionlab.support.colours import GREEN, GREY
 from tensionlab.viewer.recorded import instant_at
 from tensionlab.viewer.scenery import CAP_RAD, PATCH_M, SURFACE_COLOUR, body_origins, draw_scenery
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.support.table import rgb
+from tensionlab.support.colours import rgb
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.solver_study import answer, compare, points, problems

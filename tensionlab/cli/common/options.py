@@ -19,8 +19,8 @@ from tensionlab.support.arrays import MAX_MAGNITUDE, Floats
 from tensionlab.support.files import writing
 from tensionlab.support.files.named import list_names
 from tensionlab.support.files.reading import brief
+from tensionlab.support.formatting import format_count
 from tensionlab.support.provenance import TABLE_SUFFIXES
-from tensionlab.support.table import count
 
 EXAMPLES = {
     "--wrench": "1 2 3 (in N)",
@@ -81,8 +81,8 @@ def with_frames(rig: Rig, frames: list[str] | None) -> Rig:
         turn = 3 if d == 3 else 1
         if len(values) not in (d, d + turn):
             raise typer.BadParameter(
-                f"--frame {name} has {count(len(values), 'number')}; {rig.name} needs {d} for the position in m, "
-                f"and {turn} more for a turn in rad, if it is turned"
+                f"--frame {name} has {format_count(len(values), 'number')}; {rig.name} needs {d} for the position "
+                f"in m, and {turn} more for a turn in rad, if it is turned"
             )
         rest[name] = RestPose(name, np.array(values[:d]), np.array(values[d:]) if values[d:] else None)
     return replace(rig, rest=tuple(rest.values()))
@@ -100,7 +100,8 @@ def check_components(option: str, values: list[float], names: list[str], owner: 
     """Refuse an option that has another number of values than what it is about has components."""
     if len(values) != len(names):
         raise typer.BadParameter(
-            f"{option} has {count(len(values), 'component')}; {owner} needs {len(names)}: {', '.join(names)}"
+            f"{option} has {format_count(len(values), 'component')}; {owner} needs {len(names)}: "
+            + ", ".join(names)
         )
 
 

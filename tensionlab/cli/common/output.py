@@ -17,8 +17,9 @@ import typer
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, InputError, WriteError
 from tensionlab.model.rig import Rig
 from tensionlab.support import provenance
-from tensionlab.support import table as display
 from tensionlab.support.files import writing
+from tensionlab.support.formatting import format_number, format_vector
+from tensionlab.support.table import Finding
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -33,7 +34,7 @@ GAP = 2
 """Spaces between the columns of a table."""
 NOTHING_KEPT = "nothing is kept"
 """What Ctrl-C leaves to say, unless a verb has other words."""
-short, vector = display.short, display.vector
+short, vector = format_number, format_vector
 """Numbers, as notebooks show them too."""
 
 
@@ -190,7 +191,7 @@ def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any
     console().print(table(headings, rows, gap=gap))
 
 
-def print_findings(title: str, findings: Iterable[display.Finding]) -> None:
+def print_findings(title: str, findings: Iterable[Finding]) -> None:
     """Print what was checked, each with yes, no or, where it is neither, note; no line ends before a unit."""
     from rich.text import Text
 

@@ -25,11 +25,12 @@ from tensionlab.hardware.runner.statistics import PERCENTILES, Statistics, perce
 from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support import provenance
-from tensionlab.support import table as display
 from tensionlab.support.arrays import MAX_MAGNITUDE
 from tensionlab.support.files import writing
 from tensionlab.support.files.reading import brief, parse_json
 from tensionlab.support.files.tables import from_mappings
+from tensionlab.support.formatting import format_duration, format_number
+from tensionlab.support.table import table
 
 if TYPE_CHECKING:
     import pandas
@@ -338,8 +339,8 @@ class ModuleReport:
     @property
     def cells(self) -> tuple[str, ...]:
         """Its line of a table, below `MODULE_HEADINGS`."""
-        forces = map(display.short, (self.commanded_min_n, self.commanded_mean_n, self.commanded_max_n))
-        return (self.name, *forces, *map(display.duration, self.telemetry_age_s.values()), self.limited_by)
+        forces = map(format_number, (self.commanded_min_n, self.commanded_mean_n, self.commanded_max_n))
+        return (self.name, *forces, *map(format_duration, self.telemetry_age_s.values()), self.limited_by)
 
 
 MODULE_HEADINGS = ("<module", "commanded N\nmin", "\nmean", "\nmax", "telemetry age\nmedian", "\n99 %", "\nmax",
@@ -370,7 +371,7 @@ class RunReport:
         notes = [
             f"{event.time:.3f} s, {event.kind} {event.module}".strip() + f": {event.text}" for event in self.events
         ]
-        modules = display.table("", MODULE_HEADINGS, (module.cells for module in self.modules), notes[:MAX_EVENTS])
+        modules = table("", MODULE_HEADINGS, (module.cells for module in self.modules), notes[:MAX_EVENTS])
         return self.statistics.table(title) + modules
 
     def summary(self) -> dict[str, Any]:

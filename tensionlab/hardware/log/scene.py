@@ -34,7 +34,7 @@ from tensionlab.model.pose import Frame, frame_of, place_anchors
 from tensionlab.model.pulleys import ways
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import BLUE, FORCE_COLOURS, GREY, ORANGE, RED, Colours, ramp, rgb
+from tensionlab.support.colours import BLUE, FORCE_COLOURS, GREY, ORANGE, RED, Colours, ramp, rgb
 
 RATE_HZ = 30.0
 """A screen shows no more."""

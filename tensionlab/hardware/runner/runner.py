@@ -50,8 +50,8 @@ from tensionlab.hardware.runner.statistics import (
 from tensionlab.hardware.runner.watchdog import STOPPING_SIGNALS, Hung, Interrupted, Interrupts, Watchdog
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers
+from tensionlab.support.formatting import format_count
 from tensionlab.support.operating_system import ESTOP_SIGNAL
-from tensionlab.support.table import count
 
 FIRST_TELEMETRY_TIMEOUT_S = 2.0
 MAX_EARLY_S = 1e-3
@@ -248,7 +248,7 @@ class Runner:
         self._clock.wait_until(self._clock.now())  # simulated modules catch up with that before they are armed
         self._released = guard.ReleasedModules(self.rig.limits.lower, self.modules.slews, self.settings.ttl)
         self.modules.arm(self._before)
-        self.note("armed", count(self.rig.m, "module"))
+        self.note("armed", format_count(self.rig.m, "module"))
         self._pretension()
 
     def _pretension(self) -> None:

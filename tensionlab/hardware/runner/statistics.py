@@ -12,8 +12,9 @@ import numpy as np
 from tensionlab.allocation import Allocation, Status
 from tensionlab.demand import Demand, RigState
 from tensionlab.hardware.protocol.messages import Info
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats, Integers
+from tensionlab.support.formatting import format_count, format_duration
+from tensionlab.support.table import STATUS_MARKS, Mark, table
 
 MAX_TIMES = 100_000
 """Cycles whose times are kept for percentiles while a run lasts."""
@@ -107,14 +108,14 @@ class Statistics:
 
     def table(self, title: str) -> str:
         """Return the lines in HTML, one for each status."""
-        answers: list[tuple[display.Mark | str, str]] = [
-            (display.status_mark(status), display.count(self.statuses[status], "cycle"))
+        answers: list[tuple[Mark | str, str]] = [
+            (STATUS_MARKS[status], format_count(self.statuses[status], "cycle"))
             for status in STATUSES
             if self.statuses[status]
         ]
         if self.fallback_used:
-            answers.append(("by newton, as fallback of the solver", display.count(self.fallback_used, "cycle")))
-        return display.table(title, [], [*answers, *self.rows()[1:]])
+            answers.append(("by newton, as fallback of the solver", format_count(self.fallback_used, "cycle")))
+        return table(title, [], [*answers, *self.rows()[1:]])
 
     @property
     def title(self) -> str:
@@ -138,7 +139,7 @@ class Statistics:
     def rows(self) -> list[tuple[str, str]]:
         """Return what to know of a run as lines of two texts."""
         words = "{} median, {} p99, {} max"
-        times = [words.format(*map(display.duration, each)) for each in self.percentiles().values()]
+        times = [words.format(*map(format_duration, each)) for each in self.percentiles().values()]
         rows = [
             ("answers", self.explained),
             ("start jitter", times[0]),

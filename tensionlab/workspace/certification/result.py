@@ -13,18 +13,19 @@ from numpy.typing import ArrayLike, NDArray
 from tensionlab.model import pose
 from tensionlab.model.rig import Rig
 from tensionlab.support import provenance
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats, Integers
-from tensionlab.support.table import Mark
+from tensionlab.support.colours import GREY
+from tensionlab.support.formatting import format_count, format_share
+from tensionlab.support.table import Mark, met_mark, table
 from tensionlab.workspace.certification.subdivision import Subdivision
 
 if TYPE_CHECKING:
     import xarray
 
 MARKS = {
-    1: display.met_mark(True, ("inside", "")),
-    -1: display.met_mark(False, ("", "outside")),
-    0: Mark("○", display.GREY, "undecided"),
+    1: met_mark(True, ("inside", "")),
+    -1: met_mark(False, ("", "outside")),
+    0: Mark("○", GREY, "undecided"),
 }
 """Of each verdict."""
 UNITS = {1: "m", 2: "m²", 3: "m³"}
@@ -106,14 +107,14 @@ class CertifiedWorkspace:
 
     def _repr_html_(self) -> str:
         rows = [
-            [MARKS[verdict], cells, f"{volume:.4g} {self.unit}", display.percent(volume / self.region_volume)]
+            [MARKS[verdict], cells, f"{volume:.4g} {self.unit}", format_share(volume / self.region_volume)]
             for verdict, (cells, volume) in self.tally().items()
         ]
-        return display.table(self._title, HEADINGS, rows, [f"required: {self.required}"])
+        return table(self._title, HEADINGS, rows, [f"required: {self.required}"])
 
     @property
     def _title(self) -> str:
-        cells, whole = display.count(len(self.verdict), "cell"), f"{self.region_volume:.4g} {self.unit}"
+        cells, whole = format_count(len(self.verdict), "cell"), f"{self.region_volume:.4g} {self.unit}"
         return f"{self.rig.name}: {self.volume.describe()} of {whole} inside, {cells}"
 
     @property

@@ -13,7 +13,7 @@ from tensionlab.model import kinematics
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import percent
+from tensionlab.support.formatting import format_share
 from tensionlab.workspace.layout.space import Places, Space
 from tensionlab.workspace.margin import capacity_margin, margin_gradient
 from tensionlab.workspace.poses import Grid
@@ -113,7 +113,7 @@ class Objective:
         if self.force is None:
             return f"renders {max(score, 0.0):.4g} N in every direction{about} throughout the target"
         points = f" (points {self.step})" if self.step else ""
-        return f"renders {self.force:g} N in every direction{about} in {percent(score)} of the target{points}"
+        return f"renders {self.force:g} N in every direction{about} in {format_share(score)} of the target{points}"
 
 
 def target_margins(space: Space, anchors: Floats, limits: TensionLimits, target: Floats) -> Floats:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support import provenance
-from tensionlab.support import table as display
+from tensionlab.support.formatting import format_range
+from tensionlab.support.table import table
 from tensionlab.workspace.layout.objective import Objective
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ class Layout:
             [module.name, module.frame, module.anchor.round(4), lost]
             for module, lost in zip(self.rig.modules, self.contributions, strict=True)
         ]
-        return display.table(self._title, LAYOUT_HEADINGS, rows)
+        return table(self._title, LAYOUT_HEADINGS, rows)
 
     @property
     def _title(self) -> str:
@@ -91,13 +92,13 @@ class LayoutSearch:
     layouts: tuple[Layout, ...]
 
     def __repr__(self) -> str:
-        counts = display.extent([layout.rig.m for layout in self.layouts])
+        counts = format_range([layout.rig.m for layout in self.layouts])
         return f"<LayoutSearch for {counts} modules: the best has {self.best.rig.m}, score {self.best.score:.4g}>"
 
     def _repr_html_(self) -> str:
         rows = [[each.rig.m, each.score, each.worst, each in self.front] for each in self.layouts]
         title = f"score: {self.describe()}"
-        return display.table(title, SEARCH_HEADINGS, rows) + self.best._repr_html_()
+        return table(title, SEARCH_HEADINGS, rows) + self.best._repr_html_()
 
     def describe(self) -> str:
         """Return in a few words what the score is."""

@@ -16,9 +16,9 @@ from tensionlab.model.module import WORLD, Module, Platform, TensionLimits, requ
 from tensionlab.model.pose import Frame, RestPose
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats, Integers, as_floats
 from tensionlab.support.files.reading import brief
+from tensionlab.support.formatting import format_range, format_vector
 
 HARDWARE = ("brake", "newton_per_ampere", "spool_radius")
 """What modules may have beside their limits."""
@@ -58,8 +58,8 @@ class Surface:
     frame: str = WORLD
 
     def __repr__(self) -> str:
-        edges = ", ".join(map(display.vector, self.edges))
-        return f"<Surface {self.name}: from {display.vector(self.corner)} m along {edges} m>"
+        edges = ", ".join(map(format_vector, self.edges))
+        return f"<Surface {self.name}: from {format_vector(self.corner)} m along {edges} m>"
 
     def __post_init__(self) -> None:
         require_name(self.name, "surface", "name", "give every surface a name")
@@ -181,7 +181,7 @@ class Space:
         names = ", ".join(surface.name for surface in self.surfaces)
         fixed = f", {len(self.fixed)} fixed" if self.fixed else ""
         modules = " or ".join(map(str, self.counts))
-        return f"<Space: {modules} modules{fixed} on {names}, {display.extent(self.limits)} N>"
+        return f"<Space: {modules} modules{fixed} on {names}, {format_range(self.limits)} N>"
 
     def __post_init__(self) -> None:
         for key in ("surfaces", "counts", "fixed"):

@@ -16,8 +16,9 @@ import numpy as np
 from tensionlab.errors import SweepError
 from tensionlab.model import pose
 from tensionlab.support import provenance
-from tensionlab.support import table as display
 from tensionlab.support.arrays import Floats
+from tensionlab.support.formatting import format_count
+from tensionlab.support.table import table
 from tensionlab.workspace.metrics import Metric, description
 from tensionlab.workspace.poses import Coordinate
 from tensionlab.workspace.sweep.plan import Plan
@@ -178,7 +179,7 @@ class SweepSummary:
     def __repr__(self) -> str:
         metrics = dict.fromkeys(metric for _, metric, *_ in self.rows)
         rigs = len(self.rows) // max(len(metrics), 1)
-        size = f"{display.count(self._poses, 'pose')}, {display.count(rigs, 'rig')}"
+        size = f"{format_count(self._poses, 'pose')}, {format_count(rigs, 'rig')}"
         return f"<SweepSummary of {', '.join(metrics)} at {size}>"
 
     def _repr_html_(self) -> str:
@@ -187,7 +188,7 @@ class SweepSummary:
              "–" if np.isnan(each.above_zero) else f"{100 * each.above_zero:.1f} %", each.missing]
             for rig, metric, unit, each in self.rows
         ]  # fmt: skip
-        return display.table(" ".join(filter(None, (f"{self._poses:,} poses", self.step))), SUMMARY_HEADINGS, rows)
+        return table(" ".join(filter(None, (f"{self._poses:,} poses", self.step))), SUMMARY_HEADINGS, rows)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each configuration and metric; MissingDependency if pandas is not installed."""

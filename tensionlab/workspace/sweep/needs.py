@@ -10,7 +10,7 @@ from datetime import timedelta
 from pathlib import Path
 
 from tensionlab.errors import SweepError
-from tensionlab.support import table as display
+from tensionlab.support.formatting import format_count
 from tensionlab.workspace.sweep.executors import thread_count
 from tensionlab.workspace.sweep.plan import Plan
 
@@ -34,8 +34,8 @@ def estimate_seconds(plan: Plan) -> float:
 def describe(plan: Plan, seconds: float | None) -> str:
     """Return in words how many values a sweep has, how long it takes, if that is known, and what they take up."""
     poses, metrics = math.prod(plan.shape), len(plan.metrics)
-    parts = f"{display.count(poses, 'pose')}, {display.count(metrics, 'metric')}"
-    values = f"{display.count(poses * metrics, 'value')} ({parts})"
+    parts = f"{format_count(poses, 'pose')}, {format_count(metrics, 'metric')}"
+    values = f"{format_count(poses * metrics, 'value')} ({parts})"
     lasts = "" if seconds is None else f", about {timedelta(seconds=max(1, round(seconds)))}"
     return f"{values}{lasts}, {in_bytes(size(plan))} at most"
 

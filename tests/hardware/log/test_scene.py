@@ -15,7 +15,7 @@ from tensionlab.hardware.log.columns import anchors_in_world
 from tensionlab.hardware.log.mcap_file import read_records
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.log.scene import CHANNELS, SceneEncoder
-from tensionlab.support.table import FORCE_COLOURS, GREY, ramp, rgb
+from tensionlab.support.colours import FORCE_COLOURS, GREY, ramp, rgb
 from tests.helpers import runs
 
 LAYOUT = Path(__file__).parents[3] / "examples" / "foxglove" / "layout.json"
