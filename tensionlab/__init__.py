@@ -4,7 +4,7 @@ Each name is imported where it is first used: `tensionlab estop` waits for no so
 imports nothing else before it has taken the working directory off its path.
 """
 
-from importlib import import_module
+from tensionlab.support.lazy import importer
 
 TYPE_CHECKING = False  # as in `typing`, which is not imported for it
 if TYPE_CHECKING:
@@ -138,7 +138,6 @@ _NAMES = {
     "tensionlab.plots": ("plot",),
     "tensionlab.viewer.rig_page": ("view",),
 }
-_HOMES = {name: module for module, names in _NAMES.items() for name in names}
 
 
 def __dir__() -> list[str]:
@@ -146,16 +145,4 @@ def __dir__() -> list[str]:
 
 
 if not TYPE_CHECKING:
-
-    def __getattr__(name: str) -> object:
-        """Import a name, or a module of the package, where it is first used."""
-        if name.startswith("__"):
-            raise AttributeError(f"module 'tensionlab' has no attribute {name!r}")
-        try:
-            module = import_module(_HOMES.get(name, f"tensionlab.{name}"))
-        except ModuleNotFoundError as error:
-            if error.name != f"tensionlab.{name}":
-                raise
-            raise AttributeError(f"module 'tensionlab' has no attribute {name!r}") from None
-        found = globals()[name] = getattr(module, name) if name in _HOMES else module
-        return found
+    __getattr__ = importer(__name__, _NAMES)

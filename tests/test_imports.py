@@ -294,3 +294,19 @@ def test_import_stays_light(statement: str) -> None:
     script = f"import sys; {statement}; print([name for name in {HEAVY!r} if name in sys.modules])"
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+def test_a_stop_waits_for_few_imports() -> None:
+    script = """if True:
+        import sys
+        from tensionlab.cli import main
+        try:
+            main(["estop", "socket://127.0.0.1:1"])
+        except SystemExit:
+            print(*sys.modules)
+        """
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    modules = run.stdout.split()
+    assert "NOT CONFIRMED" in run.stderr
+    assert not {"numpy", *HEAVY[:-1]} & set(modules)
+    assert len([name for name in modules if name.startswith("tensionlab.")]) <= 32, modules

@@ -27,6 +27,7 @@ from tensionlab.benchmarking.problem_sets import (
 )
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.support.arrays import Floats, check_size
+from tensionlab.support.files.reading import as_path
 from tensionlab.support.files.tables import read_npz, read_parquet
 
 KIND = "quadratic programs: a Parquet file, or a folder of NPZ files"
@@ -86,7 +87,7 @@ def read_problem_set(path: str | PathLike[str], count: int | None = None) -> Pro
     >>> read_problem_set(".")
     <ProblemSet .: 1 problems in 1 groups, 1 of 1 quadratic programs>
     """
-    programs = list(_in_folder(Path(path)) if Path(path).is_dir() else _in_parquet(path))
+    programs = list(_in_folder(as_path(path)) if as_path(path).is_dir() else _in_parquet(path))
     found: dict[str, list[tuple[Floats, Floats, Floats, Floats, float | None]]] = {}
     left_out: Counter[str] = Counter()
     for each in programs:
@@ -118,7 +119,7 @@ def _in_folder(folder: Path) -> Iterator[Program]:
 
 def _in_parquet(path: str | PathLike[str]) -> Iterator[Program]:
     """Yield the programs in the rows of a Parquet file."""
-    if Path(path).suffix == ".npz":
+    if as_path(path).suffix == ".npz":
         raise DataError(f"{path}: one program; give the folder that it is in")
     for number, row in enumerate(read_parquet(path, KIND, DataError).columns.to_pylist(), start=1):
         where = f"{path}: row {number}"

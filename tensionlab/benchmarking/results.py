@@ -17,6 +17,7 @@ from tensionlab.benchmarking.entries import Entry
 from tensionlab.errors import DataError
 from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
+from tensionlab.support.files.reading import as_path
 from tensionlab.support.files.tables import from_mappings, read_parquet
 from tensionlab.support.formatting import format_count, format_duration, format_number, format_share
 from tensionlab.support.table import table
@@ -238,7 +239,7 @@ def read(path: str | Path) -> Results:
     >>> read(tl.datasets.folder() / "benchmarks" / "results.parquet")
     <Results of 35 entries on 8 problem sets>
     """
-    file = Path(path) / FILE if Path(path).is_dir() else Path(path)
+    file = as_path(path) / FILE if as_path(path).is_dir() else as_path(path)
     table = read_parquet(file, "results of `tensionlab bench` (*.parquet)", DataError)
     bench = table.manifest.get("bench")
     kinds = {"sets": dict, "batches": list, "calls": list}

@@ -24,6 +24,7 @@ from typer.core import TyperGroup
 
 from tensionlab import __version__
 from tensionlab.cli.common.output import NOTHING_KEPT, print_error
+from tensionlab.cli.common.verbs import Verbs
 from tensionlab.errors import TensionlabError
 from tensionlab.support.operating_system import reader_has_gone
 
@@ -77,7 +78,7 @@ VERBS = {
     "serve": ("serve", "Let a game engine drive a rig over a WebSocket."),
     "simulate": ("simulate", "Simulate the modules of a rig, with their firmware."),
     "validate": ("validate", "Repeat the published validation and compare with it."),
-    "estop": ("module", "Stop modules at once, also those of other processes."),
+    "estop": ("estop", "Stop modules at once, also those of other processes."),
     "module": ("module", "Find modules, show how they are, set them up and stop them."),
     "new": ("new", "Write a rig, a space, a scenario or a program to start from."),
     "view": ("view", "Design a rig in the browser, or watch a run there."),
@@ -90,7 +91,7 @@ VERBS = {
 """Module of each verb, and what ``--help`` says of it."""
 
 
-class Verbs(TyperGroup):
+class AllVerbs(TyperGroup):
     """All verbs, each imported when it is used."""
 
     def __init__(self, **settings: Any) -> None:
@@ -102,7 +103,7 @@ class Verbs(TyperGroup):
         if name not in VERBS:
             return None
         verb = getattr(import_module(f"tensionlab.cli.{VERBS[name][0]}"), name)
-        alone = typer.Typer(rich_markup_mode=None)
+        alone = Verbs()
         if isinstance(verb, typer.Typer):
             alone.add_typer(verb, name=name)
         else:
@@ -116,7 +117,7 @@ class Verbs(TyperGroup):
 
 
 app = typer.Typer(
-    cls=Verbs,
+    cls=AllVerbs,
     help="Tension allocation for modular cable systems: every solver behind one interface, each answer verified.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,

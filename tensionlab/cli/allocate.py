@@ -9,8 +9,9 @@ import typer
 
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import At, BodyFrames, Json, Policy, RigArgument, Solver
+from tensionlab.cli.common.options import At, BodyFrames, Policy, RigArgument, Solver
 from tensionlab.cli.common.required import Gravity, with_requirement
+from tensionlab.cli.common.verbs import Json
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status

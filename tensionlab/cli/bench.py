@@ -19,14 +19,14 @@ from tensionlab.benchmarking.problem_files import find_problem_set, qp_rows
 from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, problem_set
 from tensionlab.benchmarking.results import Results, read, summaries
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Json
+from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.errors import InputError, WriteError
 from tensionlab.solvers.base import Status
 from tensionlab.support import provenance
 from tensionlab.support.files.writing import make_folder, write_text
 from tensionlab.support.formatting import format_count, format_duration, format_share
 
-problems = options.group("List, show and export the benchmark's problem sets.")
+problems = Verbs("List, show and export the benchmark's problem sets.")
 Count = Annotated[int, typer.Option(min=1, help="About so many problems in the set.")]
 Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same problems.")]
 COMPLETE_SETS = options.complete(lambda: PROBLEM_SETS)

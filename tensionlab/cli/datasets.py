@@ -9,7 +9,7 @@ import typer
 from tensionlab import datasets as stored
 from tensionlab.benchmarking.problem_sets import problem_set
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Json
+from tensionlab.cli.common.verbs import Json
 from tensionlab.errors import DataError
 from tensionlab.support.files.named import SUFFIXES
 from tensionlab.support.files.reading import read_toml

@@ -10,13 +10,14 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Json, Plot
+from tensionlab.cli.common.options import Plot
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
+from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.support.files import writing
 from tensionlab.workspace.layout.results import LAYOUT_HEADINGS, SEARCH_HEADINGS, Layout, LayoutSearch
 from tensionlab.workspace.layout.task import load_task
 
-layout = options.group("Find out where to put the modules.")
+layout = Verbs("Find out where to put the modules.")
 
 
 @layout.callback()

@@ -10,8 +10,9 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Browser, Json, PagePort, Rows
+from tensionlab.cli.common.options import Browser, PagePort, Rows
 from tensionlab.cli.common.output import if_interrupted, open_page
+from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.cli.compare import STATUS_LEGEND, print_scores
 from tensionlab.comparison import replay as replays
 from tensionlab.comparison.replay import COLUMNS
@@ -21,7 +22,7 @@ from tensionlab.hardware.log.reader import MAX_EVENTS, MODULE_HEADINGS
 from tensionlab.support import provenance
 from tensionlab.support.formatting import format_count, format_duration
 
-log = options.group("Show, export, draw, play and replay logs of runs.")
+log = Verbs("Show, export, draw, play and replay logs of runs.")
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).", show_default=False)]
 LEGEND = f"""\
 {STATUS_LEGEND}   fallback: unproven, so that newton's answer is counted

@@ -11,18 +11,17 @@ from typing import Annotated, Any
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import call_all, exit_if_failed, find_links, json_rows
-from tensionlab.cli.common.options import Json, Links, ModulesFile
+from tensionlab.cli.common.links import Links, ModulesFile, find_links
+from tensionlab.cli.common.modules import call_all, exit_if_failed, json_rows
+from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.cli.module_calibrate import calibrate
 from tensionlab.cli.module_monitor import monitor, ping
 from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.hardware.client import parameter_file
 from tensionlab.hardware.client.discovery import find_all, ports
 from tensionlab.hardware.client.discovery import identify as pulse
-from tensionlab.hardware.client.emergency_stop import emergency_stop
-from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S, load_modules
-from tensionlab.hardware.client.locks import locked_links
-from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient
+from tensionlab.hardware.client.modules_file import load_modules
 from tensionlab.hardware.client.parameter_file import Change, firmware, plain
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, State
 from tensionlab.hardware.protocol.messages import Clear, EmergencyStop, Info, Message, Stop
@@ -30,8 +29,8 @@ from tensionlab.hardware.protocol.parameters import PARAMETER_DESCRIPTIONS, PARA
 from tensionlab.support.files.reading import read_text
 from tensionlab.support.files.writing import make_folder, write_text
 
-module = options.group("Find modules, show how they are, set them up and stop them.")
-config = options.group("Get and set the parameters of modules. The modules must be idle.")
+module = Verbs("Find modules, show how they are, set them up and stop them.")
+config = Verbs("Get and set the parameters of modules. The modules must be idle.")
 LinksAndParameters = Annotated[
     list[str] | None,
     typer.Argument(
@@ -172,49 +171,6 @@ def _command(urls: Mapping[str, str], command: Message, json: bool) -> None:
             off = ": driver off; `tensionlab module clear` leads out of it" if state in LATCHED_STATES else ""
             typer.echo(f"{name}: {'done' if state is None else state.name.lower()}{off}")
     exit_if_failed(failed)
-
-
-@output.if_interrupted("NOT CONFIRMED that all have stopped; the same command again, or cut the motors' supply")
-def estop(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
-    """Stop modules at once, also those of other processes.
-
-    They stay stopped until they are cleared. Without links and file: all modules that processes of yours use on
-    this computer. Each such process gets some seconds to stop and release its modules; then each module has to
-    confirm. Exit status 1 if one did not. ``tensionlab module clear`` leads out of it.
-
-    This is software. Whatever it says, only cutting the motors' supply protects.
-    """
-    if links or modules is not None:
-        urls = find_links(links, modules, look_up=False)
-        names = {name: name for name in urls}
-    else:
-        held = locked_links()
-        urls = {url: url for url in held}
-        names = {url: who.module or url for url, who in held.items()}
-    outcomes = emergency_stop(urls) if urls else {}
-    if json:
-        output.print_json(
-            [
-                {
-                    "module": names[name],
-                    "url": urls[name],
-                    "confirmed": not each.error,
-                    "process": each.holder and each.holder.pid,
-                    "error": each.error or None,
-                }
-                for name, each in outcomes.items()
-            ]
-        )
-    elif not urls:
-        typer.echo("None of your tensionlab processes holds a module; name the modules to stop.")
-    for name, each in outcomes.items():
-        module = names[name] if names[name] == name else f"{names[name]} ({name})"
-        if each.error:
-            output.print_error(f"{module}: NOT CONFIRMED: {each.error}")
-        elif not json:
-            typer.echo(f"{module}: estop" + (f"; {each.holder} had it" if each.holder else ""))
-    if not urls or any(each.error for each in outcomes.values()):
-        raise typer.Exit(1)
 
 
 def _plain(info: Info) -> dict[str, Any]:

@@ -11,14 +11,16 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Json, RigArgument
+from tensionlab.cli.common.options import RigArgument
+from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.hardware.calibration import anchors as calibration
 from tensionlab.hardware.calibration import gain_measurement as measurement
 from tensionlab.hardware.calibration import lengths as length_calibration
 from tensionlab.hardware.calibration.anchors import AnchorEstimate
 from tensionlab.hardware.calibration.gain import Balance, GainEstimate, gain_from_sensor, gain_from_weights
-from tensionlab.hardware.client.group import ModuleGroup, connect, load_modules
+from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.client.modules_file import load_modules
 from tensionlab.hardware.protocol.codes import Calibration
 from tensionlab.hardware.runner.settings import RealClock
 from tensionlab.hardware.simulation.links import SimulatedLink
@@ -27,7 +29,7 @@ from tensionlab.model.files import load_rig, rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support.files.tables import table_text
 
-calibrate = options.group("Calibrate modules and rigs.")
+calibrate = Verbs("Calibrate modules and rigs.")
 Url = Annotated[
     str, typer.Argument(metavar="URL", help="Link to the module, or sim: for a simulated one with a mass on it.")
 ]

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensionlab.cli.common import output
-from tensionlab.cli.common.modules import call_all, exit_if_failed, find_links, until_interrupted
-from tensionlab.cli.common.options import Json, Links, ModulesFile
+from tensionlab.cli.common.links import Links, ModulesFile, find_links
+from tensionlab.cli.common.modules import call_all, exit_if_failed, until_interrupted
+from tensionlab.cli.common.verbs import Json
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
 from tensionlab.hardware.client.latency import RoundTrips, is_bluetooth, measure, safe_rates
 from tensionlab.hardware.client.links import OPENERS

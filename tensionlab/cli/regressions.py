@@ -10,7 +10,7 @@ import typer
 from tensionlab.benchmarking import regressions as room
 from tensionlab.benchmarking.results import read
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Json
+from tensionlab.cli.common.verbs import Json
 from tensionlab.support.files.writing import write_text
 
 

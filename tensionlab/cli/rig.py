@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import BodyFrames, Json, Plot, RigArgument
+from tensionlab.cli.common.options import BodyFrames, Plot, RigArgument
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
+from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.interop import caspr as caspr_models
 from tensionlab.interop.mjcf import rig_to_mjcf
 from tensionlab.model.files import load_rig, rig_to_toml, save_rig
@@ -18,7 +19,7 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.files import writing
 from tensionlab.validation.rig_check import check_rig
 
-rig = options.group("Show, check, import and export rigs.")
+rig = Verbs("Show, check, import and export rigs.")
 SHOWN = ("<module", "<frame", "anchor\nm", "attachment\nm", "cable at\nhome m", "lower\nN", "upper\nN", "brake\nN")
 """Columns of `show`."""
 PULLEYS = ("pulley\nradius m", "its\naxis")

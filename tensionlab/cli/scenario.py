@@ -18,7 +18,8 @@ from tensionlab.cli.common.modules import (
     print_simulated,
     show_run,
 )
-from tensionlab.cli.common.options import Duration, Json, Log, Lsl, Modules, Plot, Solver, View
+from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Plot, Solver, View
+from tensionlab.cli.common.verbs import Json
 from tensionlab.errors import HardwareError
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.osc import OscServer

@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 from tensionlab.cli.common import output
-from tensionlab.cli.common.options import Json
+from tensionlab.cli.common.verbs import Json
 from tensionlab.solvers import every_solver, find_plugins, make
 
 # How the docstrings of solvers name their publications: "Source: ...", or a section "References".

@@ -15,8 +15,9 @@ import typer
 
 from tensionlab.cli import workspace_proof
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import BodyFrames, Json
+from tensionlab.cli.common.options import BodyFrames
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
+from tensionlab.cli.common.verbs import Json
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.support.arrays import Floats, as_floats, frozen, tension_limits
-from tensionlab.support.files.reading import brief
+from tensionlab.support.files.reading import MAX_NAME, brief
 from tensionlab.support.formatting import format_range, format_vector
 
 WORLD = "world"
@@ -25,8 +25,6 @@ MAX_MASS = 1e8
 """Maximum mass of a platform, in kg: that of a large ship."""
 GRAVITY_M_S2 = 9.81
 """Acceleration by gravity, in m/s²."""
-MAX_NAME = 100
-"""Characters of a name."""
 
 
 class Kind(NamedTuple):

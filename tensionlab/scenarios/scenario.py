@@ -25,7 +25,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.scenarios.person import PersonPlan
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.named import describe_unknown, is_path
-from tensionlab.support.files.reading import brief, read_toml
+from tensionlab.support.files.reading import as_path, brief, read_toml
 from tensionlab.support.formatting import format_count
 
 FOLDER = Path(__file__).parent / "files"
@@ -258,7 +258,7 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
     >>> [phase.name for phase in bow.phases]
     ['draw', 'full draw']
     """
-    path = Path(name)
+    path = as_path(name)
     if not is_path(name, ".toml"):
         if name not in SCENARIOS:
             problem = describe_unknown(str(name), SCENARIOS, "scenario", f"there are {', '.join(SCENARIOS)}")

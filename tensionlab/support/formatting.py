@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 MAX_COMPONENTS = 8
 """Components of a vector; of more, those in the middle are left out."""
 
@@ -45,9 +43,9 @@ def format_share(share: float) -> str:
 
 def format_vector(values: Any) -> str:
     """Return components in brackets, without trailing zeros or rounding errors; a long one without its middle."""
-    known = np.asarray(values, dtype=np.float64)
-    small = 1e-12 * np.abs(known).max(initial=0.0)
-    words = [f"{0.0 if abs(value) <= small else value:.4g}" for value in known.tolist()]
+    known = [float(value) for value in values]
+    small = 1e-12 * max(map(abs, known), default=0.0)
+    words = [f"{0.0 if abs(value) <= small else value:.4g}" for value in known]
     if len(words) > MAX_COMPONENTS:
         words[MAX_COMPONENTS // 2 : -2] = ["…"]
     return f"({', '.join(words)})"
@@ -60,6 +58,8 @@ def format_count(number: int, word: str) -> str:
 
 def format_range(*arrays: Any) -> str:
     """Return the range of all finite numbers, such as "0.5" or "0.5 to 6"; a dash if there is none."""
+    import numpy as np  # a stop formats no range
+
     known = np.concatenate([np.ravel(values) for values in arrays])
     known = known[np.isfinite(known)]
     ends = dict.fromkeys(f"{end:.4g}" for end in (known.min(), known.max())) if known.size else ["–"]

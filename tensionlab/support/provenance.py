@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from tensionlab.errors import needs
 from tensionlab.support.files import writing
+from tensionlab.support.files.reading import as_path
 from tensionlab.support.operating_system import processor_name
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ def write_table(
     path: str | Path, table: Sequence[Mapping[str, Any]] | Mapping[str, Any], manifest: Mapping[str, Any]
 ) -> None:
     """Write a table, as `write_parquet`, in the format of the suffix: Parquet, or CSV without the manifest."""
-    if Path(path).suffix.lower() != ".csv":
+    if as_path(path).suffix.lower() != ".csv":
         write_parquet(path, table, manifest)
         return
     names = table if isinstance(table, Mapping) else next(iter(table), ())

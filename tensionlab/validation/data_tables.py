@@ -19,7 +19,7 @@ from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.solvers.base import Status
 from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats, Integers
-from tensionlab.support.files.reading import brief, read_toml
+from tensionlab.support.files.reading import as_path, brief, read_toml
 from tensionlab.support.files.tables import read_parquet
 from tensionlab.support.table import table
 
@@ -140,7 +140,7 @@ class Recording:
 
 def write_recording(path: str | Path, recording: Recording) -> None:
     """Write a recording; raise `InputError` unless the file's name says whether it is simulated."""
-    if ("simulated" in Path(path).stem) != recording.simulated:
+    if ("simulated" in as_path(path).stem) != recording.simulated:
         word = "simulated, so its name must say" if recording.simulated else "real, so its name must not say"
         raise InputError(f'{path}: the recording is {word} "simulated"')
     provenance.write_parquet(path, recording.columns(), recording.manifest)
@@ -259,7 +259,7 @@ class Trials:
 
 def write_trials(path: str | Path, rows: Sequence[Trial], manifest: dict[str, Any]) -> None:
     """Write trials; raise `InputError` if the file's name does not say that they are simulated."""
-    if "simulated" not in Path(path).stem:
+    if "simulated" not in as_path(path).stem:
         raise InputError(f'{path}: the trials are simulated, so its name must say "simulated"')
     provenance.write_parquet(path, [dataclasses.asdict(row) for row in rows], {**manifest, "simulated": True})
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from tensionlab.errors import HardwareError, LinkError
 from tensionlab.support.arrays import Floats
-from tensionlab.support.files.reading import brief
+from tensionlab.support.files.reading import as_path, brief
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """From the sensor's axes, Z up, to the devices', Y up: a turn by -90 degrees about X."""
@@ -145,7 +145,7 @@ def follow_file(path: str | Path) -> TextSensor:
     comes late is taken for a later force. Raise `HardwareError` if it can't be read.
     """
     try:
-        file = Path(path).open(encoding="utf-8-sig", errors="replace", newline="")  # noqa: SIM115 - see close()
+        file = as_path(path).open(encoding="utf-8-sig", errors="replace", newline="")
     except OSError as error:
         raise HardwareError(
             f"{path}: cannot be read ({error.strerror}); have the sensor's program write there first"

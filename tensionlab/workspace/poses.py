@@ -18,7 +18,7 @@ from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.module import MAX_LENGTH
 from tensionlab.support.arrays import Floats, as_floats, finite
-from tensionlab.support.files.reading import brief
+from tensionlab.support.files.reading import as_path, brief
 from tensionlab.support.files.tables import check_columns, read_npz, read_parquet, read_table
 from tensionlab.support.formatting import format_count, format_range
 from tensionlab.workspace.orientations import roll_pitch_yaw_of
@@ -317,7 +317,7 @@ def read_poses(path: str | Path) -> PoseList:
     array([[0. , 0.3, 0. ],
            [0. , 1. , 0. ]])
     """
-    suffix = Path(path).suffix.lower()
+    suffix = as_path(path).suffix.lower()
     if suffix not in POSE_FILE_SUFFIXES:
         raise DataError(f"{path}: not a file of poses; give one that ends in {', '.join(POSE_FILE_SUFFIXES)}")
     what = f"a file of poses (*{suffix})"

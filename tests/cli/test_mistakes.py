@@ -11,7 +11,9 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer
 
+from tensionlab.cli import app
 from tests.helpers import runs
 
 RIG = (Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml").read_text()
@@ -234,6 +236,32 @@ def mistaken(run, folder, monkeypatch, locks_folder):
 def test_a_mistake_is_named_with_its_cure(mistaken, port, command):
     line = mistaken(command.format(port=port), 1 if command in NO else 2)
     assert MISTAKES[command].format(port=port) in line
+
+
+def verbs(group, words=()):
+    """All verbs, with the words that call them."""
+    for name in group.commands:
+        verb = group.get_command(None, name)
+        if hasattr(verb, "commands"):
+            yield from verbs(verb, (*words, name))
+        else:
+            yield [*words, name], verb
+
+
+def test_an_option_with_one_value_is_there_once_for_every_verb(run):
+    tried = 0
+    for words, verb in verbs(typer.main.get_command(app)):
+        for each in verb.params:
+            if each.param_type_name != "option" or each.multiple or (each.is_flag and not each.secondary_opts):
+                continue
+            name, *others = [*each.opts, *each.secondary_opts]
+            again = [name, *(others[-1:] or [name])] if each.is_flag else [name, *["1"] * each.nargs] * 2
+            status, out, err = run(*words, *again)
+            assert (status, out) == (2, "")
+            assert err.endswith(f"{max(each.opts, key=len)}: it is there twice; give it once\n"), (words, err)
+            tried += 1
+    assert tried > 130
+    assert run("solvers", "--json", "--json")[0] == 0
 
 
 @pytest.mark.parametrize("command", MISSING)

@@ -10,9 +10,9 @@ import pytest
 
 from tensionlab.errors import LinkError
 from tensionlab.hardware.client import discovery as discover
-from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.hardware.client.links import SerialPort
 from tensionlab.hardware.client.locks import Holder, LinkLock
+from tensionlab.hardware.client.modules_file import modules_to_toml
 from tensionlab.hardware.client.shared_telemetry import Publisher, Report, Watcher
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.hardware.protocol.messages import Telemetry

@@ -159,7 +159,7 @@ def _read_program(place: Path) -> object:
 
 
 def _read_modules(place: Path) -> object:
-    from tensionlab.hardware.client.group import load_modules
+    from tensionlab.hardware.client.modules_file import load_modules
 
     return load_modules(place)
 

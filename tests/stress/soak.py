@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.processes import process, simulated
 from tensionlab.demand import Pose
-from tensionlab.hardware.client.group import modules_to_toml
+from tensionlab.hardware.client.modules_file import modules_to_toml
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.runner.program import Program, Step

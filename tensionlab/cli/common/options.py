@@ -187,12 +187,6 @@ def rig_argument(note: str = "") -> Any:
     return stored_argument("rigs", "RIG", note)
 
 
-def group(help_text: str) -> typer.Typer:
-    """Return a verb that has verbs of its own."""
-    return typer.Typer(help=help_text, no_args_is_help=True, rich_markup_mode=None)
-
-
-Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 RigArgument = Annotated[str, rig_argument()]
 At = Annotated[str | None, typer.Option(metavar="X Y Z", help="Position in m; the rig's home if left out.")]
 BodyFrames = Annotated[
@@ -257,12 +251,4 @@ Modules = Annotated[
         help="Modules file, or one link for each module, in the rig's order. Left out: modules simulated in this "
         "process.",
     ),
-]
-Links = Annotated[
-    list[str] | None,
-    typer.Argument(metavar="URL", help="Links to modules; with --modules, names of modules.", show_default=False),
-]
-ModulesFile = Annotated[
-    Path | None,
-    typer.Option("--modules", metavar="FILE", help="Modules file (TOML): all of its modules, or those named."),
 ]

@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING, Any, Self
 import typer
 
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, InputError, WriteError
-from tensionlab.model.rig import Rig
 from tensionlab.support import provenance
 from tensionlab.support.files import writing
 from tensionlab.support.formatting import format_number, format_vector
-from tensionlab.support.table import Finding
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from tensionlab.model.rig import Rig
+    from tensionlab.support.table import Finding
     from tensionlab.viewer.server import PageServer
 
 

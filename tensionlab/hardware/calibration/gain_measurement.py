@@ -17,8 +17,7 @@ import numpy as np
 
 from tensionlab.errors import CalibrationError, HardwareError, ModuleFault
 from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2, Balance
-from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S
-from tensionlab.hardware.client.module import ModuleClient, Received
+from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient, Received
 from tensionlab.hardware.protocol.codes import Calibration, Limit, State
 from tensionlab.hardware.protocol.messages import Info, Message, SetParameter, Telemetry
 from tensionlab.hardware.protocol.parameters import PARAMETERS

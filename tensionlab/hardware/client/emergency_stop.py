@@ -10,10 +10,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from tensionlab.errors import HardwareError, LinkError
-from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S
 from tensionlab.hardware.client.links import open_link
 from tensionlab.hardware.client.locks import Holder, holder, locked_links
-from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient
 from tensionlab.hardware.protocol.messages import EmergencyStop
 from tensionlab.support.operating_system import kill_command, send_estop
 

@@ -34,6 +34,8 @@ from tensionlab.hardware.protocol.parameters import PARAMETERS, require_name, re
 
 ANSWER_TIMEOUTS_S = (0.2, 0.3, 0.45)
 """How long each try waits for an answer."""
+PATIENT_TIMEOUTS_S = (*ANSWER_TIMEOUTS_S, *(ANSWER_TIMEOUTS_S[-1],) * 5)
+"""More tries: a bad link is no reason to give up before a run, at its end, or in an emergency."""
 CLOCK_WRAP_US = 1 << 32
 """Where the clocks of modules wrap around."""
 READ_TIMEOUT_S = 0.1

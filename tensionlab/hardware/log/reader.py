@@ -27,7 +27,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.support import provenance
 from tensionlab.support.arrays import MAX_MAGNITUDE
 from tensionlab.support.files import writing
-from tensionlab.support.files.reading import brief, parse_json
+from tensionlab.support.files.reading import as_path, brief, parse_json
 from tensionlab.support.files.tables import from_mappings
 from tensionlab.support.formatting import format_duration, format_number
 from tensionlab.support.table import table
@@ -208,7 +208,7 @@ def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | N
     >>> len(run), run.rig.name
     (50, 'bartels2026-validation')
     """
-    path = Path(path)
+    path = as_path(path)
     metadata: dict[str, dict[str, Any]] = {}
     events: list[RunEvent] = []
     rows: list[bytes] = []

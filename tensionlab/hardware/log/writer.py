@@ -23,6 +23,7 @@ from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.hardware.runner.statistics import Cycle, Statistics
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
+from tensionlab.support.files.reading import as_path
 
 FLUSH_S = 0.2
 """What was logged is with the system after that time, and then outlives the process."""
@@ -140,7 +141,7 @@ class RunLog:
         links: Mapping[str, str],
     ) -> None:
         setup = setup_of(rig, solver, settings, links)
-        self.path = Path(path)
+        self.path = as_path(path)
         self._rig = rig
         self._queue: SimpleQueue[tuple[str, int, int, Any] | None] = SimpleQueue()
         self._error: LogError | None = None

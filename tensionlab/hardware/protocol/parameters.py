@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import struct
 from dataclasses import dataclass
-
-import numpy as np
 
 from tensionlab import _native
 from tensionlab.errors import ProtocolError
@@ -61,8 +61,11 @@ PARAMETER_DESCRIPTIONS = {
 
 def single(value: float) -> float:
     """Return the 32-bit number that a module stores in place of this one."""
-    with np.errstate(over="ignore"):
-        return float(np.float32(value))
+    try:
+        stored: float = struct.unpack("<f", struct.pack("<f", value))[0]
+    except OverflowError:
+        return math.copysign(math.inf, value)
+    return stored
 
 
 def require_name(name: str) -> Parameter:

@@ -8,7 +8,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from tensionlab.errors import InputError, LinkError
-from tensionlab.hardware.client.links import OPENERS, Link
+from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 
@@ -112,9 +112,6 @@ class SimulatedLink:
     def _require_open(self) -> None:
         if not self._open:
             raise LinkError(f"{self.url} is closed")
-
-
-OPENERS["sim:"] = lambda: SimulatedLink(SimulatedModule())
 
 
 POLL_PERIOD_S = 1e-3

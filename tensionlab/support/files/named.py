@@ -14,7 +14,7 @@ from os import PathLike
 from pathlib import Path
 
 from tensionlab.errors import TensionlabError
-from tensionlab.support.files.reading import brief, datasets_folder
+from tensionlab.support.files.reading import as_path, brief, datasets_folder
 
 SUFFIXES = {
     "rigs": ".toml",
@@ -56,7 +56,7 @@ def find(word: str | PathLike[str], kind: str, error: type[TensionlabError]) -> 
             problem = describe_unknown(str(word), known, what, f"`tensionlab datasets {kind}` lists them")
             raise error(f"{problem}; a path ends in {suffix} or has a '/'")
         return datasets_folder() / kind / f"{word}{suffix}"
-    path = Path(word)
+    path = as_path(word)
     name = re.split(r"[/\\]", str(word))[-1].removesuffix(suffix)
     if not os.path.exists(path) and name in list_names(kind):  # noqa: PTH110 - takes what no system does
         raise error(f"{path}: no such file; the {what} that comes with tensionlab is called {name!r}")

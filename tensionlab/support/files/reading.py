@@ -11,7 +11,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from tensionlab.errors import DataError, TensionlabError
+from tensionlab.errors import DataError, InputError, TensionlabError
 
 DATASETS_FOLDERS = tuple(parent / "datasets" for parent in Path(__file__).parents[2:4])
 """Where this package's data sets may be: inside the installed package, or beside it in the source tree."""
@@ -32,6 +32,8 @@ PIECE_BYTES = 1_000_000
 MAX_UNPACKED_BYTES, FREE_UNPACKED_BYTES, MAX_UNPACKED_RATIO = 1_600_000_000, 64_000_000, 64
 """A file may unpack to the first; small ones to the second, and to so many bytes for each of their own. Tables and
 logs of runs unpack to some five."""
+MAX_NAME = 100
+"""Characters of the name of a part of a rig, or of a module."""
 MAX_SHOWN = 80
 """Characters of a value in a message."""
 
@@ -75,6 +77,14 @@ def brief(value: object) -> str:
     return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 1]}…"
 
 
+def as_path(path: str | PathLike[str]) -> Path:
+    """Return a path; an `InputError` for what is none."""
+    try:
+        return Path(path)
+    except TypeError:
+        raise InputError(f"{brief(path)} is no path; give one as text or as a Path") from None
+
+
 def read_bytes(
     path: str | PathLike[str], what: str, error: type[TensionlabError], max_bytes: int = MAX_TEXT_BYTES
 ) -> bytes:
@@ -82,10 +92,10 @@ def read_bytes(
 
     The error is raised, naming the file, if it is not there, is a folder, cannot be read, or is too large.
     """
-    pieces: list[bytes] = []
+    place, pieces = as_path(path), list[bytes]()
     left = max_bytes + 1
     try:
-        with Path(path).open("rb") as file:
+        with place.open("rb") as file:
             while left > 0 and (piece := file.read(min(left, PIECE_BYTES))):
                 pieces.append(piece)
                 left -= len(piece)

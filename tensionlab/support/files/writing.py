@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from tensionlab.errors import WriteError, needs
+from tensionlab.support.files.reading import as_path
 from tensionlab.support.operating_system import patiently
 
 if TYPE_CHECKING:
@@ -51,8 +52,8 @@ def require_writable(path: str | PathLike[str], suffixes: Sequence[str] = ()) ->
     It must have one of the suffixes, in lower case, if there are any; its folder must be there; and at its place
     there must be nothing other than a file that may be replaced.
     """
-    if suffixes and Path(path).suffix.lower() not in suffixes:
-        what = "a name is missing" if Path(path).name in suffixes else "unsupported format"
+    if suffixes and as_path(path).suffix.lower() not in suffixes:
+        what = "a name is missing" if as_path(path).name in suffixes else "unsupported format"
         raise WriteError(f"{path}: {what}; it must end in {' or '.join(suffixes)}")
     place = _place(path)
     try:
@@ -63,7 +64,7 @@ def require_writable(path: str | PathLike[str], suffixes: Sequence[str] = ()) ->
 
 def require_new(path: str | PathLike[str], what: str) -> None:
     """Check that there is nothing at a file's place, or an empty file."""
-    place = Path(path)
+    place = as_path(path)
     if os.path.lexists(place) and not (place.is_file() and not place.stat().st_size):
         raise WriteError(f"{path}: there is something already; name a new file for {what}")
 
@@ -87,10 +88,10 @@ def require_folder(path: str | PathLike[str], *, parents: bool = False) -> None:
 def make_folder(path: str | PathLike[str]) -> Path:
     """Make a folder, and those that it lies in, unless it is there."""
     try:
-        Path(path).mkdir(parents=True, exist_ok=True)
+        as_path(path).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise unwritable(path, error) from None
-    return Path(path)
+    return as_path(path)
 
 
 @contextmanager

@@ -11,8 +11,9 @@ import pytest
 import tensionlab as tl
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client import group
-from tensionlab.hardware.client.group import ModuleGroup, connect, load_modules, modules_to_toml
+from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.client.modules_file import load_modules, modules_to_toml
 from tensionlab.hardware.protocol.codes import Code, State
 from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import Acknowledge

@@ -1,11 +1,15 @@
 """One door for files from outside: bounds, encoding, nesting, numbers; and messages that are short."""
 
 import os
+import re
 import threading
 
 import pytest
 
-from tensionlab.errors import RigError, ShapeError
+import tensionlab as tl
+from tensionlab.errors import InputError, RigError, ShapeError
+from tensionlab.hardware import load_modules, read_run
+from tensionlab.scenarios.scenario import load_scenario
 from tensionlab.support.files import reading
 from tensionlab.support.files.reading import brief, parse_json, parse_toml, read_bytes, read_text, read_toml
 
@@ -31,6 +35,13 @@ def test_what_is_no_text_is_refused_by_name(tmp_path, make, said):
 def test_a_name_that_no_system_takes_is_refused():
     with pytest.raises(RigError, match=r"'a\\x00b': cannot be read"):
         read_bytes("a\0b", "a rig file", RigError)
+
+
+@pytest.mark.parametrize("read", [tl.load_rig, tl.load_requirement, load_scenario, load_modules, read_run])
+def test_what_is_no_path_is_refused(read):
+    for given in (["floor-3"], 3, None, b"floor-3"):
+        with pytest.raises(InputError, match=re.escape(f"{given!r} is no path; give one as text or as a Path")):
+            read(given)
 
 
 def test_a_pipe_is_read_like_a_file(tmp_path):
