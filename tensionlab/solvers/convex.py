@@ -97,7 +97,7 @@ class CompiledPrograms:
 
         self.closest = cp.Problem(
             cp.Minimize(cp.sum_squares(t - self.reference)),
-            [W @ t + self.held == self.w, *limits],
+            [W @ t == self.w, *limits],
         )
         self.least_error = cp.Problem(
             cp.Minimize(cp.sum_squares(self.root_W @ t - self.root_w)),
@@ -131,7 +131,7 @@ class _ConvexPrograms:
 
     def least_error(self, root: Floats, wrench: Floats) -> Floats | None:
         self.compiled.root_W.value = root @ self.scaled.structure
-        self.compiled.root_w.value = root @ (wrench - self.scaled.held)
+        self.compiled.root_w.value = root @ wrench
         return self._solve(self.compiled.least_error)
 
     def longest(self) -> tuple[Floats | None, float]:
@@ -202,7 +202,7 @@ class PlainConvex:
         """Fill the numbers into the program of this shape."""
         n, m = structure.shape
         board = compiled_programs(n, m, threading.get_ident())
-        board.W.value, board.w.value, board.held.value = structure, wrench, np.zeros(n)
+        board.W.value, board.w.value = structure, wrench
         board.lower.value, board.upper.value, board.reference.value = lower, upper, np.zeros(m)
         board.t.value = None
         return board

@@ -131,7 +131,7 @@ class Ray:
 class ScaledProblem:
     """One problem with tensions in units of the largest limit or reference, its fixed cables in ``held``.
 
-    The other ``cables`` must render ``wrench - held``; an error of ``accepted`` is as good as none.
+    The other ``cables`` are to render ``wrench - held``; an error of ``accepted`` is as good as none.
     """
 
     structure: Floats
@@ -159,11 +159,11 @@ class Programs(Protocol):
         ...
 
     def least_error(self, root: Floats, wrench: Floats) -> Floats | None:
-        """Return the tensions with the least ``|root (W t + held - wrench)|``."""
+        """Return the tensions with the least ``|root (W t - wrench)|``."""
         ...
 
     def longest(self) -> tuple[Floats | None, float]:
-        """Return the tensions that render ``s wrench`` with the largest s in [0, 1], and that s."""
+        """Return the tensions that render ``s wrench - held``, s the largest in [0, 1], and s."""
         ...
 
 
@@ -204,24 +204,25 @@ def choose_each(
 def _choose(programs: Programs, problem: Problem, row: int) -> Floats | None:
     """Return the tensions that the policy chooses for one problem of a batch; None if the backend gives none."""
     scaled = programs.scaled
-    found = _closest(programs, scaled.wrench)
+    wrench = scaled.wrench - scaled.held
+    found = _closest(programs, wrench)
     if found is not None:
         return found
     best = _along(programs) if problem.policy == "direction" else None
     if best is None:
         force = np.diag(np.sqrt(problem.weights))
         root = whitener(problem.structure[row]) if problem.policy == "tension" else force
-        best = programs.least_error(root, scaled.wrench)
+        best = programs.least_error(root, wrench)
     if best is None:
         return None
-    tied = _closest(programs, scaled.structure @ best + scaled.held)
+    tied = _closest(programs, scaled.structure @ best)
     return best if tied is None else tied
 
 
 def _closest(programs: Programs, wrench: Floats) -> Floats | None:
     """Return the tensions of the first program; None where they miss the wrench, whatever the backend says."""
     found, scaled = programs.closest(wrench), programs.scaled
-    if found is None or np.linalg.norm(scaled.structure @ found + scaled.held - wrench) > scaled.accepted:
+    if found is None or np.linalg.norm(scaled.structure @ found - wrench) > scaled.accepted:
         return None
     return found
 
@@ -234,7 +235,7 @@ def _along(programs: Programs) -> Floats | None:
     identity = np.eye(len(scaled.wrench))
 
     def nearest(s: float) -> Floats | None:
-        tensions = programs.least_error(identity, s * scaled.wrench)
+        tensions = programs.least_error(identity, s * scaled.wrench - scaled.held)
         return None if tensions is None else np.append(tensions, 1.0)
 
     ray = Ray(

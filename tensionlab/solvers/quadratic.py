@@ -191,7 +191,7 @@ class _QuadraticPrograms:
         scaled = self.scaled
         basis, strength = independent_rows(scaled.structure)
         rows = basis.T @ scaled.structure / strength[:, None]
-        values = basis.T @ (wrench - scaled.held) / strength
+        values = basis.T @ wrench / strength
         cost = np.ones(len(scaled.reference))
         return self._minimise(cost, -scaled.reference, rows, values, (scaled.lower, scaled.upper))
 
@@ -200,7 +200,7 @@ class _QuadraticPrograms:
         weighted = root @ scaled.structure
         basis, strength = independent_rows(weighted)
         size = strength[0]
-        rows, values = basis.T @ weighted / size, basis.T @ root @ (wrench - scaled.held) / size
+        rows, values = basis.T @ weighted / size, basis.T @ root @ wrench / size
         count, cables = rows.shape
         # The error is a variable of its own, x = (t, error), so that the cost stays diagonal.
         cost = np.concatenate([np.full(cables, PROXIMAL), np.ones(count)])

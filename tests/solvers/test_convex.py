@@ -1,98 +1,19 @@
 """The readable reference in cvxpy."""
 
-import json
 import threading
-from pathlib import Path
 
 import cvxpy
 import numpy as np
 import pytest
 
-from tensionlab import Status, allocate
 from tensionlab.errors import UnknownSolver
 from tensionlab.solvers import convex
 from tensionlab.solvers.convex import ConvexProgram
 from tests.helpers.batch import problem
 
-ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
-CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]
 PLANAR = np.array([[1, -0.6, -0.6], [0, 0.8, -0.8]])
 
 each_policy = pytest.mark.parametrize("policy", ConvexProgram.policies)
-
-
-@pytest.mark.parametrize("key", ["zero", "fmin", "mid"])
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
-def test_known_answers(case, key):
-    lower, upper = np.array(case["fmin"]), np.array(case["fmax"])
-    reference = {"zero": None, "fmin": "lower", "mid": "middle"}[key]
-    result = allocate(case["W"], case["wrench_to_produce"], (lower, upper), "cvxpy", reference)
-    assert result.status == Status.EXACT
-    np.testing.assert_allclose(result.tensions, case[f"min2_from_{key}"], rtol=0, atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("policy", "tensions", "scale"),
-    [
-        ("tension", (10, 575 / 122, 1), None),
-        ("force", (10, 3.88, 1), None),
-        ("direction", (10, 5, 1), 8 / 15),
-    ],
-)
-def test_out_of_reach_each_policy_gives_its_own_answer(policy, tensions, scale):
-    result = allocate(PLANAR, [12, 6], (1, 10), "cvxpy", policy=policy)
-    assert result.status == Status.NEAREST
-    np.testing.assert_allclose(result.tensions, tensions, atol=1e-7)
-    if scale:
-        assert result.scale == pytest.approx(scale, abs=1e-8)
-
-
-def test_weights_say_which_component_matters():
-    # One cable pulls both components alike: q1 (2 - t)² + q2 t² is least at t = 2 q1 / (q1 + q2).
-    result = allocate([[1], [1]], [2, 0], (0, 5), "cvxpy", policy="force", wrench_weights=[3, 1])
-    np.testing.assert_allclose(result.tensions, [1.5], atol=1e-7)
-
-
-@pytest.mark.parametrize(("policy", "w"), [("force", (4, 9)), ("tension", (4, 9)), ("direction", (8, 10))])
-def test_of_equally_good_tensions_the_closest_to_the_reference(policy, w):
-    # The first two cables render the same; what is out of reach is the second component.
-    result = allocate([[1, 1, 0], [0, 0, 1]], w, (0, 5), "cvxpy", [3, 2, 0], policy)
-    np.testing.assert_allclose(result.tensions, [2.5, 1.5, 5], atol=1e-6)
-    assert result.status == Status.NEAREST
-
-
-@each_policy
-def test_rank_deficient_rigs_are_ordinary(policy):
-    W, limits = np.array([[1, -1], [1, -1]]), (1, 5)
-    along = allocate(W, [2, 2], limits, "cvxpy", policy=policy)
-    assert along.status == Status.EXACT
-    np.testing.assert_allclose(along.tensions, [3, 1], atol=1e-7)
-    across = allocate(W, [2, 0], limits, "cvxpy", policy=policy)
-    np.testing.assert_allclose(across.tensions, [1, 1] if policy == "direction" else [2, 1], atol=1e-6)
-    assert across.status == Status.NEAREST
-
-
-@each_policy
-def test_cables_without_play_keep_their_tensions(policy):
-    some = allocate([[1, 1, 1]], [9], ([2, 0, 0], [2, 5, 5]), "cvxpy", policy=policy)
-    assert some.status == Status.EXACT
-    assert some.tensions[0] == 2
-    np.testing.assert_allclose(some.tensions, [2, 3.5, 3.5], atol=1e-7)
-    every = ConvexProgram().solve(problem([[1, 1]], [9], [2, 3], [2, 3], policy))
-    np.testing.assert_array_equal(every.tensions, [[2, 3]])
-
-
-@each_policy
-def test_random_rigs_agree_with_the_exact_solver(policy):
-    rng = np.random.default_rng(11)
-    for n, m in [(2, 3), (3, 8), (6, 8)]:
-        W = rng.normal(size=(n, m))
-        w = np.concatenate([rng.uniform(0.5, 6, (4, m)) @ W.T, 8 * rng.normal(size=(4, n))])
-        ours = allocate(W, w, (0.5, 6), "cvxpy", policy=policy)
-        exact = allocate(W, w, (0.5, 6), "newton", policy=policy)
-        assert Status.UNPROVEN not in ours.status
-        np.testing.assert_array_equal(ours.status, exact.status)
-        np.testing.assert_allclose(ours.tensions, exact.tensions, rtol=0, atol=1e-5)
 
 
 def test_programs_are_compiled_once_for_a_shape():

@@ -1,4 +1,4 @@
-"""Bases and metrics that respect the rank of the structure matrix."""
+"""Program solvers: what every backend must answer, and bases that respect the rank of the structure matrix."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,10 @@ import pytest
 import tensionlab as tl
 from tensionlab.solvers.base import RANK_TOLERANCE
 from tensionlab.solvers.programs import independent_rows, times, whitener
+from tensionlab.solvers.quadratic import QuadraticProgram, installed_backends
+
+each_solver = pytest.mark.parametrize("solver", ["cvxpy", *(f"qp:{backend}" for backend in installed_backends())])
+each_policy = pytest.mark.parametrize("policy", QuadraticProgram.policies)
 
 
 def structures(rank):
@@ -39,16 +43,63 @@ def test_all_agree_on_what_counts_as_zero(share, counts):
     assert len(independent_rows(W)[1]) == 1 + counts
 
 
-@pytest.mark.parametrize("solver", ["qp:daqp", "qp:clarabel", "cvxpy"])
-@pytest.mark.parametrize("policy", ["force", "tension", "direction"])
-def test_beside_a_cable_with_equal_limits_programs_have_newtons_answer(solver, policy):
-    """The third cable always pulls with 2 N; the last wrench is feasible, the first one on its ray."""
-    structure = np.array([[1.0, -0.6, -0.6, 0.3], [0.0, 0.8, -0.8, 0.9]])
-    limits = ([1.0, 1.0, 2.0, 1.0], [8.0, 8.0, 2.0, 8.0])
-    feasible = structure @ [4.0, 2.0, 2.0, 5.0]
-    wrenches = [3.0 * feasible, [12.0, 6.0], [-9.0, 20.0], [3.0, -30.0], feasible]
-    expected = tl.allocate(structure, wrenches, limits, policy=policy)
-    found = tl.allocate(structure, wrenches, limits, solver, policy=policy)
-    assert expected.status.tolist() == [tl.Status.NEAREST] * 4 + [tl.Status.EXACT]
-    assert (found.status == expected.status).all()
-    np.testing.assert_allclose(found.tensions, expected.tensions, atol=1e-5)
+@each_solver
+@pytest.mark.parametrize(
+    ("policy", "tensions", "scale"),
+    [
+        ("tension", (10, 575 / 122, 1), np.nan),
+        ("force", (10, 3.88, 1), np.nan),
+        ("direction", (10, 5, 1), 8 / 15),
+    ],
+)
+def test_out_of_reach_each_policy_gives_its_own_answer(solver, policy, tensions, scale):
+    result = tl.allocate([[1, -0.6, -0.6], [0, 0.8, -0.8]], [12, 6], (1, 10), solver, policy=policy)
+    assert result.status == tl.Status.NEAREST
+    np.testing.assert_allclose(result.tensions, tensions, atol=1e-7)
+    np.testing.assert_allclose(result.scale, scale, atol=1e-8)
+
+
+@each_solver
+def test_weights_say_which_component_matters(solver):
+    # One cable pulls both components alike: q1 (2 - t)² + q2 t² is least at t = 2 q1 / (q1 + q2).
+    result = tl.allocate([[1], [1]], [2, 0], (0, 5), solver, policy="force", wrench_weights=[3, 1])
+    np.testing.assert_allclose(result.tensions, [1.5], atol=1e-7)
+    assert result.status == tl.Status.NEAREST
+
+
+@each_solver
+@pytest.mark.parametrize(("policy", "wrench"), [("force", (4, 9)), ("tension", (4, 9)), ("direction", (8, 10))])
+def test_of_equally_good_tensions_the_closest_to_the_reference(solver, policy, wrench):
+    # The first two cables render the same, the last one always pulls with 1 N; the second component is out of reach.
+    limits = ([0, 0, 0, 1], [5, 5, 5, 1])
+    result = tl.allocate([[1, 1, 0, 2], [0, 0, 1, 0]], wrench, limits, solver, [3, 2, 0, 0], policy)
+    np.testing.assert_allclose(result.tensions, [1.5, 0.5, 5, 1], atol=1e-6)
+    assert result.status == tl.Status.NEAREST
+
+
+@each_solver
+@each_policy
+def test_rank_deficient_rigs_are_ordinary(solver, policy):
+    # Two opposite cables on a line: what lies on it is rendered, what lies across is not.
+    result = tl.allocate([[1, -1], [1, -1]], [[2, 2], [2, 0]], (1, 5), solver, policy=policy)
+    assert result.status.tolist() == [tl.Status.EXACT, tl.Status.NEAREST]
+    np.testing.assert_allclose(result.tensions, [[3, 1], [1, 1] if policy == "direction" else [2, 1]], atol=1e-6)
+
+
+@each_solver
+@each_policy
+@pytest.mark.parametrize("fixed", [0, 1, 2])
+def test_answers_are_those_of_the_exact_solver(solver, policy, fixed):
+    """Some cables have equal limits: they keep their tensions, and the others render the rest of the wrench."""
+    rng = np.random.default_rng(11)
+    for n, m in [(2, 3), (3, 8), (6, 8)]:
+        W = rng.normal(size=(n, m + fixed))
+        lower = np.append(np.full(m, 0.5), [2.0, 1.0][:fixed])
+        upper = np.append(np.full(m, 6.0), lower[m:])
+        wrenches = np.concatenate([rng.uniform(lower, upper, (4, m + fixed)) @ W.T, 8 * rng.normal(size=(4, n))])
+        found = tl.allocate(W, wrenches, (lower, upper), solver, policy=policy)
+        exact = tl.allocate(W, wrenches, (lower, upper), policy=policy)
+        np.testing.assert_array_equal(found.status, exact.status)
+        np.testing.assert_allclose(found.tensions, exact.tensions, rtol=0, atol=1e-5)
+    fixed_alone = tl.allocate([[1, 1]], [9], ([2, 3], [2, 3]), solver, policy=policy)
+    np.testing.assert_array_equal(fixed_alone.tensions, [2, 3])
