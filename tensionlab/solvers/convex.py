@@ -135,14 +135,9 @@ class _ConvexPrograms:
         return self._solve(self.compiled.least_error)
 
     def longest(self) -> tuple[Floats | None, float]:
-        scaled, compiled = self.scaled, self.compiled
-        compiled.w.value = scaled.wrench
-        best = self._solve(compiled.longest)
-        if best is None:
-            return None, 0.0
-        scale = float(compiled.s.value)
-        missed = np.linalg.norm(scaled.structure @ best + scaled.held - scale * scaled.wrench)
-        return (None, 0.0) if missed > scaled.accepted else (best, scale)
+        self.compiled.w.value = self.scaled.wrench
+        best = self._solve(self.compiled.longest)
+        return (None, 0.0) if best is None else (best, float(self.compiled.s.value))
 
     def _solve(self, program: Any) -> Floats | None:
         from cvxpy.error import SolverError

@@ -207,21 +207,17 @@ class _QuadraticPrograms:
         beyond = np.full(count, np.inf)
         limits = np.concatenate([scaled.lower, -beyond]), np.concatenate([scaled.upper, beyond])
         best: Floats | None = None
-        least = np.inf
         centre = np.clip(scaled.reference, scaled.lower, scaled.upper)
         for _ in range(MAX_STEPS):
             linear = np.concatenate([-PROXIMAL * centre, np.zeros(count)])
             found = self._minimise(cost, linear, np.hstack([rows, np.eye(count)]), values, limits)
             if found is None:
                 break
-            centre = found[:cables]
+            best = centre = found[:cables]
             # No tensions inside the limits have an error smaller than this one's by more than gap / |error|.
             error = values - rows @ centre
             pull = error @ rows
             gap = np.maximum(pull * (scaled.lower - centre), pull * (scaled.upper - centre)).sum()
-            if gap >= least:
-                break
-            best, least = centre, gap
             if size * gap <= BIAS * scaled.accepted * np.linalg.norm(error):
                 break
         return best
