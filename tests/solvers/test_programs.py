@@ -70,7 +70,7 @@ def test_weights_say_which_component_matters(solver):
 @each_solver
 @pytest.mark.parametrize(("policy", "wrench"), [("force", (4, 9)), ("tension", (4, 9)), ("direction", (8, 10))])
 def test_of_equally_good_tensions_the_closest_to_the_reference(solver, policy, wrench):
-    # The first two cables render the same, the last one always pulls with 1 N; the second component is out of reach.
+    # The first two cables render the same, the last one always pulls with 1 N; the third one can do no more.
     limits = ([0, 0, 0, 1], [5, 5, 5, 1])
     result = tl.allocate([[1, 1, 0, 2], [0, 0, 1, 0]], wrench, limits, solver, [3, 2, 0, 0], policy)
     np.testing.assert_allclose(result.tensions, [1.5, 0.5, 5, 1], atol=1e-6)
