@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from benchmarks.workspace import LOWER, UPPER
 from tensionlab.allocation import Allocation, allocate
-from tensionlab.benchmarking.speed import (
+from tensionlab.benchmark.speed import (
     describe_kernels,
     infeasible_wrenches,
     random_problems,

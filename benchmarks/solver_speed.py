@@ -6,7 +6,7 @@ problem, beside qpsolvers on the same problems.
 
 from __future__ import annotations
 
-from tensionlab.benchmarking import speed
+from tensionlab.benchmark import speed
 
 
 def main() -> None:

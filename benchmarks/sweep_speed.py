@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tensionlab.benchmarking.speed import instruction_set
+from tensionlab.benchmark.speed import instruction_set
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.workspace import CapacityMargin, Grid, capacity_margin

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import highs
-from tensionlab.benchmarking.rigs import rotations, structures, unit_vectors
-from tensionlab.benchmarking.speed import instruction_set, using_threads
+from tensionlab.benchmark.rigs import rotations, structures, unit_vectors
+from tensionlab.benchmark.speed import instruction_set, using_threads
 from tensionlab.model.files import load_rig
 from tensionlab.model.requirement import Requirement
 from tensionlab.support.arrays import Floats

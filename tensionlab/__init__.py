@@ -8,10 +8,9 @@ from tensionlab.support.lazy import importer
 
 TYPE_CHECKING = False  # as in `typing`, which is not imported for it
 if TYPE_CHECKING:
-    from tensionlab import datasets, plots, workspace
+    from tensionlab import benchmark, datasets, plots, workspace
     from tensionlab.allocation import Allocation, Allocator, allocate
-    from tensionlab.benchmarking.run import benchmark
-    from tensionlab.comparison.compare import compare
+    from tensionlab.benchmark.comparison import compare
     from tensionlab.errors import (
         DataError,
         InputError,
@@ -105,8 +104,7 @@ __all__ = [
 
 _NAMES = {
     "tensionlab.allocation": ("Allocation", "Allocator", "allocate"),
-    "tensionlab.benchmarking.run": ("benchmark",),
-    "tensionlab.comparison.compare": ("compare",),
+    "tensionlab.benchmark.comparison": ("compare",),
     "tensionlab.errors": (
         "DataError",
         "InputError",

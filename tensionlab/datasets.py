@@ -44,7 +44,7 @@ def names(kind: str | None = None, folder: str | Path | None = None) -> list[str
     >>> tl.datasets.names("vectors")
     ['vectors/grid18']
     """
-    from tensionlab.benchmarking.problem_sets import PROBLEM_SETS
+    from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 
     where = _found(folder)
     if kind is not None and kind not in KINDS:
@@ -91,7 +91,7 @@ def load(name: str, folder: str | Path | None = None) -> Any:
         raise InputError(describe_unknown(name, known, "data set", "`tensionlab.datasets.names()` lists them"))
     kind, _, stem = name.partition("/")
     if kind == PROBLEMS:
-        from tensionlab.benchmarking.problem_sets import problem_set
+        from tensionlab.benchmark.problem_sets import problem_set
 
         return problem_set(stem, PROBLEM_COUNT)
     return _read(kind, _found(folder) / kind / f"{stem}{SUFFIXES[kind]}")
@@ -122,7 +122,7 @@ def _read(kind: str, path: Path) -> Any:
     elif kind == "what-if":
         from tensionlab.validation.data_tables import read_trials as read
     else:
-        from tensionlab.benchmarking.results import read
+        from tensionlab.benchmark.results import read
     return read(path)
 
 

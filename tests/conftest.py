@@ -52,7 +52,7 @@ def bench_folder(tmp_path_factory):
     """The folder of a tiny benchmark, measured once for all tests that read or draw one, whichever worker's."""
     from filelock import FileLock
 
-    from tensionlab.benchmarking.run import Plan, run
+    from tensionlab.benchmark.process import Plan, measure
 
     root = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -72,7 +72,7 @@ def bench_folder(tmp_path_factory):
     shares = []
     with FileLock(root / "bench.lock"):
         if not (folder / "manifest.json").exists():
-            run(plan, folder, ["tensionlab", "bench", "--out", "a folder"], shares.append)
+            measure(plan, folder, ["tensionlab", "bench", "--out", "a folder"], shares.append)
             assert shares == sorted(shares)
             assert shares[-1] == 1.0
     return folder
@@ -81,6 +81,6 @@ def bench_folder(tmp_path_factory):
 @pytest.fixture(scope="session")
 def bench_results(bench_folder):
     """Its results."""
-    from tensionlab.benchmarking.results import read
+    from tensionlab.benchmark.results import read
 
     return read(bench_folder)

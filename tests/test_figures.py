@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensionlab.benchmarking import results
+from tensionlab.benchmark import results
 from tensionlab.validation.data_tables import write_recording, write_trials
 from tests.helpers.recorded import made_up, made_up_trials
 

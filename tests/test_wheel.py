@@ -19,7 +19,7 @@ from packaging.requirements import Requirement
 
 import tensionlab
 from tensionlab import _native
-from tensionlab.benchmarking.speed import describe_kernels
+from tensionlab.benchmark.speed import describe_kernels
 
 ROOT = Path(__file__).parents[1]
 RIG = "bartels2026-validation"
@@ -39,9 +39,9 @@ search = { generations = 1, starts = 1 }
 VERBS = """
 import contextlib, dataclasses, io, json, sys
 from tensionlab.cli import main
-from tensionlab.benchmarking import run
-make = run.plan
-run.plan = lambda *words: dataclasses.replace(make(*words), seconds=0.01, rounds=0)  # without the large batches
+from tensionlab.benchmark import process
+make = process.plan
+process.plan = lambda *words: dataclasses.replace(make(*words), seconds=0.01, rounds=0)  # no large batches
 found = []
 for words in json.loads(sys.argv[1]):
     out, err = io.StringIO(), io.StringIO()

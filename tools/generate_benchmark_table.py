@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tensionlab.benchmarking import results
-from tensionlab.benchmarking.report import (
+from tensionlab.benchmark import results
+from tensionlab.benchmark.report import (
     IDLE_SHARE,
     Column,
     calls_table,
@@ -22,7 +22,7 @@ from tensionlab.benchmarking.report import (
     newton,
     summary_table,
 )
-from tensionlab.benchmarking.results import Results, Summary
+from tensionlab.benchmark.results import Results, Summary
 from tensionlab.errors import InputError, TensionlabError
 from tensionlab.support.files import writing
 from tensionlab.support.formatting import format_duration, format_share

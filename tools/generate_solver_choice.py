@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from tensionlab.benchmarking.report import table
-from tensionlab.benchmarking.results import Results, Summary, summaries
+from tensionlab.benchmark.report import table
+from tensionlab.benchmark.results import Results, Summary, summaries
 from tensionlab.solvers import make
 from tensionlab.support.formatting import format_duration, format_share
 

@@ -128,7 +128,7 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from tensionlab.benchmarking.speed import describe_kernels
+        from tensionlab.benchmark.speed import describe_kernels
 
         typer.echo(f"tensionlab {__version__}\n{describe_kernels()}")
         raise typer.Exit()

@@ -13,11 +13,10 @@ import numpy as np
 import typer
 
 from tensionlab.allocation import allocate
-from tensionlab.benchmarking import report
-from tensionlab.benchmarking import run as benchmark
-from tensionlab.benchmarking.problem_files import find_problem_set, qp_rows
-from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, problem_set
-from tensionlab.benchmarking.results import Results, read, summaries
+from tensionlab.benchmark import process, report
+from tensionlab.benchmark.problem_files import find_problem_set, qp_rows
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set
+from tensionlab.benchmark.results import Results, read, summaries
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.errors import InputError, WriteError
@@ -81,9 +80,9 @@ def bench(
     through tensionlab's interface. The baselines solve the plain quadratic program, at their default and at
     tight tolerances: daqp, qpsolvers:BACKEND, cvxpy:plain.
     """
-    what = benchmark.plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
+    what = process.plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
-        written = benchmark.measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
+        written = process.measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
     rest = f"the results are in {written}, but not all figures and the report; the same command measures anew"
     with output.if_interrupted(rest), output.ResultWriter(quiet=json) as writer:
         results = read(written)

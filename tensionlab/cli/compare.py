@@ -8,12 +8,12 @@ from typing import Annotated
 
 import typer
 
+from tensionlab.benchmark import comparison
+from tensionlab.benchmark.comparison import COLUMNS, STATUSES, Column, RowType
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import At, BodyFrames, Plot, RigArgument, Rows
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
 from tensionlab.cli.common.verbs import Json
-from tensionlab.comparison import compare as comparison
-from tensionlab.comparison.compare import COLUMNS, STATUSES, Column, RowType
 from tensionlab.model.files import load_rig
 from tensionlab.support import provenance
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from tensionlab import datasets as stored
-from tensionlab.benchmarking.problem_sets import problem_set
+from tensionlab.benchmark.problem_sets import problem_set
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json
 from tensionlab.errors import DataError

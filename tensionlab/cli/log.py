@@ -9,13 +9,13 @@ from typing import Annotated
 
 import typer
 
+from tensionlab.benchmark import replay as replays
+from tensionlab.benchmark.replay import COLUMNS
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Browser, PagePort, Rows
 from tensionlab.cli.common.output import if_interrupted, open_page
 from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.cli.compare import STATUS_LEGEND, print_scores
-from tensionlab.comparison import replay as replays
-from tensionlab.comparison.replay import COLUMNS
 from tensionlab.errors import LogError
 from tensionlab.hardware.log import reader
 from tensionlab.hardware.log.reader import MAX_EVENTS, MODULE_HEADINGS

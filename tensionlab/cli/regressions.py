@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from tensionlab.benchmarking import regressions as room
-from tensionlab.benchmarking.results import read
+from tensionlab.benchmark import regressions as room
+from tensionlab.benchmark.results import read
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json
 from tensionlab.support.files.writing import write_text
@@ -25,7 +25,7 @@ def regressions(
     Only what is beyond noise counts: a change of time beyond 10 %, its 99 % interval and what else changed on the
     machine; problems that were solved and are missed by far. Exit status 1 if there is any.
     """
-    found = room.regressions(read(old), read(new))
+    found = room.find_regressions(read(old), read(new))
     with output.ResultWriter(quiet=json) as writer:
         if out:
             writer.write("report", out, lambda path: write_text(path, found.report()))

@@ -55,8 +55,8 @@ __all__ = [
 
 PLOTTERS: dict[str, Callable[..., Figure]] = {
     "tensionlab.allocation.Allocation": plot_allocation,
-    "tensionlab.benchmarking.results.Results": plot_pareto,
-    "tensionlab.comparison.compare.Comparison": plot_comparison,
+    "tensionlab.benchmark.results.Results": plot_pareto,
+    "tensionlab.benchmark.comparison.Comparison": plot_comparison,
     "tensionlab.hardware.log.reader.Run": plot_run,
     "tensionlab.model.rig.Rig": plot_rig,
     "tensionlab.scenarios.play.ScenarioResult": plot_scenario,

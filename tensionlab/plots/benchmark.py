@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 
-from tensionlab.benchmarking.entries import WRAPPERS
-from tensionlab.benchmarking.statistics import profile, quantile
-from tensionlab.comparison.compare import Comparison
+from tensionlab.benchmark.comparison import Comparison
+from tensionlab.benchmark.entries import WRAPPERS
+from tensionlab.benchmark.statistics import profile, quantile
 from tensionlab.errors import InputError
 from tensionlab.plots.style import add_legend, label_points, new_figure, one_panel, panel_legend
 from tensionlab.solvers import is_built_in
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tensionlab.benchmarking.results import Results, Row
+    from tensionlab.benchmark.results import Results, Row
     from tensionlab.support.arrays import Floats
 
 EXACT_N = 1e-6
@@ -70,7 +70,7 @@ def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Fig
     Parameters
     ----------
     results : Results or Comparison
-        From `tensionlab.benchmark`, `tensionlab.datasets.load` or `tensionlab.compare`.
+        From `tensionlab.benchmark.run`, `tensionlab.datasets.load` or `tensionlab.compare`.
     ax : Axes, optional
         Panel of another figure to draw into.
 
@@ -209,7 +209,7 @@ def plot_profile(results: Results) -> Figure:
     --------
     >>> import tensionlab as tl
     >>> from tensionlab import plots
-    >>> results = tl.benchmark([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
+    >>> results = tl.benchmark.run([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_profile(results)
     """
     lines = _pooled(results)
@@ -260,7 +260,7 @@ def plot_accuracy(results: Results, *, ax: Axes | None = None) -> Figure | None:
     --------
     >>> import tensionlab as tl
     >>> from tensionlab import plots
-    >>> results = tl.benchmark([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
+    >>> results = tl.benchmark.run([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_accuracy(results)
     """
     dots = []
@@ -291,7 +291,7 @@ def plot_worst(results: Results, *, ax: Axes | None = None) -> Figure | None:
     --------
     >>> import tensionlab as tl
     >>> from tensionlab import plots
-    >>> results = tl.benchmark([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
+    >>> results = tl.benchmark.run([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_worst(results)
     """
     lines = sorted(_pooled(results).values(), key=lambda line: quantile(line.seconds, 0.999))
@@ -335,7 +335,7 @@ def plot_continuity(results: Results) -> Figure:
     --------
     >>> import tensionlab as tl
     >>> from tensionlab import plots
-    >>> results = tl.benchmark([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
+    >>> results = tl.benchmark.run([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_continuity(results)
     """
     rows = [row for row in results.rows if row.path_mm and row.setting != "tight" and _drawable(row)]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tensionlab.comparison.compare import Comparison, Row
+    from tensionlab.benchmark.comparison import Comparison, Row
 
 POLICY_LOOK = {
     "force": (BLUE, "o", -0.25),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocation
-from tensionlab.comparison.replay import answer_again
+from tensionlab.benchmark.replay import answer_again
 from tensionlab.errors import LogError
 from tensionlab.hardware.log.columns import COLUMNS
 from tensionlab.hardware.log.reader import Run

@@ -3,7 +3,7 @@ import re
 
 import pytest
 
-from tensionlab.benchmarking import run as room
+from tensionlab.benchmark import process as room
 
 
 @pytest.fixture

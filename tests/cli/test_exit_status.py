@@ -245,7 +245,7 @@ def test_ctrl_c_ends_a_benchmark_with_one_line_and_its_measuring_process(tmp_pat
     with process(bench, start_new_session=True, preexec_fn=heeding_ctrl_c) as running:
         children = Path(f"/proc/{running.pid}/task/{running.pid}/children")
         [measuring] = until(
-            lambda: [pid for pid in children.read_text().split() if "tensionlab.benchmarking" in words_of(pid)]
+            lambda: [pid for pid in children.read_text().split() if "tensionlab.benchmark" in words_of(pid)]
         )
         os.killpg(running.pid, signal.SIGINT)
         _, said = running.communicate(timeout=HANG_S)

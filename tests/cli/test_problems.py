@@ -3,7 +3,7 @@ import json
 import pyarrow.parquet as pq
 import pytest
 
-from tensionlab.benchmarking.problem_sets import PROBLEM_SETS
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 
 
 @pytest.fixture

@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 import typer
 
-from tensionlab.benchmarking import results
-from tensionlab.benchmarking import run as bench
+from tensionlab.benchmark import process as bench
+from tensionlab.benchmark import results
 from tensionlab.cli import app
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.simulation import serve as serving

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmarking.results import EVIDENCE
+from tensionlab.benchmark.results import EVIDENCE
 from tensionlab.errors import InputError
 from tensionlab.plots import plot_accuracy, plot_continuity, plot_pareto, plot_profile, plot_worst
 from tensionlab.plots.benchmark import EXACT_N, _compared, pareto_front

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 import tensionlab as tl
-from tensionlab.comparison.compare import compare
+from tensionlab.benchmark.comparison import compare
 from tensionlab.errors import InputError
 from tensionlab.plots import plot_comparison, plot_rig
 from tensionlab.plots.style import save_figure

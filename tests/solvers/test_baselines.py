@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import qpsolvers
 
-from tensionlab.benchmarking.entries import DirectDaqp
+from tensionlab.benchmark.entries import DirectDaqp
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers.convex import PlainConvex
 from tensionlab.solvers.quadratic import BACKENDS, TIGHT, PlainProgram, solve_qp

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmarking.rigs import near_singular
+from tensionlab.benchmark.rigs import near_singular
 from tests.helpers.examples import many
 
 LOWER, UPPER = 0.5, 6.0

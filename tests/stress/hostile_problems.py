@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.benchmarking.rigs import unit_vectors
+from tensionlab.benchmark.rigs import unit_vectors
 from tensionlab.solvers.base import Policy, Problem
 from tensionlab.support.arrays import Floats
 

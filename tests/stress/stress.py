@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocation, allocate
-from tensionlab.benchmarking.optimum import at_limits, distance_bound, largest_limit
-from tensionlab.benchmarking.rigs import near_singular, structures
+from tensionlab.benchmark.optimum import at_limits, distance_bound, largest_limit
+from tensionlab.benchmark.rigs import near_singular, structures
 from tensionlab.solvers.base import POLICIES, TOLERANCE, Policy, Problem, Status
 from tensionlab.solvers.programs import times
 from tensionlab.support.arrays import Floats, Integers
@@ -155,7 +155,7 @@ def stress(count: int, seed: int = 0, report: Callable[[str], None] = print) -> 
     Each batch draws its limits, wrench and reference (zero, the lower limits, the middle, or random). An answer is
     right if it is proved EXACT or NEAREST, keeps what `tensionlab.Allocation` promises of the status, and
     multipliers show that no other tensions that render the same are closer to the reference
-    (`tensionlab.benchmarking.optimum`).
+    (`tensionlab.benchmark.optimum`).
 
     Parameters
     ----------

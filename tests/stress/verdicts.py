@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
-from tensionlab.benchmarking.speed import instruction_set
+from tensionlab.benchmark.speed import instruction_set
 from tensionlab.solvers.base import POLICIES, Answer, Problem, Status
 from tensionlab.solvers.least_squares import Newton
 from tensionlab.solvers.programs import times

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmarking.problem_sets import problem_set
-from tensionlab.comparison.compare import compare
-from tensionlab.comparison.replay import replay
+from tensionlab.benchmark.comparison import compare
+from tensionlab.benchmark.problem_sets import problem_set
+from tensionlab.benchmark.replay import replay
 from tensionlab.errors import MissingDependency
 from tensionlab.hardware import read_run
 from tensionlab.hardware.log.reader import report

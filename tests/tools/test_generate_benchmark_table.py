@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 import tensionlab
-from tensionlab.benchmarking import results
-from tensionlab.benchmarking.entries import entries
-from tensionlab.benchmarking.problem_sets import PROBLEM_SETS
-from tensionlab.benchmarking.results import summaries
+from tensionlab.benchmark import results
+from tensionlab.benchmark.entries import entries
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS
+from tensionlab.benchmark.results import summaries
 from tools.generate_benchmark_table import COMMITTED, main, section
 
 ROOT = Path(__file__).parents[2]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tensionlab.comparison import compare as comparison
+from tensionlab.benchmark import comparison
 from tensionlab.solvers import SOLVERS, every_solver, make
 from tests.helpers.shown import differences
 

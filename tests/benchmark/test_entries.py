@@ -1,8 +1,8 @@
 import pytest
 import qpsolvers
 
-from tensionlab.benchmarking import entries as room
-from tensionlab.benchmarking.entries import BASELINES, WRAPPERS, entries
+from tensionlab.benchmark import entries as room
+from tensionlab.benchmark.entries import BASELINES, WRAPPERS, entries
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers import SOLVERS
 from tensionlab.solvers.quadratic import BACKENDS

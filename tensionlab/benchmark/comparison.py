@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.allocation import Allocation, Allocator
-from tensionlab.comparison.guarded import guarded
+from tensionlab.benchmark.guarded import guarded
 from tensionlab.errors import InputError
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig

@@ -13,8 +13,8 @@ import qpbenchmark
 import qpsolvers
 
 import tensionlab as tl
-from tensionlab.benchmarking.problem_files import qp_rows
-from tensionlab.benchmarking.problem_sets import problem_set
+from tensionlab.benchmark.problem_files import qp_rows
+from tensionlab.benchmark.problem_sets import problem_set
 from tensionlab.cli import main
 
 README = Path(__file__).parents[2] / "datasets" / "problems" / "README.md"

@@ -22,11 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.benchmarking import results, speed
-from tensionlab.benchmarking.entries import entries
-from tensionlab.benchmarking.evaluation import Effort, evaluate_set
-from tensionlab.benchmarking.problem_files import find_problem_set
-from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, checksum
+from tensionlab.benchmark import results, speed
+from tensionlab.benchmark.entries import entries
+from tensionlab.benchmark.evaluation import Effort, evaluate_set
+from tensionlab.benchmark.problem_files import find_problem_set
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS, checksum
 from tensionlab.errors import InputError, TensionlabError, WriteError
 from tensionlab.solvers import Solver, name_solvers
 from tensionlab.support import provenance
@@ -56,10 +56,10 @@ BATCH_SHARE = 0.15
 class Plan:
     """Problem sets, entries and effort of a benchmark.
 
-    ``sets`` are as in `find_problem_set`, ``solvers`` as in `tensionlab.benchmarking.entries.entries`; ``count``
+    ``sets`` are as in `find_problem_set`, ``solvers`` as in `tensionlab.benchmark.entries.entries`; ``count``
     problems in each set; the seed of problems and shuffles; ``seconds`` and ``repeats`` as in `Effort`. ``batch``,
     ``rounds`` and ``calls`` are the problems in a batch, rounds, and single calls of
-    `tensionlab.benchmarking.speed`; with no rounds they are left out.
+    `tensionlab.benchmark.speed`; with no rounds they are left out.
     """
 
     sets: tuple[str, ...]
@@ -111,7 +111,7 @@ def plan(
     return Plan(names, chosen, count or 1000, seed, rounds=rounds)
 
 
-def benchmark(
+def run(
     solvers: Sequence[str | Solver] | None = None,
     sets: Sequence[str] | None = None,
     *,
@@ -133,7 +133,7 @@ def benchmark(
         "qpsolvers:osqp", and instances; left out: all solvers and baselines by name.
     sets : sequence of str, optional
         Names, as ``tensionlab problems list`` has them, and files or folders of problems, as
-        `tensionlab.benchmarking.problem_files.read_problem_set` reads; left out: all by name.
+        `tensionlab.benchmark.problem_files.read_problem_set` reads; left out: all by name.
     count : int, optional
         Problems in each set; 1000 if left out, or 60 where it is to be quick.
     seed : int
@@ -160,19 +160,14 @@ def benchmark(
     Examples
     --------
     >>> import tensionlab as tl
-    >>> results = tl.benchmark([tl.Newton(), "closed-form"], ["edge"], count=12, quick=True)
+    >>> results = tl.benchmark.run([tl.Newton(), "closed-form"], ["edge"], count=12, quick=True)
     >>> [(row.label, f"{row.solved_1e6:.0%}") for row in results.rows]
     [('newton', '100%'), ('closed-form', '100%')]
     """
     what = plan(sets, solvers, count, seed, quick)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary if out is None else out)
-        return run(what, folder, sys.orig_argv, progress or (lambda _: None))
-
-
-def run(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> results.Results:
-    """Run a benchmark in a process of its own and read its results; arguments and errors as of `measure`."""
-    return results.read(measure(what, folder, call, progress))
+        return results.read(measure(what, folder, sys.orig_argv, progress or (lambda _: None)))
 
 
 def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
@@ -274,7 +269,7 @@ def _write(folder: Path, rows: Sequence[results.Row], manifest: dict[str, Any]) 
 
 
 def _speed(what: Plan, progress: Callable[[float], None]) -> tuple[list[results.BatchRow], list[results.CallRow]]:
-    """Return the measurements of `tensionlab.benchmarking.speed`, none if there are no rounds."""
+    """Return the measurements of `tensionlab.benchmark.speed`, none if there are no rounds."""
     if not what.rounds:
         return [], []
     cases = [(n, m, reachable) for n, m in speed.SHAPES for reachable in (True, False)]

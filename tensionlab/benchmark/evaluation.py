@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
-from tensionlab.benchmarking import statistics
-from tensionlab.benchmarking.entries import WRAPPERS, Driver, Entry, driver
-from tensionlab.benchmarking.optimum import Optimum, excess_error, optimum
-from tensionlab.benchmarking.problem_sets import ProblemSet, problem_of
-from tensionlab.benchmarking.results import Evidence, Row, Trajectory, empty_evidence, summarise
+from tensionlab.benchmark import statistics
+from tensionlab.benchmark.entries import WRAPPERS, Driver, Entry, driver
+from tensionlab.benchmark.optimum import Optimum, excess_error, optimum
+from tensionlab.benchmark.problem_sets import ProblemSet, problem_of
+from tensionlab.benchmark.results import Evidence, Row, Trajectory, empty_evidence, summarise
 from tensionlab.errors import TensionlabError
 from tensionlab.solvers import is_built_in
 from tensionlab.solvers.base import Answer, Policy, Problem, Status

@@ -16,8 +16,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from tensionlab.benchmarking.optimum import optimum
-from tensionlab.benchmarking.problem_sets import (
+from tensionlab.benchmark.optimum import optimum
+from tensionlab.benchmark.problem_sets import (
     PROBLEM_SETS,
     Group,
     ProblemSet,
@@ -81,7 +81,7 @@ def read_problem_set(path: str | PathLike[str], count: int | None = None) -> Pro
     Examples
     --------
     >>> import numpy as np
-    >>> from tensionlab.benchmarking.problem_files import read_problem_set
+    >>> from tensionlab.benchmark.problem_files import read_problem_set
     >>> tug_of_war = {"A": np.array([[1.0, -1.0]]), "b": np.array([2.0])}
     >>> np.savez("tug.npz", P=2 * np.eye(2), q=np.zeros(2), lb=np.ones(2), ub=np.full(2, 5.0), **tug_of_war)
     >>> read_problem_set(".")

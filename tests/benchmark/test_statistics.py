@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tensionlab.benchmarking.statistics import (
+from tensionlab.benchmark.statistics import (
     maximum,
     profile,
     quantile,

@@ -7,8 +7,8 @@ import pytest
 import qpsolvers
 
 import tensionlab as tl
-from tensionlab.benchmarking.problem_files import find_problem_set, qp_rows, read_problem_set
-from tensionlab.benchmarking.problem_sets import problem_set
+from tensionlab.benchmark.problem_files import find_problem_set, qp_rows, read_problem_set
+from tensionlab.benchmark.problem_sets import problem_set
 from tensionlab.errors import DataError, InputError
 from tensionlab.support import provenance
 

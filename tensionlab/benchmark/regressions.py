@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.benchmarking import report
-from tensionlab.benchmarking.results import ACCURACIES, Results, Row
+from tensionlab.benchmark import report
+from tensionlab.benchmark.results import ACCURACIES, Results, Row
 from tensionlab.errors import InputError
 from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
@@ -156,13 +156,13 @@ def table_rows(changes: Sequence[Change]) -> list[list[str]]:
     ]
 
 
-def regressions(old: Results, new: Results) -> Regressions:
+def find_regressions(old: Results, new: Results) -> Regressions:
     """Compare two benchmarks of the same problems.
 
     Parameters
     ----------
     old, new : Results
-        With evidence for single problems: runs' own, as `tensionlab.benchmarking.results.read` reads them, not
+        With evidence for single problems: runs' own, as `tensionlab.benchmark.results.read` reads them, not
         those that are committed.
 
     Returns
@@ -177,9 +177,9 @@ def regressions(old: Results, new: Results) -> Regressions:
     Examples
     --------
     >>> import tensionlab as tl
-    >>> from tensionlab.benchmarking.regressions import regressions
-    >>> old, new = (tl.benchmark([tl.Newton(), "dykstra"], ["edge"], count=12, quick=True) for _ in range(2))
-    >>> [(each.solver, each.lost) for each in regressions(old, new).changes]
+    >>> from tensionlab.benchmark.regressions import find_regressions
+    >>> old, new = (tl.benchmark.run([tl.Newton(), "dykstra"], ["edge"], count=12, quick=True) for _ in range(2))
+    >>> [(each.solver, each.lost) for each in find_regressions(old, new).changes]
     [('newton', 0), ('dykstra', 0)]
     """
     before = _by_key(old)

@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tensionlab.benchmarking.rigs import (
+from tensionlab.benchmark.rigs import (
     border_path,
     desired_wrenches,
     near_singular,

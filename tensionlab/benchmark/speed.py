@@ -14,10 +14,10 @@ import numpy as np
 
 from tensionlab import _native
 from tensionlab.allocation import Allocator, allocate
-from tensionlab.benchmarking import entries
-from tensionlab.benchmarking.results import BatchRow, CallRow
-from tensionlab.benchmarking.rigs import structures
-from tensionlab.benchmarking.statistics import quantile
+from tensionlab.benchmark import entries
+from tensionlab.benchmark.results import BatchRow, CallRow
+from tensionlab.benchmark.rigs import structures
+from tensionlab.benchmark.statistics import quantile
 from tensionlab.solvers.base import Status
 from tensionlab.solvers.quadratic import solve_qp
 from tensionlab.support.arrays import Floats

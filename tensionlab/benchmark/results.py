@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.benchmarking import statistics
-from tensionlab.benchmarking.entries import Entry
+from tensionlab.benchmark import statistics
+from tensionlab.benchmark.entries import Entry
 from tensionlab.errors import DataError
 from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
@@ -139,7 +139,7 @@ class CallRow:
     """Seconds of one call for one problem.
 
     ``median_s`` and ``p999_s`` have the machine's interruptions in them, ``quiet_p999_s`` has few: it is the
-    99.9 % quantile of each problem's best time of `tensionlab.benchmarking.speed.PASSES`.
+    99.9 % quantile of each problem's best time of `tensionlab.benchmark.speed.PASSES`.
     """
 
     components: int
@@ -235,7 +235,7 @@ def read(path: str | Path) -> Results:
     Examples
     --------
     >>> import tensionlab as tl
-    >>> from tensionlab.benchmarking.results import read
+    >>> from tensionlab.benchmark.results import read
     >>> read(tl.datasets.folder() / "benchmarks" / "results.parquet")
     <Results of 35 entries on 8 problem sets>
     """

@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import linprog
 
 import tensionlab as tl
-from tensionlab.benchmarking import problem_sets
-from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, Group, largest_scale, problem_set
-from tensionlab.benchmarking.rigs import structures
+from tensionlab.benchmark import problem_sets
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS, Group, largest_scale, problem_set
+from tensionlab.benchmark.rigs import structures
 from tensionlab.errors import InputError
 from tensionlab.workspace import capacity_margin
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensionlab.benchmarking.report import FIGURES, newton, report, table, times
-from tensionlab.benchmarking.results import Results, Row, summaries
+from tensionlab.benchmark.report import FIGURES, newton, report, table, times
+from tensionlab.benchmark.results import Results, Row, summaries
 from tensionlab.support.formatting import format_duration, format_share
 
 

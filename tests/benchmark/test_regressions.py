@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensionlab.benchmarking.regressions import regressions
-from tensionlab.benchmarking.results import Results, Row, write
+from tensionlab.benchmark.regressions import find_regressions
+from tensionlab.benchmark.results import Results, Row, write
 from tensionlab.errors import InputError
 
 PROBLEMS = 40
@@ -50,7 +50,7 @@ def baselines(factor, start=3):
 def test_a_slower_solver_is_found_on_a_slower_machine():
     old = run(row("newton", 0), row("dykstra", 1), *baselines(1.0))
     new = run(row("newton", 1, seconds=1.5e-5), row("dykstra", 2, seconds=1.5e-5 * 1.5), *baselines(1.5, 2))
-    found = regressions(old, new)
+    found = find_regressions(old, new)
     assert found.drift["edge"] == pytest.approx(1.5, rel=0.05)
     assert [change.solver for change in found.found] == ["dykstra"]
     (change,) = found.found
@@ -60,7 +60,7 @@ def test_a_slower_solver_is_found_on_a_slower_machine():
 
 
 def test_a_faster_one_is_no_regression():
-    found = regressions(
+    found = find_regressions(
         run(row("newton", 0), *baselines(1.0)), run(row("newton", 1, seconds=5e-6), *baselines(1.0))
     )
     assert found.changes[0].verdict == "faster"
@@ -68,7 +68,7 @@ def test_a_faster_one_is_no_regression():
 
 
 def test_noise_is_no_regression():
-    found = regressions(
+    found = find_regressions(
         run(row("newton", 0), *baselines(1.0)), run(row("newton", 1, seconds=1.04e-5), *baselines(1.0))
     )
     assert [change.verdict for change in found.changes] == [""] * 4
@@ -77,13 +77,13 @@ def test_noise_is_no_regression():
 def test_baselines_that_differ_among_themselves_are_the_noise():
     apart = [replace(each, call_s=[factor * s for s in each.call_s]) for factor, each in
              zip((1.0, 1.4, 1.0), baselines(1.0), strict=True)]  # fmt: skip
-    found = regressions(run(row("newton", 0), *baselines(1.0)), run(row("newton", 1, seconds=1.3e-5), *apart))
+    found = find_regressions(run(row("newton", 0), *baselines(1.0)), run(row("newton", 1, seconds=1.3e-5), *apart))
     assert not any(change.slower for change in found.changes)
 
 
 def test_on_a_busy_machine_times_are_not_judged_but_accuracy_is():
     new = run(row("newton", 1, seconds=1e-3), row("dykstra", 2, errors=1e-2), *baselines(1.0), busy=0.4)
-    found = regressions(run(row("newton", 0), row("dykstra", 1), *baselines(1.0)), new)
+    found = find_regressions(run(row("newton", 0), row("dykstra", 1), *baselines(1.0)), new)
     assert not found.judged
     assert [(change.solver, change.verdict) for change in found.found] == [("dykstra", "less accurate")]
     assert "the machine was busy" in found.title
@@ -95,12 +95,12 @@ def test_one_lost_problem_is_a_regression_and_rounding_is_none():
     lost[7] = 2e-6
     rounded = np.full(PROBLEMS, 1.1e-9)
     old = run(row("newton", 0, errors=errors), row("dykstra", 1, errors=errors))
-    found = regressions(old, run(row("newton", 0, errors=lost), row("dykstra", 1, errors=rounded)))
+    found = find_regressions(old, run(row("newton", 0, errors=lost), row("dykstra", 1, errors=rounded)))
     assert [(change.lost, change.gained, change.verdict) for change in found.changes] == [
         (1, 0, "less accurate"),
         (0, 0, ""),
     ]
-    assert [change.verdict for change in regressions(run(row("newton", 0, errors=lost)), old).changes] == [
+    assert [change.verdict for change in find_regressions(run(row("newton", 0, errors=lost)), old).changes] == [
         "more accurate"
     ]
 
@@ -109,13 +109,13 @@ def test_no_answer_counts_as_lost_but_what_was_not_tried_does_not():
     errors = np.full(PROBLEMS, 1e-12)
     errors[:3] = np.nan
     old = run(row("newton", 0))
-    assert regressions(old, run(row("newton", 0, errors=errors))).changes[0].lost == 3
-    assert regressions(old, run(row("newton", 0, errors=errors, tried=PROBLEMS - 3))).changes[0].lost == 0
+    assert find_regressions(old, run(row("newton", 0, errors=errors))).changes[0].lost == 3
+    assert find_regressions(old, run(row("newton", 0, errors=errors, tried=PROBLEMS - 3))).changes[0].lost == 0
 
 
 def test_the_accuracy_is_that_of_large_wrenches_where_they_are_large():
     large = {"scales": [1e3] * PROBLEMS}
-    found = regressions(run(row("newton", 0, **large)), run(row("newton", 0, errors=5e-6, **large)))
+    found = find_regressions(run(row("newton", 0, **large)), run(row("newton", 0, errors=5e-6, **large)))
     assert found.changes[0].lost == 0
 
 
@@ -129,11 +129,11 @@ def test_the_accuracy_is_that_of_large_wrenches_where_they_are_large():
 )
 def test_what_cannot_be_compared_is_refused(new, message):
     with pytest.raises(InputError, match=message):
-        regressions(run(row("newton", 0)), new)
+        find_regressions(run(row("newton", 0)), new)
 
 
 def test_the_report_names_what_regressed_and_both_runs():
-    found = regressions(
+    found = find_regressions(
         run(row("newton", 0), *baselines(1.0)), run(row("newton", 1, seconds=2e-5), *baselines(1.0))
     )
     text = found.report()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 
 import tensionlab as tl
-from tensionlab.benchmarking.optimum import _bound, distance_bound, excess_error, optimum
+from tensionlab.benchmark.optimum import _bound, distance_bound, excess_error, optimum
 from tensionlab.solvers.base import POLICIES, Problem
 from tests.helpers.batch import problem, random_problem
 from tests.helpers.problems import Case, batches, random_cases

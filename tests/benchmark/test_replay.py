@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.comparison.replay import replay
+from tensionlab.benchmark.replay import replay
 from tensionlab.hardware.log.reader import read_run
 from tests.helpers import runs
 

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from tensionlab.benchmarking.rigs import Stream, border_path, near_singular, streams, workspace_samples
+from tensionlab.benchmark.rigs import Stream, border_path, near_singular, streams, workspace_samples
 from tensionlab.errors import InputError
 from tensionlab.model.directions import forces, grid18
 from tensionlab.model.files import load_rig

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from tensionlab.benchmarking.entries import entries
-from tensionlab.benchmarking.results import empty_evidence, solved, summarise
+from tensionlab.benchmark.entries import entries
+from tensionlab.benchmark.results import empty_evidence, solved, summarise
 
 
 def test_a_problem_is_timed_by_the_best_of_its_repeats():

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmarking.entries import entries
-from tensionlab.benchmarking.evaluation import Effort, evaluate_set
-from tensionlab.benchmarking.problem_sets import Group, ProblemSet, problem_set
+from tensionlab.benchmark.entries import entries
+from tensionlab.benchmark.evaluation import Effort, evaluate_set
+from tensionlab.benchmark.problem_sets import Group, ProblemSet, problem_set
 from tensionlab.solvers.base import Answer
 
 EFFORT = Effort(seconds=10.0, repeats=2)
@@ -27,7 +27,7 @@ WAY = Group(
 @pytest.fixture(autouse=True)
 def small_batches(monkeypatch):
     """Time batches of a hundred problems: a large one takes a slow solver all the time of `EFFORT`."""
-    monkeypatch.setattr("tensionlab.benchmarking.evaluation.BATCH", 100)
+    monkeypatch.setattr("tensionlab.benchmark.evaluation.BATCH", 100)
 
 
 def measured(*groups, reachable="all", solvers=None, effort=EFFORT):

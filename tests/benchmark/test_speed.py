@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmarking import entries, speed
-from tensionlab.benchmarking.speed import infeasible_wrenches, random_problems, time_batches, time_calls
+from tensionlab.benchmark import entries, speed
+from tensionlab.benchmark.speed import infeasible_wrenches, random_problems, time_batches, time_calls
 
 
 @pytest.mark.parametrize(("n", "m"), speed.SHAPES)

@@ -11,10 +11,10 @@ import pyarrow.parquet as pq
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmarking import results
-from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, checksum, problem_set
-from tensionlab.benchmarking.results import EVIDENCE
-from tensionlab.benchmarking.run import ONE_THREAD, Plan, main, measure_here, plan, run
+from tensionlab.benchmark import results
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS, checksum, problem_set
+from tensionlab.benchmark.process import ONE_THREAD, Plan, main, measure, measure_here, plan
+from tensionlab.benchmark.results import EVIDENCE, read
 from tensionlab.errors import DataError, InputError, TensionlabError, UnknownSolver
 from tensionlab.support import provenance
 
@@ -131,7 +131,7 @@ class Halves:
 
 def test_a_solver_of_ones_own_is_measured_and_its_mistakes_are_in_the_table(tmp_path):
     what = Plan(("edge",), (Halves(), "newton"), count=12, seconds=0.05, repeats=1, rounds=0)
-    found = run(what, tmp_path, [], lambda done: None)
+    found = read(measure(what, tmp_path, [], lambda done: None))
     own, exact = found.rows
     assert (own.label, own.setting, exact.solved_1e6) == ("Halves", "proved", 1.0)
     assert found.manifest["bench"]["plan"]["solvers"] == ["Halves", "newton"]
@@ -146,7 +146,7 @@ def test_a_class_of_a_module_is_measured_in_the_process_of_its_own(tmp_path, mon
     (tmp_path / "mine.py").write_text("from tensionlab import Newton\nclass Mine(Newton):\n    pass\n")
     monkeypatch.syspath_prepend(tmp_path)
     what = Plan(("edge",), ("mine:Mine",), count=6, seconds=0.01, repeats=1, rounds=0)
-    found = run(what, tmp_path / "out", [], lambda done: None)
+    found = read(measure(what, tmp_path / "out", [], lambda done: None))
     assert [row.label for row in found.rows] == ["mine:Mine"]
     assert found.manifest["bench"]["threads"] == ONE_THREAD
 
@@ -159,14 +159,14 @@ def test_the_same_problems_have_the_same_checksum():
 def test_a_measuring_process_that_breaks_is_an_error(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "executable", "false")
     with pytest.raises(TensionlabError, match="status 1"):
-        run(plan(["point"], ["newton"]), tmp_path, [], lambda done: None)
+        measure(plan(["point"], ["newton"]), tmp_path, [], lambda done: None)
 
 
 def test_what_backends_print_does_not_disturb_the_progress(tmp_path):
     order = json.dumps({"plan": {"sets": ["point"], "solvers": ["newton"], "count": 5, "seconds": 0.01,
                                  "rounds": 0}, "folder": str(tmp_path), "call": [], "path": []})  # fmt: skip
     script = (
-        "import os, sys; from tensionlab.benchmarking import run as worker; "
+        "import os, sys; from tensionlab.benchmark import process as worker; "
         "old = worker.measure_here; "
         "worker.measure_here = lambda *a: (os.write(1, b'loud\\n'), old(*a))[1]; worker.main()"
     )
@@ -196,9 +196,9 @@ def test_a_measuring_process_ends_in_silence_where_nobody_hears_it(monkeypatch):
         progress(0.5)
 
     order = {"plan": asdict(plan(quick=True)), "folder": "new", "call": "bench", "path": []}
-    monkeypatch.setattr("tensionlab.benchmarking.run.measure_here", measure)
-    monkeypatch.setattr("tensionlab.benchmarking.run.os.dup", lambda _: writer)
-    monkeypatch.setattr("tensionlab.benchmarking.run.os.dup2", lambda *_: None)
+    monkeypatch.setattr("tensionlab.benchmark.process.measure_here", measure)
+    monkeypatch.setattr("tensionlab.benchmark.process.os.dup", lambda _: writer)
+    monkeypatch.setattr("tensionlab.benchmark.process.os.dup2", lambda *_: None)
     monkeypatch.setattr(sys, "argv", ["run", json.dumps(order)])
     main()
     assert heard == [plan(quick=True)]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocation, Allocator
-from tensionlab.comparison.compare import Column, Score, finite, score, scores_table
-from tensionlab.comparison.guarded import guarded
+from tensionlab.benchmark.comparison import Column, Score, finite, score, scores_table
+from tensionlab.benchmark.guarded import guarded
 from tensionlab.hardware.log.reader import Run
 from tensionlab.solvers import Selected, Solver, select_solvers
 from tensionlab.solvers.base import Policy

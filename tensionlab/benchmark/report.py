@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from typing import TypeVar
 
-from tensionlab.benchmarking.results import Results, Row, Summary, summaries
-from tensionlab.benchmarking.speed import PASSES
+from tensionlab.benchmark.results import Results, Row, Summary, summaries
+from tensionlab.benchmark.speed import PASSES
 from tensionlab.support.formatting import format_duration, format_share
 
 Of = TypeVar("Of")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.comparison.compare import MAX_TIMED_CALLS, compare, merge_policies
+from tensionlab.benchmark.comparison import MAX_TIMED_CALLS, compare, merge_policies
 from tensionlab.errors import InputError
 from tensionlab.support.arrays import angles
 
@@ -18,7 +18,7 @@ QUICK = ["newton", "dykstra", "pseudoinverse:middle", "closed-form", "qp:daqp"]
 def quickly_compared(name):
     """Compare some solvers on a rig, and time only 20 calls of each."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tensionlab.comparison.compare.MAX_TIMED_CALLS", 20)
+        patch.setattr("tensionlab.benchmark.comparison.MAX_TIMED_CALLS", 20)
         return compare(tl.load_rig(RIGS / f"{name}.toml"), solvers=QUICK)
 
 
@@ -124,7 +124,7 @@ def test_a_slow_moment_of_the_machine_changes_no_time(monkeypatch):
         look = next(looks)
         return 0.001 * look + 0.03 * (look >= 3)
 
-    monkeypatch.setattr("tensionlab.comparison.compare.time", SimpleNamespace(perf_counter=perf_counter))
+    monkeypatch.setattr("tensionlab.benchmark.comparison.time", SimpleNamespace(perf_counter=perf_counter))
     rig = tl.load_rig(RIGS / "bartels2026-validation.toml")
     for row in compare(rig, solvers=["closed-form", "pseudoinverse"]).rows:
         assert row.batch_s == pytest.approx(0.001 / 182)
@@ -247,7 +247,7 @@ def test_where_a_solver_raises_an_exception_only_that_force_fails_and_the_reason
     assert (broken.exact, broken.failed) == (2, 1)
     assert (newton.exact, newton.failed) == (3, 0)
     reason = found.failures["BreaksUpwards"]
-    assert reason.startswith("at 1 of 3: ZeroDivisionError: no way up (test_compare.py:")
+    assert reason.startswith("at 1 of 3: ZeroDivisionError: no way up (test_comparison.py:")
     assert reason in found._repr_html_()
 
 
