@@ -245,6 +245,10 @@ def test_all_mistakes_of_form_are_told_at_once():
     _, *lines = str(caught.value).splitlines()
     assert len(lines) == 5
     assert sum(map(len, lines)) <= MAX_PROBLEMS_CHARACTERS + 2 * len(lines), "without advice"
+    keys = "".join(f"key_{number} = 1\n" for number in range(100))
+    with pytest.raises(RigError, match=r"100 problems:(?s:.*)and \d+ more$") as caught:
+        rig_from_toml(keys + GOOD, source="desk.toml")
+    assert len(str(caught.value)) <= 1.3 * MAX_PROBLEMS_CHARACTERS
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
@@ -282,6 +286,8 @@ def test_rest_poses_of_body_frames_are_kept_and_turn_with_the_rig():
             'name = "hip"\nposition = [0.0, 1.0, 0.0]\nrotation = [1.0]',
             'frame "hip": key "rotation" must have three',
         ),
+        ('name = "hip"\nposition = [0, 1, 0]\nrotation = [0, 0, 150]', "give rad, within 100"),
+        ("\n[[frames]]\n".join(2 * ['name = "hip"\nposition = [0, 1, 0]\n']), 'frame "hip" is there twice'),
     ],
 )
 def test_rest_poses_of_no_use_are_refused(frames, error):

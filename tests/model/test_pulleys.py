@@ -19,7 +19,7 @@ from tensionlab.hardware.log.scene import SceneEncoder
 from tensionlab.hardware.runner.state_estimation import PoseTracker
 from tensionlab.model.kinematics import exponential
 from tensionlab.model.pose import in_own_axes, place_anchors, place_axes
-from tensionlab.model.pulleys import Pulleys, arcs, go_over, ways
+from tensionlab.model.pulleys import Pulleys, arcs, go_over, turn_gradient, ways
 from tensionlab.viewer import instant
 from tensionlab.viewer.evaluation import evaluate
 from tensionlab.viewer.scene import draw
@@ -77,8 +77,11 @@ def one_pulley(attachment, radius=0.5):
 
 def test_a_pulley_of_a_watch_is_one_of_a_crane_on_another_scale():
     rng = np.random.default_rng(1)
-    vectors, axes = rng.normal(size=(20, 1, 3)), np.array([[0.0, 0.0, 1.0]])
-    large, small = (go_over(scale * vectors, Pulleys(np.array([0.1 * scale]), axes)) for scale in (1.0, 1e-3))
+    vectors, pull = rng.normal(size=(2, 20, 1, 3))
+    wheels = {scale: Pulleys(np.array([0.1 * scale]), np.array([[0.0, 0.0, 1.0]])) for scale in (1.0, 1e-3)}
+    large, small = (go_over(scale * vectors, wheel) for scale, wheel in wheels.items())
+    slow, fast = (turn_gradient(pull, scale * vectors, wheel) for scale, wheel in wheels.items())
+    np.testing.assert_allclose(1e-3 * fast, slow, rtol=1e-9)
     np.testing.assert_allclose(small.lengths, 1e-3 * large.lengths, rtol=1e-9)
     np.testing.assert_allclose(small.directions, large.directions, atol=1e-9)
 

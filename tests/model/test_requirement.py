@@ -93,6 +93,7 @@ def test_the_characteristic_length_is_the_mean_distance_of_attachments_unless_it
         ({"wrench": [1.0, 2.0], "box": [1.0]}, '"wrench" has 2 components and key "box" has 1'),
         ({"wrench": [0.0, -1.1e11]}, "each within 1e[+]11"),
         ({"wrench": [np.nan]}, 'key "wrench" is .*; give a list of numbers in N'),
+        ({"wrenches": np.ones((100_001, 1))}, "has 100,001 wrenches; give 100,000 at most"),
         ({"wrenches": [1.0, 2.0]}, 'key "wrenches" is .*; give a list of wrenches'),
         ({"wrenches": [[1.0], [1.0, 2.0]]}, 'key "wrenches" is .*; give a list of wrenches'),
         ({"ball": -1.0}, 'key "ball" is -1.0; give a radius'),

@@ -1,6 +1,7 @@
 """Quadratic programs: every backend, every policy, and what happens when a backend breaks."""
 
 import numpy as np
+import osqp
 import pytest
 import qpsolvers
 
@@ -46,13 +47,16 @@ def break_second(monkeypatch, effect):
     monkeypatch.setattr(qpsolvers, "solve_problem", patched)
 
 
-def test_a_backend_that_throws_is_a_failure_of_that_row_alone(monkeypatch):
+@pytest.mark.parametrize(
+    ("backend", "error"), [("daqp", qpsolvers.exceptions.SolverError), ("osqp", osqp.OSQPException)]
+)
+def test_a_backend_that_throws_is_a_failure_of_that_row_alone(backend, error, monkeypatch):
     def throw(solution):
-        raise qpsolvers.exceptions.SolverError("ran out of steam")
+        raise error("ran out of steam")
 
     break_second(monkeypatch, throw)
-    answer = QuadraticProgram("daqp").solve(problem([[1, 1]], [[4], [5], [6]], 0, 9))
-    assert answer.failures == {1: "daqp: SolverError: ran out of steam"}
+    answer = QuadraticProgram(backend).solve(problem([[1, 1]], [[4], [5], [6]], 0, 9))
+    assert answer.failures == {1: f"{backend}: {error.__name__}: ran out of steam"}
     assert np.isnan(answer.tensions[1]).all()
     np.testing.assert_allclose(answer.tensions[[0, 2]], [[2, 2], [3, 3]])
 

@@ -43,8 +43,8 @@ def test_a_hand_at_rest_in_the_wall_is_held_until_it_leaves():
     deeper = at(-0.004, 0.0, first.contact)
     assert deeper.contact.position[1] == FLOOR_M - 0.004
     # 5 mm from where it was deepest, going in or out.
-    for speed in (-0.01, 0.3):
-        still = at(0.0009, speed, deeper.contact)
+    for height, speed in ((0.0009, -0.01), (0.0009, 0.3), (-0.0035, 0.0)):
+        still = at(height, speed, deeper.contact)
         assert still.reason == "locked"
         assert still.contact.position[1] == deeper.contact.position[1]
     assert at(0.0011, 0.3, deeper.contact).reason == "leaving"

@@ -130,6 +130,9 @@ def test_a_schema_knows_bodies_and_dimension_of_its_rig():
     assert valid(FLAT, hand=[0, 0])
     assert not valid(FLAT, hand=[0, 0, 0])
     assert valid(None, anything=[0, 0])
+    for kind in IN:
+        assert "examples" in WHOLE["$defs"][kind.__name__]
+        assert "examples" not in message_schema(RIG)["$defs"][kind.__name__], "of the bodies of another rig"
 
 
 @pytest.mark.parametrize("rig", [RIG, SHOULDERS, FLAT], ids=lambda rig: rig.name)

@@ -1,6 +1,5 @@
 """How what a client sends becomes a demand."""
 
-import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -133,7 +132,6 @@ class Faulty:
     ],
 )
 def test_a_clients_effect_that_fails_is_removed_its_force_fades_and_the_client_is_dismissed(then, why, caplog):
-    caplog.set_level(logging.CRITICAL)
     box, reasons, events = ClientState(RIG, Clock()), [], []
     client = box.command.take("client", box.clock(), reasons.append)
     demand = BridgedDemand(box, FreeEffects(box), on_event=lambda *event: events.append(event))
@@ -157,6 +155,7 @@ def test_a_clients_effect_that_fails_is_removed_its_force_fades_and_the_client_i
     assert why in client.dismissed
     assert reasons == [client.dismissed]
     assert events[0][0] == "removed"
+    assert ("Error" in why) == bool(caplog.records), "the traceback of what is not by its parameters"
 
 
 def test_a_scenarios_own_effect_that_fails_ends_the_run_in_words():

@@ -3,6 +3,7 @@
 import os
 import socket
 import threading
+import time
 from contextlib import ExitStack
 from types import SimpleNamespace
 
@@ -78,6 +79,21 @@ def test_what_is_removed_is_read_no_more(other):
     other.send(b"c")
     assert one.content == [b"a"]
     one.close()
+
+
+def test_a_link_may_be_removed_while_it_is_read():
+    one, took = Read(), []
+
+    def read():
+        began = time.perf_counter()
+        link_reader().remove(one.number, read)
+        took.append(time.perf_counter() - began)
+        return Read.read(one)
+
+    link_reader().add(one.number, read)
+    one.send(b"a")
+    one.close()
+    assert took[0] < 0.5 * link_readers.REMOVAL_TIMEOUT_S
 
 
 def test_a_number_that_was_closed_without_a_word_is_read_for_the_next_link():
