@@ -228,6 +228,18 @@ class Single:
     ) -> None: ...
     def __call__(self, structure: object, wrench: object, numbers: NDArray[float64]) -> tuple[int, int] | None: ...
 
+def allocate_once(
+    structure: object,
+    wrench: object,
+    lower: object,
+    upper: object,
+    reference: int,
+    policy: int,
+    largest: float,
+    tolerance: float,
+    rank_tolerance: float,
+    numbers: NDArray[float64],
+) -> tuple[int, int] | None: ...
 def all_within(numbers: NDArray[float64], limit: float) -> bool: ...
 def choose_locks(
     structure: NDArray[float64],

@@ -5,10 +5,8 @@ Input is checked and broadcast, the chosen solver chooses, and its answer is ver
 
 from __future__ import annotations
 
-import atexit
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -29,6 +27,7 @@ from tensionlab.solvers.base import (
     refusal,
     resolve_policy,
 )
+from tensionlab.solvers.least_squares import newton_once
 from tensionlab.support import provenance
 from tensionlab.support.arrays import (
     Floats,
@@ -66,7 +65,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
+@dataclass  # not frozen: to set eleven fields of a frozen class takes longer than to solve
 class Allocation:
     """Tensions that were chosen, and what is proved about them.
 
@@ -448,66 +447,42 @@ def allocate(
     >>> tl.allocate(structure, forces, rig.limits, policy="direction").scale.round(3)
     array([1.   , 0.244])
     """
-    allocator = None
     if isinstance(solver, str) and solver == "newton" and wrench_weights is None:
-        allocator = _kept_allocator(limits, reference, policy)
-    if allocator is None:
-        allocator = Allocator(limits, solver, reference, policy, wrench_weights)
-    return allocator(structure, wrench)
+        allocation = _allocate_single(structure, wrench, limits, reference, policy)
+        if allocation is not None:
+            return allocation
+    return Allocator(limits, solver, reference, policy, wrench_weights)(structure, wrench)
 
 
-def _kept_allocator(limits: object, *options: object) -> Allocator | None:
-    """Return the allocator of an earlier call with the same limits, reference and policy.
-
-    To prepare one takes longer than to solve a problem. None where limits are no plain vectors, or the others no
-    words.
-    """
+def _allocate_single(structure: Any, wrench: Any, limits: Any, reference: Any, policy: Any) -> Allocation | None:
+    """Solve one problem with the exact solver, without an `Allocator`, whose checks take longer than solving."""
+    lower, upper = getattr(limits, "lower", None), getattr(limits, "upper", None)
     if isinstance(limits, tuple) and len(limits) == 2:
         lower, upper = limits
-    else:
-        lower, upper = getattr(limits, "lower", None), getattr(limits, "upper", None)
-    if not (type(lower) is type(upper) is np.ndarray and lower.dtype == upper.dtype == np.float64):
+    if not (type(structure) is type(wrench) is type(lower) is type(upper) is np.ndarray and structure.ndim == 2):
         return None
-    if not lower.ndim == upper.ndim == 1 or not all(isinstance(each, str | None) for each in options):
+    if not all(option is None or isinstance(option, str) for option in (reference, policy)):
         return None
-    return _allocator_of(lower.tobytes(), upper.tobytes(), *options)
+    single = newton_once(lower, upper, reference, policy)
+    return None if single is None else _solve_single(single, structure, wrench)
 
 
-@lru_cache(maxsize=64)
-def _allocator_of(lower: bytes, upper: bytes, reference: Any, policy: Any) -> Allocator:
-    """Return an allocator of the exact solver, with limits by their bytes."""
-    return Allocator((np.frombuffer(lower), np.frombuffer(upper)), "newton", reference, policy)
+# NumPy's scalars, which take longer to make than a field to fill.
+_STATUSES: tuple[Any, ...] = tuple(np.int8(status) for status in sorted(Status))
+_COUNTS: tuple[Any, ...] = tuple(np.int64(count) for count in range(64))
 
 
-atexit.register(_allocator_of.cache_clear)  # a native object that is still there at the end is reported as leaked
-
-_STATUSES = tuple(np.int8(status) for status in sorted(Status))
-_COUNTS = tuple(np.int64(count) for count in range(64))
-
-
-def _solve_single(solve: SingleSolver, structure: Floats, wrench: object) -> Allocation | None:
-    """Solve one prepared problem; None if the arguments are not two plain arrays of the right shapes."""
+def _solve_single(solve: SingleSolver, structure: Floats, wrench: Floats) -> Allocation | None:
+    """Solve one problem with a matrix; None if the arguments are not two plain arrays of the right shapes."""
     n, m = structure.shape
     numbers = np.empty(m + 2 * n + 2)
     found = solve(structure, wrench, numbers)
     if found is None:
         return None
     status, count = found
-    allocation = object.__new__(Allocation)
-    # All at once, and numbers that have been made before: one by one, as the initialiser of a frozen class sets
-    # them, takes longer than solving.
-    values = {
-        "tensions": numbers[:m],
-        "wrench": numbers[m : m + n],
-        "residual": numbers[-2],
-        "status": _STATUSES[status],
-        "scale": numbers[-1],
-        "iterations": _COUNTS[count] if count < len(_COUNTS) else np.int64(count),
-        "separation": numbers[m + n : -2],
-        "failures": {},
-    }
-    object.__setattr__(allocation, "__dict__", values)
-    return allocation
+    iterations = _COUNTS[count] if count < len(_COUNTS) else np.asarray(count)[()]
+    tensions, rendered, separation = numbers[:m], numbers[m : m + n], numbers[m + n : -2]
+    return Allocation(tensions, rendered, numbers[-2], _STATUSES[status], numbers[-1], iterations, separation)
 
 
 def _shaped(verified: Verified, shape: tuple[int, ...]) -> Allocation:

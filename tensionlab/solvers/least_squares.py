@@ -7,7 +7,16 @@ from typing import ClassVar
 
 from tensionlab import _native
 from tensionlab.errors import InputError
-from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer, Policy, Problem, Verified
+from tensionlab.solvers.base import (
+    POLICIES,
+    RANK_TOLERANCE,
+    TOLERANCE,
+    Answer,
+    Policy,
+    Problem,
+    SingleSolver,
+    Verified,
+)
 from tensionlab.support.arrays import MAX_MAGNITUDE, Floats
 
 
@@ -58,6 +67,24 @@ class Newton:
         """Return what solves and verifies one problem with these limits, reference, weights and policy."""
         index = POLICIES.index(policy or "force")
         return _native.Single(lower, upper, reference, weights, index, MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE)
+
+
+def newton_once(lower: object, upper: object, reference: str | None, policy: str | None) -> SingleSolver | None:
+    """Return what solves one problem exactly, without preparing `Newton`; None if reference or policy is unknown.
+
+    Its answer is None too where the limits are not vectors of finite numbers that do not cross.
+    """
+    try:
+        options = (None, "lower", "middle").index(reference), POLICIES.index(policy or "force")
+    except ValueError:
+        return None
+
+    def solve(structure: object, wrench: object, numbers: Floats) -> tuple[int, int] | None:
+        return _native.allocate_once(
+            structure, wrench, lower, upper, *options, MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE, numbers
+        )
+
+    return solve
 
 
 @dataclass(frozen=True)

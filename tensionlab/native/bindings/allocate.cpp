@@ -109,6 +109,45 @@ nb::object allocate_batch(const In<3>& structure, const In<2>& wrench, const In<
   return nb::make_tuple(tensions, rendered, residual, status, scale, iterations, separation);
 }
 
+// One problem; its limits, reference and weights have as many entries as cables and components.
+struct Prepared {
+  const double *lower, *upper, *reference, *weights;
+  std::size_t n, m;
+};
+
+using Plain = nb::device::cpu;
+
+using Numbers = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+// numbers: tensions (m), rendered wrench (n), separation (n), residual, scale. Returns status and iterations; None
+// if the arguments are anything but plain arrays of the right shape and of finite numbers.
+nb::object solve_one(const nb::object& structure, const nb::object& wrench, const Prepared& prepared,
+                     const Settings& settings, const Numbers& numbers) {
+  const std::size_t n = prepared.n, m = prepared.m;
+  nb::ndarray<const double, nb::numpy, nb::ndim<2>, nb::c_contig, Plain> matrix;
+  nb::ndarray<const double, nb::numpy, nb::ndim<1>, nb::c_contig, Plain> vector;
+  if (!nb::try_cast(structure, matrix, false) || !nb::try_cast(wrench, vector, false)) return nb::none();
+  if (!matrix.is_valid() || !vector.is_valid()) return nb::none();  // of None
+  if (matrix.shape(0) != n || matrix.shape(1) != m || vector.shape(0) != n) return nb::none();
+  const Batch batch{1,
+                    static_cast<int>(n),
+                    static_cast<int>(m),
+                    {matrix.data(), 0},
+                    {vector.data(), 0},
+                    {prepared.lower, 0},
+                    {prepared.upper, 0},
+                    {prepared.reference, 0},
+                    prepared.weights};
+  require(numbers.size() == m + 2 * n + 2, "numbers has the wrong size");
+  std::int64_t iterations;
+  std::int8_t status;
+  std::atomic<bool> flawed{false};
+  double* out = numbers.data();
+  const SweepAnswer answer{out, out + m + n, out + m, out + m + 2 * n, out + m + 2 * n + 1, &status, &iterations};
+  if (!Allocation(batch, settings, answer, flawed).solve(0, 1)) return nb::none();
+  return nb::make_tuple(static_cast<int>(status), iterations);
+}
+
 // One problem a call, with limits, reference and weights that stay.
 class Single {
  public:
@@ -125,34 +164,11 @@ class Single {
     require(policy >= 0 && policy < kPolicies, "no such policy");
   }
 
-  // numbers: tensions (m), rendered wrench (n), separation (n), residual, scale. Returns status and iterations;
-  // None if the arguments are anything but plain arrays of the right shape and of finite numbers.
-  nb::object solve(const nb::object& structure, const nb::object& wrench,
-                   const nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>& numbers) const {
-    const std::size_t n = weights_.size(), m = lower_.size();
-    nb::ndarray<const double, nb::numpy, nb::ndim<2>, nb::c_contig, nb::device::cpu> matrix;
-    nb::ndarray<const double, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu> vector;
-    if (!nb::try_cast(structure, matrix, false) || !nb::try_cast(wrench, vector, false)) return nb::none();
-    if (!matrix.is_valid() || !vector.is_valid()) return nb::none();  // of None
-    if (matrix.shape(0) != n || matrix.shape(1) != m || vector.shape(0) != n) return nb::none();
-    require(numbers.size() == m + 2 * n + 2, "numbers has the wrong size");
-    const Batch batch{1,
-                      static_cast<int>(n),
-                      static_cast<int>(m),
-                      {matrix.data(), 0},
-                      {vector.data(), 0},
-                      {lower_.data(), 0},
-                      {upper_.data(), 0},
-                      {reference_.data(), 0},
-                      weights_.data()};
-    std::int64_t iterations;
-    std::int8_t status;
-    std::atomic<bool> flawed{false};
-    double* out = numbers.data();
-    const SweepAnswer answer{out,     out + m + n, out + m, out + m + 2 * n, out + m + 2 * n + 1,
-                             &status, &iterations};
-    if (!Allocation(batch, settings_, answer, flawed).solve(0, 1)) return nb::none();
-    return nb::make_tuple(static_cast<int>(status), iterations);
+  nb::object solve(const nb::object& structure, const nb::object& wrench, const Numbers& numbers) const {
+    return solve_one(
+        structure, wrench,
+        {lower_.data(), upper_.data(), reference_.data(), weights_.data(), weights_.size(), lower_.size()},
+        settings_, numbers);
   }
 
  private:
@@ -166,6 +182,33 @@ class Single {
   Settings settings_;
 };
 
+// One problem, as `Single`, with the reference 0, the lower limits or the middle of the limits. None also where
+// the limits are not plain, cross, or are not finite.
+enum class Reference { kZero, kLower, kMiddle };
+
+nb::object allocate_once(const nb::object& structure, const nb::object& wrench, const nb::object& lower,
+                         const nb::object& upper, int reference, int policy, double largest, double tolerance,
+                         double rank_tolerance, const Numbers& numbers) {
+  nb::ndarray<const double, nb::numpy, nb::ndim<1>, nb::c_contig, Plain> low, high, desired;
+  if (!nb::try_cast(lower, low, false) || !nb::try_cast(upper, high, false) ||
+      !nb::try_cast(wrench, desired, false))
+    return nb::none();
+  if (!low.is_valid() || !high.is_valid() || !desired.is_valid()) return nb::none();
+  const std::size_t n = desired.shape(0), m = low.shape(0);
+  if (high.shape(0) != m || n < 1 || n > kMaxComponents || m < 1 || m > kMaxCables) return nb::none();
+  require(policy >= 0 && policy < kPolicies, "no such policy");
+  const auto kind = static_cast<Reference>(reference);
+  double target[kMaxCables], weights[kMaxComponents];
+  for (std::size_t j = 0; j < m; ++j) {
+    const double least = low(j), most = high(j);
+    if (!(-largest < least && least <= most && most < largest)) return nb::none();
+    target[j] = kind == Reference::kZero ? 0.0 : kind == Reference::kLower ? least : (least + most) / 2;
+  }
+  std::fill(weights, weights + n, 1.0);
+  return solve_one(structure, wrench, {low.data(), high.data(), target, weights, n, m},
+                   {static_cast<Policy>(policy), largest, tolerance, rank_tolerance}, numbers);
+}
+
 }  // namespace
 
 void bind_allocate(nb::module_& module) {
@@ -173,6 +216,7 @@ void bind_allocate(nb::module_& module) {
   nb::class_<Single>(module, "Single")
       .def(nb::init<const In<1>&, const In<1>&, const In<1>&, const In<1>&, int, double, double, double>())
       .def("__call__", &Single::solve);
+  module.def("allocate_once", &allocate_once);
 }
 
 }  // namespace tensionlab
