@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab.errors import InputError, ShapeError, Unreachable
-from tensionlab.solvers import SOLVERS, fused, make
+from tensionlab.solvers import SOLVERS, as_fused_solver, make
 from tensionlab.solvers.base import (
     POLICIES,
     RANK_TOLERANCE,
@@ -308,7 +308,7 @@ class Allocator:
         wrench_weights: ArrayLike | None = None,
     ) -> None:
         self.solver, self.policy = resolve_solver(solver, policy)
-        self._fused = fused(self.solver)
+        self._fused = as_fused_solver(self.solver)
         self.lower, self.upper = tension_limits(limits)
         self.reference = self._resolve(reference)
         self.weights = _weights(wrench_weights)

@@ -174,7 +174,7 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
     if joint is None:
         element.fail(f'attribute "type" is {element.attribute("type")!r}; only {", ".join(JOINTS)} make a rig')
     kind, axes = KINDS[joint.kind], ["xyz".index(axis) for axis in joint.axes]
-    initial = element.numbers(kind.freedoms, "q_initial")  # coordinates, then angles if it turns
+    initial = element.numbers(kind.dof, "q_initial")  # coordinates, then angles if it turns
     physical = links[0].only("physical")
     com = physical.only("com_location").numbers(3)
     chosen = _choose(read_xml(cables, "cables"), cable_set)
@@ -183,12 +183,12 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
         chosen.fail("has no cables; give a set that has some")
     parent = links[0].only("parent").only("location").numbers(3)
     for part in parts:
-        if not kind.turns and not np.array_equal(part.attachment, parts[0].attachment):
+        if not kind.has_orientation and not np.array_equal(part.attachment, parts[0].attachment):
             part.element.fail("ends elsewhere than the first cable, but the body can't turn; no rig is like that")
         away = [part.anchor - parent - part.attachment, *([] if part.pulley_axis is None else [part.pulley_axis])]
         if np.delete(away, axes, axis=1).any():
             part.element.fail(f"leaves the {joint.axes} plane in which the body moves; no rig is like that")
-    point = np.zeros(3) if kind.turns else parts[0].attachment
+    point = np.zeros(3) if kind.has_orientation else parts[0].attachment
     up = {"xyz": "z", "xz": "y", "yz": "y"}.get(joint.axes)  # its z, if that is an axis of the rig
     return Rig(
         name=Path(bodies).stem.removesuffix("_bodies"),
@@ -262,7 +262,7 @@ def _names(parts: list[_Cable]) -> list[str]:
 def _platform(physical: Element, com: Floats, joint: _Joint) -> Platform:
     """Read the mass and, of a body that turns, the centre of mass and the inertia about it; zeros are unknown."""
     mass = physical.number("mass")
-    if not KINDS[joint.kind].turns:
+    if not KINDS[joint.kind].has_orientation:
         return Platform(mass)
     table = physical.only("inertia")
     xx, yy, zz, xy, xz, yz = (table.number(f"I{name}") for name in ("xx", "yy", "zz", "xy", "xz", "yz"))

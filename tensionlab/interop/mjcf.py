@@ -64,7 +64,7 @@ def rig_to_mjcf(rig: Rig) -> str:
             frames[rest.name].set("axisangle", _row([*axis, angle]))
     platform = _platform(world, rig, size)
     placed = pose.place_anchors(rig.modules, rig.anchors, rig.at_rest)
-    away = pose.in_own_axes(rig.modules, rig.home + rig.attachments - placed, rig.at_rest)
+    away = pose.to_module_frames(rig.modules, rig.home + rig.attachments - placed, rig.at_rest)
     tendons = Xml.SubElement(root, "tendon")
     motors = Xml.SubElement(root, "actuator")
     for number, (module, attachment) in enumerate(zip(rig.modules, rig.attachments, strict=True)):
@@ -144,7 +144,9 @@ def _inertia(rig: Rig) -> tuple[float, Floats, Floats]:
     if held is not None and held.inertia is not None:
         inertia = held.inertia if held.inertia.shape == (3, 3) else np.eye(3) * held.inertia
     else:
-        radius = float(np.linalg.norm(rig.attachments - com, axis=1).max()) if KINDS[rig.kind].turns else 0.0
+        radius = (
+            float(np.linalg.norm(rig.attachments - com, axis=1).max()) if KINDS[rig.kind].has_orientation else 0.0
+        )
         inertia = 0.4 * mass * (radius or 0.1) ** 2 * np.eye(3)
     moments = np.linalg.eigvalsh(inertia)
     if moments[2] > moments[0] + moments[1]:

@@ -14,7 +14,7 @@ from tensionlab.allocation import Allocation, Allocator, Policy, Solver
 from tensionlab.demand import Pose
 from tensionlab.errors import InputError, needs
 from tensionlab.interop.mjcf import rig_to_mjcf
-from tensionlab.model.pose import in_own_axes, place_anchors
+from tensionlab.model.pose import place_anchors, to_module_frames
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
@@ -319,7 +319,7 @@ class _Swivels:
 
     def quaternions(self, attachments: Floats) -> Floats:
         """Return the quaternions w, x, y, z of the pulleys that are turned to attachments (m, 3) in the world."""
-        away = in_own_axes(self._rig.modules, attachments - self._anchors, self._rig.at_rest)[self._of]
+        away = to_module_frames(self._rig.modules, attachments - self._anchors, self._rig.at_rest)[self._of]
         sine = np.einsum("pi,pi->p", self._axes, np.cross(self._at_first, away))
         cosine = np.einsum("pi,pi->p", self._at_first, away)  # the first is across the axis
         half = 0.5 * np.arctan2(sine, cosine)[:, None]

@@ -86,7 +86,7 @@ def rig_from_toml(text: str, source: str) -> Rig:
         for number, own in enumerate(table.modules, start=1):
             keys = {**shared, **own.model_dump(exclude_none=True)}
             needed = ["lower", "upper"]
-            if table.kind in KINDS and KINDS[table.kind].turns:
+            if table.kind in KINDS and KINDS[table.kind].has_orientation:
                 needed.append("attachment")
             for key in needed:
                 if key not in keys:
@@ -166,7 +166,7 @@ def rig_to_toml(rig: Rig) -> str:
         document["required"] |= {"gravity": True} if rig.required.gravity else {}
     if rig.rest:
         document["frames"] = [{"name": each.name} | _given(each, ["position", "rotation"]) for each in rig.rest]
-    own = ["attachment"] if KINDS[rig.kind].turns else []
+    own = ["attachment"] if KINDS[rig.kind].has_orientation else []
     own += [key for key in SHARED if key not in common]
     document["modules"] = [
         {"name": module.name, "anchor": module.anchor.tolist()}

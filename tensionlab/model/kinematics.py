@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.model.pulleys import Pulleys, go_over, turn_gradient
+from tensionlab.model.pulleys import Pulleys, route_cables, turn_gradient
 from tensionlab.support.arrays import Floats, Integers, common_axes
 
 
@@ -89,7 +89,7 @@ def cables(
     """
     vectors = to_anchors(anchors, position, arms)
     if pulleys is not None:
-        lengths, directions, _ = go_over(vectors, pulleys)
+        lengths, directions, _ = route_cables(vectors, pulleys)
         return lengths, directions
     lengths = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
     return lengths, vectors / np.where(lengths > 0.0, lengths, 1.0)[..., None]

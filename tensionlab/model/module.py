@@ -31,19 +31,19 @@ class Kind(NamedTuple):
     """Kind of rig: ``dimension`` d of space, ``freedoms`` n of what the cables hold."""
 
     dimension: int
-    freedoms: int
+    dof: int
 
     @property
-    def turns(self) -> bool:
+    def has_orientation(self) -> bool:
         """Whether the cables hold a body that can turn, rather than a point."""
-        return self.freedoms > self.dimension
+        return self.dof > self.dimension
 
 
 KINDS = {
-    "planar-point": Kind(dimension=2, freedoms=2),
-    "point": Kind(dimension=3, freedoms=3),
-    "planar": Kind(dimension=2, freedoms=3),
-    "platform": Kind(dimension=3, freedoms=6),
+    "planar-point": Kind(dimension=2, dof=2),
+    "point": Kind(dimension=3, dof=3),
+    "planar": Kind(dimension=2, dof=3),
+    "platform": Kind(dimension=3, dof=6),
 }
 """The kinds of rig. A wrench is a force; "planar" adds the torque about z, "platform" three torques."""
 
@@ -154,7 +154,7 @@ class Module:
 
     def check_kind(self, kind: str) -> None:
         """Refuse coordinates that do not suit a kind of rig."""
-        dimension, turns = KINDS[kind].dimension, KINDS[kind].turns
+        dimension, turns = KINDS[kind].dimension, KINDS[kind].has_orientation
         if self.anchor.size != dimension:
             raise RigError(
                 f'module "{self.name}": key "anchor" has {self.anchor.size} coordinates; '
@@ -224,12 +224,12 @@ class Platform:
 
     def check_kind(self, kind: str) -> None:
         """Refuse a centre of mass or an inertia that does not suit a kind of rig."""
-        dimension, freedoms = KINDS[kind]
-        if self.com is not None and (not KINDS[kind].turns or self.com.size != dimension):
+        dimension, dof = KINDS[kind]
+        if self.com is not None and (not KINDS[kind].has_orientation or self.com.size != dimension):
             raise RigError(
                 f'[platform]: key "com" does not suit a {kind} rig; leave it out or give {dimension} numbers'
             )
-        k = freedoms - dimension
+        k = dof - dimension
         if self.inertia is not None and self.inertia.shape != (k, k):
             needs = f"needs ({k}, {k})" if k else "has none, so leave it out"
             raise RigError(f'[platform]: key "inertia" has shape {self.inertia.shape}; a {kind} rig {needs}')

@@ -90,7 +90,7 @@ class RestPose:
 
     __hash__ = None  # type: ignore[assignment]  # it holds arrays
 
-    def turned(self, rotation: Floats) -> RestPose:
+    def rotated(self, rotation: Floats) -> RestPose:
         """Return the same in axes that are turned by right angles, by a matrix (d, d)."""
         turn = self.rotation if self.rotation is None or self.rotation.size == 1 else rotation @ self.rotation
         return RestPose(self.name, rotation @ self.position + 0.0, turn)
@@ -167,7 +167,7 @@ def place_axes(modules: Sequence[Module], axes: Floats, frames: Frames | None) -
     return place_anchors(modules, axes, frames) - place_anchors(modules, np.zeros_like(axes), frames)
 
 
-def in_own_axes(modules: Sequence[Module], vectors: Floats, frames: Frames | None) -> Floats:
+def to_module_frames(modules: Sequence[Module], vectors: Floats, frames: Frames | None) -> Floats:
     """Turn vectors, (..., m, d), one a module, from world axes to those of each module's own frame."""
     if all(module.frame == WORLD for module in modules):
         return vectors

@@ -45,7 +45,7 @@ class Pulleys(NamedTuple):
         return self if self.axes.ndim < 3 else Pulleys(self.radii, self.axes[part])
 
 
-class Way(NamedTuple):
+class CableGeometry(NamedTuple):
     """Ways of cables: lengths (..., m), unit vectors (..., m, d) from attachments, and straight parts (..., m)."""
 
     lengths: Floats
@@ -64,20 +64,20 @@ class _Plane(NamedTuple):
     cosine: Floats
 
 
-def go_over(vectors: Floats, pulleys: Pulleys) -> Way:
+def route_cables(vectors: Floats, pulleys: Pulleys) -> CableGeometry:
     """Return the ways of cables with vectors (..., m, d) from attachments to anchors, in m.
 
     The straight part is 0 for an attachment that is inside its pulley.
     """
     plane = _plane(vectors, pulleys)
     towards = plane.sine[..., None] * plane.outward + plane.cosine[..., None] * pulleys.axes
-    return Way(plane.straight + pulleys.radii * _angle(plane), -towards, plane.straight)
+    return CableGeometry(plane.straight + pulleys.radii * _angle(plane), -towards, plane.straight)
 
 
 def arcs(vectors: Floats, pulleys: Pulleys, count: int) -> Floats:
     """Return points (count, ..., m, d) along the rims, relative to the anchors, to where cables leave.
 
-    Vectors as in `go_over`.
+    Vectors as in `route_cables`.
     """
     plane = _plane(vectors, pulleys)
     angle = _angle(plane)

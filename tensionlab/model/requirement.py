@@ -155,7 +155,7 @@ class Requirement:
             around = np.array(list(product(*ends)))
         return self.middle(rig, rotation)[..., None, :] + around
 
-    def turned(self, rotation: Floats) -> Requirement:
+    def rotated(self, rotation: Floats) -> Requirement:
         """Return the same requirement in axes that are turned by right angles, by a matrix (d, d)."""
         d = len(rotation)
 

@@ -27,7 +27,7 @@ from tensionlab.model.module import (
     vector,
 )
 from tensionlab.model.pose import Frame, Frames, RestPose
-from tensionlab.model.pulleys import Pulleys, go_over
+from tensionlab.model.pulleys import Pulleys, route_cables
 from tensionlab.model.requirement import Requirement
 from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats, common_axes, frozen
@@ -153,7 +153,7 @@ class Rig:
         columns: dict[str, list[Any]] = {
             "<module": [module.name for module in self.modules],
             "anchor m": [*self.anchors],
-            "attachment m": [*self.attachments] if self._kind.turns else [],
+            "attachment m": [*self.attachments] if self._kind.has_orientation else [],
             "<frame": [module.frame for module in self.modules] if self.frames else [],
             "lower N": [module.lower for module in self.modules],
             "upper N": [module.upper for module in self.modules],
@@ -195,7 +195,7 @@ class Rig:
     @property
     def n(self) -> int:
         """Number of wrench components."""
-        return self._kind.freedoms
+        return self._kind.dof
 
     @property
     def m(self) -> int:
@@ -215,7 +215,7 @@ class Rig:
             raise RigError(f'rig "{self.name}": key "up" is missing; give the axis that points up, as in up = "z"')
         return upward(self.up, self.dimension)
 
-    def turned(self, up: str) -> Rig:
+    def with_up_axis(self, up: str) -> Rig:
         """Return the same rig in axes of which another points up.
 
         Its axes take each other's places in turn: what was ahead stays ahead, as from Y up, facing Z, to Z up,
@@ -230,7 +230,7 @@ class Rig:
         --------
         >>> import tensionlab as tl
         >>> rig = tl.load_rig("bartels2026-validation")
-        >>> rig.home, rig.turned("z").home
+        >>> rig.home, rig.with_up_axis("z").home
         (array([0. , 0.3, 0. ]), array([0. , 0. , 0.3]))
         """
         require_up(up, self.dimension)
@@ -259,8 +259,8 @@ class Rig:
             home=turn(self.home),
             platform=platform,
             up=up,
-            required=self.required.turned(rotation),
-            rest=tuple(each.turned(rotation) for each in self.rest),
+            required=self.required.rotated(rotation),
+            rest=tuple(each.rotated(rotation) for each in self.rest),
         )
 
     def gravity(self, rotation: ArrayLike | None = None) -> Floats:
@@ -279,7 +279,7 @@ class Rig:
         if self.platform is None:
             raise RigError(f'rig "{self.name}": [platform] is missing; give its mass')
         force = -self.platform.mass * GRAVITY_M_S2 * self.upward
-        if not self._kind.turns:
+        if not self._kind.has_orientation:
             return force
         arm = np.zeros((1, self.dimension)) if self.platform.com is None else self.platform.com[None]
         if rotation is not None:
@@ -360,14 +360,14 @@ class Rig:
         """Return where the cables run at a pose; parameters and errors as in `structure_matrix`."""
         p, R, anchors = self._pose(position, rotation, frames)
         arms = None
-        if self._kind.turns:
+        if self._kind.has_orientation:
             arms = self.attachments if R is None else kinematics.rotate(R, self.attachments)
         pulleys = self.pulleys_in_world(frames)
         if pulleys is None:
             lengths, directions = kinematics.cables(anchors, p, arms)
             straight = lengths
         else:
-            lengths, directions, straight = go_over(kinematics.to_anchors(anchors, p, arms), pulleys)
+            lengths, directions, straight = route_cables(kinematics.to_anchors(anchors, p, arms), pulleys)
         short = straight == 0.0
         if short.any():
             *where, index = (int(i) for i in np.argwhere(short)[0])
@@ -515,7 +515,7 @@ class Rig:
         guess, turn, anchors = self._pose(self.home if position is None else position, rotation, frames)
         return kinematics.estimate_pose(
             anchors,
-            self.attachments if self._kind.turns else None,
+            self.attachments if self._kind.has_orientation else None,
             measured,
             guess,
             turn,
@@ -527,7 +527,7 @@ class Rig:
     ) -> tuple[Floats, Floats | None, Floats]:
         """Position, rotation matrix (or None) and anchors in the world, checked to broadcast."""
         p = pose.points(position, self.dimension, "position")
-        if rotation is not None and not self._kind.turns:
+        if rotation is not None and not self._kind.has_orientation:
             raise ShapeError(f'rig "{self.name}" is a {self.kind} rig and cannot turn; leave rotation out')
         R = None if rotation is None else pose.rotations(rotation, self.dimension, "rotation")
         anchors = pose.place_anchors(self.modules, self.anchors, frames)

@@ -307,7 +307,7 @@ def _turned(rig: Rig, up: object) -> tuple[Rig, str]:
     if rig.up is None or rig.up == up:
         return rig, ""
     try:
-        turned = rig.turned(str(up))
+        turned = rig.with_up_axis(str(up))
     except RigError as error:
         raise ScenarioError(f'{error}, as rig "{rig.name}" ({rig.kind}) has them, or another rig') from None
     axes = []

@@ -55,7 +55,7 @@ SOLVERS: dict[str, type[Any]] = {
 """Built-in solvers by name."""
 
 PLUGIN_GROUP = "tensionlab.solvers"
-PARTS: dict[str, Any] = {"objective": str, "policies": tuple, "solve": Callable}
+REQUIRED_ATTRIBUTES: dict[str, Any] = {"objective": str, "policies": tuple, "solve": Callable}
 """Attributes that the class of a solver has, and of which kind."""
 GUIDE = "docs/how-to/add-a-solver.md has one to copy"
 """What to do about a class that is no solver."""
@@ -113,7 +113,7 @@ def title_of(solver: Solver) -> str:
     return f"{name}({', '.join(changed)})" if changed else name
 
 
-def fused(solver: Solver) -> FusedSolver | None:
+def as_fused_solver(solver: Solver) -> FusedSolver | None:
     """Return a solver that also verifies its answers, in one pass; None where `tensionlab.verification` has to.
 
     Only built-in solvers may: the statuses of others are never believed.
@@ -320,7 +320,9 @@ def _load(entry: EntryPoint) -> type[Any]:
 
 def _lacks(solver: object) -> list[str]:
     """Return what a class or an instance lacks to be a solver."""
-    return [name for name, kind in PARTS.items() if not isinstance(getattr(solver, name, None), kind)]
+    return [
+        name for name, kind in REQUIRED_ATTRIBUTES.items() if not isinstance(getattr(solver, name, None), kind)
+    ]
 
 
 __all__ = [

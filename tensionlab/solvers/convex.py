@@ -63,7 +63,7 @@ class ConvexProgram:
 
         def start(row: int) -> _ConvexPrograms:
             scaled = _scaled(problem, row)
-            compiled.W.value, compiled.held.value = scaled.structure, scaled.held
+            compiled.W.value, compiled.fixed_wrench.value = scaled.structure, scaled.fixed_wrench
             compiled.lower.value, compiled.upper.value = scaled.lower, scaled.upper
             compiled.reference.value = scaled.reference
             return _ConvexPrograms(compiled, self.backend, scaled)
@@ -88,7 +88,7 @@ class CompiledPrograms:
         import cvxpy
 
         cp: Any = cvxpy
-        self.W, self.w, self.held = cp.Parameter((n, m)), cp.Parameter(n), cp.Parameter(n)
+        self.W, self.w, self.fixed_wrench = cp.Parameter((n, m)), cp.Parameter(n), cp.Parameter(n)
         self.root_W, self.root_w = cp.Parameter((n, m)), cp.Parameter(n)
         self.lower, self.upper, self.reference = cp.Parameter(m), cp.Parameter(m), cp.Parameter(m)
         W, t, s = self.W, cp.Variable(m), cp.Variable()
@@ -105,7 +105,7 @@ class CompiledPrograms:
         )
         self.longest = cp.Problem(
             cp.Maximize(s),
-            [W @ t + self.held == s * self.w, s >= 0, s <= 1, *limits],
+            [W @ t + self.fixed_wrench == s * self.w, s >= 0, s <= 1, *limits],
         )
 
 
@@ -169,7 +169,7 @@ def _scaled(problem: Problem, row: int) -> ScaledProblem:
     return ScaledProblem(
         structure=W * free,
         wrench=w / unit,
-        held=W @ np.where(free, 0.0, lower) / unit,
+        fixed_wrench=W @ np.where(free, 0.0, lower) / unit,
         lower=np.where(free, lower / unit, 0.0),
         upper=np.where(free, upper / unit, 1.0),
         reference=np.where(free, reference / unit, 0.5),

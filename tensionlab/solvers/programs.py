@@ -70,7 +70,7 @@ class Ray:
     upper: Floats
     nearest: Callable[[float], Floats | None]
 
-    def widened(self, tensions: Floats | None, scale: float) -> Floats | None:
+    def relax_within_tolerance(self, tensions: Floats | None, scale: float) -> Floats | None:
         """Return tensions for more of the wrench where the tolerance allows more, or those given.
 
         ``tensions`` are those of the largest s with ``W t = s w``, None where there is no such s; ``scale`` is s.
@@ -136,7 +136,7 @@ class ScaledProblem:
 
     structure: Floats
     wrench: Floats
-    held: Floats
+    fixed_wrench: Floats
     lower: Floats
     upper: Floats
     reference: Floats
@@ -204,11 +204,11 @@ def choose_each(
 def _choose(programs: Programs, problem: Problem, row: int) -> Floats | None:
     """Return the tensions that the policy chooses for one problem of a batch; None if the backend gives none."""
     scaled = programs.scaled
-    wrench = scaled.wrench - scaled.held
+    wrench = scaled.wrench - scaled.fixed_wrench
     found = _closest(programs, wrench)
     if found is not None:
         return found
-    best = _along(programs) if problem.policy == "direction" else None
+    best = _solve_direction_policy(programs) if problem.policy == "direction" else None
     if best is None:
         force = np.diag(np.sqrt(problem.weights))
         root = whitener(problem.structure[row]) if problem.policy == "tension" else force
@@ -227,7 +227,7 @@ def _closest(programs: Programs, wrench: Floats) -> Floats | None:
     return found
 
 
-def _along(programs: Programs) -> Floats | None:
+def _solve_direction_policy(programs: Programs) -> Floats | None:
     """Return tensions for the most of the wrench, within tolerance where it grazes what can be rendered."""
     scaled = programs.scaled
     best, scale = programs.longest()
@@ -235,17 +235,17 @@ def _along(programs: Programs) -> Floats | None:
     identity = np.eye(len(scaled.wrench))
 
     def nearest(s: float) -> Floats | None:
-        tensions = programs.least_error(identity, s * scaled.wrench - scaled.held)
+        tensions = programs.least_error(identity, s * scaled.wrench - scaled.fixed_wrench)
         return None if tensions is None else np.append(tensions, 1.0)
 
     ray = Ray(
-        np.column_stack([scaled.structure, scaled.held]) * scaled.unit,
+        np.column_stack([scaled.structure, scaled.fixed_wrench]) * scaled.unit,
         scaled.wrench * scaled.unit,
         np.append(scaled.lower, 1.0),
         np.append(scaled.upper, 1.0),
         nearest,
     )
-    found = ray.widened(None if best is None else np.append(best, 1.0), scale)
+    found = ray.relax_within_tolerance(None if best is None else np.append(best, 1.0), scale)
     return None if found is None else found[:-1]
 
 

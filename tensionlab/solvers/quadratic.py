@@ -152,7 +152,7 @@ def _scaled(problem: Problem, row: int) -> ScaledProblem | None:
     return ScaledProblem(
         structure=structure[:, free],
         wrench=wrench / unit,
-        held=structure[:, ~free] @ lower[~free] / unit,
+        fixed_wrench=structure[:, ~free] @ lower[~free] / unit,
         lower=lower[free] / unit,
         upper=upper[free] / unit,
         reference=reference[free] / unit,
@@ -226,13 +226,13 @@ class _QuadraticPrograms:
         scaled = self.scaled
         matrix = np.hstack([scaled.structure, -scaled.wrench[:, None]])
         basis, strength = independent_rows(matrix)
-        rows, values = basis.T @ matrix / strength[:, None], -basis.T @ scaled.held / strength
+        rows, values = basis.T @ matrix / strength[:, None], -basis.T @ scaled.fixed_wrench / strength
         limits = np.append(scaled.lower, 0.0), np.append(scaled.upper, 1.0)
         cost, gain = np.full(matrix.shape[1], DIRECTION), np.eye(matrix.shape[1])[-1]
         best, centre = None, np.append(scaled.reference, 1.0)
         for _ in range(MAX_STEPS):
             found = self._minimise(cost, -gain - DIRECTION * centre, rows, values, limits)
-            if found is None or np.linalg.norm(matrix @ found + scaled.held) > scaled.accepted:
+            if found is None or np.linalg.norm(matrix @ found + scaled.fixed_wrench) > scaled.accepted:
                 break
             converged = best is not None and found[-1] - best[-1] <= BIAS * SAFETY * TOLERANCE
             best = centre = found

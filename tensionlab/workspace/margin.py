@@ -184,7 +184,7 @@ def rig_margin_gradient(
     anchors = pose.place_anchors(rig.modules, rig.anchors, frames)
     vectors = kinematics.to_anchors(anchors, np.asarray(position, dtype=np.float64), cables.arms)
     by_anchor = kinematics.anchor_gradient(by_structure, vectors, cables.arms, rig.pulleys_in_world(frames))
-    own = pose.in_own_axes(rig.modules, by_anchor, frames)
+    own = pose.to_module_frames(rig.modules, by_anchor, frames)
     return RigMarginGradient(margin, -by_anchor.sum(axis=-2), own)
 
 

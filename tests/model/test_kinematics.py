@@ -30,7 +30,7 @@ def scenes(draw):
     m = draw(st.integers(1, 9))
     batch = draw(st.sampled_from([(), (3,), (2, 2)]))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    d, turns = KINDS[kind].dimension, KINDS[kind].turns
+    d, turns = KINDS[kind].dimension, KINDS[kind].has_orientation
     frames = ["world", *rng.choice(["world", "hip", "hand"], size=m - 1)]
     modules = [
         Module(

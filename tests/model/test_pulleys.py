@@ -18,8 +18,8 @@ from tensionlab.hardware.log.columns import VALUES
 from tensionlab.hardware.log.scene import SceneEncoder
 from tensionlab.hardware.runner.state_estimation import PoseTracker
 from tensionlab.model.kinematics import exponential
-from tensionlab.model.pose import in_own_axes, place_anchors, place_axes
-from tensionlab.model.pulleys import Pulleys, arcs, go_over, turn_gradient, ways
+from tensionlab.model.pose import place_anchors, place_axes, to_module_frames
+from tensionlab.model.pulleys import Pulleys, arcs, route_cables, turn_gradient, ways
 from tensionlab.viewer import instant
 from tensionlab.viewer.evaluation import evaluate
 from tensionlab.viewer.scene import draw
@@ -49,7 +49,7 @@ def around(rig):
     away = ends - place_anchors(rig.modules, rig.anchors, frames)
     side = np.random.default_rng(2).normal(size=away.shape)
     across = side - np.sum(side * away, axis=1, keepdims=True) / np.sum(away**2, axis=1, keepdims=True) * away
-    axes = in_own_axes(rig.modules, across, frames)
+    axes = to_module_frames(rig.modules, across, frames)
     modules = [
         m if m.pulley_radius is None else replace(m, pulley_axis=a) for m, a in zip(rig.modules, axes, strict=True)
     ]
@@ -79,7 +79,7 @@ def test_a_pulley_of_a_watch_is_one_of_a_crane_on_another_scale():
     rng = np.random.default_rng(1)
     vectors, pull = rng.normal(size=(2, 20, 1, 3))
     wheels = {scale: Pulleys(np.array([0.1 * scale]), np.array([[0.0, 0.0, 1.0]])) for scale in (1.0, 1e-3)}
-    large, small = (go_over(scale * vectors, wheel) for scale, wheel in wheels.items())
+    large, small = (route_cables(scale * vectors, wheel) for scale, wheel in wheels.items())
     slow, fast = (turn_gradient(pull, scale * vectors, wheel) for scale, wheel in wheels.items())
     np.testing.assert_allclose(1e-3 * fast, slow, rtol=1e-9)
     np.testing.assert_allclose(small.lengths, 1e-3 * large.lengths, rtol=1e-9)
@@ -305,7 +305,7 @@ def test_pulleys_are_read_written_and_turned(tmp_path):
     rig = over_pulleys(tl.load_rig("bartels2026-validation"))
     tl.save_rig(rig, tmp_path / "rig.toml")
     assert tl.load_rig(tmp_path / "rig.toml") == rig
-    turned = rig.turned("z")
+    turned = rig.with_up_axis("z")
     np.testing.assert_allclose(turned.lengths(turned.home), rig.lengths(rig.home), rtol=1e-14)
     shared = replace(rig, modules=tuple(replace(m, pulley_radius=0.1, pulley_axis=[0, 1, 0]) for m in rig.modules))
     tl.save_rig(shared, tmp_path / "shared.toml")
@@ -396,7 +396,7 @@ def test_vectors_in_the_axes_of_bodies_turn_back_into_the_world():
     rig = tl.load_rig("body-mounted")
     frames = {name: ([0.1, 0.2, 0.3], Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()) for name in rig.frames}
     vectors = np.random.default_rng(3).normal(size=(rig.m, 3))
-    own = in_own_axes(rig.modules, vectors, frames)
+    own = to_module_frames(rig.modules, vectors, frames)
     riding = np.array([module.frame != "world" for module in rig.modules])
     assert (np.linalg.norm(own - vectors, axis=1) > 0.01).tolist() == riding.tolist()
     np.testing.assert_allclose(place_axes(rig.modules, own, frames), vectors, atol=1e-12)

@@ -33,7 +33,7 @@ def test_what_is_required_turns_with_the_rig():
     )
     rig = dataclasses.replace(COGIRO, required=required)
     for up in ("y", "-x"):
-        turned = rig.turned(up)
+        turned = rig.with_up_axis(up)
         margins = [
             tl.workspace.capacity_margin(each.structure_matrix(each.home), each.limits, each.required.at(each))
             for each in (rig, turned)

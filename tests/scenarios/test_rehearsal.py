@@ -131,6 +131,6 @@ def test_scenarios_that_come_along_have_nothing_that_their_rigs_cannot(name):
 
 
 def test_on_a_turned_rig_the_same_is_needed_and_feasible(table, tmp_path):
-    turned = table(rig=saved(rig_of().turned("z"), tmp_path))
+    turned = table(rig=saved(rig_of().with_up_axis("z"), tmp_path))
     assert turned.turned == 'rig "seven-modules" has z up and is turned: its y, z, x are x, y, z here'
     assert check_needs(turned) == check_needs(table())

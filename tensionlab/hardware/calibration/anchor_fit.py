@@ -31,7 +31,7 @@ class Poses:
     @classmethod
     def at(cls, rig: Rig, position: Floats, rotation: Floats | None = None) -> Poses:
         """Return poses of a rig; not turned if no rotation is given."""
-        if not KINDS[rig.kind].turns:
+        if not KINDS[rig.kind].has_orientation:
             return cls(position, None)
         if rotation is None:
             rotation = np.tile(np.eye(rig.dimension), (len(position), 1, 1))
@@ -124,7 +124,7 @@ class Problem:
             return poses
         anchors, offsets = self.split(shared)
         count = len(self.lengths)
-        turns = KINDS[self.rig.kind].turns
+        turns = KINDS[self.rig.kind].has_orientation
         p, R, _, _ = kinematics.solve_pose(
             np.broadcast_to(anchors, (count, *anchors.shape)),
             self.rig.attachments if turns else None,

@@ -159,6 +159,6 @@ def load_lengths(path: str | Path, rig: Rig) -> tuple[Floats, Poses | None]:
                 f"{path}: a pose has the columns {', '.join((*axes, *turns))}; give all, or none"
             )
     position = np.column_stack([table[axis] for axis in axes])
-    if not turns or turns[0] not in table or not KINDS[rig.kind].turns:
+    if not turns or turns[0] not in table or not KINDS[rig.kind].has_orientation:
         return lengths, Poses.at(rig, position)
     return lengths, Poses.at(rig, position, rotations(np.column_stack([table[turn] for turn in turns])))

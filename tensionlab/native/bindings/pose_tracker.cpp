@@ -36,7 +36,7 @@ Out<double, 1> one_row(const double* from, std::size_t size) {
 nb::tuple follow(PoseTracker& tracker, const Lengths& lengths, const Known& known, int steps, double found) {
   require_size(tracker, lengths.size(), known.size());
   tracker.follow(lengths.data(), known.data(), steps, found);
-  const auto n = static_cast<std::size_t>(tracker.freedoms()), m = static_cast<std::size_t>(tracker.cables());
+  const auto n = static_cast<std::size_t>(tracker.dof()), m = static_cast<std::size_t>(tracker.cables());
   const auto d = static_cast<std::size_t>(tracker.dimension());
   const auto structure = make_array<double>(n, m);
   std::copy(tracker.structure().begin(), tracker.structure().end(), structure.data());
@@ -58,7 +58,7 @@ nb::tuple follow(PoseTracker& tracker, const Lengths& lengths, const Known& know
 Out<double, 1> velocity(const PoseTracker& tracker, const Lengths& speeds, const Known& known) {
   require_size(tracker, speeds.size(), known.size());
   const Vector found = tracker.velocity(speeds.data(), known.data());
-  return one_row(found.data(), static_cast<std::size_t>(tracker.freedoms()));
+  return one_row(found.data(), static_cast<std::size_t>(tracker.dof()));
 }
 
 // The largest doubt, creep and force in doubt of `LengthCheck`.

@@ -132,7 +132,7 @@ class LengthCheck {
   // Motions of the platform by a bias of 1 m of each cable, (W W')^-1 W. False at a singular pose, and where there
   // is no cable more than unknowns.
   bool solve_motions(const PoseTracker& tracker) {
-    const int n = tracker.freedoms();
+    const int n = tracker.dof();
     if (std::count(known_.begin(), known_.end(), 1) <= n) return false;
     Matrix lower{};
     for (int i = 0; i < n; ++i) {
@@ -169,13 +169,13 @@ class LengthCheck {
     Vector twist{};
     for (std::size_t k = 0; k < size(); ++k) {
       if (!known_[k]) continue;
-      for (int i = 0; i < tracker.freedoms(); ++i) twist[i] += motions_[k][i] * numbers[k];
+      for (int i = 0; i < tracker.dof(); ++i) twist[i] += motions_[k][i] * numbers[k];
     }
     for (std::size_t k = 0; k < size(); ++k) {
       left[k] = 0.0;
       if (!known_[k]) continue;
       left[k] = numbers[k];
-      for (int i = 0; i < tracker.freedoms(); ++i) left[k] -= tracker.entry(i, static_cast<int>(k)) * twist[i];
+      for (int i = 0; i < tracker.dof(); ++i) left[k] -= tracker.entry(i, static_cast<int>(k)) * twist[i];
     }
   }
 
@@ -198,7 +198,7 @@ class LengthCheck {
     for (std::size_t i = 0; i < size(); ++i) {
       if (!known_[i]) continue;
       double share = 1.0;
-      for (int j = 0; j < tracker.freedoms(); ++j) {
+      for (int j = 0; j < tracker.dof(); ++j) {
         share -= tracker.entry(j, static_cast<int>(i)) * motions_[i][static_cast<std::size_t>(j)];
       }
       residuals_[i] += part * (tracker.missing()[i] - left[i] - residuals_[i]);

@@ -95,7 +95,7 @@ class PoseTracker {
   }
 
   int cables() const { return m_; }
-  int freedoms() const { return n_; }
+  int dof() const { return n_; }
   int dimension() const { return d_; }
   const std::vector<double>& position() const { return position_; }
   const std::array<std::array<double, 3>, 3>& rotation() const { return rotation_; }
