@@ -113,7 +113,7 @@ soak-view: .venv/dev.stamp
 	@$(BIN)/python -m tests.stress.view_soak
 
 what-if: .venv/dev.stamp
-	@$(BIN)/python -m tensionlab.validation.what_if --out datasets/what-if/paper-like-simulated.parquet
+	@$(BIN)/python paper_figures/what_if.py --out datasets/what-if/paper-like-simulated.parquet
 
 figures: .venv/dev.stamp
 	@$(BIN)/python paper_figures/make.py

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import LIMITS, box_corners
 from tensionlab.model.module import Module
 from tensionlab.model.rig import Rig
+from tensionlab.plots.style import add_legend, new_figure
+from tensionlab.plots.workspace import SLICE_LEGEND, cut_title, draw_shares, draw_slice, read_field, shade_levels
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep import sweep
@@ -70,6 +72,41 @@ def sweep_published(points: int = POINTS) -> list[xarray.Dataset]:
         sweep(rig, _grid(rig.anchors.min(axis=0), rig.anchors.max(axis=0), points), METRIC, progress=False)
         for rig in rigs
     ]
+
+
+def plot_anchor_count(published: list[xarray.Dataset], room: xarray.Dataset) -> Any:
+    """Draw slices of published rigs, one a data set, and of rigs in one room, and what each share of it allows.
+
+    All are from `tensionlab.sweep`, with the same metric.
+
+    Parameters
+    ----------
+    published : list of Dataset
+        One for each rig, from `tensionlab.sweep`.
+    room : Dataset
+        Of rigs in one room.
+    """
+    singles, many = [read_field(swept) for swept in published], read_field(room)
+    levels = shade_levels([*singles, many])
+    with new_figure((15.0, 9.4), dpi=105) as figure:
+        parts: Any = figure.subfigures(3, 1, height_ratios=(1.15, 0.65, 0.9))
+        top, middle, bottom = parts
+        panels: Any = top.subplots(1, len(singles))
+        top.suptitle(f"Published rigs, {cut_title(singles[0])}", fontsize="medium", fontweight="bold")
+        for axes, field in zip(panels, singles, strict=True):
+            shades = draw_slice(axes, field, 0, levels)
+        top.colorbar(shades, ax=panels, label=many.label)
+        rooms: Any = middle.subplots(1, len(many.names), sharey=True)
+        middle.suptitle(f"One room, {cut_title(many)}", fontsize="medium", fontweight="bold")
+        for number, axes in enumerate(rooms):
+            draw_slice(axes, many, number, levels)
+            axes.label_outer()
+        middle.colorbar(shades, ax=rooms, label=many.label)
+        curves: Any = bottom.subplots()
+        draw_shares(curves, many)
+        curves.legend(title="modules in the room")
+        add_legend(figure, 3, SLICE_LEGEND)
+    return figure
 
 
 def _grid(low: Floats, high: Floats, points: int) -> Grid:

@@ -14,7 +14,9 @@ import portraits
 import tables
 
 import tensionlab as tl
-from paper_figures import anchor_count
+from paper_figures import anchor_count, brake_maps
+from paper_figures.scenario_layouts import plot_scenario_layouts
+from paper_figures.validation_figures import plot_error_sphere, plot_what_if
 from tensionlab import plots
 from tensionlab.scenarios import SCENARIOS, load_scenario
 from tensionlab.workspace import Grid
@@ -77,25 +79,27 @@ def layouts_of_scenarios(folder: Path) -> Any:
 def published_and_simulated(data: list[Any]) -> tables.Table:
     """Return the table of what the publication measured, beside one simulated rig and many."""
     published, recording, trials = data
-    return tables.published_and_simulated(published, recording, trials.of("preset")["paper-like"])
+    alike = (trials["question"] == "preset") & (trials["choice"] == "paper-like")
+    return tables.published_and_simulated(published, recording, trials[alike])
 
 
 DRAWINGS = {
     "forces": Drawing(load_all(RECORDING), lambda data: plots.plot_forces(*data)),
     "error-sphere": Drawing(
-        load_all(RECORDING, "rigs/bartels2026-validation"), lambda data: plots.plot_error_sphere(*data)
+        load_all(RECORDING, "rigs/bartels2026-validation"),
+        lambda data: plot_error_sphere(*data),
     ),
     "published": Drawing(load_all(PUBLISHED, RECORDING, TRIALS), published_and_simulated, TABLE),
-    "what-if": Drawing(load_all(TRIALS, PUBLISHED), lambda data: plots.plot_what_if(*data)),
+    "what-if": Drawing(load_all(TRIALS, PUBLISHED), lambda data: plot_what_if(*data)),
     "time-accuracy": Drawing(load_all("benchmarks/results"), lambda data: plots.plot_pareto(*data)),
-    "anchor-count": Drawing(sweeps_of_modules, lambda data: plots.plot_anchor_count(*data)),
+    "anchor-count": Drawing(sweeps_of_modules, lambda data: anchor_count.plot_anchor_count(*data)),
     "anchor-count-shares": Drawing(sweeps_of_modules, lambda data: tables.shares_of_room(data[1]), TABLE),
-    "scenario-layouts": Drawing(layouts_of_scenarios, lambda data: plots.plot_scenario_layouts(data, PROPOSALS)),
+    "scenario-layouts": Drawing(layouts_of_scenarios, lambda data: plot_scenario_layouts(data, PROPOSALS)),
     "workspace": Drawing(sweep_of_rooms, plots.plot_metrics),
     "wrench-set": Drawing(lambda _: concepts.wrench_set(), concepts.draw_wrench_set, PAGE),
     "policies": Drawing(lambda _: concepts.policies(), concepts.draw_policies, PAGE),
     "brake-cones": Drawing(lambda _: None, concepts.draw_brake_cones, PAGE),
-    "brake-maps": Drawing(lambda _: concepts.brake_maps(), lambda found: plots.plot_brake_maps(*found), PAGE),
+    "brake-maps": Drawing(lambda _: concepts.brake_maps(), lambda found: brake_maps.plot_brake_maps(*found), PAGE),
     "stiffness": Drawing(lambda _: concepts.stiffness_bounds(), concepts.draw_stiffness_bounds, PAGE),
     "pulleys": Drawing(lambda _: concepts.pulley_errors(), concepts.draw_pulley_errors, PAGE),
     "module-states": Drawing(lambda _: concepts.module_states(), concepts.draw_module_states, (".svg",)),

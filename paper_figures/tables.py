@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pandas import DataFrame
 
 from paper_figures import anchor_count
 from tensionlab.plots.workspace import read_field, share_above
-from tensionlab.validation.data_tables import Published, Recording, Trial
+from tensionlab.validation.data_tables import Published, Recording
 from tensionlab.validation.statistics import Interval, score
 from tensionlab.workspace.volume import describe_step
 
@@ -43,7 +43,7 @@ def write_table(table: Table, path: Path) -> None:
     path.write_text(text, encoding="utf-8", newline="\n")
 
 
-def published_and_simulated(published: Published, recording: Recording, rigs: Sequence[Trial]) -> Table:
+def published_and_simulated(published: Published, recording: Recording, rigs: DataFrame) -> Table:
     """Return the table of what the publication measured, beside one simulated rig and many."""
     if not recording.simulated:
         raise ValueError("the table is of simulated rigs; the recording is real")
@@ -53,11 +53,11 @@ def published_and_simulated(published: Published, recording: Recording, rigs: Se
             name,
             f"{published.results[key].value:.{digits}f}",
             _interval(getattr(one, part).mean, digits),
-            _quantiles([getattr(rig, part) for rig in rigs], digits),
+            _quantiles(rigs[part], digits),
         )
         for name, key, part, digits in LINES
     ]
-    all_within = 100.0 * np.mean([rig.within == 1.0 for rig in rigs])
+    all_within = 100.0 * np.mean(rigs["within"] == 1.0)
     one_within = "yes" if one.within == 1.0 else f"no, {100.0 * one.within:.1f} %"
     rows.insert(1, ("every force within 45°", "yes", one_within, f"{all_within:.1f} % of the rigs"))
     seed, count = recording.manifest["seed"], len(recording.desired)
@@ -84,7 +84,7 @@ def _interval(found: Interval, digits: int) -> str:
     return f"{found.value:.{digits}f} ({found.lower:.{digits}f} to {found.upper:.{digits}f})"
 
 
-def _quantiles(values: Sequence[float], digits: int) -> str:
+def _quantiles(values: Any, digits: int) -> str:
     low, middle, high = np.quantile(values, TAILS)
     return f"{middle:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 

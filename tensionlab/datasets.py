@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tensionlab.errors import InputError
+from tensionlab.errors import DataError, InputError
 from tensionlab.support.files.named import SUFFIXES, describe_unknown, list_names
 from tensionlab.support.files.reading import datasets_folder as folder
 
@@ -68,7 +68,7 @@ def load(name: str, folder: str | Path | None = None) -> Any:
     -------
     object
         By folder: ``rigs`` a `tensionlab.Rig`; ``spaces`` a `LayoutTask`; ``vectors`` a (K, 3) array;
-        ``published`` a `Published`; ``recordings`` a `Recording`; ``what-if`` the `Trials`; ``benchmarks`` the
+        ``published`` a `Published`; ``recordings`` a `Recording`; ``what-if`` a DataFrame; ``benchmarks`` the
         `Results`; ``problems`` a `ProblemSet` of 1000 problems, drawn with seed 0.
 
     Raises
@@ -106,6 +106,14 @@ def _found(named: str | Path | None) -> Path:
     return Path(named)
 
 
+def _read_frame(path: Path) -> Any:
+    """Return a Parquet file with pandas."""
+    from tensionlab.support.files.tables import read_parquet
+    from tensionlab.support.provenance import data_frame
+
+    return data_frame(read_parquet(path, "a table (*.parquet)", DataError).columns.to_pydict())
+
+
 def _read(kind: str, path: Path) -> Any:
     """Read a file of a kind."""
     read: Callable[[Path], Any]
@@ -120,7 +128,7 @@ def _read(kind: str, path: Path) -> Any:
     elif kind == "recordings":
         from tensionlab.validation.data_tables import read_recording as read
     elif kind == "what-if":
-        from tensionlab.validation.data_tables import read_trials as read
+        read = _read_frame
     else:
         from tensionlab.benchmark.results import read
     return read(path)

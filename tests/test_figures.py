@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tensionlab.benchmark import results
-from tensionlab.validation.data_tables import write_recording, write_trials
+from tensionlab.validation.data_tables import write_recording
 from tests.helpers.recorded import made_up, made_up_trials
 
 ROOT = Path(__file__).parents[1]
@@ -75,7 +75,7 @@ def test_other_data_make_other_figures_and_tables(tmp_path, make):
     data = tmp_path / "datasets"
     shutil.copytree(ROOT / "datasets", data)
     write_recording(data / "recordings" / "paper-like-simulated.parquet", made_up())
-    write_trials(data / "what-if" / "paper-like-simulated.parquet", made_up_trials(), {})
+    made_up_trials().to_parquet(data / "what-if" / "paper-like-simulated.parquet")
     path = data / "benchmarks" / "results.parquet"
     found = results.read(path)
     rows = [replace(row, median_s=3 * row.median_s) if row.solver == "newton" else row for row in found.rows]

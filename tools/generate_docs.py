@@ -14,14 +14,12 @@ import tempfile
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-
-import numpy as np
+from typing import Any
 
 from tensionlab import datasets
 from tensionlab.errors import TensionlabError
 from tensionlab.haptics.bridge.schema import schema_text
 from tensionlab.hardware.log.columns import COLUMNS
-from tensionlab.validation.data_tables import Trial
 from tools.generate_benchmark_table import section
 from tools.generate_bridge_docs import SCHEMA_FILE, document
 from tools.generate_firmware_docs import sections, table
@@ -62,25 +60,24 @@ def without_times(printed: str) -> str:
 
 def what_if() -> str:
     """Return a table of what makes the published error, over many simulated rigs."""
-    study = datasets.load("what-if/paper-like-simulated")
+    trials = datasets.load("what-if/paper-like-simulated")
     published = datasets.load("published/bartels2026-validation").results
-    sizes = {
-        len(trials) for question in ("solver", "side", "calibration") for trials in study.of(question).values()
-    }
-    stopped = [study.of("solver alone")[f"dykstra, {count} iterations"] for count in (10, 30, 100)]
-    solvers, sides, parts = study.of("solver"), study.of("side"), study.of("calibration")
+    study = {question: dict(list(rows.groupby("choice"))) for question, rows in trials.groupby("question")}
+    sizes = {len(rows) for question in ("solver", "side", "calibration") for rows in study[question].values()}
+    stopped = [study["solver alone"][f"dykstra, {count} iterations"] for count in (10, 30, 100)]
+    solvers, sides, parts = study["solver"], study["side"], study["calibration"]
     middle = [solvers[name] for name in MID_RANGE]
     rows = [
         ("published", f"{published['angle_mean'].value:.1f}°",
          f"{published['magnitude_error_mean'].value:.2f} N (by our reading)"),
         ("simulated, like the published rig", _angle(solvers["newton"]), _vector(solvers["newton"])),
-        ("the solver's part: exact solvers", *_pair(study.of("solver alone")["newton"])),
+        ("the solver's part: exact solvers", *_pair(study["solver alone"]["newton"])),
         ("the solver's part: Dykstra stopped after 10, 30, 100 iterations",
-         ", ".join(f"{_median(each, 'angle'):.2g}°" for each in stopped),
-         ", ".join(f"{_median(each, 'vector'):.2f}" for each in stopped) + " N"),
+         ", ".join(f"{each['angle'].median():.2g}°" for each in stopped),
+         ", ".join(f"{each['vector'].median():.2f}" for each in stopped) + " N"),
         ("the same rigs, solvers that keep tensions in mid-range",
-         _span([_median(each, "angle") for each in middle], 0) + "°",
-         _span([_median(each, "vector") for each in middle], 1) + " N"),
+         _span([each["angle"].median() for each in middle], 0) + "°",
+         _span([each["vector"].median() for each in middle], 1) + " N"),
         *((f"a triangle of {side} in place of 1 m", *_pair(sides[side])) for side in ("0.3 m", "0.5 m", "2 m")),
         ("calibrated on half the forces, the other half counted: one gain", *_pair(parts["one gain"])),
         ("gain and bias of each cable", *_pair(parts["gain and bias"])),
@@ -91,19 +88,15 @@ def what_if() -> str:
     return f"Medians of {', '.join(map(str, sorted(sizes)))} simulated rigs:\n\n{shown}"
 
 
-def _median(trials: Sequence[Trial], name: str) -> float:
-    return float(np.median([getattr(trial, name) for trial in trials]))
+def _angle(trials: Any) -> str:
+    return f"{trials['angle'].median():.1f}°"
 
 
-def _angle(trials: Sequence[Trial]) -> str:
-    return f"{_median(trials, 'angle'):.1f}°"
+def _vector(trials: Any) -> str:
+    return f"{trials['vector'].median():.2f} N"
 
 
-def _vector(trials: Sequence[Trial]) -> str:
-    return f"{_median(trials, 'vector'):.2f} N"
-
-
-def _pair(trials: Sequence[Trial]) -> tuple[str, str]:
+def _pair(trials: Any) -> tuple[str, str]:
     return _angle(trials), _vector(trials)
 
 

@@ -1,4 +1,4 @@
-"""Figures of scenarios: one that was played, and the layouts of several side by side."""
+"""Figure of a scenario that was played."""
 
 from __future__ import annotations
 
@@ -24,16 +24,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-    from tensionlab.scenarios import Phase, Scenario
+    from tensionlab.scenarios import Phase
     from tensionlab.scenarios.checks import Check
     from tensionlab.scenarios.play import ScenarioResult
 
 CURVE_HEIGHT, LAYOUT_HEIGHT = 2.0, 5.6
 """Minimum height of a panel of force against distance, and of the layout above it, in inches."""
-LAYOUT_COLUMNS = 3
-PRESSING_M = 0.002
-"""A script that leads so far beyond where brakes hold presses against them."""
-SCRIPT_SAMPLES = 201
 MIN_FORCE_SHARE = 0.1
 """An axis is drawn if its force gets to this share of the largest."""
 KNEE = 1.3
@@ -371,63 +367,3 @@ def _draw_gauge(axes: Axes, number: int, row: Check, colour: str) -> None:
     if 0.0 < row.high - row.low < math.inf and math.isfinite(row.measured):
         place = np.interp((row.measured - row.low) / (row.high - row.low), [-0.5, 1.5], quarters[[0, 4]])
         axes.plot(place, number, marker="o", markersize=6.5, color=colour)
-
-
-def plot_scenario_layouts(scenarios: Sequence[Scenario], note: str) -> Figure:
-    """Draw where modules stand in the room and on the body, with the hand or the head where its script leads it.
-
-    All layouts have one scale; the note stands beside the legend.
-
-    Parameters
-    ----------
-    scenarios : sequence of Scenario
-        One a panel.
-    note : str
-        Beside the legend.
-
-    Examples
-    --------
-    >>> from tensionlab import plots
-    >>> from tensionlab.scenarios import load_scenario
-    >>> figure = plots.plot_scenario_layouts([load_scenario("bow"), load_scenario("weight")], "Proposals.")
-    """
-    rows = -(-(len(scenarios) + 1) // LAYOUT_COLUMNS)  # one more place, for the legend
-    with style.new_figure((15.0, 3.7 * rows)) as figure:
-        panels: Any = figure.subplots(rows, LAYOUT_COLUMNS, sharex=True, sharey=True, squeeze=False)
-        drawn = []
-        for axes, scenario in zip(panels.flat, scenarios, strict=False):
-            path, moment = script_path(scenario)
-            drawn.append((axes, scene.draw_scene(axes, scenario, moment, path)))
-            axes.set_title(scenario.title)
-        for axes in panels.flat[len(scenarios) :]:
-            axes.axis("off")
-        key = panels[-1, -1]
-        key.legend(
-            handles=style.lines_of(scene.scene_legend(scenarios)), loc="upper left", fontsize=9, labelspacing=0.8
-        )
-        key.text(0.02, 0.45, f"{note}\nTiles: {TILE_M:g} m.", va="top", wrap=True, transform=key.transAxes)
-        for axes, names in drawn:
-            style.label_points(figure, axes, names)
-    return figure
-
-
-def script_path(scenario: Scenario) -> tuple[Floats, Moment]:
-    """Return the path (K, d) on which a script leads, no further than brakes hold, and the moment that shows most.
-
-    That is when it first gets to a brake, or else when it is farthest from where it began.
-    """
-    times = np.linspace(0.0, scenario.seconds, SCRIPT_SAMPLES)
-    moments = [scene.scripted_moment(scenario, float(time)) for time in times]
-    path, stopped = [], []
-    for time, moment in zip(times, moments, strict=True):
-        held = moment.held
-        for phase in scenario.active_phases(float(time)):
-            if phase.hold is not None:
-                wall = phase.hold.wall(held - scene.origin_of(scenario, moment))
-                held = held - min(wall.distance, 0.0) * np.asarray(wall.normal)
-        path.append(held)
-        stopped.append(float(np.linalg.norm(held - moment.held)) > PRESSING_M)
-    places = np.array(path)
-    far = np.round(np.linalg.norm(places - places[0], axis=1), 3)  # of equals the first, whatever the last digits
-    best = int(np.argmax(stopped if any(stopped) else far))
-    return places, moments[best]._replace(held=places[best])

@@ -1,13 +1,12 @@
-"""Files of data of the validation: recordings, trials, directions (Parquet) and published values (TOML).
+"""Files of the validation: recordings and directions (Parquet), and published values (TOML).
 
-A recording has a row for each force that a rig rendered on a force sensor, trials a row for each simulated rig.
-``datasets/recordings/README.md`` and ``datasets/what-if/README.md`` describe the columns.
+A recording has a row for each force that a rig rendered on a force sensor; ``datasets/recordings/README.md``
+describes the columns.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -195,79 +194,6 @@ def _checked_entries(manifest: Mapping[str, Any]) -> Mapping[str, Any]:
 def _parts(modules: list[str]) -> dict[str, list[str]]:
     """Return the names of the columns of each force, and of the tensions."""
     return {name: [f"F{axis}" for axis in AXES] for name in FORCES} | {"tensions": list(modules)}
-
-
-@dataclass(frozen=True)
-class Trial:
-    """Validation of one simulated rig.
-
-    Attributes
-    ----------
-    question, choice : str
-        What differs: "preset", "error", "solver", "solver alone" (on a rig without errors), "side" or
-        "calibration"; and how: the preset, the only error that is there, the solver, the side of the triangle in
-        m, what was calibrated.
-    seed : int
-        Of the rig's errors: the same seed is the same rig.
-    vectors, exact : int
-        Number of forces; number of those that the nominal rig can render.
-    angle, angle_max : float
-        Between measured and desired force: mean and largest, in degrees.
-    magnitude, magnitude_error, vector : float
-        Means of the size of the measured force, of its absolute difference to the desired one, and of the length
-        of the error vector, in N.
-    within : float
-        Share of the angles up to 45 degrees.
-    """
-
-    question: str
-    choice: str
-    seed: int
-    vectors: int
-    exact: int
-    angle: float
-    angle_max: float
-    magnitude: float
-    magnitude_error: float
-    vector: float
-    within: float
-
-
-@dataclass(frozen=True)
-class Trials:
-    """Trials, in the order in which they are shown, and the manifest of the run that made them."""
-
-    rows: tuple[Trial, ...]
-    manifest: dict[str, Any]
-
-    def __repr__(self) -> str:
-        rigs, choices = {row.seed for row in self.rows}, {(row.question, row.choice) for row in self.rows}
-        return f"<Trials of {len(rigs)} rigs: {len(choices)} choices, {len(self.rows)} rows>"
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """Return a row for each trial, as in `Trial`; MissingDependency if pandas is not installed."""
-        return provenance.data_frame([vars(row) for row in self.rows])
-
-    def of(self, question: str) -> dict[str, list[Trial]]:
-        """Return the trials of a question, by choice."""
-        found: dict[str, list[Trial]] = {}
-        for row in self.rows:
-            if row.question == question:
-                found.setdefault(row.choice, []).append(row)
-        return found
-
-
-def write_trials(path: str | Path, rows: Sequence[Trial], manifest: dict[str, Any]) -> None:
-    """Write trials; raise `InputError` if the file's name does not say that they are simulated."""
-    if "simulated" not in as_path(path).stem:
-        raise InputError(f'{path}: the trials are simulated, so its name must say "simulated"')
-    provenance.write_parquet(path, [dataclasses.asdict(row) for row in rows], {**manifest, "simulated": True})
-
-
-def read_trials(path: str | Path) -> Trials:
-    """Read trials; raise `DataError` if there are none."""
-    table = read_parquet(path, "a table of trials (*.parquet)", DataError)
-    return Trials(tuple(table.rows(Trial, DataError)), table.manifest)
 
 
 def read_vectors(path: str | Path) -> Floats:

@@ -1,9 +1,10 @@
 """Recordings made up for tests: forces that a sensor measures of a rig whose modules are off by a known amount."""
 
 import numpy as np
+import pandas
 
 from tensionlab.model.directions import grid18
-from tensionlab.validation.data_tables import Recording, Trial
+from tensionlab.validation.data_tables import Recording
 
 MODULES = ["floor-1", "floor-2", "floor-3", "top"]
 
@@ -49,16 +50,18 @@ QUESTIONS = {
 """By question and choice: mean angle in degrees, mean size in N."""
 
 
-def made_up_trials(count=20) -> list[Trial]:
-    """Return so many rigs for each choice, spread about known numbers."""
+def made_up_trials(count=20) -> pandas.DataFrame:
+    """Return `count` rigs for each choice, spread about known numbers."""
     draw = np.random.default_rng(0)
-    return [
-        Trial(
-            question, choice, seed, 182, 182, angle=angle * factor, angle_max=3 * angle * factor,
-            magnitude=size, magnitude_error=abs(size - 1.5), vector=0.02 * angle * factor + abs(size - 1.5),
-            within=1.0 if angle * factor < 15 else 0.99,
-        )
+    rows = [
+        {
+            "question": question, "choice": choice, "seed": seed, "vectors": 182, "exact": 182,
+            "angle": angle * factor, "angle_max": 3 * angle * factor, "magnitude": size,
+            "magnitude_error": abs(size - 1.5), "vector": 0.02 * angle * factor + abs(size - 1.5),
+            "within": 1.0 if angle * factor < 15 else 0.99,
+        }
         for question, choices in QUESTIONS.items()
         for choice, (angle, size) in choices.items()
         for seed, factor in enumerate(draw.uniform(0.7, 1.3, count).tolist())
     ]  # fmt: skip
+    return pandas.DataFrame(rows)

@@ -2,8 +2,7 @@ import re
 
 import numpy as np
 
-from paper_figures.anchor_count import ROOM, room_rigs, sweep_published, sweep_room
-from tensionlab.plots import plot_anchor_count
+from paper_figures.anchor_count import ROOM, plot_anchor_count, room_rigs, sweep_published, sweep_room
 from tensionlab.plots.style import save_figure
 from tensionlab.plots.workspace import read_field, share_above
 

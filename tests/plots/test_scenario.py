@@ -13,11 +13,9 @@ from tensionlab.plots.scenario import (
     moment_of,
     pawls_engaged,
     plot_scenario,
-    plot_scenario_layouts,
-    script_path,
     timeline,
 )
-from tensionlab.plots.scene import origin_of, scripted_moment, view_of
+from tensionlab.plots.scene import scripted_moment, view_of
 from tensionlab.plots.style import save_figure
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.checks import Check, rendered_force
@@ -130,34 +128,6 @@ def test_force_against_distance_is_the_pull_of_the_string(bow):
 def test_a_suffix_without_a_format_is_refused(tmp_path):
     with pytest.raises(InputError, match="figures end in"):
         save_figure(Figure(), tmp_path / "bow.jpeg")
-
-
-def test_all_are_drawn_with_their_modules():
-    scenarios = [load_scenario(name) for name in ("materials", "weight", "bow")]
-    words = words_in(content_of(plot_scenario_layouts(scenarios, "A note.")))
-    for scenario in scenarios:
-        assert scenario.title in words
-        for module in scenario.rig.modules:
-            assert module.name in words, module.name
-    for word in ("module in the room", "module on the body", "where brakes hold", "virtual surface", "water"):
-        assert word in words, word
-    assert any(word.startswith("A note.") for word in words)
-
-
-def test_the_same_layouts_make_the_same_figure():
-    one, two = (plot_scenario_layouts([load_scenario("recoil")], "") for _ in range(2))
-    assert content_of(one) == content_of(two)
-
-
-def test_nobody_is_drawn_beyond_a_brake():
-    bow = load_scenario("bow")
-    _, moment = script_path(bow)
-    reach = np.linalg.norm(moment.held - origin_of(bow, moment))
-    np.testing.assert_allclose(reach, bow.phases[1].hold.reach)
-    weight = load_scenario("weight")
-    path, moment = script_path(weight)
-    assert moment.held[2] == weight.phases[1].hold.plane.point[2]
-    assert path[:, 2].max() > 1.1  # what is not heavy may be lifted
 
 
 def test_what_lies_across_the_view_is_to_scale():

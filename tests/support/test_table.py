@@ -213,7 +213,6 @@ SHOWN = {
         lambda: tl.datasets.load("recordings/ideal-simulated"),
         "<Recording of bartels2026-validation, sim",
     ),
-    "trials": (lambda: tl.datasets.load("what-if/paper-like-simulated"), "<Trials of 200 rigs: 73 choices"),
     "published": (
         lambda: tl.datasets.load("published/bartels2026-validation"),
         "<Published: 4 values of the protocol",

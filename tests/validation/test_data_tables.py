@@ -11,17 +11,13 @@ from tensionlab.solvers.base import Status
 from tensionlab.support import provenance
 from tensionlab.validation.data_tables import (
     ENTRIES,
-    Trial,
     read_recording,
-    read_trials,
     write_recording,
-    write_trials,
 )
-from tests.helpers.recorded import MODULES, made_up, made_up_trials
+from tests.helpers.recorded import MODULES, made_up
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 RECORDINGS_CARD = DATASETS / "recordings" / "README.md"
-TRIALS_CARD = DATASETS / "what-if" / "README.md"
 
 
 def test_what_was_written_is_read_recording(tmp_path):
@@ -86,27 +82,3 @@ def test_the_card_of_recordings_names_every_column_and_entry(tmp_path):
         assert known in named, column
     assert named >= set(ENTRIES)
     assert all(status.name in text for status in Status)
-
-
-def test_trials_that_were_written_are_read_trials(tmp_path):
-    rows = made_up_trials()
-    write_trials(tmp_path / "a-simulated.parquet", rows, {"call": "made up"})
-    found = read_trials(tmp_path / "a-simulated.parquet")
-    assert found.rows == tuple(rows)
-    assert found.manifest == {"call": "made up", "simulated": True}
-    solvers = found.of("solver")
-    assert list(solvers) == ["newton", "dykstra:10"]
-    assert [row.seed for row in solvers["newton"]] == list(range(20))
-
-
-def test_names_of_trials_say_that_they_are_simulated_and_other_tables_are_refused(tmp_path):
-    with pytest.raises(InputError, match="must say"):
-        write_trials(tmp_path / "a.parquet", made_up_trials(), {})
-    provenance.write_parquet(tmp_path / "b.parquet", [{"question": "solver"}], {})
-    with pytest.raises(DataError, match=r"b\.parquet: row 1: .angle. is missing"):
-        read_trials(tmp_path / "b.parquet")
-
-
-def test_the_card_of_trials_names_every_column():
-    card = TRIALS_CARD.read_text(encoding="utf-8")
-    assert all(f"`{field.name}`" in card for field in fields(Trial))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from paper_figures.what_if import mean_noise, predict_forces
 from tensionlab.errors import ShapeError
 from tensionlab.model.directions import grid18
 from tensionlab.model.kinematics import exponential
@@ -23,7 +24,6 @@ from tensionlab.validation.statistics import (
     rotation_angle,
     score,
 )
-from tensionlab.validation.what_if import mean_noise, predict_forces
 
 AXES = 1.5 * np.eye(3)
 DESIRED = 1.5 * grid18()

@@ -1,7 +1,7 @@
 """What-if study: the parts of solver and rig in the published error, and what calibration would take away.
 
-``python -m tensionlab.validation.what_if`` goes through the protocol on many simulated rigs like the published
-one, of which one thing differs, and writes a row for each (`tensionlab.validation.data_tables`). Tensions are
+``python paper_figures/what_if.py`` goes through the protocol on many simulated rigs like the published
+one, of which one thing differs, and writes a row for each (``datasets/what-if/README.md``). Tensions are
 those of the solver, proved or not: in a run, the runner would have sent the exact solver's in place of the latter.
 Rigs are worked out by `predict_forces`: what the sensor shows once tensions have settled, without steps in time. A
 cable's tension follows the motor's pull with a play of the dry friction, to either side; the rest is linear. That
@@ -19,9 +19,11 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pandas import DataFrame
 
 from tensionlab.allocation import allocate
 from tensionlab.model.layouts import ring_plus_top
@@ -30,14 +32,15 @@ from tensionlab.solvers import select_solvers
 from tensionlab.solvers.base import Solver, Status
 from tensionlab.solvers.least_squares import Dykstra
 from tensionlab.support.arrays import Floats
-from tensionlab.support.provenance import manifest
-from tensionlab.validation.data_tables import Trial, write_trials
+from tensionlab.support.provenance import manifest, write_parquet
 from tensionlab.validation.error_model import PRESETS, ErrorModel, RigErrors, draw_errors, true_rig
 from tensionlab.validation.protocol import AXIS_FORCES, ZERO_S, Protocol
 from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
 from tensionlab.validation.simulated_sensor import DriftNoise
 from tensionlab.validation.statistics import ALIGNMENTS, MAX_ANGLE_DEG, MODELS, deviations
 
+Trial = dict[str, Any]
+"""Validation of one simulated rig: a row of the table."""
 PAPER_LIKE = PRESETS["paper-like"]
 SINGLE_ERRORS = {
     "gain": ErrorModel(gain=PAPER_LIKE.gain, gain_spread=PAPER_LIKE.gain_spread),
@@ -164,28 +167,23 @@ class Study:
 
 
 def make_trial(
-    question: str,
-    choice: str,
-    seed: int,
-    desired: Floats,
-    measured: Floats,
-    exact: NDArray[np.bool_],
+    question: str, choice: str, seed: int, desired: Floats, measured: Floats, exact: NDArray[np.bool_]
 ) -> Trial:
     """Return the row of a validation, of forces (K, 3) in N and whether the allocation of each is exact."""
     found = deviations(desired, measured)
-    return Trial(
-        question,
-        choice,
-        seed,
-        vectors=len(desired),
-        exact=int(np.sum(exact)),
-        angle=float(found.angle.mean()),
-        angle_max=float(found.angle.max()),
-        magnitude=float(found.magnitude.mean()),
-        magnitude_error=float(found.magnitude_error.mean()),
-        vector=float(found.vector.mean()),
-        within=float(np.mean(found.angle <= MAX_ANGLE_DEG)),
-    )
+    return {
+        "question": question,
+        "choice": choice,
+        "seed": seed,
+        "vectors": len(desired),
+        "exact": int(np.sum(exact)),
+        "angle": float(found.angle.mean()),
+        "angle_max": float(found.angle.max()),
+        "magnitude": float(found.magnitude.mean()),
+        "magnitude_error": float(found.magnitude_error.mean()),
+        "vector": float(found.vector.mean()),
+        "within": float(np.mean(found.angle <= MAX_ANGLE_DEG)),
+    }
 
 
 def run_study(count: int = RIG_COUNT, progress: Callable[[str], None] = lambda question: None) -> list[Trial]:
@@ -210,24 +208,9 @@ def run_study(count: int = RIG_COUNT, progress: Callable[[str], None] = lambda q
     return rows + list(every.calibrations(rig, PAPER_LIKE))
 
 
-def median_lines(rows: Sequence[Trial]) -> list[str]:
-    """Return the medians over the rigs, a line for each choice."""
-    found = [f"{'median of the rigs':36} angle error   10-90 %      |F|  ||F|-|F0||  |F-F0|  all in 45°     exact"]
-    for question, choice in dict.fromkeys((row.question, row.choice) for row in rows):
-        chosen = [row for row in rows if (row.question, row.choice) == (question, choice)]
-        angles = [row.angle for row in chosen]
-        low, high = np.quantile(angles, [0.1, 0.9])
-        sizes = [
-            float(np.median([getattr(row, name) for row in chosen]))
-            for name in ("magnitude", "magnitude_error", "vector")
-        ]
-        within = np.mean([row.within == 1.0 for row in chosen])
-        exact = f"{np.median([row.exact for row in chosen]):.0f} of {chosen[0].vectors}"
-        found.append(
-            f"{question:13} {choice:24} {np.median(angles):8.2f}°  {low:4.1f}-{high:4.1f}°  "
-            f"{sizes[0]:6.3f}  {sizes[1]:10.3f}  {sizes[2]:6.3f}  {within:9.0%}  {exact:>10}"
-        )
-    return found
+def medians(rows: Sequence[Trial]) -> DataFrame:
+    """Return the medians over the rigs, a row for each question and choice."""
+    return DataFrame(rows).drop(columns="seed").groupby(["question", "choice"], sort=False).median()
 
 
 def main() -> None:
@@ -238,8 +221,9 @@ def main() -> None:
     options = parser.parse_args()
     options.out.parent.mkdir(parents=True, exist_ok=True)
     rows = run_study(options.rigs, lambda question: print(f"{question} ...", file=sys.stderr))
-    write_trials(options.out, rows, manifest(["python", "-m", "tensionlab.validation.what_if", *sys.argv[1:]]))
-    print("\n".join(median_lines(rows)))
+    call = ["python", "paper_figures/what_if.py", *sys.argv[1:]]
+    write_parquet(options.out, rows, {**manifest(call), "simulated": True})
+    print(medians(rows).to_string(float_format="%.3f"))
 
 
 if __name__ == "__main__":
