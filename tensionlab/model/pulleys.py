@@ -46,7 +46,7 @@ class Pulleys(NamedTuple):
 
 
 class CableGeometry(NamedTuple):
-    """Ways of cables: lengths (..., m), unit vectors (..., m, d) from attachments, and straight parts (..., m)."""
+    """Lengths (..., m) of cables, unit vectors (..., m, d) from attachments, and straight parts (..., m)."""
 
     lengths: Floats
     directions: Floats
@@ -65,7 +65,7 @@ class _Plane(NamedTuple):
 
 
 def route_cables(vectors: Floats, pulleys: Pulleys) -> CableGeometry:
-    """Return the ways of cables with vectors (..., m, d) from attachments to anchors, in m.
+    """Return the geometry of cables with vectors (..., m, d) from attachments to anchors, in m.
 
     The straight part is 0 for an attachment that is inside its pulley.
     """

@@ -196,7 +196,7 @@ float64 arrays of the right shapes and finite."""
 
 
 class FusedSolver(Solver, Protocol):
-    """Built-in solver that solves and verifies in one pass; `tensionlab.solvers.as_fused_solver` finds out which do."""
+    """Built-in solver that solves and verifies in one pass (`tensionlab.solvers.as_fused_solver`)."""
 
     def solve_verified(self, problem: Problem) -> Verified | None:
         """Choose and verify tensions; None if an entry of a structure matrix or a wrench is not finite."""

@@ -1,9 +1,9 @@
 import pytest
 
 import tensionlab as tl
-from tensionlab import solvers as room
 from tensionlab.errors import InputError, MissingDependency, UnknownSolver
 from tensionlab.solvers import SOLVERS, every_solver, make, select_solvers
+from tensionlab.solvers import registry as room
 
 
 def test_every_name_makes_a_solver_and_every_family_is_there():

@@ -1,0 +1,322 @@
+"""Solvers by name: the table of built-in ones, plug-ins, classes of modules, and the selection for a comparison.
+
+Plug-ins are solvers of other distributions, in the entry point group ``tensionlab.solvers``. None of their code
+runs before one is wanted by its name, or all solvers are listed.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import Field, fields, is_dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
+
+from tensionlab.errors import InputError, MissingDependency, PluginError, UnknownSolver
+from tensionlab.solvers.base import (
+    POLICIES,
+    FusedSolver,
+    Policy,
+    Solver,
+    refusal,
+    resolve_policy,
+)
+from tensionlab.solvers.closed_form import ClosedForm, Polygon, PolygonGoal, Pseudoinverse, Puncture
+from tensionlab.solvers.convex import ConvexProgram
+from tensionlab.solvers.least_squares import Dykstra, Newton
+from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
+from tensionlab.solvers.penalty import AnalyticCentre, SlackNorm, Spidar
+from tensionlab.solvers.quadratic import BACKENDS, QuadraticProgram, installed_backends
+from tensionlab.support import registry
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+SOLVERS: dict[str, type[Any]] = {
+    "newton": Newton,
+    "dykstra": Dykstra,
+    "pseudoinverse": Pseudoinverse,
+    "closed-form": ClosedForm,
+    "least-sum": LeastSum,
+    "minimax": Minimax,
+    "safe": OptimallySafe,
+    "puncture": Puncture,
+    "polygon": Polygon,
+    "analytic-centre": AnalyticCentre,
+    "slack": SlackNorm,
+    "spidar": Spidar,
+    "qp": QuadraticProgram,
+    "cvxpy": ConvexProgram,
+}
+"""Built-in solvers by name."""
+
+PLUGIN_GROUP = "tensionlab.solvers"
+REQUIRED_ATTRIBUTES: dict[str, Any] = {"objective": str, "policies": tuple, "solve": Callable}
+"""Attributes that the class of a solver has, and of which kind."""
+GUIDE = "docs/how-to/add-a-solver.md has one to copy"
+"""What to do about a class that is no solver."""
+
+
+def make(name: str) -> Solver:
+    """Return a solver by its name in `SOLVERS`, that of a plug-in, or ``module:Class``.
+
+    What follows a colon sets the solver's first hyper-parameter: ``"qp:osqp"`` is
+    ``QuadraticProgram(backend="osqp")``, ``"my_solver:MySolver:200"`` the class of a module with its first set.
+    The module is one that Python can import; the working directory is not added to Python's path.
+
+    Raises
+    ------
+    UnknownSolver, PluginError, ValueError
+        If there is no such name, if what another distribution or module offers under it cannot be used, or if the
+        solver refuses the hyper-parameter.
+    """
+    family, _, rest = name.partition(":")
+    found = SOLVERS.get(family)
+    names: Iterable[str] = SOLVERS
+    if found is None:
+        offered = offered_plugins()
+        names = [*SOLVERS, *offered, *(f"qp:{backend}" for backend in BACKENDS)]
+        if family in offered:
+            found = _load_only(offered[family])
+        elif rest and _is_module(family):
+            found, name = _load_class(family, rest.partition(":")[0]), rest
+        elif hint := _as_module_and_class(name):
+            raise UnknownSolver(f"no solver is called {name!r}; a class of a module is {hint}")
+        elif rest[:1].isupper():
+            raise UnknownSolver(
+                f"no solver is called {family!r}, and Python can import no module of that name; install the "
+                "module of module:Class, or name its folder in the variable PYTHONPATH"
+            )
+    solver: Solver = registry.create_by_name(name, found, names, "solver", UnknownSolver)
+    return solver
+
+
+def is_built_in(name: str) -> bool:
+    """Return whether a solver of this name comes with tensionlab."""
+    return name.partition(":")[0] in SOLVERS
+
+
+def title_of(solver: Solver) -> str:
+    """Return what an instance is called: its class, or built-in name, and hyper-parameters other than defaults."""
+    kind = type(solver)
+    name = next((family for family, known in SOLVERS.items() if known is kind), kind.__name__)
+    settings: tuple[Field[Any], ...] = fields(kind) if is_dataclass(kind) else ()
+    changed: list[str] = []
+    for each in settings:
+        value = getattr(solver, each.name)
+        if each.init and repr(value) != repr(each.default):
+            changed.append(f"{each.name}={value!r}")
+    return f"{name}({', '.join(changed)})" if changed else name
+
+
+def as_fused_solver(solver: Solver) -> FusedSolver | None:
+    """Return a solver that also verifies its answers, in one pass; None where `tensionlab.verification` has to.
+
+    Only built-in solvers may: the statuses of others are never believed.
+    """
+    built_in = type(solver) in SOLVERS.values() and hasattr(solver, "solve_verified")
+    return cast(FusedSolver, solver) if built_in else None
+
+
+# Selection
+
+
+def every_solver() -> dict[str, bool]:
+    """Return the names of all solvers, and whether each can be used: its library is there, the plug-in not broken.
+
+    In the order of `SOLVERS`, with ``qp``, ``pseudoinverse`` and ``polygon`` in all their variants; then plug-ins.
+    """
+    others = {name: isinstance(found, type) for name, found in find_plugins().items() if name not in SOLVERS}
+    return _built_in() | others
+
+
+def _built_in() -> dict[str, bool]:
+    """Return the names of the built-in solvers, and whether their libraries are installed."""
+    installed = installed_backends()
+    variants = {
+        "cvxpy": {"cvxpy": find_spec("cvxpy") is not None},
+        "qp": {f"qp:{backend}": backend in installed for backend in BACKENDS},
+        "pseudoinverse": {"pseudoinverse:reference": True, "pseudoinverse:middle": True},
+        "polygon": {f"polygon:{goal}": True for goal in get_args(PolygonGoal)},
+    }
+    names: dict[str, bool] = {}
+    for name in SOLVERS:
+        names |= variants.get(name, {name: True})
+    return names
+
+
+class Selected(NamedTuple):
+    """Run of a comparison: a solver with a policy, which is None if it honours none; and what it is called."""
+
+    name: str
+    policy: Policy | None
+    solver: Solver
+
+
+def name_solvers(solvers: Sequence[str | Solver]) -> dict[str, Solver | None]:
+    """Return the solvers by what they are called, in their order, each once: instances; None for a name.
+
+    InputError if there is none, or something is neither a name nor an instance.
+    """
+    if isinstance(solvers, str) or not isinstance(solvers, Sequence):
+        raise InputError(f"solvers is {solvers!r:.60}; give a list of names and instances, such as ['newton']")
+    if not solvers:
+        raise InputError("no solver is named; leave the option out for all, or see `tensionlab solvers`")
+    found: dict[str, Solver | None] = {}
+    for each in solvers:
+        if isinstance(each, type):
+            raise InputError(f"solvers has the class {each.__name__}; give an instance, {each.__name__}()")
+        if not isinstance(each, str) and (lacks := _lacks(each)):
+            raise InputError(
+                f"solvers has {each!r:.60}, which lacks {', '.join(lacks)}; give names in tensionlab.SOLVERS, or "
+                "instances of solvers, as tensionlab.solvers.Solver says"
+            )
+        found |= {each: None} if isinstance(each, str) else {title_of(each): each}
+    return found
+
+
+def select_solvers(
+    solvers: Sequence[str | Solver] | None = None,
+    policy: str | None = None,
+    size: tuple[int, int] | None = None,
+) -> tuple[list[Selected], dict[str, str]]:
+    """Choose which solvers run with which policies.
+
+    All policies of all solvers, unless some solvers are given, by name or as instances, or one policy, which then
+    only those run that honour it. ``size`` is n wrench components and m cables, for solvers that do not serve
+    every size.
+
+    Returns every run, in the order given; and the solvers left out, with the reason: a library is not installed, a
+    plug-in is broken, or the solver does not serve this size. Of solvers that are given only those are left out
+    that lack the policy, unless all do; what else is in the way of one is an `InputError`, `UnknownSolver`,
+    `MissingDependency` or `PluginError`.
+    """
+    if policy is not None and not (isinstance(policy, str) and policy in POLICIES):
+        raise InputError(f"policy={policy!r} is unknown; choose one of {', '.join(POLICIES)}")
+    usable = every_solver() if solvers is None else _built_in()
+    wanted = dict.fromkeys(usable) if solvers is None else name_solvers(solvers)
+    runs: list[Selected] = []
+    missing: dict[str, str] = {}
+    for name, instance in wanted.items():
+        if solvers is None and not usable[name]:
+            missing[name] = "not installed" if is_built_in(name) else "broken"
+            continue
+        solver = instance or make(name)
+        if not usable.get(name, True):
+            extra = "reference" if name == "cvxpy" else "solvers"
+            raise MissingDependency(f'{name} is not installed: pip install "tensionlab[{extra}]"')
+        if size is not None and (reason := refusal(solver, *size)):
+            if solvers is not None:
+                raise InputError(f"solver {name} does not serve this rig: {reason}")
+            missing[name] = reason
+        elif policy is None:
+            runs += [Selected(name, policy, solver) for policy in solver.policies or (None,)]
+        elif solvers is None and policy not in solver.policies:
+            continue
+        else:
+            try:
+                runs.append(Selected(name, resolve_policy(solver, policy, f"solver {name}"), solver))
+            except InputError as error:
+                if len(wanted) == 1:
+                    raise
+                missing[name] = str(error).removeprefix(f"solver {name} ")
+    if not runs:
+        raise InputError(f"no solver is left: {'; '.join(f'{name} {reason}' for name, reason in missing.items())}")
+    return runs, missing
+
+
+# Plug-ins
+
+
+def offered_plugins() -> dict[str, list[EntryPoint]]:
+    """Return what other distributions offer, by the name of the solver; none of their code is run."""
+    from importlib.metadata import entry_points
+
+    found: dict[str, list[EntryPoint]] = {}
+    for entry in entry_points(group=PLUGIN_GROUP):
+        found.setdefault(entry.name, []).append(entry)
+    return found
+
+
+def find_plugins() -> dict[str, type[Any] | PluginError]:
+    """Return the solvers of other distributions by name; in place of one that cannot be used, what is wrong."""
+    found: dict[str, type[Any] | PluginError] = {}
+    for name, entries in offered_plugins().items():
+        try:
+            if name in SOLVERS:
+                raise PluginError(
+                    f"{_origins(entries)} offers a solver {name!r}; tensionlab has its own of that name"
+                )
+            found[name] = _load_only(entries)
+        except PluginError as error:
+            found[name] = error
+    return found
+
+
+def _origins(entries: list[EntryPoint]) -> str:
+    """Return names and versions of the distributions that entry points belong to."""
+    return " and ".join(f"{each.dist.name} {each.dist.version}" if each.dist else "nobody" for each in entries)
+
+
+def _load_only(entries: list[EntryPoint]) -> type[Any]:
+    entry, *others = entries
+    if others:
+        raise PluginError(f"a solver {entry.name!r} is offered by {_origins(entries)}; uninstall all but one")
+    if ":" in entry.name:
+        raise PluginError(
+            f"{_origins(entries)} offers a solver {entry.name!r}; no name has a colon, it sets a variant"
+        )
+    return _load(entry)
+
+
+def _is_module(name: str) -> bool:
+    """Return whether Python can import a module of this name."""
+    if not all(part.isidentifier() for part in name.split(".")):
+        return False
+    try:
+        return find_spec(name) is not None
+    except (ModuleNotFoundError, ValueError):  # of the package that it would be in; __main__
+        return False
+
+
+def _as_module_and_class(name: str) -> str:
+    """Return what ``my_solver.MySolver`` or ``my_solver.py:MySolver`` was meant to be; nothing for other names."""
+    file, colon, cls = name.partition(":") if ".py:" in name else name.rpartition(".")
+    module = Path(file).stem if file.endswith(".py") else file
+    return f"{module}:{cls}" if colon and cls[:1].isupper() and _is_module(module) else ""
+
+
+def _load_class(module: str, name: str) -> type[Any]:
+    """Load the class of a module, and check that it is a solver."""
+    from importlib.metadata import EntryPoint
+
+    return _load(EntryPoint(name, f"{module}:{name}", PLUGIN_GROUP))
+
+
+@functools.cache
+def _load(entry: EntryPoint) -> type[Any]:
+    """Load the class of an entry point, once, and check that it is a solver."""
+    where = f"solver {entry.name!r}" + (f" of {_origins([entry])}" if entry.dist else "") + f" ({entry.value})"
+    try:
+        found = entry.load()
+        if isinstance(found, type):
+            found()
+    except Exception as error:  # the code of others may raise anything
+        raise PluginError(f"{where} cannot be loaded: {type(error).__name__}: {error}") from error
+    faults = [f"lacks {', '.join(lacks)}"] if (lacks := _lacks(found)) else []
+    if not (isinstance(found, type) and is_dataclass(found)):
+        faults.append("is no dataclass")
+    if faults:
+        raise PluginError(f"{where} {' and '.join(faults)}; {GUIDE}")
+    solver_class: type[Any] = found
+    if unknown := [each for each in solver_class.policies if each not in POLICIES]:
+        raise PluginError(f"{where} has a policy {unknown[0]!r}; there are {', '.join(POLICIES)}")
+    return solver_class
+
+
+def _lacks(solver: object) -> list[str]:
+    """Return what a class or an instance lacks to be a solver."""
+    return [
+        name for name, kind in REQUIRED_ATTRIBUTES.items() if not isinstance(getattr(solver, name, None), kind)
+    ]
