@@ -12,7 +12,7 @@ constexpr int32_t kRelaxTime = 2000000;  // us
 }  // namespace
 
 Actuators Module::step(const Sensors& sensors) {
-  const float seconds = monitor_.take(sensors, driven_, current_, brake_.state() == BrakeState::open, parameters_);
+  const float seconds = monitor_.take(sensors, driven_, current_, parameters_);
   supervise(sensors);
   const bool on = pull(seconds, sensors.now_us);
   driven_ = on;

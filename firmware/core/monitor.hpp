@@ -49,20 +49,18 @@ class Suspicion {
   bool bad_ = false;
 };
 
-// What the driven motor and its cable do, in means over 4 ms. Means of the induced voltage and the way of the
-// cable in the same time agree however fast the motion changes; samples of a filtered speed would not.
+// What the driven motor does, in means over 4 ms. Means of the induced voltage and the way of the cable in the same
+// time agree however fast the motion changes; samples of a filtered speed would not.
 class MotorCheck {
  public:
   void restart() {
-    started_ = loose_ = false;
+    started_ = false;
     seconds_ = induced_ = across_ = current_ = 0.0f;
-    known_ = 0;
     unfit_.judge(false, 2);
   }
 
-  // A sample of a driven motor: `asked` A were asked of it, the pawl was off its wheel or not, and the cable is
-  // `length` m beyond the encoder's zero.
-  void take(const Sensors& sensors, float seconds, float asked, bool free, float length, const Parameters& p) {
+  // A sample of a driven motor, whose cable is `length` m beyond the encoder's zero.
+  void take(const Sensors& sensors, float seconds, float length, const Parameters& p) {
     if (!started_) {
       start_ = length;
       started_ = true;
@@ -75,16 +73,12 @@ class MotorCheck {
     if (seconds_ < kBlock) return;
     const float speed = (length - start_) / seconds_;
     unfit_.judge(!fits(speed, induced_ / seconds_, across_ / seconds_, current_ / seconds_, p), 2);
-    loose_ = gave_way(speed, asked, p);
-    if (!free) known_ = 0;  // what leans on the pawl leaves it at once
     start_ = length;
     seconds_ = induced_ = across_ = current_ = 0.0f;
   }
 
   // Voltage, current and speed are not those of one motor.
   bool unfit() const { return unfit_.bad(); }
-  // The cable was held, and all at once nothing held it.
-  bool loose() const { return loose_; }
 
  private:
   static constexpr float kBlock = 0.004f;  // s
@@ -100,35 +94,17 @@ class MotorCheck {
            magnitude(across) <= known + (0.42f * current + 0.2f * magnitude(speed)) * magnitude(speed);
   }
 
-  // The cable was at rest under an even pull, gained speed at once, a third of what a spool of some 30 g does that
-  // nothing holds, and went on gaining it. A quick hand gains speed later, and does not go on for so long.
-  bool gave_way(float speed, float asked, const Parameters& p) {
-    const bool even = asked <= asked_ + 0.02f;
-    asked_ = asked;
-    for (int i = kHistory - 1; i > 0; --i) speeds_[i] = speeds_[i - 1];
-    speeds_[0] = speed;
-    known_ = even ? (known_ < kHistory ? known_ + 1 : known_) : 1;
-    const float before = speeds_[10], onset = larger(0.15f, 0.17f * asked * p[Parameter::newton_per_ampere]);
-    bool rested = known_ == kHistory;
-    for (int i = 10; i < kHistory; ++i) rested = rested && magnitude(speeds_[i]) < 0.015f;
-    return rested && speeds_[6] < before - onset && speed < before - 0.42f;
-  }
-
-  static constexpr int kHistory = 24;
-
   Suspicion unfit_;
-  float speeds_[kHistory] = {};  // of paying out, m/s, the latest first
-  int known_ = 0;                // how many of them were under an even pull
-  float seconds_ = 0.0f, induced_ = 0.0f, across_ = 0.0f, current_ = 0.0f, start_ = 0.0f, asked_ = 0.0f;
-  bool started_ = false, loose_ = false;
+  float seconds_ = 0.0f, induced_ = 0.0f, across_ = 0.0f, current_ = 0.0f, start_ = 0.0f;
+  bool started_ = false;
 };
 
 class Monitor {
  public:
-  // Takes a sample, after a step in which the driver was on or off, `asked` A were asked of the motor, and the
-  // brake's pawl was off its wheel or not. Returns the seconds since the last one, at most kLongestStep of them: a
-  // step that came late must not move anything further.
-  float take(const Sensors& sensors, bool driven, float asked, bool free, const Parameters& p) {
+  // Takes a sample, after a step in which the driver was on or off and `asked` A were asked of the motor. Returns
+  // the seconds since the last one, at most kLongestStep of them: a step that came late must not move anything
+  // further.
+  float take(const Sensors& sensors, bool driven, float asked, const Parameters& p) {
     const int32_t elapsed = started_ ? since(sensors.now_us, stepped_us_) : 0;
     late_ = elapsed > kLongestStep || elapsed < 0;
     stepped_us_ = sensors.now_us;
@@ -142,7 +118,8 @@ class Monitor {
       paid_out_ = sensors.angle * radius;
       speed_ = sensors.speed * radius;
     }
-    judge_speed(seconds, p);
+    judge_speed(p);
+    judge_cable(driven, seconds, p);
     const bool measured = is_finite(sensors.current) && is_finite(sensors.induced) && is_finite(sensors.across);
     if (is_finite(sensors.current)) current_ = sensors.current;
     strong_.judge(!measured || magnitude(current_) > 1.5f * p[Parameter::current_peak], 4);
@@ -151,7 +128,7 @@ class Monitor {
     const float supply = sensors.supply;
     supply_.judge(!(supply >= p[Parameter::supply_lower] && supply <= p[Parameter::supply_upper]), 40);
     if (driven && readable && measured && !late_) {
-      motor_.take(sensors, seconds, asked, free, paid_out_, p);
+      motor_.take(sensors, seconds, paid_out_, p);
     } else {
       motor_.restart();
     }
@@ -161,9 +138,9 @@ class Monitor {
   // Faults that are there now.
   uint16_t faults() const {
     return static_cast<uint16_t>((encoder_.bad() ? kFaultEncoder : 0) | (supply_.bad() ? kFaultSupply : 0) |
-                                 (runs_away() ? kFaultSpeed : 0) |
+                                 (fast_in_.bad() || fast_out_.bad() ? kFaultSpeed : 0) |
                                  (strong_.bad() || weak_.bad() ? kFaultCurrent : 0) | (late_ ? kFaultLoop : 0) |
-                                 (motor_.unfit() ? kFaultMotor : 0) | (motor_.loose() ? kFaultCable : 0));
+                                 (motor_.unfit() ? kFaultMotor : 0) | (loose_ ? kFaultCable : 0));
   }
 
   float paid_out() const { return paid_out_; }  // cable, m, where the encoder's zero is nought
@@ -180,26 +157,32 @@ class Monitor {
  private:
   // A step that comes later than this is a fault: until then the motor was left to itself.
   static constexpr int32_t kLongestStep = 5000;  // us
+  // Slack that a hand makes at once: an arm's reach of 0.7 m, and the trunk that leans with it.
+  static constexpr float kReach = 1.0f;  // m
 
   // The limiter holds a slack cable at the speed limit: what is faster is driven by something else. A hand may
   // pull the cable out at twice that, and a jerk throws the spool out faster still for a moment.
-  void judge_speed(float seconds, const Parameters& p) {
+  void judge_speed(const Parameters& p) {
     const float limit = p[Parameter::speed_limit];
     fast_in_.judge(-speed_ > 1.4f * limit, 4);
     fast_out_.judge(speed_ > 2.25f * limit, 400);
-    // No cable has more slack than its length.
-    taken_up_ = -speed_ > 0.9f * limit ? taken_up_ - speed_ * seconds : 0.0f;
-    endless_ = taken_up_ > p[Parameter::length_upper];
   }
 
-  bool runs_away() const { return fast_in_.bad() || fast_out_.bad() || endless_; }
+  // A spool that nothing holds settles between the limit and 1.25 times it, as it does while it takes up slack. A
+  // cable that was taut since the driver went on has no more slack than a hand makes; before, no more than its length.
+  void judge_cable(bool driven, float seconds, const Parameters& p) {
+    still_ = driven && magnitude(speed_) < 0.1f ? still_ + seconds : 0.0f;
+    taut_ = driven && (taut_ || still_ > 0.05f);
+    taken_up_ = driven && -speed_ > 1.1f * p[Parameter::speed_limit] ? taken_up_ - speed_ * seconds : 0.0f;
+    loose_ = taken_up_ > (taut_ ? kReach : p[Parameter::length_upper]);
+  }
 
   Suspicion encoder_, supply_, fast_in_, fast_out_, strong_, weak_;
   MotorCheck motor_;
-  bool endless_ = false, started_ = false, late_ = true;  // before the first step nothing is known
+  bool taut_ = false, loose_ = false, started_ = false, late_ = true;  // before the first step nothing is known
   uint32_t stepped_us_ = 0;
   int32_t longest_us_ = 0;
-  float paid_out_ = 0.0f, speed_ = 0.0f, current_ = 0.0f, taken_up_ = 0.0f;
+  float paid_out_ = 0.0f, speed_ = 0.0f, current_ = 0.0f, still_ = 0.0f, taken_up_ = 0.0f;
 };
 
 }  // namespace firmware

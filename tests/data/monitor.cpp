@@ -25,7 +25,7 @@ int main() {
     const float supply = number(), ok = number();
     const float commanded = number();
     const float seconds = monitor.take({now_us, angle, speed, current, induced, across, supply, ok != 0.0f}, true,
-                                       commanded, true, parameters);
+                                       commanded, parameters);
     std::printf("%d %.9g %.9g\n", monitor.faults(), static_cast<double>(seconds),
                 static_cast<double>(monitor.paid_out()));
   }

@@ -37,15 +37,30 @@ def play(host: Host, tension, seconds: float, path=None) -> float:
     return host.module.sample.seconds - begin
 
 
-@each_motor
-@pytest.mark.parametrize("tension", [0.5, 1.0, 3.0, 6.0])
-def test_a_cable_that_is_cut_is_noticed(motor, tension):
+def cut(motor, tension):
+    """The time until a module that pulls has noticed that its cable is cut, and the cable it has reeled in."""
     host = armed(motor)
     host.hold(tension, 0.5)
     host.pull(tension)
     host.module.damage("cable")
-    assert play(host, tension, 0.2) < SOON
-    assert host.module.faults in (Fault.CABLE, Fault.SPEED)
+    before = host.module.sample.length
+    return play(host, tension, 1.0), before - host.module.sample.length, host.module.faults
+
+
+@each_motor
+@pytest.mark.parametrize("tension", [1.5, 2.0, 3.0, 6.0])
+def test_a_cable_that_is_cut_is_noticed(motor, tension):
+    seconds, _, faults = cut(motor, tension)
+    assert (seconds < SOON, faults) == (True, Fault.SPEED)
+
+
+@each_motor
+@pytest.mark.parametrize(("tension", "soon"), [(0.5, 0.7), (1.0, 0.62)])
+def test_at_a_low_tension_a_cut_is_noticed_when_no_hand_gives_so_much_slack(motor, tension, soon):
+    """Until then it is like a hand that is faster than the spool, and the speed limit holds."""
+    seconds, way, faults = cut(motor, tension)
+    assert (seconds < soon, faults) == (True, Fault.CABLE)
+    assert way < 1.9 * seconds
 
 
 @each_motor
@@ -86,7 +101,7 @@ def test_at_the_taut_minimum_a_motor_the_wrong_way_round_is_noticed_when_it_take
     seconds = play(host, 0.5, 2.0)
     assert host.module.sample.length - before < 2.2
     assert seconds > 0.8, "at the speed limit, no faster"
-    assert host.module.faults == Fault.SPEED
+    assert host.module.faults == Fault.CABLE
 
 
 def smooth(share):
@@ -114,6 +129,11 @@ def reach(seconds):
     return 1.0 - 0.5 * smooth((seconds - 0.1) / 0.5)
 
 
+def flick(seconds):
+    """0.2 m towards the module from rest, with up to 30 m/s^2 and 1.9 m/s."""
+    return 1.0 - 0.2 * smooth((seconds - 0.1) / 0.196)
+
+
 def shake(seconds):
     """0.2 m to and fro, three times a second: faster than the taut minimum can follow."""
     return 1.0 + 0.1 * np.sin(6.0 * np.pi * seconds) * min(seconds, 1.0)
@@ -121,11 +141,24 @@ def shake(seconds):
 
 @each_motor
 @pytest.mark.parametrize("tension", [0.5, 1.0, 3.0, 6.0])
-@pytest.mark.parametrize("path", [pull_out, jerks, reach, shake], ids=lambda path: path.__name__)
+@pytest.mark.parametrize("path", [pull_out, jerks, reach, flick, shake], ids=lambda path: path.__name__)
 def test_what_a_hand_does_is_no_fault(motor, tension, path):
     host = armed(motor)
     host.hold(0.5, 0.3)
     play(host, tension, 3.0, path)
+    assert (host.state, host.module.faults) == (State.RUNNING, Fault(0))
+
+
+@each_motor
+@pytest.mark.parametrize(
+    ("tension", "fastest", "speed_limit"), [(0.5, 3.0, 1.5), (1.0, 5.0, 1.5), (3.0, 3.0, 2.2), (6.0, 3.0, 2.2)]
+)
+@pytest.mark.parametrize("way", [0.3, 0.7])
+def test_a_hand_that_outruns_the_spool_from_rest_is_no_fault(motor, tension, fastest, speed_limit, way):
+    """Where the spool keeps up with the hand, its speed limit has to fit the hand."""
+    host = armed(motor, speed_limit=speed_limit)
+    host.hold(0.5, 0.3)
+    play(host, tension, 1.5, lambda seconds: 1.0 - way * smooth((seconds - 0.1) * fastest / (1.875 * way)))
     assert (host.state, host.module.faults) == (State.RUNNING, Fault(0))
 
 

@@ -160,12 +160,12 @@ DESCRIPTIONS: dict[type[IntEnum | IntFlag], dict[str, str]] = {
     Fault: {
         "ENCODER": "parity, error flag, magnet out of range, or a sensor's number is not finite",
         "SUPPLY": "outside `supply_lower` to `supply_upper`; the cut of the motor supply looks like this",
-        "SPEED": "reels in at 1.4 times `speed_limit`, or more than `length_upper` at 0.9 times; "
-        "or pays out at 2.25 times for 0.1 s",
+        "SPEED": "reels in at 1.4 times `speed_limit`, or pays out at 2.25 times for 0.1 s",
         "CURRENT": "measured above `current_peak` by half as much again, or none flows although commanded",
         "LOOP": "a step came more than 5 ms after the one before",
         "MOTOR": "voltage, current and speed are not those of one motor: a wrong electrical zero, N/A or phase",
-        "CABLE": "the cable was held, and all at once nothing held it: cut, or let go",
+        "CABLE": "nothing holds the cable: reels in more than 1 m at 1.1 times `speed_limit`, or more than "
+        "`length_upper` before it was taut",
     },
     Calibration: {
         "LENGTH": "the cable is `value` m long now; not stored",
