@@ -15,6 +15,8 @@ enum class BrakeState : uint8_t { open, closing, closed, releasing, opening };
 
 class Brake {
  public:
+  explicit Brake(bool closed = false) : state_(closed ? BrakeState::closed : BrakeState::open) {}
+
   BrakeState state() const { return state_; }
   bool is_closed() const { return state_ == BrakeState::closed || state_ == BrakeState::releasing; }
 
@@ -72,7 +74,7 @@ class Brake {
     settled_ = false;
   }
 
-  BrakeState state_ = BrakeState::open;
+  BrakeState state_;
   bool settled_ = true;
   uint32_t since_us_ = 0;
   float released_at_ = 0.0f;

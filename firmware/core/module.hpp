@@ -55,10 +55,11 @@ class Module {
   void log(const char* text);
 
   const Parameters& parameters() const { return parameters_; }
-  // At start: takes over a stored image if it is whole.
+  // At start: takes over a stored image if it is whole. A brake for loads then holds what may hang on the cable.
   bool load(const uint8_t* image, size_t size) {
     if (!parameters_.read_image(image, size)) return false;
     if (reset_reason_ != ResetReason::power) budget_.assume_spent(parameters_);
+    brake_ = Brake(parameters_[Parameter::brake_on_fault] == 1.0f);
     return true;
   }
 

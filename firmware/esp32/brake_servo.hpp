@@ -10,11 +10,8 @@ namespace firmware {
 
 class BrakeServo {
  public:
-  bool begin(float pulse_us) {
-    const bool attached = ledcAttach(board::kServo, board::kServoRate, board::kServoBits);
-    move(pulse_us);
-    return attached;
-  }
+  // It stays where it is until the first pulse.
+  bool begin() { return ledcAttach(board::kServo, board::kServoRate, board::kServoBits); }
 
   void move(float pulse_us) {
     constexpr float kDutyPerMicrosecond = 1e-6f * static_cast<float>(board::kServoRate << board::kServoBits);

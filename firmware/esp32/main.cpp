@@ -50,7 +50,7 @@ class Firmware {
 
   void begin() {
     if (!load_settings(module_)) module_.log("no settings in flash: standard ones");
-    if (!servo_.begin(module_.parameters()[Parameter::brake_open_pulse])) module_.log("servo: no channel");
+    if (!servo_.begin()) module_.log("servo: no channel");
     if (!winch_.begin()) module_.log("motor: driver or current sensing did not start");
     if (!link_.begin(serial_number())) module_.log("link: Bluetooth or a task did not start");
   }

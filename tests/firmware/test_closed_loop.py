@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tensionlab.hardware.protocol.codes import BrakeState, Code, Limit, ResetReason, State
-from tensionlab.hardware.protocol.messages import Clear, ConfigureTelemetry, EmergencyStop, Stop
+from tensionlab.hardware.protocol.messages import Clear, ConfigureTelemetry, EmergencyStop, Save, Stop
 from tensionlab.hardware.simulation.simulated_module import STEP_S, HangingMass, Trace
 from tests.helpers.modules import Host
 
@@ -297,6 +297,21 @@ def test_a_brake_for_loads_lets_no_load_drop_at_a_fault(releasing, braked, most,
     assert host.state in (State.FAULT, State.ESTOP)
     assert max(sunk) < most
     assert host.module.sample.pawl_down
+
+
+@pytest.mark.parametrize("reason", [ResetReason.WATCHDOG, ResetReason.POWER])
+def test_a_brake_for_loads_is_closed_after_each_start_until_the_module_pulls(reason):
+    before = Host()
+    before.set(brake_on_fault=1.0)
+    before.calibrate()
+    assert before.say(Save()) == []
+    before.module.advance(0.01)
+    host = Host(reset_reason=reason, settings=before.module.settings)
+    host.module.advance(1.0)
+    assert (host.state, host.module.sample.pawl_down) == (State.IDLE, True)
+    host.arm()
+    host.hold(1.0, 1.0)
+    assert not host.module.sample.pawl_down
 
 
 def test_a_brake_for_loads_stays_closed_until_a_module_that_pulls_releases_it():
