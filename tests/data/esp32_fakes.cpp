@@ -1,10 +1,10 @@
-// The libraries that firmware/esp32 uses, as far as it uses them: so that it runs here, task by task, with a rotor
-// that follows its motor. USB is stdin and stdout; Bluetooth is two files, connected from the first byte to the
+// The libraries that firmware/esp32 uses, as far as it uses them: so that it runs here, task by task, with the
+// motor and the current control of firmware/plant/motor.hpp, and a spool. USB is stdin and stdout; Bluetooth is two files, connected from the first byte to the
 // end of the first one. What happens to pins and tasks is told on stderr. Time passes as another file says, in us,
 // and a byte comes back when it has; one task runs at a time, so that the same bytes always have the same effects.
 // Arguments: for how many ms Bluetooth's write() blocks; the numbers of its files; those for the time; and that of
 // a file with a letter for each thing that happens: b and B press and release the button, c ends the converter's
-// answers, h hangs the FOC task. What the libraries do is what was read of them, not tried.
+// answers, h hangs the FOC task, p holds the cable as far as it is out, and P cuts it. What the libraries do is what was read of them, not tried.
 #include <Arduino.h>
 #include <BluetoothSerial.h>
 #include <Preferences.h>
@@ -32,11 +32,23 @@
 #include <vector>
 
 #include "as5048a_chip.hpp"
+#include "plant/motor.hpp"
 
 namespace {
 
-constexpr double kTau = 6.283185307179586, kResistance = 2.8;
+using tensionlab::plant::CurrentControl;
+using tensionlab::plant::Duties;
+using tensionlab::plant::GimbalMotor;
+using tensionlab::plant::Vector;
+
+constexpr double kTau = 6.283185307179586, kSupply = 12.0;
 constexpr int kPoles = 11, kEnablePin = 33;
+constexpr uint64_t kTurn = 250;  // us, of the FOC loop
+constexpr double kTurnSeconds = 1e-6 * kTurn;
+// Of the motor and its spool, as in firmware/plant/plant.hpp.
+constexpr double kResistance = 2.8, kInductance = 1e-3, kFlux = 0.0585 / (1.5 * kPoles), kInertia = 1.2e-5;
+constexpr double kRadius = 0.0195, kStiffness = 4000.0 * kRadius * kRadius, kDamping = 3.0 * kRadius * kRadius;
+constexpr double kDryFriction = 0.05 * kRadius, kViscousFriction = 0.05 * kRadius * kRadius;
 constexpr double kZero = 2.0;  // electrical angle of the rotor at the encoder's zero, rad
 
 int blocking_ms = 0, air_in = 3, air_out = 4, time_in = 5, time_out = 6, happenings = 7;
@@ -68,9 +80,13 @@ void sleep_us(uint64_t duration) {
 // Only the FOC task touches these.
 Chip chip;
 Sensor* sensor = nullptr;
-double rotor = 1.0, applied_q = 0.0, applied_electrical = 0.0, target = 0.0;  // rad, V, rad, A
-bool enabled = false;
+double rotor = 1.0, rotor_speed = 0.0, held_at = 0.0, target = 0.0;  // rad, rad/s, rad, A
+bool enabled = false, held = false;
 double zero = 0.0;  // electrical angle at the encoder's zero that the control goes by, rad
+float last_angle = 1.0f;
+GimbalMotor windings;
+CurrentControl control;
+Duties duties = {};
 CurrentSense* sense = nullptr;
 
 void tell(const char* what, double number) {
@@ -88,13 +104,19 @@ int waiting(int file) {
   return count == 0 && ready(file) ? 1 : count;  // the end of a file is read like a byte
 }
 
-// The rotor goes where the field draws it.
+// The cable is held at its end, or nothing holds the spool; either way round, as nobody knows which it is wound.
 void turn_rotor() {
-  if (!driver_on) return;
-  if (!enabled && std::fabs(applied_q) > 0.1) {
-    rotor += std::remainder(applied_electrical + kTau / 4.0 - (kPoles * rotor - kZero), kTau) / kPoles;
-  } else if (enabled) {
-    rotor += 1e-4 * target;  // slowly, the way that it is told to
+  constexpr int kParts = 4;
+  constexpr double kSeconds = kTurnSeconds / kParts;
+  for (int part = 0; part < kParts; ++part) {
+    const double angle = kPoles * rotor - kZero;
+    windings.advance(driver_on ? &duties : nullptr, kSupply, angle, kPoles * rotor_speed, kResistance, kInductance,
+                     kFlux, kSeconds);
+    double torque = 1.5 * kPoles * kFlux * windings.along_q(angle) - kViscousFriction * rotor_speed;
+    if (held) torque -= kStiffness * (rotor - held_at) + kDamping * rotor_speed;
+    const double speed = rotor_speed + torque / kInertia * kSeconds, grip = kDryFriction / kInertia * kSeconds;
+    rotor_speed = speed > grip ? speed - grip : (speed < -grip ? speed + grip : 0.0);
+    rotor += rotor_speed * kSeconds;
   }
 }
 
@@ -204,7 +226,7 @@ esp_err_t esp_task_wdt_add(TaskHandle_t) { return 0; }
 // Once in each turn of the FOC loop.
 esp_err_t esp_task_wdt_reset() {
   fed_us = now_us();
-  sleep_us(250);
+  sleep_us(kTurn);
   turn_rotor();
   return 0;
 }
@@ -235,6 +257,8 @@ void happen() {
     if (what == 'b' || what == 'B') pressed = what == 'b';
     if (what == 'c') converting = false;
     if (what == 'h') hanging = true;
+    if (what == 'p' || what == 'P') held = what == 'p';
+    if (what == 'p') held_at = rotor;
   }
 }
 }  // namespace
@@ -275,19 +299,15 @@ PhaseCurrent_s InlineCurrentSense::getPhaseCurrents() { return {0.0f, 0.0f, 0.0f
 namespace {
 uint32_t pad = 0;  // of the converter, one bit
 
-// Current of a phase: along q while the control runs, and along what was applied else.
 double phase_current(bool second) {
-  if (!driver_on) return 0.0;
-  const double along = enabled ? target : applied_q / kResistance;
-  const double angle = enabled ? kPoles * rotor - zero : applied_electrical;
-  const double alpha = -std::sin(angle) * along, beta = std::cos(angle) * along;
-  return second ? -0.5 * alpha + 0.8660254037844386 * beta : alpha;
+  const Vector& current = windings.current();
+  return second ? -0.5 * current.alpha + 0.8660254037844386 * current.beta : current.alpha;
 }
 
 // Voltage at the chosen pin. The second amplifier is the other way round, as on the shield; half a volt for an
 // ampere.
 double pin_voltage() {
-  if (pad == 1u << 4) return 12.0 / 11.0;
+  if (pad == 1u << 4) return kSupply / 11.0;
   const bool second = pad == 1u << 7;
   return 1.65 + radio + (second ? -0.5 : 0.5) * phase_current(second);
 }
@@ -322,25 +342,26 @@ void BLDCMotor::enable() {
 }
 void BLDCMotor::disable() {
   enabled = false;
-  applied_q = 0.0;
+  control.reset();
+  duties = Duties::of({0.0, 0.0}, kSupply);
 }
 void BLDCMotor::loopFOC() {
   sensor->update();
   if (!enabled) return;
   const ABCurrent_s measured = sense->getABCurrents(sense->getPhaseCurrents());
-  const double angle = kPoles * rotor - zero;
-  const double alpha = static_cast<double>(measured.alpha), beta = static_cast<double>(measured.beta);
-  current = {static_cast<float>(std::cos(angle) * alpha + std::sin(angle) * beta),
-             static_cast<float>(std::cos(angle) * beta - std::sin(angle) * alpha)};
-  voltage = {0.0f, static_cast<float>(kResistance * target)};
+  const Vector along = {static_cast<double>(measured.alpha), static_cast<double>(measured.beta)};
+  duties = control.advance(target, along, kPoles * static_cast<double>(sensor->getAngle()) - zero, kTurnSeconds);
+  current = {static_cast<float>(control.current_d()), static_cast<float>(control.current_q())};
+  voltage = {static_cast<float>(control.voltage_d()), static_cast<float>(control.voltage_q())};
 }
 void BLDCMotor::move(float wanted) {
-  shaft_velocity = 0.0f;
+  const float angle = sensor->getAngle(), turn = static_cast<float>(kTurnSeconds);
+  shaft_velocity += turn / (LPF_velocity.Tf + turn) * ((angle - last_angle) / turn - shaft_velocity);
+  last_angle = angle;
   if (enabled) target = static_cast<double>(wanted);
 }
 void BLDCMotor::setPhaseVoltage(float q, float, float electrical) {
-  applied_q = static_cast<double>(q);
-  applied_electrical = static_cast<double>(electrical);
+  duties = Duties::of(Vector{0.0, static_cast<double>(q)}.turned(static_cast<double>(electrical)), kSupply);
 }
 
 void* _configureADCInline(const void*, const int, const int, const int) { return nullptr; }

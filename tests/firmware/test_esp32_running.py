@@ -1,4 +1,4 @@
-"""The whole layer of the ESP32, run here against fakes of its libraries: tasks, link, boot, alignment, driver.
+"""The whole layer of the ESP32, run here against fakes of its libraries and the simulated motor.
 
 Its time passes only where a test waits, a millisecond at a time.
 """
@@ -12,6 +12,7 @@ import sys
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tensionlab.hardware.protocol.codes import Calibration, Code, Fault, ResetReason, State
@@ -40,6 +41,7 @@ from tensionlab.hardware.protocol.parameters import PARAMETERS
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the fakes are for POSIX")
 ROOT = Path(__file__).parents[2]
 FIRMWARE = ROOT / "firmware"
+ZERO = 2.0  # rad, electrical, of the fakes' rotor
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +52,7 @@ def program(tmp_path_factory):
     built = tmp_path_factory.mktemp("esp32") / "module"
     sources = [*FIRMWARE.glob("core/*.cpp"), *FIRMWARE.glob("esp32/*.cpp"), ROOT / "tests/data/esp32_fakes.cpp"]
     # The window for pairing is a minute; here it is 10 s.
-    options = ["-DTENSIONLAB_PAIRING_S=10", "-pthread", "-Wall", "-Wextra", "-Werror"]
+    options = ["-DTENSIONLAB_PAIRING_S=10", "-pthread", "-Wall", "-Wextra", "-Werror", f"-I{FIRMWARE}"]
     command = [compiler, "-std=c++17", "-O1", *options]
     subprocess.run(
         [*command, "-isystem", str(FIRMWARE / "stubs"), *map(str, sources), "-o", str(built)], check=True
@@ -128,7 +130,11 @@ class Board:
         self._ours.remove(self.air_to)
 
     def happen(self, what):
-        """Press the button (b) or release it (B), end the converter's answers (c), or hang the FOC task (h)."""
+        """Let something happen.
+
+        Press the button (b) or release it (B), end the converter's answers (c), hang the FOC task (h), hold the
+        cable (p) or cut it (P).
+        """
         os.write(self._happen_to, what.encode())
         self.advance(0.001)
 
@@ -169,10 +175,13 @@ def board(program, blocking_ms=0):
         made.close()
 
 
-def pull(wire, tension=2.0):
+def pull(module, wire, zero=ZERO):
+    """Hold the cable, and let the module pull at it with 2 N."""
+    module.happen("p")
+    assert wire.ask(SetParameter(PARAMETERS["motor_zero"].index, zero)).code is Code.OK
     wire.ask(Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0))
     assert wire.ask(Arm(5)).code is Code.OK
-    wire.send(SetTension(5, tension, ttl_ms=2000))
+    wire.send(SetTension(5, 2.0, ttl_ms=2000))
 
 
 def test_it_boots_with_the_driver_off_and_each_task_on_its_processor(program):
@@ -201,18 +210,42 @@ def test_it_reels_in_whichever_way_round_the_encoder_is(program, direction):
         usb = module.usb
         module.advance(0.6)  # the offsets of the currents, which the radio moved, are found again
         assert usb.ask(SetParameter(PARAMETERS["motor_direction"].index, direction)).code is Code.OK
-        assert usb.ask(SetParameter(PARAMETERS["motor_zero"].index, 1.5)).code is Code.OK
-        pull(usb)
+        before = usb.ask(ConfigureTelemetry(20), Telemetry)
+        pull(module, usb)
         module.until("driver", 1)
-        assert module.numbers("zero_mrad") == [1500]
-        usb.ask(ConfigureTelemetry(20))
-        first, *_, last = [usb.wait(Telemetry, state=State.RUNNING) for _ in range(15)]
+        assert module.numbers("zero_mrad") == [1e3 * ZERO]
+        last = [usb.wait(Telemetry, state=State.RUNNING) for _ in range(15)][-1]
         assert last.tension == pytest.approx(2.0)
         assert last.current == pytest.approx(2.0 / 3.0, rel=0.01)
-        assert last.length < first.length
+        assert before.length - last.length == pytest.approx(2.0 / 4000.0, abs=2e-4), "as far as the cable gives"
         assert last.supply == pytest.approx(12.0, abs=0.01)
         usb.ask(Stop())
         module.until("driver", 0)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_cable_that_is_cut_takes_the_driver_off_within_60_ms(program, direction):
+    with board(program) as module:
+        module.advance(0.6)
+        assert module.usb.ask(SetParameter(PARAMETERS["motor_direction"].index, direction)).code is Code.OK
+        pull(module, module.usb)
+        module.advance(0.5)
+        begin = module.now
+        module.happen("P")
+        assert module.usb.wait(Event).faults == Fault.SPEED
+        assert module.told[-1][:2] == ("driver", 0)
+        assert module.told[-1][2] - begin < 0.06
+
+
+@pytest.mark.parametrize("error", [np.pi, 2.1, -2.1])
+def test_a_wrong_electrical_zero_takes_the_driver_off_within_60_ms(program, error):
+    with board(program) as module:
+        module.advance(0.6)
+        pull(module, module.usb, zero=(ZERO + error) % (2.0 * np.pi))
+        module.happen("P")  # a cable does not push back
+        assert module.usb.wait(Event, state=State.FAULT).faults == Fault.MOTOR
+        (on, _), (off, _) = [(at, number) for what, number, at in module.told if what == "driver"]
+        assert off - on < 0.06
 
 
 def test_the_electrical_zero_is_found_with_the_driver_on_only_meanwhile(program):
@@ -224,7 +257,7 @@ def test_the_electrical_zero_is_found_with_the_driver_on_only_meanwhile(program)
         assert (found.code, found.state) == (Code.OK, State.IDLE)
         module.until("driver", 0)
         zero = usb.ask(GetParameter(PARAMETERS["motor_zero"].index), ParameterValue).value
-        assert zero == pytest.approx(2.0, abs=0.02)  # that of the fakes' rotor
+        assert zero == pytest.approx(ZERO, abs=0.02)
         (on, _), (off, _) = [(at, number) for what, number, at in module.told if what == "driver"]
         assert 3.0 < off - on < 3.6
 
@@ -256,7 +289,7 @@ def test_the_servo_follows_its_pulse_at_once(program):
 
 def test_bluetooth_takes_the_link_and_its_end_is_a_link_that_closed(program):
     with board(program) as module:
-        pull(module.usb)
+        pull(module, module.usb)
         module.until("driver", 1)
         air = module.connect_bluetooth()
         assert air.ask(Hello(), Info).state is State.TIMEOUT
@@ -274,6 +307,8 @@ def test_an_emergency_stop_is_heard_while_bluetooth_cannot_send(program):
         module.advance(0.01)  # before its first step, the firmware does not arm
         air = module.connect_bluetooth()
         air.send(Hello())  # its answer blocks the writing task for a second
+        module.happen("p")
+        air.send(SetParameter(PARAMETERS["motor_zero"].index, ZERO))
         air.send(Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0))
         air.send(Arm(5))
         air.send(SetTension(5, 2.0, ttl_ms=2000))
@@ -316,7 +351,7 @@ def test_nobody_pairs_with_a_module_that_pulls(program):
         module.usb.ask(Hello(), Info)
         module.happen("bB")
         module.happen("b")
-        pull(module.usb)
+        pull(module, module.usb)
         module.until("driver", 1)
         module.advance(0.01)
         assert module.numbers("pairs") == [0, 1, 0], "storing a key would halt the loop"
@@ -327,7 +362,7 @@ def test_a_stop_is_obeyed_from_usb_though_bluetooth_has_the_link(program, stop, 
     with board(program) as module:
         module.advance(0.01)
         air = module.connect_bluetooth()
-        pull(air)
+        pull(module, air)
         module.until("driver", 1)
         available(module.usb._out)  # what it said before Bluetooth was there
         module.usb.send(SetTension(5, 3.0, ttl_ms=2000))
@@ -343,7 +378,7 @@ def test_an_emergency_stop_is_obeyed_from_bluetooth_that_has_just_lost_the_link(
     with board(program) as module:
         module.advance(0.01)
         air = module.connect_bluetooth()
-        pull(air)
+        pull(module, air)
         module.until("driver", 1)
         air.send(EmergencyStop())
         module.end_bluetooth()
@@ -353,7 +388,7 @@ def test_an_emergency_stop_is_obeyed_from_bluetooth_that_has_just_lost_the_link(
 
 def test_a_hang_takes_the_driver_off_within_the_watchdogs_50_ms_before_the_panic(program):
     with board(program) as module:
-        pull(module.usb)
+        pull(module, module.usb)
         module.until("driver", 1)
         module.advance(0.1)
         assert module.numbers("watchdog_ms") == [1000, 50]
@@ -368,7 +403,7 @@ def test_a_hang_takes_the_driver_off_within_the_watchdogs_50_ms_before_the_panic
 def test_a_hang_with_the_driver_off_may_last_a_second(program):
     """As long as flash may take to be written."""
     with board(program) as module:
-        pull(module.usb)
+        pull(module, module.usb)
         module.until("driver", 1)
         module.usb.ask(Stop())
         module.until("driver", 0)
@@ -377,7 +412,7 @@ def test_a_hang_with_the_driver_off_may_last_a_second(program):
 
 def test_a_converter_that_does_not_answer_is_a_fault_at_once_and_no_hang(program):
     with board(program) as module:
-        pull(module.usb)
+        pull(module, module.usb)
         module.until("driver", 1)
         begin = module.now
         module.happen("c")
