@@ -51,7 +51,7 @@ PARAMETER_DESCRIPTIONS = {
     "brake_tooth": "cable from tooth to tooth of the brake's wheel",
     "brake_release_tension": "to reel the load off the pawl before it is lifted",
     "timeout_brake": "what the brake does when the module times out",
-    "brake_on_fault": "after a fault or emergency stop: open for people, closed for loads",
+    "brake_on_fault": "after a fault, an emergency stop or a start: open for people, closed for loads",
     "motor_direction": "sign of the encoder while the cable pays out",
     "motor_zero": "electrical angle at the encoder's zero; CALIBRATE finds it",
     "calibrated": "whether the module may be armed; CALIBRATE sets it",
