@@ -77,10 +77,11 @@ def save_rig(rig: Rig, path: str | PathLike[str]) -> None:
 def rig_from_toml(text: str, source: str) -> Rig:
     """Read a rig from a TOML text, which errors call ``source``."""
     from tensionlab.model import schema
+    from tensionlab.support.validation import validate
 
     document = parse_toml(text, source, RigError)
     try:
-        table = schema.check(schema.RigFile, document)
+        table = validate(schema.RigFile, document, RigError)
         shared = table.limits.model_dump(exclude_none=True)
         modules = []
         for number, own in enumerate(table.modules, start=1):
@@ -126,10 +127,11 @@ def load_requirement(path: str | PathLike[str]) -> Requirement:
     (64, 6)
     """
     from tensionlab.model import schema
+    from tensionlab.support.validation import validate
 
     document = read_toml(path, "a file of required wrenches (*.toml)", RigError)
     try:
-        return requirement(schema.check(schema.RequiredTable, document).model_dump())
+        return requirement(validate(schema.RequiredTable, document, RigError).model_dump())
     except RigError as error:
         raise RigError(f"{path}: {error}") from None
 

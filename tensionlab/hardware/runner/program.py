@@ -26,7 +26,7 @@ import numpy as np
 from pydantic import Field
 
 from tensionlab.demand import Demand, RigState
-from tensionlab.errors import HardwareError, RigError
+from tensionlab.errors import HardwareError
 from tensionlab.model.rig import Rig
 from tensionlab.model.schema import Table
 from tensionlab.support.arrays import Floats
@@ -104,13 +104,10 @@ def load_program(path: str | PathLike[str], rig: Rig) -> Program:
     >>> load_program("push.toml", tl.load_rig("bartels2026-validation")).name
     'push'
     """
-    from tensionlab.model.schema import check
+    from tensionlab.support.validation import validate
 
     document = read_toml(path, "a program (*.toml)", HardwareError)
-    try:
-        file = check(ProgramFile, document)
-    except RigError as error:
-        raise HardwareError(f"{path}: {error}") from None
+    file = validate(ProgramFile, document, HardwareError, path)
     steps = []
     for number, table in enumerate(file.steps, start=1):
         here = f"{path}: step {number}"

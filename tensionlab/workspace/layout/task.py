@@ -17,9 +17,10 @@ from tensionlab.model import schema
 from tensionlab.model.files import requirement
 from tensionlab.model.module import MAX_LENGTH, Module, Platform
 from tensionlab.model.pose import RestPose
-from tensionlab.model.schema import FrameTable, ModuleTable, PlatformTable, RequiredTable, Table, check
+from tensionlab.model.schema import FrameTable, ModuleTable, PlatformTable, RequiredTable, Table
 from tensionlab.support.files.named import find
 from tensionlab.support.files.reading import brief, read_toml
+from tensionlab.support.validation import validate
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.search import Progress, search_layout
@@ -131,7 +132,7 @@ def load_task(path: str | PathLike[str]) -> LayoutTask:
     path = find(path, "spaces", RigError)
     document = read_toml(path, "a space file (*.toml)", RigError)
     try:
-        table = check(SpaceFile, document)
+        table = validate(SpaceFile, document, RigError)
         return LayoutTask(
             name=table.name,
             space=_space(table),
