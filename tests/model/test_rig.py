@@ -332,3 +332,5 @@ def test_a_table_of_a_rig_says_what_platform_it_has():
     held = replace(BOX, platform=Platform(2.5))
     assert ", platform of 2.5 kg, home" in held._repr_html_()
     assert "platform of" not in BOX._repr_html_()
+    assert "of a desk" in replace(BOX, description="of a desk")._repr_html_()
+    assert repr(Platform(2.5, [0.0, 0.0, 0.1])) == "<Platform of 2.5 kg, centre of mass at (0, 0, 0.1) m>"

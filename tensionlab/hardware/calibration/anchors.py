@@ -123,7 +123,7 @@ def _onto_nominal(problem: Problem, shared: Floats, poses: Poses) -> tuple[Float
     anchors, offsets = problem.split(shared)
     nominal = problem.rig.anchors
     here, there = anchors.mean(axis=0), nominal.mean(axis=0)
-    turn = fit_rotation(anchors - here, nominal - there)
+    turn = fit_rotation(anchors, nominal - there)
     moved = (anchors - here) @ turn.T + there
     rotation = None if poses.rotation is None else turn @ poses.rotation
     return (

@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 
+from tensionlab.errors import HardwareError
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.messages import Refused, Welcome
 from tensionlab.haptics.bridge.osc import OscServer
@@ -32,13 +33,25 @@ def require_possible(demand, rig):
         assert 0.0 <= spring.frequency <= 500.0
 
 
+def bridge_of(rig, box, port=0):
+    welcome = Welcome(rig=rig.name, modules=[], upper=[], scenario=None, bodies=[], rate=50.0, timeout=0.25)
+    return Bridge(box, welcome, lambda number: number, port=port)
+
+
+def test_a_bridge_listens_and_no_other_can_listen_there():
+    rig = four()
+    with bridge_of(rig, ClientState(rig)) as first:
+        port = int(first.url.rpartition(":")[2])
+        with pytest.raises(HardwareError, match=f"{port}: Address already in use"):
+            bridge_of(rig, ClientState(rig), port).__enter__()
+
+
 @pytest.mark.parametrize("name", ["rig", "materials"])
 def test_whatever_is_said_is_answered_and_the_loop_goes_on_within_limits(name):
     scenario = None if name == "rig" else load_scenario(name)
     rig = four() if scenario is None else scenario.rig
     box, answers = ClientState(rig), []
-    welcome = Welcome(rig=rig.name, modules=[], upper=[], scenario=None, bodies=[], rate=50.0, timeout=0.25)
-    bridge = Bridge(box, welcome, lambda number: number)
+    bridge = bridge_of(rig, box)
     inner = FreeEffects(box) if scenario is None else ScenarioDemand(scenario, repeat=True)
     demand = BridgedDemand(box, inner, on_event=lambda *news: pytest.fail(f"an effect failed: {news}"))
     states = [cycle.state for cycle in cycles(rig, 2 * COUNT)]

@@ -157,6 +157,15 @@ def test_pulled_by_a_spring_friction_sticks_and_slips():
     assert np.diff(slips) * step == pytest.approx(3.0 / (spring * speed) + slipping, rel=0.03)
 
 
+def test_friction_is_as_large_as_its_load_however_small():
+    path = np.linspace([0.0, 0.0, 0.0], [0.01, 0.0, 0.0], 100)
+    loads = [
+        follow(Friction(load=load, stiffness=400.0 * load, damping=2.0 * load), path, 0.001)
+        for load in (1.0, 1e-4)
+    ]
+    np.testing.assert_allclose(loads[1], 1e-4 * loads[0], rtol=1e-9, atol=1e-15)
+
+
 def test_the_energy_of_friction_is_exactly_accounted_for():
     """With the force of the step's end, f·dp is at least what the bristle stores more, under any load."""
     random = np.random.default_rng(1)

@@ -1,7 +1,7 @@
 """What a hand feels of effects, on real firmware in lockstep: what modules render, and what the host may."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ from tensionlab.haptics.effects import (
     Friction,
     Motion,
     Plane,
+    Rendered,
     Shape,
     Sphere,
     Spring,
@@ -248,6 +249,21 @@ def test_what_is_desired_is_the_sum_over_passive_effects_and_others():
     last = rendered(effects, held(0.0, -0.02, 0.0))[-1]
     np.testing.assert_allclose(last.demand.desired, 2.0 * UP + 20.0 * (0.05 * across + 0.02 * UP), atol=0.1)
     assert last.ceiling == pytest.approx(0.5 * 2.0 / (PERIOD / 2 + last.delay))
+
+
+@dataclass(frozen=True)
+class Push:
+    """An effect that is not passive."""
+
+    def render(self, motion, memory=None):
+        return Rendered(2.0 * UP)
+
+
+def test_only_passive_effects_are_kept_from_adding_energy():
+    def rising(time):
+        return Pose(HOME + 0.1 * max(time - WINDOW_S, 0.0) * UP)
+
+    np.testing.assert_allclose(rendered({"push": Push()}, rising)[-1].demand.wrench, 2.0 * UP, atol=1e-6)
 
 
 def test_the_share_is_that_of_everything_and_without_one_the_cables_are_taut():

@@ -55,6 +55,12 @@ def test_what_linux_knows_by_bluetooth(tmp_path, monkeypatch):
     assert discovery.paired() == {}
 
 
+def test_a_port_that_nobody_uses_is_asked_for_its_module():
+    found = discovery.find("sim:")
+    assert found.info is not None
+    assert not found.in_use
+
+
 @pytest.fixture
 def client():
     simulated = SimulatedModule()

@@ -63,6 +63,15 @@ def test_silence_stops_all(rehearsal):
     assert rehearsal.states() == {"floor-1": "IDLE", "floor-2": "IDLE", "floor-3": "IDLE", "top": "TIMEOUT"}
 
 
+def test_modules_that_never_report_are_named_after_two_seconds(rehearsal, monkeypatch):
+    runner, began = rehearsal.runner(rehearsal.demand()), rehearsal.world.time
+    prepare = runner.modules.prepare
+    monkeypatch.setattr(runner.modules, "prepare", lambda rig, telemetry_ms: prepare(rig, 0))
+    with pytest.raises(LinkTimeout, match="no telemetry from .*top within 2 s"):
+        runner.run(2.0)
+    assert rehearsal.world.time - began == pytest.approx(2.0, abs=0.2)
+
+
 def test_a_module_that_starts_anew_stops_all(rehearsal):
     def reboot():
         index = list(rehearsal.links).index("top")
