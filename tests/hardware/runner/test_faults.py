@@ -67,7 +67,7 @@ def test_modules_that_never_report_are_named_after_two_seconds(rehearsal, monkey
     runner, began = rehearsal.runner(rehearsal.demand()), rehearsal.world.time
     prepare = runner.modules.prepare
     monkeypatch.setattr(runner.modules, "prepare", lambda rig, telemetry_ms: prepare(rig, 0))
-    with pytest.raises(LinkTimeout, match="no telemetry from .*top within 2 s"):
+    with pytest.raises(LinkTimeout, match=r"no telemetry from .*top within 2 s"):
         runner.run(2.0)
     assert rehearsal.world.time - began == pytest.approx(2.0, abs=0.2)
 
