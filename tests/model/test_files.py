@@ -122,7 +122,7 @@ MISTAKES = {
         GOOD.replace("anchor", "anchro", 1),
         ['modules[0] ("left")', "anchro is an unknown key", 'did you mean "anchor"?'],
     ),
-    "misspelt default": (GOOD.replace("lower", "lowr"), ['limits.lowr is an unknown key', 'did you mean "lower"']),
+    "misspelt default": (
         GOOD.replace("lower", "lowr"),
         ["limits.lowr is an unknown key", 'did you mean "lower"?'],
     ),
