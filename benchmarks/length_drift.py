@@ -166,11 +166,11 @@ def play(case: Case) -> Outcome:
     error, doubts = ForceError(rig), []
 
     def demand(state: RigState) -> Demand:
-        offsets = np.zeros(rig.m)
-        if drifting is not None:
-            offsets[victim] = drifting.offset(float(state.ages[victim]))
         doubts.append(float(runner._length_monitor.doubts.max()))
-        error.take(state, offsets, runner.latest)
+        if drifting is not None:
+            offsets = np.zeros(rig.m)
+            offsets[victim] = drifting.offset(float(state.ages[victim]))
+            error.take(state, offsets, runner.latest)
         return Demand(force)
 
     runner = Runner(rig, ModuleGroup(clients), "newton", demand, RunSettings(), clock=WorldClock(world))
