@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
     from tensionlab.solvers.penalty import AnalyticCentre, SlackNorm, Spidar
     from tensionlab.solvers.quadratic import QuadraticProgram
-    from tensionlab.viewer.rig_page import view
+    from tensionlab.viewer.design_page import view
     from tensionlab.workspace.sweep import sweep
 
 __version__ = "0.1.0"
@@ -134,7 +134,7 @@ _NAMES = {
     "tensionlab.solvers.quadratic": ("QuadraticProgram",),
     "tensionlab.workspace.sweep": ("sweep",),
     "tensionlab.plots": ("plot",),
-    "tensionlab.viewer.rig_page": ("view",),
+    "tensionlab.viewer.design_page": ("view",),
 }
 
 

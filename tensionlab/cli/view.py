@@ -15,8 +15,8 @@ from tensionlab.errors import RigError
 from tensionlab.hardware.log.shared_run import RunWatcher, find_runs
 from tensionlab.model.files import load_rig
 from tensionlab.support.files.named import is_path
+from tensionlab.viewer.design_page import DesignPage
 from tensionlab.viewer.live import LivePage
-from tensionlab.viewer.page import DesignPage
 from tensionlab.viewer.server import PageServer
 
 
@@ -53,7 +53,7 @@ def view(
         if_interrupted("what was saved from the page is kept; the same command shows the file's rig again"),
         closing(page),
     ):
-        open_page(page.server, page.loaded.name, browser=browser)
+        open_page(page.server, page.rig.name, browser=browser)
         threading.Event().wait()
 
 

@@ -1,4 +1,4 @@
-"""What the public interface says of a state: tensions, capacity margin, and the forces that are available."""
+"""Tensions, capacity margin and available forces of a state, from the public interface."""
 
 from __future__ import annotations
 
@@ -11,26 +11,28 @@ from tensionlab.allocation import Allocation, Allocator
 from tensionlab.errors import TensionlabError
 from tensionlab.solvers.base import Policy, Status
 from tensionlab.support.arrays import Floats
-from tensionlab.viewer.state import State, of_ghost
+from tensionlab.viewer.state import DesignState
 from tensionlab.workspace.margin import required_margin
 from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
 
 FLAT = 1e-9
-"""Share of the largest force by which a set may differ from a plane and still be flat."""
+"""Share of the largest force that counts as none."""
+COPLANAR = 1e-6
+"""Largest difference of the equations of faces in one plane."""
 
 
 @dataclass(frozen=True)
 class ForceSet:
-    """Forces that are available at the hand, as a polytope, in N, beside what the rig requires.
+    """Forces that are available at the hand in addition to what the rig requires, as a polytope, in N.
 
     Attributes
     ----------
     corners : (k, d) array
-        Its vertices, in N.
+        Vertices, in N.
     faces : (f, 3) array of int
         Triangles between them, seen anticlockwise from outside; in the plane they fill the polygon.
     edges : (e, 2) array of int
-        Its edges.
+        Edges.
     """
 
     corners: Floats
@@ -49,7 +51,7 @@ class Certificate:
     reach : float
         Largest ``direction @ force`` of the available forces at the desired torque, or more, in N.
     desired : float
-        That of the desired force, in N, which is larger.
+        ``direction @ force`` of the desired force, in N, which is larger.
     """
 
     direction: Floats
@@ -58,7 +60,7 @@ class Certificate:
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class StateEvaluation:
     """Answers for one state.
 
     Attributes
@@ -72,13 +74,11 @@ class Evaluation:
     available : ForceSet or None
         Forces that are available at the desired torque; None if not asked for, or there are none.
     rendered : (n,) array or None
-        Wrench that is rendered beside what the rig requires, in N and N·m; None without an allocation.
+        Wrench that is rendered in addition to what the rig requires, in N and N·m; None without an allocation.
     certificate : Certificate or None
         Where the desired force is certified infeasible; None if it is not, or the torque alone is.
-    ghost_margin : float or None
-        Capacity margin of the other rig at the hand, in N; None if there is none, or it cannot be there.
     problem : str
-        What is in the way, in words; empty if nothing is.
+        Why there is no allocation; empty if there is one.
     """
 
     allocation: Allocation | None
@@ -87,53 +87,37 @@ class Evaluation:
     available: ForceSet | None = None
     rendered: Floats | None = None
     certificate: Certificate | None = None
-    ghost_margin: float | None = None
     problem: str = ""
 
 
-def evaluate(state: State) -> Evaluation:
+def evaluate(state: DesignState) -> StateEvaluation:
     """Return the tensions, the margin and the available forces of a state."""
     rig = state.rig
     try:
         structure = rig.structure_matrix(state.position, state.rotation, rig.at_rest)
         required = rig.required.middle(rig, state.rotation)
-        margin = _margin(state)
+        margin = float(required_margin(rig, structure, rig.required, state.rotation))
     except TensionlabError as error:
-        return Evaluation(None, None, float("nan"), problem=str(error))
+        return StateEvaluation(None, None, float("nan"), problem=str(error))
     available = force_set(structure, state, required) if state.show_available else None
-    ghost_margin = _ghost_margin(state)
     try:
         allocator = Allocator(rig.limits, state.solver, policy=state.policy)
         allocation = allocator(structure, state.wrench + required)
     except TensionlabError as error:
-        return Evaluation(None, None, margin, available, ghost_margin=ghost_margin, problem=str(error))
-    return Evaluation(
+        return StateEvaluation(None, None, margin, available, problem=str(error))
+    return StateEvaluation(
         allocation,
         allocator.policy,
         margin,
         available,
         allocation.wrench - required,
         _certificate(structure, state, required, allocation),
-        ghost_margin,
     )
 
 
-def _margin(state: State) -> float:
-    structure = state.rig.structure_matrix(state.position, state.rotation, state.rig.at_rest)
-    return float(required_margin(state.rig, structure, state.rig.required, state.rotation))
-
-
-def _ghost_margin(state: State) -> float | None:
-    """Return the capacity margin of the other rig at the hand."""
-    if state.ghost is None or state.ghost.dimension != state.rig.dimension:
-        return None
-    try:
-        return _margin(of_ghost(state, state.ghost))
-    except TensionlabError:
-        return None
-
-
-def _certificate(structure: Floats, state: State, required: Floats, allocation: Allocation) -> Certificate | None:
+def _certificate(
+    structure: Floats, state: DesignState, required: Floats, allocation: Allocation
+) -> Certificate | None:
     """Return what the separating direction of the wrench says of its force, at the desired torque."""
     d, direction = state.rig.dimension, allocation.separation
     length = float(np.linalg.norm(direction[:d]))
@@ -147,7 +131,7 @@ def _certificate(structure: Floats, state: State, required: Floats, allocation: 
     return Certificate(along, (most - rest) / length, float(along @ state.wrench[:d]))
 
 
-def force_set(structure: Floats, state: State, required: Floats) -> ForceSet | None:
+def force_set(structure: Floats, state: DesignState, required: Floats) -> ForceSet | None:
     """Return the forces that are available at the desired torque; None if no tensions exert that torque."""
     rig = state.rig
     d = rig.dimension
@@ -184,41 +168,29 @@ def _section(spaces: HalfSpaces, torque: Floats, d: int) -> Floats | None:
     return np.asarray(planes.intersections[np.isfinite(planes.intersections).all(axis=1)])
 
 
-def polytope(points: Floats) -> ForceSet:
-    """Return the hull of points (k, d), with triangles and edges; a flat set has one side, or is a line."""
-    from scipy.spatial import ConvexHull
+def polytope(points: Floats) -> ForceSet | None:
+    """Return the hull of points (k, d), with triangles and edges; None for a set without a volume."""
+    from scipy.spatial import ConvexHull, QhullError
 
-    middle = points.mean(axis=0)
-    _, sizes, axes = np.linalg.svd(points - middle, full_matrices=False)
-    rank = int((sizes > max(FLAT * sizes.max(initial=0.0), 1e-12)).sum())
-    if rank < 2:
-        along = (points - middle) @ axes[0] if len(axes) else np.zeros(len(points))
-        ends = points[[along.argmin(), along.argmax()]]
-        return ForceSet(ends, np.empty((0, 3), np.int64), np.array([[0, 1]]))
-    hull = ConvexHull((points - middle) @ axes[:rank].T)
-    if rank == 2:
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        return None
+    if points.shape[1] == 2:
         ring = hull.vertices  # anticlockwise
         count = len(ring)
         fan = np.array([[0, i, i + 1] for i in range(1, count - 1)])
-        around = np.column_stack([np.arange(count), np.roll(np.arange(count), -1)])
-        return ForceSet(points[ring], fan, around)
+        return ForceSet(points[ring], fan, np.column_stack([np.arange(count), np.roll(np.arange(count), -1)]))
     number = np.full(len(points), -1)
     number[hull.vertices] = np.arange(len(hull.vertices))
     corners = points[hull.vertices]
     faces = number[hull.simplices]
     across = np.cross(corners[faces[:, 1]] - corners[faces[:, 0]], corners[faces[:, 2]] - corners[faces[:, 0]])
-    inward = np.einsum("ij,ij->i", across, hull.equations[:, :3] @ axes) < 0.0
+    inward = np.einsum("ij,ij->i", across, hull.equations[:, :3]) < 0.0
     faces[inward] = faces[inward][:, ::-1]
-    return ForceSet(corners, faces, _creases(hull.simplices, hull.neighbors, hull.equations, number))
-
-
-def _creases(
-    simplices: NDArray[np.int32], neighbours: NDArray[np.int32], equations: Floats, number: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Return the edges at which triangles meet that are not in one plane."""
-    found = []
+    edges = []  # where triangles meet that are not in one plane
     for side in range(3):  # a neighbour is opposite the corner of its number
-        other = neighbours[:, side]
-        crease = (np.abs(equations - equations[other]).max(axis=1) > 1e-6) & (np.arange(len(other)) < other)
-        found.append(np.delete(simplices, side, axis=1)[crease])
-    return np.asarray(number[np.concatenate(found)])
+        other = hull.neighbors[:, side]
+        bent = np.abs(hull.equations - hull.equations[other]).max(axis=1) > COPLANAR
+        edges.append(np.delete(hull.simplices, side, axis=1)[bent & (np.arange(len(other)) < other)])
+    return ForceSet(corners, faces, number[np.concatenate(edges)])

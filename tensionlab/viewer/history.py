@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tensionlab.viewer.state import HAND, State
+from tensionlab.viewer.state import HAND, DesignState
 
 UNDONE = ("rig", "position", "rotation", "wrench")
 """Attributes of a state that are undone; how it is looked at stays."""
@@ -24,10 +24,10 @@ class History:
     array([0. , 0.3, 0. ])
     """
 
-    def __init__(self, state: State) -> None:
+    def __init__(self, state: DesignState) -> None:
         self.present = state
-        self._before: list[State] = []
-        self._after: list[State] = []
+        self._before: list[DesignState] = []
+        self._after: list[DesignState] = []
         self._step: object = None
 
     @property
@@ -40,7 +40,7 @@ class History:
         """Whether a step was undone, and none made since."""
         return bool(self._after)
 
-    def record(self, state: State, step: object = None) -> None:
+    def record(self, state: DesignState, step: object = None) -> None:
         """Make a state the present one.
 
         Edits with the same step, which is not None, are one: those of a drag are undone together. What changes
@@ -53,15 +53,15 @@ class History:
             self._step = step
         self.present = state
 
-    def undo(self) -> State:
+    def undo(self) -> DesignState:
         """Return to the state before the last step, if there is one."""
         return self._go(self._before, self._after)
 
-    def redo(self) -> State:
+    def redo(self) -> DesignState:
         """Return to the state that the last undo left, if there is one."""
         return self._go(self._after, self._before)
 
-    def _go(self, source: list[State], target: list[State]) -> State:
+    def _go(self, source: list[DesignState], target: list[DesignState]) -> DesignState:
         if source:
             goal = source.pop()
             target.append(self.present)

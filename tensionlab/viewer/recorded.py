@@ -1,4 +1,4 @@
-"""A run from its log, at each instant as one who watched it had it; and what another solver would have done."""
+"""A run from its log, as a watcher would have seen it at each time; and what another solver would have done."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.log.shared_run import RunInfo, RunReport
 from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.solvers.base import Status
-from tensionlab.viewer.instant import Beside, Instant, not_the_solvers
+from tensionlab.viewer.run_scene import Instant, OtherAnswer, rendered_by_modules
 
 SHOWN_TIMES = 1000
-"""Latest cycles over which times of the loop are shown."""
+"""Number of latest cycles over which times of the loop are shown."""
 
 
 def require_drawable(run: Run, path: str | PathLike[str]) -> None:
@@ -51,7 +51,7 @@ def cycle_of(run: Run, index: int) -> dict[str, NDArray[Any]]:
 
 
 def report_at(run: Run, index: int) -> RunReport:
-    """Return the report of a run in progress after the cycle of an index; NaN and 0 for what logs do not have."""
+    """Return the report of a run in progress after a cycle, by its index; NaN and 0 for what logs do not have."""
     m, done = run.rig.m, index + 1
     events = tuple(event for event in run.events if event.cycle <= run.cycle[index])
     deadlines = np.round((run.time[[0, index]] - run.start_delay[[0, index]]) * run.setup.rate)
@@ -80,7 +80,7 @@ def report_at(run: Run, index: int) -> RunReport:
 
 
 def instant_at(run: Run, index: int, solver: str = "", answer: Allocation | None = None) -> Instant:
-    """Return the instant of the cycle of an index, beside the answer of another solver if there is one.
+    """Return the instant of the cycle of an index, with the answer of another solver if there is one.
 
     Examples
     --------
@@ -96,7 +96,7 @@ def instant_at(run: Run, index: int, solver: str = "", answer: Allocation | None
         return instant
     sent = np.isfinite(instant.set_points)  # to springs and lost modules nothing is
     tensions = np.where(sent, answer.tensions, np.nan)
-    return replace(instant, beside=Beside(solver, tensions, answer.wrench + not_the_solvers(cycle)))
+    return replace(instant, other=OtherAnswer(solver, tensions, answer.wrench + rendered_by_modules(cycle)))
 
 
 def answer_at(run: Run, index: int, solver: str) -> Allocation | None:

@@ -6,7 +6,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,208 +14,233 @@ import numpy as np
 from tensionlab.allocation import Allocation
 from tensionlab.errors import TensionlabError
 from tensionlab.hardware.log.reader import Run
-from tensionlab.hardware.log.shared_run import POLL_S
 from tensionlab.scenarios.scenery import Scenery
+from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
-from tensionlab.viewer import live_words, playback, replay_words, words
-from tensionlab.viewer.instant import Instant
-from tensionlab.viewer.panel import PANEL_PIXELS, entered, pressed, solver_names
-from tensionlab.viewer.playback import ALL, SPEEDS, Change, Playback, cycle_at
+from tensionlab.support.colours import FORCE_COLOURS, GREEN, GREY, ORANGE
+from tensionlab.support.table import STATUS_MARKS
+from tensionlab.viewer import run_words
+from tensionlab.viewer.design_panel import entered, pressed, solver_names
+from tensionlab.viewer.html import render
 from tensionlab.viewer.recorded import answer_at, info_of, instant_at, report_at
-from tensionlab.viewer.run_drawing import RunDrawing
-from tensionlab.viewer.run_marks import KINDS, Mark, marks, phase_bands
+from tensionlab.viewer.run_marks import KINDS, marks
+from tensionlab.viewer.run_page import RunDrawing, RunPage
 from tensionlab.viewer.server import PageServer
 
-WORDS_PERIOD_S = 0.1
-"""Of texts while the run is played; the scene follows more often."""
+SPEEDS = {f"{speed:g} x": speed for speed in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)}
+TEXT_PERIOD_S = 0.1
+"""Period of texts while the run is played; the scene follows more often."""
 TIMELINE_PIXELS, TIMELINE_SHARE = 660.0, 0.22
 """Width of the timeline, and the share of the picture that is behind it, from below."""
 STEP_S = 0.001
-"""Of the slider."""
+"""Step of the slider."""
+SAME_S = 1e-6
+"""Largest difference of times that count as the same."""
+BINS = 400
+"""Points of a curve in the timeline: about as many as it has pixels."""
+MIN_ERROR_N = 0.01
+"""Largest difference between the desired and the demanded wrench that is not mentioned."""
 NONE = "none"
 
 
-class ReplayPage:
-    """A run from its log in the browser.
+@dataclass(frozen=True)
+class Playback:
+    """Time of a run that is shown, and how it passes.
 
-    Call `turn` some thirty times a second, in one thread; `serve` does.
+    Attributes
+    ----------
+    begin, end : float
+        Times of the first and the last cycle, in s since the run began.
+    time : float
+        Time that is shown.
+    speed : float
+        Speed of playing, in times of the run's own.
+    playing : bool
+
+    Examples
+    --------
+    >>> from tensionlab.viewer.replay import Playback
+    >>> Playback(0.0, 10.0, speed=2.0).play().advance(1.5).time
+    3.0
     """
 
+    begin: float
+    end: float
+    time: float = 0.0
+    speed: float = 1.0
+    playing: bool = False
+
+    def seek(self, time: float) -> Playback:
+        """Show another time, and stop there."""
+        return replace(self, time=min(max(time, self.begin), self.end), playing=False)
+
+    def play(self) -> Playback:
+        """Let time pass; from the begin if it is at the end."""
+        over = self.time >= self.end - SAME_S
+        return replace(self, time=self.begin if over else self.time, playing=True)
+
+    def advance(self, elapsed: float) -> Playback:
+        """Let a time in s pass outside; it stops at the end."""
+        if not self.playing:
+            return self
+        time = self.time + self.speed * elapsed
+        return replace(self, time=min(time, self.end), playing=time < self.end)
+
+    def step(self, times: Floats, direction: int) -> Playback:
+        """Go to the next of ascending times, or to the previous one for -1, and stop there."""
+        later = times > self.time + SAME_S if direction > 0 else times < self.time - SAME_S
+        found = times[later]
+        return self.seek(float(found[0 if direction > 0 else -1]) if len(found) else self.time)
+
+
+Change = Callable[[Playback], Playback]
+
+
+class ReplayPage(RunPage):
+    """A run from its log in the browser."""
+
     def __init__(self, run: Run, server: PageServer, solver: str = "", scenery: Scenery | None = None) -> None:
-        self.server = server
+        super().__init__(server)
         begin, end = float(run.time[0]), float(run.time[-1])
-        self.state = Playback(begin, end, begin, solver=solver)
-        self._run, self._info, self._scenery = run, info_of(run), scenery
+        self.playback, self.solver, self.scenery = Playback(begin, end, begin), solver, scenery
+        self._run, self._info = run, info_of(run)
         self._marks = marks(run)
-        durations = {} if scenery is None else {each.name: each.end - each.begin for each in scenery.phases}
-        self._bands = phase_bands(self._marks, end, durations)
-        self._curves = replay_words.curves(run)
+        self._curves = curves(run)
         self._changes: deque[Change] = deque()
-        self._shown: Playback | None = None
+        self._shown: tuple[Playback, str] | None = None
         self._drawn: tuple[int, str] | None = None
         self._answer: tuple[Allocation | None, str] = (None, "")
-        self._now, self._words_due = time.perf_counter(), 0.0
-        self._drawing = RunDrawing(server.viser, run.rig, instant_at(run, 0), scenery, covered=TIMELINE_SHARE)
+        self._now, self._texts_due = time.perf_counter(), 0.0
+        self._drawing = RunDrawing(server.viser, run.rig, instant_at(run, 0), scenery, TIMELINE_SHARE)
         self._add_timeline()
-        self._add_panel()
+        self._add_solver()
         self.turn()
 
     def change(self, change: Change) -> None:
-        """Have the state changed, in the next turn; from any thread."""
+        """Have the playback changed in the next turn; from any thread."""
         self._changes.append(change)
 
     @property
     def index(self) -> int:
-        """Of the cycle that is shown."""
-        return cycle_at(self._run.time, self.state.time)
-
-    @property
-    def listed(self) -> list[Mark]:
-        """Events of the kind that is chosen."""
-        return [mark for mark in self._marks if self.state.kind in (ALL, mark.kind)]
+        """Index of the cycle that is shown."""
+        return max(int(np.searchsorted(self._run.time, self.playback.time + SAME_S, "right")) - 1, 0)
 
     def _add_timeline(self) -> None:
         gui = self.server.viser.gui
         panel = gui.add_panel()
         panel.float(x=15, y=-15, width=TIMELINE_PIXELS)
+        times = np.array([mark.time for mark in self._marks])
         with panel.add_tab("Timeline"):
             self._timeline = gui.add_html("")
-            begin = math.floor(self.state.begin / STEP_S) * STEP_S
-            end = math.floor(self.state.end / STEP_S + 1.0) * STEP_S
+            begin = math.floor(self.playback.begin / STEP_S) * STEP_S
+            end = math.floor(self.playback.end / STEP_S + 1.0) * STEP_S
             self._slider: Any = gui.add_slider("time s", begin, end, STEP_S, begin)
-            entered(self._slider, lambda: self.change(partial(playback.seek, time=float(self._slider.value))))
+            entered(self._slider, lambda: self.change(lambda now: now.seek(float(self._slider.value))))
             buttons = gui.add_button_group("", ("Previous event", "Play", "Pause", "Next event"))
             actions: dict[str, Change] = {
-                "Previous event": lambda state: playback.step(state, self._times(), -1),
-                "Play": playback.play,
-                "Pause": playback.pause,
-                "Next event": lambda state: playback.step(state, self._times(), 1),
+                "Previous event": lambda now: now.step(times, -1),
+                "Play": Playback.play,
+                "Pause": lambda now: replace(now, playing=False),
+                "Next event": lambda now: now.step(times, 1),
             }
             pressed(buttons, lambda: self.change(actions[buttons.value]))
-            speeds = {f"{each:g} x": each for each in SPEEDS}
-            self._speed: Any = gui.add_dropdown("speed", tuple(speeds), initial_value="1 x")
-            entered(self._speed, lambda: self.change(playback.choose(speed=speeds[self._speed.value])))
+            speed: Any = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1 x")
+            entered(speed, lambda: self.change(lambda now: replace(now, speed=SPEEDS[speed.value])))
 
-    def _add_panel(self) -> None:
+    def _add_solver(self) -> None:
         gui = self.server.viser.gui
-        gui.main_panel.dock_right()
-        gui.main_panel.set_width(PANEL_PIXELS)
-        self._theme()
-        self._heading, self._played, self._forces = (gui.add_html("") for _ in range(3))
-        tabs = gui.add_tab_group()
-        with tabs.add_tab("Modules"):
-            self._modules = gui.add_html("")
-        with tabs.add_tab("Events"):
-            kinds = (ALL, *(kind for kind in KINDS if any(mark.kind == kind for mark in self._marks)))
-            self._kind: Any = gui.add_dropdown("show", kinds)
-            entered(self._kind, lambda: self.change(playback.choose(kind=self._kind.value)))
-            self._jump: Any = gui.add_dropdown("go to", self._choices())
-            entered(self._jump, lambda: self.change(self._jumped()))
-            self._events = gui.add_html("")
-        with tabs.add_tab("Solver"):
+        with self._tabs.add_tab("Solver"):
             names = (NONE, *solver_names(self._run.rig))
-            self._solver: Any = gui.add_dropdown("beside", names, initial_value=self.state.solver or NONE)
-            entered(
-                self._solver, lambda: self.change(playback.choose(solver=self._solver.value.replace(NONE, "")))
-            )
-            self._beside = gui.add_html("")
-        with tabs.add_tab("Loop"):
-            self._loop = gui.add_html("")
-            dark = gui.add_checkbox("dark", False)
-            entered(dark, lambda: self.change(playback.choose(dark=dark.value)))
+            field: Any = gui.add_dropdown("compare with", names, initial_value=self.solver or NONE)
+            self._problem = gui.add_html("")
 
-    def _theme(self) -> None:
-        self.server.viser.gui.configure_theme(
-            control_width="large", show_logo=False, show_share_button=False, dark_mode=self.state.dark
-        )
+        def choose() -> None:
+            self.solver = "" if field.value == NONE else field.value
 
-    def _times(self) -> Floats:
-        return np.array([mark.time for mark in self.listed])
-
-    def _choices(self) -> tuple[str, ...]:
-        """Return the events to go to, each another text."""
-        width = len(str(len(self.listed)))
-        return (
-            "...",
-            *(f"{number:{width}d}. {mark.time:.2f} s {mark.text}" for number, mark in enumerate(self.listed, 1)),
-        )
-
-    def _jumped(self) -> Change:
-        word = self._jump.value.partition(".")[0]
-        return partial(playback.seek, time=self.listed[int(word) - 1].time) if word else lambda state: state
+        entered(field, choose)
 
     def turn(self) -> None:
-        """Make what people did, let the time pass, and bring all browsers up to date."""
+        """Let the time pass, make what people did, and bring all browsers up to date."""
         before, self._now = self._now, time.perf_counter()
-        state = playback.advance(self.state, self._now - before)
+        playback = self.playback.advance(self._now - before)
         while self._changes:
-            state = self._changes.popleft()(state)
-        self.state = state
-        if state == self._shown:
+            playback = self._changes.popleft()(playback)
+        self.playback = playback
+        if (playback, self.solver) == self._shown:
             return
-        due = self._now >= self._words_due or not state.playing
+        due = self._now >= self._texts_due or not playback.playing
         with self.server.viser.atomic():
             self._draw()
             if due:
-                self._words_due = self._now + WORDS_PERIOD_S
-                self._show_words()
+                self._texts_due = self._now + TEXT_PERIOD_S
+                self._show_all_texts()
         self.server.viser.flush()
-        self._shown = state if due else self._shown
+        self._shown = (playback, self.solver) if due else self._shown
 
     def _draw(self) -> None:
-        """Show the cycle, if it or the solver beside it is another than before."""
-        if (self.index, self.state.solver) == self._drawn:
+        """Show the cycle, if it or the other solver has changed."""
+        if (self.index, self.solver) == self._drawn:
             return
-        self._drawn = self.index, self.state.solver
-        self._answer = self._answered()
-        self._drawing.show(self._instant())
-
-    def _answered(self) -> tuple[Allocation | None, str]:
-        """Return what the solver beside answers, and why it does not."""
-        if not self.state.solver:
-            return None, ""
+        self._drawn = self.index, self.solver
         try:
-            return answer_at(self._run, self.index, self.state.solver), ""
+            self._answer = answer_at(self._run, self.index, self.solver) if self.solver else None, ""
         except TensionlabError as error:
-            return None, str(error)
+            self._answer = None, str(error)
+        self._drawing.show(instant_at(self._run, self.index, self.solver, self._answer[0]))
 
-    def _instant(self) -> Instant:
-        return instant_at(self._run, self.index, self.state.solver, self._answer[0])
+    def _show_all_texts(self) -> None:
+        run, index, playback = self._run, self.index, self.playback
+        report = report_at(run, index)
+        instant = instant_at(run, index, self.solver, self._answer[0])
+        self._heading.content = cycle_heading(run, playback, index)
+        span = max(playback.end - playback.begin, SAME_S)
+        ticks = [((mark.time - playback.begin) / span, KINDS[mark.kind]) for mark in self._marks]
+        now = (playback.time - playback.begin) / span
+        self._timeline.content = render("run.timeline", *self._curves, ticks, now)
+        self._events.content = run_words.marks_around(self._marks, playback.time)
+        text = "Tensions and force of that solver, at the same pose and limits, are pink."
+        self._problem.content = render("common.note", self._answer[1] or text)
+        self._slider.value = round(playback.time, 3)
+        self.show_texts(self._info, report, instant, fresh=True)
 
-    def _show_words(self) -> None:
-        run, state, index, listed = self._run, self.state, self.index, self.listed
-        report, instant = report_at(run, index), self._instant()
-        self._heading.content = replay_words.heading(run, state, index)
-        self._timeline.content = replay_words.timeline(state, listed, self._bands, self._curves)
-        self._played.content = live_words.phases(self._scenery, state.time)
-        self._forces.content = live_words.forces(run.rig, instant)
-        self._modules.content = live_words.modules(self._info, report, instant)
-        self._events.content = replay_words.events(listed, state.time)
-        self._loop.content = live_words.times(self._info, report, report.start_delays, report.compute_times)
-        self._beside.content = self._said_beside()
-        self._slider.value = round(state.time, 3)
-        self._speed.value, self._kind.value = f"{state.speed:g} x", state.kind
-        self._solver.value = state.solver or NONE
-        if self._shown is None or state.kind != self._shown.kind:
-            self._jump.options = self._choices()
-        self._jump.value = "..."
-        if self._shown is not None and state.dark is not self._shown.dark:
-            self._theme()
 
-    def _said_beside(self) -> str:
-        found, problem = self._answer
-        if problem:
-            return words.problem(problem)
-        if not self.state.solver:
-            return words.note("Choose a solver to see what it would have commanded.")
-        return replay_words.answer(self._run, self.index, self.state.solver, found)
+def cycle_heading(run: Run, playback: Playback, index: int) -> str:
+    """Return the status of a cycle, and where in the run it is."""
+    status = Status(int(run.status[index]))
+    word, colour = status.name, GREEN if status is Status.EXACT else ORANGE
+    meaning = "the desired force is rendered" if status is Status.EXACT else STATUS_MARKS[status].word
+    if status is Status.EXACT and not np.allclose(run.demanded[index], run.desired[index], atol=MIN_ERROR_N):
+        meaning = "what the loop can render stably of the desired force is rendered"
+    if not np.isfinite(run.desired[index]).all():
+        colour, word, meaning = GREY, "NO FORCE", "no force is desired: all cables are at their lower limits"
+    elif run.fallback_used[index]:
+        colour, meaning = ORANGE, f"{run.setup.solver} left it unproven: newton's answer was sent"
+    return render(
+        "run.cycle_heading", colour, word, meaning, playback.time, playback.end, int(run.cycle[index]), run.setup,
+        run.complete,
+    )  # fmt: skip
 
-    def serve(self, until: Callable[[], bool]) -> None:
-        """Show the run until a function says so, asked in each turn."""
-        while not until():
-            self.turn()
-            time.sleep(POLL_S)
 
-    def close(self) -> None:
-        """Close the page."""
-        self.server.close()
+def curves(run: Run) -> tuple[list[tuple[str, str, str]], float]:
+    """Return name, colour and SVG path of the desired and measured force over time, and the largest force."""
+    d = run.rig.dimension
+    measured = np.linalg.norm(run.structure[:, :d] @ np.nan_to_num(run.measured)[..., None], axis=(1, 2))
+    sizes = {"desired": np.linalg.norm(run.desired[:, :d], axis=1), "measured": measured}
+    known = np.concatenate([size[np.isfinite(size)] for size in sizes.values()])
+    most = float(known.max(initial=0.0)) or 1.0
+    return [(name, FORCE_COLOURS[name], _path(run.time, size / most)) for name, size in sizes.items()], most
+
+
+def _path(time: Floats, share: Floats) -> str:
+    """Return an SVG path through the largest share (K,) in each of `BINS` parts of the time, broken at gaps."""
+    span = max(float(time[-1] - time[0]), SAME_S)
+    part = np.minimum((BINS * (time - time[0]) / span).astype(np.int64), BINS - 1)
+    largest = np.full(BINS, -1.0)
+    known = np.isfinite(share)
+    np.maximum.at(largest, part[known], share[known])
+    words, drawing = [], False
+    for index in np.unique(part).tolist():
+        if largest[index] >= 0.0:
+            words.append(f"{'L' if drawing else 'M'}{(index + 0.5) / BINS:.4f} {1.0 - 0.96 * largest[index]:.3f}")
+        drawing = bool(largest[index] >= 0.0)
+    return "".join(words)

@@ -1,88 +1,61 @@
-"""What is drawn around a rig of the scenario that it plays, as arrays: surfaces, the person, and names."""
+"""Surroundings of a run that plays a scenario: surfaces of its phases, the person, and names."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensionlab.model.kinematics import in_space
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import Scenery, Surface
-from tensionlab.scenarios.stick_figure import stick_figure
+from tensionlab.scenarios.stick_figure import HEAD_M, StickFigure, stick_figure
 from tensionlab.support.arrays import Floats
-from tensionlab.support.colours import GREEN, GREY, rgb
-from tensionlab.viewer.instant import Instant
-from tensionlab.viewer.scene import Label, Lines, both_ends
-from tensionlab.viewer.volume import Mesh
+from tensionlab.support.colours import GREEN, GREY
+from tensionlab.viewer.drawing import NO_LINE, as_rgb
+from tensionlab.viewer.run_scene import Instant
 
 SURFACE_COLOUR, PERSON_COLOUR = "#56B4E9", "#B8B8B8"
-PATCH_M = 0.25
-"""Half the side of the patch that stands for a plane, in m."""
-CAP_RAD = 0.28
-"""From the middle of the cap that stands for the end of a reach to its edge."""
-CAP_STEPS, BALL_STEPS = 8, 12
+ACTIVE_OPACITY, IDLE_OPACITY = 0.4, 0.08
+PLATE_M, THICKNESS_M = 0.5, 0.004
+"""Sides and thickness of the plate that shows a plane, or the end of a reach."""
+LIMB_M = 0.03
+"""Thickness of limbs."""
 
 
-@dataclass(frozen=True, eq=False)
-class DrawnSurface:
-    """Surface: a mesh, lines along its edges, and its colour; without faces where its phase is over or to come."""
+class Solid(NamedTuple):
+    """Ball of a radius, or box with edges (3,), in m, at a centre (3,), turned by a quaternion (w, x, y, z)."""
 
-    mesh: Mesh
-    edges: Lines
-    colour: str
+    centre: Floats
+    turn: Floats
+    radius: float = 0.0
+    edges: Floats | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class SceneryScene:
-    """All that is drawn around a rig.
+def solid(surface: Surface, origin: Floats, middle: Floats) -> Solid:
+    """Return how a surface is drawn, given the origin of its frame and the middle of the script, (3,), in m.
 
-    Attributes
-    ----------
-    surfaces : tuple of DrawnSurface
-        Of all phases, in their order.
-    person : Lines
-        Limbs and trunk of the person; none if no person is drawn.
-    head : (3,) array or None
-    labels : tuple of Label
-        Names of the held point, of bodies, and of phases at their surfaces.
+    A plane is a plate near the middle, and the end of a reach a plate on the side of the middle.
     """
+    from scipy.spatial.transform import Rotation
 
-    surfaces: tuple[DrawnSurface, ...]
-    person: Lines
-    head: Floats | None
-    labels: tuple[Label, ...]
-
-    @property
-    def points(self) -> Floats:
-        """All points (k, 3) that are to be seen, in m."""
-        parts = [self.person.points.reshape(-1, 3), *(each.edges.points.reshape(-1, 3) for each in self.surfaces)]
-        return np.concatenate([*parts, np.empty((0, 3)) if self.head is None else self.head[None]])
-
-
-def draw_scenery(scenery: Scenery, rig: Rig, instant: Instant, *, fresh: bool = True) -> SceneryScene:
-    """Return what is drawn around a rig at an instant of a run; where it is not fresh, no phase is in progress."""
-    bodies = body_origins(rig, instant.anchors)
-    origin = in_space(np.zeros(rig.dimension) if scenery.seen_from is None else bodies[scenery.seen_from])
-    up = in_space(rig.upward) if rig.up is not None else np.array([0.0, 1.0, 0.0])
-    active = scenery.active_phases(instant.time) if fresh else ()
-    surfaces: list[DrawnSurface] = []
-    names: dict[str, Label] = {}
-    for phase in scenery.phases:
-        for surface in phase.surfaces:
-            mesh, rim = _shape(surface, origin, in_space(np.array(scenery.middle)), up)
-            now = phase in active
-            colour = (GREEN if surface.brakes else SURFACE_COLOUR) if now else GREY
-            shown = mesh if now else replace(mesh, faces=mesh.faces[:0])
-            surfaces.append(DrawnSurface(shown, _lines(rim, colour), colour))
-            if now:
-                names.setdefault(phase.name, Label(rim[0, 0], phase.name))
-    places = {scenery.held_name(rig) or "hand": in_space(instant.hand)}
-    places |= {(scenery.labels or {}).get(name, name): in_space(place) for name, place in bodies.items()}
-    person, head = _person(scenery, up, places)
-    labels = [Label(place, name) for name, place in places.items()]
-    return SceneryScene(tuple(surfaces), person, head, (*labels, *names.values()))
+    point = origin + in_space(np.array(surface.point))
+    upright = np.array([1.0, 0.0, 0.0, 0.0])
+    if surface.kind == "ball":
+        return Solid(point, upright, radius=surface.size[0])
+    if surface.kind == "box":
+        return Solid(point, upright, edges=in_space(np.array(surface.size)))
+    if surface.kind == "plane":
+        normal = in_space(np.array(surface.normal))
+        normal = normal / np.linalg.norm(normal)
+        centre = middle - ((middle - point) @ normal) * normal
+    else:
+        towards = middle - point
+        distance = float(np.linalg.norm(towards))
+        normal = towards / distance if distance > 0.0 else np.array([1.0, 0.0, 0.0])
+        centre = point + surface.size[0] * normal
+    turn = Rotation.align_vectors([normal], [[0.0, 0.0, 1.0]])[0].as_quat(scalar_first=True)
+    return Solid(centre, turn, edges=np.array([PLATE_M, PLATE_M, THICKNESS_M]))
 
 
 def body_origins(rig: Rig, anchors: Floats) -> dict[str, Floats]:
@@ -91,88 +64,80 @@ def body_origins(rig: Rig, anchors: Floats) -> dict[str, Floats]:
     return {module.frame: anchor - module.anchor for module, anchor in pairs if module.frame in rig.frames}
 
 
-def _lines(points: Floats, colour: str) -> Lines:
-    return Lines(points, both_ends(np.broadcast_to(rgb(colour), (len(points), 3))))
+def named_places(scenery: Scenery, rig: Rig, instant: Instant) -> dict[str, Floats]:
+    """Return where the held point and the bodies are, (3,), in m, by their names in the scenario."""
+    labels, bodies = scenery.labels or {}, body_origins(rig, instant.anchors)
+    places = {scenery.held_name(rig) or "hand": in_space(instant.hand)}
+    return places | {labels.get(name, name): in_space(place) for name, place in bodies.items()}
 
 
-def _person(scenery: Scenery, up: Floats, places: dict[str, Floats]) -> tuple[Lines, Floats | None]:
-    """Return limbs and trunk, and the middle of the head, of a person whose parts with these names are there."""
+def person(scenery: Scenery, rig: Rig, places: dict[str, Floats]) -> StickFigure | None:
+    """Return the person, with its parts where they are known to be; None if the scenario draws none."""
     if scenery.stands is None:
-        return _lines(np.empty((0, 2, 3)), PERSON_COLOUR), None
-    figure = stick_figure(in_space(np.array(scenery.stands)), up, list(places.items()))
-    pieces = [np.stack([line[:-1], line[1:]], axis=1) for line in figure.lines]
-    return _lines(np.concatenate(pieces), PERSON_COLOUR), figure.head
+        return None
+    up = in_space(rig.upward) if rig.up is not None else np.array([0.0, 1.0, 0.0])
+    return stick_figure(in_space(np.array(scenery.stands)), up, list(places.items()))
 
 
-def _shape(surface: Surface, origin: Floats, middle: Floats, up: Floats) -> tuple[Mesh, Floats]:
-    """Return a surface as a mesh and the segments (k, 2, 3) of its edges, near a point of the world."""
-    point = origin + in_space(np.array(surface.point))
-    if surface.kind == "plane":
-        normal = in_space(np.array(surface.normal))
-        normal = normal / np.linalg.norm(normal)
-        return _patch(middle - ((middle - point) @ normal) * normal, normal, up)
-    if surface.kind == "box":
-        return _box(point, in_space(np.array(surface.size)))
-    if surface.kind == "ball":
-        return _ball(point, surface.size[0], up)
-    return _cap(point, surface.size[0], middle - point, up)
+def solids(scenery: Scenery, rig: Rig, instant: Instant) -> list[Solid]:
+    """Return the surfaces of all phases, in their order."""
+    frame = scenery.seen_from
+    origin = in_space(np.zeros(rig.dimension) if frame is None else body_origins(rig, instant.anchors)[frame])
+    middle = in_space(np.array(scenery.middle))
+    return [solid(surface, origin, middle) for phase in scenery.phases for surface in phase.surfaces]
 
 
-def _across(normal: Floats, up: Floats) -> Floats:
-    """Return two unit vectors (2, 3) across a unit vector, the first one upwards as far as it can be."""
-    first = up - (up @ normal) * normal
-    if np.linalg.norm(first) < 0.1:
-        aside = np.roll(up, 1)
-        first = aside - (aside @ normal) * normal
-    first = first / np.linalg.norm(first)
-    return np.stack([first, np.cross(normal, first)])
+def points_to_see(scenery: Scenery, rig: Rig, instant: Instant) -> Floats:
+    """Return points (k, 3) in m around a rig that a picture of its run should hold."""
+    figure = person(scenery, rig, named_places(scenery, rig, instant))
+    joints = [] if figure is None else [*figure.lines, figure.head[None]]
+    return np.concatenate(
+        [np.empty((0, 3)), *joints, *(each.centre[None] for each in solids(scenery, rig, instant))]
+    )
 
 
-def _ring(corners: Floats) -> Floats:
-    """Return the segments (k, 2, 3) around corners (k, 3)."""
-    return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+class SceneryDrawing:
+    """Nodes of what is around the rig of a run; `show` brings them up to date."""
+
+    def __init__(self, scene: Any, scenery: Scenery, rig: Rig, instant: Instant) -> None:
+        self._scenery, self._rig = scenery, rig
+        self._surfaces = [_add_solid(scene, i, each) for i, each in enumerate(solids(scenery, rig, instant))]
+        self._person = scene.add_line_segments(
+            "/person", NO_LINE, as_rgb(PERSON_COLOUR), thickness=LIMB_M, thickness_units="world", visible=False
+        )
+        self._head = scene.add_icosphere("/head", HEAD_M, color=as_rgb(PERSON_COLOUR), visible=False)
+        count = len(named_places(scenery, rig, instant))
+        self._labels = [scene.add_label(f"/names/{i}", "", anchor="top-left") for i in range(count)]
+
+    def show(self, instant: Instant, *, fresh: bool) -> None:
+        """Bring all nodes up to date; where the instant is not fresh, no phase is in progress."""
+        active = self._scenery.active_phases(instant.time) if fresh else ()
+        places = named_places(self._scenery, self._rig, instant)
+        drawn = iter(zip(self._surfaces, solids(self._scenery, self._rig, instant), strict=True))
+        for phase in self._scenery.phases:
+            for surface, (node, placed) in zip(phase.surfaces, drawn, strict=False):
+                node.position, node.wxyz = placed.centre, placed.turn
+                colour = GREEN if surface.brakes else SURFACE_COLOUR
+                node.color = as_rgb(colour if phase in active else GREY)
+                node.opacity = ACTIVE_OPACITY if phase in active else IDLE_OPACITY
+        self._show_person(person(self._scenery, self._rig, places))
+        for node, (name, place) in zip(self._labels, places.items(), strict=True):
+            node.text, node.position = name, place
+
+    def _show_person(self, figure: StickFigure | None) -> None:
+        self._person.visible = self._head.visible = figure is not None
+        if figure is not None:
+            self._person.points = np.concatenate(
+                [np.stack([line[:-1], line[1:]], axis=1) for line in figure.lines]
+            )
+            self._head.position = figure.head
 
 
-def _patch(middle: Floats, normal: Floats, up: Floats) -> tuple[Mesh, Floats]:
-    corners = middle + PATCH_M * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) @ _across(normal, up)
-    return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), _ring(corners)
-
-
-def _box(middle: Floats, size: Floats) -> tuple[Mesh, Floats]:
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-    corners = middle + signs * size / 2
-    edges = np.array([[a, a | bit] for bit in (1, 2, 4) for a in range(8) if not a & bit])
-    return Mesh(corners, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])), corners[edges]
-
-
-def _grid(rows: int, columns: int) -> NDArray[np.int64]:
-    """Return the triangles (k, 3) between rows of as many points."""
-    corner = np.arange((rows - 1) * columns).reshape(rows - 1, columns)[:, :-1].ravel()
-    low = np.stack([corner, corner + 1, corner + columns + 1], axis=1)
-    high = np.stack([corner, corner + columns + 1, corner + columns], axis=1)
-    return np.concatenate([low, high])
-
-
-def _ball(middle: Floats, radius: float, up: Floats) -> tuple[Mesh, Floats]:
-    """Return a ball, whose edge is its equator."""
-    level = _across(up, up)
-    heights, turns = np.linspace(-0.5, 0.5, BALL_STEPS + 1), np.linspace(0.0, 2.0, 2 * BALL_STEPS + 1)
-    height, turn = np.pi * np.stack(np.meshgrid(heights, turns, indexing="ij"))
-    around = np.cos(turn)[..., None] * level[0] + np.sin(turn)[..., None] * level[1]
-    points = middle + radius * (np.cos(height)[..., None] * around + np.sin(height)[..., None] * up)
-    faces = _grid(*height.shape)
-    return Mesh(points.reshape(-1, 3), faces), _ring(points[BALL_STEPS // 2, :-1])
-
-
-def _cap(middle: Floats, radius: float, towards: Floats, up: Floats) -> tuple[Mesh, Floats]:
-    """Return the part of a sphere in a direction."""
-    size = float(np.linalg.norm(towards))
-    ahead = towards / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
-    angles = np.linspace(-CAP_RAD, CAP_RAD, CAP_STEPS + 1)
-    first, second = np.meshgrid(np.tan(angles), np.tan(angles), indexing="ij")
-    sides = _across(ahead, up)
-    rays = ahead + first[..., None] * sides[0] + second[..., None] * sides[1]
-    points = middle + radius * rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-    rim = np.concatenate([points[0, :-1], points[:-1, -1], points[-1, :0:-1], points[:0:-1, 0]])
-    return Mesh(points.reshape(-1, 3), _grid(*first.shape)), _ring(rim)
+def _add_solid(scene: Any, index: int, placed: Solid) -> Any:
+    look: dict[str, Any] = {
+        "color": as_rgb(GREY), "opacity": IDLE_OPACITY, "position": placed.centre, "wxyz": placed.turn,
+        "side": "double", "cast_shadow": False, "receive_shadow": False,
+    }  # fmt: skip
+    if placed.edges is None:
+        return scene.add_icosphere(f"/scenery/{index}", placed.radius, **look)
+    return scene.add_box(f"/scenery/{index}", dimensions=tuple(placed.edges), **look)

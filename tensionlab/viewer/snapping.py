@@ -1,4 +1,4 @@
-"""Where anchors snap to: the surfaces of a space, as the mouse points at them, and the nearest point of them."""
+"""Where anchors snap to: the nearest point of the surfaces of a space."""
 
 from __future__ import annotations
 
@@ -9,29 +9,6 @@ import numpy as np
 from tensionlab.model.module import WORLD
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace.layout.space import Space
-
-PARALLEL = 1e-9
-
-
-def wall_behind(space: Space, eye: Floats, through: Floats) -> Floats | None:
-    """Return where a ray from the eye (3,) through a place meets the last of the rectangles in its way, in m.
-
-    The last one, since people look into a room from outside, through the walls that are nearest to them. None
-    where it meets none; rails and boxes are not met.
-    """
-    along = through - eye
-    found: list[tuple[float, Floats]] = []
-    for corner, edges in _surfaces(space):
-        if len(edges) != 2 or len(corner) != 3:
-            continue
-        # corner + a e1 + b e2 = eye + s along
-        matrix = np.column_stack([*edges, -along])
-        if abs(np.linalg.det(matrix)) <= PARALLEL * float(np.prod(np.linalg.norm(matrix, axis=0))):
-            continue
-        a, b, s = np.linalg.solve(matrix, eye - corner)
-        if 0.0 <= a <= 1.0 and 0.0 <= b <= 1.0 and s > 0.0:
-            found.append((float(s), eye + s * along))
-    return max(found, key=lambda each: each[0])[1] if found else None
 
 
 def nearest_on_surfaces(space: Space, place: Floats) -> Floats:

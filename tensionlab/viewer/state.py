@@ -25,14 +25,14 @@ HAND = "hand"
 DECIMALS = 4
 """Of coordinates in m and forces in N that are dragged."""
 
-Display = Literal["surface", "slices", "off"]
+Display = Literal["surface", "off"]
 Study = Literal["force in a circle", "force in all directions", "hand in a circle"]
 STUDIES: tuple[Study, ...] = get_args(Study)
 """Problems at which solvers are compared."""
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class DesignState:
     """Everything that a person can change on the design page.
 
     Attributes
@@ -55,7 +55,7 @@ class State:
         Of the workspace, by its name in `tensionlab.workspace.METRICS`.
     level : float
         Of the metric, above which the workspace is drawn.
-    display : "surface", "slices" or "off"
+    display : "surface" or "off"
         How the workspace is drawn.
     show_available : bool
         Whether the forces that are available at the hand are drawn.
@@ -108,11 +108,11 @@ class State:
         return self.wrench + self.rig.required.middle(self.rig, self.rotation)
 
 
-Edit = Callable[[State], State]
+Edit = Callable[[DesignState], DesignState]
 """A change of the state; RigError for what no rig can be."""
 
 
-def begin(rig: Rig) -> State:
+def begin(rig: Rig) -> DesignState:
     """Return the state in which a rig is first shown: the hand at home, no force desired.
 
     Examples
@@ -123,7 +123,7 @@ def begin(rig: Rig) -> State:
     >>> state.move_anchor(shown, "floor-1", [1.0, 0.0, 0.0]).rig.modules[0].anchor
     array([1., 0., 0.])
     """
-    return State(rig=rig, position=rig.home, rotation=_upright(rig), wrench=frozen(np.zeros(rig.n)))
+    return DesignState(rig=rig, position=rig.home, rotation=_upright(rig), wrench=frozen(np.zeros(rig.n)))
 
 
 def _upright(rig: Rig) -> Floats | None:
@@ -132,7 +132,7 @@ def _upright(rig: Rig) -> Floats | None:
     return frozen(np.zeros(())) if rig.dimension == 2 else frozen(np.eye(3))
 
 
-def find(state: State, name: str) -> Module:
+def find(state: DesignState, name: str) -> Module:
     """Return a module by its name.
 
     Raises
@@ -147,7 +147,7 @@ def find(state: State, name: str) -> Module:
     raise RigError(f'rig "{state.rig.name}" has no module "{name}"; it has {names}')
 
 
-def _replaced(state: State, old: Module, **changes: Any) -> State:
+def _replaced(state: DesignState, old: Module, **changes: Any) -> DesignState:
     """Return the state with some keys of a module changed."""
     new = replace(old, **changes)
     modules = tuple(new if each is old else each for each in state.rig.modules)
@@ -172,7 +172,7 @@ def in_frame(rig: Rig, frame: str, place: ArrayLike) -> Floats:
     return np.asarray(pose.rotations(at_rest.rotation, rig.dimension, "rotation").T @ offset)
 
 
-def snap(state: State, place: ArrayLike) -> Floats:
+def snap(state: DesignState, place: ArrayLike) -> Floats:
     """Return the nearest point of the grid, (d,), in m; without a grid the place, to a tenth of a mm."""
     point = np.asarray(place, np.float64)
     if not state.grid_m:
@@ -180,7 +180,7 @@ def snap(state: State, place: ArrayLike) -> Floats:
     return np.asarray(np.round(point / state.grid_m) * state.grid_m + 0.0)
 
 
-def move_anchor(state: State, name: str, place: ArrayLike) -> State:
+def move_anchor(state: DesignState, name: str, place: ArrayLike) -> DesignState:
     """Put an anchor at a place in the world, (d,), in m, or at the nearest point of the grid and the surfaces."""
     module, point = find(state, name), snap(state, place)
     if state.task is not None and state.task.space.dimension == state.rig.dimension:
@@ -189,30 +189,30 @@ def move_anchor(state: State, name: str, place: ArrayLike) -> State:
     return state if np.array_equal(anchor, module.anchor) else _replaced(state, module, anchor=anchor)
 
 
-def move_attachment(state: State, name: str, place: ArrayLike) -> State:
+def move_attachment(state: DesignState, name: str, place: ArrayLike) -> DesignState:
     """Put an attachment at a place in platform axes, (d,), in m."""
     return _replaced(state, find(state, name), attachment=np.asarray(place, np.float64))
 
 
-def relimit(state: State, name: str, lower: float, upper: float) -> State:
+def relimit(state: DesignState, name: str, lower: float, upper: float) -> DesignState:
     """Give a module other tension limits, in N."""
     return _replaced(state, find(state, name), lower=float(lower), upper=float(upper))
 
 
-def rename(state: State, name: str, new: str) -> State:
+def rename(state: DesignState, name: str, new: str) -> DesignState:
     """Give a module another name."""
     changed = _replaced(state, find(state, name), name=new)
     return replace(changed, selected=new) if state.selected == name else changed
 
 
-def set_frame(state: State, name: str, frame: str) -> State:
+def set_frame(state: DesignState, name: str, frame: str) -> DesignState:
     """Put a module on a body frame, or in the world, where it is; a new frame is at the origin of the world."""
     module = find(state, name)
     place = state.anchors[state.rig.modules.index(module)]
     return _replaced(state, module, frame=frame or WORLD, anchor=in_frame(state.rig, frame or WORLD, place))
 
 
-def move_frame(state: State, name: str, position: ArrayLike) -> State:
+def move_frame(state: DesignState, name: str, position: ArrayLike) -> DesignState:
     """Put a body frame, with its modules, elsewhere: its origin, (d,), in m."""
     rest = {each.name: each for each in state.rig.rest}
     turn = rest[name].rotation if name in rest else None
@@ -220,7 +220,7 @@ def move_frame(state: State, name: str, position: ArrayLike) -> State:
     return replace(state, rig=replace(state.rig, rest=tuple(rest.values())))
 
 
-def add_module(state: State) -> State:
+def add_module(state: DesignState) -> DesignState:
     """Add a module above the hand, as far from it as the nearest one, with the limits of the first; select it."""
     rig, taken = state.rig, {module.name for module in state.rig.modules}
     number = next(i for i in range(1, rig.m + 2) if f"module {i}" not in taken)
@@ -236,7 +236,7 @@ def add_module(state: State) -> State:
     return replace(state, rig=replace(rig, modules=(*rig.modules, new)), selected=new.name)
 
 
-def remove_module(state: State, name: str) -> State:
+def remove_module(state: DesignState, name: str) -> DesignState:
     """Remove a module. RigError for the last one."""
     gone = find(state, name)
     if state.rig.m == 1:
@@ -245,34 +245,34 @@ def remove_module(state: State, name: str) -> State:
     return replace(state, rig=rig, selected="" if state.selected == name else state.selected)
 
 
-def name_rig(state: State, name: str) -> State:
+def name_rig(state: DesignState, name: str) -> DesignState:
     """Give the rig another name."""
     return replace(state, rig=replace(state.rig, name=name))
 
 
-def set_home(state: State) -> State:
+def set_home(state: DesignState) -> DesignState:
     """Make the place of the hand the home of the rig."""
     return replace(state, rig=replace(state.rig, home=state.position))
 
 
-def move_hand(state: State, place: ArrayLike) -> State:
+def move_hand(state: DesignState, place: ArrayLike) -> DesignState:
     """Put the hand, or the platform's reference point, at a place, (d,), in m, or the nearest grid point."""
     return replace(state, position=frozen(snap(state, place)))
 
 
-def turn_platform(state: State, rotation: ArrayLike) -> State:
+def turn_platform(state: DesignState, rotation: ArrayLike) -> DesignState:
     """Turn the platform: a matrix (3, 3) in space, an angle in rad in the plane; nothing for a point."""
     if state.rotation is None:
         return state
     return replace(state, rotation=frozen(np.asarray(rotation, np.float64)))
 
 
-def desire(state: State, wrench: ArrayLike) -> State:
-    """Desire another wrench, (n,), in N and N·m."""
+def set_wrench(state: DesignState, wrench: ArrayLike) -> DesignState:
+    """Set the desired wrench, (n,), in N and N·m."""
     return replace(state, wrench=frozen(np.asarray(wrench, np.float64)))
 
 
-def of_ghost(state: State, ghost: Rig) -> State:
+def of_ghost(state: DesignState, ghost: Rig) -> DesignState:
     """Return the state with another rig of as many dimensions, at the same place and turned alike if it can be."""
     turns = ghost.n > ghost.dimension
     rotation = state.rotation if turns and state.rotation is not None else _upright(ghost)
@@ -280,7 +280,7 @@ def of_ghost(state: State, ghost: Rig) -> State:
     return replace(state, rig=ghost, rotation=rotation, wrench=wrench)
 
 
-def replace_rig(state: State, rig: Rig) -> State:
+def replace_rig(state: DesignState, rig: Rig) -> DesignState:
     """Show another rig, as a search found it, with the hand at its home; what is desired stays if it can."""
     shown = begin(rig)
     return replace(
@@ -293,6 +293,6 @@ def replace_rig(state: State, rig: Rig) -> State:
     )
 
 
-def choose(**changes: Any) -> Edit:
+def set_fields(**changes: Any) -> Edit:
     """Return the edit that sets attributes of the state, such as ``solver`` or ``level``."""
     return lambda state: replace(state, **changes)

@@ -1,4 +1,4 @@
-"""Workspace of a state: a metric over a box, the surface at a level, slices, and shares."""
+"""Workspace of a state: a metric over a box, the surface at a level, and its share of the box."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tensionlab.errors import needs
 from tensionlab.model.pose import place_anchors
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.viewer.state import State
+from tensionlab.viewer.state import DesignState
 from tensionlab.workspace import metrics
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep.executors import evaluate_on_threads
@@ -25,17 +25,13 @@ COARSE, FINE = 30, 80
 """Positions along each axis while something is dragged, and when it is released."""
 CHUNK = 8_192
 """Positions that are evaluated before it is asked whether the answer is still wanted."""
-VALUE_RAMP = ("#00224E", "#575D6D", "#A59C74", "#FDE737")
-"""Colours of values from the least to the greatest: about those of cividis, as in figures of slices."""
 THIN = 0.5
-"""Share of the longest edge of the box that every edge has at least."""
-
-
+"""Least length of an edge of the box, as a share of the longest one."""
 FEW = 0.995
-"""Share of values that count for their range: some metrics grow without limit towards an anchor."""
+"""Quantile of the values that ends their range: some metrics grow without limit towards an anchor."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Volume:
     """Metric over a box around a rig.
 
@@ -69,28 +65,6 @@ class Mesh:
     faces: NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Slice:
-    """Picture of a metric in a plane.
-
-    Attributes
-    ----------
-    image : (h, w, 4) array of uint8
-        Red, green, blue and opacity.
-    middle : (3,) array
-        Of the picture, in m.
-    edges : (float, float)
-        Lengths along its columns and rows, in m.
-    axes : (3, 3) array
-        Rotation whose first columns are the directions in which columns and rows of the image run.
-    """
-
-    image: NDArray[np.uint8]
-    middle: Floats
-    edges: tuple[float, float]
-    axes: Floats
-
-
 def bounds(rig: Rig, *more: Floats) -> tuple[Floats, Floats]:
     """Return the low and high corner, (d,), in m, of a box around the anchors and the home of a rig.
 
@@ -105,7 +79,9 @@ def bounds(rig: Rig, *more: Floats) -> tuple[Floats, Floats]:
     return low - below * missing, high + (1.0 - below) * missing
 
 
-def sweep(state: State, box: tuple[Floats, Floats], resolution: int, wanted: Callable[[], bool]) -> Volume | None:
+def sweep(
+    state: DesignState, box: tuple[Floats, Floats], resolution: int, wanted: Callable[[], bool]
+) -> Volume | None:
     """Evaluate the metric of a state over a box, as `bounds` returns it; None as soon as it is no longer wanted.
 
     The platform is turned as it is at the hand. SweepError if the metric refuses the rig.
@@ -160,34 +136,3 @@ def _squares(axes: tuple[Floats, ...], chosen: NDArray[np.bool_]) -> Mesh:
     corners = (middle[:, None] + ring).reshape(-1, 3)
     faces = (4 * np.arange(len(i))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
     return Mesh(corners, faces)
-
-
-def slices(volume: Volume, place: Floats, level: float) -> list[Slice]:
-    """Return the slices through a place (d,), one across each axis; in the plane, all of it.
-
-    Colours go from the least value to the greatest; what is not above the level is pale, what has no value clear.
-    """
-    if volume.values.ndim == 2:
-        return [_slice(volume, volume.values, (0, 1), np.zeros(3), level)]
-    found = []
-    for axis in range(3):
-        at = int(np.abs(volume.axes[axis] - place[axis]).argmin())
-        along = ((1, 2), (2, 0), (0, 1))[axis]
-        values = np.moveaxis(volume.values, (axis, *along), (0, 1, 2))[at]
-        found.append(_slice(volume, values, along, volume.axes[axis][at] * np.eye(3)[axis], level))
-    return found
-
-
-def _slice(volume: Volume, values: Floats, along: tuple[int, int], offset: Floats, level: float) -> Slice:
-    low, high = volume.extent
-    share = np.clip((values - low) / ((high - low) or 1.0), 0.0, 1.0)
-    stops = np.array([[int(each[i : i + 2], 16) for i in (1, 3, 5)] for each in VALUE_RAMP], np.float64)
-    at = np.linspace(0.0, 1.0, len(stops))
-    colours = [np.interp(np.nan_to_num(share), at, channel) for channel in stops.T]
-    opacity = np.where(np.isnan(values), 0.0, np.where(values > level, 230.0, 90.0))
-    image = np.stack([*colours, opacity], axis=-1).swapaxes(0, 1).astype(np.uint8)
-    ends = [(volume.axes[i][0], volume.axes[i][-1]) for i in along]
-    axes = np.eye(3)[list(along)]
-    middle = offset + np.mean(ends, axis=1) @ axes
-    frame = np.column_stack([*axes, np.cross(*axes)])
-    return Slice(image, middle, (float(np.ptp(ends[0])), float(np.ptp(ends[1]))), frame)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tensionlab.model.files import load_rig
-from tensionlab.viewer.page import DesignPage
+from tensionlab.viewer.design_page import DesignPage
 from tensionlab.viewer.server import PageServer
 from tools.site.browser import installed
 

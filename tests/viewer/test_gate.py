@@ -13,7 +13,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from tensionlab.viewer.gate import MAX_CLIENTS, MAX_MESSAGE_BYTES, MAX_TEXT, Gate, can_have
-from tensionlab.viewer.state import HAND, choose
+from tensionlab.viewer.state import HAND, set_fields
 from tests.helpers.browsers import HANGS_S, served, until
 from tests.helpers.page_client import joined
 
@@ -209,7 +209,7 @@ def test_the_page_outlives_edits_that_fail_and_states_that_cannot_be_shown():
         until(lambda: "ValueError" in page._panel._problem.content, "the reason")
         assert page.state is before
         with joined(page.server.url) as client:
-            page.edit(choose(selected=HAND))
+            page.edit(set_fields(selected=HAND))
             until(lambda: page.state.selected == HAND, "the handle")
             pose = {"name": "/handle", "owner": "", "position": [0, 0, 0], "wxyz": [0, 0, 0, 0]}
             client.send({"type": "TransformControlsUpdateMessage", **pose})  # no rotation

@@ -8,8 +8,8 @@ import pytest
 import tensionlab as tl
 from tensionlab.errors import LogError
 from tensionlab.hardware.log.reader import read_run
-from tensionlab.viewer.instant import BESIDE_COLOUR, draw
 from tensionlab.viewer.recorded import answer_at, info_of, instant_at, report_at, require_drawable
+from tensionlab.viewer.run_scene import draw_instant
 from tests.helpers import runs
 
 
@@ -28,7 +28,7 @@ def test_an_instant_has_what_the_cycle_had(run):
     assert instant.tensions == pytest.approx(run.measured[70])
     assert instant.desired == pytest.approx(run.desired[70])
     assert instant.active.tolist() == [True, True, False, True, True, True, True]
-    assert instant.beside is None
+    assert instant.other is None
 
 
 def test_before_the_first_telemetry_cables_have_the_tension_that_was_sent(run):
@@ -69,11 +69,10 @@ def test_another_solver_answers_the_same_wrench_with_the_modules_that_took_part(
     assert found.tensions == pytest.approx(expected.tensions)
     assert found.tensions[2] == 0.0
     instant = instant_at(run, 70, "newton", found)
-    assert np.isnan(instant.beside.tensions[2])
-    assert instant.beside.tensions[active] == pytest.approx(found.tensions[active])
-    assert instant.beside.wrench == pytest.approx(found.wrench)
-    arrow = draw(run.rig, instant).arrows["beside"]
-    assert arrow.colour == BESIDE_COLOUR
+    assert np.isnan(instant.other.tensions[2])
+    assert instant.other.tensions[active] == pytest.approx(found.tensions[active])
+    assert instant.other.wrench == pytest.approx(found.wrench)
+    arrow = draw_instant(run.rig, instant).arrows["other"]
     assert np.linalg.norm(arrow.end - arrow.start) > 0.0
 
 
@@ -81,7 +80,7 @@ def test_what_impedances_pull_is_added_to_the_answer_of_another_solver(run):
     pulled = replace(run, solver_wrench=run.demanded - np.array([0.0, 1.0, 0.0]))
     found = answer_at(pulled, 10, "newton")
     expected = np.add(found.wrench, [0.0, 1.0, 0.0])
-    assert instant_at(pulled, 10, "newton", found).beside.wrench == pytest.approx(expected)
+    assert instant_at(pulled, 10, "newton", found).other.wrench == pytest.approx(expected)
 
 
 def test_without_a_desired_force_no_solver_is_asked(run):

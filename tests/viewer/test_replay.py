@@ -1,15 +1,95 @@
-"""The page of a log: its turns without a browser, and once in a real one with the log of a real run."""
+"""The page of a log: how it is played, its turns without a browser, and once in a real one with a real log."""
 
+import re
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from tensionlab.hardware.log.reader import read_run
-from tensionlab.viewer import playback, replay
-from tensionlab.viewer.playback import cycle_at
-from tensionlab.viewer.replay import ReplayPage
+from tensionlab.solvers.base import Status
+from tensionlab.support.colours import GREEN, ORANGE
+from tensionlab.viewer import replay
+from tensionlab.viewer.html import render
+from tensionlab.viewer.replay import Playback, ReplayPage, curves, cycle_heading
+from tensionlab.viewer.run_marks import KINDS
 from tensionlab.viewer.server import PageServer
 from tests.helpers import runs
 from tests.helpers.browsers import HANGS_S, chromium, needs_browser, until
 from tests.helpers.simulated_time import SimulatedTime
+
+AT_4 = Playback(1.0, 9.0, 4.0)
+
+
+def plain(text):
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", text)).strip()
+
+
+def test_time_passes_at_the_chosen_speed_and_stops_at_the_end():
+    playing = replace(AT_4, speed=2.0).play()
+    later = playing.advance(1.5)
+    assert (later.time, later.playing) == (7.0, True)
+    over = later.advance(1.5)
+    assert (over.time, over.playing) == (9.0, False)
+    assert over.advance(1.0) == over
+    assert over.play().time == 1.0  # from the begin again
+    assert AT_4.advance(1.0) == AT_4
+
+
+@pytest.mark.parametrize(("time", "shown"), [(2.5, 2.5), (0.0, 1.0), (99.0, 9.0)])
+def test_a_time_that_is_chosen_is_in_the_run_and_stops_there(time, shown):
+    found = AT_4.play().seek(time)
+    assert (found.time, found.playing) == (shown, False)
+
+
+def test_steps_go_to_the_next_event_and_back_and_nowhere_beyond_the_last():
+    times = np.array([1.0, 4.0, 4.0, 6.0])
+    ahead = AT_4.step(times, 1)
+    assert (ahead.time, ahead.step(times, 1).time) == (6.0, 6.0)
+    back = ahead.step(times, -1)
+    assert (back.time, back.step(times, -1).time) == (4.0, 1.0)
+    assert AT_4.step(np.empty(0), -1).time == 4.0
+
+
+@pytest.fixture(scope="module")
+def four(tmp_path_factory):
+    """A run of four modules, without a desired force in cycles 49 and 99."""
+    file = tmp_path_factory.mktemp("logs") / "run.mcap"
+    runs.logged(file, runs.four(), 100)
+    return read_run(file)
+
+
+def test_the_heading_has_the_status_and_where_in_the_run_it_is(four):
+    shown = Playback(0.0, 1.98, 0.5)
+    text = cycle_heading(four, shown, 25)
+    assert plain(text) == "EXACT the desired force is rendered 0.50 s of 1.98 s, cycle 25 at 50 Hz, newton"
+    assert GREEN in text
+    status = four.status.copy()
+    status[25] = Status.NEAREST
+    text = cycle_heading(replace(four, status=status, complete=False), shown, 25)
+    assert plain(text).startswith("NEAREST certified infeasible")
+    assert "cut off: the log was never closed" in text
+    assert ORANGE in text
+    assert plain(cycle_heading(four, shown, 49)).startswith("NO FORCE no force is desired")
+    fallback = replace(four, fallback_used=np.full(100, True))
+    assert "newton left it unproven: newton&#39;s answer was sent" in cycle_heading(fallback, shown, 25)
+
+
+def test_curves_are_to_one_scale_and_broken_where_there_is_no_force(four):
+    (desired, measured), most = [path for _, _, path in curves(four)[0]], curves(four)[1]
+    assert desired.count("M") == 2
+    heights = [float(height) for height in re.findall(r"[ML][\d.]+ ([\d.]+)", desired + measured)]
+    assert min(heights) == pytest.approx(0.04, abs=1e-3)
+    assert max(heights) <= 1.0
+    assert most == pytest.approx(np.nanmax(np.linalg.norm(four.desired, axis=1)), rel=0.5)
+    nothing = replace(four, desired=four.desired * np.nan, measured=four.measured * np.nan)
+    assert curves(nothing)[0][0][2] == ""
+
+
+def test_the_timeline_has_marks_and_the_time_that_is_shown_where_they_are():
+    text = render("run.timeline", [], 1.0, [(0.75, KINDS["fault"])], 0.25)
+    assert re.search(rf'x1="0.7500" x2="0.7500" .* stroke="{KINDS["fault"]}"', text)
+    assert 'x1="0.25000" x2="0.25000"' in text
 
 
 @pytest.fixture
@@ -30,34 +110,32 @@ def passes(page, seconds):
 
 
 @pytest.mark.realtime  # a real server
-def test_what_people_do_becomes_of_the_state_and_the_table_follows(page):
+def test_picture_and_texts_follow_the_time_that_is_chosen(page):
     assert "LOST" not in page._modules.content
-    page.change(lambda state: playback.seek(state, 1.3))
+    page.change(lambda now: now.seek(1.3))
     passes(page, 0.1)
-    assert page.index == cycle_at(page._run.time, 1.3) == 65
+    assert page.index == 65
     assert page._modules.content.count("LOST") == 1
     assert "cycle 65 at 50 Hz" in page._heading.content
     assert page._slider.value == 1.3
-    page.change(playback.choose(speed=0.5))
-    page.change(playback.play)
+    page.change(lambda now: replace(now, speed=0.5).play())
     passes(page, 0.0)
     passes(page, 0.4)
-    assert page.state.time == pytest.approx(1.5)
+    assert page.playback.time == pytest.approx(1.5)
     passes(page, 60.0)
-    assert (page.state.time, page.state.playing) == (page._run.time[-1], False)
-    page.change(playback.choose(solver="closed-form"))
+    assert (page.playback.time, page.playback.playing) == (page._run.time[-1], False)
+    page.solver = "closed-form"
     passes(page, 0.1)
     assert "closed-form" in page._forces.content
-    page.change(playback.choose(kind="limiter"))
+    page.solver = "polygon"  # serves no seven modules
     passes(page, 0.1)
-    assert all(mark.kind == "limiter" for mark in page.listed)
-    assert len(page._jump.options) == 1 + len(page.listed)
+    assert "serves no such problem" in page._problem.content
 
 
 @pytest.mark.slow
 @needs_browser
 @pytest.mark.realtime  # a run on simulated modules, and a real browser
-def test_a_real_log_is_scrubbed_played_and_jumped_through(tmp_path, run):
+def test_a_real_log_is_scrubbed_and_played(tmp_path, run):
     (tmp_path / "push.toml").write_text(
         'name = "push"\n[[steps]]\nseconds = 0.6\nwrench = [0.0, 0.0, 1.0]\n'
         "[[steps]]\nseconds = 0.6\nwrench = [0.0, 0.0, 40.0]\n"
@@ -83,24 +161,17 @@ def test_a_real_log_is_scrubbed_played_and_jumped_through(tmp_path, run):
 
                 until(there, text)
 
-            def tension(index):
-                return f"{played.measured[index, -1]:.2f} N"
-
             sees("EXACT")
             time = tab.locator("//*[normalize-space(text())='time s']/following::input[not(@type='hidden')][1]")
             time.fill("0.400")
             time.press("Enter")
-            sees(f"cycle {played.cycle[cycle_at(played.time, 0.4)]} at 50 Hz")
-            sees(tension(cycle_at(played.time, 0.4)))
+            index = int(np.searchsorted(played.time, 0.4 + 1e-6, "right")) - 1
+            sees(f"cycle {played.cycle[index]} at 50 Hz")
+            sees(f"{played.measured[index, -1]:.2f} N")
             tab.get_by_role("button", name="Play", exact=True).click()
             sees("NEAREST")  # by itself, after 0.6 s
-            tab.get_by_role("button", name="Pause", exact=True).click()
+            tab.get_by_role("button", name="Previous event", exact=True).click()
             tab.get_by_role("tab", name="Events").click()
-            tab.locator("//*[normalize-space(text())='go to']/following::input[1]").click()
-            [first] = [mark for mark in page.listed if mark.kind == "status"]
-            tab.get_by_role("option", name=f"{first.time:.2f} s NEAREST").click()
-            sees(f"cycle {played.cycle[cycle_at(played.time, first.time)]} at 50 Hz")
-            tab.get_by_role("tab", name="Modules").click()
-            sees(tension(cycle_at(played.time, first.time)))
+            sees("NEAREST, ")
     finally:
         page.close()

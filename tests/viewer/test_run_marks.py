@@ -8,7 +8,7 @@ import pytest
 from tensionlab.hardware.log.reader import RunEvent, read_run
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit
 from tensionlab.solvers.base import Status
-from tensionlab.viewer.run_marks import GAP_S, KINDS, Mark, marks, spells
+from tensionlab.viewer.run_marks import GAP_S, KINDS, RunMark, marks, spells
 from tests.helpers import runs
 
 
@@ -44,12 +44,12 @@ def test_where_nothing_happens_there_are_no_marks(quiet):
 @pytest.mark.parametrize(
     ("name", "value", "module", "mark"),
     [
-        ("status", Status.NEAREST, None, Mark(0.2, "status", "NEAREST, for 0.40 s")),
-        ("fallback_used", True, None, Mark(0.2, "status", "unproven: newton's answer was sent, for 0.40 s")),
-        ("faults", Fault.ENCODER | Fault.LOOP, 1, Mark(0.2, "fault", "{}: ENCODER, for 0.40 s")),
-        ("limiters", Limit.THERMAL, 2, Mark(0.2, "limiter", "{}: THERMAL, for 0.40 s")),
-        ("commanded_brakes", True, 3, Mark(0.2, "brake", "{}: brake commanded on, for 0.40 s")),
-        ("brake_states", BrakeState.CLOSED, 3, Mark(0.2, "brake", "{}: brake closed, for 0.40 s")),
+        ("status", Status.NEAREST, None, RunMark(0.2, "status", "NEAREST, for 0.40 s")),
+        ("fallback_used", True, None, RunMark(0.2, "status", "unproven: newton's answer was sent, for 0.40 s")),
+        ("faults", Fault.ENCODER | Fault.LOOP, 1, RunMark(0.2, "fault", "{}: ENCODER, for 0.40 s")),
+        ("limiters", Limit.THERMAL, 2, RunMark(0.2, "limiter", "{}: THERMAL, for 0.40 s")),
+        ("commanded_brakes", True, 3, RunMark(0.2, "brake", "{}: brake commanded on, for 0.40 s")),
+        ("brake_states", BrakeState.CLOSED, 3, RunMark(0.2, "brake", "{}: brake closed, for 0.40 s")),
     ],
 )
 def test_what_lasts_has_a_mark_at_its_begin(quiet, name, value, module, mark):

@@ -22,43 +22,43 @@ def point():
 
 def test_cables_run_from_the_hand_to_the_anchors(point):
     scene = drawn(edits.move_hand(point, [0.1, 0.5, 0.0]))
-    assert scene.cables.points[:, 0] == pytest.approx(np.tile([0.1, 0.5, 0.0], (4, 1)))
-    assert scene.cables.points[:, 1] == pytest.approx(point.rig.anchors)
+    assert scene.rig.cables.points[:, 0] == pytest.approx(np.tile([0.1, 0.5, 0.0], (4, 1)))
+    assert scene.rig.cables.points[:, 1] == pytest.approx(point.rig.anchors)
 
 
 def test_a_rig_in_the_plane_lies_in_it():
     scene = drawn(begin(tl.load_rig("kntu-planar")))
-    assert scene.cables.points.shape == (4, 2, 3)
-    for part in (scene.cables.points, scene.anchors, scene.available.vertices, scene.edges.points):
+    assert scene.rig.cables.points.shape == (4, 2, 3)
+    for part in (scene.rig.cables.points, scene.rig.anchors, scene.available.vertices, scene.edges.points):
         assert not part[..., 2].any()
 
 
 def test_colours_tell_where_a_tension_is_between_its_limits(point):
-    found = evaluate(edits.desire(point, [1.0, 0.5, 1.0]))  # floor-3 is at its lower limit
+    found = evaluate(edits.set_wrench(point, [1.0, 0.5, 1.0]))  # floor-3 is at its lower limit
     colours = tension_colours(point.rig, found)
     assert colours[2].tolist() == rgb("#0072B2").tolist()
-    full = evaluate(edits.desire(point, [0.0, 50.0, 0.0]))
+    full = evaluate(edits.set_wrench(point, [0.0, 50.0, 0.0]))
     assert tension_colours(point.rig, full)[3].tolist() == rgb("#D55E00").tolist()
 
 
 def test_the_desired_force_ends_at_its_tip_to_scale(point):
-    scene = drawn(edits.desire(point, [4.0, 0.0, 0.0]))
-    assert scene.tip - scene.hand == pytest.approx([4.0 * force_scale(point.rig), 0.0, 0.0])
-    assert scene.arrows["desired"].end == pytest.approx(scene.tip)
-    assert set(scene.arrows) == {"desired"}  # it is rendered
+    scene = drawn(edits.set_wrench(point, [4.0, 0.0, 0.0]))
+    assert scene.tip - scene.rig.hand == pytest.approx([4.0 * force_scale(point.rig), 0.0, 0.0])
+    assert scene.rig.arrows["desired"].end == pytest.approx(scene.tip)
+    assert set(scene.rig.arrows) == {"desired"}  # it is rendered
 
 
 def test_without_a_force_there_is_something_to_grab_beside_the_hand(point):
     scene = drawn(point)
-    assert np.linalg.norm(scene.tip - scene.hand) > 0.05
+    assert np.linalg.norm(scene.tip - scene.rig.hand) > 0.05
 
 
 def test_an_infeasible_force_has_its_certificate(point):
-    state = edits.desire(point, [20.0, 0.0, 0.0])
+    state = edits.set_wrench(point, [20.0, 0.0, 0.0])
     scene, found = drawn(state), evaluate(state)
     scale = force_scale(point.rig)
-    rendered, error, certificate = (scene.arrows[name] for name in ("rendered", "error", "certificate"))
-    assert rendered.end - scene.hand == pytest.approx(scale * found.allocation.wrench)
+    rendered, error, certificate = (scene.rig.arrows[name] for name in ("rendered", "error", "certificate"))
+    assert rendered.end - scene.rig.hand == pytest.approx(scale * found.allocation.wrench)
     assert error.end == pytest.approx(scene.tip)
     along = (certificate.end - certificate.start) / np.linalg.norm(certificate.end - certificate.start)
     # The plane has all available forces on one side, touches them, and has the desired one on the other.
@@ -69,39 +69,41 @@ def test_an_infeasible_force_has_its_certificate(point):
 
 
 def test_the_certificate_of_a_platform_is_one_at_its_torque():
-    state = edits.desire(begin(tl.load_rig("ipanema-2")), [0.0, 500.0, 0.0, 3.0, 0.0, 0.0])
+    state = edits.set_wrench(begin(tl.load_rig("ipanema-2")), [0.0, 500.0, 0.0, 3.0, 0.0, 0.0])
     scene = drawn(state)
-    certificate = scene.arrows["certificate"]
+    certificate = scene.rig.arrows["certificate"]
     along = certificate.end - certificate.start
     assert ((scene.available.vertices - certificate.start) @ along).max() <= 1e-6
     assert (scene.tip - certificate.start) @ along > 0.0
 
 
 def test_labels_have_names_and_tensions(point):
-    assert [label.text for label in drawn(edits.desire(point, [1.0, 0.5, 1.0])).labels][2:] == [
+    assert drawn(edits.set_wrench(point, [1.0, 0.5, 1.0])).rig.labels[2:] == (
         "floor-3 · 0.50 N",
         "top · 2.61 N",
-    ]
+    )
 
 
 def test_another_rig_is_drawn_beside(point):
-    scene = drawn(edits.choose(ghost=tl.load_rig("seven-modules"))(point))
+    scene = drawn(edits.set_fields(ghost=tl.load_rig("seven-modules"))(point))
     assert len(scene.ghost.points) == 7
-    assert len(drawn(edits.choose(ghost=tl.load_rig("kntu-planar"))(point)).ghost.points) == 0  # of another space
+    assert (
+        len(drawn(edits.set_fields(ghost=tl.load_rig("kntu-planar"))(point)).ghost.points) == 0
+    )  # of another space
 
 
 def test_a_hand_at_an_anchor_is_drawn_without_tensions(point):
     scene = drawn(edits.move_hand(point, point.anchors[3]))
-    assert scene.labels[3].text == "top"
+    assert scene.rig.labels[3] == "top"
     assert scene.available is None
-    assert scene.cables.colours[0, 0].tolist() == rgb("#777777").tolist()
+    assert scene.rig.cables.colours[0].tolist() == rgb("#777777").tolist()
 
 
 @pytest.mark.parametrize("name", tl.datasets.names("rigs"))
 def test_every_rig_is_drawn(name):
     state = begin(tl.load_rig(name.removeprefix("rigs/")))
     wrench = np.where(np.arange(state.rig.n) < state.rig.dimension, 3.0 * state.rig.limits.upper.max(), 0.0)
-    for each in (state, edits.desire(state, wrench)):
+    for each in (state, edits.set_wrench(state, wrench)):
         scene = drawn(each)
-        assert np.isfinite(scene.cables.points).all()
-        assert len(scene.labels) == state.rig.m
+        assert np.isfinite(scene.rig.cables.points).all()
+        assert len(scene.rig.labels) == state.rig.m

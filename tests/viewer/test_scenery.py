@@ -1,114 +1,109 @@
-"""What is drawn around a rig of the scenario that it plays: arrays, without a browser."""
+"""What is drawn around a rig of the scenario that it plays: solids and nodes, without a browser."""
 
 from dataclasses import replace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.play import play, simulate_modules
-from tensionlab.scenarios.scenery import ScenePhase, Surface, scenery
-from tensionlab.scenarios.stick_figure import HEAD_M
+from tensionlab.scenarios.scenery import Surface, scenery
 from tensionlab.support.colours import GREEN, GREY
+from tensionlab.viewer.drawing import as_rgb
 from tensionlab.viewer.recorded import instant_at
-from tensionlab.viewer.scenery import CAP_RAD, PATCH_M, SURFACE_COLOUR, body_origins, draw_scenery
+from tensionlab.viewer.scenery import (
+    SceneryDrawing,
+    body_origins,
+    named_places,
+    person,
+    points_to_see,
+    solid,
+    solids,
+)
 
-HAND = np.array([0.0, 0.1, 1.0])
+MIDDLE = np.array([0.3, 0.4, 1.2])
 
 
 def played(name, tmp_path, seconds=0.1):
     scenario = load_scenario(name)
     play(scenario, simulate_modules(scenario), seconds=seconds, log=tmp_path / "run.mcap")
-    return scenery(scenario), read_run(tmp_path / "run.mcap")
+    run = read_run(tmp_path / "run.mcap")
+    return scenery(scenario), run.rig, instant_at(run, len(run) - 1)
 
 
 @pytest.fixture
 def bow(tmp_path):
-    found, run = played("bow", tmp_path)
-    return found, run.rig, instant_at(run, len(run) - 1)
+    return played("bow", tmp_path)
 
 
-def surfaces(bow, *given):
-    """What is drawn of surfaces in a phase that is active."""
+def normal(plate):
+    return Rotation.from_quat(plate.turn, scalar_first=True).apply([0.0, 0.0, 1.0])
+
+
+def test_a_plane_is_a_plate_in_it_near_the_middle_of_the_script():
+    plate = solid(Surface("plane", (0.0, 0.0, 1.0), (0.0, 0.6, 0.8)), np.zeros(3), MIDDLE)
+    across = np.array([0.0, 0.6, 0.8])
+    assert normal(plate) == pytest.approx(across)
+    assert (plate.centre - [0.0, 0.0, 1.0]) @ across == pytest.approx(0.0)
+    assert np.cross(plate.centre - MIDDLE, across) == pytest.approx(np.zeros(3))
+
+
+def test_the_end_of_a_reach_is_a_plate_on_the_side_of_the_middle():
+    plate = solid(Surface("reach", (0.0, 0.0, 0.0), size=(0.5,)), np.array([0.0, 0.0, 1.0]), MIDDLE)
+    ahead = MIDDLE - [0.0, 0.0, 1.0]
+    assert plate.centre - [0.0, 0.0, 1.0] == pytest.approx(0.5 * ahead / np.linalg.norm(ahead))
+    assert normal(plate) == pytest.approx(ahead / np.linalg.norm(ahead))
+
+
+def test_a_ball_and_a_box_have_their_place_and_size():
+    ball = solid(Surface("ball", (0.1, 0.0, 1.0), size=(0.2,)), np.array([1.0, 0.0, 0.0]), MIDDLE)
+    assert (ball.centre.tolist(), ball.radius) == ([1.1, 0.0, 1.0], 0.2)
+    box = solid(Surface("box", (0.0, 0.0, 1.0), size=(0.1, 0.2, 0.3)), np.zeros(3), MIDDLE)
+    assert (box.centre.tolist(), box.edges.tolist()) == ([0.0, 0.0, 1.0], [0.1, 0.2, 0.3])
+
+
+def test_surfaces_in_the_frame_of_a_body_go_with_it(bow):
     found, rig, instant = bow
-    around = replace(found, phases=(ScenePhase("one", 0.0, 9.0, given),), seen_from=None)
-    return draw_scenery(around, rig, instant).surfaces
+    shift = np.array([0.1, 0.2, 0.3])
+    for anchors in (instant.anchors, instant.anchors + shift):
+        (plate,) = solids(found, rig, replace(instant, anchors=anchors))
+        origin = body_origins(rig, anchors)["bow"]
+        assert np.linalg.norm(plate.centre - origin) == pytest.approx(0.8)
 
 
-def area(mesh):
-    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
-
-
-def test_a_plane_is_a_patch_in_it_near_the_middle_of_the_script(bow):
-    [drawn] = surfaces(bow, Surface("plane", (0.0, 0.0, 1.0), (0.0, 0.6, 0.8)))
-    normal = np.array([0.0, 0.6, 0.8])
-    np.testing.assert_allclose((drawn.mesh.vertices - [0.0, 0.0, 1.0]) @ normal, 0.0, atol=1e-12)
-    middle = np.array(bow[0].middle)
-    foot = middle - ((middle - [0.0, 0.0, 1.0]) @ normal) * normal
-    np.testing.assert_allclose(drawn.mesh.vertices.mean(axis=0), foot)
-    assert area(drawn.mesh) == pytest.approx((2 * PATCH_M) ** 2)
-
-
-def test_a_ball_a_box_and_the_end_of_a_reach_have_their_size(bow):
-    ball, box, reach = surfaces(
-        bow,
-        Surface("ball", (0.1, 0.0, 1.0), size=(0.2,)),
-        Surface("box", (0.0, 0.0, 1.0), size=(0.1, 0.2, 0.3)),
-        Surface("reach", (0.0, 0.0, 1.0), size=(0.5,), brakes=True),
-    )
-    np.testing.assert_allclose(np.linalg.norm(ball.mesh.vertices - [0.1, 0.0, 1.0], axis=1), 0.2)
-    assert area(ball.mesh) == pytest.approx(4 * np.pi * 0.2**2, rel=0.03)
-    assert np.ptp(box.mesh.vertices, axis=0) == pytest.approx([0.1, 0.2, 0.3])
-    assert area(box.mesh) == pytest.approx(2 * (0.1 * 0.2 + 0.1 * 0.3 + 0.2 * 0.3))
-    assert len(box.edges.points) == 12
-    arms = reach.mesh.vertices - [0.0, 0.0, 1.0]
-    np.testing.assert_allclose(np.linalg.norm(arms, axis=1), 0.5)
-    ahead = np.array(bow[0].middle) - [0.0, 0.0, 1.0]
-    assert (arms @ ahead / np.linalg.norm(ahead)).min() > 0.5 * np.cos(1.5 * CAP_RAD)
-    assert (reach.colour, ball.colour) == (GREEN, SURFACE_COLOUR)
-
-
-def test_what_is_seen_from_a_body_goes_with_it(bow):
+def test_only_surfaces_of_phases_in_progress_are_coloured(bow):
     found, rig, instant = bow
-    way = np.array([0.1, 0.2, 0.3])
-    moved = replace(instant, anchors=instant.anchors + way)
-    one, other = (draw_scenery(found, rig, replace(each, time=1.0)) for each in (instant, moved))
-    origin = body_origins(rig, instant.anchors)["bow"]
-    radii = np.linalg.norm(one.surfaces[0].mesh.vertices - origin, axis=1)
-    np.testing.assert_allclose(radii, 0.8)
-    radii = np.linalg.norm(other.surfaces[0].mesh.vertices - (origin + way), axis=1)
-    np.testing.assert_allclose(radii, 0.8)
+    nodes = []
 
+    def node(*name, **how):
+        nodes.append(MagicMock(kind=name[0], **how))
+        return nodes[-1]
 
-def test_only_surfaces_of_phases_in_progress_are_filled_and_named(bow):
-    found, rig, instant = bow
-    over, active = (draw_scenery(found, rig, replace(instant, time=time)) for time in (4.0, 1.0))
-    assert (len(over.surfaces[0].mesh.faces), over.surfaces[0].colour) == (0, GREY)
-    assert len(over.surfaces[0].edges.points) == len(active.surfaces[0].edges.points) > 0
-    old = draw_scenery(found, rig, replace(instant, time=1.0), fresh=False)
-    assert (len(old.surfaces[0].mesh.faces), old.surfaces[0].colour) == (0, GREY)
-    assert (len(active.surfaces[0].mesh.faces) > 0, active.surfaces[0].colour) == (True, GREEN)
-    assert [label.text for label in over.labels] == ["draw hand", "bow hand"]
-    assert [label.text for label in active.labels] == ["draw hand", "bow hand", "full draw"]
+    scene = MagicMock(add_box=node, add_label=node)
+    drawing = SceneryDrawing(scene, found, rig, instant)
+    for time, fresh, colour in ((4.0, True, GREY), (1.0, True, GREEN), (1.0, False, GREY)):
+        drawing.show(replace(instant, time=time), fresh=fresh)
+        assert nodes[0].color == as_rgb(colour)
+        assert [label.text for label in nodes[1:]] == ["draw hand", "bow hand"]
 
 
 def test_the_person_holds_what_is_known_of_it(bow):
     found, rig, instant = bow
-    scene = draw_scenery(found, rig, instant)
-    ends = scene.person.points.reshape(-1, 3)
+    figure = person(found, rig, named_places(found, rig, instant))
+    joints = np.concatenate(figure.lines)
     for place in (instant.hand, body_origins(rig, instant.anchors)["bow"]):
-        assert np.linalg.norm(ends - place, axis=1).min() == pytest.approx(0.0, abs=1e-9)
-    assert ends[:, 2].min() == pytest.approx(0.0)
-    assert scene.points[:, 2].max() >= scene.head[2] > 1.5 + HEAD_M / 2
-    nobody = draw_scenery(replace(found, stands=None), rig, instant)
-    assert (len(nobody.person.points), nobody.head) == (0, None)
+        assert np.linalg.norm(joints - place, axis=1).min() == pytest.approx(0.0, abs=1e-9)
+    assert joints[:, 2].min() == pytest.approx(0.0)
+    assert points_to_see(found, rig, instant)[:, 2].max() >= figure.head[2] > 1.5
+    assert person(replace(found, stands=None), rig, {}) is None
 
 
 @pytest.mark.parametrize("name", ["materials", "collision", "recoil", "weight"])
 def test_every_scenario_is_drawn(name, tmp_path):
-    found, run = played(name, tmp_path)
-    scene = draw_scenery(found, run.rig, instant_at(run, 0))
-    assert len(scene.surfaces) == sum(len(phase.surfaces) for phase in found.phases)
-    assert np.isfinite(scene.points).all()
+    found, rig, instant = played(name, tmp_path)
+    assert len(solids(found, rig, instant)) == sum(len(phase.surfaces) for phase in found.phases)
+    SceneryDrawing(MagicMock(), found, rig, instant).show(instant, fresh=True)
+    assert np.isfinite(points_to_see(found, rig, instant)).all()

@@ -5,28 +5,14 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.drawing import Grab
-from tensionlab.viewer.page import dragged
-from tensionlab.viewer.snapping import nearest_on_surfaces, outlines, wall_behind
+from tensionlab.viewer.design_drawing import Grab
+from tensionlab.viewer.design_page import dragged
+from tensionlab.viewer.snapping import nearest_on_surfaces, outlines
 from tensionlab.viewer.state import begin
 from tensionlab.workspace.layout.task import load_task
 
 ROOM = tl.workspace.Space(tl.workspace.room([4.0, 2.0, 4.0]), counts=(4,))
 """From -2 to 2 in x and z, from 0 to 2 in y."""
-
-
-def test_the_mouse_points_at_the_wall_behind():
-    eye = np.array([0.0, 1.0, 10.0])
-    assert wall_behind(ROOM, eye, np.array([0.5, 1.0, 0.0])) == pytest.approx([0.6, 1.0, -2.0])
-    assert wall_behind(ROOM, eye, np.array([0.0, 0.5, 0.0])) == pytest.approx([0.0, 0.4, -2.0])
-    assert wall_behind(ROOM, np.array([0.0, 10.0, 0.0]), np.array([0.1, 5.0, 0.0])) == pytest.approx(
-        [0.2, 0.0, 0.0]
-    )
-
-
-def test_the_mouse_may_point_at_nothing():
-    assert wall_behind(ROOM, np.array([0.0, 1.0, 10.0]), np.array([50.0, 1.0, 0.0])) is None
-    assert wall_behind(ROOM, np.array([0.0, 1.0, 10.0]), np.array([0.0, 1.0, 20.0])) is None  # away from the room
 
 
 @pytest.mark.parametrize(
@@ -56,7 +42,7 @@ def test_a_room_has_four_edges_a_wall():
 
 
 def test_an_anchor_that_is_dragged_stays_on_the_walls():
-    state = edits.choose(task=load_task("four-in-a-room"))(begin(tl.load_rig("seven-modules")))
+    state = edits.set_fields(task=load_task("four-in-a-room"))(begin(tl.load_rig("seven-modules")))
     name = state.rig.modules[0].name
     for place in np.random.default_rng(0).uniform(-3.0, 3.0, (20, 3)):
         for eye in (None, np.array([0.0, 1.2, 12.0])):

@@ -34,7 +34,7 @@ def test_an_anchor_that_is_moved_leaves_the_others_and_the_old_state_alone(point
 
 
 def test_what_is_dragged_snaps_to_the_grid(point):
-    state = edits.choose(grid_m=0.25)(point)
+    state = edits.set_fields(grid_m=0.25)(point)
     assert edits.move_anchor(state, "top", [0.1, 2.2, -0.13]).anchors[3] == pytest.approx([0.0, 2.25, -0.25])
     assert edits.move_hand(state, [0.13, 0.3, 0.0]).position == pytest.approx([0.25, 0.25, 0.0])
 
@@ -77,7 +77,7 @@ def test_a_module_is_added_with_a_name_of_its_own_and_is_selected(point):
 
 def test_modules_are_removed_down_to_the_last(point):
     for name in names(point)[1:]:
-        point = edits.remove_module(edits.choose(selected=name)(point), name)
+        point = edits.remove_module(edits.set_fields(selected=name)(point), name)
     assert names(point) == ["floor-1"]
     assert point.selected == ""
     with pytest.raises(tl.RigError, match="only module"):
@@ -85,7 +85,7 @@ def test_modules_are_removed_down_to_the_last(point):
 
 
 def test_a_renamed_module_stays_selected(point):
-    renamed = edits.rename(edits.choose(selected="top")(point), "top", "ceiling")
+    renamed = edits.rename(edits.set_fields(selected="top")(point), "top", "ceiling")
     assert renamed.selected == "ceiling"
     with pytest.raises(tl.RigError, match="used by modules"):
         edits.rename(point, "top", "floor-1")
@@ -112,14 +112,14 @@ def test_attachments_turn_with_the_platform(platform):
 def test_what_a_rig_requires_is_exerted_beside_what_is_desired():
     rig = tl.load_rig("cogiro")
     lifting = tl.Rig(**{**vars_of(rig), "required": tl.Requirement(gravity=True)})
-    state = edits.desire(begin(lifting), [0.0, 0.0, 10.0, 0.0, 0.0, 0.0])
+    state = edits.set_wrench(begin(lifting), [0.0, 0.0, 10.0, 0.0, 0.0, 0.0])
     assert state.exerted[2] == pytest.approx(10.0 + 9.81 * rig.platform.mass)
 
 
 def test_undo_and_redo_go_through_the_steps(point):
     history = History(point)
     history.record(edits.move_hand(point, [0.0, 0.4, 0.0]))
-    history.record(edits.desire(history.present, [1.0, 0.0, 0.0]))
+    history.record(edits.set_wrench(history.present, [1.0, 0.0, 0.0]))
     assert history.undo().wrench.tolist() == [0.0, 0.0, 0.0]
     assert history.undo().position.tolist() == [0.0, 0.3, 0.0]
     assert not history.can_undo
@@ -141,7 +141,7 @@ def test_a_drag_is_one_step(point):
 def test_how_it_is_looked_at_is_not_undone(point):
     history = History(point)
     history.record(edits.add_module(point))
-    history.record(edits.choose(metric="tension-factor", dark=True)(history.present))
+    history.record(edits.set_fields(metric="tension-factor", dark=True)(history.present))
     before = history.undo()
     assert (before.metric, before.dark) == ("tension-factor", True)
     assert before.rig.m == 4
@@ -154,7 +154,7 @@ def test_an_anchor_that_stays_where_it_is_leaves_the_state_and_so_the_workspace(
 
 
 def test_a_rig_that_was_found_is_shown_with_the_hand_at_its_home():
-    state = edits.desire(begin(tl.load_rig("bartels2026-validation")), [1.0, 0.0, 0.0])
+    state = edits.set_wrench(begin(tl.load_rig("bartels2026-validation")), [1.0, 0.0, 0.0])
     shown = edits.replace_rig(state, tl.load_rig("seven-modules"))
     assert shown.position.tolist() == shown.rig.home.tolist() != state.position.tolist()
     assert shown.wrench is state.wrench

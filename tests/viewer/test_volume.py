@@ -6,7 +6,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.state import begin
-from tensionlab.viewer.volume import Volume, bounds, slices, surface, sweep
+from tensionlab.viewer.volume import Volume, bounds, surface, sweep
 
 
 def swept(state, count, wanted):
@@ -14,7 +14,7 @@ def swept(state, count, wanted):
 
 
 def test_the_values_are_those_of_a_sweep():
-    state = edits.choose(metric="tension-factor")(begin(tl.load_rig("bartels2026-validation")))
+    state = edits.set_fields(metric="tension-factor")(begin(tl.load_rig("bartels2026-validation")))
     volume = swept(state, 6, lambda: True)
     grid = tl.workspace.Grid(*volume.axes)
     expected = tl.sweep(state.rig, grid, "tension-factor", progress=False)["tension-factor"].values[0]
@@ -78,27 +78,3 @@ def test_in_the_plane_the_region_is_filled():
     mesh = surface(Volume((axis, axis), 0.5 - np.abs(x) + 0.0 * y), 0.0)
     assert np.abs(mesh.vertices[:, 0]).max() == pytest.approx(0.45)  # 0.4 is the last above, a square has 0.05
     assert mesh.vertices[:, 2].tolist() == [0.0] * len(mesh.vertices)
-
-
-def test_slices_go_through_the_hand_and_have_their_pixels_where_they_belong():
-    axis = np.linspace(0.0, 2.0, 5)
-    x, y, z = np.meshgrid(axis, 2.0 * axis, 3.0 * axis, indexing="ij")
-    for values in (x, y, z):  # opaque where it is more than 1.6
-        volume = Volume((axis, 2.0 * axis, 3.0 * axis), values)
-        for number, picture in enumerate(slices(volume, np.array([1.0, 2.0, 3.0]), 1.6)):
-            assert picture.middle == pytest.approx([1.0, 2.0, 3.0])
-            assert picture.axes @ picture.axes.T == pytest.approx(np.eye(3))
-            rows, columns = np.nonzero(picture.image[..., 3] > 200)
-            shape = np.array(picture.image.shape[1::-1])
-            offset = (np.column_stack([columns, rows]) / (shape - 1) - 0.5) * picture.edges
-            places = picture.middle + offset @ picture.axes[:, :2].T
-            index = [np.abs(each[:, None] - places[:, i]).argmin(axis=0) for i, each in enumerate(volume.axes)]
-            assert (values[tuple(index)] > 1.6).all(), number
-            assert picture.axes[number, 2] == pytest.approx(1.0)  # it faces along its axis
-
-
-def test_values_that_are_none_are_clear():
-    axis = np.linspace(0.0, 1.0, 3)
-    values = np.where(np.eye(3, dtype=bool), np.nan, 1.0)
-    (picture,) = slices(Volume((axis, axis), values), np.zeros(2), 0.5)
-    assert (picture.image[..., 3] == np.where(np.eye(3), 0, 230)).all()

@@ -29,13 +29,13 @@ class Found:
 
 
 def shown(name="bartels2026-validation", **changes):
-    return edits.choose(display="surface", **changes)(begin(tl.load_rig(name)))
+    return edits.set_fields(display="surface", **changes)(begin(tl.load_rig(name)))
 
 
 def test_it_is_coarse_at_first_then_fine():
     found = Found()
     worker = WorkspaceWorker(found)
-    worker.want(shown(metric="least-singular-value"), fine=True)
+    worker.submit(shown(metric="least-singular-value"), fine=True)
     found.until(lambda state, count, ghost: count == FINE)
     worker.close()
     assert [count for _, count, _ in found.seen] == [COARSE, FINE]
@@ -47,7 +47,7 @@ def test_while_something_is_dragged_it_stays_coarse():
     start = shown("kntu-planar")
     for step in range(5):
         start = edits.move_anchor(start, "cable-1", start.anchors[0] + [0.01 * step, 0.0])
-        worker.want(start, fine=False)
+        worker.submit(start, fine=False)
     found.until(lambda state, count, ghost: state is start)
     worker.close()
     assert {count for _, count, _ in found.seen} == {COARSE}
@@ -57,10 +57,10 @@ def test_another_force_leaves_the_workspace_as_it_is():
     found = Found()
     worker = WorkspaceWorker(found)
     start = shown("kntu-planar")
-    worker.want(start, fine=True)
+    worker.submit(start, fine=True)
     found.until(lambda state, count, ghost: count == FINE)
-    other = edits.desire(start, [1.0, 0.0, 0.0])
-    worker.want(other, fine=True)
+    other = edits.set_wrench(start, [1.0, 0.0, 0.0])
+    worker.submit(other, fine=True)
     found.until(lambda state, count, ghost: state is other and count == FINE)  # at once the fine one
     worker.close()
     assert [count for state, count, _ in found.seen if state is other] == [FINE]
@@ -69,7 +69,7 @@ def test_another_force_leaves_the_workspace_as_it_is():
 def test_the_other_rig_has_its_workspace_in_the_same_box():
     found = Found()
     worker = WorkspaceWorker(found)
-    worker.want(shown("kntu-planar", ghost=tl.load_rig("kntu-planar")), fine=False)
+    worker.submit(shown("kntu-planar", ghost=tl.load_rig("kntu-planar")), fine=False)
     found.until(lambda state, count, ghost: ghost is not None)
     worker.close()
 
@@ -77,8 +77,8 @@ def test_the_other_rig_has_its_workspace_in_the_same_box():
 def test_a_metric_that_a_rig_has_not_is_no_end():
     found = Found()
     worker = WorkspaceWorker(found)
-    worker.want(shown(metric="body-distance"), fine=False)
-    worker.want(shown(), fine=False)
+    worker.submit(shown(metric="body-distance"), fine=False)
+    worker.submit(shown(), fine=False)
     found.until(lambda state, count, ghost: state.metric == "capacity-margin")
     worker.close()
 
@@ -93,8 +93,26 @@ def test_what_is_at_work_learns_that_it_is_no_longer_wanted():
         dropped.set()
 
     worker = Latest("test", work)
-    worker.want(1)
+    worker.submit(1)
     assert begun.wait(HANGS_S)
-    worker.want(2)
+    worker.submit(2)
     assert dropped.wait(HANGS_S)
     worker.close()
+
+
+def test_it_outlives_what_fails(caplog):
+    failed, done = threading.Event(), threading.Event()
+
+    def work(item, wanted):
+        if item == "impossible":
+            failed.set()
+            raise ValueError("shapes differ")
+        done.set()
+
+    worker = Latest("example", work)
+    worker.submit("impossible")
+    assert failed.wait(HANGS_S)
+    worker.submit("possible")
+    assert done.wait(HANGS_S)
+    worker.close()
+    assert caplog.messages == ["view example: ValueError: shapes differ"]

@@ -1,6 +1,5 @@
 """The design page in real browsers, with real drags and clicks."""
 
-import re
 import subprocess
 import sys
 
@@ -11,13 +10,12 @@ from websockets.sync.client import connect
 
 import tensionlab as tl
 from tensionlab.errors import TensionlabError
-from tensionlab.viewer.drawing import Grab, both_sides
+from tensionlab.viewer.design_drawing import Grab
+from tensionlab.viewer.design_page import dragged, on_plane
+from tensionlab.viewer.design_panel import with_space
 from tensionlab.viewer.evaluation import evaluate
-from tensionlab.viewer.page import dragged, on_plane
-from tensionlab.viewer.panel import _with_space
 from tensionlab.viewer.scene import draw, force_scale
 from tensionlab.viewer.state import HAND, begin
-from tensionlab.viewer.volume import Mesh
 from tests.helpers.browsers import HANGS_S, VISER, Tab, chromium, needs_browser, served, until
 
 VISERS_OWN = "Unable to preventDefault inside passive event listener"
@@ -47,18 +45,13 @@ def saved(tab, name):
     return tl.load_rig(name).anchors
 
 
-def test_what_is_flat_has_triangles_for_either_side():
-    mesh = both_sides(Mesh(np.eye(3), np.array([[0, 1, 2]])))
-    assert mesh.faces.tolist() == [[0, 1, 2], [2, 1, 0]]
-
-
 def test_a_space_whose_name_is_half_written_is_none_yet(tmp_path):
     state = begin(tl.load_rig("bartels2026-validation"))
-    assert _with_space("four-in-a-room", tmp_path)(state).task.name == "four-in-a-room"
+    assert with_space("four-in-a-room", tmp_path)(state).task.name == "four-in-a-room"
     for word in ("", "four-in", "/tmp/spaces/my-ro"):
-        assert _with_space(word, tmp_path)(state).task is None
+        assert with_space(word, tmp_path)(state).task is None
     with pytest.raises(TensionlabError, match="my-room"):
-        _with_space("my-room.toml", tmp_path)(state)
+        with_space("my-room.toml", tmp_path)(state)
 
 
 @pytest.mark.slow
@@ -95,35 +88,14 @@ def test_a_rig_is_designed_with_the_mouse(tmp_path, monkeypatch):
             end = page.state.position + force_scale(page.state.rig) * page.state.wrench
             assert tab.pixel(end) == pytest.approx(tab.pixel(goal), abs=4.0)
 
-        # Two more solvers have a row each, and a bar for each cable.
+        # Two more solvers have a row each, and a line in the charts.
         tab.click_tab("Solvers")
         tab.open_folder("compare with")
         for solver in ("minimax", "dykstra"):
             tab.check(solver)
         for solver in ("newton", "minimax", "dykstra"):
-            tab.tab.locator(f'[title^="{solver} "]').nth(3).wait_for(state="attached")
-        now = tl.allocate(page.state.rig.structure_matrix(page.state.position), page.state.wrench,
-                          page.state.rig.limits, solver="minimax")  # fmt: skip
-        bars = [tab.tab.locator('[title^="minimax "]').nth(i).get_attribute("title") for i in range(4)]
-        assert [float(each.split()[1]) for each in bars] == pytest.approx(now.tensions, abs=0.01)
-
-        # A search shows its best rig so far, which stays when it is stopped, can be saved,
-        # and undone in one step. The charts of the solvers are not in its tab.
-        rig = page.state.rig
-        tab.click_tab("Search")
-        tab.enter("space", "four-in-the-room")
-        tab.press("Search for a layout")
-        tab.tab.get_by_text(re.compile("did you mean 'four-in-a-room'")).wait_for()
-        tab.enter("space", "four-in-a-room")
-        tab.press("Search for a layout")
-        tab.tab.get_by_text(re.compile(r"^four-in-a-room-4: ")).wait_for()
-        tab.press("Stop")
-        tab.tab.get_by_text(re.compile(r"^stopped; four-in-a-room-4: ")).wait_for()
-        until(lambda: page.state.rig.name == "four-in-a-room-4", "the best rig")
-        assert tab.tab.get_by_text("error N", exact=True).locator("visible=true").count() == 0
-        assert saved(tab, tmp_path / "found.toml") == pytest.approx(page.state.anchors)
-        tab.press("Undo")
-        until(lambda: page.state.rig is rig, "the rig before")
+            tab.tab.get_by_role("cell", name=f"■ {solver}", exact=True).wait_for()
+        tab.wait_for("error N")
 
         # Nothing came from elsewhere meanwhile.
         assert tab.requests

@@ -5,9 +5,10 @@ import re
 import pytest
 
 import tensionlab as tl
+from tensionlab.viewer import design_words as words
 from tensionlab.viewer import state as edits
-from tensionlab.viewer import words
 from tensionlab.viewer.evaluation import evaluate
+from tensionlab.viewer.html import render
 from tensionlab.viewer.solver_study import compare
 from tensionlab.viewer.state import begin
 from tensionlab.viewer.volume import bounds, sweep
@@ -23,14 +24,14 @@ def plain(text):
 
 
 def test_a_feasible_force_is_exact(point):
-    state = edits.desire(point, [1.0, 0.5, 1.0])
+    state = edits.set_wrench(point, [1.0, 0.5, 1.0])
     said = plain(words.status(state, evaluate(state)))
     assert said.startswith("EXACT the desired force is rendered desired force 1.5 N (1, 0.5, 1)")
     assert "capacity margin 3.68 N at the hand" in said
 
 
 def test_an_infeasible_force_is_nearest_and_says_by_which_policy(point):
-    state = edits.choose(policy="direction")(edits.desire(point, [20.0, 0.0, 0.0]))
+    state = edits.set_fields(policy="direction")(edits.set_wrench(point, [20.0, 0.0, 0.0]))
     said = plain(words.status(state, evaluate(state)))
     assert said.startswith("NEAREST certified infeasible: the longest wrench in the desired direction is rendered")
     assert "24.4 % of it" in said
@@ -38,7 +39,7 @@ def test_an_infeasible_force_is_nearest_and_says_by_which_policy(point):
 
 
 def test_bars_say_who_is_at_a_limit(point):
-    state = edits.desire(point, [1.0, 0.5, 1.0])
+    state = edits.set_wrench(point, [1.0, 0.5, 1.0])
     assert "floor-3 0.50 N lower limit" in plain(words.tensions(state, evaluate(state)))
 
 
@@ -48,18 +49,16 @@ def test_names_of_modules_are_text(point):
 
 
 def test_solvers_are_side_by_side(point):
-    state = edits.choose(compared=("closed-form", "polygon"))(edits.desire(point, [20.0, 0.0, 0.0]))
+    state = edits.set_fields(compared=("closed-form", "polygon"))(edits.set_wrench(point, [20.0, 0.0, 0.0]))
     _, answers = compare(state, lambda: True)
-    said = plain(words.solver_table(answers, ("#000000",)))
-    assert re.search(r"■ newton ● 15.1 \S+ 6.00 \S+ .s 0/180", said)
-    assert "■ closed-form ●" in said
-    bars = words.solver_bars(state, answers, ("#000000",))
-    assert 'title="newton 6.00 N"' in bars
-    assert plain(words.solver_table([], ())) == "Choose solvers to compare with the one of the tab Hand."
+    text = plain(render("design.solvers", answers, ("#000000",)))
+    assert re.search(r"■ newton NEAREST 15.1 6.00 \S+ .s 0/180", text)
+    assert "■ closed-form " in text
+    assert plain(render("design.solvers", [], ())) == "Choose solvers to compare with the one of the tab Hand."
 
 
 def test_the_share_of_the_box_is_said(point):
-    state = edits.choose(level=1.0)(point)
+    state = edits.set_fields(level=1.0)(point)
     volume = sweep(state, bounds(state.rig), 10, lambda: True)
     said = plain(words.share(state, volume))
     assert f"{100 * volume.share(1.0):.1f} % of the box" in said

@@ -1,4 +1,4 @@
-"""The page of a run of this process, served by a process beside it, so that the run has nothing to do for it."""
+"""A process that serves the page of a run of this process, so that the run has nothing to do for it."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ def open_page() -> str:
     """
     published = publisher()
     if published is None:
-        raise HardwareError("the system gives no UDP port at 127.0.0.1, over which the view would hear of the run")
-    words = [sys.executable, "-P", "-m", "tensionlab.viewer.live"]  # -P: nothing of the working directory
-    page = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, **OWN_GROUP)
-    _started.append(page)  # it outlives the run
+        raise HardwareError("there is no free UDP port at 127.0.0.1, over which the view would follow the run")
+    command = [sys.executable, "-P", "-m", "tensionlab.viewer.live"]  # -P: nothing of the working directory
+    page = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, **OWN_GROUP)
+    _started.append(page)  # which outlives the run
     assert page.stdin is not None
     assert page.stdout is not None
-    with suppress(OSError), page.stdin:  # it has ended already: then that is what it answers
+    with suppress(OSError), page.stdin:  # if it has ended already, its answer says so
         page.stdin.write(json.dumps({"port": published.port, "token": published.token}) + "\n")
     with page.stdout:
-        answer = page.stdout.readline()
-    said = json.loads(answer) if answer else {"error": "its process has ended at once"}
-    if "error" in said:
-        raise HardwareError(f"the view cannot be opened: {said['error']}")
-    return str(said["url"])
+        line = page.stdout.readline()
+    answer = json.loads(line) if line else {"error": "its process has ended at once"}
+    if "error" in answer:
+        raise HardwareError(f"the view cannot be opened: {answer['error']}")
+    return str(answer["url"])

@@ -1,4 +1,4 @@
-"""`Rig.view`: the design page of a rig in this process."""
+"""`tl.view`: the design page of a rig in this process."""
 
 import re
 import subprocess
@@ -14,7 +14,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.rig_page import in_notebook
+from tensionlab.viewer.design_page import in_notebook
 from tensionlab.viewer.server import PageServer
 from tests.helpers.browsers import HANGS_S, chromium, needs_browser, until
 
@@ -41,13 +41,13 @@ def test_outside_a_notebook_a_browser_opens_and_the_rig_is_as_it_is_designed(ope
     try:
         assert opened == [page.url]
         assert page.rig == rig
-        assert repr(page) == f"<RigPage of {RIG} at {page.url}>"
+        assert repr(page) == f"<DesignPage of {RIG} at {page.url}>"
         with urllib.request.urlopen(page.url, timeout=HANGS_S) as answer:
             assert answer.status == 200
             assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
         with pytest.raises(urllib.error.HTTPError, match="403"):
             urllib.request.urlopen(page.url.partition("?")[0], timeout=HANGS_S)  # without the token
-        page._page.edit(lambda state: edits.move_anchor(state, "floor-1", [1.0, 0.0, 0.0]))
+        page.edit(lambda state: edits.move_anchor(state, "floor-1", [1.0, 0.0, 0.0]))
         until(lambda: page.rig.modules[0].anchor.tolist() == [1.0, 0.0, 0.0], "the edit")
     finally:
         page.close()

@@ -19,8 +19,10 @@ from tensionlab.hardware.simulation.world import World
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.scenery import scenery
 from tensionlab.support.colours import GREEN, ORANGE, RED
-from tensionlab.viewer import live_words
-from tensionlab.viewer.instant import Instant
+from tensionlab.viewer import run_words
+from tensionlab.viewer.html import render
+from tensionlab.viewer.live import live_heading, renewed
+from tensionlab.viewer.run_scene import Instant
 from tensionlab.viewer.stop import StopOutcome
 from tests.helpers.runs import four
 
@@ -52,20 +54,20 @@ def report(monkeypatch):
 
 
 def said(report):
-    return plain(live_words.modules(INFO, report, Instant.of(INFO.rig, report.cycle)))
+    return plain(run_words.modules(INFO, report, Instant.of(INFO.rig, report.cycle)))
 
 
 def test_a_run_is_live_while_it_is_and_says_who_is_lost(report):
-    text = live_words.heading("live", 0.0, INFO, replace(report, lost={}))
+    text = live_heading("live", 0.0, INFO, replace(report, lost={}))
     assert plain(text) == "LIVE 0.4 s, 20 cycles at 50 Hz, newton process 4711: tensionlab run &lt;floor&gt;"
     assert GREEN in text
-    text = live_words.heading("live", 0.0, INFO, report)
+    text = live_heading("live", 0.0, INFO, report)
     assert plain(text).startswith("LIVE, 1 module lost 0.4 s")
     assert GREEN not in text
 
 
 def test_what_is_stale_says_for_how_long(report):
-    text = live_words.heading("stale", 3.21, INFO, report)
+    text = live_heading("stale", 3.21, INFO, report)
     assert plain(text).startswith("STALE for 3.2 s no newer cycle has come; what is shown is old")
     assert RED in text
     assert "LIVE" not in text
@@ -75,42 +77,42 @@ def test_what_is_stale_says_for_how_long(report):
     ("condition", "info", "word"),
     [
         ("waiting", None, "WAITING for the run to answer"),
-        ("gone", None, "GONE its process has ended without a word"),
+        ("gone", None, "GONE Its process ended unexpectedly"),
         ("waiting", INFO, "WAITING for news of the run"),
-        ("arming", INFO, "ARMING modules are armed, and slack cables reeled in"),
-        ("gone", INFO, "GONE its process has ended without a word"),
+        ("arming", INFO, "ARMING modules are armed, and slack is taken up"),
+        ("gone", INFO, "GONE Its process ended unexpectedly"),
     ],
 )
 def test_before_and_after_the_cycles_there_is_a_word_too(condition, info, word):
-    assert plain(live_words.heading(condition, 0.0, info, None)).startswith(word)
+    assert plain(live_heading(condition, 0.0, info, None)).startswith(word)
 
 
 def test_how_a_run_ended(report):
     well = replace(report, over=True, ended="duration reached", lost={})
-    text = live_words.heading("ended", 0.0, INFO, well)
+    text = live_heading("ended", 0.0, INFO, well)
     assert plain(text) == "ENDED 20 cycles; all modules have confirmed that they stopped duration reached"
     assert RED not in text
     for ended in ("RuntimeError: <b>", "emergency stop (from another terminal)"):
-        text = live_words.heading("ended", 0.0, INFO, replace(well, ended=ended, emergency="emergency" in ended))
+        text = live_heading("ended", 0.0, INFO, replace(well, ended=ended, emergency="emergency" in ended))
         assert ended.replace("<b>", "&lt;b&gt;") in plain(text)
         assert RED in text
     still = replace(well, unconfirmed={"top": "no answer"})
-    text = live_words.heading("ended", 0.0, INFO, still)
-    assert "top did not confirm that it has stopped : no answer" in plain(text)
+    text = live_heading("ended", 0.0, INFO, still)
+    assert "top did not confirm that it stopped : no answer" in plain(text)
     assert "all modules have confirmed" not in text
     assert RED in text
 
 
 def test_three_forces_and_their_error_are_told(report):
     instant = Instant.of(INFO.rig, report.cycle)
-    text = plain(live_words.forces(INFO.rig, instant))
+    text = plain(run_words.forces(INFO.rig, instant))
     assert text.startswith("■ desired 2.29 N (1, 2, 0.5) ■ commanded ")
     error = instant.measured - instant.desired
     assert f"measured − desired {np.linalg.norm(error):.3g} N" in text
     assert "arrows of forces: 1 m is 10 N" in text
     taut = replace(instant, desired=np.full(3, np.nan))
-    assert plain(live_words.forces(INFO.rig, taut)).startswith("■ desired – taut cables")
-    assert "measured − desired" not in live_words.forces(INFO.rig, taut)
+    assert plain(run_words.forces(INFO.rig, taut)).startswith("■ desired – pretension only")
+    assert "measured − desired" not in run_words.forces(INFO.rig, taut)
 
 
 def test_modules_have_tension_state_brake_limiter_link_and_faults(report):
@@ -131,7 +133,7 @@ def test_what_is_wrong_with_a_module_is_marked(report):
     assert "brake closed, commanded off · limited by thermal · link 80 ms" in text
     assert "link silent · slack" in text
     assert "3 damaged frames" in text
-    html = live_words.modules(INFO, found, Instant.of(INFO.rig, cycle))
+    html = run_words.modules(INFO, found, Instant.of(INFO.rig, cycle))
     for words in ("link 80 ms", "link silent", "slack", "fault: encoder"):
         assert f'<span style="color:{RED}">{words}</span>' in html
     assert f'<span style="color:{RED}">link 10 ms' not in html
@@ -139,7 +141,7 @@ def test_what_is_wrong_with_a_module_is_marked(report):
 
 def test_times_are_those_of_the_latest_cycles(report):
     starts, computes = np.linspace(0.0, 1e-3, 101), np.full(101, 2e-4)
-    text = plain(live_words.times(INFO, replace(report, missed=2), starts, computes))
+    text = plain(run_words.times(INFO, replace(report, missed=2, start_delays=starts, compute_times=computes)))
     assert "loop latency 20 ms" in text
     assert "start jitter 500 µs median, 990 µs p99 compute time 200 µs median, 200 µs p99" in text
     assert "2 deadlines missed" in text
@@ -147,31 +149,31 @@ def test_times_are_those_of_the_latest_cycles(report):
 
 
 def test_events_are_told_the_newest_first(report):
-    text = plain(live_words.events(report))
+    text = plain(run_words.events(report))
     assert text.index("lost") < text.index("armed")
     odd = replace(report, events=(RunEvent(0, 0.5, "phase", "<b>draw</b>", ""),))
-    assert plain(live_words.events(odd)) == "0.50 s phase &lt;b&gt;draw&lt;/b&gt;"
-    assert plain(live_words.events(replace(report, events=()))) == "none yet"
+    assert plain(run_words.events(odd)) == "0.50 s phase &lt;b&gt;draw&lt;/b&gt;"
+    assert plain(run_words.events(replace(report, events=()))) == "none yet"
 
 
 def test_what_came_of_a_stop_is_told():
-    assert plain(live_words.stopped(StopOutcome(True, ("confirmed by 4 modules",)))) == (
+    assert plain(render("run.stopped", StopOutcome(True, ("confirmed by 4 modules",)))) == (
         "STOPPED confirmed by 4 modules"
     )
-    text = live_words.stopped(StopOutcome(False, ("top: <gone>", "confirmed by 3 modules")))
+    text = render("run.stopped", StopOutcome(False, ("top: <gone>", "confirmed by 3 modules")))
     assert plain(text).startswith("NOT STOPPED top: &lt;gone&gt; confirmed by 3 modules Cut the power")
     assert RED in text
-    assert ORANGE in live_words.stopping()
+    assert ORANGE in render("run.stopping")
 
 
 def test_each_text_that_is_sent_is_another_so_that_browsers_know_it_is_new():
-    assert live_words.renewed("a", 1, fresh=True) != live_words.renewed("a", 2, fresh=True)
-    assert live_words.renewed_heading("a", 1) != live_words.renewed_heading("a", 2)
-    assert "NO NEWS" in live_words.renewed_heading("a", 1)
+    assert renewed("a", 1, fresh=True) != renewed("a", 2, fresh=True)
+    assert render("run.renewed_heading", "a", 1, 3.0) != render("run.renewed_heading", "a", 2, 3.0)
+    assert "NO NEWS" in render("run.renewed_heading", "a", 1, 3.0)
 
 
 def test_the_scenario_and_its_phases_are_named():
     found = scenery(load_scenario("bow"))
-    assert plain(live_words.phases(found, 1.0)) == "E. Bow, phase: draw, full draw"
-    assert plain(live_words.phases(found, 9.0)) == "E. Bow, phase: none"
-    assert live_words.phases(None, 1.0) == ""
+    assert plain(render("run.phases", found, 1.0)) == "E. Bow, phase: draw, full draw"
+    assert plain(render("run.phases", found, 9.0)) == "E. Bow, phase: none"
+    assert render("run.phases", None, 1.0) == ""
