@@ -1,48 +1,46 @@
-"""Comparison of solvers on a rig: how many forces of a set each renders, its errors and its time."""
+"""Comparison of solvers on a rig: the same wrenches at one position or along a trajectory."""
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from numbers import Real
-from typing import TYPE_CHECKING, Any, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.benchmark.guarded import guarded
-from tensionlab.errors import InputError
+from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig
-from tensionlab.solvers import Solver, select_solvers
+from tensionlab.solvers import Selected, Solver, select_solvers
 from tensionlab.solvers.base import POLICIES, Policy, Status
 from tensionlab.support import provenance
-from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers, angles
+from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers, Limits, angles
 from tensionlab.support.arrays import finite as as_finite
+from tensionlab.support.files.tables import read_table
 from tensionlab.support.formatting import format_count, format_duration, format_number, format_vector
 from tensionlab.support.table import STATUS_MARKS, table
+from tensionlab.workspace.poses import ROTATION_COLUMNS, PoseList, poses_from_columns
 
 if TYPE_CHECKING:
     import pandas
 
 MAX_TIMED_CALLS = 200
-"""Vectors that are timed one by one, evenly spread over the set."""
-
+"""Largest number of wrenches that are timed one by one, evenly spread."""
 CALLS_PER_TURN = 10
-"""Calls that one solver makes before the next one has its turn."""
-
+"""Calls of one solver before the next solver's turn."""
 MAX_TIMED_S = 2.0
-"""A slow solver is timed no longer one by one, beyond its first turn."""
-
+"""Time after which a slow solver is not timed any further, beyond its first turn."""
 TIMED_BATCHES = 5
-"""Batches that are timed, one a turn; one alone where it takes longer than `QUICK_BATCH_S`."""
-
+"""Number of timed batches, one a turn; a batch longer than `QUICK_BATCH_S` is timed once."""
 QUICK_BATCH_S = 0.05
-
 PUBLISHED_FORCE_N = 1.5
 """Magnitude of the forces of the published validation."""
 
@@ -51,9 +49,27 @@ PUBLISHED_FORCE_N = 1.5
 class Score:
     """Statistics of the answers of one solver with one policy; NaN where there is no value.
 
-    How many vectors ended with which verified status; the norm of desired minus rendered wrench, over all that did
-    not fail, in N; the angle between desired and rendered force, where one is rendered; and the mean of the
-    squared tensions, over modules and vectors, in N².
+    Attributes
+    ----------
+    exact, nearest_count, unproven, failed : int
+        Number of wrenches by verified status.
+    fallback_used : int
+        Of a recorded run: number of unproven answers of its solver, replaced by the exact solver's.
+    residual_mean, residual_max : float
+        Norm of desired minus rendered wrench, in N.
+    angle_mean_deg, angle_max_deg : float
+        Angle between desired and rendered force.
+    tension_sq_mean, tension_max : float
+        Mean of the squared tensions, in N², and the largest tension, in N.
+    step_max : float
+        Along a trajectory: largest change of a tension from one sample to the next, in N.
+    iterations_max : float
+        Largest number of iterations.
+    gap_max : float
+        Largest difference of a tension to the exact optimum of the same policy, in N; for a solver without a
+        policy, over the feasible wrenches alone.
+    call_median_s, call_p99_s, batch_s : float
+        Time of an `Allocator` call for one wrench, verification included, and per wrench in one call for all.
     """
 
     solver: str
@@ -62,60 +78,184 @@ class Score:
     nearest_count: int
     unproven: int
     failed: int
+    fallback_used: int
     residual_mean: float
     residual_max: float
     angle_mean_deg: float
     angle_max_deg: float
     tension_sq_mean: float
-
-
-@dataclass(frozen=True)
-class Row(Score):
-    """Score and times of one solver with one policy.
-
-    The gap is the maximum difference of a tension to the exact optimum of the same policy, in N; for a solver
-    without a policy, over the feasible vectors only: it promises nothing on the others. Times are of an
-    `Allocator` call for one vector, verification included, and of one for all vectors, divided by their number.
-    """
-
+    tension_max: float
+    step_max: float
+    iterations_max: float
     gap_max: float
     call_median_s: float
     call_p99_s: float
     batch_s: float
 
 
-RowType = TypeVar("RowType", bound=Score)
-Column = tuple[str, Callable[[RowType], str], bool]
-"""Heading, as in `display.table`; the text of a row; and whether a narrow terminal shows the column, too."""
+Column = tuple[str, Callable[[Score], str], bool]
+"""Heading, as in `support.table.table`; text of a score; and whether a narrow terminal shows the column."""
 
-STATUSES: list[Column[Score]] = [
-    ("<solver", lambda row: row.solver, True),
-    ("<policy", lambda row: row.policy or "–", True),
-    ("exact", lambda row: str(row.exact), True),
-    ("near", lambda row: str(row.nearest_count), True),
-    ("unproven", lambda row: str(row.unproven), True),
-    ("fail", lambda row: str(row.failed), False),
+
+def _number(heading: str, name: str, narrow: bool = False) -> Column:
+    return heading, lambda score: format_number(getattr(score, name)), narrow
+
+
+def _time(heading: str, name: str, narrow: bool = False) -> Column:
+    return heading, lambda score: format_duration(getattr(score, name)), narrow
+
+
+STATUSES: list[Column] = [
+    ("<solver", lambda score: score.solver, True),
+    ("<policy", lambda score: score.policy or "–", True),
+    ("exact", lambda score: str(score.exact), True),
+    ("near", lambda score: str(score.nearest_count), True),
+    ("unproven", lambda score: str(score.unproven), True),
+    ("fail", lambda score: str(score.failed), False),
 ]
-"""The columns that each table of solvers begins with."""
-COLUMNS: list[Column[Row]] = [
-    ("error\nmean N", lambda row: format_number(row.residual_mean), False),
-    ("error\nmax N", lambda row: format_number(row.residual_max), True),
-    ("angle\nmean °", lambda row: format_number(row.angle_mean_deg), False),
-    ("angle\nmax °", lambda row: format_number(row.angle_max_deg), True),
-    ("mean t²\nN²", lambda row: format_number(row.tension_sq_mean), False),
-    ("gap\nmax N", lambda row: format_number(row.gap_max), False),
-    ("call\nmedian", lambda row: format_duration(row.call_median_s), True),
-    ("call\np99", lambda row: format_duration(row.call_p99_s), False),
-    ("batch\neach", lambda row: format_duration(row.batch_s), True),
+"""First columns of each table of solvers."""
+TIMES: list[Column] = [
+    _time("call\nmedian", "call_median_s", True),
+    _time("call\np99", "call_p99_s"),
+    _time("batch\neach", "batch_s", True),
 ]
+COLUMNS: list[Column] = [
+    *STATUSES,
+    _number("error\nmean N", "residual_mean"),
+    _number("error\nmax N", "residual_max", True),
+    _number("angle\nmean °", "angle_mean_deg"),
+    _number("angle\nmax °", "angle_max_deg", True),
+    _number("mean t²\nN²", "tension_sq_mean"),
+    _number("gap\nmax N", "gap_max"),
+    *TIMES,
+]
+"""Columns of a comparison at one position."""
+ALONG: list[Column] = [
+    *STATUSES,
+    _number("error\nmean N", "residual_mean"),
+    _number("error\nmax N", "residual_max", True),
+    _number("angle\nmax °", "angle_max_deg", True),
+    _number("mean t²\nN²", "tension_sq_mean", True),
+    _number("t max\nN", "tension_max"),
+    _number("step\nmax N", "step_max", True),
+    _number("iter\nmax", "iterations_max"),
+]
+TRAJECTORY_COLUMNS: list[Column] = [*ALONG, *TIMES]
+"""Columns of a comparison along a trajectory."""
+REPLAY_COLUMNS: list[Column] = [*ALONG, ("fall-\nback", lambda score: str(score.fallback_used), False)]
+"""Columns of a replayed run."""
 
 
-def merge_policies(rows: Sequence[RowType]) -> list[RowType]:
+@dataclass(frozen=True)
+class Comparison:
+    """Answers of every solver with each of its policies to the same K wrenches.
+
+    Attributes
+    ----------
+    rig : Rig
+        With body frames at rest.
+    position : (d,) or (K, d) array
+        Where the wrenches act, in m: one position, or that of each sample of a trajectory.
+    structure : (n, m) or (K, n, m) array
+        Structure matrix there.
+    wrenches : (K, n) array
+        Desired, in N and N·m.
+    rows : tuple of Score
+        One for each solver and policy.
+    allocations : tuple of Allocation
+        The K answers behind each row.
+    missing : dict
+        Reasons by the names of solvers left out.
+    magnitude : float or None
+        Size of the forces, in N; None where wrenches were given or required.
+    consecutive : (K - 1,) array of bool or None
+        Along a trajectory: whether each sample but the first follows the one before; None at one position.
+    recorded : bool
+        Whether the first row is a recorded run, as it was.
+    """
+
+    rig: Rig
+    position: Floats
+    structure: Floats
+    wrenches: Floats
+    rows: tuple[Score, ...]
+    allocations: tuple[Allocation, ...]
+    missing: dict[str, str]
+    magnitude: float | None = None
+    consecutive: NDArray[np.bool_] | None = None
+    recorded: bool = False
+
+    @property
+    def title(self) -> str:
+        """Rig, and number and size of the wrenches."""
+        rig, count = self.rig, len(self.wrenches)
+        name = f"{rig.name}, {format_count(rig.m, 'module')}"
+        if self.consecutive is not None:
+            return f"{name}: {format_count(count, 'sample')} of a trajectory"
+        if self.magnitude is None:
+            forces = f"{count} required wrenches"
+        else:
+            added = f" added to {rig.required.describe(rig)}" if rig.required else ""
+            forces = f"{format_count(count, 'force')} of {self.magnitude:g} N{added}"
+        return f"{name}: {forces} at {format_vector(self.position)} m"
+
+    def __repr__(self) -> str:
+        return f"<Comparison of {format_count(len({row.solver for row in self.rows}), 'solver')} on {self.title}>"
+
+    def _repr_html_(self) -> str:
+        words = ["<solver", "<policy", *(mark.text for mark in STATUS_MARKS)]
+        shown = COLUMNS if self.consecutive is None else TRAJECTORY_COLUMNS
+        headings = [*words, *(heading for heading, *_ in shown[len(STATUSES) :])]
+        rows = merge_policies(self.rows[self.recorded :])
+        if self.recorded:
+            rows.insert(0, dataclasses.replace(self.rows[0], solver=f"the run: {self.rows[0].solver}"))
+        cells = ([text(row) for _, text, _ in shown] for row in rows)
+        notes = [f"left out: {name}, {reason}" for name, reason in self.missing.items()]
+        notes += [f"failed: {name}, {reason}" for name, reason in self.failures.items()]
+        return table(self.title, headings, cells, notes)
+
+    @property
+    def failures(self) -> dict[str, str]:
+        """Number of failed wrenches and the first reason, by the name of the solver."""
+        found: dict[str, str] = {}
+        for row, allocation in zip(self.rows, self.allocations, strict=True):
+            for reason in list(allocation.failures.values())[:1]:
+                found.setdefault(row.solver, f"at {row.failed} of {len(self.wrenches)}: {reason}")
+        return found
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the long table: a row for each solver, policy, problem and quantity, with its value.
+
+        The quantities are the status, the residual in N, the angle between desired and rendered force in degrees,
+        the number of iterations, and the tension of each module in N. MissingDependency if pandas is not
+        installed.
+        """
+        forces = self.wrenches[:, : self.rig.dimension]
+        values: dict[str, list[Any]] = {"status": [], "residual": [], "angle_deg": [], "iterations": []}
+        for found in self.allocations:
+            values["status"].append(found.status)
+            values["residual"].append(found.residual)
+            values["angle_deg"].append(angles(forces, found.wrench[:, : self.rig.dimension]))
+            values["iterations"].append(found.iterations)
+            for module, own in zip(self.rig.modules, found.tensions.T, strict=True):
+                values.setdefault(f"tension.{module.name}", []).append(own)
+        runs, problems = len(self.rows), len(self.wrenches)
+        each = {
+            name: np.repeat([getattr(row, name) for row in self.rows], problems) for name in ("solver", "policy")
+        }
+        long = {name: np.tile(column, len(values)) for name, column in each.items()}
+        long["problem"] = np.tile(np.arange(problems), runs * len(values))
+        long["quantity"] = np.repeat(list(values), runs * problems)
+        long["value"] = np.ravel(list(values.values()))
+        return provenance.data_frame(long)
+
+
+def merge_policies(rows: Sequence[Score]) -> list[Score]:
     """Return the rows with one, of policy "any", for a solver whose answers are all exact under each of several.
 
     Policies differ in what they do with an infeasible wrench: those rows differ in times alone.
     """
-    merged: list[RowType] = []
+    merged: list[Score] = []
     for _, group in itertools.groupby(rows, key=lambda row: row.solver):
         same = list(group)
         if len(same) > 1 and all(row.nearest_count + row.unproven + row.failed == 0 for row in same):
@@ -124,78 +264,11 @@ def merge_policies(rows: Sequence[RowType]) -> list[RowType]:
     return merged
 
 
-def scores_table(
-    title: str,
-    rows: Sequence[RowType],
-    columns: Sequence[Column[RowType]],
-    missing: Mapping[str, str],
-    failures: Mapping[str, str] | None = None,
-) -> str:
-    """Return a table of solvers in HTML: their statuses, and then these columns; which are left out, or failed."""
-    headings = ["<solver", "<policy", *(mark.text for mark in STATUS_MARKS)]
-    shown = [*STATUSES, *columns]
-    notes = [f"left out: {name}, {reason}" for name, reason in missing.items()]
-    notes += [f"failed: {name}, {reason}" for name, reason in (failures or {}).items()]
-    return table(
-        title,
-        [*headings, *(heading for heading, *_ in columns)],
-        ([text(row) for _, text, _ in shown] for row in rows),
-        notes,
-    )
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Rows of every solver with each of its policies on one rig, with body frames at rest.
-
-    At a position (d,) with a structure matrix (n, m): desired wrenches (K, n), and the K answers of each row.
-    ``missing`` has reasons by the names of solvers left out. ``magnitude`` is that of the forces in N; None where
-    the wrenches are the required ones.
-    """
-
-    rig: Rig
-    position: Floats
-    structure: Floats
-    wrenches: Floats
-    rows: tuple[Row, ...]
-    allocations: tuple[Allocation, ...]
-    missing: dict[str, str]
-    magnitude: float | None
-
-    @property
-    def title(self) -> str:
-        """Rig, and number and size of the forces."""
-        rig, count = self.rig, len(self.wrenches)
-        if self.magnitude is None:
-            forces = f"{count} required wrenches"
-        else:
-            beside = f" beside {rig.required.describe(rig)}" if rig.required else ""
-            forces = f"{format_count(count, 'force')} of {self.magnitude:g} N{beside}"
-        return f"{rig.name}, {format_count(rig.m, 'module')}: {forces} at {format_vector(self.position)} m"
-
-    def __repr__(self) -> str:
-        return f"<Comparison of {format_count(len({row.solver for row in self.rows}), 'solver')} on {self.title}>"
-
-    def _repr_html_(self) -> str:
-        return scores_table(self.title, merge_policies(self.rows), COLUMNS, self.missing, self.failures)
-
-    @property
-    def failures(self) -> dict[str, str]:
-        """By the names of solvers that failed: at how many of the forces, and the first reason."""
-        found: dict[str, str] = {}
-        for row, allocation in zip(self.rows, self.allocations, strict=True):
-            for reason in list(allocation.failures.values())[:1]:
-                found.setdefault(row.solver, f"at {row.failed} of {len(self.wrenches)}: {reason}")
-        return found
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """Return a row for each solver and policy, as in `Row`; MissingDependency if pandas is not installed."""
-        return provenance.data_frame([vars(row) for row in self.rows])
-
-
 def compare(
     rig: Rig,
+    wrenches: ArrayLike | None = None,
     *,
+    poses: PoseList | ArrayLike | None = None,
     position: ArrayLike | None = None,
     directions: ArrayLike | str | None = None,
     magnitude: float | None = None,
@@ -203,20 +276,27 @@ def compare(
     policy: Policy | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Comparison:
-    """Compare solvers on the same forces, with the same verification.
+    """Compare solvers on the same wrenches, with the same verification.
 
-    Every answer comes from an `Allocator`. Where a solver of yours raises an exception, the force counts as
-    failed, and `Comparison.failures` has the reason. The optimum that ``gap_max`` refers to is newton's answer for
-    the same policy. The solvers are timed in turns of a few calls, so that a slow moment of the machine hits all
-    of them.
+    With wrenches or poses, these are the samples of a trajectory, one after another. Otherwise forces of one
+    magnitude in many directions are compared at one position. Both are added to what the rig requires, such as
+    the weight of its platform; a set of required wrenches is compared at its corners unless directions are given.
+
+    Every answer comes from an `Allocator`. Where a solver of yours raises an exception, the wrench counts as
+    failed, and `Comparison.failures` has the reason. ``gap_max`` refers to newton's answer for the same policy.
+    Solvers are timed in turns of a few calls, so that a slow moment of the machine affects all of them.
 
     Parameters
     ----------
     rig : Rig
-        Its body frames stay at rest. The forces are beside what it requires, such as to hold its weight; where
-        that is a set of wrenches, and no directions are given, its corners are compared.
+        Its body frames stay at rest.
+    wrenches : (K, n), (K, d), (n,) or (d,) array, optional
+        Wrench to render at each sample of a trajectory, in N and N·m; d components are a force without a torque,
+        one wrench is for all poses. Left out with poses: zero.
+    poses : PoseList or (K, d) array, optional
+        Pose at each sample, or positions in m; left out: ``position`` throughout.
     position : (d,) array, optional
-        Where the forces act, in m; left out: the rig's home.
+        Position of all wrenches, in m; left out: the rig's home.
     directions : (K, d) array or str, optional
         Directions of the forces, or the name of a set: ``"grid18"``, ``"fibonacci:N"``, in the plane
         ``"circle:N"``, or a CSV file; left out: the 182 of `grid18`, or 72 on a circle for a planar rig.
@@ -232,89 +312,200 @@ def compare(
     Returns
     -------
     Comparison
-        Shows itself in a notebook; `Comparison.plot` and `Comparison.to_pandas`.
+        `tensionlab.plot` draws it, `Comparison.to_pandas` has all answers.
 
     Raises
     ------
-    InputError, UnknownSolver, MissingDependency, PluginError
-        Before any work: a solver that cannot be used or does not serve the rig, a magnitude that is none.
+    InputError, ShapeError, UnknownSolver, MissingDependency, PluginError
+        Before any work: a solver that cannot be used or does not serve the rig; wrenches, poses or a magnitude
+        that do not fit.
 
     Examples
     --------
+    >>> import numpy as np
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation-0.3m")
     >>> result = tl.compare(rig, solvers=[tl.Dykstra(iteration_limit=50), "newton"], policy="tension")
     >>> [(row.solver, row.exact, row.nearest_count) for row in result.rows]
     [('dykstra(iteration_limit=50)', 2, 27), ('newton', 153, 29)]
+
+    Along a trajectory of one's own:
+
+    >>> path = rig.home + np.linspace(0.0, 0.1, 50)[:, None] * [1.0, 0.0, 0.0]
+    >>> result = tl.compare(rig, [0.0, 0.0, 1.0], poses=path, solvers=["newton"], policy="force")
+    >>> [(row.solver, row.exact, round(row.step_max, 2)) for row in result.rows]
+    [('newton', 22, 0.11)]
     """
     runs, missing = select_solvers(solvers, policy, (rig.n, rig.m))
-    place = rig.home if position is None else as_finite("position", position, 1)
-    structure = rig.structure_matrix(place, frames=rig.at_rest)
-    wrenches = rig.required.at(rig)
-    if directions is not None or len(wrenches) == 1:
-        magnitude = (rig.required.ball or PUBLISHED_FORCE_N) if magnitude is None else magnitude
-        if not (isinstance(magnitude, Real) and 0.0 < magnitude < MAX_MAGNITUDE):
-            raise InputError(f"magnitude {magnitude} is no size of a force; give newtons, finite and above 0")
-        if directions is None:
-            directions = direction_sets.grid18() if rig.dimension == 3 else direction_sets.circle()
-        if isinstance(directions, str):
-            directions = direction_sets.parse(directions)
-        forces = magnitude * as_finite("directions", directions, 2)
-        wrenches = rig.required.middle(rig) + direction_sets.forces(forces, rig.n, rig.dimension)
-    elif magnitude is not None:
-        raise InputError(f"magnitude {magnitude}: the required wrenches are compared; give directions as well")
-    allocators = [Allocator(rig.limits, guarded(solver), policy=policy) for _, policy, solver in runs]
+    if wrenches is not None or poses is not None:
+        if directions is not None or magnitude is not None:
+            raise InputError("wrenches or poses are a trajectory; leave out directions and magnitude")
+        place, structure, desired = _along(rig, wrenches, poses, position)
+        consecutive = np.ones(len(desired) - 1, dtype=bool)
+    else:
+        place = rig.home if position is None else as_finite("position", position, 1)
+        structure = rig.structure_matrix(place, frames=rig.at_rest)
+        desired, magnitude = _directed(rig, directions, magnitude)
+        consecutive = None
+    problems = Problems(structure, desired, rig.limits, rig.dimension, consecutive)
+    timed = _time_solvers(problems, runs, progress or (lambda _: None))
+    rows = score_solvers(problems, runs, timed.allocations)
+    rows = [dataclasses.replace(row, **times) for row, times in zip(rows, timed.times, strict=True)]
+    return Comparison(rig, place, structure, desired, tuple(rows), tuple(timed.allocations), missing, magnitude,
+                      consecutive)  # fmt: skip
 
-    def seconds(allocator: Allocator, wrench: Floats) -> float:
+
+def _along(
+    rig: Rig, wrenches: ArrayLike | None, poses: PoseList | ArrayLike | None, position: ArrayLike | None
+) -> tuple[Floats, Floats, Floats]:
+    """Return positions, structure matrices and desired wrenches of the samples of a trajectory."""
+    given = as_finite("wrenches", np.zeros(rig.n) if wrenches is None else wrenches, 1)
+    if given.ndim > 2 or given.shape[-1] not in (rig.n, rig.dimension):
+        raise ShapeError(f"wrenches have shape {given.shape}; give (K, {rig.n}) or (K, {rig.dimension})")
+    if given.shape[-1] < rig.n:
+        given = direction_sets.forces(given.reshape(-1, rig.dimension), rig.n, rig.dimension)
+    given = given.reshape(-1, rig.n)
+    if poses is None:
+        place = np.tile(rig.home if position is None else as_finite("position", position, 1), (len(given), 1))
+        rotation = None
+    else:
+        if position is not None:
+            raise InputError("poses and position are both given; leave one out")
+        place, rotation = (
+            poses if isinstance(poses, PoseList) else PoseList(as_finite("poses", poses, 2))
+        ).arrays()
+    if len(given) not in (1, len(place)):
+        raise ShapeError(f"{len(given)} wrenches for {len(place)} poses; give as many, or one")
+    structure = rig.structure_matrix(place, rotation, rig.at_rest)
+    return (
+        place,
+        structure,
+        np.broadcast_to(given + rig.required.middle(rig, rotation), (len(place), rig.n)).copy(),
+    )
+
+
+def _directed(
+    rig: Rig, directions: ArrayLike | str | None, magnitude: float | None
+) -> tuple[Floats, float | None]:
+    """Return the desired wrenches at one position, and the size of their forces."""
+    wrenches = rig.required.at(rig)
+    if directions is None and len(wrenches) > 1:
+        if magnitude is not None:
+            raise InputError(f"magnitude {magnitude}: required wrenches are compared; give directions as well")
+        return wrenches, None
+    magnitude = (rig.required.ball or PUBLISHED_FORCE_N) if magnitude is None else magnitude
+    if not (isinstance(magnitude, Real) and 0.0 < magnitude < MAX_MAGNITUDE):
+        raise InputError(f"magnitude {magnitude} is no size of a force; give newtons, finite and above 0")
+    if directions is None:
+        directions = direction_sets.grid18() if rig.dimension == 3 else direction_sets.circle()
+    if isinstance(directions, str):
+        directions = direction_sets.parse(directions)
+    forces = magnitude * as_finite("directions", directions, 2)
+    return rig.required.middle(rig) + direction_sets.forces(forces, rig.n, rig.dimension), magnitude
+
+
+def read_trajectory(path: str | Path, rig: Rig) -> tuple[Floats, PoseList]:
+    """Read a trajectory from a CSV file: wrenches (K, n) in N and N·m, and poses.
+
+    The columns are those of `tensionlab.workspace.read_poses` and of the force, Fx, Fy and Fz (in the plane Fx and
+    Fy), and may be those of the torque, Mx, My and Mz (in the plane Mz). DataError if the file is no such table.
+    """
+    axes = "xyz"[: rig.dimension]
+    forces, torques = [f"F{axis}" for axis in axes], [f"M{axis}" for axis in ("xyz" if rig.n == 6 else "z")]
+    torques = torques[: rig.n - rig.dimension]
+    turns = [*ROTATION_COLUMNS] if rig.dimension == 3 else ["angle"]
+    what = "a trajectory of poses and forces (*.csv)"
+    columns = read_table(path, [*axes, *forces], [*turns, *torques], error=DataError, what=what)
+    nothing = np.zeros(len(columns["x"]))
+    wrenches = np.stack([columns.pop(name, nothing) for name in (*forces, *torques)], axis=1)
+    try:
+        return wrenches, poses_from_columns(columns)
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
+
+
+class Problems(NamedTuple):
+    """K desired wrenches (K, n) that every solver gets, with structure matrices (n, m) or (K, n, m) and limits."""
+
+    structure: Floats
+    wrenches: Floats
+    limits: Limits | tuple[Floats, Floats]
+    dimension: int
+    consecutive: NDArray[np.bool_] | None
+
+    def one(self, index: int) -> tuple[Floats, Floats]:
+        """Return structure matrix and wrench of one problem."""
+        return self.structure if self.structure.ndim == 2 else self.structure[index], self.wrenches[index]
+
+
+class TimedAnswers(NamedTuple):
+    """Answers of each run to all problems, and its fields of `Score` that are times."""
+
+    allocations: list[Allocation]
+    times: list[dict[str, Any]]
+
+
+def _time_solvers(problems: Problems, runs: Sequence[Selected], progress: Callable[[float], None]) -> TimedAnswers:
+    """Solve all problems by each solver, then time calls for one and for all, the solvers in turns."""
+    count = len(problems.wrenches)
+    allocators = [Allocator(problems.limits, guarded(solver), policy=policy) for _, policy, solver in runs]
+    chosen = np.unique(np.linspace(0, count - 1, min(count, MAX_TIMED_CALLS)).astype(int))
+    steps = len(runs) + len(chosen)
+
+    def seconds(allocator: Allocator, structure: Floats, wrench: Floats) -> float:
         start = time.perf_counter()
         allocator(structure, wrench)
         return time.perf_counter() - start
 
-    chosen = np.unique(np.linspace(0, len(wrenches) - 1, min(len(wrenches), MAX_TIMED_CALLS)).astype(int))
-    steps = len(runs) + len(chosen)
     allocations, batch = [], []
     for done, allocator in enumerate(allocators, start=1):
         # The answers themselves are the warm-up: what is timed is always a repeated call.
-        allocations.append(allocator(structure, wrenches))
-        batch.append([seconds(allocator, wrenches)])
-        if progress:
-            progress(done / steps)
+        allocations.append(allocator(problems.structure, problems.wrenches))
+        batch.append([seconds(allocator, problems.structure, problems.wrenches)])
+        progress(done / steps)
     calls = np.full((len(chosen), len(runs)), np.nan)
     for turn, first in enumerate(range(0, len(chosen), CALLS_PER_TURN)):
+        last = min(first + CALLS_PER_TURN, len(chosen))
         for column, allocator in enumerate(allocators):
             if np.nansum(calls[:, column]) > MAX_TIMED_S:
                 continue
             if turn < TIMED_BATCHES and batch[column][0] < QUICK_BATCH_S:
-                batch[column].append(seconds(allocator, wrenches))
-            allocator(structure, wrenches[chosen[first]])  # fills the caches with its own data
-            for call in range(first, min(first + CALLS_PER_TURN, len(chosen))):
-                calls[call, column] = seconds(allocator, wrenches[chosen[call]])
-        if progress:
-            progress((len(runs) + min(first + CALLS_PER_TURN, len(chosen))) / steps)
+                batch[column].append(seconds(allocator, problems.structure, problems.wrenches))
+            allocator(*problems.one(chosen[first]))  # fills the caches with its own data
+            for call in range(first, last):
+                calls[call, column] = seconds(allocator, *problems.one(chosen[call]))
+        progress((len(runs) + last) / steps)
+    times = [
+        {
+            "call_median_s": float(np.nanmedian(own)),
+            "call_p99_s": float(np.nanquantile(own, 0.99)),
+            "batch_s": float(np.median(batches)) / count,
+        }
+        for own, batches in zip(calls.T, batch, strict=True)
+    ]
+    return TimedAnswers(allocations, times)
 
+
+def score_solvers(problems: Problems, runs: Sequence[Selected], allocations: Sequence[Allocation]) -> list[Score]:
+    """Return the score of each run, without times."""
     optima = {
-        each: Allocator(rig.limits, "newton", policy=each)(structure, wrenches)
-        for each in {run.policy or POLICIES[0] for run in runs}
+        policy: Allocator(problems.limits, "newton", policy=policy)(problems.structure, problems.wrenches)
+        for policy in {run.policy or POLICIES[0] for run in runs}
     }
-    rows = []
-    for column, ((name, honoured, _), found) in enumerate(zip(runs, allocations, strict=True)):
-        optimum = optima[honoured or POLICIES[0]]
-        gaps = abs(found.tensions - optimum.tensions)
-        row = Row(
-            **vars(score(name, honoured, wrenches, found, rig.dimension)),
-            gap_max=finite(np.max, gaps[optimum.status == Status.EXACT] if honoured is None else gaps),
-            call_median_s=float(np.nanmedian(calls[:, column])),
-            call_p99_s=float(np.nanquantile(calls[:, column], 0.99)),
-            batch_s=float(np.median(batch[column])) / len(wrenches),
-        )
-        rows.append(row)
-    return Comparison(rig, place, structure, wrenches, tuple(rows), tuple(allocations), missing, magnitude)
+    return [
+        _score(problems, run.name, run.policy, found, optima[run.policy or POLICIES[0]])
+        for run, found in zip(runs, allocations, strict=True)
+    ]
 
 
-def score(solver: str, policy: Policy | None, wrenches: Floats, found: Allocation, dimension: int) -> Score:
-    """Return the score of K answers to desired wrenches (K, n), whose first components are the force."""
-    angle = angles(wrenches[:, :dimension], found.wrench[:, :dimension])
-    counts = found.counts()
+def _score(
+    problems: Problems, solver: str, policy: Policy | None, found: Allocation, optimum: Allocation
+) -> Score:
+    forces, rendered = (each[:, : problems.dimension] for each in (problems.wrenches, found.wrench))
+    angle, counts, gaps = angles(forces, rendered), found.counts(), abs(found.tensions - optimum.tensions)
+    steps = np.empty(0)
+    if problems.consecutive is not None:
+        steps = abs(np.diff(found.tensions, axis=0))[problems.consecutive]
     return Score(
         solver=solver,
         policy=policy,
@@ -322,15 +513,23 @@ def score(solver: str, policy: Policy | None, wrenches: Floats, found: Allocatio
         nearest_count=counts[Status.NEAREST],
         unproven=counts[Status.UNPROVEN],
         failed=counts[Status.FAILED],
-        residual_mean=finite(np.mean, found.residual),
-        residual_max=finite(np.max, found.residual),
-        angle_mean_deg=finite(np.mean, angle),
-        angle_max_deg=finite(np.max, angle),
-        tension_sq_mean=finite(np.mean, found.tensions**2),
+        fallback_used=0,
+        residual_mean=_finite(np.mean, found.residual),
+        residual_max=_finite(np.max, found.residual),
+        angle_mean_deg=_finite(np.mean, angle),
+        angle_max_deg=_finite(np.max, angle),
+        tension_sq_mean=_finite(np.mean, found.tensions**2),
+        tension_max=_finite(np.max, found.tensions),
+        step_max=_finite(np.max, steps),
+        iterations_max=_finite(np.max, found.iterations),
+        gap_max=_finite(np.max, gaps[optimum.status == Status.EXACT] if policy is None else gaps),
+        call_median_s=np.nan,
+        call_p99_s=np.nan,
+        batch_s=np.nan,
     )
 
 
-def finite(statistic: Callable[[Any], Any], values: Floats | Integers) -> float:
-    """Return a statistic of the entries that are numbers; NaN where there is none."""
+def _finite(statistic: Callable[[Any], Any], values: Floats | Integers) -> float:
+    """Return a statistic of the finite entries; NaN where there is none."""
     values = values[np.isfinite(values)]
     return float(statistic(values)) if values.size else np.nan

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from tensionlab.benchmark import comparison
-from tensionlab.benchmark.comparison import COLUMNS, STATUSES, Column, RowType
+from tensionlab.benchmark.comparison import COLUMNS, TRAJECTORY_COLUMNS, Column, Score, read_trajectory
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import At, BodyFrames, Plot, RigArgument, Rows
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
@@ -25,6 +26,12 @@ LEGEND = f"""\
 error: desired minus rendered   angle: between the two forces
 gap: largest difference of a tension to the exact optimum (newton's); without a policy, where feasible only
 call: one force, verification included   batch: all forces in one call, time for each"""
+
+TRAJECTORY_LEGEND = f"""\
+{STATUS_LEGEND}
+error: desired minus rendered   angle: between the two forces   t: tensions
+step: largest change of a tension from one sample to the next
+call: one wrench, verification included   batch: all wrenches in one call, time for each"""
 
 ANY_LEGEND = "any: all wrenches are feasible, so that the policy makes no difference"
 
@@ -55,6 +62,14 @@ def compare(
             help="Only this policy for infeasible wrenches: force, tension or direction; all if left out.",
         ),
     ] = None,
+    trajectory: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv",
+            help="Compare along a trajectory: columns x, y, z in m and Fx, Fy, Fz in N; optional rx, ry, rz in "
+            "rad and Mx, My, Mz in N·m; in the plane x, y, Fx, Fy, optional angle and Mz.",
+        ),
+    ] = None,
     wrench: Wrench = None,
     gravity: Gravity = None,
     required: Required = None,
@@ -63,21 +78,28 @@ def compare(
     out: Rows = None,
     json: Json = False,
 ) -> None:
-    """Compare solvers on one set of forces.
+    """Compare solvers on one set of forces, or along a trajectory.
 
     Shows what each renders, how far off it is, and how long it takes.
 
     The default is the published validation: 182 forces of 1.5 N (a grid of 18 degrees; the paper gives the
-    count, the grid is inferred). They are commanded beside what is required: a wrench, the weight; the wrenches
+    count, the grid is inferred). They are added to what is required: a wrench, the weight; the wrenches
     of a required list or the corners of a box are compared in their place, unless directions are given.
     """
     loaded = with_requirement(options.with_frames(load_rig(rig), frames), wrench, gravity, required)
     names = options.parse_names(solvers)
     options.check_solvers(loaded, names, policy)
+    if trajectory and (at or directions or magnitude is not None):
+        raise typer.BadParameter(
+            "--trajectory has its own poses and forces; leave out --at, --directions and --magnitude"
+        )
+    wrenches, poses = read_trajectory(trajectory, loaded) if trajectory else (None, None)
     with output.progress(f"Comparing on {loaded.name}") as progress:
         result = comparison.compare(
             loaded,
-            position=options.parse_position(at, loaded),
+            wrenches,
+            poses=poses,
+            position=None if trajectory else options.parse_position(at, loaded),
             directions=directions,
             magnitude=magnitude,
             solvers=names,
@@ -106,14 +128,16 @@ def compare(
             )
             return
         shown = comparison.merge_policies(result.rows)
-        legend = LEGEND if shown == list(result.rows) else f"{LEGEND}\n{ANY_LEGEND}"
-        print_scores(result.title, shown, COLUMNS, result.missing, legend, failures=result.failures)
+        columns, legend = (TRAJECTORY_COLUMNS, TRAJECTORY_LEGEND) if trajectory else (COLUMNS, LEGEND)
+        if shown != list(result.rows):
+            legend = f"{legend}\n{ANY_LEGEND}"
+        print_scores(result.title, shown, columns, result.missing, legend, failures=result.failures)
 
 
 def print_scores(
     title: str,
-    rows: Sequence[RowType],
-    columns: Sequence[Column[RowType]],
+    rows: Sequence[Score],
+    columns: Sequence[Column],
     missing: Mapping[str, str],
     legend: str,
     *,
@@ -122,11 +146,11 @@ def print_scores(
 ) -> None:
     """Print a table of solvers, what its words mean, and which solvers are left out or failed, and why.
 
-    The columns follow `STATUSES`; ``first_apart`` draws a line below the first row.
+    ``first_apart`` draws a line below the first row.
     """
     console = output.console()
     narrow = console.width < output.PIPE_WIDTH
-    shown = [column for column in (*STATUSES, *columns) if column[2] or not narrow]
+    shown = [column for column in columns if column[2] or not narrow]
     grid = output.table([heading for heading, _, _ in shown], gap=1)
     for index, row in enumerate(rows):
         grid.add_row(*(text(row) for _, text, _ in shown), end_section=first_apart and index == 0)

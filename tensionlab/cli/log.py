@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from tensionlab.benchmark import replay as replays
-from tensionlab.benchmark.replay import COLUMNS
+from tensionlab.benchmark.comparison import REPLAY_COLUMNS
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Browser, PagePort, Rows
 from tensionlab.cli.common.output import if_interrupted, open_page
@@ -26,8 +26,8 @@ log = Verbs("Show, export, draw, play and replay logs of runs.")
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).", show_default=False)]
 LEGEND = f"""\
 {STATUS_LEGEND}   fallback: unproven, so that newton's answer is counted
-error: desired minus rendered   angle, size: between the two forces, and of one without the other
-t: tensions   jump: of a tension from one cycle to the next, before the runner limits its slew rate"""
+error: desired minus rendered   angle: between the two forces   t: tensions
+step: largest change of a tension from one cycle to the next, before the runner limits its slew rate"""
 
 
 @log.command()
@@ -106,13 +106,13 @@ def replay(
             writer.write("rows", out, lambda file: provenance.write_table(file, rows, manifest))
         if json:
             output.print_json(
-                rig=run.rig.name, cycles=found.cycles, rows=rows, left_out=found.missing, manifest=manifest
+                rig=run.rig.name, cycles=len(found.wrenches), rows=rows, left_out=found.missing, manifest=manifest
             )
             return
-        cycles = format_count(found.cycles, "cycle")
+        cycles = format_count(len(found.wrenches), "cycle")
         title = f"{run.rig.name}, {format_count(run.rig.m, 'module')}: {cycles} of {path.name}"
         own = dataclasses.replace(found.rows[0], solver=f"the run: {found.rows[0].solver}")
-        print_scores(title, [own, *found.rows[1:]], COLUMNS, found.missing, LEGEND, first_apart=True)
+        print_scores(title, [own, *found.rows[1:]], REPLAY_COLUMNS, found.missing, LEGEND, first_apart=True)
 
 
 @log.command()

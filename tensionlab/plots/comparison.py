@@ -1,4 +1,4 @@
-"""Figure of a comparison of solvers on one rig: statuses, errors and times on a set of forces."""
+"""Figures of a comparison of solvers: statuses, errors and times on a set of forces, or along a trajectory."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.plots.style import HALO, add_legend, new_figure
+from tensionlab.plots.workspace import CURVES, DASHES
 from tensionlab.solvers import is_built_in
-from tensionlab.solvers.base import TOLERANCE
+from tensionlab.solvers.base import TOLERANCE, Status
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 from tensionlab.support.table import STATUS_MARKS
 
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tensionlab.benchmark.comparison import Comparison, Row
+    from tensionlab.benchmark.comparison import Comparison, Score
+    from tensionlab.support.arrays import Floats
 
 POLICY_LOOK = {
     "force": (BLUE, "o", -0.25),
@@ -26,23 +28,28 @@ POLICY_LOOK = {
     None: (GREY, "D", 0.0),
 }
 """Colour, marker and place within the solver's row."""
-
 COUNTS = ("exact", "nearest_count", "unproven", "failed")
-"""Of a row, by `STATUS_MARKS`."""
+"""Fields of a score with the number of wrenches of each `Status`."""
 CABLE = "#C8C8C8"
+INFEASIBLE = "#EEEEEE"
 MAX_DRAWN_FORCES = 200
-"""Of a larger set, so many forces are drawn, evenly spread."""
-
+"""Largest number of forces that are drawn, evenly spread."""
+MAX_DRAWN_SOLVERS = 8
+"""Largest number of solvers that are drawn along a trajectory."""
 MIN_ERROR_N = 1e-12
 """Errors below are drawn here: rounding, not a difference between solvers."""
 
 
 def plot_comparison(comparison: Comparison) -> Figure:
-    """Draw which forces a rig renders, and how accurate and how fast each solver is.
+    """Draw how accurate, how fast and, along a trajectory, how smooth each solver is.
 
-    Left: desired forces (blue circles) and the error of what the first row's solver rendered (red lines),
-    between the directions of the cables. Right, a line per solver: statuses, largest error, largest angle
-    error, time of a call. The names of those that do not come with tensionlab are purple.
+    Of forces at one position, left: desired forces (blue circles) and the error of what the first row's solver
+    rendered (red lines), between the directions of the cables. Right, a line per solver: statuses, largest error,
+    largest angle error, time of a call. The names of those that do not come with tensionlab are purple.
+
+    Along a trajectory, above: the tension of each module, a panel for each of the first `MAX_DRAWN_SOLVERS`
+    solvers with its own policy; grey where the wrench is infeasible. Below: the error of each solver, and the
+    largest step of its tensions from one sample to the next.
 
     Parameters
     ----------
@@ -57,14 +64,12 @@ def plot_comparison(comparison: Comparison) -> Figure:
     >>> found = tl.compare(rig, directions=[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], solvers=["newton", "closed-form"])
     >>> figure = plots.plot_comparison(found)
     """
+    return _plot_forces(comparison) if comparison.consecutive is None else _plot_trajectory(comparison)
+
+
+def _plot_forces(comparison: Comparison) -> Figure:
     rows, spatial = comparison.rows, comparison.rig.dimension == 3
     names = [*dict.fromkeys(row.solver for row in rows), *comparison.missing]
-    alone = [sum(other.solver == row.solver for other in rows) == 1 for row in rows]
-    lines = [
-        names.index(row.solver) + (0.0 if single else POLICY_LOOK[row.policy][2])
-        for row, single in zip(rows, alone, strict=True)
-    ]
-    count, size = len(comparison.wrenches), np.linalg.norm(comparison.wrenches[0])
     with new_figure((14.5, max(8.0 if spatial else 5.0, 2.0 + 0.42 * len(names)))) as figure:
         parts: Any = figure.subfigures(1, 2, width_ratios=[1.0, 2.5])
         left, right = parts
@@ -78,58 +83,76 @@ def plot_comparison(comparison: Comparison) -> Figure:
             ("error", {"color": RED}),
             ("cable direction", {"color": CABLE, "linewidth": 1.6}),
         ])  # fmt: skip
-
+        count, size = len(comparison.wrenches), np.linalg.norm(comparison.wrenches[0])
         right.suptitle(
             f"{comparison.rig.name}: {count} forces of {size:.3g} N, by solver and policy", fontweight="bold"
         )
-        panels = right.subplots(1, 4, sharey=True)
-        panels[0].set_yticks(range(len(names)), names)
-        for name, label in zip(names, panels[0].get_yticklabels(), strict=True):
-            if not is_built_in(name):
-                label.set(color=PURPLE, fontweight="bold")
-        panels[0].set_ylim(max(len(names), 4) - 0.4, -0.6)
-        _draw_statuses(panels[0], rows, lines)
-        panels[0].set(xlabel="forces", xlim=(0, count))
-        for name in comparison.missing:
-            panels[0].text(0.02 * count, names.index(name), "left out", va="center", color=GREY, style="italic")
-        errors = [max(row.residual_max, MIN_ERROR_N) for row in rows]
-        _draw_points(panels[1], rows, lines, errors)
-        panels[1].axvspan(MIN_ERROR_N / 10, TOLERANCE, color="#F2F2F2", zorder=0)
-        panels[1].text(TOLERANCE / 2, -0.52, "exact", ha="right", va="top", color=GREY)
-        panels[1].set(xscale="log", xlabel="max error (N)", xlim=(MIN_ERROR_N / 10, 10 * np.nanmax([1, *errors])))
-        _draw_points(panels[2], rows, lines, [row.angle_max_deg for row in rows])
-        # Linear below 1 degree: 0 and 180 degrees on one axis.
-        panels[2].set_xscale("symlog", linthresh=1.0)
-        panels[2].set(xlabel="max angle error (°)", xlim=(-0.15, 260))
-        panels[2].set_xticks([0, 1, 10, 90], ["0", "1", "10", "90"])
-        microseconds = [1e6 * row.call_median_s for row in rows]
-        _draw_points(panels[3], rows, lines, microseconds)
-        for row, line, median in zip(rows, lines, microseconds, strict=True):
-            colour = POLICY_LOOK[row.policy][0]
-            panels[3].plot([median, 1e6 * row.call_p99_s], [line, line], color=colour, linewidth=1.2)
-            panels[3].plot(1e6 * row.batch_s, line, marker="|", color=colour, markersize=7, markeredgewidth=1.6)
-        panels[3].set(xscale="log", xlabel="time of a call (µs)")
-        for axes in panels:
-            axes.tick_params(axis="y", length=0)
-            axes.spines["left"].set_visible(False)
-            axes.grid(axis="x")
-            for border in range(1, len(names)):
-                axes.axhline(border - 0.5, color="#DDDDDD", linewidth=0.8, zorder=1)
-        add_legend(right, 5, [
-            *(
-                (mark.word, {"color": mark.colour, "linewidth": 6})
-                for key, mark in zip(COUNTS, STATUS_MARKS, strict=True)
-                if any(getattr(row, key) for row in rows)
-            ),
-            *(
-                (f"nearest in {name}" if name else "no policy", {"color": colour, "marker": marker, "ls": ""})
-                for name, (colour, marker, _) in POLICY_LOOK.items()
-                if any(row.policy == name for row in rows)
-            ),
-            ("one call: median to 99 %", {"color": GREY, "marker": "o", "markevery": [0]}),
-            ("each in a batch", {"color": GREY, "marker": "|", "ls": "", "mew": 1.6}),
-        ])  # fmt: skip
+        _draw_solvers(right, comparison, names)
+        add_legend(right, 5, _solver_legend(rows))
     return figure
+
+
+def _draw_solvers(part: Any, comparison: Comparison, names: Sequence[str]) -> None:
+    """Draw statuses, errors and times, a line per solver."""
+    rows, count = comparison.rows, len(comparison.wrenches)
+    alone = [sum(other.solver == row.solver for other in rows) == 1 for row in rows]
+    lines = [
+        names.index(row.solver) + (0.0 if single else POLICY_LOOK[row.policy][2])
+        for row, single in zip(rows, alone, strict=True)
+    ]
+    panels = part.subplots(1, 4, sharey=True)
+    panels[0].set_yticks(range(len(names)), names)
+    for name, label in zip(names, panels[0].get_yticklabels(), strict=True):
+        if not is_built_in(name):
+            label.set(color=PURPLE, fontweight="bold")
+    panels[0].set_ylim(max(len(names), 4) - 0.4, -0.6)
+    _draw_statuses(panels[0], rows, lines)
+    panels[0].set(xlabel="forces", xlim=(0, count))
+    for name in comparison.missing:
+        panels[0].text(0.02 * count, names.index(name), "left out", va="center", color=GREY, style="italic")
+    errors = [max(row.residual_max, MIN_ERROR_N) for row in rows]
+    _draw_points(panels[1], rows, lines, errors)
+    panels[1].axvspan(MIN_ERROR_N / 10, TOLERANCE, color="#F2F2F2", zorder=0)
+    panels[1].text(TOLERANCE / 2, -0.52, "exact", ha="right", va="top", color=GREY)
+    panels[1].set(xscale="log", xlabel="max error (N)", xlim=(MIN_ERROR_N / 10, 10 * np.nanmax([1, *errors])))
+    _draw_points(panels[2], rows, lines, [row.angle_max_deg for row in rows])
+    # Linear below 1 degree: 0 and 180 degrees on one axis.
+    panels[2].set_xscale("symlog", linthresh=1.0)
+    panels[2].set(xlabel="max angle error (°)", xlim=(-0.15, 260))
+    panels[2].set_xticks([0, 1, 10, 90], ["0", "1", "10", "90"])
+    microseconds = [1e6 * row.call_median_s for row in rows]
+    _draw_points(panels[3], rows, lines, microseconds)
+    for row, line, median in zip(rows, lines, microseconds, strict=True):
+        colour = POLICY_LOOK[row.policy][0]
+        panels[3].plot([median, 1e6 * row.call_p99_s], [line, line], color=colour, linewidth=1.2)
+        panels[3].plot(1e6 * row.batch_s, line, marker="|", color=colour, markersize=7, markeredgewidth=1.6)
+    panels[3].set(xscale="log", xlabel="time of a call (µs)")
+    for axes in panels:
+        axes.tick_params(axis="y", length=0)
+        axes.spines["left"].set_visible(False)
+        axes.grid(axis="x")
+        for border in range(1, len(names)):
+            axes.axhline(border - 0.5, color="#DDDDDD", linewidth=0.8, zorder=1)
+
+
+def _solver_legend(rows: Sequence[Score]) -> list[tuple[str, dict[str, Any]]]:
+    """Return the entries for the statuses and policies that occur, and for times."""
+    statuses: list[tuple[str, dict[str, Any]]] = [
+        (mark.word, {"color": mark.colour, "linewidth": 6})
+        for key, mark in zip(COUNTS, STATUS_MARKS, strict=True)
+        if any(getattr(row, key) for row in rows)
+    ]
+    policies: list[tuple[str, dict[str, Any]]] = [
+        (f"nearest in {name}" if name else "no policy", {"color": colour, "marker": marker, "ls": ""})
+        for name, (colour, marker, _) in POLICY_LOOK.items()
+        if any(row.policy == name for row in rows)
+    ]
+    return [
+        *statuses,
+        *policies,
+        ("one call: median to 99 %", {"color": GREY, "marker": "o", "markevery": [0]}),
+        ("each in a batch", {"color": GREY, "marker": "|", "ls": "", "mew": 1.6}),
+    ]
 
 
 def _draw_forces(axes: Axes, comparison: Comparison, view: tuple[int, int]) -> None:
@@ -174,7 +197,7 @@ def _draw_forces(axes: Axes, comparison: Comparison, view: tuple[int, int]) -> N
         axes.invert_yaxis()  # seen from above, x points right and z towards the viewer's feet
 
 
-def _draw_statuses(axes: Axes, rows: Sequence[Row], lines: Sequence[float]) -> None:
+def _draw_statuses(axes: Axes, rows: Sequence[Score], lines: Sequence[float]) -> None:
     """Draw the statuses of each row as a bar."""
     for row, line in zip(rows, lines, strict=True):
         start = 0
@@ -183,8 +206,94 @@ def _draw_statuses(axes: Axes, rows: Sequence[Row], lines: Sequence[float]) -> N
             start += getattr(row, key)
 
 
-def _draw_points(axes: Axes, rows: Sequence[Row], lines: Sequence[float], values: Sequence[float]) -> None:
+def _draw_points(axes: Axes, rows: Sequence[Score], lines: Sequence[float], values: Sequence[float]) -> None:
     """Draw one marker for each row."""
     for row, line, value in zip(rows, lines, values, strict=True):
         colour, marker, _ = POLICY_LOOK[row.policy]
         axes.plot(value, line, marker=marker, color=colour, markersize=5, linestyle="", zorder=3)
+
+
+def _plot_trajectory(comparison: Comparison) -> Figure:
+    first: dict[str, int] = {}
+    for number, row in enumerate(comparison.rows):
+        first.setdefault(row.solver, number)  # its own policy
+    drawn = dict(list(first.items())[:MAX_DRAWN_SOLVERS])
+    length, label = _path_length(comparison)
+    infeasible = np.any([found.status == Status.NEAREST for found in comparison.allocations], axis=0)
+    columns = 1 if len(drawn) == 1 else 2
+    count = -(-len(drawn) // columns)
+    with new_figure((12.0, 1.0 + 1.9 * count + 4.2)) as figure:
+        figure.suptitle(_finding(comparison, list(drawn.values())), fontweight="bold")
+        above, below = figure.subfigures(2, 1, height_ratios=[0.6 + 1.9 * count, 4.2])  # type: ignore[misc]
+        panels: Any = above.subplots(count, columns, sharex=True, sharey=True, squeeze=False)
+        for axes in panels.flat[len(drawn) :]:
+            axes.set_visible(False)
+        for index, (axes, (name, number)) in enumerate(zip(panels.flat, drawn.items(), strict=False)):
+            _draw_tensions(axes, comparison, number, length, infeasible)
+            policy = comparison.rows[number].policy
+            title = f"{name}, nearest in {policy}" if policy and infeasible.any() else name
+            axes.set_title(title, color=CURVES[index % len(CURVES)])
+        for axes in panels[:, 0]:
+            axes.set_ylabel("tension (N)")
+        add_legend(above, 6, [
+            *((module.name, _line(index)) for index, module in enumerate(comparison.rig.modules)),
+            ("limits", {"color": GREY, "linestyle": "--", "linewidth": 0.9}),
+            *([("infeasible", {"color": INFEASIBLE, "linewidth": 8})] if infeasible.any() else []),
+        ])  # fmt: skip
+        error, step = below.subplots(2, 1, sharex=True)
+        for index, number in enumerate(drawn.values()):
+            found = comparison.allocations[number]
+            error.plot(length, np.fmax(found.residual, MIN_ERROR_N), **_line(index))
+            steps = np.abs(np.diff(found.tensions, axis=0)).max(axis=1)
+            assert comparison.consecutive is not None
+            step.plot(length[1:], np.where(comparison.consecutive, steps, np.nan), **_line(index))
+        error.axhspan(MIN_ERROR_N / 10, TOLERANCE, color="#F2F2F2", zorder=0)
+        error.text(length[0], TOLERANCE, " exact", va="top", color=GREY, fontsize=8)
+        error.set(yscale="log", ylabel="error (N)", ylim=(MIN_ERROR_N / 3, None))
+        step.set(xlabel=label, ylabel="step of a tension (N)", xlim=(length[0], length[-1]), ylim=(0.0, None))
+        for axes in (error, step):
+            axes.grid()
+        add_legend(below, 4, [(name, _line(index)) for index, name in enumerate(drawn)])
+    return figure
+
+
+def _finding(comparison: Comparison, drawn: Sequence[int]) -> str:
+    """Return the title: which share of the trajectory is rendered, and who steps least and most."""
+    rows = [comparison.rows[number] for number in drawn]
+    exact = max(rows, key=lambda row: row.exact)
+    finding = f"{comparison.title}, of which {exact.solver} renders {exact.exact}"
+    ends = sorted((row for row in rows if np.isfinite(row.step_max)), key=lambda row: row.step_max)
+    if ends:
+        steps = dict.fromkeys(f"{row.solver} {row.step_max:.2g} N" for row in (ends[0], ends[-1]))
+        finding += f"\nlargest step of a tension: {' to '.join(steps)}"
+    return finding
+
+
+def _line(index: int) -> dict[str, Any]:
+    """Return the look of one of several curves."""
+    return {
+        "color": CURVES[index % len(CURVES)],
+        "linestyle": DASHES[index // len(CURVES) % len(DASHES)],
+        "linewidth": 1.3,
+    }
+
+
+def _path_length(comparison: Comparison) -> tuple[Floats, str]:
+    """Return where the samples are along the horizontal axis, and its label."""
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(comparison.position, axis=0), axis=1)))
+    if length[-1] > 0.0:
+        return length, "length of the path (m)"
+    return np.arange(len(length), dtype=np.float64), "sample"
+
+
+def _draw_tensions(axes: Axes, comparison: Comparison, number: int, length: Floats, infeasible: Any) -> None:
+    """Draw the tension of each module along a trajectory, between the limits."""
+    rig, tensions = comparison.rig, comparison.allocations[number].tensions
+    top = 1.08 * float(np.nanmax(tensions, initial=float(rig.limits.upper.max())))
+    axes.fill_between(length, 0.0, top, where=infeasible, color=INFEASIBLE, linewidth=0, step="mid", zorder=0)
+    for limit in np.unique([rig.limits.lower, rig.limits.upper]):
+        axes.axhline(limit, color=GREY, linestyle="--", linewidth=0.9, zorder=1)
+    for index, line in enumerate(tensions.T):
+        axes.plot(length, line, **_line(index))
+    axes.set(xlim=(length[0], length[-1]), ylim=(0.0, top))
+    axes.grid()

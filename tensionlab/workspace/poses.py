@@ -331,11 +331,13 @@ def read_poses(path: str | Path) -> PoseList:
                 )
             poses = PoseList(**arrays)
         elif suffix == ".csv":
-            poses = _from_columns(read_table(path, ["x", "y"], optional, error=DataError, what=what))
+            poses = poses_from_columns(read_table(path, ["x", "y"], optional, error=DataError, what=what))
         else:
             table = read_parquet(path, what, DataError)
             check_columns(table.columns.column_names, ["x", "y"], optional, str(path), DataError)
-            poses = _from_columns({name: table.numbers(name, DataError) for name in table.columns.column_names})
+            poses = poses_from_columns(
+                {name: table.numbers(name, DataError) for name in table.columns.column_names}
+            )
         _require_below(MAX_LENGTH, poses.position, "is", f"m, within {MAX_LENGTH:g}")
     except (DataError, ShapeError) as error:
         raise DataError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
@@ -349,7 +351,8 @@ def _require_below(most: float, rows: Floats, what: str, expected: str) -> None:
         raise DataError(f"pose {row + 1} {what} {brief(rows[row].tolist())}; give {expected}")
 
 
-def _from_columns(columns: dict[str, Floats]) -> PoseList:
+def poses_from_columns(columns: dict[str, Floats]) -> PoseList:
+    """Return poses from the columns of `read_poses`; DataError for others."""
     spatial = "z" in columns
     places, turns = ["x", "y", "z"][: 3 if spatial else 2], ROTATION_COLUMNS if spatial else ["angle"]
     needed = [*places, *(turns if set(turns) & set(columns) else [])]

@@ -20,10 +20,11 @@ def lossy(tmp_path_factory):
 def test_the_runs_own_solver_scores_as_the_run_did(lossy):
     found = replay(lossy, ["dykstra", "newton"])
     run, again, other = found.rows
-    assert run == again
+    ignored = {"gap_max": 0.0, "call_median_s": 0.0, "call_p99_s": 0.0, "batch_s": 0.0}
+    assert dataclasses.replace(run, **ignored) == dataclasses.replace(again, **ignored)
     assert (run.solver, run.policy) == ("dykstra", "tension")
     assert (other.solver, other.policy) == ("newton", "force")
-    assert found.cycles == 196  # in four of them, no wrench was desired
+    assert len(found.wrenches) == 196  # in four of them, no wrench was desired
     assert run.exact + run.nearest_count == 196
     assert other.residual_max < run.residual_max  # nearest in force is what newton promises
 
@@ -33,8 +34,6 @@ def test_scores_are_what_they_say(lossy):
     desired = np.isfinite(lossy.desired[:, 0])
     wrenches, rendered, chosen = lossy.desired[desired], lossy.rendered[desired], lossy.chosen[desired]
     assert run.residual_max == pytest.approx(np.linalg.norm(wrenches - rendered, axis=1).max())
-    sizes = abs(np.linalg.norm(wrenches, axis=1) - np.linalg.norm(rendered, axis=1))
-    assert (run.magnitude_mean, run.magnitude_max) == pytest.approx((sizes.mean(), sizes.max()))
     assert run.tension_max == chosen.max()
     assert run.tension_sq_mean == pytest.approx((chosen**2).mean())
     assert run.iterations_max == lossy.iterations[desired].max()
@@ -43,7 +42,7 @@ def test_scores_are_what_they_say(lossy):
         for k in range(1, len(lossy))
         if desired[k] and desired[k - 1] and (lossy.active[k] == lossy.active[k - 1]).all()
     ]
-    assert run.jump_max == pytest.approx(max(jumps))
+    assert run.step_max == pytest.approx(max(jumps))
     assert newton.failed == newton.unproven == 0
 
 
@@ -52,7 +51,7 @@ def test_a_jump_is_from_one_cycle_to_the_next(lossy):
     pause = (lossy.cycle >= 20) & (lossy.cycle < 60)
     paused = dataclasses.replace(lossy, desired=np.where(pause[:, None], np.nan, lossy.desired))
     there = abs(lossy.chosen[60] - lossy.chosen[19]).max()
-    assert replay(paused, ["newton"]).rows[0].jump_max <= replay(lossy, ["newton"]).rows[0].jump_max < there
+    assert replay(paused, ["newton"]).rows[0].step_max <= replay(lossy, ["newton"]).rows[0].step_max < there
 
 
 def test_modules_that_took_no_part_take_none_in_the_replay(lossy, monkeypatch):
@@ -65,7 +64,7 @@ def test_modules_that_took_no_part_take_none_in_the_replay(lossy, monkeypatch):
 
     monkeypatch.setattr(tl.Allocator, "__init__", spy)
     replay(lossy, ["newton"])
-    (lower, upper) = limits[-1]
+    (lower, upper) = limits[0]
     assert lower.shape == upper.shape == (196, 7)
     assert (upper[-90:, 2] == 0.0).all()
     assert (upper[:90] == 6.0).all()
@@ -75,7 +74,7 @@ def test_modules_that_took_no_part_take_none_in_the_replay(lossy, monkeypatch):
 def test_all_solvers_that_serve_the_rig_are_in_the_replay(lossy):
     found = replay(dataclasses.replace(lossy, desired=np.where(lossy.cycle[:, None] < 5, lossy.desired, np.nan)))
     names = [row.solver for row in found.rows[1:]]
-    assert found.cycles == 5
+    assert len(found.wrenches) == 5
     assert {"newton", "dykstra", "closed-form", "qp:daqp", "cvxpy"} <= set(names)
     assert len(names) == len(set(names))
     assert "polygon:centroid" in found.missing
@@ -89,5 +88,5 @@ def test_a_solver_that_does_not_serve_the_rig_is_refused(lossy):
 def test_without_demands_nothing_is_scored(tmp_path):
     runs.logged(tmp_path / "run.mcap", runs.four(), 0)
     found = replay(read_run(tmp_path / "run.mcap"), ["newton", "dykstra"])
-    assert found.cycles == 0
+    assert len(found.wrenches) == 0
     assert [row.exact for row in found.rows] == [0, 0, 0]

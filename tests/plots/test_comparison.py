@@ -1,5 +1,6 @@
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import tensionlab as tl
@@ -35,6 +36,17 @@ def test_a_comparison_of_a_planar_rig_has_one_view(tmp_path):
     words = words_of(tmp_path / "c.svg")
     assert "y (N)" in words
     assert "z (N)" not in words
+
+
+def test_along_a_trajectory_there_are_tensions_errors_and_steps():
+    rig = tl.load_rig("bartels2026-validation-0.3m")
+    path = rig.home + np.linspace(0.0, 0.3, 30)[:, None] * [1.0, 0.0, 0.0]
+    found = compare(rig, [0.0, 0.0, 1.0], poses=path, solvers=["newton", "closed-form"])
+    words = words_in(content_of(tl.plot(found)))
+    for word in ("newton, nearest in force", "closed-form", "tension (N)", "error (N)", "step of a tension (N)",
+                 "length of the path (m)", "top", "limits", "infeasible"):  # fmt: skip
+        assert word in words, word
+    assert any("of which newton renders" in word for word in words)
 
 
 @pytest.mark.parametrize("path", sorted(RIGS.glob("*.toml")), ids=lambda path: path.stem)
