@@ -18,10 +18,10 @@ import numpy as np
 from tensionlab.benchmark.speed import instruction_set
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-from tensionlab.workspace import CapacityMargin, Grid, capacity_margin
+from tensionlab.workspace import Grid, capacity_margin, metric, vary
 from tensionlab.workspace.sweep import CHUNK_VALUES, sweep
 from tensionlab.workspace.sweep.dataset import empty_dataset
-from tensionlab.workspace.sweep.plan import Plan, vary
+from tensionlab.workspace.sweep.plan import Plan
 from tensionlab.workspace.sweep.store import ZarrStore
 
 RIGS = ("bartels2026-validation", "ipanema-1")
@@ -59,8 +59,8 @@ def kernel_rate(rig: Rig, poses: Grid, rounds: int) -> float:
 
 
 def write_seconds(rig: Rig, poses: Grid, chunks: int) -> float:
-    """Return the mean time in which a chunk gets to disk, its file and its line of the ledger confirmed."""
-    plan = Plan(vary(rig), poses, {"capacity-margin": CapacityMargin()}, {}, CHUNK_VALUES)
+    """Return the mean time in which a chunk gets to disk, with its flag."""
+    plan = Plan(vary(rig), poses, (metric("capacity-margin"),), {}, CHUNK_VALUES)
     spent = 0.0
     with tempfile.TemporaryDirectory() as folder:
         store = ZarrStore(Path(folder) / "sweep.zarr", plan, empty_dataset(plan))
@@ -85,7 +85,7 @@ def cluster_rate(rig: Rig, poses: Grid, workers: int) -> float:
         client.run(lambda: __import__("tensionlab.workspace.sweep"))
         address = cluster.scheduler_address
         start = time.perf_counter()
-        sweep(rig, poses, "capacity-margin", scheduler=address, out=Path(folder) / "sweep.zarr", progress=False)
+        sweep(rig, poses, "capacity-margin", scheduler=address, out=Path(folder) / "sweep.zarr")
         return len(poses.arrays()[0]) / (time.perf_counter() - start)
 
 
@@ -103,11 +103,11 @@ def main() -> None:
         poses = grid(rig, options.poses)
         count = len(poses.arrays()[0])
         kernel = kernel_rate(rig, poses, options.rounds)
-        memory = count / seconds(lambda: sweep(rig, poses, "capacity-margin", progress=False), options.rounds)  # noqa: B023
+        memory = count / seconds(lambda: sweep(rig, poses, "capacity-margin"), options.rounds)  # noqa: B023
         with tempfile.TemporaryDirectory() as folder:
             places = (Path(folder) / f"{k}.zarr" for k in range(options.rounds))
             disk = count / seconds(
-                lambda: sweep(rig, poses, "capacity-margin", out=next(places), progress=False),  # noqa: B023
+                lambda: sweep(rig, poses, "capacity-margin", out=next(places)),  # noqa: B023
                 options.rounds,
             )
         dask = cluster_rate(rig, poses, options.workers)

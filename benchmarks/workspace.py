@@ -207,7 +207,7 @@ def verify_suspended(name: str, count: int, seed: int = 0) -> Verification:
     push = PUSH_SHARE * float(np.linalg.norm(rig.gravity()[:3])) * np.eye(6)[:3]
     required = Requirement(wrenches=np.concatenate([push, -push]), gravity=True)
     metrics = ["wrench-feasible", "capacity-margin"]
-    swept = sweep(rig, PoseList(position, rotation), metrics, required=required, progress=False)
+    swept = sweep(rig, PoseList(position, rotation), metrics, required=required)
     feasible, margin = (swept[each].to_numpy()[0] for each in metrics)
     wrenches = required.at(rig, rotation)
     bounds = [(float(low), float(high)) for low, high in zip(rig.limits.lower, rig.limits.upper, strict=True)]

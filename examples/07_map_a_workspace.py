@@ -4,7 +4,7 @@ import tensionlab as tl
 
 rig = tl.load_rig("bartels2026-validation")
 positions = tl.workspace.box((-0.6, 0.6), (0.0, 2.2), (-0.6, 0.6), step=0.1)
-data = tl.sweep(rig, positions, ["capacity-margin", "condition-number"], progress=False)  # an xarray.Dataset
+data = tl.sweep(rig, positions, ["capacity-margin", "condition-number"])  # an xarray.Dataset
 
 margin = data["capacity-margin"].squeeze()
 best = margin[margin.argmax(...)]

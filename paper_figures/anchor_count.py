@@ -52,7 +52,7 @@ def room_rigs() -> list[Rig]:
 def sweep_room(points: int = POINTS) -> xarray.Dataset:
     """Sweep the force that the rigs of the room render in every direction, all over it."""
     low, high = np.array([-ROOM[0] / 2, 0.0, -ROOM[2] / 2]), np.array([ROOM[0] / 2, ROOM[1], ROOM[2] / 2])
-    return sweep(room_rigs(), _grid(low, high, points), METRIC, progress=False)
+    return sweep(room_rigs(), _grid(low, high, points), METRIC)
 
 
 def sweep_published(points: int = POINTS) -> list[xarray.Dataset]:
@@ -68,10 +68,7 @@ def sweep_published(points: int = POINTS) -> list[xarray.Dataset]:
         replace(big, name="spidar-big, 4 wires"),
         eight,
     ]
-    return [
-        sweep(rig, _grid(rig.anchors.min(axis=0), rig.anchors.max(axis=0), points), METRIC, progress=False)
-        for rig in rigs
-    ]
+    return [sweep(rig, _grid(rig.anchors.min(axis=0), rig.anchors.max(axis=0), points), METRIC) for rig in rigs]
 
 
 def plot_anchor_count(published: list[xarray.Dataset], room: xarray.Dataset) -> Any:

@@ -68,7 +68,7 @@ def sweep_of_rooms(folder: Path) -> Any:
     names = ("bartels2026-validation", "bartels2026-validation-0.3m", "seven-modules")
     grid = Grid(np.linspace(-1.5, 1.5, 301), np.linspace(0.0, 2.4, 193), np.array([0.0]))
     rigs = [tl.datasets.load(f"rigs/{name}", folder) for name in names]
-    return rounded(tl.sweep(rigs, grid, ["capacity-margin", "tension-factor"], progress=False))
+    return rounded(tl.sweep(rigs, grid, ["capacity-margin", "tension-factor"]))
 
 
 def layouts_of_scenarios(folder: Path) -> Any:

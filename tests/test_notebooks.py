@@ -53,17 +53,17 @@ assert 1.3 < (times["edge"] / times["point"])["dykstra"] < 1.7
 """,
     "03_workspace": """
 published = tl.workspace.Grid(*(swept[axis].to_numpy() for axis in "xyz"))
-found = tl.workspace.summary(tl.sweep(rig, published, "capacity-margin:2")).to_pandas()
+found = tl.workspace.summary(tl.sweep(rig, published, "capacity-margin:2"))
 assert round(100 * found["above_zero"][0], 1) == 2.1
 stronger = tl.workspace.vary(rig, limits=[(0.5, 6), (0.5, 12)])
-medians = tl.workspace.summary(tl.sweep(stronger, cube, "capacity-margin")).to_pandas()["median"]
-assert 2.1 < medians[1] / medians[0] < 2.3  # the taut minimum costs less of it
+medians = tl.workspace.summary(tl.sweep(stronger, cube, "capacity-margin"))["median"]
+assert 2.1 < medians[1] / medians[0] < 2.3  # the minimum tension costs less of it
 poses = tl.workspace.Grid(np.linspace(-4, 4, 81), np.linspace(-3, 3, 61), [1.0])
 assert tl.sweep(ipanema, poses, "wrench-closure")["wrench-closure"].sum() == 3477
 """,
     "04_design_a_rig": """
 def distance(z):
-    metric = tl.workspace.BodyDistance((tl.workspace.Capsule([0.0, 1.55, z], radius=0.12),))
+    metric = tl.workspace.metric("body-distance", bodies=(tl.workspace.Capsule([0.0, 1.55, z], radius=0.12),))
     return tl.sweep(rig, task.target, metric)["body-distance"].min()
 assert distance(-0.9) < 0.2 < distance(-1.1)
 """,

@@ -149,7 +149,7 @@ batch = lambda: tl.allocate(structure, wrench, (0.5, 6.0), solver="dykstra")
 """,
     "one pose with many wrenches": """
 structure, directions = rng.normal(size=(3, 32)), rng.normal(size=(1_000_000, 3))
-batch = lambda: tl.workspace.reachable_share(structure, (0.5, 6.0), directions, 5.0)
+batch = lambda: tl.workspace.feasible_direction_fraction(structure, (0.5, 6.0), directions, 5.0)
 """,
     "cells that take long": CELLS + "batch = lambda: certify(np.zeros((100, 3)), 32)\n",
     "a simulated module": """

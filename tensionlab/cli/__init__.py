@@ -68,6 +68,7 @@ VERBS = {
         "List the solvers, with what each minimises, its policies for infeasible wrenches, and its source.",
     ),
     "workspace": ("workspace", "Evaluate where, and how well, rigs can pull."),
+    "certify": ("certify", "Prove where a rig renders what is required."),
     "bench": ("bench", "Benchmark all solvers and baselines."),
     "regressions": (
         "regressions",

@@ -96,7 +96,7 @@ def plot_volume(
     >>> import tensionlab as tl
     >>> from tensionlab import plots
     >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
-    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin", progress=False)
+    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin")
     >>> figure = plots.plot_volume(swept, level=0.5)
     """
     field = read_field(swept, metric)
@@ -179,9 +179,9 @@ def plot_layouts(around: xarray.Dataset, target: xarray.Dataset, level: float) -
     >>> import tensionlab as tl
     >>> from tensionlab import plots
     >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
-    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin", progress=False)
+    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin")
     >>> hand = tl.workspace.box([-0.1, 0.1], [0.2, 0.4], [-0.1, 0.1], step=0.1)
-    >>> target = tl.sweep(tl.load_rig("bartels2026-validation"), hand, "capacity-margin", progress=False)
+    >>> target = tl.sweep(tl.load_rig("bartels2026-validation"), hand, "capacity-margin")
     >>> figure = plots.plot_layouts(swept, target, level=0.5)
     """
     wide, narrow = read_field(around), read_field(target)

@@ -67,7 +67,7 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
     >>> import tensionlab as tl
     >>> from tensionlab import plots
     >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
-    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin", progress=False)
+    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin")
     >>> figure = plots.plot_slices(swept)
     """
     field = read_field(swept, metric)
@@ -107,7 +107,7 @@ def plot_metrics(swept: xarray.Dataset) -> Figure:
     >>> import tensionlab as tl
     >>> from tensionlab import plots
     >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
-    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin", progress=False)
+    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin")
     >>> figure = plots.plot_metrics(swept)
     """
     fields = [read_field(swept, str(name)) for name in swept.data_vars]
@@ -204,7 +204,7 @@ def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
     >>> import tensionlab as tl
     >>> from tensionlab import plots
     >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
-    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin", progress=False)
+    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin")
     >>> figure = plots.plot_shares(swept, "capacity-margin")
     """
     field = read_field(swept, metric)

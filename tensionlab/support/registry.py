@@ -20,9 +20,7 @@ def create_by_name(
     """
     family, colon, choice = name.partition(":")
     if found is None:
-        close = difflib.get_close_matches(family, names, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"choose one of {', '.join(names)}"
-        raise error(f"no {what} is called {family!r}; {hint}")
+        raise error(f"no {what} is called {family!r}; {suggest(family, names)}")
     if not colon:
         return found()
     first = variant_field(found)
@@ -35,6 +33,12 @@ def create_by_name(
         kind = {float: "a number", int: "a whole number"}.get(type(default), "another")
         raise error(f"in {name!r}, {choice!r} is no value for {family}'s {first.name}; give {kind}") from None
     return found(**{first.name: value})
+
+
+def suggest(name: str, names: Iterable[str]) -> str:
+    """Return advice about an unknown name: the one that looks like it, or all there are."""
+    close = difflib.get_close_matches(name, names, n=1)
+    return f"did you mean {close[0]!r}?" if close else f"choose one of {', '.join(names)}"
 
 
 def variant_field(kind: type[Any]) -> Field[Any] | None:

@@ -12,8 +12,8 @@ from tensionlab.viewer.html import norm, number, render, vector
 from tensionlab.viewer.scene import force_scale, tension_colours
 from tensionlab.viewer.state import DesignState
 from tensionlab.viewer.volume import Volume
-from tensionlab.workspace import metrics
 from tensionlab.workspace.layout.task import LayoutTask
+from tensionlab.workspace.metrics import find_metric
 from tensionlab.workspace.volume import describe_step
 
 POLICY_WORDS = {
@@ -74,12 +74,12 @@ def tensions(state: DesignState, found: StateEvaluation) -> str:
 
 def share(state: DesignState, volume: Volume, ghost: Volume | None = None) -> str:
     """Return the share of the box in which the metric is above the level."""
-    metric = metrics.make(state.metric)
+    metric = find_metric(state.metric)
     return render(
         "design.share",
         metric.title,
         "" if metric.unit == "1" else f" {metric.unit}",
-        metrics.description(metric),
+        metric.description,
         volume,
         state.level,
         describe_step(volume.axes),

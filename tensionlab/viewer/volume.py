@@ -15,10 +15,11 @@ from tensionlab.model.pose import place_anchors
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.viewer.state import DesignState
-from tensionlab.workspace import metrics
+from tensionlab.workspace.metrics import find_metric
 from tensionlab.workspace.poses import Grid
+from tensionlab.workspace.sweep.configurations import vary
 from tensionlab.workspace.sweep.executors import evaluate_on_threads
-from tensionlab.workspace.sweep.plan import Plan, vary
+from tensionlab.workspace.sweep.plan import Plan
 from tensionlab.workspace.volume import node_weights, weighted_share
 
 COARSE, FINE = 30, 80
@@ -86,11 +87,11 @@ def sweep(
 
     The platform is turned as it is at the hand. SweepError if the metric refuses the rig.
     """
-    rig, metric = state.rig, metrics.make(state.metric)
+    rig = state.rig
     axes = tuple(np.linspace(a, b, resolution) for a, b in zip(*box, strict=True))
     rotations = None if state.rotation is None else state.rotation[None]
     grid = Grid(axes[0], axes[1], axes[2] if len(axes) == 3 else None, rotations)
-    plan = Plan(vary(rig), grid, {state.metric: metric}, rig.at_rest, CHUNK)
+    plan = Plan(vary(rig), grid, (find_metric(state.metric),), rig.at_rest, CHUNK)
     plan.check(rig)
     values = np.empty(plan.shape)
     tasks = (plan.task(number) for number in range(math.prod(plan.tiles)))

@@ -1,25 +1,17 @@
-"""Sets of orientations to sweep over, and workspaces over all of them or any."""
+"""Sets of orientations to sweep over."""
 
 from __future__ import annotations
-
-import math
-from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.errors import DataError, InputError, SweepError
+from tensionlab.errors import DataError, InputError
 from tensionlab.model import kinematics
 from tensionlab.support.arrays import Floats, finite
 from tensionlab.support.files.tables import read_table
 
-if TYPE_CHECKING:
-    import xarray
-
 MAX_ORIENTATIONS = 100_000
 """More are taken for a slip of the step."""
-ORIENTATION_AXES = ("orientation", "angle")
-"""Axes of a sweep along which orientations differ: in space, in the plane."""
 
 
 def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> Floats:
@@ -156,50 +148,3 @@ def _between(low: float, high: float, step: float) -> Floats:
             f"angles from {np.degrees(low):g} to {np.degrees(high):g} degrees; give the lower end first"
         )
     return np.linspace(low, high, max(1, round((high - low) / step)) + 1) if high > low else np.array([low])
-
-
-def over_orientations(swept: xarray.Dataset, kind: Literal["total", "inclusive"]) -> xarray.Dataset:
-    """Return a sweep without its orientations: the minimum of every metric over them, or the maximum.
-
-    What is above zero of the minimum holds in every orientation: the total orientation workspace; of the maximum,
-    in one of them at least: the inclusive orientation workspace. A cable without a length has no total.
-
-    Source: Merlet, "Parallel Robots", 2006, chapter 7, for the names.
-
-    Parameters
-    ----------
-    swept : Dataset
-        From `tensionlab.sweep` over a grid with orientations.
-    kind : str
-        "total" or "inclusive".
-
-    Raises
-    ------
-    SweepError
-        If it has no orientations.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("cogiro")
-    >>> turns = tl.workspace.cone(np.radians(20.0), np.radians(10.0))
-    >>> poses = tl.workspace.box((-6, 6), (-4, 4), 2.0, step=1.0, rotations=turns)
-    >>> swept = tl.sweep(rig, poses, "wrench-feasible", progress=False)
-    >>> total, inclusive = (tl.workspace.over_orientations(swept, kind) for kind in ("total", "inclusive"))
-    >>> bool(total["wrench-feasible"].sum() < inclusive["wrench-feasible"].sum())
-    True
-    """
-    dims = [dim for dim in ORIENTATION_AXES if dim in swept.dims]
-    if not dims:
-        raise SweepError(f"the sweep has the axes {', '.join(map(str, swept.dims))}; sweep a grid with rotations")
-    if kind not in ("total", "inclusive"):
-        raise SweepError(f"kind is {kind!r}; give total or inclusive")
-    reduced = (
-        swept.min(dims, skipna=False, keep_attrs=True) if kind == "total" else swept.max(dims, keep_attrs=True)
-    )
-    count = math.prod(swept.sizes[dim] for dim in dims)
-    words = f"in all {count} orientations" if kind == "total" else f"in one of {count} orientations at least"
-    for values in reduced.data_vars.values():
-        values.attrs["long_name"] = f"{values.attrs['long_name']}, {words}"
-    return reduced.assign_attrs(title=f"{swept.attrs.get('title', 'sweep')}, {kind} orientation")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,14 +33,13 @@ MAX_AXIS_POSES = 10_000_000
 """More poses along one axis than this are taken for a slip of the step."""
 
 
-class Coordinate(NamedTuple):
-    """Labelled coordinate of a dataset: its axes, values, unit and meaning."""
+Label = tuple[tuple[str, ...], NDArray[Any], dict[str, str]]
+"""Coordinate of a dataset, as xarray takes it: axes, values and attributes."""
 
-    name: str
-    dims: tuple[str, ...]
-    values: NDArray[np.generic]
-    units: str
-    long_name: str
+
+def label(dims: tuple[str, ...], values: NDArray[Any], units: str, long_name: str) -> Label:
+    """Return a coordinate with its unit and meaning."""
+    return dims, values, {"units": units, "long_name": long_name}
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,17 +117,17 @@ class Grid:
         turns = [] if self.rotations is None else [equal_weights(len(self.rotations))]
         return [*map(node_weights, self._axes()[: self.dimension]), *turns]
 
-    def coordinates(self) -> list[Coordinate]:
+    def labels(self) -> dict[str, Label]:
         """Return the labels of the axes."""
-        found = [_length(name, (name,), getattr(self, name)) for name in self.dims[: self.dimension]]
+        found = {name: _length((name,), getattr(self, name), name) for name in self.dims[: self.dimension]}
         if self.rotations is None:
             return found
         if self.dimension == 3:
-            number = np.arange(len(self.rotations))
-            found.append(Coordinate("orientation", ("orientation",), number, "1", "number of the orientation"))
+            dims, number = ("orientation",), np.arange(len(self.rotations))
+            found["orientation"] = label(dims, number, "1", "number of the orientation")
             for name, angle in zip(("roll", "pitch", "yaw"), roll_pitch_yaw_of(self.rotations).T, strict=True):
-                found.append(Coordinate(name, ("orientation",), angle, "rad", f"{name} of the platform"))
-        return [*found, _orientation(self.dims[-1], self.rotations)]
+                found[name] = label(dims, angle, "rad", f"{name} of the platform")
+        return found | _orientation(self.dims[-1], self.rotations)
 
     def _axes(self) -> list[Floats]:
         return [axis for axis in (self.x, self.y, self.z, self.rotations) if axis is not None]
@@ -206,13 +205,15 @@ class PoseList:
         """Return positions (B, d) and rotations, (B, 3, 3), (B,) or None."""
         return self.position, self.rotation
 
-    def coordinates(self) -> list[Coordinate]:
+    def labels(self) -> dict[str, Label]:
         """Return the labels of the list."""
-        found = [Coordinate("pose", ("pose",), np.arange(len(self.position)), "1", "number of the pose")]
-        found += [_length(name, ("pose",), self.position[:, i]) for i, name in enumerate("xyz"[: self.dimension])]
+        found = {"pose": label(("pose",), np.arange(len(self.position)), "1", "number of the pose")}
+        found |= {
+            name: _length(("pose",), self.position[:, i], name) for i, name in enumerate("xyz"[: self.dimension])
+        }
         if self.distance is not None:
-            found.append(Coordinate("distance", ("pose",), self.distance, "m", "distance along the path"))
-        return found if self.rotation is None else [*found, _orientation("pose", self.rotation)]
+            found["distance"] = label(("pose",), self.distance, "m", "distance along the path")
+        return found if self.rotation is None else found | _orientation("pose", self.rotation)
 
 
 Poses = Grid | PoseList
@@ -246,7 +247,8 @@ def box(
     intervals = [("x", x), ("y", y)] + ([] if z is None else [("z", z)])
     steps = finite("step", step, 0)
     if steps.shape not in ((), (len(intervals),)) or not (steps > 0).all():
-        raise InputError(f"step is {step!r}; give one length in m, or one for each axis, above zero")
+        given = brief(steps.tolist())
+        raise InputError(f"step is {given}; give one length in m, or one for each axis, above zero")
     axes = [
         _axis(name, ends, float(size))
         for (name, ends), size in zip(intervals, np.broadcast_to(steps, len(intervals)), strict=True)
@@ -393,12 +395,13 @@ def _checked_rotations(values: ArrayLike, dimension: int, what: str) -> Floats:
     return as_floats(what, values)
 
 
-def _length(name: str, dims: tuple[str, ...], values: Floats) -> Coordinate:
-    return Coordinate(name, dims, values, "m", f"{name} of the reference point")
+def _length(dims: tuple[str, ...], values: Floats, name: str) -> Label:
+    return label(dims, values, "m", f"{name} of the reference point")
 
 
-def _orientation(dim: str, rotations: Floats) -> Coordinate:
+def _orientation(dim: str, rotations: Floats) -> dict[str, Label]:
     """Label angles or matrices along an axis."""
     if rotations.ndim == 1:
-        return Coordinate("angle", (dim,), rotations, "rad", "angle of the platform")
-    return Coordinate("rotation", (dim, "row", "column"), rotations, "1", "rotation of the platform to the world")
+        return {"angle": label((dim,), rotations, "rad", "angle of the platform")}
+    matrices = label((dim, "row", "column"), rotations, "1", "rotation of the platform to the world")
+    return {"rotation": matrices}

@@ -71,7 +71,10 @@ def wrench_closure(structure: ArrayLike) -> NDArray[np.bool_]:
 
 
 def isotropic_force(
-    structure: ArrayLike, limits: TensionRange, dimension: int | None = None, beside: ArrayLike | None = None
+    structure: ArrayLike,
+    limits: TensionRange,
+    dimension: int | None = None,
+    offset_wrench: ArrayLike | None = None,
 ) -> Floats:
     """Return the maximum force (...), in N, that is feasible in every direction, without a torque.
 
@@ -85,7 +88,7 @@ def isotropic_force(
     dimension : int or None
         How many of the n components are forces; the others are torques, and stay zero. None: the first three, or
         all where n is less. A planar platform, which has n = 3, needs 2: give ``rig.dimension``.
-    beside : (..., n) array or None
+    offset_wrench : (..., n) array or None
         Wrench that is rendered at the same time, such as that which holds a weight; None is zero.
 
     Raises
@@ -103,8 +106,8 @@ def isotropic_force(
     """
     matrices = structure_matrices(structure)
     n = matrices.shape[-2]
-    middle = _beside(beside, n)
-    batch = structure_batch(matrices, limits, beside=middle.shape[:-1])
+    middle = _offset(offset_wrench, n)
+    batch = structure_batch(matrices, limits, offset_wrench=middle.shape[:-1])
     forces = min(n, 3) if dimension is None else dimension
     if not 1 <= forces <= n:
         raise InputError(f"dimension is {dimension}; of {n} wrench components, 1 to {n} can be forces")
@@ -184,12 +187,12 @@ def _singular_values(structure: ArrayLike) -> Floats:
     return np.asarray(found)
 
 
-def reachable_share(
+def feasible_direction_fraction(
     structure: ArrayLike,
     limits: TensionRange,
     directions: ArrayLike,
     magnitude: float,
-    beside: ArrayLike | None = None,
+    offset_wrench: ArrayLike | None = None,
 ) -> Floats:
     """Return the feasible-direction fraction (...): the share of directions in which a wrench is feasible.
 
@@ -205,7 +208,7 @@ def reachable_share(
         other components are zero: no torque.
     magnitude : float
         Of the wrench; in N, if the directions are forces.
-    beside : (..., n) array or None
+    offset_wrench : (..., n) array or None
         As in `isotropic_force`.
 
     Raises
@@ -219,18 +222,18 @@ def reachable_share(
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
     >>> directions = tl.datasets.load("vectors/grid18")  # (182, 3)
-    >>> f"{tl.workspace.reachable_share(structure, rig.limits, directions, magnitude=5.0):.3f}"
+    >>> f"{tl.workspace.feasible_direction_fraction(structure, rig.limits, directions, magnitude=5.0):.3f}"
     '0.363'
     """
     matrices = structure_matrices(structure)
-    wrenches = _wrenches(directions, magnitude, matrices.shape[-2], beside)
+    wrenches = _wrenches(directions, magnitude, matrices.shape[-2], offset_wrench)
     batch = structure_batch(matrices, limits, directions=wrenches.shape[:-2])
     tolerance = feasibility_tolerance(wrenches)
     share = _native.reachable_share(*batch[:3], rows(wrenches, batch.shape, 2), tolerance, RANK_TOLERANCE)
     return share.reshape(batch.shape)[()]
 
 
-class Effort(NamedTuple):
+class SquaredTension(NamedTuple):
     """Sums of squared tensions in N², (...), mean and maximum over directions.
 
     They go with the heat of the motors. NaN where a wrench is infeasible.
@@ -240,7 +243,7 @@ class Effort(NamedTuple):
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> found = tl.workspace.effort(structure, rig.limits, [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], 1.5)
+    >>> found = tl.workspace.squared_tension(structure, rig.limits, [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], 1.5)
     >>> bool(found.mean < found.worst)
     True
     """
@@ -249,34 +252,34 @@ class Effort(NamedTuple):
     worst: Floats
 
 
-def effort(
+def squared_tension(
     structure: ArrayLike,
     limits: TensionRange,
     directions: ArrayLike,
     magnitude: float,
-    beside: ArrayLike | None = None,
-) -> Effort:
+    offset_wrench: ArrayLike | None = None,
+) -> SquaredTension:
     """Return the squared tensions that wrenches of a magnitude take, over a set of directions.
 
     For each direction the tensions with the minimum sum of squares, by `tensionlab.allocate`. Parameters and
-    errors as in `reachable_share`.
+    errors as in `feasible_direction_fraction`.
 
     Parameters
     ----------
-    structure, limits, directions, magnitude, beside
-        As in `reachable_share`.
+    structure, limits, directions, magnitude, offset_wrench
+        As in `feasible_direction_fraction`.
 
     Examples
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> mean, worst = tl.workspace.effort(structure, rig.limits, [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], 1.5)
+    >>> mean, worst = tl.workspace.squared_tension(structure, rig.limits, [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], 1.5)
     >>> f"{mean:.2f} N², {worst:.2f} N²"
     '11.19 N², 14.91 N²'
     """
     matrices = structure_matrices(structure)
-    wrenches = _wrenches(directions, magnitude, matrices.shape[-2], beside)
+    wrenches = _wrenches(directions, magnitude, matrices.shape[-2], offset_wrench)
     structures, lower, upper, shape = structure_batch(matrices, limits, directions=wrenches.shape[:-2])
     desired = rows(wrenches, shape, 2)
     mean, worst = np.empty(len(desired)), np.empty(len(desired))
@@ -290,7 +293,7 @@ def effort(
             sums = np.einsum("bkm,bkm->bk", found.tensions, found.tensions)
             squares[:, some] = np.where(found.status == Status.EXACT, sums, np.nan)
         mean[part], worst[part] = squares.mean(axis=1), squares.max(axis=1)
-    return Effort(mean.reshape(shape)[()], worst.reshape(shape)[()])
+    return SquaredTension(mean.reshape(shape)[()], worst.reshape(shape)[()])
 
 
 def feasibility_tolerance(wrenches: Floats) -> float:
@@ -301,18 +304,18 @@ def feasibility_tolerance(wrenches: Floats) -> float:
     return TOLERANCE * max(1.0, math.sqrt(np.einsum("...n,...n", wrenches, wrenches).max(initial=0.0)))
 
 
-def _beside(wrench: ArrayLike | None, n: int) -> Floats:
+def _offset(wrench: ArrayLike | None, n: int) -> Floats:
     """Return a wrench that is rendered at the same time, (..., n)."""
     if wrench is None:
         return np.zeros(n)
-    found = finite("beside", wrench, 1)
+    found = finite("offset_wrench", wrench, 1)
     if found.shape[-1] != n:
-        raise ShapeError(f"beside has {found.shape[-1]} components where structure has {n} rows")
+        raise ShapeError(f"offset_wrench has {found.shape[-1]} components where structure has {n} rows")
     return found
 
 
-def _wrenches(directions: ArrayLike, magnitude: float, n: int, beside: ArrayLike | None) -> Floats:
-    """Return wrenches of one magnitude beside another wrench, (..., k, n)."""
+def _wrenches(directions: ArrayLike, magnitude: float, n: int, offset_wrench: ArrayLike | None) -> Floats:
+    """Return wrenches of one magnitude on top of another wrench, (..., k, n)."""
     if not (math.isfinite(magnitude) and magnitude >= 0):
         raise InputError(f"magnitude is {magnitude}; give a finite number, 0 or more")
     vectors = finite("directions", directions, 2)
@@ -321,7 +324,7 @@ def _wrenches(directions: ArrayLike, magnitude: float, n: int, beside: ArrayLike
             f"directions have shape {vectors.shape}; give (k, d), with d from 1 to {n}, the rows of structure"
         )
     *leading, count, d = vectors.shape
-    offset = _beside(beside, n)[..., None, :]
+    offset = _offset(offset_wrench, n)[..., None, :]
     wrenches = np.zeros(np.broadcast_shapes((*leading, count, n), offset.shape))
     for part in _parts(count, math.prod(leading)):
         lengths = np.linalg.norm(vectors[..., part, :], axis=-1, keepdims=True)

@@ -58,7 +58,7 @@ def test_it_is_one_line_that_says_what_is_kept(run, tmp_path, monkeypatch, words
     assert {path.name for path in tmp_path.iterdir()} <= {"run.mcap", "measured"}
 
 
-def test_a_sweep_goes_on_where_it_was(run, tmp_path, monkeypatch):
+def test_a_sweep_is_resumed(run, tmp_path, monkeypatch):
     store, write, chunks = tmp_path / "a.zarr", ZarrStore.write, []
 
     def third(self, task, values):
@@ -70,13 +70,13 @@ def test_a_sweep_goes_on_where_it_was(run, tmp_path, monkeypatch):
     monkeypatch.setattr(ZarrStore, "write", third)
     code, out, err = run(*SWEEP.split(), "--out", store)
     assert (code, out) == (130, "")
-    go_on = f"the same command goes on with what is in {store}\n"
-    assert err.endswith(f"tensionlab: interrupted: 2 of 17 chunks are written; {go_on}")
+    resumes = f"tensionlab: interrupted: the same command resumes the sweep in {store}\n"
+    assert err == resumes
     code, _, _ = run(*SWEEP.split(), "--out", store)
     assert (code, len(chunks)) == (0, 3 + 15)
     monkeypatch.setattr("tensionlab.cli.workspace.summary", press)
-    assert run(*SWEEP.split(), "--out", store)[2] == f"tensionlab: interrupted: {go_on}"
-    assert "with --out DIR.zarr, the same command goes on" in run(*SWEEP.split())[2]
+    assert run(*SWEEP.split(), "--out", store)[2] == resumes
+    assert "with --out DIR.zarr, the same command resumes" in run(*SWEEP.split())[2]
 
 
 def test_files_that_were_written_by_then_are_named(run, tmp_path, monkeypatch):

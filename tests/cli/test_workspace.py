@@ -164,7 +164,7 @@ def test_orientations_have_a_total_and_an_inclusive_workspace(run, tmp_path):
     words = ["cogiro", "--box", -6, 6, -4, 4, 2, 2, "--step", 2, "--rotations", "cone:20:10"]
     code, out, err = run(*words, "--metric", "wrench-feasible", "--plot", tmp_path / "w.svg")
     assert (code, err) == (0, "")
-    assert "Above 0 in this share of the volume:" in out
+    assert "orientations  at least" in out
     (row,) = json.loads(run(*words, "--metric", "wrench-feasible", "--json")[1])["rows"]
     assert row["poses"] == 7 * 5 * 19
     assert 0 < row["total_above_zero"] < row["above_zero"] < row["inclusive_above_zero"] <= 1
@@ -179,32 +179,6 @@ def test_frames_on_the_command_line_place_bodies(run):
     assert (at_rest, placed) == (1.0, 0.0)
     assert "--frame hip has 1 number;" in run(*words, "--frame", "hip", 0)[2]
     assert 'frame "knee" carries no module' in run(*words, "--frame", "knee", 0, 1, 0)[2]
-
-
-def test_a_workspace_is_proved_drawn_and_kept(run, tmp_path):
-    (tmp_path / "one.toml").write_text("ball = 1.0\n")
-    words = ["bartels2026-validation", "--certify", "--required", tmp_path / "one.toml", "--step", 0.05]
-    files = ["--out", tmp_path / "cells.npz", "--plot", tmp_path / "cells.svg"]
-    code, out, err = run(*words, *files)
-    assert (code, err) == (0, "")
-    assert max(map(len, out.splitlines())) <= 120
-    report = json.loads(run(*words, "--out", tmp_path / "cells.npz", "--json")[1])  # only read
-    low, high = report["volume"]["lower"], report["volume"]["upper"]
-    assert 0 < low < 0.0967 < high  # as tests/workspace/certification has it
-    assert report["share"]["lower"] == pytest.approx(low / report["region_volume"])
-    assert f"workspace: {tl.workspace.Bounds(low, high).describe()} m³" in out
-    rows = {row[0]: row for row in map(str.split, out.splitlines()) if row}
-    assert {verdict: int(rows[verdict][1].replace(",", "")) for verdict in report["cells"]} == report["cells"]
-    assert f"{report['evaluations']:,} cells down to" in out
-    assert f"cells: {tmp_path / 'cells.npz'}" in out
-    assert "proved inside" in (tmp_path / "cells.svg").read_text(encoding="utf-8")
-
-
-def test_without_a_requirement_wrench_closure_is_proved_in_all_rotations(run):
-    words = [PLANAR, "--certify", "--step", 0.1, "--json"]
-    still, turned = (json.loads(run(*words, *more)[1]) for more in ([], ["--rotations", "angle:-10..10:10"]))
-    assert still["required"] == turned["required"] == "wrench closure"
-    assert turned["volume"]["upper"] < still["volume"]["lower"]
 
 
 def test_metrics_stay_in_their_order_in_a_store_and_orientations_are_counted(run, tmp_path):

@@ -49,12 +49,15 @@ surfaces = [
 """
 COMPARE = f"compare {RIG} --solvers closed-form --directions fibonacci:2"
 SWEEP = f"workspace {RIG} --box 0,0.1,0.3,0.3,0,0.1 --step 0.1 --metric wrench-closure"
+PROOF = f"certify {RIG} --box 0,0.1,0.3,0.4,0,0.1 --step 0.05"
 PLAYED = "scenario materials --seconds 0.2"
 RECIPES = {
     ("compare", "--plot"): (COMPARE, ".png"),
     ("compare", "--out"): (COMPARE, ".parquet"),
     ("workspace", "--out"): (SWEEP, ".zarr"),
     ("workspace", "--plot"): (SWEEP, ".png"),
+    ("certify", "--out"): (PROOF, ".npz"),
+    ("certify", "--plot"): (PROOF, ".png"),
     ("bench", "--out"): ("bench --set edge --solvers closed-form", ""),
     ("regressions", "--out"): ("regressions bench.parquet bench.parquet", ".md"),
     ("run", "--log"): (f"run {RIG} --seconds 0.3", ".mcap"),

@@ -7,41 +7,33 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
-from tensionlab.workspace.metrics import Batch
+from tensionlab.workspace import Batch, Metric
 
 
-@dataclass(frozen=True)
-class Tallied:
+def tallied(file: Path | str, seconds: float = 0.0, gate: Path | str = "", held_after: int = 0) -> Metric:
+    """Return the metric; all processes wait for the file ``gate`` after so many chunks, if it is named.
+
+    A process that waits makes a file with its number.
+    """
+    parameters = {"file": str(file), "seconds": seconds, "gate": str(gate), "held_after": held_after}
+    return Metric("tallied", _distance, "m", title="distance", parameters=parameters)
+
+
+def _distance(batch: Batch, file: str, seconds: float, gate: str, held_after: int) -> np.ndarray:
     """Distance of the pose from the origin."""
-
-    file: str = ""
-    seconds: float = 0.0
-    gate: str = ""
-    """File that all wait for after so many chunks (`held_after`); who waits makes one with its number."""
-    held_after: int = 0
-
-    title: ClassVar[str] = "distance"
-    unit: ClassVar[str] = "m"
-    above_zero: ClassVar[str] = ""
-
-    def evaluate(self, batch: Batch) -> np.ndarray:
-        """Return the value at every pose, and write down the process and the first pose."""
-        if len(batch.position):
-            time.sleep(self.seconds)
-            line = f"{os.getpid()} {' '.join(map(str, batch.position[0]))}\n"
-            with Path(self.file).open("a") as tally:
-                tally.write(line)
-            if self.gate and len(read(Path(self.file))) > self.held_after:
-                Path(f"{self.gate}.{os.getpid()}").touch()
-                while not Path(self.gate).exists():
-                    time.sleep(0.005)
-        return np.linalg.norm(batch.position, axis=1)
+    if len(batch.position):
+        time.sleep(seconds)
+        with Path(file).open("a") as tally:
+            tally.write(f"{os.getpid()} {' '.join(map(str, batch.position[0]))}\n")
+        if gate and len(read(Path(file))) > held_after:
+            Path(f"{gate}.{os.getpid()}").touch()
+            while not Path(gate).exists():
+                time.sleep(0.005)
+    return np.asarray(np.linalg.norm(batch.position, axis=1))
 
 
 def read(file: Path) -> list[tuple[int, tuple[float, ...]]]:

@@ -19,7 +19,7 @@ RIGS = [tl.box_corners((1, 1, 1)), tl.alternate_corners((1, 1, 1))]
 
 @pytest.fixture(scope="module")
 def swept():
-    return tl.sweep(RIGS, tl.workspace.Grid(AXIS, AXIS, AXIS), "capacity-margin", progress=False)
+    return tl.sweep(RIGS, tl.workspace.Grid(AXIS, AXIS, AXIS), "capacity-margin")
 
 
 @pytest.fixture

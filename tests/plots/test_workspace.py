@@ -12,7 +12,7 @@ from tensionlab.plots.style import save_figure
 from tensionlab.plots.volume import level_surface
 from tensionlab.plots.workspace import Field, read_field, share_above
 from tensionlab.workspace.poses import Grid
-from tensionlab.workspace.sweep.plan import vary
+from tensionlab.workspace.sweep.configurations import vary
 from tests.helpers.figures import content_of, words_in, words_of
 
 
@@ -28,7 +28,7 @@ AXIS = np.linspace(-0.45, 0.45, 7)
 @pytest.fixture(scope="module")
 def swept():
     rigs = [tl.box_corners((1, 1, 1)), tl.alternate_corners((1, 1, 1))]
-    return tl.sweep(rigs, Grid(AXIS, AXIS, AXIS), ["capacity-margin", "condition-number"], progress=False)
+    return tl.sweep(rigs, Grid(AXIS, AXIS, AXIS), ["capacity-margin", "condition-number"])
 
 
 def test_slices_name_the_rigs_the_metric_and_where_they_cut(tmp_path, swept, contents):
@@ -57,15 +57,13 @@ def test_a_slice_shows_the_values_of_its_plane(swept):
 
 def test_where_one_axis_has_one_point_that_is_the_slice(tmp_path):
     rig = tl.box_corners((1, 1, 1))
-    save_figure(
-        plot_slices(tl.sweep(rig, Grid(AXIS, [0.1], AXIS), "capacity-margin", progress=False)), tmp_path / "s.svg"
-    )
+    save_figure(plot_slices(tl.sweep(rig, Grid(AXIS, [0.1], AXIS), "capacity-margin")), tmp_path / "s.svg")
     assert "y = 0.1 m" in words_of(tmp_path / "s.svg")
 
 
 def test_volumes_say_which_share_of_the_box_they_are(swept, contents):
     words = words_in(contents(plot_volume))
-    (share,) = (row[-1].above_zero for row in tl.workspace.summary(swept).rows[:1])
+    share = tl.workspace.summary(swept)["above_zero"][0]
     assert f"box-corners: {100 * share:.0f} % of the box" in words
     assert "capacity margin (N) above 0" in words
 
@@ -79,7 +77,7 @@ def test_shares_fall_from_all_that_is_above_zero_to_nothing():
 
 def test_curves_are_called_by_what_tells_the_rigs_apart(tmp_path):
     rigs = vary(tl.ring_plus_top, side=1.0, count=[3, 4])
-    found = tl.sweep(rigs, Grid(AXIS, AXIS + 0.6, AXIS), "capacity-margin", progress=False)
+    found = tl.sweep(rigs, Grid(AXIS, AXIS + 0.6, AXIS), "capacity-margin")
     save_figure(plot_shares(found), tmp_path / "c.svg")
     words = words_of(tmp_path / "c.svg")
     assert "count 3" in words
@@ -89,7 +87,7 @@ def test_curves_are_called_by_what_tells_the_rigs_apart(tmp_path):
 def test_pictures_of_a_planar_rig(tmp_path):
     modules = tuple(tl.Module(f"{x} {y}", np.array([x, y]), 0.5, 6.0) for x in (-1, 1) for y in (-1, 1))
     rig = tl.Rig("square", "planar-point", modules, np.zeros(2))
-    found = tl.sweep(rig, Grid(AXIS, AXIS), "capacity-margin", progress=False)
+    found = tl.sweep(rig, Grid(AXIS, AXIS), "capacity-margin")
     save_figure(plot_slices(found), tmp_path / "s.svg")
     with pytest.raises(InputError, match="several x, y and z"):
         save_figure(plot_volume(found), tmp_path / "v.svg")
@@ -99,7 +97,7 @@ def test_a_panel_of_nothing_is_grey_beside_one_of_something():
     """Three modules on the floor hold nothing anywhere."""
     grid = tl.workspace.box((-0.4, 0.4), (0.2, 0.6), (0, 0), step=0.2)
     rigs = [tl.load_rig("floor-3"), tl.load_rig("bartels2026-validation")]
-    swept = tl.sweep(rigs, grid, "capacity-margin", progress=False)
+    swept = tl.sweep(rigs, grid, "capacity-margin")
     for figure in (plot_slices(swept), plot_slices(swept.isel(rig=[0]))):
         figure.canvas.draw()
         pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]
@@ -110,13 +108,13 @@ def test_a_panel_of_nothing_is_grey_beside_one_of_something():
 def test_what_cannot_be_drawn_is_refused(tmp_path, swept):
     with pytest.raises(InputError, match='no metric "margin"; it has capacity-margin, condition-number'):
         save_figure(plot_slices(swept, "margin"), tmp_path / "s.svg")
-    along = tl.sweep(tl.box_corners((1, 1, 1)), np.zeros((3, 3)), "capacity-margin", progress=False)
+    along = tl.sweep(tl.box_corners((1, 1, 1)), np.zeros((3, 3)), "capacity-margin")
     with pytest.raises(InputError, match="grid"):
         save_figure(plot_shares(along), tmp_path / "c.svg")
 
 
 def test_a_grid_too_coarse_to_draw_is_refused(tmp_path):
-    coarse = tl.sweep(tl.box_corners((1, 1, 1)), Grid([0.0], [0.1], [0.2]), "capacity-margin", progress=False)
+    coarse = tl.sweep(tl.box_corners((1, 1, 1)), Grid([0.0], [0.1], [0.2]), "capacity-margin")
     with pytest.raises(InputError, match=r"needs two positions or more along .*; give a smaller step"):
         save_figure(plot_slices(coarse), tmp_path / "s.svg")
 
@@ -129,7 +127,7 @@ def test_the_same_sweep_makes_the_same_figure(swept, contents):
 def test_before_and_after_a_search(tmp_path, swept):
     near = np.linspace(-0.1, 0.1, 5)
     rigs = [tl.box_corners((1, 1, 1)), tl.alternate_corners((1, 1, 1))]
-    target = tl.sweep(rigs, Grid(near, near, near), "capacity-margin", progress=False)
+    target = tl.sweep(rigs, Grid(near, near, near), "capacity-margin")
     save_figure(plot_layouts(swept, target, level=1.0), tmp_path / "l.svg")
     words = words_of(tmp_path / "l.svg")
     for word in ("box-corners", "alternate-corners", "target", "share of the target (%)"):
@@ -141,19 +139,19 @@ def tilted():
     rig = tl.load_rig("cogiro")
     turns = tl.workspace.cone(np.radians(10.0), np.radians(10.0))
     poses = tl.workspace.box((-6, 6), (-4, 4), (0, 4), step=2.0, rotations=turns)
-    return tl.sweep(rig, poses, ["wrench-feasible", "capacity-margin"], progress=False)
+    return tl.sweep(rig, poses, ["wrench-feasible", "capacity-margin"])
 
 
 def test_what_is_feasible_or_not_is_drawn_as_yes_and_no(tilted):
-    total = tl.workspace.over_orientations(tilted, "total")
+    total = tilted.min("orientation", skipna=False, keep_attrs=True)
     figure = plot_slices(total, "wrench-feasible")
     panel, bar = figure.axes
-    assert bar.get_ylabel() == "wrench feasibility, in all 7 orientations"
+    assert bar.get_ylabel() == "wrench feasibility"
     assert [each.get_text() for each in bar.get_yticklabels()] == ["no", "yes"]
     (cells,) = [each for each in panel.collections if isinstance(each, QuadMesh)]
     np.testing.assert_array_equal(cells.get_array(), total["wrench-feasible"].isel(rig=0, y=2).to_numpy().T)
     margin = plot_slices(total, "capacity-margin").axes[1]
-    assert margin.get_ylabel() == "capacity margin, in all 7 orientations (N)"
+    assert margin.get_ylabel() == "capacity margin (N)"
     assert len(margin.get_yticklabels()) > 2
 
 

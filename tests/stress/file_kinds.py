@@ -197,7 +197,7 @@ def _read_poses(place: Path) -> object:
     from tensionlab.workspace.poses import read_poses
 
     poses = read_poses(place)
-    return poses.arrays(), poses.coordinates()
+    return poses.arrays(), poses.labels()
 
 
 def _read_staircase(place: Path) -> object:

@@ -19,7 +19,7 @@ def test_tensions_and_margin_are_those_of_the_interface(name):
     found = evaluate(state)
     structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
     assert found.allocation.tensions == pytest.approx(tl.allocate(structure, state.exerted, rig.limits).tensions)
-    swept = tl.sweep(rig, [rig.home], "capacity-margin", frames=rig.at_rest, progress=False)
+    swept = tl.sweep(rig, [rig.home], "capacity-margin", frames=rig.at_rest)
     assert found.margin == pytest.approx(float(swept["capacity-margin"].values.item()))
 
 

@@ -17,7 +17,7 @@ def test_the_values_are_those_of_a_sweep():
     state = edits.set_fields(metric="tension-factor")(begin(tl.load_rig("bartels2026-validation")))
     volume = swept(state, 6, lambda: True)
     grid = tl.workspace.Grid(*volume.axes)
-    expected = tl.sweep(state.rig, grid, "tension-factor", progress=False)["tension-factor"].values[0]
+    expected = tl.sweep(state.rig, grid, "tension-factor")["tension-factor"].values[0]
     assert volume.values == pytest.approx(expected, nan_ok=True)
 
 

@@ -6,7 +6,6 @@ import tensionlab as tl
 from tensionlab.workspace.orientations import parse_rotations, roll_pitch_yaw_of
 
 UP = np.array([0.0, 0.0, 1.0])
-COGIRO = tl.load_rig("cogiro")
 
 
 def test_a_cone_tilts_its_axis_by_up_to_the_angle_and_turns_nothing_about_it():
@@ -25,6 +24,8 @@ def test_roll_pitch_and_yaw_are_turns_about_fixed_axes_and_read_back():
         (turn,) = tl.workspace.roll_pitch_yaw(roll, pitch, yaw)
         np.testing.assert_allclose(turn, Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix(), atol=1e-12)
         np.testing.assert_allclose(roll_pitch_yaw_of(turn[None])[0], [roll, pitch, yaw])
+    swept = tl.sweep(tl.load_rig("cogiro"), tl.workspace.Grid(0.0, 0.0, 2.0, turn[None]), "wrench-feasible")
+    assert [swept[name].item() for name in ("roll", "pitch", "yaw")] == pytest.approx([roll, pitch, yaw])
     upright = tl.workspace.roll_pitch_yaw(0.3, np.pi / 2, 0.1)
     np.testing.assert_allclose(tl.workspace.roll_pitch_yaw(*roll_pitch_yaw_of(upright)[0]), upright, atol=1e-9)
 
@@ -44,19 +45,3 @@ def test_texts_are_sets_of_orientations(tmp_path):
 def test_texts_that_are_none_are_refused(text):
     with pytest.raises(tl.InputError):
         parse_rotations(text, 3, UP)
-
-
-def test_total_is_in_all_orientations_and_inclusive_in_one_at_least():
-    turns = tl.workspace.cone(np.radians(20.0), np.radians(10.0))
-    poses = tl.workspace.box((-6, 6), (-4, 4), 2.0, step=2.0, rotations=turns)
-    swept = tl.sweep(COGIRO, poses, ["wrench-feasible", "capacity-margin"], progress=False)
-    each = swept["wrench-feasible"].to_numpy() > 0
-    total, inclusive = (tl.workspace.over_orientations(swept, kind) for kind in ("total", "inclusive"))
-    np.testing.assert_array_equal(total["wrench-feasible"] > 0, each.all(axis=-1))
-    np.testing.assert_array_equal(inclusive["wrench-feasible"] > 0, each.any(axis=-1))
-    np.testing.assert_array_equal(total["capacity-margin"] > 0, each.all(axis=-1))
-    assert 0 < each.all(axis=-1).mean() < each.any(axis=-1).mean()
-    assert swept["roll"].units == "rad"
-    assert np.hypot(swept["roll"], swept["pitch"]).max() == pytest.approx(np.radians(20.0), abs=0.01)
-    with pytest.raises(tl.SweepError, match="sweep a grid with rotations"):
-        tl.workspace.over_orientations(total, "total")

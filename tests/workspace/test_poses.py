@@ -72,11 +72,11 @@ def test_coordinates_have_units_and_fit_the_axes(poses):
     sizes = dict(zip(poses.dims, poses.shape, strict=True)) | {"row": 3, "column": 3}
     units = {"x": "m", "y": "m", "z": "m", "distance": "m"}
     units |= dict.fromkeys(("angle", "roll", "pitch", "yaw"), "rad")
-    for each in poses.coordinates():
-        assert each.values.shape == tuple(sizes[dim] for dim in each.dims)
-        assert each.units == units.get(each.name, "1")
-        assert each.long_name
-    assert {dim for each in poses.coordinates() for dim in each.dims} >= set(poses.dims)
+    for name, (dims, values, attributes) in poses.labels().items():
+        assert values.shape == tuple(sizes[dim] for dim in dims)
+        assert attributes["units"] == units.get(name, "1")
+        assert attributes["long_name"]
+    assert {dim for dims, *_ in poses.labels().values() for dim in dims} >= set(poses.dims)
 
 
 @pytest.mark.parametrize(
@@ -169,7 +169,7 @@ def test_arrays_hold_positions_and_orientations(tmp_path):
         (lambda: box(0, (0, 1, 2), step=1), ShapeError, r"y has shape \(3,\)"),
         (lambda: box(0, (0, np.nan), step=1), ShapeError, r"y\[1\] is nan"),
         (lambda: box((0, 1), (0, 1), step=0.0), InputError, "step is 0.0"),
-        (lambda: box((0, 1), (0, 1), step=[1, 1, 1]), InputError, r"step is \[1, 1, 1\]"),
+        (lambda: box((0, 1), (0, 1), step=[1, 1, 1]), InputError, r"step is \[1.0, 1.0, 1.0\]"),
         (lambda: box((0, 1), (0, 1), step=1e-9), InputError, r"1e\+09 poses along x"),
         (lambda: polyline([[0.0, 0.0]], 1.0), InputError, "no length"),
         (lambda: polyline([[0.0, 0.0], [1.0, 0.0]], -1.0), InputError, "step is -1"),

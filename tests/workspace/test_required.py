@@ -75,7 +75,7 @@ def test_margins_do_not_depend_on_the_unit_of_length():
     np.testing.assert_allclose(large_margin, small_margin, rtol=1e-9)
 
 
-def test_isotropic_force_share_and_effort_are_beside_the_weight():
+def test_isotropic_force_share_and_squared_tension_are_beside_the_weight():
     structure, weight = COGIRO.structure_matrix(COGIRO.home), COGIRO.required.middle(COGIRO)
     force = tl.workspace.isotropic_force(structure, COGIRO.limits, 3, weight)
     wrenches = np.zeros((500, 6))
@@ -86,16 +86,16 @@ def test_isotropic_force_share_and_effort_are_beside_the_weight():
     share = np.mean(outside.status == tl.Status.EXACT)
     assert share < 1
     directions = wrenches[:, :3]
-    assert tl.workspace.reachable_share(
+    assert tl.workspace.feasible_direction_fraction(
         structure, COGIRO.limits, directions, 1.02 * force, weight
     ) == pytest.approx(share)
     squares = (inside.tensions**2).sum(axis=1)
-    found = tl.workspace.effort(structure, COGIRO.limits, directions, 0.999 * force, weight)
+    found = tl.workspace.squared_tension(structure, COGIRO.limits, directions, 0.999 * force, weight)
     assert found == pytest.approx((squares.mean(), squares.max()))
-    names = ["isotropic-force", "reachable-share:100", "effort"]
+    names = ["isotropic-force", "feasible-direction-fraction:100", "squared-tension"]
     data = tl.sweep(COGIRO, [COGIRO.home], names)
     assert data["isotropic-force"].item() == pytest.approx(force)
-    assert data["reachable-share:100"].item() == 1.0
+    assert data["feasible-direction-fraction:100"].item() == 1.0
     assert tl.workspace.isotropic_force(structure, COGIRO.limits, 3) == 0.0
 
 

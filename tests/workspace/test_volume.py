@@ -39,10 +39,10 @@ def test_every_share_of_a_workspace_is_within_what_is_proved():
     box = [[-1.1, 1.1], [-1.0, 1.0]]
     proved = tl.workspace.certify(rig, box, tl.Requirement(ball=force), 0.01).share
     grid = tl.workspace.box(*box, step=0.02)
-    swept = tl.sweep(rig, grid, f"capacity-margin:{force}", progress=False)
+    swept = tl.sweep(rig, grid, f"capacity-margin:{force}")
     margins = swept[f"capacity-margin:{force}"].to_numpy()[0]
     shares = [
-        tl.workspace.summary(swept).rows[0][-1].above_zero,
+        tl.workspace.summary(swept)["above_zero"][0],
         Volume((grid.x, grid.y), margins).share(0.0),
         float(Objective(force).over(grid).score(margins.ravel() + force)),
     ]

@@ -1,5 +1,3 @@
-import json
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -7,48 +5,45 @@ import xarray as xr
 import tensionlab as tl
 from tensionlab.workspace import Grid
 from tensionlab.workspace.sweep import dataset
-from tensionlab.workspace.sweep.dataset import Summary, summarise
 from tensionlab.workspace.volume import weighted_share
+
+RIGS = [tl.box_corners([2, 2, 2]), tl.alternate_corners([2, 2, 2])]
+
+
+def swept(values):
+    """A sweep of one rig with these values at a list of poses."""
+    values = xr.DataArray(np.asarray(values, float), dims="pose", attrs={"units": "N"})
+    return xr.Dataset({"a": values}, coords={"rig": "one", "kind": "point"})
 
 
 def test_a_metric_is_summarised():
-    values = xr.DataArray([[-1.0, 0.0, np.nan], [2.0, 4.0, np.inf]])
-    assert summarise(values) == Summary(6, 1, -1.0, 2.0, np.inf, 3 / 6)
+    (row,) = tl.workspace.summary(swept([-1.0, 0.0, np.nan, 2.0, 4.0, np.inf])).to_dict("records")
+    statistics = {"min": -1.0, "median": 2.0, "max": np.inf, "above_zero": 3 / 6}
+    assert row == {"rig": "one", "metric": "a", "unit": "N", "poses": 6, "missing": 1, **statistics}
 
 
 def test_where_there_is_no_value_there_is_no_summary():
-    found = summarise(xr.DataArray([np.nan, np.nan]))
-    assert (found.poses, found.missing) == (2, 2)
-    assert np.isnan([found.min, found.median, found.max, found.above_zero]).all()
+    (row,) = tl.workspace.summary(swept([np.nan, np.nan])).to_dict("records")
+    assert (row["poses"], row["missing"]) == (2, 2)
+    assert np.isnan([row[key] for key in ("min", "median", "max", "above_zero")]).all()
 
 
 @pytest.mark.parametrize("sample", [4_000_000, 60])
-def test_a_store_is_read_chunk_by_chunk(tmp_path, monkeypatch, sample):
+def test_a_store_is_summarised_in_parts(tmp_path, monkeypatch, sample):
     monkeypatch.setattr(dataset, "MEDIAN_SAMPLE", sample)
     grid = Grid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 8), np.linspace(-1, 1, 7))
-    rigs = [tl.box_corners([2, 2, 2]), tl.alternate_corners([2, 2, 2])]
-    data = tl.sweep(rigs, grid, "capacity-margin", out=tmp_path / "a.zarr", chunk=20)["capacity-margin"]
-    for number in range(2):
-        found, whole = summarise(data[number]), data[number].values
-        assert (found.poses, found.missing) == (504, np.isnan(whole).sum())
-        assert (found.min, found.max) == (np.nanmin(whole), np.nanmax(whole))
-        assert found.above_zero == pytest.approx(float(weighted_share(whole > 0, grid.weights())))
-        assert found.median == pytest.approx(np.nanmedian(whole), abs=0 if sample > 504 else 0.1)
+    data = tl.sweep(RIGS, grid, "capacity-margin", out=tmp_path / "a.zarr", chunk=20)
+    for (_, row), whole in zip(tl.workspace.summary(data).iterrows(), data["capacity-margin"].values, strict=True):
+        assert (row["poses"], row["missing"]) == (504, np.isnan(whole).sum())
+        assert (row["min"], row["max"]) == (np.nanmin(whole), np.nanmax(whole))
+        assert row["above_zero"] == pytest.approx(float(weighted_share(whole > 0, grid.weights())))
+        assert row["median"] == pytest.approx(np.nanmedian(whole), abs=0 if sample > 504 else 0.1)
 
 
-def test_a_sweep_is_told_from_others_by_rigs_poses_metrics_chunks_and_version():
-    anchors = [(-1, -1), (1, -1), (0, 1)]
-    modules = tuple(tl.Module(str(i), anchor, 0.5, 6.0) for i, anchor in enumerate(anchors))
-    rig = tl.Rig("triangle", "planar-point", modules, np.zeros(2))
-    names = ["capacity-margin", "least-singular-value", "reachable-share:2.0"]
-    assert json.loads(tl.sweep(rig, Grid([0.0, 0.25], [-0.25, 0.0, 0.25]), names).sweep) == {
-        "rigs": "3e6f6c00ed4e206d0569594ad44c387d92e71fffbd98be674f1ad4f6f4176500",
-        "poses": "bf362342d92c98d69ffa84c44d407b147f63501cdc8b48f545b78d412a3e9743",
-        "metrics": {
-            "capacity-margin": "CapacityMargin(radius=0.0)",
-            "least-singular-value": "LeastSingularValue()",
-            "reachable-share:2.0": "ReachableShare(magnitude=2.0, count=200)",
-        },
-        "chunks": [1, 2, 3],
-        "version": tl.__version__,
-    }
+def test_configurations_are_named_after_what_tells_them_apart():
+    poses = [[0.0, 0.3, 0.0]]
+    varied = tl.workspace.vary(tl.ring_plus_top, side=[1.0], count=[3, 4])
+    names = [
+        tl.workspace.summary(tl.sweep(each, poses, "wrench-closure"))["rig"].tolist() for each in (RIGS, varied)
+    ]
+    assert names == [[rig.name for rig in RIGS], ["count 3", "count 4"]]

@@ -3,13 +3,17 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import RigError, SweepError
-from tensionlab.workspace.sweep.plan import vary
+from tensionlab.workspace import vary
 
 RIG = tl.ring_plus_top(1.0)
 
 
-def labels(configurations):
-    return {each.name: each for each in configurations.coordinates()}
+def values(configurations, name):
+    return configurations.labels()[name][1].tolist()
+
+
+def units(configurations, name):
+    return configurations.labels()[name][2]["units"]
 
 
 def test_every_combination_of_layout_parameters_is_a_rig():
@@ -19,24 +23,24 @@ def test_every_combination_of_layout_parameters_is_a_rig():
     for i, side in enumerate([0.5, 1.0]):
         for j, count in enumerate([3, 4, 8]):
             assert rigs.rig([i, j]) == tl.ring_plus_top(side, count, 0.2)
-    assert labels(rigs)["side"].values.tolist() == [0.5, 1.0]
-    assert labels(rigs)["side"].units == "m"
-    assert labels(rigs)["count"].values.tolist() == [3, 4, 8]
-    assert labels(rigs)["count"].units == "1"
+    assert values(rigs, "side") == [0.5, 1.0]
+    assert units(rigs, "side") == "m"
+    assert values(rigs, "count") == [3, 4, 8]
+    assert units(rigs, "count") == "1"
 
 
 def test_a_missing_value_is_a_value_too():
     rigs = vary(tl.ring_plus_top, side=[1.0], top=[None, 2.0])
     assert (rigs.rig([0, 0]).m, rigs.rig([0, 1]).m) == (3, 4)
-    np.testing.assert_array_equal(labels(rigs)["top"].values, [np.nan, 2.0])
+    np.testing.assert_array_equal(values(rigs, "top"), [np.nan, 2.0])
 
 
 def test_points_are_labelled_by_number_and_coordinates():
     rigs = vary(tl.box_corners, size=[[1.0, 2.0, 3.0], [2.0, 2.0, 2.0]])
     assert rigs.rig([1]) == tl.box_corners([2.0, 2.0, 2.0])
-    assert labels(rigs)["size"].values.tolist() == [0, 1]
-    assert labels(rigs)["size_z"].values.tolist() == [3.0, 2.0]
-    assert labels(rigs)["size_z"].units == "m"
+    assert values(rigs, "size") == [0, 1]
+    assert values(rigs, "size_z") == [3.0, 2.0]
+    assert units(rigs, "size_z") == "m"
 
 
 def test_any_anchor_moves_and_all_else_stays():
@@ -47,8 +51,8 @@ def test_any_anchor_moves_and_all_else_stays():
     assert moved.modules[3].anchor.tolist() == [1.0, 2.0, 0.0]
     assert moved.modules[1].anchor.tolist() == [0.0, 0.0, 1.0]
     assert moved.modules[0] == RIG.modules[0]
-    assert labels(rigs)["anchor_top_x"].values.tolist() == [0.0, 1.0]
-    assert labels(rigs)["rig"].values.tolist() == ["ring-3-plus-top"]
+    assert values(rigs, "anchor_top_x") == [0.0, 1.0]
+    assert values(rigs, "rig") == ["ring-3-plus-top"]
     assert vary(tl.box_corners([1, 1, 1]), anchors={"x- y- z+": [[0, 0, 0]]}).dims[1] == "anchor_x-_y-_z+"
 
 
@@ -57,8 +61,8 @@ def test_limits_apply_to_all_modules_of_all_rigs():
     assert rigs.dims == ("rig", "limits")
     assert rigs.rig([1, 1]).limits.lower.tolist() == [1.0] * 8
     assert rigs.rig([1, 1]).limits.upper.tolist() == [12.0] * 8
-    assert labels(rigs)["limits_upper"].values.tolist() == [6.0, 12.0]
-    assert labels(rigs)["limits_upper"].units == "N"
+    assert values(rigs, "limits_upper") == [6.0, 12.0]
+    assert units(rigs, "limits_upper") == "N"
 
 
 def test_a_layout_of_ones_own_has_parameters_too():
@@ -68,8 +72,8 @@ def test_a_layout_of_ones_own_has_parameters_too():
 
     rigs = vary(two, reach=[1.0, 2.0], style=["a", "b"])
     assert rigs.rig([1, 1]).modules[1].name == "b-1"
-    assert labels(rigs)["style"].values.tolist() == ["a", "b"]
-    assert labels(rigs)["reach"].units == "SI"
+    assert values(rigs, "style") == ["a", "b"]
+    assert units(rigs, "reach") == "SI"
 
 
 @pytest.mark.parametrize(

@@ -12,19 +12,25 @@ import xarray as xr
 
 import tensionlab as tl
 from tensionlab import _native
-from tensionlab.errors import RigError, ShapeError, SweepError
+from tensionlab.errors import InputError, RigError, ShapeError, SweepError
 from tensionlab.model.directions import fibonacci
 from tensionlab.model.kinematics import exponential, planar_rotation
 from tensionlab.workspace.interference import Capsule, body_distance, cable_distance
 from tensionlab.workspace.margin import capacity_margin
-from tensionlab.workspace.metrics import METRICS, BodyDistance, CapacityMargin, ReachableShare
+from tensionlab.workspace.metrics import METRICS, Metric, metric
 from tensionlab.workspace.poses import Grid, PoseList, box, polyline
-from tensionlab.workspace.structure_metrics import effort, reachable_share, tension_factor, wrench_closure
+from tensionlab.workspace.structure_metrics import (
+    feasible_direction_fraction,
+    squared_tension,
+    tension_factor,
+    wrench_closure,
+)
 from tensionlab.workspace.sweep import store
-from tensionlab.workspace.sweep.plan import vary
+from tensionlab.workspace.sweep.configurations import vary
 from tests.helpers.examples import many
 
 CUBE = tl.box_corners([2.0, 1.0, 3.0])
+FORCES = fibonacci(200)
 
 
 def held(kind, dimension):
@@ -42,14 +48,22 @@ def test_values_are_those_of_a_direct_call_whatever_the_chunks():
     poses = Grid(np.linspace(-0.8, 0.8, 7), np.linspace(-0.4, 0.4, 5), np.linspace(-1.2, 1.2, 6))
     position = np.stack(np.meshgrid(poses.x, poses.y, poses.z, indexing="ij"), axis=-1)
     structure = CUBE.structure_matrix(position)
-    names = ["capacity-margin", "wrench-closure", "tension-factor", "reachable-share:3.0", "effort:worst"]
+    names = [
+        "capacity-margin",
+        "wrench-closure",
+        "tension-factor",
+        "feasible-direction-fraction:3.0",
+        "squared-tension:worst",
+    ]
     data = tl.sweep(CUBE, poses, names, chunk=11)
     expected = {
         "capacity-margin": capacity_margin(structure, CUBE.limits),
         "wrench-closure": wrench_closure(structure),
         "tension-factor": tension_factor(structure),
-        "reachable-share:3.0": reachable_share(structure, CUBE.limits, fibonacci(200), 3.0),
-        "effort:worst": effort(structure, CUBE.limits, fibonacci(200), 1.0)[1],
+        "feasible-direction-fraction:3.0": feasible_direction_fraction(
+            structure, CUBE.limits, fibonacci(200), 3.0
+        ),
+        "squared-tension:worst": squared_tension(structure, CUBE.limits, fibonacci(200), 1.0)[1],
     }
     for name, values in expected.items():
         assert data[name].dims == ("rig", "x", "y", "z")
@@ -111,7 +125,7 @@ def test_lists_and_paths_have_one_axis():
 
 def test_a_body_keeps_its_distance():
     head = Capsule([0.0, 0.2, 0.5], radius=0.1)
-    data = tl.sweep(CUBE, [[0.1, 0.2, 0.3]], BodyDistance((head,)))
+    data = tl.sweep(CUBE, [[0.1, 0.2, 0.3]], metric("body-distance", bodies=(head,)))
     assert data["body-distance"].item() == body_distance(CUBE, [head], [0.1, 0.2, 0.3]).distance
 
 
@@ -184,7 +198,12 @@ def test_there_is_no_value_on_an_anchor_whatever_the_orientation():
 def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tmp_path):
     for out in (None, tmp_path / "a.zarr"):
         rigs = vary(tl.ring_plus_top, side=[1.0], limits=[(0.5, 6)], anchors={"top": [[0, 2, 0]]})
-        data = tl.sweep(rigs, Grid(0.0, 0.2, 0.1), [ReachableShare(2.0), "effort"], out=out)
+        data = tl.sweep(
+            rigs,
+            Grid(0.0, 0.2, 0.1),
+            ["feasible-direction-fraction:2.0", "squared-tension"],
+            out=out,
+        )
         assert {"side", "limits", "limits_lower", "anchor_top", "anchor_top_x", "anchor", "lower"} <= set(
             data.coords
         )
@@ -193,8 +212,8 @@ def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tm
             assert variable.attrs["long_name"], name
         assert data.x.units == data.anchor.units == data.side.units == "m"
         assert data.upper.units == data.limits_upper.units == "N"
-        assert data["effort"].units == "N²"
-        assert data["reachable-share:2.0"].measure == "ReachableShare(magnitude=2.0, count=200)"
+        assert data["squared-tension"].units == "N²"
+        assert data["feasible-direction-fraction:2.0"].better == "higher"
         manifest = json.loads(data.manifest)
         assert manifest["versions"]["numpy"] == np.__version__
         assert {"call", "git_commit", "processor", "seed", "date"} <= set(manifest)
@@ -205,33 +224,50 @@ def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tm
     [
         (lambda: tl.sweep(CUBE, [[0, 0, 0]], []), SweepError, "no metric is named; give one at least"),
         (lambda: tl.sweep(CUBE, [[0, 0, 0]], "beauty"), SweepError, "no metric is called 'beauty'"),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], ["effort", "effort"]), SweepError, "'effort' is there twice"),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], [CapacityMargin]), SweepError, "CapacityMargin.*instances"),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], [3]), SweepError, "3 is no metric"),
-        (lambda: tl.sweep("cube.toml", [[0, 0, 0]], "effort"), SweepError, "rigs holds 'c'"),
-        (lambda: tl.sweep(CUBE, [[0, 0]], "effort"), SweepError, '2 coordinates; rig "box-corners".*needs 3'),
-        (lambda: tl.sweep(CUBE, [[0, np.nan, 0]], "effort"), ShapeError, r"position\[0, 1\] is nan"),
-        (lambda: tl.sweep(CUBE, PoseList([[0, 0, 0]], [np.eye(3)]), "effort"), SweepError, "cannot turn"),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "effort", chunk=0), SweepError, "chunk is 0"),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "effort", frames={"hip": [0, 0, 0]}), SweepError, '"hip"'),
         (
-            lambda: tl.sweep(vary(tl.ring_plus_top, side=[1.0, -1.0]), [[0, 0, 0]], "effort"),
+            lambda: tl.sweep(CUBE, [[0, 0, 0]], ["tension-factor", "tension-factor"]),
+            SweepError,
+            "'tension-factor' is there twice",
+        ),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "capacity-margin:-1"), InputError, "radius is -1.0"),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "body-distance"), InputError, "no bodies are given"),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], [3]), SweepError, "3 is no metric"),
+        (lambda: tl.sweep("cube.toml", [[0, 0, 0]], "tension-factor"), SweepError, "rigs holds 'c'"),
+        (
+            lambda: tl.sweep(CUBE, [[0, 0]], "tension-factor"),
+            SweepError,
+            '2 coordinates; rig "box-corners".*needs 3',
+        ),
+        (lambda: tl.sweep(CUBE, [[0, np.nan, 0]], "tension-factor"), ShapeError, r"position\[0, 1\] is nan"),
+        (lambda: tl.sweep(CUBE, PoseList([[0, 0, 0]], [np.eye(3)]), "tension-factor"), SweepError, "cannot turn"),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "tension-factor", chunk=0), SweepError, "chunk is 0"),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "tension-factor", frames={"hip": [0, 0, 0]}), SweepError, '"hip"'),
+        (
+            lambda: tl.sweep(vary(tl.ring_plus_top, side=[1.0, -1.0]), [[0, 0, 0]], "tension-factor"),
             RigError,
             "side is -1.0",
         ),
-        (lambda: tl.sweep(vary(CUBE, limits=[(6, 1)]), [[0, 0, 0]], "effort"), RigError, '"lower" is 6.0'),
         (
-            lambda: tl.sweep(vary(CUBE, anchors={"a": [[0, 0, 0]]}), [[0, 0, 0]], "effort"),
+            lambda: tl.sweep(vary(CUBE, limits=[(6, 1)]), [[0, 0, 0]], "tension-factor"),
+            RigError,
+            '"lower" is 6.0',
+        ),
+        (
+            lambda: tl.sweep(vary(CUBE, anchors={"a": [[0, 0, 0]]}), [[0, 0, 0]], "tension-factor"),
             RigError,
             'no module "a"',
         ),
         (
-            lambda: tl.sweep(vary(lambda x: CUBE, x=[1.0]), Grid(0.0, 0.0, 0.0), "effort"),
+            lambda: tl.sweep(vary(lambda x: CUBE, x=[1.0]), Grid(0.0, 0.0, 0.0), "tension-factor"),
             SweepError,
             'are called "x"',
         ),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], BodyDistance((Capsule([0, 0]),))), ShapeError, "body 0"),
-        (lambda: tl.sweep(CUBE, Grid(*[np.zeros(1000)] * 3), "effort"), SweepError, "8.0 GB.*give out"),
+        (
+            lambda: tl.sweep(CUBE, [[0, 0, 0]], metric("body-distance", bodies=(Capsule([0, 0]),))),
+            ShapeError,
+            "body 0",
+        ),
+        (lambda: tl.sweep(CUBE, Grid(*[np.zeros(1000)] * 3), "tension-factor"), SweepError, "8.0 GB.*give out"),
     ],
 )
 def test_odd_sweeps_are_refused_before_any_work(call, error, words, monkeypatch):
@@ -243,23 +279,23 @@ def test_odd_sweeps_are_refused_before_any_work(call, error, words, monkeypatch)
 def test_a_body_frame_that_is_not_given_is_named():
     rig = tl.Rig("worn", "point", (tl.Module("worn", [0, 0, 0], 0.5, 6.0, frame="hip"),), np.zeros(3))
     with pytest.raises(RigError, match='rides on the frame "hip", which is missing'):
-        tl.sweep(rig, [[1, 0, 0]], "effort")
+        tl.sweep(rig, [[1, 0, 0]], "squared-tension")
     with pytest.raises(SweepError, match="one pose for each body frame"):
-        tl.sweep(rig, [[1, 0, 0]], "effort", frames={"hip": np.zeros((2, 3))})
+        tl.sweep(rig, [[1, 0, 0]], "squared-tension", frames={"hip": np.zeros((2, 3))})
 
 
 @pytest.mark.parametrize("missing", ["xarray", "zarr"])
 def test_a_library_that_is_missing_is_named_with_its_extra(missing, monkeypatch, tmp_path):
     monkeypatch.setitem(__import__("sys").modules, missing, None)
     with pytest.raises(tl.MissingDependency, match=rf'needs {missing}: pip install "tensionlab\[workspace\]"'):
-        tl.sweep(CUBE, [[0, 0, 0]], "effort", out=tmp_path / "a.zarr")
+        tl.sweep(CUBE, [[0, 0, 0]], "squared-tension", out=tmp_path / "a.zarr")
 
 
 def test_the_limit_of_memory_counts_all_metrics(monkeypatch):
     monkeypatch.setattr(store, "MAX_MEMORY_BYTES", 8 * 2 * 3)
-    assert tl.sweep(CUBE, np.zeros((3, 3)), ["effort", "wrench-closure"]).sizes["pose"] == 3
+    assert tl.sweep(CUBE, np.zeros((3, 3)), ["squared-tension", "wrench-closure"]).sizes["pose"] == 3
     with pytest.raises(SweepError, match="give out"):
-        tl.sweep(CUBE, np.zeros((3, 3)), ["effort", "wrench-closure", "tension-factor"])
+        tl.sweep(CUBE, np.zeros((3, 3)), ["squared-tension", "wrench-closure", "tension-factor"])
 
 
 LARGE = """
@@ -291,3 +327,14 @@ def test_memory_does_not_grow_with_the_poses_once_chunks_are_full(tmp_path):
     assert size == int(edges[1]) ** 3 >= 2_000_000
     assert peak - before < 8 * size, f"{before:,} and {peak:,} bytes"  # half of what the values take
     assert peak < 0.4e9, f"{peak:,} bytes"  # twice what Python and its libraries take by themselves
+
+
+def test_a_function_with_a_unit_is_a_metric():
+    def height(batch):
+        """Height of the reference point."""
+        return batch.position[:, 1]
+
+    data = tl.sweep(CUBE, [[0.0, 0.2, 0.0]], Metric("height", height, "m"))["height"]
+    assert data.item() == 0.2
+    assert (data.units, data.long_name, data.better) == ("m", "height", "higher")
+    assert data.description == "Height of the reference point."

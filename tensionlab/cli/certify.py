@@ -1,47 +1,64 @@
-"""``tensionlab workspace --certify``: where a rig renders what is required for sure."""
+"""``tensionlab certify``: prove where a rig renders what is required."""
 
 from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import Annotated
 
-from tensionlab.cli.common import output
-from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats
+from tensionlab.cli.common import options, output
+from tensionlab.cli.common.options import BodyFrames, Plot
+from tensionlab.cli.common.region import Box, Rotations, Scheduler, Step, parse_orientations, parse_region
+from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
+from tensionlab.cli.common.verbs import Json
+from tensionlab.model.files import load_rig
 from tensionlab.support.formatting import format_count, format_share
-from tensionlab.workspace.certification.certify import certify
+from tensionlab.workspace.certification.certify import SUFFIX
+from tensionlab.workspace.certification.certify import certify as prove
 from tensionlab.workspace.certification.problem import WRENCH_CLOSURE
 from tensionlab.workspace.certification.result import Bounds, CertifiedWorkspace
 
 HEADINGS = ("<proved", "cells", "volume", "share of\nthe box")
 VERDICTS = {1: "inside", -1: "outside", 0: "undecided"}
-NOTHING_KEPT = "nothing is kept; with --out NAME.npz, the same command goes on where it was"
-"""What Ctrl-C leaves to say."""
+NOTHING_KEPT = "nothing is kept; with --out NAME.npz, the same command resumes the proof"
+"""Message after Ctrl-C."""
 
 
-def prove(
-    rig: Rig,
-    region: Floats,
-    steps: list[float],
-    rotations: Floats | None,
-    *,
-    out: Path | None,
-    scheduler: str | None,
-    plot: Path | None,
-    json: bool,
+def certify(
+    rig: options.RigArgument,
+    box: Box = None,
+    step: Step = None,
+    rotations: Rotations = None,
+    wrench: Wrench = None,
+    gravity: Gravity = None,
+    required: Required = None,
+    frames: BodyFrames = None,
+    out: Annotated[
+        Path | None,
+        options.writes("Write the cells to this file. The same command resumes an interrupted proof.", SUFFIX),
+    ] = None,
+    scheduler: Scheduler = None,
+    plot: Plot = None,
+    json: Json = False,
 ) -> None:
-    """Prove where in a region (d, 2) a rig renders what is required, or has wrench closure; print and draw it."""
-    go_on = NOTHING_KEPT if out is None else f"the same command goes on with what {out} holds, if it is there"
+    """Prove where a rig renders what is required.
+
+    The box is divided into cells, each of which is proved inside, in all orientations, proved outside, or left
+    undecided. If nothing is required, wrench closure is proved.
+    """
+    loaded = with_requirement(options.with_frames(load_rig(rig), frames), wrench, gravity, required)
+    region, steps = parse_region([loaded], box, step)
+    resumed = NOTHING_KEPT if out is None else f"the same command resumes from {out}, if it is there"
     began = time.perf_counter()
-    with output.if_interrupted(go_on), output.ResultWriter(quiet=json) as writer:
+    with output.if_interrupted(resumed), output.ResultWriter(quiet=json) as writer:
         with output.progress("Cells") as progress:
-            proved = certify(
-                rig,
+            proved = prove(
+                loaded,
                 region,
-                rig.required if rig.required else WRENCH_CLOSURE,
-                steps if len(steps) > 1 else steps[0],
-                rotations=rotations,
-                frames=rig.at_rest,
+                loaded.required if loaded.required else WRENCH_CLOSURE,
+                steps,
+                rotations=parse_orientations(loaded, rotations),
+                frames=loaded.at_rest,
                 out=out,
                 scheduler=scheduler,
                 progress=progress,
