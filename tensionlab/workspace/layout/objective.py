@@ -14,7 +14,7 @@ from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_share
-from tensionlab.workspace.layout.space import Places, Space
+from tensionlab.workspace.layout.space import Placement, Space
 from tensionlab.workspace.margin import capacity_margin, margin_gradient
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.volume import describe_step
@@ -132,7 +132,7 @@ def target_margins(space: Space, anchors: Floats, limits: TensionLimits, target:
     return found.reshape(*anchors.shape[:-2], len(target)) - space.required.ball
 
 
-def target_slopes(space: Space, places: Places, limits: TensionLimits, target: Floats) -> tuple[Floats, Floats]:
+def target_slopes(space: Space, places: Placement, limits: TensionLimits, target: Floats) -> tuple[Floats, Floats]:
     """Return the margins (P,) of one layout, in N, and their slopes (P, k, d), in N per length of an edge."""
     lengths, directions = kinematics.cables(space.anchors(places), target, None)
     found = margin_gradient(kinematics.structure_matrix(directions, None), limits, space.required_forces)

@@ -15,7 +15,7 @@ from tensionlab.support.arrays import Floats
 from tensionlab.workspace.layout.objective import Objective, target_margins, target_slopes
 from tensionlab.workspace.layout.proof import most_proved
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
-from tensionlab.workspace.layout.space import Places, Space
+from tensionlab.workspace.layout.space import Placement, Space
 from tensionlab.workspace.poses import Grid
 
 POPULATION_FACTOR = 10
@@ -50,7 +50,7 @@ def search_layout(
     starts: int = 50,
     certify: bool = False,
     progress: Progress | None = None,
-    better: Callable[[Layout], None] | None = None,
+    on_improvement: Callable[[Layout], None] | None = None,
 ) -> LayoutSearch:
     """Search for anchors of modules that are best for a target, by an objective.
 
@@ -80,7 +80,7 @@ def search_layout(
         returned.
     progress : callable, optional
         Called with the share of the work that is done, from 0 to 1.
-    better : callable, optional
+    on_improvement : callable, optional
         Called with each layout that is better than those before with as many modules, as soon as it is found. What
         either of the two raises ends the search.
 
@@ -117,12 +117,12 @@ def search_layout(
 
         title = f"{name}-{count + len(space.fixed)}"
 
-        best_in_turn: list[Places] = []
+        best_in_turn: list[Placement] = []
 
-        def show(places: Places, title: str = title, seen: list[Places] = best_in_turn) -> None:
+        def show(places: Placement, title: str = title, seen: list[Placement] = best_in_turn) -> None:
             seen.append(places)
-            if better is not None:
-                better(evaluate(space, points, objective, places, title))
+            if on_improvement is not None:
+                on_improvement(evaluate(space, points, objective, places, title))
 
         random = np.random.default_rng([seed, count])
         ranked = _explore(
@@ -155,15 +155,15 @@ def _explore(
     random: np.random.Generator,
     generations: int,
     report: Progress,
-    show: Callable[[Places], None],
-) -> list[Places]:
+    show: Callable[[Placement], None],
+) -> list[Placement]:
     """Return the last generation of an evolution, the best layout first; show the best of each that is better."""
     from scipy.optimize import Bounds, OptimizeResult, differential_evolution
 
     limits = space.tension_limits(count)
     size = count * (space.dimension + 1)
 
-    def layouts(genes: Floats) -> Places:
+    def layouts(genes: Floats) -> Placement:
         return space.decode(genes.reshape(-1, count, space.dimension + 1))
 
     def cost(genes: Floats) -> Floats:
@@ -178,7 +178,7 @@ def _explore(
         if intermediate_result.fun < least:
             least = intermediate_result.fun
             shown = layouts(intermediate_result.x)
-            show(Places(shown.surfaces[0], shown.along[0]))
+            show(Placement(shown.surfaces[0], shown.along[0]))
 
     found = differential_evolution(
         cost,  # type: ignore[arg-type]  # the stubs know no vectorized functions
@@ -194,30 +194,30 @@ def _explore(
     )
     everyone = layouts(found.population)
     order = np.argsort(found.population_energies, kind="stable")
-    return [Places(everyone.surfaces[index], everyone.along[index]) for index in order]
+    return [Placement(everyone.surfaces[index], everyone.along[index]) for index in order]
 
 
-def _distinct(ranked: list[Places], most: int) -> list[Places]:
+def _distinct(ranked: list[Placement], most: int) -> list[Placement]:
     """Return the first layouts that differ in how often they use each surface."""
-    seen: dict[tuple[int, ...], Places] = {}
+    seen: dict[tuple[int, ...], Placement] = {}
     for places in ranked:
         seen.setdefault(tuple(np.sort(places.surfaces)), places)
     return list(seen.values())[:most]
 
 
-def _hop(space: Space, places: Places, random: np.random.Generator) -> Places:
+def _hop(space: Space, places: Placement, random: np.random.Generator) -> Placement:
     """Return the layout with one or two modules moved anywhere."""
     surfaces, along = places.surfaces.copy(), places.along.copy()
     count = len(surfaces)
     for index in random.permutation(count)[: random.integers(1, 3)]:
         surfaces[index] = random.integers(len(space.surfaces))
         along[index] = random.random(space.dimension)
-    return Places(surfaces, along)
+    return Placement(surfaces, along)
 
 
 def polish(
-    space: Space, target: Floats, objective: Objective, places: Places, limits: TensionLimits
-) -> tuple[Places, Floats]:
+    space: Space, target: Floats, objective: Objective, places: Placement, limits: TensionLimits
+) -> tuple[Placement, Floats]:
     """Return the best layout near a given one, with every module on its surface.
 
     The margins are not smooth where two facets or two points of the target are equally bad, which is where the
@@ -240,7 +240,7 @@ def polish(
             low = np.maximum(-radius, -places.along)
             high = np.minimum(radius, 1.0 - places.along)
             step = _best_step(objective, margins, gradient, low, high, sharpness)
-            ahead = Places(places.surfaces, np.clip(places.along + step, 0.0, 1.0))
+            ahead = Placement(places.surfaces, np.clip(places.along + step, 0.0, 1.0))
             new_margins, new_gradient = target_slopes(space, ahead, limits, cloud)
             gain = objective.smooth(new_margins[:own], sharpness) - objective.smooth(margins[:own], sharpness)
             if gain > MIN_GAIN:
@@ -298,10 +298,10 @@ def _best_step(
     return step
 
 
-def evaluate(space: Space, target: Floats, objective: Objective, places: Places, name: str) -> Layout:
+def evaluate(space: Space, target: Floats, objective: Objective, places: Placement, name: str) -> Layout:
     """Return the rig of a layout, its score, and what each module adds to that."""
     order = np.lexsort((*places.along.T[::-1], places.surfaces))
-    places = Places(places.surfaces[order], places.along[order])
+    places = Placement(places.surfaces[order], places.along[order])
     modules = (*_modules(space, places), *space.fixed)
     limits = space.tension_limits(len(places.surfaces))
     anchors = space.anchors(places).round(DECIMALS)
@@ -320,7 +320,7 @@ def evaluate(space: Space, target: Floats, objective: Objective, places: Places,
     return Layout(rig, score, float(found.min()), tuple(lost))
 
 
-def _modules(space: Space, places: Places) -> list[Module]:
+def _modules(space: Space, places: Placement) -> list[Module]:
     """Return modules with names after their surfaces, in the axes of their own frames."""
     modules: list[Module] = []
     taken = {module.name for module in space.fixed}

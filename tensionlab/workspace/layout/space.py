@@ -113,7 +113,7 @@ def room(size: Sequence[float], centre: Sequence[float] | None = None) -> tuple[
     )
 
 
-class Placed(NamedTuple):
+class SurfaceGeometry(NamedTuple):
     """Corners (s, d) and edges (s, d, d) of surfaces, and anchors (f, d) of fixed modules, in world axes, in m.
 
     Where a surface has fewer than d edges, the others are zeros.
@@ -124,8 +124,8 @@ class Placed(NamedTuple):
     fixed: Floats
 
 
-class Places(NamedTuple):
-    """Places of k modules: indices of their surfaces (..., k), and shares of the surface's edges (..., k, d).
+class Placement(NamedTuple):
+    """Placement of k modules: indices of their surfaces (..., k), and shares of the surface's edges (..., k, d).
 
     Shares are from 0 to 1, and without effect where a surface has fewer than d edges.
     """
@@ -221,7 +221,7 @@ class Space:
         return self.surfaces[0].corner.size
 
     @cached_property
-    def placed(self) -> Placed:
+    def placed(self) -> SurfaceGeometry:
         """Surfaces and fixed modules in world axes."""
         d, count = self.dimension, len(self.surfaces)
         corners = [(surface.corner, surface.frame) for surface in self.surfaces]
@@ -233,7 +233,7 @@ class Space:
         fixed = [(module.anchor, module.frame) for module in self.fixed]
         riders = [Module("rider", point, 0.0, 0.0, frame=frame) for point, frame in corners + ends + fixed]
         points = pose.place_anchors(riders, np.stack([rider.anchor for rider in riders]), self.frames)
-        return Placed(
+        return SurfaceGeometry(
             corners=points[:count],
             edges=points[count : count * (1 + d)].reshape(count, d, d) - points[:count, None],
             fixed=points[count * (1 + d) :],
@@ -278,7 +278,7 @@ class Space:
             found.append(RestPose(name, np.asarray(frame.position, np.float64), turn))
         return tuple(found)
 
-    def decode(self, genes: Floats) -> Places:
+    def decode(self, genes: Floats) -> Placement:
         """Return the places that genes (..., k, d + 1), from 0 to 1, stand for.
 
         The first gene of a module picks the surface, all of which are equally likely, so that a search finds the
@@ -286,9 +286,9 @@ class Space:
         """
         count = len(self.surfaces)
         surfaces = np.minimum((genes[..., 0] * count).astype(np.int64), count - 1)
-        return Places(surfaces, np.clip(genes[..., 1:] * (1 + 2 * GENE_BORDER) - GENE_BORDER, 0.0, 1.0))
+        return Placement(surfaces, np.clip(genes[..., 1:] * (1 + 2 * GENE_BORDER) - GENE_BORDER, 0.0, 1.0))
 
-    def anchors(self, places: Places) -> Floats:
+    def anchors(self, places: Placement) -> Floats:
         """Return the world positions of all modules, (..., m, d), in m, the fixed ones last."""
         placed = self.placed
         moved = np.einsum("...k,...kd->...d", places.along, placed.edges[places.surfaces])

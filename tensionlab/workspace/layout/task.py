@@ -115,12 +115,12 @@ class LayoutTask(NamedTuple):
     def run(
         self,
         progress: Progress | None = None,
-        better: Callable[[Layout], None] | None = None,
+        on_improvement: Callable[[Layout], None] | None = None,
         *,
         certify: bool = False,
     ) -> LayoutSearch:
         """Search; the parameters are those of `search_layout`."""
-        return search_layout(**self._asdict(), certify=certify, progress=progress, better=better)
+        return search_layout(**self._asdict(), certify=certify, progress=progress, on_improvement=on_improvement)
 
 
 def load_task(path: str | PathLike[str]) -> LayoutTask:

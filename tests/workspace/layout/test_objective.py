@@ -6,7 +6,7 @@ from tensionlab.model.module import Module
 from tensionlab.model.requirement import Requirement
 from tensionlab.workspace.layout import objective
 from tensionlab.workspace.layout.objective import Objective, target_margins, target_slopes
-from tensionlab.workspace.layout.space import Places, Space, Surface, room
+from tensionlab.workspace.layout.space import Placement, Space, Surface, room
 
 CUBE = Space(room([2, 2, 2], centre=[0, 0, 0]), (4,), limits=(1.0, 5.0))
 NAMES = [surface.name for surface in CUBE.surfaces]
@@ -16,7 +16,7 @@ def corners(signs):
     """Modules in corners of the cube, each on the floor or the ceiling."""
     surfaces = np.array([NAMES.index("ceiling" if y > 0 else "floor") for _, y, _ in signs])
     along = np.array([[(x + 1) / 2, (z + 1) / 2, 0] for x, _, z in signs])
-    return Places(surfaces, along)
+    return Placement(surfaces, along)
 
 
 ALTERNATE = [(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]
@@ -80,7 +80,7 @@ def test_many_layouts_at_once_are_each_one_alone(monkeypatch):
     together = target_margins(CUBE, CUBE.anchors(places), limits, target)
     assert together.shape == (7, 11)
     for index in range(7):
-        alone = CUBE.anchors(Places(places.surfaces[index], places.along[index]))
+        alone = CUBE.anchors(Placement(places.surfaces[index], places.along[index]))
         np.testing.assert_array_equal(together[index], target_margins(CUBE, alone, limits, target))
     monkeypatch.setattr(objective, "MAX_CHUNK_POINTS", 20)
     np.testing.assert_array_equal(together, target_margins(CUBE, CUBE.anchors(places), limits, target))
@@ -94,7 +94,7 @@ def test_slopes_are_finite_differences(seed, required):
     box = Surface("box", [0.5, -0.9, 0.5], [[0.3, 0.1, 0], [0, 0.2, 0], [0, 0.1, 0.3]])
     rail = Surface("rail", [-0.9, -0.9, -0.9], [[0.1, 0.8, 0]])
     space = Space((*CUBE.surfaces, box, rail), (7,), limits=(1, 5), fixed=(fixed,), required=required)
-    places = Places(np.array([0, 1, 2, 3, 4, 6, 7]), rng.uniform(0.1, 0.9, size=(7, 3)))
+    places = Placement(np.array([0, 1, 2, 3, 4, 6, 7]), rng.uniform(0.1, 0.9, size=(7, 3)))
     limits = space.tension_limits(7)
     target = rng.uniform(-0.4, 0.4, size=(5, 3))
     margins, slopes = target_slopes(space, places, limits, target)
@@ -106,7 +106,7 @@ def test_slopes_are_finite_differences(seed, required):
             for sign in (1, -1):
                 along = places.along.copy()
                 along[module, edge] += sign * step
-                there = Places(places.surfaces, along)
+                there = Placement(places.surfaces, along)
                 moved.append(target_margins(space, space.anchors(there), limits, target))
             np.testing.assert_allclose(slopes[:, module, edge], (moved[0] - moved[1]) / (2 * step), atol=1e-7)
     assert not slopes[:, 6, 1:].any()  # a rail has one edge

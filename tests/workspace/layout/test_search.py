@@ -11,7 +11,7 @@ from tensionlab.workspace import Objective, Space, Surface, box, capacity_margin
 from tensionlab.workspace.layout import search
 from tensionlab.workspace.layout.objective import target_margins
 from tensionlab.workspace.layout.search import polish
-from tensionlab.workspace.layout.space import Places
+from tensionlab.workspace.layout.space import Placement
 from tests.helpers.examples import many
 
 WALLS = tuple(
@@ -164,7 +164,7 @@ def test_names_keep_clear_of_the_fixed_modules():
 
 def test_a_hop_puts_one_or_two_modules_elsewhere():
     space = Space(WALLS, (5,), LIMITS)
-    start = Places(np.zeros(5, dtype=int), np.full((5, 2), 0.5))
+    start = Placement(np.zeros(5, dtype=int), np.full((5, 2), 0.5))
     random = np.random.default_rng(0)
     moved = []
     for _ in range(200):
@@ -204,7 +204,7 @@ def test_three_modules_around_a_point_end_up_120_degrees_apart():
     one, of 4 N tan(60 degrees) / 2."""
     space = Space(WALLS, (3,), limits=(1.0, 5.0))
     limits = space.tension_limits(3)
-    start = Places(np.array([0, 2, 3]), np.array([[0.9, 0], [0.8, 0], [0.3, 0]]))
+    start = Placement(np.array([0, 2, 3]), np.array([[0.9, 0], [0.8, 0], [0.3, 0]]))
     found, margins = polish(space, np.zeros((1, 2)), Objective(), start, limits)
     np.testing.assert_allclose(margins, 2 * np.sqrt(3), rtol=1e-4)
     x, y = space.anchors(found).T
@@ -218,7 +218,7 @@ def test_a_share_is_polished_until_the_force_is_there_everywhere():
     limits = space.tension_limits(3)
     x = np.linspace(-0.1, 0.1, 3)
     target = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
-    start = Places(np.array([0, 2, 3]), np.array([[0.9, 0], [0.3, 0], [0.9, 0]]))
+    start = Placement(np.array([0, 2, 3]), np.array([[0.9, 0], [0.3, 0], [0.9, 0]]))
     before = target_margins(space, space.anchors(start), limits, target)
     _, margins = polish(space, target, Objective(2.5), start, limits)
     assert (before >= 2.5).mean() < 0.1
@@ -232,7 +232,7 @@ def test_where_not_all_can_be_had_the_share_grows_all_the_same():
     limits = space.tension_limits(3)
     x = np.linspace(-0.8, 0.8, 9)
     target = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
-    start = Places(np.array([0, 2, 3]), np.array([[0.9, 0], [0.3, 0], [0.9, 0]]))
+    start = Placement(np.array([0, 2, 3]), np.array([[0.9, 0], [0.3, 0], [0.9, 0]]))
     objective = Objective(2.0)
     before = objective.score(target_margins(space, space.anchors(start), limits, target))
     _, margins = polish(space, target, objective, start, limits)
@@ -262,10 +262,10 @@ def test_no_layout_nearby_is_better_than_the_polished_one():
     rng = np.random.default_rng(4)
     target = rng.uniform(-0.3, 0.3, size=(8, 3))
     limits = space.tension_limits(5)
-    start = Places(np.array([0, 1, 2, 3, 4]), rng.random((5, 3)))
+    start = Placement(np.array([0, 1, 2, 3, 4]), rng.random((5, 3)))
     found, margins = polish(space, target, Objective(), start, limits)
     near = np.clip(found.along + rng.normal(scale=0.01, size=(4000, 5, 3)), 0, 1)
-    others = space.anchors(Places(np.broadcast_to(found.surfaces, (4000, 5)), near))
+    others = space.anchors(Placement(np.broadcast_to(found.surfaces, (4000, 5)), near))
     assert target_margins(space, others, limits, target).min(axis=-1).max() <= margins.min() + 1e-4
 
 
@@ -273,7 +273,7 @@ def test_layouts_are_shown_as_they_become_better():
     shown = []
     space = Space(WALLS, (3,), LIMITS)
     found = search_layout(
-        space, [[0, 0]], Objective(), generations=3, starts=2, better=shown.append, progress=lambda share: None
+        space, [[0, 0]], Objective(), generations=3, starts=2, on_improvement=shown.append, progress=lambda share: None
     )
     scores = [each.score for each in shown]
     assert scores == sorted(scores)
@@ -286,7 +286,7 @@ def test_who_watches_a_search_can_end_it():
         raise KeyError("enough")
 
     with pytest.raises(KeyError, match="enough"):
-        search_layout(Space(WALLS, (3,), LIMITS), [[0, 0]], Objective(), generations=3, starts=2, better=stop)
+        search_layout(Space(WALLS, (3,), LIMITS), [[0, 0]], Objective(), generations=3, starts=2, on_improvement=stop)
 
 
 def test_bodies_are_at_rest_in_the_rig_where_the_space_has_them():
@@ -294,7 +294,7 @@ def test_bodies_are_at_rest_in_the_rig_where_the_space_has_them():
     hip = tl.Frame([0.0, 0.9, -0.3], turn)
     belt = Surface("belt", [-0.2, 0.0, 0.0], [[0.4, 0.0, 0.0]], frame="hip")
     space = Space((*room([2, 2, 2]), belt), (5,), LIMITS, frames={"hip": hip})
-    on_belt = Places(np.array([6, 0, 1, 2, 3]), np.full((5, 3), 0.4))
+    on_belt = Placement(np.array([6, 0, 1, 2, 3]), np.full((5, 3), 0.4))
     rig = search.evaluate(space, np.array([[0.0, 1.0, 0.0]]), Objective(), on_belt, "five").rig
     assert rig.frames == ("hip",)
     np.testing.assert_allclose(rig.at_rest["hip"].position, hip.position)

@@ -3,7 +3,7 @@ import pytest
 
 from tensionlab.errors import RigError
 from tensionlab.model.module import Module
-from tensionlab.workspace.layout.space import Places, Space, Surface, room
+from tensionlab.workspace.layout.space import Placement, Space, Surface, room
 
 CUBE = Space(room([2, 2, 2], centre=[0, 0, 0]), (4,), limits=(1.0, 5.0))
 FLOOR = Surface("floor", [-1, 0, -1], [[2, 0, 0], [0, 0, 2]])
@@ -96,7 +96,7 @@ def test_genes_pick_surfaces_evenly_and_reach_the_ends_of_edges():
 def test_anchors_lie_on_their_surfaces_with_the_fixed_ones_last():
     fixed = Module("door", [0.9, -1, 0.3], 0, 9)
     space = Space((Surface("rail", [0, 0, 0], [[0, 3, 0]]),), (2,), limits=(1, 5), fixed=(fixed,))
-    found = space.anchors(Places(np.zeros(2, int), np.array([[0.5, 0.9, 0.9], [1, 0, 0]])))
+    found = space.anchors(Placement(np.zeros(2, int), np.array([[0.5, 0.9, 0.9], [1, 0, 0]])))
     np.testing.assert_array_equal(found, [[0, 1.5, 0], [0, 3, 0], [0.9, -1, 0.3]])
     limits = space.tension_limits(2)
     assert limits.lower.tolist() == [1, 1, 0]
