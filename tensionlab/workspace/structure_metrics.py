@@ -94,7 +94,7 @@ def isotropic_force(
     Raises
     ------
     ShapeError, InputError
-        Naming the entry; if so many components cannot be forces.
+        Naming the entry; if that number of components cannot be forces.
 
     Examples
     --------
@@ -113,7 +113,7 @@ def isotropic_force(
         raise InputError(f"dimension is {dimension}; of {n} wrench components, 1 to {n} can be forces")
     if not middle.any():
         return _native.isotropic_force(*batch[:3], forces, RANK_TOLERANCE).reshape(batch.shape)[()]
-    # Tensions that render the wrench, whatever their limits, move the limits of those that render the rest.
+    # Tensions that render the wrench, whatever their limits, shift the limits for the ball.
     W, wrenches = batch.structure, rows(middle, batch.shape, 1)
     tensions = (np.linalg.pinv(W, RANK_TOLERANCE) @ wrenches[..., None])[..., 0]
     found = _native.isotropic_force(W, batch.lower - tensions, batch.upper - tensions, forces, RANK_TOLERANCE)

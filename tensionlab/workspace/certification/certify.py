@@ -82,8 +82,8 @@ def certify(
     frames : mapping of name to Frame or (position, rotation), optional
         Where the body frames of the rig are: one pose for each.
     out : path, optional
-        A file NAME.npz, to which what is found is written every ten seconds. A proof that was killed goes on from
-        there when it is called again, and a finished one is only read.
+        A file NAME.npz, to which cells are written every ten seconds. Called again, an interrupted proof is
+        resumed from there, and a finished one is only read.
     scheduler : str, optional
         Address of a Dask scheduler, as in `tensionlab.sweep`; else the processors of this machine do the work.
     progress : callable, optional

@@ -14,7 +14,7 @@ from tensionlab.support.arrays import Floats, Integers
 from tensionlab.workspace.interference import Capsule, body_pairs, body_segments, cable_pairs, closest
 
 ROUNDING = 1e-7
-"""Of a distance, as a share of the longest cable: the kernel has it to 1e-8 where segments cross."""
+"""Error of a distance relative to the longest cable; the kernel has 1e-8 where segments cross."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ WRENCH_CLOSURE = "wrench-closure"
 """Required in place of wrenches: that some tensions above zero balance each other, whatever the limits."""
 
 MAX_ANGLE_RAD = 0.5
-"""About a rotation: the bounds are of no use for larger turns."""
+"""Largest angle about a rotation; beyond, the bounds are of no use."""
 
 Required = Requirement | ArrayLike | tuple[ArrayLike, float] | Literal["wrench-closure"] | None
 
@@ -120,13 +120,8 @@ def cell_problem(
     anchors = pose.place_anchors(rig.modules, rig.anchors, frames)
     if anchors.ndim > 2:
         raise InputError("frames: give one pose for each body frame; it is the same all over the region")
-    given = None if rotations is None else np.asarray(rotations)
-    if given is not None and given.ndim == (0 if d == 2 else 2):
-        given = given[None]
-    turns = np.eye(d)[None] if given is None else pose.rotations(given, d, "rotations")
-    if turns.ndim != 3 or not len(turns):
-        raise InputError(f"rotations has shape {turns.shape}; give one, or several in a row")
-    arms = kinematics.rotate(turns, rig.attachments) if n > d else np.zeros((1, m, d))
+    given, matrices = _rotations(rotations, d)
+    arms = kinematics.rotate(matrices, rig.attachments) if n > d else np.zeros((1, m, d))
     shape = (len(arms), m, d)
     lower, upper, radius, slack, length = rig.limits.lower, rig.limits.upper, 0.0, 0.0, 1.0
     closure = isinstance(required, str)
@@ -162,6 +157,19 @@ def cell_problem(
         closure,
         clearance,
     )
+
+
+def _rotations(rotations: ArrayLike | None, dimension: int) -> tuple[ArrayLike | None, Floats]:
+    """Return the rotations in a row as they were given, and as matrices (k, d, d)."""
+    if rotations is None:
+        return None, np.eye(dimension)[None]
+    given = np.asarray(rotations)
+    if given.ndim == (0 if dimension == 2 else 2):
+        given = given[None]
+    matrices = pose.rotations(given, dimension, "rotations")
+    if matrices.ndim != 3 or not len(matrices):
+        raise InputError(f"rotations has shape {matrices.shape}; give one, or several in a row")
+    return given, matrices
 
 
 def _whole(verdict: NDArray[np.int8]) -> Floats:

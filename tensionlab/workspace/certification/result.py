@@ -51,7 +51,7 @@ class Bounds(NamedTuple):
     upper: float
 
     def describe(self, digits: int = 4) -> str:
-        """Return both in so many significant digits, rounded away from each other, so that they stay bounds."""
+        """Return both bounds with some significant digits, rounded away from each other."""
         low, high = (
             _rounded(each, digits, way) for each, way in ((self.lower, math.floor), (self.upper, math.ceil))
         )
@@ -228,7 +228,7 @@ class CertifiedWorkspace:
 
 
 def _rounded(value: float, digits: int, way: Callable[[float], int]) -> float:
-    """Return a number in so many significant digits, one way."""
+    """Return a number rounded to some significant digits, up or down."""
     if not value:
         return value
     places = digits - 1 - math.floor(math.log10(abs(value)))

@@ -1,4 +1,4 @@
-"""Search for the cells of a region that are inside or outside, level by level; one that was stopped can go on."""
+"""Resumable search, level by level, for the cells of a region that are inside or outside."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from tensionlab.workspace.certification.problem import CellProblem, Verdicts
 from tensionlab.workspace.certification.subdivision import Subdivision
 
 CHUNK_CELLS = 16_384
-"""Cells of a task: a part of a second."""
+"""Number of cells in a task, which then takes a fraction of a second."""
 MAX_CELLS = 50_000_000
-"""Cells of a level: more would not fit in memory."""
+"""Largest number of cells of a level that fits in memory."""
 SAVE_INTERVAL_S = 10.0
-"""Between writes of what is found so far."""
+"""Time between two writes of the cells, in s."""
 
 
 class Cells(NamedTuple):
-    """Cells of which nothing more is to be found out, as in `CertifiedWorkspace`."""
+    """Finished cells, as in `CertifiedWorkspace`."""
 
     level: NDArray[np.int8]
     place: Integers
@@ -38,7 +38,7 @@ class Cells(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CellTask:
-    """Some cells of one level (k, d), and what is to be proved of them."""
+    """Cells of one level (k, d), and the problem to prove of them."""
 
     problem: CellProblem
     cells: Subdivision
@@ -52,7 +52,7 @@ class CellTask:
 
 
 class CellSearch:
-    """What is found so far of the cells of a region, and what is still to be looked at."""
+    """Finished cells of a region, and those that are still to be examined."""
 
     def __init__(self, problem: CellProblem, cells: Subdivision) -> None:
         self.evaluations = 0
@@ -63,7 +63,7 @@ class CellSearch:
 
     @property
     def finished(self) -> bool:
-        """Whether nothing is left to be looked at."""
+        """Whether no cell remains to be examined."""
         return not self._waiting
 
     def tasks(self) -> Iterator[CellTask]:
@@ -81,7 +81,7 @@ class CellSearch:
             yield CellTask(self._problem, self._cells, level, chunk)
 
     def settle(self, task: CellTask, verdicts: Verdicts) -> None:
-        """Take what is proved of a task's cells; those that are undecided are cut, and looked at later."""
+        """Store what is proved of a task's cells; undecided ones are divided, and examined later."""
         self._waiting = [each for each in self._waiting if each[1] is not task.places]
         self.evaluations += len(task.places)
         open_cells = (verdicts.verdict == 0) & (task.level < self._cells.levels)
@@ -93,11 +93,11 @@ class CellSearch:
             self._waiting.append((task.level + 1, self._cells.children(task.places[open_cells])))
 
     def found(self) -> Cells:
-        """Return the cells of which nothing more is to be found out."""
+        """Return the finished cells."""
         return Cells(*(np.concatenate(each) for each in zip(*self._found, strict=True)))
 
     def save(self, path: Path) -> None:
-        """Write what is found and what is not, to a file that `load` reads."""
+        """Write finished and remaining cells to a file that `load` reads."""
         d = self._cells.dimension
         empty = Cells(np.zeros(0, np.int8), np.zeros((0, d), np.int64), np.zeros(0, np.int8), np.zeros((0, 2)))
         self._found = [Cells(*(np.concatenate(each) for each in zip(empty, *self._found, strict=True)))]
@@ -115,7 +115,7 @@ class CellSearch:
             )
 
     def load(self, path: Path) -> None:
-        """Go on from what a file holds; DataError if it is damaged, or of another search."""
+        """Resume from a file; DataError if it is damaged, or of another search."""
         what = "what an earlier call with the same arguments wrote"
         arrays = read_npz(path, what, DataError)
         expected = {"identity", "evaluations", "waiting_level", "waiting_place", *Cells._fields}
@@ -148,7 +148,7 @@ def run(
     out: Path | None,
     report: Callable[[], None],
 ) -> None:
-    """Search to the end; with a file, what is found is written every now and then, and at the end."""
+    """Search to the end; with a file, cells are written at intervals, and at the end."""
     written = time.perf_counter()
     while not search.finished:
         for task, verdicts in evaluate(search.tasks()):

@@ -14,7 +14,7 @@ from tensionlab.support.arrays import Floats, Integers, finite
 MIN_ROOTS = 4
 """Cells along the shortest edge to begin with: fewer would make the finest much smaller than they need be."""
 MAX_AXIS_CELLS = 2**30
-"""Along one axis: more are taken for a slip of the resolution."""
+"""Largest number of cells along one axis; more are taken for a mistaken resolution."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Subdivision:
 
     @property
     def volume(self) -> float:
-        """Of the box, in m to the power of its axes that have an extent."""
+        """Volume of the box, in m to the power of the number of its axes that have an extent."""
         return float(np.prod(self.extent[self.extent > 0]))
 
     def edges(self, level: int) -> Floats:

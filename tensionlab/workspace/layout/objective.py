@@ -20,7 +20,7 @@ from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.volume import describe_step
 
 TIE_WEIGHT = 0.1
-"""Weight of missing or spare force beside the share: enough to lead a search among equals."""
+"""Weight of missing or spare force next to the share: enough to lead a search among equals."""
 
 MAX_CHUNK_POINTS = 50_000
 """Points of layouts that are worked on at once; it bounds the memory."""

@@ -14,11 +14,11 @@ from tensionlab.workspace.certification.certify import certify
 from tensionlab.workspace.layout.results import Layout
 
 STEPS = 64
-"""Finest cells along the longest edge."""
+"""Number of finest cells along the longest edge."""
 BISECTIONS = 8
-"""Of a force: it is found to less than half a percent."""
+"""Number of bisections of a force, which find it to less than half a percent."""
 MAX_CANDIDATES = 5
-"""Layouts that are proved: the later ones are worse."""
+"""Largest number of layouts that are proved; later ones are worse."""
 
 
 def proved_force(rig: Rig, target: Floats, most: float) -> float:

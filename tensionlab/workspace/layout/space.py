@@ -21,7 +21,7 @@ from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_range, format_vector
 
 HARDWARE = ("brake", "newton_per_ampere", "spool_radius")
-"""What modules may have beside their limits."""
+"""Keys of a module other than its limits."""
 GENE_BORDER = 0.15
 """Share of an edge's genes that stands for each of its two ends: good places are often there."""
 
@@ -143,7 +143,7 @@ class Space:
     Attributes
     ----------
     counts : tuple of int
-        How many modules to put on them, beside the fixed ones: each number is searched for.
+        Numbers of modules to place, in addition to the fixed ones; a layout is searched for each.
     limits : (lower, upper)
         Tension limits of the modules that are put, in N.
     hardware : mapping of str to float

@@ -30,7 +30,7 @@ from tensionlab.workspace.poses import Grid, box
 ROOM_UP = "y"
 """Axis of `room` that points up."""
 MAX_POSES = 1_000_000
-"""Positions of a target: a search looks at each of them thousands of times."""
+"""Largest number of positions of a target; a search evaluates each thousands of times."""
 
 
 class RoomTable(Table):
@@ -126,7 +126,7 @@ class LayoutTask(NamedTuple):
 def load_task(path: str | PathLike[str]) -> LayoutTask:
     """Return the search task of a space that comes with this package, by name, or of a space file, by path.
 
-    Names and paths are told apart as in `load_rig`. ``datasets/README.md`` shows the format of the file, with
+    Names and paths are distinguished as in `load_rig`. ``datasets/README.md`` shows the format of the file, with
     every key. RigError names the file, the table and the key, or says that there is no space of that name.
     """
     path = find(path, "spaces", RigError)

@@ -63,7 +63,7 @@ class Task:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Every metric, of every configuration, at every pose, in chunks of at most so many values.
+    """Every metric of every configuration at every pose, in chunks of a largest size.
 
     The axes are those of the configurations, then those of the poses. What is required is each rig's own where it
     is None.

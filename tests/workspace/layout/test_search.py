@@ -273,7 +273,13 @@ def test_layouts_are_shown_as_they_become_better():
     shown = []
     space = Space(WALLS, (3,), LIMITS)
     found = search_layout(
-        space, [[0, 0]], Objective(), generations=3, starts=2, on_improvement=shown.append, progress=lambda share: None
+        space,
+        [[0, 0]],
+        Objective(),
+        generations=3,
+        starts=2,
+        on_improvement=shown.append,
+        progress=lambda share: None,
     )
     scores = [each.score for each in shown]
     assert scores == sorted(scores)
@@ -286,7 +292,9 @@ def test_who_watches_a_search_can_end_it():
         raise KeyError("enough")
 
     with pytest.raises(KeyError, match="enough"):
-        search_layout(Space(WALLS, (3,), LIMITS), [[0, 0]], Objective(), generations=3, starts=2, on_improvement=stop)
+        search_layout(
+            Space(WALLS, (3,), LIMITS), [[0, 0]], Objective(), generations=3, starts=2, on_improvement=stop
+        )
 
 
 def test_bodies_are_at_rest_in_the_rig_where_the_space_has_them():
