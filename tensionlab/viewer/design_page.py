@@ -23,13 +23,12 @@ from tensionlab.viewer.design_drawing import TIP, DesignDrawing, Grab, rotation_
 from tensionlab.viewer.design_panel import DesignPanel
 from tensionlab.viewer.evaluation import evaluate
 from tensionlab.viewer.history import UNDONE, History
-from tensionlab.viewer.latest import Latest
 from tensionlab.viewer.saving import RIG_SUFFIX, save
 from tensionlab.viewer.scene import draw, force_scale
 from tensionlab.viewer.server import PageServer
 from tensionlab.viewer.solver_study import compare
 from tensionlab.viewer.state import HAND, DesignState, Edit
-from tensionlab.viewer.workspace import WorkspaceWorker
+from tensionlab.viewer.workers import Latest, WorkspaceWorker
 
 COMPARED_BY = (*UNDONE, "solver", "policy", "compared", "study", "selected")
 """Attributes of a state that the comparison of solvers depends on."""

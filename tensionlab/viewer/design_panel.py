@@ -41,7 +41,7 @@ SPACE_SUFFIX = ".toml"
 
 
 class PanelActions(Protocol):
-    """What the panel has done by the page."""
+    """Actions of the page that the panel calls."""
 
     def edit(self, change: Edit, step: object = None, key: object = None) -> None: ...  # noqa: D102
     def undo(self) -> None: ...  # noqa: D102

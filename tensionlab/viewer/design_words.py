@@ -21,7 +21,7 @@ POLICY_WORDS = {
     "tension": "the tensions nearest to equilibrium are taken",
     "direction": "the longest wrench in the desired direction is rendered",
 }
-"""What is done where the desired wrench is infeasible, by policy."""
+"""Meaning of each policy where the desired wrench is infeasible."""
 AT_LIMIT_N = 1e-6
 
 

@@ -72,7 +72,7 @@ class StateEvaluation:
     margin : float
         Capacity margin at the hand about what the rig requires, in N; NaN where a cable has no length.
     available : ForceSet or None
-        Forces that are available at the desired torque; None if not asked for, or there are none.
+        Forces that are available at the desired torque; None if not shown, or there are none.
     rendered : (n,) array or None
         Wrench that is rendered in addition to what the rig requires, in N and N·m; None without an allocation.
     certificate : Certificate or None

@@ -65,8 +65,8 @@ Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 Point = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
-class Message(BaseModel):
-    """Message of a browser; a subclass has the fields of viser's message of its type."""
+class BrowserMessage(BaseModel):
+    """BrowserMessage of a browser; a subclass has the fields of viser's message of its type."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -75,19 +75,19 @@ class Message(BaseModel):
         return True
 
 
-class Value(BaseModel):
+class FieldValue(BaseModel):
     """The one attribute of an element that a browser may set."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
     value: bool | Number | Text | Annotated[list[Number], Field(max_length=3)]
 
 
-class GuiUpdate(Message):
+class GuiUpdate(BrowserMessage):
     """Value entered in a field, or press of a button."""
 
     type: Literal["GuiUpdateMessage"]
     uuid: Text
-    updates: Value
+    updates: FieldValue
 
     def concerns(self, server: viser.ViserServer) -> bool:
         """Tell whether the element is there and can have the value."""
@@ -95,15 +95,15 @@ class GuiUpdate(Message):
         return element is not None and can_have(element, self.updates.value)
 
 
-class Command(Message):
+class Shortcut(BrowserMessage):
     """Keyboard shortcut."""
 
     type: Literal["CommandTriggerMessage"]
     uuid: Text
 
 
-class Camera(Message):
-    """Where a browser looks from."""
+class CameraUpdate(BrowserMessage):
+    """Camera of a browser."""
 
     type: Literal["ViewerCameraMessage"]
     wxyz: Quaternion
@@ -117,8 +117,8 @@ class Camera(Message):
     up_direction: Vector
 
 
-class Node(Message):
-    """Message about a node of the scene, by its name."""
+class NodeMessage(BrowserMessage):
+    """BrowserMessage about a node of the scene, by its name."""
 
     name: Text
     owner: Literal[""] = ""
@@ -128,7 +128,7 @@ class Node(Message):
         return self.name in server.scene._handle_from_node_name
 
 
-class Click(Node):
+class NodeClick(NodeMessage):
     """Click on a node."""
 
     type: Literal["SceneNodeClickMessage"]
@@ -139,7 +139,7 @@ class Click(Node):
     modifier: Text | None
 
 
-class Drag(Node):
+class NodeDrag(NodeMessage):
     """Drag of a node."""
 
     type: Literal["SceneNodeDragMessage"]
@@ -153,13 +153,13 @@ class Drag(Node):
     modifier: Text | None
 
 
-class HandleDrag(Node):
+class HandleDrag(NodeMessage):
     """Begin or end of a drag of the handle with arrows."""
 
     type: Literal["TransformControlsDragStartMessage", "TransformControlsDragEndMessage"]
 
 
-class HandlePose(Node):
+class HandlePose(NodeMessage):
     """Pose of the handle with arrows."""
 
     type: Literal["TransformControlsUpdateMessage"]
@@ -167,8 +167,11 @@ class HandlePose(Node):
     position: Vector
 
 
-MESSAGES: TypeAdapter[Message] = TypeAdapter(
-    Annotated[GuiUpdate | Command | Camera | Click | Drag | HandleDrag | HandlePose, Field(discriminator="type")]
+MESSAGES: TypeAdapter[BrowserMessage] = TypeAdapter(
+    Annotated[
+        GuiUpdate | Shortcut | CameraUpdate | NodeClick | NodeDrag | HandleDrag | HandlePose,
+        Field(discriminator="type"),
+    ]
 )
 
 
@@ -263,7 +266,7 @@ class Gate:
         """Return where the page has its WebSocket in its address, with the token; None if it is there.
 
         viser connects to the address in ``websocket``. A cookie would not do: browsers send it to all servers of
-        this machine, whoever runs them.
+        this machine, those of other users too.
         """
         if "websocket=" in urlsplit(target).query:
             return None
@@ -271,7 +274,7 @@ class Gate:
         return f"{PAGE_PATH}?{urlencode({'token': self.token, 'websocket': socket})}"
 
     def came(self, connection: ServerConnection) -> None:
-        """Note a new connection; close the oldest one that has asked for nothing if there are too many."""
+        """Note a new connection; close the oldest one without a request if there are too many."""
         self.waiting[connection] = None
         if len(self.waiting) > MAX_WAITING:
             oldest = next(iter(self.waiting))

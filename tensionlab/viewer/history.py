@@ -7,7 +7,7 @@ from dataclasses import replace
 from tensionlab.viewer.state import HAND, DesignState
 
 UNDONE = ("rig", "position", "rotation", "wrench")
-"""Attributes of a state that are undone; how it is looked at stays."""
+"""Attributes of a state that are undone; those of its display stay."""
 MAX_STEPS = 500
 
 

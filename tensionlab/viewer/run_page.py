@@ -1,4 +1,4 @@
-"""The page of a run, in progress or from its log: one picture, and the same texts beside it."""
+"""The page of a run, in progress or from its log: one picture, and the same texts next to it."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class RunPage(ABC):
             part.content = wrap(html)
 
     def serve(self, until: Callable[[], bool]) -> None:
-        """Show the run until a function says so, asked in each turn."""
+        """Show the run until a function, called in each turn, returns true."""
         while not until():
             self.turn()
             time.sleep(POLL_S)

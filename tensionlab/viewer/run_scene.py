@@ -1,4 +1,4 @@
-"""What a run knew in one cycle, and how it is drawn: cables by measured tension, modules, and its forces."""
+"""Data of a run in one cycle, and how they are drawn: cables by measured tension, modules and forces."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ DASHES = 24
 
 @dataclass(frozen=True, eq=False)
 class OtherAnswer:
-    """What another solver would have commanded.
+    """Answer that another solver would have given.
 
     Tensions (m,) in N, NaN where no set-point was sent, and the wrench (n,) in N and N·m of all modules.
     """
@@ -53,7 +53,7 @@ class OtherAnswer:
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """What a run knew in one cycle.
+    """Data of a run in one cycle.
 
     Attributes
     ----------

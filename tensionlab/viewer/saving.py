@@ -1,4 +1,4 @@
-"""What the design page reads and writes: files below the folder in which it was started, and no others."""
+"""Saving from the design page: files below the folder in which it was started, and no others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is drawn of a state, as arrays: cables coloured by tension, arrows, the available forces, labels.
+"""The scene of a state as arrays: cables coloured by tension, arrows, the available forces, labels.
 
 Everything is in space and in m; a rig in the plane lies in the plane z = 0. Forces are drawn to one scale, so that
 the arrow of a force ends inside the set of available forces if and only if it is available.

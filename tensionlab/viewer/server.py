@@ -76,7 +76,7 @@ class PageServer:
 
 
 def _require_free(host: str, port: int) -> None:
-    """Refuse an address at which nothing can listen; viser would take another port, or wait for ever."""
+    """Refuse an address at which nothing can listen; viser would take another port, or wait endlessly."""
     try:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         socket.create_server((host, port), family=family).close()

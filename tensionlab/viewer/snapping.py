@@ -1,4 +1,4 @@
-"""Where anchors snap to: the nearest point of the surfaces of a space."""
+"""Surfaces of a space, and their nearest points, to which anchors snap."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All that a person can change on the design page, and how: pure functions from state to state."""
+"""The state of the design page, and its edits: pure functions from state to state."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from tensionlab.viewer.snapping import nearest_on_surfaces
 from tensionlab.workspace.layout.task import LayoutTask
 
 HAND = "hand"
-"""What the hand, or the platform, is called where modules have names."""
+"""Name of the hand, or the platform, among the names of modules."""
 
 DECIMALS = 4
-"""Of coordinates in m and forces in N that are dragged."""
+"""Decimals of coordinates in m and forces in N that are dragged."""
 
 Display = Literal["surface", "off"]
 Study = Literal["force in a circle", "force in all directions", "hand in a circle"]
@@ -44,13 +44,13 @@ class DesignState:
     rotation : (3, 3) array, number or None
         Of the platform: a matrix in space, an angle in rad in the plane; None for a point.
     wrench : (n,) array
-        Desired, in N and N·m, beside what the rig requires.
+        Desired wrench, in N and N·m, in addition to what the rig requires.
     solver, policy : str, and a policy or None
         As `tensionlab.allocate` takes them.
     compared : tuple of str
         Solvers that are compared with that one.
     study : str
-        What they are compared at, besides the desired wrench; one of `STUDIES`.
+        Problems of their comparison, in addition to the desired wrench; one of `STUDIES`.
     metric : str
         Of the workspace, by its name in `tensionlab.workspace.METRICS`.
     level : float
@@ -66,7 +66,7 @@ class DesignState:
     task : LayoutTask or None
         Of a space file: to its surfaces anchors snap, and for its target layouts are searched for.
     ghost : Rig or None
-        Rig that is drawn beside, for comparison.
+        Other rig that is drawn for comparison.
     dark : bool
         Whether the page is dark.
     """

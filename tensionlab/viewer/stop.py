@@ -1,4 +1,4 @@
-"""The stop button of a run's page: the emergency stop of its modules, and what came of it."""
+"""The stop button of a run's page: the emergency stop of its modules, and its outcome."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OVER = ("ended", "gone")
 
 @dataclass(frozen=True)
 class StopOutcome:
-    """What came of a stop: whether all modules have confirmed it, and a line on each that has not, or on all."""
+    """Outcome of a stop: whether all modules have confirmed it, and a line on each that has not, or on all."""
 
     confirmed: bool
     lines: tuple[str, ...]
@@ -29,8 +29,8 @@ class StopOutcome:
 def stop_modules(watcher: RunWatcher) -> StopOutcome:
     """Stop the modules of a run by an emergency stop, and wait for what comes of it.
 
-    Modules that are simulated in the process of the run have no link of their own: that process is told to stop
-    them, and has to say that it did, to the watcher, which somebody else polls.
+    Modules that are simulated in the process of the run have no link of their own: that process is signalled
+    to stop them, and reports that it did to the watcher, which must be polled meanwhile.
     """
     info = watcher.info
     if info is None:
@@ -60,7 +60,7 @@ def _stop_process(watcher: RunWatcher, pid: int) -> str:
     while watcher.condition not in OVER:
         if time.perf_counter() > end:
             return (
-                f"process {pid} was signalled and has not said that its modules stopped; "
+                f"process {pid} was signalled and has not reported that its modules stopped; "
                 f"end it ({kill_command(pid)}), and its simulated modules with it"
             )
         time.sleep(POLL_PERIOD_S)

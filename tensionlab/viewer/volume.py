@@ -25,7 +25,7 @@ from tensionlab.workspace.volume import node_weights, weighted_share
 COARSE, FINE = 30, 80
 """Positions along each axis while something is dragged, and when it is released."""
 CHUNK = 8_192
-"""Positions that are evaluated before it is asked whether the answer is still wanted."""
+"""Positions that are evaluated between checks whether the result is still wanted."""
 THIN = 0.5
 """Least length of an edge of the box, as a share of the longest one."""
 FEW = 0.995
@@ -41,7 +41,7 @@ class Volume:
     axes : tuple of d arrays
         Coordinates along each axis, in m.
     values : array
-        Of the metric, one axis for each coordinate; NaN where there is none.
+        Metric at each position, one axis for each coordinate; NaN where it has no value.
     """
 
     axes: tuple[Floats, ...]

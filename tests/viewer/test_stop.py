@@ -82,7 +82,9 @@ def test_a_process_that_does_not_say_that_it_stopped_them_is_named(monkeypatch):
     outcome = stop_modules(run)
     assert passing.perf_counter() - began == pytest.approx(RELEASE_TIMEOUT_S, abs=0.1)
     assert not outcome.confirmed
-    assert outcome.lines[0].startswith(f"process {PID} was signalled and has not said that its modules stopped")
+    assert outcome.lines[0].startswith(
+        f"process {PID} was signalled and has not reported that its modules stopped"
+    )
     assert f"kill -9 {PID}" in outcome.lines[0]
     assert outcome.lines[1:] == ("confirmed by 0 modules",)
 

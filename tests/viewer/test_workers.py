@@ -4,10 +4,9 @@ import threading
 
 import tensionlab as tl
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.latest import Latest
 from tensionlab.viewer.state import begin
 from tensionlab.viewer.volume import COARSE, FINE
-from tensionlab.viewer.workspace import WorkspaceWorker
+from tensionlab.viewer.workers import Latest, WorkspaceWorker
 
 HANGS_S = 600.0
 
