@@ -118,16 +118,13 @@ def replay(
 @log.command()
 def view(
     path: RunFile,
-    solver: Annotated[
-        str, typer.Option(metavar="NAME", help="Solver whose answers are shown beside; also chosen on the page.")
-    ] = "",
     port: PagePort = 0,
     browser: Browser = True,
 ) -> None:
     """Play a run in the browser.
 
-    The rig as it was at each time, with cables by tension, forces, brakes and modules; events to go to; and what
-    another solver would have commanded. Ctrl-C ends it.
+    The rig as it was at each time, with cables by tension, forces, brakes and modules, and its
+    events. Ctrl-C ends it.
     """
     from tensionlab.scenarios.scenery import read_scenery
     from tensionlab.viewer.recorded import require_drawable
@@ -137,9 +134,7 @@ def view(
     run = _read(path)
     require_drawable(run, path)
     scenery = read_scenery(run.setup.scenery, run.rig, str(path), LogError)
-    if solver:
-        options.check_solvers(run.rig, [solver], None)
-    page = ReplayPage(run, PageServer(port=port), solver, scenery)
+    page = ReplayPage(run, PageServer(port=port), scenery)
     with if_interrupted("the same command shows the run again"), closing(page):
         open_page(page.server, path.name, browser=browser)
         page.serve(lambda: False)

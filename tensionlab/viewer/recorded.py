@@ -1,24 +1,21 @@
-"""A run from its log, as a watcher would have seen it at each time; and what another solver would have done."""
+"""A run from its log, as a watcher would have seen it at each time."""
 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.allocation import Allocation
-from tensionlab.benchmark.replay import answer_again
 from tensionlab.errors import LogError
 from tensionlab.hardware.log.columns import COLUMNS
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.log.shared_run import RunInfo, RunReport
 from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.solvers.base import Status
-from tensionlab.viewer.run_scene import Instant, OtherAnswer, rendered_by_modules
+from tensionlab.viewer.run_scene import Instant
 
 SHOWN_TIMES = 1000
 """Number of latest cycles over which times of the loop are shown."""
@@ -79,28 +76,6 @@ def report_at(run: Run, index: int) -> RunReport:
     )
 
 
-def instant_at(run: Run, index: int, solver: str = "", answer: Allocation | None = None) -> Instant:
-    """Return the instant of the cycle of an index, with the answer of another solver if there is one.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab.hardware import read_run
-    >>> from tensionlab.viewer.recorded import instant_at
-    >>> instant_at(read_run("run.mcap"), 3).time  # doctest: +SKIP
-    0.06
-    """
-    cycle = cycle_of(run, index)
-    instant = Instant.of(run.rig, cycle)
-    if answer is None:
-        return instant
-    sent = np.isfinite(instant.set_points)  # to springs and lost modules nothing is
-    tensions = np.where(sent, answer.tensions, np.nan)
-    return replace(instant, other=OtherAnswer(solver, tensions, answer.wrench + rendered_by_modules(cycle)))
-
-
-def answer_at(run: Run, index: int, solver: str) -> Allocation | None:
-    """Return what a solver, with its own policy, answers to the desired wrench of a cycle; None without one."""
-    if not np.isfinite(run.desired[index]).all():
-        return None
-    return answer_again(run, index, solver)
+def instant_at(run: Run, index: int) -> Instant:
+    """Return the instant of the cycle of an index."""
+    return Instant.of(run.rig, cycle_of(run, index))

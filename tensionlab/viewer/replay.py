@@ -1,4 +1,4 @@
-"""The page of a log: a run as it was, at any time and speed, and what another solver would have done."""
+"""The page of a log: a run as it was, at any time and speed."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.allocation import Allocation
-from tensionlab.errors import TensionlabError
 from tensionlab.hardware.log.reader import Run
 from tensionlab.scenarios.scenery import Scenery
 from tensionlab.solvers.base import Status
@@ -20,9 +18,9 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import FORCE_COLOURS, GREEN, GREY, ORANGE
 from tensionlab.support.table import STATUS_MARKS
 from tensionlab.viewer import run_words
-from tensionlab.viewer.design_panel import entered, pressed, solver_names
+from tensionlab.viewer.design_panel import entered, pressed
 from tensionlab.viewer.html import render
-from tensionlab.viewer.recorded import answer_at, info_of, instant_at, report_at
+from tensionlab.viewer.recorded import info_of, instant_at, report_at
 from tensionlab.viewer.run_marks import KINDS, marks
 from tensionlab.viewer.run_page import RunDrawing, RunPage
 from tensionlab.viewer.server import PageServer
@@ -40,7 +38,6 @@ BINS = 400
 """Points of a curve in the timeline: about as many as it has pixels."""
 MIN_ERROR_N = 0.01
 """Largest difference between the desired and the demanded wrench that is not mentioned."""
-NONE = "none"
 
 
 @dataclass(frozen=True)
@@ -99,21 +96,19 @@ Change = Callable[[Playback], Playback]
 class ReplayPage(RunPage):
     """A run from its log in the browser."""
 
-    def __init__(self, run: Run, server: PageServer, solver: str = "", scenery: Scenery | None = None) -> None:
+    def __init__(self, run: Run, server: PageServer, scenery: Scenery | None = None) -> None:
         super().__init__(server)
         begin, end = float(run.time[0]), float(run.time[-1])
-        self.playback, self.solver, self.scenery = Playback(begin, end, begin), solver, scenery
+        self.playback, self.scenery = Playback(begin, end, begin), scenery
         self._run, self._info = run, info_of(run)
         self._marks = marks(run)
         self._curves = curves(run)
         self._changes: deque[Change] = deque()
-        self._shown: tuple[Playback, str] | None = None
-        self._drawn: tuple[int, str] | None = None
-        self._answer: tuple[Allocation | None, str] = (None, "")
+        self._shown: Playback | None = None
+        self._drawn = -1
         self._now, self._texts_due = time.perf_counter(), 0.0
         self._drawing = RunDrawing(server.viser, run.rig, instant_at(run, 0), scenery, TIMELINE_SHARE)
         self._add_timeline()
-        self._add_solver()
         self.turn()
 
     def change(self, change: Change) -> None:
@@ -147,18 +142,6 @@ class ReplayPage(RunPage):
             speed: Any = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1 x")
             entered(speed, lambda: self.change(lambda now: replace(now, speed=SPEEDS[speed.value])))
 
-    def _add_solver(self) -> None:
-        gui = self.server.viser.gui
-        with self._tabs.add_tab("Solver"):
-            names = (NONE, *solver_names(self._run.rig))
-            field: Any = gui.add_dropdown("compare with", names, initial_value=self.solver or NONE)
-            self._problem = gui.add_html("")
-
-        def choose() -> None:
-            self.solver = "" if field.value == NONE else field.value
-
-        entered(field, choose)
-
     def turn(self) -> None:
         """Let the time pass, make what people did, and bring all browsers up to date."""
         before, self._now = self._now, time.perf_counter()
@@ -166,40 +149,29 @@ class ReplayPage(RunPage):
         while self._changes:
             playback = self._changes.popleft()(playback)
         self.playback = playback
-        if (playback, self.solver) == self._shown:
+        if playback == self._shown:
             return
         due = self._now >= self._texts_due or not playback.playing
         with self.server.viser.atomic():
-            self._draw()
+            if self.index != self._drawn:
+                self._drawn = self.index
+                self._drawing.show(instant_at(self._run, self.index))
             if due:
                 self._texts_due = self._now + TEXT_PERIOD_S
                 self._show_all_texts()
         self.server.viser.flush()
-        self._shown = (playback, self.solver) if due else self._shown
-
-    def _draw(self) -> None:
-        """Show the cycle, if it or the other solver has changed."""
-        if (self.index, self.solver) == self._drawn:
-            return
-        self._drawn = self.index, self.solver
-        try:
-            self._answer = answer_at(self._run, self.index, self.solver) if self.solver else None, ""
-        except TensionlabError as error:
-            self._answer = None, str(error)
-        self._drawing.show(instant_at(self._run, self.index, self.solver, self._answer[0]))
+        self._shown = playback if due else self._shown
 
     def _show_all_texts(self) -> None:
         run, index, playback = self._run, self.index, self.playback
         report = report_at(run, index)
-        instant = instant_at(run, index, self.solver, self._answer[0])
+        instant = instant_at(run, index)
         self._heading.content = cycle_heading(run, playback, index)
         span = max(playback.end - playback.begin, SAME_S)
         ticks = [((mark.time - playback.begin) / span, KINDS[mark.kind]) for mark in self._marks]
         now = (playback.time - playback.begin) / span
         self._timeline.content = render("run.timeline", *self._curves, ticks, now)
         self._events.content = run_words.marks_around(self._marks, playback.time)
-        text = "Tensions and force of that solver, at the same pose and limits, are pink."
-        self._problem.content = render("common.note", self._answer[1] or text)
         self._slider.value = round(playback.time, 3)
         self.show_texts(self._info, report, instant, fresh=True)
 

@@ -10,10 +10,11 @@ from typing import Any
 from tensionlab.hardware.log.shared_run import POLL_S, RunInfo, RunReport
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import Scenery
+from tensionlab.support.colours import FORCE_COLOURS
 from tensionlab.viewer import run_words
 from tensionlab.viewer.drawing import RigDrawing
 from tensionlab.viewer.html import render
-from tensionlab.viewer.run_scene import ARROW_COLOURS, Instant, draw_instant
+from tensionlab.viewer.run_scene import Instant, draw_instant
 from tensionlab.viewer.scenery import SceneryDrawing, points_to_see
 from tensionlab.viewer.server import PageServer
 
@@ -32,7 +33,7 @@ class RunDrawing:
         if scenery is not None:
             points.append(points_to_see(scenery, rig, instant)[:, : rig.dimension])
             self._scenery = SceneryDrawing(server.scene, scenery, rig, instant)
-        self._drawing = RigDrawing(server, ARROW_COLOURS)
+        self._drawing = RigDrawing(server, FORCE_COLOURS)
         self._drawing.look_at(rig, *points, covered=covered)
 
     def show(self, instant: Instant, *, fresh: bool = True) -> None:

@@ -13,7 +13,7 @@ from tensionlab.model.kinematics import in_space
 from tensionlab.model.pulleys import ARC_POINTS, ways
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.support.colours import FORCE_COLOURS, GREY, PURPLE, RED, Colours, ramp, rgb
+from tensionlab.support.colours import FORCE_COLOURS, GREY, RED, Colours, ramp, rgb
 from tensionlab.support.formatting import format_number
 from tensionlab.viewer.scene import (
     Arrow,
@@ -26,9 +26,6 @@ from tensionlab.viewer.scene import (
     size,
 )
 
-OTHER_COLOUR = PURPLE
-"""Colour of what another solver would have commanded."""
-ARROW_COLOURS = FORCE_COLOURS | {"other": OTHER_COLOUR}
 ENLARGED = 2.0
 """Length of the arrows of forces against those of the design page, which shows all available forces too."""
 APART = 0.012
@@ -37,18 +34,6 @@ SLACK_SHARE = 0.5
 """Share of its lower limit below which a cable is slack."""
 DASHES = 24
 """Dashes along a cable that is slack, or whose module is lost."""
-
-
-@dataclass(frozen=True, eq=False)
-class OtherAnswer:
-    """Answer that another solver would have given.
-
-    Tensions (m,) in N, NaN where no set-point was sent, and the wrench (n,) in N and N·m of all modules.
-    """
-
-    solver: str
-    tensions: Floats
-    wrench: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +56,6 @@ class Instant:
         Modules that take part.
     desired, commanded, measured : (n,) arrays
         Wrenches in N and N·m; `desired` is NaN where none is.
-    other : OtherAnswer or None
-        Answer of another solver, if one was chosen.
     """
 
     time: float
@@ -85,12 +68,12 @@ class Instant:
     desired: Floats
     commanded: Floats
     measured: Floats
-    other: OtherAnswer | None = None
 
     @classmethod
     def of(cls, rig: Rig, cycle: Mapping[str, NDArray[Any]]) -> Instant:
         """Return the instant of a cycle, by the names of `CycleTable`."""
         structure, set_points, tensions = (cycle[name] for name in ("structure", "commanded", "measured"))
+        by_modules = np.nan_to_num(cycle["demanded"] - cycle["solver_wrench"])  # impedances and lost modules
         return cls(
             time=float(cycle["time"]),
             hand=cycle["position"],
@@ -100,7 +83,7 @@ class Instant:
             set_points=set_points,
             active=cycle["active"],
             desired=cycle["desired"],
-            commanded=structure @ np.nan_to_num(set_points) + rendered_by_modules(cycle),
+            commanded=structure @ np.nan_to_num(set_points) + by_modules,
             measured=structure @ np.nan_to_num(tensions),
         )
 
@@ -112,11 +95,6 @@ class Instant:
         """Return the colour of each cable (m, 3) by its tension; grey for a lost module, or if not fresh."""
         tensions = np.where(self.active & fresh, self.tensions, np.nan)
         return ramp(tensions, rig.limits.lower, rig.limits.upper)
-
-
-def rendered_by_modules(cycle: Mapping[str, NDArray[Any]]) -> Floats:
-    """Return the part of the demanded wrench (n,) that the solver is not given: impedances and lost modules."""
-    return np.asarray(np.nan_to_num(cycle["demanded"] - cycle["solver_wrench"]))
 
 
 def draw_instant(rig: Rig, instant: Instant, *, fresh: bool = True) -> RigScene:
@@ -160,15 +138,9 @@ def _cables(rig: Rig, instant: Instant, ends: Floats, anchors: Floats, *, fresh:
     )
 
 
-def wrenches(instant: Instant) -> dict[str, Floats]:
-    """Return the wrenches (n,) of an instant by the names of `ARROW_COLOURS`."""
-    known: dict[str, Floats] = {name: getattr(instant, name) for name in FORCE_COLOURS}
-    return known if instant.other is None else known | {"other": instant.other.wrench}
-
-
 def _arrows(rig: Rig, instant: Instant, hand: Floats) -> dict[str, Arrow]:
     """Return the arrows of the forces from the hand, to scale, next to each other so that equal ones show."""
-    forces = {name: in_space(wrench[: rig.dimension]) for name, wrench in wrenches(instant).items()}
+    forces = {name: in_space(getattr(instant, name)[: rig.dimension]) for name in FORCE_COLOURS}
     known = {name: force for name, force in forces.items() if np.isfinite(force).all() and force.any()}
     if not known:
         return {}
@@ -179,7 +151,7 @@ def _arrows(rig: Rig, instant: Instant, hand: Floats) -> dict[str, Arrow]:
         across = np.cross(first, np.roll(up, 1))
     across *= APART * size(rig) / float(np.linalg.norm(across))
     scale = ENLARGED * force_scale(rig)
-    steps = dict(zip(ARROW_COLOURS, (0.0, 1.0, -1.0, 2.0), strict=True))
+    steps = dict(zip(FORCE_COLOURS, (0.0, 1.0, -1.0), strict=True))
     return {
         name: Arrow(hand + steps[name] * across, hand + steps[name] * across + scale * force)
         for name, force in known.items()

@@ -11,17 +11,11 @@ from tensionlab.hardware.log.shared_run import RunInfo, RunReport
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.support.colours import BLUE
+from tensionlab.support.colours import BLUE, FORCE_COLOURS
 from tensionlab.support.formatting import format_count, format_number
 from tensionlab.viewer.html import norm, render, vector
 from tensionlab.viewer.run_marks import KINDS, RunMark
-from tensionlab.viewer.run_scene import (
-    ARROW_COLOURS,
-    ENLARGED,
-    OTHER_COLOUR,
-    Instant,
-    wrenches,
-)
+from tensionlab.viewer.run_scene import ENLARGED, Instant
 from tensionlab.viewer.scene import force_scale
 
 SHOWN_EVENTS = 20
@@ -36,12 +30,8 @@ LATE_PERIODS = 3.0
 
 def forces(rig: Rig, instant: Instant) -> str:
     """Return desired, commanded and measured wrench, and the error."""
-    d, known = rig.dimension, wrenches(instant)
-    other = "" if instant.other is None else instant.other.solver
-    lines = [
-        (other if name == "other" else name, ARROW_COLOURS[name], *_force(wrench, d))
-        for name, wrench in known.items()
-    ]
+    d = rig.dimension
+    lines = [(name, colour, *_force(getattr(instant, name), d)) for name, colour in FORCE_COLOURS.items()]
     if np.isfinite(instant.desired).all():
         lines.append(("measured − desired", "", *_force(instant.measured - instant.desired, d)))
     newtons = 1.0 / (ENLARGED * force_scale(rig))
@@ -63,16 +53,13 @@ def modules(info: RunInfo, report: RunReport, instant: Instant, *, fresh: bool =
     colours, slack = instant.colours(rig, fresh=fresh), instant.slack(rig)
     lines = []
     for i, module in enumerate(rig.modules):
-        marks = [(float(instant.set_points[i]), BLUE)]
-        if instant.other is not None and instant.active[i]:
-            marks.append((float(instant.other.tensions[i]), OTHER_COLOUR))
         state, faults = _state(info, report, report.cycle, i)
         faults = [*faults, "slack"] if slack[i] else faults
         lines.append({
             "name": module.name,
             "tension": float(instant.tensions[i]),
             "colour": colours[i],
-            "marks": marks,
+            "marks": [(float(instant.set_points[i]), BLUE)],
             "value": f"{format_number(float(instant.tensions[i]))} N" if instant.active[i] else "LOST",
             "warn": bool(slack[i]) or not instant.active[i],
             "state": state,

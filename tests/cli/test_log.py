@@ -106,8 +106,6 @@ def test_a_run_without_a_cycle_is_refused_before_a_page_is_served(run, tmp_path,
         (("replay", "{file}", "--solvers", "newtn"), "did you mean 'newton'?"),
         (("replay", "{file}", "--solvers", ""), "no solver is named"),
         (("view", "none.mcap"), "none.mcap: cannot be read"),
-        (("view", "{file}", "--solver", "newtn"), "did you mean 'newton'?"),
-        (("view", "{file}", "--solver", "polygon"), "polygon does not serve this rig"),
     ],
 )
 def test_bad_input_is_refused(run, file, words, message):

@@ -5,12 +5,11 @@ from unittest.mock import MagicMock
 import numpy as np
 
 import tensionlab as tl
-from tensionlab.support.colours import rgb
+from tensionlab.support.colours import FORCE_COLOURS, rgb
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.design_drawing import DesignDrawing
 from tensionlab.viewer.drawing import RigDrawing, linear
 from tensionlab.viewer.evaluation import evaluate
-from tensionlab.viewer.run_scene import ARROW_COLOURS
 from tensionlab.viewer.scene import ARROWS, draw
 from tensionlab.viewer.state import begin
 
@@ -18,7 +17,7 @@ RIG = tl.load_rig("bartels2026-validation")
 
 
 def test_arrows_have_the_same_colours_on_the_page_of_a_rig_and_on_that_of_a_run():
-    for colours in (ARROWS, ARROW_COLOURS):
+    for colours in (ARROWS, FORCE_COLOURS):
         server = MagicMock()
         RigDrawing(server, colours)
         added = {call.args[0]: call.args[2].tolist() for call in server.scene.add_arrows.call_args_list}

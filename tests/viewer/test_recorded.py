@@ -8,8 +8,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.errors import LogError
 from tensionlab.hardware.log.reader import read_run
-from tensionlab.viewer.recorded import answer_at, info_of, instant_at, report_at, require_drawable
-from tensionlab.viewer.run_scene import draw_instant
+from tensionlab.viewer.recorded import info_of, instant_at, report_at, require_drawable
 from tests.helpers import runs
 
 
@@ -28,7 +27,6 @@ def test_an_instant_has_what_the_cycle_had(run):
     assert instant.tensions == pytest.approx(run.measured[70])
     assert instant.desired == pytest.approx(run.desired[70])
     assert instant.active.tolist() == [True, True, False, True, True, True, True]
-    assert instant.other is None
 
 
 def test_before_the_first_telemetry_cables_have_the_tension_that_was_sent(run):
@@ -59,33 +57,6 @@ def test_the_setup_is_that_of_the_log(run):
     info = info_of(run)
     assert (info.program, info.solver, info.rate) == ("tensionlab run", "dykstra", 50.0)
     assert info.rig == run.rig
-
-
-def test_another_solver_answers_the_same_wrench_with_the_modules_that_took_part(run):
-    found = answer_at(run, 70, "newton")
-    active = run.active[70]
-    limits = (np.where(active, run.setup.lower, 0.0), np.where(active, run.setup.upper, 0.0))
-    expected = tl.allocate(run.structure[70], run.solver_wrench[70], limits, "newton")
-    assert found.tensions == pytest.approx(expected.tensions)
-    assert found.tensions[2] == 0.0
-    instant = instant_at(run, 70, "newton", found)
-    assert np.isnan(instant.other.tensions[2])
-    assert instant.other.tensions[active] == pytest.approx(found.tensions[active])
-    assert instant.other.wrench == pytest.approx(found.wrench)
-    arrow = draw_instant(run.rig, instant).arrows["other"]
-    assert np.linalg.norm(arrow.end - arrow.start) > 0.0
-
-
-def test_what_impedances_pull_is_added_to_the_answer_of_another_solver(run):
-    pulled = replace(run, solver_wrench=run.demanded - np.array([0.0, 1.0, 0.0]))
-    found = answer_at(pulled, 10, "newton")
-    expected = np.add(found.wrench, [0.0, 1.0, 0.0])
-    assert instant_at(pulled, 10, "newton", found).other.wrench == pytest.approx(expected)
-
-
-def test_without_a_desired_force_no_solver_is_asked(run):
-    assert np.isnan(run.desired[49]).all()
-    assert answer_at(run, 49, "newton") is None
 
 
 @pytest.mark.parametrize(

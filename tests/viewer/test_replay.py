@@ -124,12 +124,6 @@ def test_picture_and_texts_follow_the_time_that_is_chosen(page):
     assert page.playback.time == pytest.approx(1.5)
     passes(page, 60.0)
     assert (page.playback.time, page.playback.playing) == (page._run.time[-1], False)
-    page.solver = "closed-form"
-    passes(page, 0.1)
-    assert "closed-form" in page._forces.content
-    page.solver = "polygon"  # serves no seven modules
-    passes(page, 0.1)
-    assert "serves no such problem" in page._problem.content
 
 
 @pytest.mark.slow
