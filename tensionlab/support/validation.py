@@ -105,7 +105,13 @@ def explain(error: ValidationError, kind: Any = None, values: object = None) -> 
     values : object, optional
         What was validated; with it, messages name entries of lists and leave out steps that are no keys.
     """
-    lines = [_explain(problem, kind, values) for problem in error.errors(include_url=False)]
+    # Pydantic counts no entries that have problems of their own, and then finds a list too short as well.
+    problems = [
+        problem
+        for problem in error.errors(include_url=False)
+        if problem["type"] != "too_short" or len(problem["input"]) < problem["ctx"]["min_length"]
+    ]
+    lines = [_explain(problem, kind, values) for problem in problems]
     if len(lines) == 1:
         return lines[0]
     count = len(lines)
@@ -151,6 +157,8 @@ def _place(path: Sequence[str | int], values: object) -> str:
             inside = inside[step] if isinstance(inside, list | tuple) and step < len(inside) else None
             name = inside.get("name") if isinstance(inside, Mapping) else None
             text += f' ("{name!s:.40}"): ' if name else ""
+        elif step == "[key]":  # pydantic's mark of a problem with the key itself
+            continue
         elif not isinstance(inside, Mapping) or step in inside or last:
             text += f"{'.' if text and not text.endswith(': ') else ''}{step!s:.40}"
             inside = inside.get(step) if isinstance(inside, Mapping) else None

@@ -38,6 +38,7 @@ class Whole(BaseModel):
     home: list[float]
     parts: list[Part] = Field([], max_length=2)
     shapes: list[Annotated[Ball | Part, Field(union_mode="left_to_right")]] = []
+    counts: list[Annotated[int, Field(gt=0)]] = Field([1], min_length=1)
     tagged: dict[str, Annotated[Ball, Field()]] = {}
 
 
@@ -49,7 +50,7 @@ GOOD: dict[str, Any] = {"home": [0.0], "parts": [{"name": "left", "anchor": [0.0
     [
         ({"home": "x"}, "home is 'x'; give a list"),
         ({"hom": 1}, 'hom is an unknown key; did you mean "home"?'),
-        ({"zzz": 1}, "zzz is an unknown key; the keys here are home, parts, shapes, tagged"),
+        ({"zzz": 1}, "zzz is an unknown key; the keys here are home, parts, shapes, counts, tagged"),
         ({"home": None}, "home is null; give a list"),
         ({"parts": [GOOD["parts"][0]] * 3}, "parts has 3 entries; give 2 at most"),
         ({"parts": [3]}, "parts[0] is 3; give a table of keys and values"),
@@ -71,6 +72,8 @@ GOOD: dict[str, Any] = {"home": [0.0], "parts": [{"name": "left", "anchor": [0.0
             {"parts": [{"name": "a", "anchor": [], "count": 3}]},
             'parts[0] ("a"): count: 3 is odd; give an even number',
         ),
+        ({"counts": [0]}, "counts[0] is 0; give more than 0"),
+        ({"counts": []}, "counts has 0 entries; give 1 or more"),
         (
             {"tagged": {"b": {"kind": "box", "radius": 1.0}}},
             "tagged.b.kind is 'box'; give 'ball'",

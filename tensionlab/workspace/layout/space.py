@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
+from pydantic import Field, InstanceOf, PositiveInt
+from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from tensionlab.errors import RigError
 from tensionlab.model import pose
@@ -19,9 +21,11 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers, as_floats
 from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_range, format_vector
+from tensionlab.support.validation import raises
 
-HARDWARE = ("brake", "newton_per_ampere", "spool_radius")
+Hardware = Literal["brake", "newton_per_ampere", "spool_radius"]
 """Keys of a module other than its limits."""
+Tension = Annotated[float, Field(ge=0.0, allow_inf_nan=False, description="in N")]
 GENE_BORDER = 0.15
 """Share of an edge's genes that stands for each of its two ends: good places are often there."""
 
@@ -134,7 +138,8 @@ class Placement(NamedTuple):
     along: Floats
 
 
-@dataclass(frozen=True, eq=False)
+@raises(RigError)
+@pydantic_dataclass(frozen=True, eq=False)
 class Space:
     """Surfaces for modules, how many of them, and their tension limits.
 
@@ -167,15 +172,15 @@ class Space:
     6
     """
 
-    surfaces: tuple[Surface, ...]
-    counts: tuple[int, ...]
-    limits: tuple[float, float] = LIMITS
-    fixed: tuple[Module, ...] = ()
-    frames: Mapping[str, Frame] = field(default_factory=dict)
-    hardware: Mapping[str, Any] = field(default_factory=dict)
+    surfaces: Annotated[tuple[InstanceOf[Surface], ...], Field(min_length=1)]
+    counts: Annotated[tuple[PositiveInt, ...], Field(min_length=1)]
+    limits: tuple[Tension, Tension] = LIMITS
+    fixed: tuple[InstanceOf[Module], ...] = ()
+    frames: InstanceOf[Mapping[str, Frame]] = field(default_factory=dict)
+    hardware: dict[Hardware, Any] = field(default_factory=dict)
     up: str | None = None
-    platform: Platform | None = None
-    required: Requirement = field(default_factory=Requirement)
+    platform: InstanceOf[Platform] | None = None
+    required: InstanceOf[Requirement] = field(default_factory=Requirement)
 
     def __repr__(self) -> str:
         names = ", ".join(surface.name for surface in self.surfaces)
@@ -184,10 +189,6 @@ class Space:
         return f"<Space: {modules} modules{fixed} on {names}, {format_range(self.limits)} N>"
 
     def __post_init__(self) -> None:
-        for key in ("surfaces", "counts", "fixed"):
-            object.__setattr__(self, key, tuple(getattr(self, key)))
-        if not self.surfaces:
-            raise RigError('key "surfaces" is empty; give at least one surface')
         names = [surface.name for surface in self.surfaces]
         if repeated := sorted({name for name in names if names.count(name) > 1}):
             raise RigError(f'surface "{repeated[0]}": its name is used twice; give each its own')
@@ -203,15 +204,11 @@ class Space:
         for module in self.fixed:
             if module.pulley_radius is not None:
                 raise RigError(f'module "{module.name}": its pulley cannot be part of a search; leave it out')
-        if not self.counts or min(self.counts) < 1 or len(set(self.counts)) < len(self.counts):
-            raise RigError(
-                f'key "counts" is {brief(list(self.counts))}; give one or more different numbers above zero'
-            )
+        if len(set(self.counts)) < len(self.counts):
+            raise RigError(f"counts is {brief(list(self.counts))}; give different numbers")
         lower, upper = self.limits
-        if not (np.isfinite([lower, upper]).all() and 0 <= lower <= upper):
-            raise RigError(f'key "limits" is {lower} to {upper}; give 0 <= lower <= upper, both in N')
-        if unknown := set(self.hardware) - set(HARDWARE):
-            raise RigError(f'key "hardware" has "{min(unknown):.40}"; it may have {", ".join(HARDWARE)}')
+        if lower > upper:
+            raise RigError(f"limits is {lower} to {upper}; give 0 <= lower <= upper, both in N")
         _ = self.one_module  # refuses what no module and no rig has
         _ = self.placed  # refuses frames that are missing
 

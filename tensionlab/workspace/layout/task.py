@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from os import PathLike
-from typing import NamedTuple
+from typing import Annotated, Literal, NamedTuple, get_args
 
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from tensionlab.errors import InputError, RigError, ShapeError
 from tensionlab.model import schema
@@ -24,7 +24,7 @@ from tensionlab.support.validation import validate
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.search import Progress, search_layout
-from tensionlab.workspace.layout.space import HARDWARE, Space, Surface, room
+from tensionlab.workspace.layout.space import Hardware, Space, Surface, room
 from tensionlab.workspace.poses import Grid, box
 
 ROOM_UP = "y"
@@ -33,14 +33,19 @@ MAX_POSES = 1_000_000
 """Largest number of positions of a target; a search evaluates each thousands of times."""
 
 
+Coordinate = Annotated[float, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
+Interval = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Face = Literal["left wall", "right wall", "floor", "ceiling", "back wall", "front wall"]
+
+
 class RoomTable(Table):
     """Table ``[room]``: surfaces that need not be written one by one."""
 
-    size: list[float] = Field(
-        description="width along X, height along Y and depth along Z, a list of lengths in m"
+    size: Annotated[list[PositiveFloat], Field(min_length=3, max_length=3)] = Field(
+        description="width along X, height along Y and depth along Z, in m"
     )
     centre: list[float] | None = Field(None, description="the middle of the room, a list of coordinates in m")
-    faces: list[str] | None = Field(None, description="the names of the faces to use, a list of texts in quotes")
+    faces: list[Face] | None = Field(None, description="names of the faces to use; all are used if left out")
 
 
 class SurfaceTable(Table):
@@ -62,9 +67,9 @@ class LimitsTable(schema.LimitsTable):
 class TargetTable(Table):
     """Table ``[target]``."""
 
-    x: list[float] = Field(description="from where to where along X, a list of two coordinates in m")
-    y: list[float] = Field(description="from where to where along Y, a list of two coordinates in m")
-    z: list[float] | None = Field(None, description="from where to where along Z, a list of two coordinates in m")
+    x: Interval = Field(description="start and end along X, in m")
+    y: Interval = Field(description="start and end along Y, in m")
+    z: Interval | None = Field(None, description="start and end along Z, in m")
     step: float = Field(description="the distance of neighbouring positions in m, a number")
 
 
@@ -148,12 +153,7 @@ def _space(table: SpaceFile) -> Space:
     surfaces = [Surface(**each.model_dump()) for each in table.surfaces]
     if table.room is not None:
         faces = {face.name: face for face in room(table.room.size, table.room.centre)}
-        for name in faces if table.room.faces is None else table.room.faces:
-            if name not in faces:
-                raise RigError(
-                    f'[room]: key "faces" names {brief(name)}; the faces of a room are {", ".join(faces)}'
-                )
-            surfaces.append(faces[name])
+        surfaces += [faces[name] for name in (faces if table.room.faces is None else table.room.faces)]
     if not surfaces:
         raise RigError("no place for modules; give a [room] table or [[surfaces]] tables")
     if table.room is not None and table.up not in (None, ROOM_UP):
@@ -165,7 +165,7 @@ def _space(table: SpaceFile) -> Space:
         limits=(table.limits.lower, table.limits.upper),
         fixed=tuple(Module(**{**limits, **each.model_dump(exclude_none=True)}) for each in table.modules),
         frames={each.name: RestPose(**each.model_dump()).frame for each in table.frames},
-        hardware={key: limits[key] for key in HARDWARE if key in limits},
+        hardware={key: limits[key] for key in get_args(Hardware) if key in limits},
         up=table.up if table.room is None else ROOM_UP,
         platform=None if table.platform is None else Platform(**table.platform.model_dump()),
         required=requirement(table.required.model_dump(), "[required]: "),
@@ -174,13 +174,6 @@ def _space(table: SpaceFile) -> Space:
 
 def _target(table: TargetTable) -> Grid:
     intervals = {"x": table.x, "y": table.y} | ({} if table.z is None else {"z": table.z})
-    for key, ends in intervals.items():
-        if len(ends) != 2:
-            raise RigError(
-                f'[target]: key "{key}" has {len(ends)} numbers; give where it starts and where it ends'
-            )
-        if not max(map(abs, ends)) <= MAX_LENGTH:
-            raise RigError(f'[target]: key "{key}" is {ends[0]:g} to {ends[1]:g}; give m, within {MAX_LENGTH:g}')
     try:
         grid = box(**{key: tuple(ends) for key, ends in intervals.items()}, step=table.step)
     except (InputError, ShapeError) as error:
