@@ -18,22 +18,22 @@ from tensionlab.benchmark.report import (
     Column,
     calls_table,
     count,
+    format_newtons,
     marked,
-    newton,
     summary_table,
 )
-from tensionlab.benchmark.results import Results, Summary
+from tensionlab.benchmark.results import Results
 from tensionlab.errors import InputError, TensionlabError
 from tensionlab.support.files import writing
 from tensionlab.support.formatting import format_duration, format_share
 
 COMMITTED = Path("datasets") / "benchmarks"
 
-COLUMNS: list[Column[Summary]] = [
+COLUMNS: list[Column[Any]] = [
     ("solved to 1e-6 N", lambda line: format_share(line.solved_1e6)),
     ("to 1e-9 N", lambda line: format_share(line.solved_1e9)),
     ("elsewhere", lambda line: format_share(line.elsewhere)),
-    ("max gap, N", lambda line: marked(newton(line.gap_max), line.comparable)),
+    ("max gap, N", lambda line: marked(format_newtons(line.gap_max), line.comparable)),
     ("typical call", lambda line: format_duration(line.sgm_s)),
     ("p99.9", lambda line: format_duration(line.p999_s)),
     ("in a batch", lambda line: format_duration(line.batch_s)),

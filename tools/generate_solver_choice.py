@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tensionlab.benchmark.report import table
-from tensionlab.benchmark.results import Results, Summary, summaries
+from tensionlab.benchmark.results import Results, summaries
 from tensionlab.solvers import make
 from tensionlab.support.formatting import format_duration, format_share
 
@@ -30,7 +30,7 @@ CHOICES = (
     Choice("rounded kinks, a soft edge", "slack"),
     Choice("a little error for less tension", "spidar"),
 )
-COLUMNS: dict[str, Callable[[Summary], str]] = {
+COLUMNS: dict[str, Callable[[Any], str]] = {
     "renders": lambda line: format_share(line.solved_1e6),
     "best if infeasible": lambda line: format_share(line.elsewhere),
     "typical call": lambda line: format_duration(line.sgm_s),

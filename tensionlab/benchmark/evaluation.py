@@ -24,7 +24,7 @@ from tensionlab.benchmark import statistics
 from tensionlab.benchmark.entries import WRAPPERS, Driver, Entry, driver
 from tensionlab.benchmark.optimum import Optimum, excess_error, optimum
 from tensionlab.benchmark.problem_sets import ProblemSet, problem_of
-from tensionlab.benchmark.results import Evidence, Row, Trajectory, empty_evidence, summarise
+from tensionlab.benchmark.results import EntryResult, Evidence, SampledTrajectory, empty_evidence, summarise
 from tensionlab.errors import TensionlabError
 from tensionlab.solvers import is_built_in
 from tensionlab.solvers.base import Answer, Policy, Problem, Status
@@ -37,14 +37,14 @@ BATCH = 10_000
 """Problems in a timed batch; a group is repeated until it has as many."""
 
 
-class Evaluation(NamedTuple):
+class SetResults(NamedTuple):
     """The rows of one set, and for how many of its problems the optimum is verified, by policy."""
 
-    rows: list[Row]
+    rows: list[EntryResult]
     verified: dict[Policy, int]
 
 
-class Effort(NamedTuple):
+class Repetitions(NamedTuple):
     """How much time to spend: an entry's seconds in each set, or else on fewer problems; timed calls of each."""
 
     seconds: float
@@ -61,10 +61,10 @@ class Block(NamedTuple):
 def evaluate_set(
     problems: ProblemSet,
     entries: Sequence[Entry],
-    effort: Effort,
+    effort: Repetitions,
     rng: np.random.Generator,
     progress: Callable[[float], None],
-) -> Evaluation:
+) -> SetResults:
     """Verify and time the answers of all entries to one set.
 
     ``rng`` shuffles, and ``progress`` is called with the share that is done. Rows are in the order of the entries.
@@ -98,7 +98,7 @@ def evaluate_set(
             progress(0.9 + 0.1 * (done + 1) / len(present))
     absent = {each: replace(empty_evidence(scale, 1), note=each.missing) for each in entries if each.missing}
     rows = [summarise(problems.name, each, (evidence | absent)[each]) for each in entries]
-    return Evaluation(
+    return SetResults(
         rows, {policy: int(sum(each.verified.sum() for each in best[policy])) for policy in policies}
     )
 
@@ -128,7 +128,7 @@ def _answers(
     blocks: list[Block],
     best: list[Optimum],
     evidence: Evidence,
-    effort: Effort,
+    effort: Repetitions,
     consecutive: bool,
 ) -> list[Block]:
     """Verify the answers to as many blocks as the entry's share of time allows; return those to be timed.
@@ -195,7 +195,7 @@ def _along_trajectories(problems: ProblemSet, evidence: Evidence) -> None:
             kept = m - n
             nothing = np.full(m, np.nan)
             tensions = np.array([evidence.tensions.get(row, nothing) for row in range(rows.start, rows.stop)])
-            evidence.trajectory = Trajectory(group.path_mm, tensions, evidence.reachable[rows])
+            evidence.trajectory = SampledTrajectory(group.path_mm, tensions, evidence.reachable[rows])
 
 
 def _time_calls(
@@ -217,10 +217,10 @@ def _time_calls(
     try:
         for repeat in range(repeats):
             for done, turn in enumerate(rng.permutation(len(turns))):
-                block, takers = turns[turn]
+                block, selected = turns[turn]
                 order = rng.permutation(len(block.rows)).tolist()
-                for taker in rng.permutation(len(takers)):
-                    runs, calls = answered[takers[taker]][0], evidence[takers[taker]].calls
+                for entry_number in rng.permutation(len(selected)):
+                    runs, calls = answered[selected[entry_number]][0], evidence[selected[entry_number]].calls
                     runs.call(block.problem, 0)
                     for row in order:
                         calls[block.rows[row], repeat] = runs.call(block.problem, row)

@@ -35,7 +35,7 @@ KEYS = ("P", "q", "G", "h", "A", "b", "lb", "ub")
 """Of a program, as in qpsolvers and qpbenchmark; P left out is the identity, and q zero."""
 
 
-class Program(NamedTuple):
+class StoredProgram(NamedTuple):
     """Quadratic program from outside: where it was, its arrays by `KEYS`, its group, its place on a path in mm."""
 
     where: str
@@ -108,16 +108,16 @@ def read_problem_set(path: str | PathLike[str], count: int | None = None) -> Pro
     return ProblemSet(str(path), title, tuple(groups), _reachable(groups))
 
 
-def _in_folder(folder: Path) -> Iterator[Program]:
+def _in_folder(folder: Path) -> Iterator[StoredProgram]:
     """Yield the programs in the NPZ files of a folder, or of its folder ``data``."""
     for place in (folder, folder / "data"):
         if files := sorted(place.glob("*.npz")):
             for file in files:
-                yield Program(str(file), read_npz(file, KIND, DataError, absent=KEYS))
+                yield StoredProgram(str(file), read_npz(file, KIND, DataError, absent=KEYS))
             return
 
 
-def _in_parquet(path: str | PathLike[str]) -> Iterator[Program]:
+def _in_parquet(path: str | PathLike[str]) -> Iterator[StoredProgram]:
     """Yield the programs in the rows of a Parquet file."""
     if as_path(path).suffix == ".npz":
         raise DataError(f"{path}: one program; give the folder that it is in")
@@ -125,7 +125,7 @@ def _in_parquet(path: str | PathLike[str]) -> Iterator[Program]:
         where = f"{path}: row {number}"
         arrays = {key: _numbers(row[key], f"{where}: {key}") for key in KEYS if row.get(key) is not None}
         label, length = row.get("group"), row.get("path_mm")
-        yield Program(where, arrays, None if label is None else str(label), length)
+        yield StoredProgram(where, arrays, None if label is None else str(label), length)
 
 
 def _numbers(values: Any, where: str) -> Floats:
@@ -135,7 +135,7 @@ def _numbers(values: Any, where: str) -> Floats:
         raise DataError(f"{where} is no list of numbers; give a matrix row by row in one list") from None
 
 
-def _allocation(program: Program) -> tuple[Floats, Floats, Floats, Floats] | str:
+def _allocation(program: StoredProgram) -> tuple[Floats, Floats, Floats, Floats] | str:
     """Return structure, wrench and limits of a program; why it is no problem of tension allocation, if it is none.
 
     DataError if its arrays do not fit each other.

@@ -13,8 +13,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -24,7 +24,7 @@ import numpy as np
 
 from tensionlab.benchmark import results, speed
 from tensionlab.benchmark.entries import entries
-from tensionlab.benchmark.evaluation import Effort, evaluate_set
+from tensionlab.benchmark.evaluation import Repetitions, evaluate_set
 from tensionlab.benchmark.problem_files import find_problem_set
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, checksum
 from tensionlab.errors import InputError, TensionlabError, WriteError
@@ -33,11 +33,9 @@ from tensionlab.support import provenance
 from tensionlab.support.files import writing
 from tensionlab.support.operating_system import OWN_GROUP
 
-KERNEL_THREADS = "TENSIONLAB_NUM_THREADS"
-"""Variable of the environment, read with each batch, that says how many threads tensionlab's kernels use."""
 ONE_THREAD = dict.fromkeys(
     (
-        KERNEL_THREADS,
+        speed.THREADS,
         "OMP_NUM_THREADS",
         "OPENBLAS_NUM_THREADS",
         "MKL_NUM_THREADS",
@@ -57,8 +55,8 @@ class Plan:
     """Problem sets, entries and effort of a benchmark.
 
     ``sets`` are as in `find_problem_set`, ``solvers`` as in `tensionlab.benchmark.entries.entries`; ``count``
-    problems in each set; the seed of problems and shuffles; ``seconds`` and ``repeats`` as in `Effort`. ``batch``,
-    ``rounds`` and ``calls`` are the problems in a batch, rounds, and single calls of
+    problems in each set; the seed of problems and shuffles; ``seconds`` and ``repeats`` as in `Repetitions`.
+    ``batch``, ``rounds`` and ``calls`` are the problems in a batch, rounds, and single calls of
     `tensionlab.benchmark.speed`; with no rounds they are left out.
     """
 
@@ -180,7 +178,7 @@ def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[f
     writing.require_folder(folder, parents=True)
     writing.make_folder(folder)
     if not all(isinstance(each, str) for each in what.solvers or ()):
-        with _one_kernel_thread():
+        with speed.using_threads(1):
             return measure_here(what, folder, call, progress)
     order = json.dumps({"plan": what.record, "folder": str(folder), "call": list(call), "path": sys.path})
     command = [sys.executable, "-P", "-c", f"from {__name__} import main; main()", order]  # -P: as in `main`
@@ -210,30 +208,17 @@ def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[f
     return kept
 
 
-@contextmanager
-def _one_kernel_thread() -> Iterator[None]:
-    """Have tensionlab's own kernels use one thread."""
-    before = os.environ.get(KERNEL_THREADS)
-    os.environ[KERNEL_THREADS] = "1"
-    try:
-        yield
-    finally:
-        del os.environ[KERNEL_THREADS]
-        if before is not None:
-            os.environ[KERNEL_THREADS] = before
-
-
 def measure_here(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
     """Run a benchmark in this process, write results and manifest, and return their folder."""
     wall, processor = time.perf_counter(), time.process_time()
     share = (1.0 - BATCH_SHARE) / len(what.sets)
-    rows: list[results.Row] = []
+    rows: list[results.EntryResult] = []
     sets = {}
-    effort, rng = Effort(what.seconds, what.repeats), np.random.default_rng(what.seed)
+    effort, rng = Repetitions(what.seconds, what.repeats), np.random.default_rng(what.seed)
     for done, name in enumerate(what.sets):
         problems = find_problem_set(name, what.count, what.seed)
-        takers = entries(problems.reachable, what.solvers)
-        evaluation = evaluate_set(problems, takers, effort, rng, _within(progress, share * done, share))
+        selected = entries(problems.reachable, what.solvers)
+        evaluation = evaluate_set(problems, selected, effort, rng, _within(progress, share * done, share))
         rows += evaluation.rows
         sets[name] = {
             "title": problems.title,
@@ -263,7 +248,7 @@ def measure_here(what: Plan, folder: Path, call: Sequence[str], progress: Callab
     return folder
 
 
-def _write(folder: Path, rows: Sequence[results.Row], manifest: dict[str, Any]) -> None:
+def _write(folder: Path, rows: Sequence[results.EntryResult], manifest: dict[str, Any]) -> None:
     results.write(folder / results.FILE, rows, manifest)
     writing.write_text(folder / "manifest.json", json.dumps(manifest, indent=2) + "\n")
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.benchmark import report
-from tensionlab.benchmark.results import ACCURACIES, Results, Row
+from tensionlab.benchmark.results import ACCURACIES, EntryResult, Results
 from tensionlab.errors import InputError
 from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
@@ -41,7 +41,7 @@ HEADINGS = ["<set", "<solver", "<policy", "time\nnew / old", "99 %\ninterval", "
 
 
 @dataclass(frozen=True)
-class Change:
+class EntryChange:
     """How one entry changed on one problem set.
 
     ``ratio`` is the median of new over old times, without the machine's drift, with its 99 % interval; NaN where
@@ -90,14 +90,14 @@ class Regressions:
     whether times are: the machine was idle enough in both runs.
     """
 
-    changes: tuple[Change, ...]
+    changes: tuple[EntryChange, ...]
     drift: dict[str, float]
     judged: bool
     old: dict[str, Any]
     new: dict[str, Any]
 
     @property
-    def found(self) -> list[Change]:
+    def found(self) -> list[EntryChange]:
         """The changes for the worse."""
         return [each for each in self.changes if each.regressed]
 
@@ -115,7 +115,7 @@ class Regressions:
         return table(self.title, HEADINGS, table_rows(self.changes))
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return a row for each change, as in `Change`; MissingDependency if pandas is not installed."""
+        """Return a row for each change, as in `EntryChange`; MissingDependency if pandas is not installed."""
         return provenance.data_frame([vars(each) | {"verdict": each.verdict} for each in self.changes])
 
     def report(self) -> str:
@@ -139,7 +139,7 @@ class Regressions:
         return "\n\n".join(parts) + "\n"
 
 
-def table_rows(changes: Sequence[Change]) -> list[list[str]]:
+def table_rows(changes: Sequence[EntryChange]) -> list[list[str]]:
     """Return the cells of changes, under `HEADINGS`."""
     return [
         [
@@ -184,7 +184,7 @@ def find_regressions(old: Results, new: Results) -> Regressions:
     """
     before = _by_key(old)
     judged = all(each.manifest["bench"]["processor_share"] >= report.IDLE_SHARE for each in (old, new))
-    changes: list[Change] = []
+    changes: list[EntryChange] = []
     drift: dict[str, float] = {}
     for name in new.sets:
         pairs = [(before[key], row) for key, row in _by_key(new).items() if key[0] == name and key in before]
@@ -201,7 +201,7 @@ def find_regressions(old: Results, new: Results) -> Regressions:
     return Regressions(tuple(changes), drift, judged, old.manifest, new.manifest)
 
 
-def _by_key(results: Results) -> dict[tuple[str, str, str | None], Row]:
+def _by_key(results: Results) -> dict[tuple[str, str, str | None], EntryResult]:
     """Return the rows that took part."""
     return {(row.problem_set, row.label, row.policy): row for row in results.rows if row.tried}
 
@@ -219,31 +219,31 @@ def _require_same(name: str, old: Results, new: Results) -> None:
         )
 
 
-def _log_ratios(old: Row, new: Row) -> Floats:
+def _log_ratios(old: EntryResult, new: EntryResult) -> Floats:
     """Return the logarithm of new over old times of the problems that both timed."""
     with np.errstate(invalid="ignore"):
         ratios = np.log(np.array(new.call_s)) - np.log(np.array(old.call_s))
     return np.asarray(ratios[np.isfinite(ratios)])
 
 
-def _controls(pairs: Sequence[tuple[Row, Row]]) -> Floats:
+def _controls(pairs: Sequence[tuple[EntryResult, EntryResult]]) -> Floats:
     """Return the median logarithmic ratio of each baseline."""
     ratios = [_log_ratios(old, new) for old, new in pairs if new.setting != "proved"]
     return np.array([np.median(each) for each in ratios if each.size])
 
 
-def _change(old: Row, new: Row, drift: float, noise: float) -> Change:
+def _change(old: EntryResult, new: EntryResult, drift: float, noise: float) -> EntryChange:
     ratios = np.sort(_log_ratios(old, new)) - drift
     count = len(ratios)
     median = low = high = np.nan
     if count >= MIN_PROBLEMS:
         rank = max(0, int(count / 2 - QUANTILE * np.sqrt(count) / 2))
         median, low, high = np.exp([np.median(ratios), ratios[rank], ratios[count - 1 - rank]])
-    return Change(new.problem_set, new.label, new.policy, float(median), float(low), float(high), noise,
+    return EntryChange(new.problem_set, new.label, new.policy, float(median), float(low), float(high), noise,
                   _solved_only_in(old, new), _solved_only_in(new, old))  # fmt: skip
 
 
-def _solved_only_in(one: Row, other: Row) -> int:
+def _solved_only_in(one: EntryResult, other: EntryResult) -> int:
     """Return how many problems one run solved to an accuracy that the other missed by far, or did not answer."""
     errors = [np.maximum(row.errors, row.violations) / row.scales for row in (one, other)]
     unanswered = np.isnan(errors[1]) & (other.tried == other.problems)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from tensionlab.benchmark.results import Results, Row, Summary, summaries
+from tensionlab.benchmark.results import EntryResult, Results, summaries
 from tensionlab.benchmark.speed import PASSES
 from tensionlab.support.formatting import format_duration, format_share
 
 Of = TypeVar("Of")
 
 
-def newton(value: float) -> str:
+def format_newtons(value: float) -> str:
     """Write a force in N with two digits, small ones as powers of ten."""
     if math.isnan(value):
         return "–"
@@ -55,12 +55,12 @@ IDLE_SHARE = 0.9
 
 Column = tuple[str, Callable[[Of], str]]
 """Heading, and the text of a cell."""
-SUMMARY_COLUMNS: list[Column[Summary]] = [
+SUMMARY_COLUMNS: list[Column[Any]] = [
     ("1e-3 N", lambda line: format_share(line.solved_1e3)),
     ("1e-6 N", lambda line: format_share(line.solved_1e6)),
     ("1e-9 N", lambda line: format_share(line.solved_1e9)),
     ("elsewhere 1e-6 N", lambda line: format_share(line.elsewhere)),
-    ("max gap, N", lambda line: marked(newton(line.gap_max), line.comparable)),
+    ("max gap, N", lambda line: marked(format_newtons(line.gap_max), line.comparable)),
     ("typical call", lambda line: format_duration(line.sgm_s)),
     ("prebuilt", lambda line: format_duration(line.prebuilt_s)),
     ("p99.9", lambda line: format_duration(line.p999_s)),
@@ -68,16 +68,16 @@ SUMMARY_COLUMNS: list[Column[Summary]] = [
     ("in a batch", lambda line: format_duration(line.batch_s)),
     ("iterations", lambda line: count(line.iterations_max) if line.iterations_max else "–"),
 ]
-ROW_COLUMNS: list[Column[Row]] = [
+ROW_COLUMNS: list[Column[EntryResult]] = [
     ("tried", lambda row: count(row.tried)),
     ("verified", lambda row: format_share(row.proved / row.tried) if row.setting == "proved" else "–"),
     ("1e-3 N", lambda row: format_share(row.solved_1e3)),
     ("1e-6 N", lambda row: format_share(row.solved_1e6)),
     ("1e-9 N", lambda row: format_share(row.solved_1e9)),
-    ("error, N", lambda row: newton(row.error_max)),
-    ("limits, N", lambda row: newton(row.violation_max)),
-    ("gap median", lambda row: marked(newton(row.gap_median), row.comparable)),
-    ("gap max, N", lambda row: marked(newton(row.gap_max), row.comparable)),
+    ("error, N", lambda row: format_newtons(row.error_max)),
+    ("limits, N", lambda row: format_newtons(row.violation_max)),
+    ("gap median", lambda row: marked(format_newtons(row.gap_median), row.comparable)),
+    ("gap max, N", lambda row: marked(format_newtons(row.gap_max), row.comparable)),
     ("typical", lambda row: format_duration(row.sgm_s)),
     ("median", lambda row: format_duration(row.median_s)),
     ("p99", lambda row: format_duration(row.p99_s)),
@@ -147,7 +147,7 @@ def marked(text: str, comparable: bool) -> str:
     return text if comparable or text == "–" else f"{text} †"
 
 
-def summary_table(results: Results, columns: Sequence[Column[Summary]] = SUMMARY_COLUMNS) -> str:
+def summary_table(results: Results, columns: Sequence[Column[Any]] = SUMMARY_COLUMNS) -> str:
     """Return a table of all entries over all sets; those that did not take part last, with the reason."""
     rows = []
     for line in summaries(results):
@@ -194,7 +194,7 @@ def _batches(results: Results) -> list[str]:
             format_duration(row.daqp_loop_s),
             f"{row.ratio:.3f}",
             times(row.daqp_loop_s / row.all_cores_s),
-            newton(row.gap_max),
+            format_newtons(row.gap_max),
         ]
         for row in results.batches
     ]

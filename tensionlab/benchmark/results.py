@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -32,7 +31,7 @@ NAN = float("nan")
 
 
 @dataclass(frozen=True)
-class Row:
+class EntryResult:
     """Result of one solver with one setting on one problem set; NaN where there is nothing to measure.
 
     ``policy`` is None for a solver without a policy, whose answers to infeasible wrenches are compared with
@@ -105,7 +104,9 @@ class Row:
 
 
 EVIDENCE = ("call_s", "errors", "violations", "gaps", "scales", "path_mm", "path_tensions", "path_reachable")
-"""The columns that a summary can do without."""
+"""Columns with the measurements of single problems."""
+QUANTITIES = {"call_s": "call_s", "error": "errors", "violation": "violations", "gap": "gaps", "scale": "scales"}
+"""Field of a result by the name of the quantity in `Results.problems`."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ class Results:
     ``processor_share``, ``batches`` and ``calls``.
     """
 
-    rows: tuple[Row, ...]
+    rows: tuple[EntryResult, ...]
     manifest: dict[str, Any]
 
     def __repr__(self) -> str:
@@ -184,12 +185,29 @@ class Results:
         return table(f"{len(rows)} entries, {len(self.sets)} problem sets", headings, rows, notes)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return a row for each problem set, solver, setting and policy, as in `Row`, without the evidence.
+        """Return a row for each problem set, solver, setting and policy, with the fields of `EntryResult`.
 
         MissingDependency if pandas is not installed.
         """
         rows = [{key: value for key, value in vars(row).items() if key not in EVIDENCE} for row in self.rows]
         return provenance.data_frame(rows)
+
+    def problems(self) -> pandas.DataFrame:
+        """Return the long table: a row for each problem set, solver, setting, policy, problem and quantity.
+
+        The quantities are those of `QUANTITIES`; a value is NaN where it was not measured. Empty for the committed
+        results, which have none for single problems. MissingDependency if pandas is not installed.
+        """
+        rows = [(row, name, getattr(row, key)) for row in self.rows for name, key in QUANTITIES.items()]
+        sizes = [len(values) for *_, values in rows]
+        table: dict[str, Any] = {
+            key: np.repeat(np.array([getattr(row, key) for row, *_ in rows], dtype=object), sizes)
+            for key in ("problem_set", "solver", "setting", "policy")
+        }
+        table["problem"] = [number for size in sizes for number in range(size)]
+        table["quantity"] = np.repeat([name for _, name, _ in rows], sizes)
+        table["value"] = [value for *_, values in rows for value in values]
+        return provenance.data_frame(table)
 
     @property
     def sets(self) -> dict[str, Any]:
@@ -206,12 +224,12 @@ class Results:
         """Times of single calls."""
         return [CallRow(**row) for row in self.manifest["bench"]["calls"]]
 
-    def of_set(self, name: str) -> list[Row]:
+    def of_set(self, name: str) -> list[EntryResult]:
         """Return the rows of one problem set."""
         return [row for row in self.rows if row.problem_set == name]
 
 
-def write(path: str | Path, rows: Sequence[Row], manifest: dict[str, Any], evidence: bool = True) -> None:
+def write(path: str | Path, rows: Sequence[EntryResult], manifest: dict[str, Any], evidence: bool = True) -> None:
     """Write results; without the evidence for each problem they are small enough to commit."""
     table = [dataclasses.asdict(row) for row in rows]
     if not evidence:
@@ -247,88 +265,48 @@ def read(path: str | Path) -> Results:
         raise DataError(f"{file}: its manifest describes no run; give results of `tensionlab bench`")
     from_mappings(bench["batches"], BatchRow, f"{file}: batches", DataError)
     from_mappings(bench["calls"], CallRow, f"{file}: calls", DataError)
-    return Results(tuple(table.rows(Row, DataError)), table.manifest)
+    return Results(tuple(table.rows(EntryResult, DataError)), table.manifest)
 
 
-@dataclass(frozen=True)
-class Summary:
-    """One entry over all sets, each set counting the same; NaN where there is nothing.
+def summaries(results: Results) -> list[Any]:
+    """Return each entry over all sets, each set counting the same: by speed, those that did not run last.
 
-    Of the sets that are entirely feasible, where every entry has the same problem to solve, or of all if there is
-    none; but ``elsewhere`` is the mean share solved to 1e-6 N in the other sets, and ``iterations_max``
-    is of all. Shares are means over the sets, ``sgm_s``, ``prebuilt_s`` and ``batch_s`` geometric means, and the
-    others the largest; ``spread`` is the 99.9 % quantile of time over the median.
+    The fields are ``label``, ``note``, ``comparable``, ``built_in`` and, of the entirely feasible sets, or of all
+    if there is none: ``solved_1e3``, ``solved_1e6`` and ``solved_1e9``, means over the sets; ``sgm_s``,
+    ``prebuilt_s`` and ``batch_s``, geometric means; ``gap_max``, ``p999_s``, ``worst_s``, ``violation_max`` and
+    ``spread``, the 99.9 % quantile of time over the median, the largest. ``elsewhere`` is the mean share solved to
+    1e-6 N in the other sets, ``iterations_max`` of all; ``absent`` tells whether it did not take part, and
+    ``note`` why.
+    NaN where there is nothing.
     """
-
-    label: str
-    note: str
-    comparable: bool
-    built_in: bool
-    solved_1e3: float
-    solved_1e6: float
-    solved_1e9: float
-    elsewhere: float
-    gap_max: float
-    sgm_s: float
-    prebuilt_s: float
-    p999_s: float
-    worst_s: float
-    spread: float
-    batch_s: float
-    iterations_max: int
-    violation_max: float
-
-    @property
-    def absent(self) -> bool:
-        """Whether it did not take part; the note has the reason."""
-        return bool(self.note) and math.isnan(self.sgm_s)
-
-
-def summaries(results: Results) -> list[Summary]:
-    """Return each entry over all sets: those that ran by speed, then those that did not."""
-    by_label: dict[str, dict[str, Row]] = {}
-    for row in results.rows:
-        # Of several policies the first: the solver's own.
-        by_label.setdefault(row.label, {}).setdefault(row.problem_set, row)
-    feasible = {name for name, about in results.sets.items() if about["reachable"] == "all"} or set(results.sets)
-    found = [_summary(label, list(rows.values()), feasible) for label, rows in by_label.items()]
-    return sorted(found, key=lambda line: (np.isnan(line.sgm_s), line.sgm_s))
-
-
-def _summary(label: str, rows: list[Row], feasible: set[str]) -> Summary:
-    inside = [row for row in rows if row.problem_set in feasible]
-    return Summary(
-        label=label,
-        note=next((row.note for row in rows if row.note), ""),
-        comparable=rows[0].comparable,
-        built_in=rows[0].setting == "proved",
-        solved_1e3=_mean(row.solved_1e3 for row in inside),
-        solved_1e6=_mean(row.solved_1e6 for row in inside),
-        solved_1e9=_mean(row.solved_1e9 for row in inside),
-        elsewhere=_mean(row.solved_1e6 for row in rows if row.problem_set not in feasible),
-        gap_max=_maximum(row.gap_max for row in inside),
-        sgm_s=float(np.exp(_mean(np.log(row.sgm_s) for row in inside))),
-        prebuilt_s=float(np.exp(_mean(np.log(row.prebuilt_s) for row in inside))),
-        p999_s=_maximum(row.p999_s for row in inside),
-        worst_s=_maximum(row.worst_s for row in inside),
-        spread=_maximum(row.p999_s / row.median_s for row in inside),
-        batch_s=float(np.exp(_mean(np.log(row.batch_s) for row in inside))),
-        iterations_max=max(row.iterations_max for row in rows),
-        violation_max=_maximum(row.violation_max for row in inside),
+    table = results.to_pandas().assign(
+        label=[row.label for row in results.rows], built_in=lambda rows: rows["setting"] == "proved"
     )
+    table = table.drop_duplicates(["label", "problem_set"]).replace([np.inf, -np.inf], np.nan)  # its own policy
+    table["spread"] = table["p999_s"] / table["median_s"]
+    feasible = {name for name, about in results.sets.items() if about["reachable"] == "all"} or set(results.sets)
+    inside = table["problem_set"].isin(feasible)
+    entries, measured = table.groupby("label", sort=False), table[inside].groupby("label")
+    seconds = ["sgm_s", "prebuilt_s", "batch_s"]
+    found = entries.agg(
+        note=("note", lambda notes: next(filter(None, notes), "")),
+        comparable=("comparable", "first"),
+        built_in=("built_in", "first"),
+        iterations_max=("iterations_max", "max"),
+    ).join(
+        [
+            measured[["solved_1e3", "solved_1e6", "solved_1e9"]].mean(),
+            np.exp(np.log(table.loc[inside, seconds]).groupby(table.loc[inside, "label"]).mean()),
+            measured[["gap_max", "p999_s", "worst_s", "violation_max", "spread"]].max(),
+            table[~inside].groupby("label")["solved_1e6"].mean().rename("elsewhere"),
+        ]
+    )
+    found["absent"] = (found["note"] != "") & found["sgm_s"].isna()
+    found = found.sort_values("sgm_s", kind="stable", na_position="last").reset_index()
+    return list(found.itertuples(index=False, name="EntrySummary"))
 
 
-def _mean(values: Iterable[float]) -> float:
-    """Return the mean of the values that are finite; NaN if there are none."""
-    finite = [value for value in values if math.isfinite(value)]
-    return float(np.mean(finite)) if finite else float("nan")
-
-
-def _maximum(values: Iterable[float]) -> float:
-    return statistics.maximum(np.array(list(values), dtype=np.float64))
-
-
-class Trajectory(NamedTuple):
+class SampledTrajectory(NamedTuple):
     """One trajectory: (B,) path so far in mm, (B, m) tensions in N, and (B,) where the wrench is feasible."""
 
     path_mm: Floats
@@ -356,7 +334,7 @@ class Evidence:
     note: str = ""
     batch_s: float = NAN
     tensions: dict[int, Floats] = field(default_factory=dict)
-    trajectory: Trajectory | None = None
+    trajectory: SampledTrajectory | None = None
 
 
 def empty_evidence(scale: Floats, repeats: int) -> Evidence:
@@ -373,7 +351,7 @@ def solved(errors: Floats, violations: Floats, scale: Floats, accuracy: float) -
     return (errors <= accuracy * scale) & (violations <= accuracy * scale)
 
 
-def summarise(name: str, entry: Entry, evidence: Evidence) -> Row:
+def summarise(name: str, entry: Entry, evidence: Evidence) -> EntryResult:
     """Return the row of an entry on the problem set of that name."""
     tried = int(evidence.tried.sum())
     # Of each problem the fastest call, (P, 4), with its parts.
@@ -384,7 +362,7 @@ def summarise(name: str, entry: Entry, evidence: Evidence) -> Row:
         for accuracy in ACCURACIES
     ]
     path = evidence.trajectory
-    return Row(
+    return EntryResult(
         problem_set=name,
         solver=entry.solver,
         setting=entry.setting,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 from contextlib import suppress
 from functools import partial
@@ -117,7 +116,7 @@ def _print(results: Results, out: Path, json: bool) -> None:
         output.print_json(
             folder=str(out),
             sets=results.sets,
-            lines=[dataclasses.asdict(line) for line in lines],
+            lines=[line._asdict() for line in lines],
             manifest={key: value for key, value in results.manifest.items() if key != "bench"},
         )
         return
@@ -134,7 +133,7 @@ def _print(results: Results, out: Path, json: bool) -> None:
             format_share(line.solved_1e6),
             format_share(line.solved_1e9),
             format_share(line.elsewhere),
-            report.newton(line.gap_max) + ("" if line.comparable else " †"),
+            report.format_newtons(line.gap_max) + ("" if line.comparable else " †"),
             format_duration(line.sgm_s),
             format_duration(line.p999_s),
             format_duration(line.batch_s),

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tensionlab.benchmark.results import Results, Row
+    from tensionlab.benchmark.results import EntryResult, Results
     from tensionlab.support.arrays import Floats
 
 EXACT_N = 1e-6
@@ -83,7 +83,7 @@ def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Fig
         up = "max error above the smallest of all (N)"
         return _plot_dots(_compared(results), "median time of a call (µs)", up, ax)
     sets = [name for name, about in results.sets.items() if about["reachable"] == "all"]
-    rows: dict[str, dict[str, Row]] = {}
+    rows: dict[str, dict[str, EntryResult]] = {}
     for row in results.rows:
         if row.problem_set in sets and np.isfinite(row.median_s):
             rows.setdefault(row.label, {}).setdefault(row.problem_set, row)
@@ -367,7 +367,7 @@ def plot_continuity(results: Results) -> Figure:
     return figure
 
 
-def _drawable(row: Row) -> bool:
+def _drawable(row: EntryResult) -> bool:
     """Return whether there are tensions along the trajectory that no other panel shows."""
     alone = row.solver.partition(":")[0] not in WRAPPERS or row.setting != "proved"
     return alone and bool(np.isfinite(row.path_tensions).any())
@@ -376,7 +376,7 @@ def _drawable(row: Row) -> bool:
 class _Line:
     """One entry over the problems of all feasible sets: times, errors, how often it had no answer."""
 
-    def __init__(self, rows: Sequence[Row]) -> None:
+    def __init__(self, rows: Sequence[EntryResult]) -> None:
         first = rows[0]
         self.label = short_name(first.label)
         self.name = self.label.partition(",")[0]
@@ -391,7 +391,7 @@ class _Line:
 def _pooled(results: Results) -> dict[str, _Line]:
     """Return the entries that answered anything in the feasible sets or, without any such set, in all."""
     names = [name for name, about in results.sets.items() if about["reachable"] == "all"] or list(results.sets)
-    rows: dict[str, dict[str, Row]] = {}
+    rows: dict[str, dict[str, EntryResult]] = {}
     for row in results.rows:
         if row.problem_set in names and row.call_s:
             rows.setdefault(short_name(row.label), {}).setdefault(row.problem_set, row)

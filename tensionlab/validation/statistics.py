@@ -82,7 +82,7 @@ class Deviations(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Summary:
+class DeviationSummary:
     """Summary of one of the four over all forces.
 
     ``weighted`` is the mean with weights sin(theta), theta from the vertical: over a grid of latitudes and
@@ -98,10 +98,10 @@ class Summary:
 class ForceScore:
     """Summaries of the fields of `Deviations`, and the share of angles up to 45 degrees."""
 
-    angle: Summary
-    magnitude: Summary
-    magnitude_error: Summary
-    vector: Summary
+    angle: DeviationSummary
+    magnitude: DeviationSummary
+    magnitude_error: DeviationSummary
+    vector: DeviationSummary
     within: float
 
 
@@ -129,11 +129,11 @@ def score(desired: Floats, measured: Floats, seed: int = 0) -> ForceScore:
     return ForceScore(angle, magnitude, magnitude_error, vector, float(np.mean(found.angle <= MAX_ANGLE_DEG)))
 
 
-def _summary(column: Floats, weights: Floats, drawn: Integers) -> Summary:
+def _summary(column: Floats, weights: Floats, drawn: Integers) -> DeviationSummary:
     ones = np.ones_like(weights)
     mean = _bootstrap(lambda rows: _mean(column[rows], ones[rows]), drawn)
     weighted = _bootstrap(lambda rows: _mean(column[rows], weights[rows]), drawn)
-    return Summary(mean, weighted, float(np.max(column)))
+    return DeviationSummary(mean, weighted, float(np.max(column)))
 
 
 def _bootstrap(statistic: Callable[[Integers], Floats], drawn: Integers) -> Interval:

@@ -174,12 +174,12 @@ def test_modules_on_a_body_are_compared_with_the_body_at_rest():
 
 
 def test_progress_grows_to_one():
-    told = []
+    shares = []
     rig = tl.load_rig(RIGS / "bartels2026-validation.toml")
-    compare(rig, solvers=["newton"], progress=told.append)
-    assert told == sorted(told)
-    assert told[-1] == pytest.approx(1.0)
-    assert len(told) > 10
+    compare(rig, solvers=["newton"], progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1.0)
+    assert len(shares) > 10
 
 
 def test_a_large_set_is_solved_whole_and_timed_in_part(monkeypatch):

@@ -8,11 +8,11 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.benchmark.entries import entries
-from tensionlab.benchmark.evaluation import Effort, evaluate_set
+from tensionlab.benchmark.evaluation import Repetitions, evaluate_set
 from tensionlab.benchmark.problem_sets import Group, ProblemSet, problem_set
 from tensionlab.solvers.base import Answer
 
-EFFORT = Effort(seconds=10.0, repeats=2)
+EFFORT = Repetitions(seconds=10.0, repeats=2)
 SUMS = Group("sums", np.ones((3, 1, 2)), np.array([[4.0], [6.0], [8.0]]), np.zeros(2), np.full(2, 5.0))
 """Two cables that pull together: the best is half each."""
 LONE = Group("lone", np.ones((2, 1, 1)), np.array([[1.0], [2.0]]), np.zeros((2, 1)), np.full((2, 1), 5.0))
@@ -31,11 +31,11 @@ def small_batches(monkeypatch):
 
 
 def measured(*groups, reachable="all", solvers=None, effort=EFFORT):
-    told = []
+    shares = []
     problems = ProblemSet("tiny", "tiny", groups, reachable)
-    found = evaluate_set(problems, entries(reachable, solvers), effort, np.random.default_rng(1), told.append)
-    assert told == sorted(told)
-    assert told[-1] == pytest.approx(1.0)
+    found = evaluate_set(problems, entries(reachable, solvers), effort, np.random.default_rng(1), shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1.0)
     return found
 
 
@@ -162,7 +162,7 @@ def test_a_slow_contestant_sees_some_of_every_group_in_its_time():
     found = evaluate_set(
         problems,
         entries("all", ["cvxpy:plain", "newton"]),
-        Effort(seconds=0.02, repeats=1),
+        Repetitions(seconds=0.02, repeats=1),
         np.random.default_rng(0),
         lambda done: None,
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tensionlab.benchmark.regressions import find_regressions
-from tensionlab.benchmark.results import Results, Row, write
+from tensionlab.benchmark.results import EntryResult, Results, write
 from tensionlab.errors import InputError
 
 PROBLEMS = 40
@@ -23,7 +23,7 @@ def row(solver, index, *, seconds=1e-5, errors=1e-12, setting="proved", problem_
         "violations": [0.0] * PROBLEMS,
         "scales": [1.0] * PROBLEMS,
     }
-    return Row(problem_set, solver, setting, **(defaults | evidence | more))
+    return EntryResult(problem_set, solver, setting, **(defaults | evidence | more))
 
 
 def run(*rows, checksum="same", busy=1.0):

@@ -4,8 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensionlab.benchmark.report import FIGURES, newton, report, table, times
-from tensionlab.benchmark.results import Results, Row, summaries
+from tensionlab.benchmark.report import FIGURES, format_newtons, report, table, times
+from tensionlab.benchmark.results import EntryResult, Results, summaries
 from tensionlab.support.formatting import format_duration, format_share
 
 
@@ -13,7 +13,9 @@ def row(problem_set="a", solver="newton", setting="proved", policy="force", **va
     defaults = {"problems": 10, "tried": 10, "solved_1e3": 1.0, "solved_1e6": 1.0, "solved_1e9": 1.0,
                 "sgm_s": 1e-5, "median_s": 1e-5, "p999_s": 2e-5, "worst_s": 3e-5, "gap_max": 0.0, "error_max": 0.0,
                 "violation_max": 0.0, "objective": "", "comparable": True, "note": ""}  # fmt: skip
-    return Row(problem_set=problem_set, solver=solver, setting=setting, policy=policy, **(defaults | values))
+    return EntryResult(
+        problem_set=problem_set, solver=solver, setting=setting, policy=policy, **(defaults | values)
+    )
 
 
 def made(*rows, **reachable):
@@ -26,7 +28,7 @@ def test_numbers_as_words():
     assert [format_share(share) for share in (0.0, 1.0, 0.9999, 0.00001, 0.5, np.nan)] == [
         "0 %", "100 %", "99.9 %", "0.1 %", "50.0 %", "–",
     ]  # fmt: skip
-    assert [newton(value) for value in (0.0, 1e-12, 0.0123, 3.14159, 437.2, 2e9, np.nan)] == [
+    assert [format_newtons(value) for value in (0.0, 1e-12, 0.0123, 3.14159, 437.2, 2e9, np.nan)] == [
         "0", "1e-12", "0.012", "3.1", "437", "2e9", "–",
     ]  # fmt: skip
     assert [format_duration(value) for value in (2e-7, 1.5e-6, 2.34e-4, 0.0123, 2.0, np.nan)] == [

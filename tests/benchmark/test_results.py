@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tensionlab.benchmark.entries import entries
-from tensionlab.benchmark.results import empty_evidence, solved, summarise
+from tensionlab.benchmark.results import QUANTITIES, empty_evidence, solved, summarise
 
 
 def test_a_problem_is_timed_by_the_best_of_its_repeats():
@@ -31,3 +31,14 @@ def test_solved_means_the_wrench_and_the_limits():
     errors, outside = np.array([1e-7, 1e-7, 1e-5, 1e-5, np.nan]), np.array([0.0, 1e-5, 0.0, 0.0, 0.0])
     scale = np.array([1.0, 1.0, 1.0, 100.0, 1.0])
     np.testing.assert_array_equal(solved(errors, outside, scale, 1e-6), [True, False, False, True, False])
+
+
+def test_the_long_table_has_a_row_for_each_problem_and_quantity_of_an_entry(bench_results):
+    table = bench_results.problems()
+    keys = ["problem_set", "solver", "setting", "policy", "problem", "quantity"]
+    assert list(table) == [*keys, "value"]
+    assert not table.duplicated(keys).any()
+    assert set(table["quantity"]) == set(QUANTITIES)
+    errors = table[table["quantity"] == "error"].groupby(keys[:4], dropna=False)["value"].max()
+    for row in bench_results.rows:
+        assert errors[row.problem_set, row.solver, row.setting, row.policy] == row.error_max
