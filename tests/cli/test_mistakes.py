@@ -138,7 +138,7 @@ MISTAKES = {
     "workspace cube-8 --poses run.mcap": "not a file of poses; give one that ends in .csv, .parquet, .npz",
     "workspace cube-8 --poses broken.parquet": "broken.parquet: a damaged file (ArrowInvalid); give a file of",
     "run cube-8 --program short.toml": "short.toml: step 1: wrench is [1.0, 2.0]; this rig takes 3 components",
-    "layout search rig.toml": 'rig.toml: 5 problems: counts is missing; target is missing',
+    "layout search rig.toml": "rig.toml: 5 problems: counts is missing; target is missing",
     "log info broken.mcap": "broken.mcap: not the log of a run; give a file that `tensionlab run --log` wrote",
     "log info cut.mcap": "cut.mcap: the log was cut off before the run began; there is nothing in it",
     "regressions run.mcap run.mcap": "run.mcap: a damaged file (ArrowInvalid); give results of `tensionlab bench`",
