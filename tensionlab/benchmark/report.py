@@ -43,8 +43,8 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1)
 FIGURES = {
     "profile": "Performance profile: for which share of the problems each entry has an answer to 1e-6 N "
     "within so many times the time of the fastest (Dolan and Moré, 2002). Up and left is better.",
-    "accuracy": "Time and accuracy: median time of a call, and the error that 99 % of the answers do not "
-    "exceed. Down and left is better.",
+    "pareto": "Time and accuracy: typical time of a call, and the largest error of all answers. Down and left is "
+    "better.",
     "worst": "The worst case: median, 99.9 % quantile and worst time of a call, of all feasible sets.",
     "continuity": "Along one trajectory sampled at 1 kHz: the tensions of all cables, by solver.",
 }

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from tensionlab.errors import InputError
 from tensionlab.plots.allocation import plot_allocation
-from tensionlab.plots.benchmark import plot_accuracy, plot_continuity, plot_pareto, plot_profile, plot_worst
+from tensionlab.plots.benchmark import plot_continuity, plot_pareto, plot_profile, plot_worst
 from tensionlab.plots.certified import plot_certified
 from tensionlab.plots.comparison import plot_comparison
 from tensionlab.plots.rig import plot_rig
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 __all__ = [
     "METADATA",
     "plot",
-    "plot_accuracy",
     "plot_allocation",
     "plot_certified",
     "plot_comparison",

@@ -1,4 +1,4 @@
-"""Figures of a benchmark: performance profile, time against accuracy, worst case, and continuity of tensions."""
+"""Figures of a benchmark: time against accuracy, performance profile, worst case, and continuity of tensions."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Fig
     if isinstance(results, Comparison):
         up = "max error above the smallest of all (N)"
         return _plot_dots(_compared(results), "median time of a call (µs)", up, ax)
-    sets = [name for name, about in results.sets.items() if about["reachable"] == "all"]
+    sets = _feasible_sets(results)
     rows: dict[str, dict[str, EntryResult]] = {}
     for row in results.rows:
         if row.problem_set in sets and np.isfinite(row.median_s):
@@ -97,6 +97,8 @@ def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Fig
         first = next(iter(each.values()))
         name = short_name(label).partition(",")[0]
         dots.append(Dot(name, kind(first.solver, first.setting), time, error if answered else np.inf))
+    if not dots:
+        raise InputError("no answers in these results that could be drawn")
     return _plot_dots(dots, "typical time of a call (µs)", "max error of all answers (N)", ax)
 
 
@@ -239,39 +241,6 @@ def plot_profile(results: Results) -> Figure:
 
 
 @overload
-def plot_accuracy(results: Results, *, ax: None = None) -> Figure: ...
-@overload
-def plot_accuracy(results: Results, *, ax: Axes) -> None: ...
-def plot_accuracy(results: Results, *, ax: Axes | None = None) -> Figure | None:
-    """Draw the time and the accuracy of each entry, over all feasible sets.
-
-    Across: the median call. Up: the error that 99 % of its answers do not exceed, of the wrench and the limits.
-    A line leads from a baseline's default settings to its tight ones. With ``ax``, a panel of another figure is
-    drawn into.
-
-    Parameters
-    ----------
-    results : Results
-        With evidence for single problems: a run's own, not those that are committed.
-    ax : Axes, optional
-        Panel of another figure to draw into.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab import plots
-    >>> results = tl.benchmark.run([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
-    >>> figure = plots.plot_accuracy(results)
-    """
-    dots = []
-    for line in _pooled(results).values():
-        error = quantile(np.where(np.isfinite(line.seconds), line.error, np.nan), 0.99)
-        time = quantile(line.seconds, 0.5)
-        dots.append(Dot(line.name, line.kind, time, error if line.missing <= 0.01 else np.inf))
-    return _plot_dots(dots, "median time of a call (µs)", "error that 99 % of the answers do not exceed (N)", ax)
-
-
-@overload
 def plot_worst(results: Results, *, ax: None = None) -> Figure: ...
 @overload
 def plot_worst(results: Results, *, ax: Axes) -> None: ...
@@ -388,9 +357,14 @@ class _Line:
         self.missing = sum(row.refused + row.failed for row in rows) / max(1, tried)
 
 
+def _feasible_sets(results: Results) -> list[str]:
+    """Return the sets whose wrenches are all feasible; all sets if there is none."""
+    return [name for name, about in results.sets.items() if about["reachable"] == "all"] or list(results.sets)
+
+
 def _pooled(results: Results) -> dict[str, _Line]:
     """Return the entries that answered anything in the feasible sets or, without any such set, in all."""
-    names = [name for name, about in results.sets.items() if about["reachable"] == "all"] or list(results.sets)
+    names = _feasible_sets(results)
     rows: dict[str, dict[str, EntryResult]] = {}
     for row in results.rows:
         if row.problem_set in names and row.call_s:

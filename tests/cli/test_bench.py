@@ -30,7 +30,7 @@ def test_it_writes_table_report_figures_and_manifest(run, tmp_path):
     code, said, err = run("--set", "point,trajectory", "--solvers", "newton", "--solvers", "daqp", "--count", 4,
                           "--seed", 4, "--quick", "--out", out)  # fmt: skip
     assert (code, err) == (0, "")
-    names = ("accuracy", "continuity", "profile", "worst")
+    names = ("continuity", "pareto", "profile", "worst")
     assert {path.name for path in out.iterdir()} == {"results.parquet", "report.md", "manifest.json", "figures"}
     assert sorted(path.name for path in (out / "figures").iterdir()) == sorted(
         f"{name}.{suffix}" for name in names for suffix in ("png", "pdf")

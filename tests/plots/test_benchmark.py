@@ -9,14 +9,13 @@ import pytest
 import tensionlab as tl
 from tensionlab.benchmark.results import EVIDENCE
 from tensionlab.errors import InputError
-from tensionlab.plots import plot_accuracy, plot_continuity, plot_pareto, plot_profile, plot_worst
+from tensionlab.plots import plot_continuity, plot_pareto, plot_profile, plot_worst
 from tensionlab.plots.benchmark import EXACT_N, _compared, pareto_front
 from tensionlab.plots.style import _cost, _distance, _places
 from tests.helpers.figures import content_of, words_in
 
 DRAW = {
     "profile": plot_profile,
-    "accuracy": plot_accuracy,
     "worst": plot_worst,
     "continuity": plot_continuity,
     "summary": plot_pareto,
@@ -34,7 +33,6 @@ def contents(bench_results):
     ("draw", "words"),
     [
         (plot_profile, ["newton", "closed-form", "osqp", "share of problems", "baseline, tight settings"]),
-        (plot_accuracy, ["newton", "daqp", "cvxpy", "median time of a call (µs)", "baseline, default settings"]),
         (plot_worst, ["newton", "daqp, tight", "cvxpy, default", "built-in, others"]),
         (plot_continuity, ["newton, force", "newton, direction", "daqp", "path (mm)", "infeasible"]),
         (plot_pareto, ["newton", "daqp", "typical time of a call (µs)", "max error of all answers (N)"]),

@@ -44,7 +44,7 @@ def drawn(axes):
 
 
 def test_results_of_a_benchmark(bench_results, panel):
-    for draw in (plots.plot_pareto, plots.plot_accuracy, plots.plot_worst):
+    for draw in (plots.plot_pareto, plots.plot_worst):
         ax = panel()
         empty = drawn(ax)
         assert draw(bench_results, ax=ax) is None
