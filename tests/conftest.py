@@ -52,13 +52,13 @@ def bench_folder(tmp_path_factory):
     """The folder of a tiny benchmark, measured once for all tests that read or draw one, whichever worker's."""
     from filelock import FileLock
 
-    from tensionlab.benchmark.process import Plan, measure
+    from tensionlab.benchmark.process import BenchmarkPlan, measure
 
     root = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         root = root.parent
     folder = root / "bench" / "new"
-    plan = Plan(
+    plan = BenchmarkPlan(
         sets=("point", "unreachable", "trajectory"),
         solvers=("newton", "closed-form", "qp:daqp", "daqp", "qpsolvers:osqp", "cvxpy:plain"),
         count=4,

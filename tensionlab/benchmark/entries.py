@@ -30,7 +30,7 @@ BASELINES = ("daqp", *(f"qpsolvers:{backend}" for backend in BACKENDS), "cvxpy:p
 WRAPPERS = ("qp", "cvxpy")
 """Families of built-in solvers that wrap baselines. By default they run where their policy is needed."""
 POLICY_WRAPPERS = ("qp:clarabel", "qp:daqp", "cvxpy")
-"""Of those families, the ones that run by default where wrenches may be infeasible."""
+"""Wrappers that run by default where wrenches may be infeasible."""
 DAQP_EQUALITY = 5
 """How DAQP marks a constraint that is an equality."""
 NAN = float("nan")

@@ -32,7 +32,7 @@ from tensionlab.support.files.tables import read_npz, read_parquet
 
 KIND = "quadratic programs: a Parquet file, or a folder of NPZ files"
 KEYS = ("P", "q", "G", "h", "A", "b", "lb", "ub")
-"""Of a program, as in qpsolvers and qpbenchmark; P left out is the identity, and q zero."""
+"""Arrays of a program, as in qpsolvers and qpbenchmark; P left out is the identity, and q zero."""
 
 
 class StoredProgram(NamedTuple):
@@ -71,7 +71,7 @@ def read_problem_set(path: str | PathLike[str], count: int | None = None) -> Pro
         A Parquet file with the columns A, b, lb and ub, and perhaps P, q, G, h, name, group and path_mm, matrices
         row by row in one list; or a folder.
     count : int, optional
-        Read an even selection of about so many; all if left out.
+        Read an even selection of about this many; all if left out.
 
     Raises
     ------

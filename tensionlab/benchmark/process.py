@@ -51,7 +51,7 @@ BATCH_SHARE = 0.15
 
 
 @dataclass(frozen=True)
-class Plan:
+class BenchmarkPlan:
     """Problem sets, entries and effort of a benchmark.
 
     ``sets`` are as in `find_problem_set`, ``solvers`` as in `tensionlab.benchmark.entries.entries`; ``count``
@@ -96,7 +96,7 @@ def plan(
     count: int | None = None,
     seed: int = 0,
     quick: bool = False,
-) -> Plan:
+) -> BenchmarkPlan:
     """Return the plan of a full benchmark, or of a quick one of two minutes.
 
     The batches are those of the exact solver, and are left out where some solvers are chosen.
@@ -105,8 +105,10 @@ def plan(
     chosen = None if solvers is None else tuple(solvers) if name_solvers(solvers) else ()
     rounds = 0 if chosen is not None else 3 if quick else 7
     if quick:
-        return Plan(names, chosen, count or 60, seed, 0.1, repeats=2, batch=20_000, rounds=rounds, calls=1000)
-    return Plan(names, chosen, count or 1000, seed, rounds=rounds)
+        return BenchmarkPlan(
+            names, chosen, count or 60, seed, 0.1, repeats=2, batch=20_000, rounds=rounds, calls=1000
+        )
+    return BenchmarkPlan(names, chosen, count or 1000, seed, rounds=rounds)
 
 
 def run(
@@ -133,7 +135,7 @@ def run(
         Names, as ``tensionlab problems list`` has them, and files or folders of problems, as
         `tensionlab.benchmark.problem_files.read_problem_set` reads; left out: all by name.
     count : int, optional
-        Problems in each set; 1000 if left out, or 60 where it is to be quick.
+        Problems in each set; 1000 if left out, or 60 if quick.
     seed : int
         Of the problems and their order.
     quick : bool
@@ -168,7 +170,7 @@ def run(
         return results.read(measure(what, folder, sys.orig_argv, progress or (lambda _: None)))
 
 
-def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
+def measure(what: BenchmarkPlan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
     """Run a benchmark in a process of its own, and return the folder with its results.
 
     `results.FILE` and ``manifest.json`` go to the folder, which is made if it is not there; if they cannot be
@@ -208,7 +210,9 @@ def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[f
     return kept
 
 
-def measure_here(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
+def measure_here(
+    what: BenchmarkPlan, folder: Path, call: Sequence[str], progress: Callable[[float], None]
+) -> Path:
     """Run a benchmark in this process, write results and manifest, and return their folder."""
     wall, processor = time.perf_counter(), time.process_time()
     share = (1.0 - BATCH_SHARE) / len(what.sets)
@@ -253,7 +257,9 @@ def _write(folder: Path, rows: Sequence[results.EntryResult], manifest: dict[str
     writing.write_text(folder / "manifest.json", json.dumps(manifest, indent=2) + "\n")
 
 
-def _speed(what: Plan, progress: Callable[[float], None]) -> tuple[list[results.BatchRow], list[results.CallRow]]:
+def _speed(
+    what: BenchmarkPlan, progress: Callable[[float], None]
+) -> tuple[list[results.BatchRow], list[results.CallRow]]:
     """Return the measurements of `tensionlab.benchmark.speed`, none if there are no rounds."""
     if not what.rounds:
         return [], []
@@ -280,7 +286,7 @@ def main() -> None:
     for key in ("sets", "solvers"):
         what[key] = None if what[key] is None else tuple(what[key])
     # Backends print to stdout as well; only messages may reach the process that reads it.
-    # What nobody reads any more is no error, nor when the file is closed.
+    # A reader that has closed the pipe is no error, nor when the file is closed.
     with suppress(BrokenPipeError), os.fdopen(os.dup(1), "w") as messages:
         os.dup2(2, 1)
 
@@ -290,7 +296,8 @@ def main() -> None:
         try:
             folder = Path(order["folder"])
             send(
-                "folder", str(measure_here(Plan(**what), folder, order["call"], lambda done: send("share", done)))
+                "folder",
+                str(measure_here(BenchmarkPlan(**what), folder, order["call"], lambda done: send("share", done))),
             )
         except TensionlabError as error:
             send("error", str(error))

@@ -34,7 +34,7 @@ NOISE = 0.10
 EDGE = 10.0
 """An error must pass an accuracy by so much that it is no matter of rounding."""
 QUANTILE = 2.576
-"""Of the normal distribution, for an interval of 99 %."""
+"""Quantile of the normal distribution for an interval of 99 %."""
 MIN_PROBLEMS = 8
 """Timed in both runs: fewer have no interval of 99 %."""
 HEADINGS = ["<set", "<solver", "<policy", "time\nnew / old", "99 %\ninterval", "problems\nlost", "gained", "<"]

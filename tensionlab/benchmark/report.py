@@ -42,13 +42,13 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1)
 
 FIGURES = {
     "profile": "Performance profile: for which share of the problems each entry has an answer to 1e-6 N "
-    "within so many times the time of the fastest (Dolan and Moré, 2002). Up and left is better.",
+    "within a multiple of the time of the fastest (Dolan and Moré, 2002). Up and left is better.",
     "pareto": "Time and accuracy: typical time of a call, and the largest error of all answers. Down and left is "
     "better.",
     "worst": "The worst case: median, 99.9 % quantile and worst time of a call, of all feasible sets.",
     "continuity": "Along one trajectory sampled at 1 kHz: the tensions of all cables, by solver.",
 }
-"""Figures beside the report, with their captions."""
+"""Captions of the figures that come with the report."""
 
 IDLE_SHARE = 0.9
 """Share of the time that the benchmark's process has the processor, on a machine with nothing else to do."""
@@ -120,7 +120,7 @@ HOW_TO_READ = """\
 
 
 def report(results: Results, figures: Collection[str] = tuple(FIGURES)) -> str:
-    """Return the report in Markdown, with those of `FIGURES` that stand beside it."""
+    """Return the report in Markdown, with the named figures of `FIGURES`."""
     plan = results.manifest["bench"]["plan"]
     total = sum(about["problems"] for about in results.sets.values())
     parts = [

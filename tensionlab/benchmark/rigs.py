@@ -33,9 +33,9 @@ OVAL_WIDTH = 0.5
 SWING = np.radians(30.0)
 """A turning force swings so far to either side."""
 FEASIBLE_SHARE = (0.1, 0.9)
-"""At least this share of the samples of a path is feasible, and at most that."""
+"""Smallest and largest share of the samples of a path that are feasible."""
 MAX_DRAWS = 200
-"""So many times random poses or paths are drawn before a rig is given up."""
+"""Largest number of draws of random poses or paths for a rig."""
 
 
 def unit_vectors(rng: np.random.Generator, *shape: int) -> Floats:

@@ -1,4 +1,4 @@
-"""Speed of the built-in exact solver beside DAQP: large batches and single calls, each in one run."""
+"""Speed of the built-in exact solver and of DAQP: large batches and single calls, each in one run."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def time_batches(
 
 @contextmanager
 def using_threads(count: int) -> Iterator[None]:
-    """Let the kernels use so many threads inside a block; they read the environment in each call."""
+    """Let the kernels use `count` threads inside a block; they read the environment in each call."""
     before = os.environ.get(THREADS)
     os.environ[THREADS] = str(count)
     try:
@@ -141,7 +141,7 @@ def daqp_loop(structure: Floats, wrench: Floats) -> Callable[[Any], list[Any]]:
 
 
 def time_calls(components: int, cables: int, calls: int = 5000, seed: int = 0) -> list[CallRow]:
-    """Time single calls, as of a control loop or a script, beside DAQP and qpsolvers on the same problems.
+    """Time single calls, as of a control loop or a script, and those of DAQP and qpsolvers on the same problems.
 
     DAQP takes the identity matrix of the cost, zeros and constraint types as arrays; it is called with all of them
     prebuilt, and building them in each call.

@@ -43,13 +43,13 @@ def profile(seconds: Floats, solved: NDArray[np.bool_], tried: NDArray[np.bool_]
 
     Of C entries on P problems, all (P, C): the times, and whether an entry solved or tried a problem. For each
     entry, ratios of its times to the fastest entry that solved the same problem, sorted; infinite where it failed.
-    The share of ratios not above x is its profile at x. Neither problems that nobody solved count, nor those that
+    The share of ratios not above x is its profile at x. Problems that no entry solved do not count, nor those that
     an entry did not try.
 
     Source: Dolan and Moré, "Benchmarking optimization software with performance profiles", 2002.
     """
     times = np.where(solved, seconds, np.inf)
     best = times.min(axis=1, initial=np.inf)
-    somebody = np.isfinite(best)
+    solved_by_any = np.isfinite(best)
     ratios = np.divide(times, best[:, None], out=np.full(times.shape, np.inf), where=np.isfinite(times))
-    return [np.sort(ratios[somebody & tried[:, c], c]) for c in range(times.shape[1])]
+    return [np.sort(ratios[solved_by_any & tried[:, c], c]) for c in range(times.shape[1])]

@@ -28,9 +28,9 @@ MARKERS: tuple[dict[str, Any], ...] = (
 FEW = 50
 """Fewer wrenches are drawn as larger dots."""
 MAX_DOTS = 2000
-"""Of more wrenches, so many are drawn for each status, evenly spread."""
+"""Largest number of wrenches drawn for each status, evenly spread."""
 SPREAD = 0.12
-"""Half the height of a row's dots, as a share of the row: beside each other, many of the same tension show."""
+"""Half the height of a row's dots, as a share of the row: spread out, many of the same tension show."""
 
 
 @overload

@@ -29,7 +29,7 @@ MIN_ERROR_N = 1e-16
 NO_ANSWER_N = 1e3
 """Where an entry is drawn whose errors are larger, or that gave too few answers."""
 SIZE = (8.0, 6.2)
-"""Of a figure of time against accuracy, in inches."""
+"""Size of a figure of time against accuracy, in inches."""
 LOOKS = {
     "own": ("your own", PURPLE, "*"),
     "newton": ("newton", BLUE, "o"),
@@ -42,7 +42,7 @@ FRONT_LINE: dict[str, Any] = {"color": "#444444", "linewidth": 1.0, "linestyle":
 MAX_RATIO = 1e4
 """Ratios above are not drawn."""
 COLUMNS = 4
-"""Panels beside each other."""
+"""Panels in a row."""
 
 
 class Dot(NamedTuple):
@@ -197,7 +197,7 @@ def short_name(label: str) -> str:
 
 
 def plot_profile(results: Results) -> Figure:
-    """Draw for which share of the problems each entry is within so many times the fastest.
+    """Draw the share of the problems that each entry solves within a multiple of the fastest time.
 
     Dolan and Moré's performance profile, over all feasible sets, of answers to 1e-6 N. One panel for
     each solver, with newton and, in grey, all the others.

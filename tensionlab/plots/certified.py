@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 PIXELS = 500
 """Along the longer edge of a slice."""
 COLOURS = (NONE_COLOUR, ORANGE, GREEN)
-"""Of what is outside, undecided and inside."""
+"""Colours of cells that are outside, undecided and inside."""
 LEGEND: list[tuple[str, dict[str, Any]]] = [
     (word, {"color": colour, "marker": "s", "markersize": 9, "ls": ""})
     for word, colour in zip(("proved outside", "undecided", "proved inside"), COLOURS, strict=True)

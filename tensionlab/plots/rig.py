@@ -84,7 +84,7 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
 
 
 def frame_panel(axes: Any, low: Floats, high: Floats, vertical: str) -> Floats:
-    """Frame what is between two corners (d,), with room for names beside it; return the lowest corner shown."""
+    """Frame what is between two corners (d,), with room for names; return the lowest corner shown."""
     spatial = low.size == 3
     margin = np.full(low.size, (0.2 if spatial else 0.1) * float((high - low).max()))
     if spatial:
@@ -121,7 +121,7 @@ def _crop(figure: Figure, axes: Any) -> None:
 
 
 def _label_anchors(axes: Any, rig: Rig) -> None:
-    """Write the modules' names beside their anchors, one label where they nearly coincide."""
+    """Write the modules' names next to their anchors, one label where they nearly coincide."""
     from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
     points = np.vstack([rig.anchors, rig.home])

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from tensionlab.hardware.log.reader import Run
 
 BINS = 1500
-"""A longer run is drawn in so many bins: lines by their minimum and maximum, the others by the worst."""
+"""Number of bins of a longer run: lines show their minimum and maximum, the others the worst."""
 COLOURS = (BLUE, ORANGE, GREEN)
-"""Of the axes x, y and z."""
+"""Colours of the axes x, y and z."""
 LIMITER_LOOKS = [
     ("free", "#EDEDED", {Limit.NONE}),
     ("taut minimum", "#B5D9F0", {Limit.LOWER}),
@@ -37,7 +37,7 @@ LIMITER_LOOKS = [
 LOST = ("fault, or lost", "#000000")
 """Worse than all those."""
 NAMED_EVENTS = 8
-"""So many events are named; of more, the others are lines only."""
+"""Largest number of events with a name; further ones are lines alone."""
 MIN_TIME_MS = 1e-2
 """Times below are drawn here, in ms."""
 MIN_RANGE = 0.05
@@ -125,7 +125,7 @@ def _title(run: Run) -> str:
 
 
 def bins_of(count: int) -> NDArray[np.int64]:
-    """Return the first cycle of each bin in which so many cycles are drawn."""
+    """Return the first cycle of each bin, for a number of cycles."""
     return np.linspace(0, count, min(count, BINS), endpoint=False).astype(np.int64)
 
 

@@ -33,11 +33,11 @@ CURVE_HEIGHT, LAYOUT_HEIGHT = 2.0, 5.6
 MIN_FORCE_SHARE = 0.1
 """An axis is drawn if its force gets to this share of the largest."""
 KNEE = 1.3
-"""Beyond so many times the motors' largest tension, forces are drawn on a logarithmic scale."""
+"""Multiple of the motors' largest tension beyond which forces are drawn on a logarithmic scale."""
 SETTLING_S = 0.3
 """Within so long of a phase's begin, forces are those of modules that start, or of what was before."""
 NEAR_M = 0.12
-"""So far from a surface its force is drawn."""
+"""Largest distance from a surface at which its force is drawn."""
 PAWL_FORCE_N = 1.0
 """A pawl holds where the cable pulls by so much harder than its motor ..."""
 PAWL_RELEASE_S = 0.3

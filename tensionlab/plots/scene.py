@@ -29,7 +29,7 @@ TILE_M = 0.5
 PATCH_M = 0.25
 """Half the side of the patch that stands for a wall, in m."""
 ARC = np.radians(np.linspace(-16.0, 16.0, 33))
-"""Of the circle that stands for the end of a reach."""
+"""Angles of the arc that marks the end of a reach."""
 LOOKS: dict[str, dict[str, Any]] = {
     "module in the room": {"color": BLUE, "marker": "s", "linestyle": "", "markersize": 9},
     "module on the body": {"color": ORANGE, "marker": "s", "linestyle": "", "markersize": 9},
@@ -110,7 +110,7 @@ def draw_scene(
 ) -> dict[str, list[tuple[float, float]]]:
     """Draw a scenario's layout at one moment, and the path (K, d) of the held point.
 
-    Return the names that belong beside points, for `tensionlab.plots.style.label_points`.
+    Return the names of points, for `tensionlab.plots.style.label_points`.
     """
     rig, view, up = scenario.rig, view_of(scenario.rig), up_of(scenario.rig)
     axes.set_aspect("equal")

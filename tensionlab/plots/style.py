@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 STYLE = Path(__file__).parents[1] / "tensionlab.mplstyle"
 SCREEN_DPI = 100
-"""Of pages in a browser: a figure is as many of their pixels wide. Its PNG has more, for fine screens."""
+"""Resolution at which a browser shows a figure. Its PNG has more pixels, for fine screens."""
 METADATA: dict[str, dict[str, Any]] = {
     ".png": {"Software": None},
     ".pdf": {"CreationDate": None, "Producer": None, "Creator": None},
@@ -38,9 +38,9 @@ HALO = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none",
 
 COARSE_SHADE = "#F4F1E6"
 ONE_SCALE_UP_TO = 1.6
-"""Below so many times the knee, one scale is enough."""
+"""Multiple of the knee below which one scale is enough."""
 FONT_SIZE = 8.0
-"""Of the letters, in points."""
+"""Size of the letters, in points."""
 DISTANCES = (7.0, 14.0, 24.0, 36.0, 50.0)
 """Distances of a name from its point that are tried, in points."""
 POINT_RADIUS = 5.0
@@ -104,7 +104,7 @@ def new_figure(size: tuple[float, float], dpi: float | None = None) -> Iterator[
 def one_panel(
     ax: Axes | None, size: tuple[float, float], projection: str | None = None
 ) -> Iterator[tuple[Figure, Any]]:
-    """Make a figure with one panel, or draw into a panel of somebody else's; yield figure and panel.
+    """Make a figure with one panel, or draw into a given panel; yield figure and panel.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def add_legend(figure: FigureBase, columns: int, entries: list[tuple[str, dict[s
 
 
 def panel_legend(figure: Figure, ax: Axes | None, columns: int, entries: list[tuple[str, dict[str, Any]]]) -> None:
-    """Put a legend below the panel, or where there is room in one of somebody else's."""
+    """Put a legend below the panel, or where there is room in a given panel."""
     if ax is None:
         add_legend(figure, columns, entries)
     else:
@@ -242,7 +242,7 @@ def two_scales(axes: Axes, values: Floats, knee: float) -> bool:
 
 
 def label_points(figure: Figure, axes: Axes, points: Mapping[str, Sequence[tuple[float, float]]]) -> None:
-    """Write each name beside the first of its points (x, y), where least is in the way; it covers none of them.
+    """Write each name next to the first of its points (x, y), where it covers least and none of the points.
 
     Figure and axes are complete but for the names: where things are is known only then.
     """

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 NONE_COLOUR = "#E4E4E4"
 """Where a value is zero or less."""
 NO_YES = (NONE_COLOUR, GREEN)
-"""Of a metric that is 0 or 1."""
+"""Colours of a metric that is 0 or 1."""
 PANEL_WIDTH = 3.3
 """Width of a panel, in inches."""
 COLUMNS = 4
@@ -235,7 +235,7 @@ def share_above(field: Field, number: int, levels: ArrayLike) -> Floats:
 
 
 def require_one(field: Field) -> None:
-    """Refuse several rigs where one panel is to be drawn."""
+    """Refuse several rigs for one panel."""
     if len(field.names) > 1:
         raise InputError(
             f"ax is one panel, and the sweep has {len(field.names)} rigs; choose one, by swept.sel(...)"

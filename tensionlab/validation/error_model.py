@@ -11,7 +11,7 @@ Each error has one physical meaning, and acts in one place:
 - **position**: where anchors and sensor really are. The host works with the nominal rig.
 - **tilt**: the force sensor leans, about the two level axes. In the sensor.
 - **noise**: the sensor's reading drifts, by so much per axis, and slowly: white noise of that size at 1 kHz would
-  average to 0.001 N in a second and matter to nobody. In the sensor.
+  average to 0.001 N in a second and not matter. In the sensor.
 
 What else the simulated hardware has by default and no publication gives (cogging of the motor) is left out. Its
 cables are damped critically: a spool that rings passes its dry friction again and again and stops anywhere within
@@ -80,7 +80,7 @@ class RigErrors:
 
 
 def draw_errors(model: ErrorModel, modules: int, seed: int) -> RigErrors:
-    """Return random errors of a rig of so many modules; a seed draws the same ones, whatever their size."""
+    """Return random errors of a rig of `modules` modules; a seed draws the same ones, whatever their size."""
     random = np.random.default_rng(seed)
     gains = model.gain * np.exp(model.gain_spread * random.standard_normal(modules))
     biases = model.bias * random.standard_normal(modules)

@@ -29,7 +29,7 @@ from tensionlab.support.arrays import Floats
 from tensionlab.validation.sensors import ForceSensor
 
 CONTINUOUS_CURRENT_A = PARAMETERS["current_continuous"].standard
-"""Current that a winding bears for ever."""
+"""Continuous rating of a winding's current."""
 AXIS_FORCES = 3
 """Number of forces along the axes, which come first."""
 ZERO_S = 1.0
@@ -93,8 +93,8 @@ class Measurement:
 class ForceSequence:
     """Demand source that holds one force after another, from the row ``first`` of `Protocol.forces` on.
 
-    Before a force that needs more current than a winding bears for ever (where ``heating`` says so), modules rest
-    at their lower limits until all are cool enough. ``on_held`` receives of each force that has been held its
+    Before a force that needs more than the continuous rating of a winding (where ``heating`` says so), modules
+    rest at their lower limits until all are cool enough. ``on_held`` receives of each force that has been held its
     number, the samples (K, 3), and the time for which modules had to rest before it, in s.
     """
 

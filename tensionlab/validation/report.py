@@ -1,4 +1,4 @@
-"""Results of a validation beside the published numbers, line by line, for people, programs and papers."""
+"""Report of a validation: measured and published numbers, line by line, as text, JSON, Markdown and LaTeX."""
 
 from __future__ import annotations
 
@@ -293,5 +293,5 @@ def as_latex(result: ValidationResult) -> str:
 
 
 def _number(value: float, digits: int) -> str:
-    """Return a number with so many decimals; with a power of ten where it would be shown as zero."""
+    """Return a number with `digits` decimals; with a power of ten where it would be shown as zero."""
     return f"{value:.{digits}f}" if value == 0.0 or abs(value) >= 0.5 * 10.0**-digits else f"{value:.0e}"

@@ -23,11 +23,11 @@ from tensionlab.workspace.wrench_set import half_spaces
 MAX_TENSION_RATIO = 1e4
 """Tensions that balance only with a larger ratio between the cables do not count as balancing."""
 LIKELY_LENGTHS_M = (0.01, 100.0)
-"""Of the longest cable. Stadium cameras and telescopes have longer ones, few other rigs."""
+"""Likely lengths of the longest cable. Stadium cameras and telescopes have longer ones, few other rigs."""
 ALONG_FACET = 1e-12
 """Share of a unit vector along a facet's normal below which it does not lead to that facet."""
 CYCLE_S, LATENCY_S = 1.0 / 50.0, 0.02
-"""Of the loop whose stiffness is shown: the runner's standard rate, and a set-point that acts a cycle later."""
+"""Period and delay of the loop whose stiffness is shown: the runner's default rate, and one more cycle."""
 HEAD_FORCE_N = ImpactCap().force
 """Largest force of all cables together on a head."""
 

@@ -29,7 +29,7 @@ UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 SAMPLE_RATE_HZ = 1000
 FORCE_COLUMNS = ("fx", "fy", "fz")
 SIMULATED = "# simulated"
-"""First line of a simulated sensor, so that nobody takes it for a real one."""
+"""First line of a simulated sensor, so that it is not taken for a real one."""
 UNITS_N = {"n": 1.0, "newton": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
 SCHEMES = ("socket://", "tcp://")
 CHUNK_BYTES = 1 << 20
@@ -162,7 +162,7 @@ def follow_file(path: str | Path) -> TextSensor:
 def connect_sensor(url: str) -> TextSensor:
     """Connect to a sensor that sends a line of 3 or 6 numbers for each sample; `SCHEMES`, host and port.
 
-    Raise `LinkError` if nobody is there, or nothing comes, or it is no address; later, if the sensor has gone.
+    Raise `LinkError` if no sensor answers, nothing comes, or it is no address; later, if the sensor has gone.
     """
     host, colon, port = url.partition("://")[2].rpartition(":")
     if not (colon and host and port.isdecimal()):

@@ -56,7 +56,7 @@ class ValidationPlan:
 
 
 class Journal:
-    """File of JSON lines, so that an interrupted validation goes on: the setup, and then each measurement.
+    """File of JSON lines that resumes an interrupted validation: the setup, and then each measurement.
 
     What an interrupted validation left in the file is taken over; its setup must not differ. Measurements are in
     the order of their numbers, without a gap. `LogError` names a file that is of another validation, is damaged,

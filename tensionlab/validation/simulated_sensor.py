@@ -95,7 +95,7 @@ class SimulatedSensor:
 
 
 class SensorServer:
-    """Server of a `SimulatedSensor` over TCP: a line of three numbers each ms to whoever connects."""
+    """Server of a `SimulatedSensor` over TCP: a line of three numbers each ms to a client."""
 
     def __init__(self, rig: Rig, errors: RigErrors, seed: int, port: TcpPort) -> None:
         self._sensor = SimulatedSensor(rig, errors, seed)

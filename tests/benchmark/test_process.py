@@ -13,7 +13,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.benchmark import results
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, checksum, problem_set
-from tensionlab.benchmark.process import ONE_THREAD, Plan, main, measure, measure_here, plan
+from tensionlab.benchmark.process import ONE_THREAD, BenchmarkPlan, main, measure, measure_here, plan
 from tensionlab.benchmark.results import EVIDENCE, read
 from tensionlab.errors import DataError, InputError, TensionlabError, UnknownSolver
 from tensionlab.support import provenance
@@ -95,7 +95,7 @@ def test_a_plan_covers_everything_unless_told_otherwise():
     assert full.solvers is None
     assert (quick.count, quick.seed) == (7, 5)
     assert quick.seconds < full.seconds
-    assert plan(["edge", "edge"], ["newton"]) == Plan(("edge",), ("newton",), rounds=0)
+    assert plan(["edge", "edge"], ["newton"]) == BenchmarkPlan(("edge",), ("newton",), rounds=0)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ class Halves:
 
 
 def test_a_solver_of_ones_own_is_measured_and_its_mistakes_are_in_the_table(tmp_path):
-    what = Plan(("edge",), (Halves(), "newton"), count=12, seconds=0.05, repeats=1, rounds=0)
+    what = BenchmarkPlan(("edge",), (Halves(), "newton"), count=12, seconds=0.05, repeats=1, rounds=0)
     found = read(measure(what, tmp_path, [], lambda done: None))
     own, exact = found.rows
     assert (own.label, own.setting, exact.solved_1e6) == ("Halves", "proved", 1.0)
@@ -145,7 +145,7 @@ def test_a_solver_of_ones_own_is_measured_and_its_mistakes_are_in_the_table(tmp_
 def test_a_class_of_a_module_is_measured_in_the_process_of_its_own(tmp_path, monkeypatch):
     (tmp_path / "mine.py").write_text("from tensionlab import Newton\nclass Mine(Newton):\n    pass\n")
     monkeypatch.syspath_prepend(tmp_path)
-    what = Plan(("edge",), ("mine:Mine",), count=6, seconds=0.01, repeats=1, rounds=0)
+    what = BenchmarkPlan(("edge",), ("mine:Mine",), count=6, seconds=0.01, repeats=1, rounds=0)
     found = read(measure(what, tmp_path / "out", [], lambda done: None))
     assert [row.label for row in found.rows] == ["mine:Mine"]
     assert found.manifest["bench"]["threads"] == ONE_THREAD
@@ -179,7 +179,7 @@ def test_what_backends_print_does_not_disturb_the_progress(tmp_path):
 
 
 def test_results_that_their_folder_does_not_take_are_kept_elsewhere(tmp_path):
-    what = Plan(("edge",), ("closed-form",), count=2, seconds=0.01, repeats=1, rounds=0)
+    what = BenchmarkPlan(("edge",), ("closed-form",), count=2, seconds=0.01, repeats=1, rounds=0)
     kept = measure_here(what, tmp_path / "gone", [], lambda done: None)
     assert kept != tmp_path / "gone"
     assert results.read(kept).sets.keys() == {"edge"}
