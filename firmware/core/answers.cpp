@@ -35,7 +35,7 @@ void Module::acknowledge(uint8_t type, uint8_t sequence, Code code) {
   send(Type::acknowledge, sequence, writer, payload);
 }
 
-void Module::send_info(uint8_t sequence, bool as_protocol_1) {
+void Module::send_info(uint8_t sequence) {
   const Parameters& p = parameters_;
   uint8_t payload[kMaxPayload];
   Writer writer(payload);
@@ -52,10 +52,7 @@ void Module::send_info(uint8_t sequence, bool as_protocol_1) {
   writer.f32(p[Parameter::tension_upper]);
   writer.f32(p[Parameter::newton_per_ampere]);
   writer.f32(p[Parameter::spool_radius]);
-  if (!as_protocol_1) return send(Type::info, sequence, writer, payload);
-  uint8_t bytes[kMaxFrame1];
-  const size_t size = write_frame_1(frame_of(Type::info, sequence, writer, payload), bytes);
-  outbox_.put(bytes, size, 0);
+  send(Type::info, sequence, writer, payload);
 }
 
 void Module::send_pong(const Frame& frame, uint32_t now_us) {

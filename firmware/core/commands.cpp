@@ -7,16 +7,14 @@ namespace firmware {
 void Module::receive(const uint8_t* bytes, size_t size, uint32_t now_us) {
   Frame frame;
   for (size_t i = 0; i < size; ++i) {
-    const FrameParser::Found found = parser_.take(bytes[i], frame);
-    if (found == FrameParser::Found::frame) handle(frame, now_us);
-    if (found == FrameParser::Found::hello_1) send_info(frame.sequence, true);
+    if (parser_.take(bytes[i], frame)) handle(frame, now_us);
   }
 }
 
 void Module::overhear(const uint8_t* bytes, size_t size, uint32_t now_us) {
   Frame frame;
   for (size_t i = 0; i < size; ++i) {
-    if (overheard_.take(bytes[i], frame) != FrameParser::Found::frame) continue;
+    if (!overheard_.take(bytes[i], frame)) continue;
     const bool stop = frame.type == static_cast<uint8_t>(Type::stop);
     if (!stop && frame.type != static_cast<uint8_t>(Type::estop)) continue;
     if (change_state(frame, stop ? Event::stop : Event::estop, now_us) == Code::ok) send_event();
@@ -37,7 +35,7 @@ void Module::handle(const Frame& frame, uint32_t now_us) {
       return;
     // These are answered with what was asked for.
     case Type::hello:
-      if (frame.size == 0) return send_info(frame.sequence, false);
+      if (frame.size == 0) return send_info(frame.sequence);
       code = Code::bad_length;
       break;
     case Type::ping:

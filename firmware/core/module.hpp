@@ -85,7 +85,7 @@ class Module {
   // Answers (answers.cpp).
   void send(Type type, uint8_t sequence, const Writer& writer, const uint8_t* payload);
   void acknowledge(uint8_t type, uint8_t sequence, Code code);
-  void send_info(uint8_t sequence, bool as_protocol_1);
+  void send_info(uint8_t sequence);
   void send_pong(const Frame& frame, uint32_t now_us);
   void send_parameter(uint8_t sequence, uint8_t index);
   void send_event();

@@ -1,7 +1,7 @@
 // Picks frames out of a stream of bytes.
 #pragma once
 
-#include "frame_1.hpp"
+#include "messages.hpp"
 
 namespace tensionlab {
 namespace firmware {
@@ -9,10 +9,8 @@ namespace firmware {
 // Whatever is damaged, too long or too short is counted and left out, and the next three zeros start afresh.
 class FrameParser {
  public:
-  enum class Found : uint8_t { nothing, frame, hello_1 };
-
-  // What did this byte complete?
-  Found take(uint8_t byte, Frame& frame) {
+  // Whether this byte completes a frame.
+  bool take(uint8_t byte, Frame& frame) {
     if (byte != 0) {
       if (zeros_ != 0) {
         damaged_ = zeros_ < kDelimiter;  // no frame has a zero in it
@@ -20,20 +18,16 @@ class FrameParser {
         zeros_ = 0;
       }
       if (size_ < sizeof piece_) piece_[size_++] = byte;
-      return Found::nothing;
+      return false;
     }
-    if (zeros_ == kDelimiter) return Found::nothing;  // more zeros do no harm
+    if (zeros_ == kDelimiter) return false;  // more zeros do no harm
     ++zeros_;
-    if (zeros_ == 1 && read_hello_1(piece_, size_, frame)) {
-      size_ = 0;
-      return Found::hello_1;
-    }
-    if (zeros_ < kDelimiter || (size_ == 0 && !damaged_)) return Found::nothing;
+    if (zeros_ < kDelimiter || (size_ == 0 && !damaged_)) return false;
     const bool whole = !damaged_ && read_frame(piece_, size_, frame);
     if (!whole && bad_frames_ != 0xFFFF) ++bad_frames_;
     size_ = 0;
     damaged_ = false;
-    return whole ? Found::frame : Found::nothing;
+    return whole;
   }
 
   // The rest of a frame will not come any more.

@@ -113,7 +113,6 @@ class ModuleClient:
         self._sequence = self._random.randrange(256)
         self.endpoint = _native.Endpoint(self._random.randrange(256))
         self._heard: tuple[int, Received[Telemetry] | None] = (0, None)
-        self._listener: messages.Protocol1Listener | None = None
         self._answers: dict[int, Message | ProtocolError] = {}
         self._refused: Acknowledge | None = None  # the latest refused set-point
         self._unreadable = 0
@@ -200,11 +199,7 @@ class ModuleClient:
             self.link.send(command.frame(sequence).pack())
             return sequence
         self._arm_repeated |= isinstance(command, messages.Arm)
-        # No answer: does the module speak protocol 1?
-        self._listener = self._listener or messages.Protocol1Listener()
-        self.endpoint.attended = True
-        frame = command.frame(sequence)
-        self.link.send(frame.pack() + messages.repeated_in_protocol_1(frame))
+        self.link.send(command.frame(sequence).pack())
         return sequence
 
     def answer(self, command: Message, sequence: int, kind: type[AnswerType]) -> AnswerType | None:
@@ -443,7 +438,7 @@ class ModuleClient:
     @on_message.setter
     def on_message(self, callback: Callable[[Received[Message]], None] | None) -> None:
         self._on_message = callback
-        self.endpoint.attended = callback is not None or self._listener is not None
+        self.endpoint.attended = callback is not None
 
     @property
     def age(self) -> float:
@@ -501,8 +496,6 @@ class ModuleClient:
         """Decode received bytes."""
         if not content:
             return
-        if self._listener is not None:
-            self._keep(self._listener.feed(content))
         self.endpoint.feed(content, self.link.clock())
         self._take_queue()
 
@@ -517,8 +510,6 @@ class ModuleClient:
                 if frame.type in ANSWERS:
                     self._keep({frame.sequence: error})
                 continue
-            if self._on_message is None and self.endpoint.attended:  # it speaks this protocol, and no other
-                self._listener, self.endpoint.attended = None, False
             if not isinstance(message, UNREQUESTED):
                 if isinstance(message, Acknowledge | messages.Info):
                     self.endpoint.state = message.state

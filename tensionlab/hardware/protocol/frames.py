@@ -36,21 +36,10 @@ class Frame(NamedTuple):
             raise ProtocolError(str(error)) from None
 
 
-def pack_1(frame: Frame) -> bytes:
-    """Return a frame of protocol 1, which ended with one zero, followed by a delimiter."""
-    return _native.build_frame_1(*frame)
-
-
-def unpack_1(piece: bytes) -> Frame | None:
-    """Return the frame of protocol 1 between two zeros; None if it is damaged, or none."""
-    found = _native.read_frame_1(piece)
-    return None if found is None else Frame(*found)
-
-
 class Decoder:
     """Decoder of a stream of bytes, however it is cut into pieces.
 
-    `bad_frames` counts those that were damaged, too long or too short; whole frames of protocol 1 are not counted.
+    `bad_frames` counts those that were damaged, too long or too short.
     """
 
     def __init__(self) -> None:

@@ -24,7 +24,7 @@ from tensionlab.hardware.protocol.codes import (
     State,
     Type,
 )
-from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, MAX_PIECE, Frame, pack_1, unpack_1
+from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, Frame
 
 PROTOCOL = 3
 """Version of the protocol; `Info` has the module's."""
@@ -42,21 +42,15 @@ Text = Annotated[str, ""]
 
 
 class OtherProtocolError(ProtocolError):
-    """Answer of a module of another protocol: its version, and the module's state if this host can read it."""
+    """Answer of a module that speaks another protocol."""
 
-    def __init__(self, spoken: int, state: State | None = None) -> None:
-        super().__init__(spoken, state)
-        self.spoken, self.state = spoken, state
-
-    def __str__(self) -> str:
-        """Name both protocols, and what to do."""
+    def __init__(self, spoken: int) -> None:
         advice = (
             "put the firmware of this tensionlab on the module (firmware/README.md)"
-            if self.spoken < PROTOCOL
+            if spoken < PROTOCOL
             else "install the tensionlab that the module's firmware came with"
         )
-        now = "" if self.state is None else f"; it is {self.state.name} now"
-        return f"speaks protocol {self.spoken}, this tensionlab {PROTOCOL}{now}: {advice}"
+        super().__init__(f"speaks protocol {spoken}, this tensionlab {PROTOCOL}: {advice}")
 
 
 class Message:
@@ -340,35 +334,3 @@ class Log(Message, type=Type.LOG):
     def unpack(cls, payload: bytes) -> Self:
         """Read a payload; unprintable characters are replaced."""
         return cls(printable(payload.decode("ascii", "replace")))
-
-
-INFO_1_BYTES, INFO_1_STATE = 30, 8
-"""Size of INFO's payload in protocol 1, and where in it the state is."""
-
-
-def repeated_in_protocol_1(command: Frame) -> bytes:
-    """Return what requests INFO from a module of protocol 1 after an unanswered command; an ESTOP goes first."""
-    types = (Type.ESTOP, Type.HELLO) if command.type == Type.ESTOP else (Type.HELLO,)
-    return b"".join(pack_1(Frame(each, command.sequence)) for each in types)
-
-
-class Protocol1Listener:
-    """Detector of modules of protocol 1, by their INFO.
-
-    Frames of protocol 1 are others than these, so neither understands the other by accident.
-    """
-
-    def __init__(self) -> None:
-        self._rest = b""
-
-    def feed(self, content: bytes) -> dict[int, OtherProtocolError]:
-        """Return the error that each such INFO means, by the sequence number of its request; mostly none."""
-        *pieces, rest = (self._rest + content).split(b"\0")
-        self._rest = rest[: MAX_PIECE + 1]  # one beyond: too long, whatever follows
-        found = {}
-        for frame in map(unpack_1, pieces):
-            if frame is None or frame.type != Type.INFO or len(frame.payload) != INFO_1_BYTES:
-                continue
-            if frame.payload[0] == 1 and frame.payload[INFO_1_STATE] in tuple(State):
-                found[frame.sequence] = OtherProtocolError(1, State(frame.payload[INFO_1_STATE]))
-        return found

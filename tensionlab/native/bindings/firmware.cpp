@@ -107,7 +107,7 @@ nb::tuple parse_frames(const nb::bytes& stream) {
   nb::list frames;
   const auto* bytes = reinterpret_cast<const std::uint8_t*>(stream.c_str());
   for (std::size_t i = 0; i < stream.size(); ++i) {
-    if (parser.take(bytes[i], frame) != firmware::FrameParser::Found::frame) continue;
+    if (!parser.take(bytes[i], frame)) continue;
     frames.append(nb::make_tuple(frame.type, frame.sequence,
                                  nb::bytes(reinterpret_cast<const char*>(frame.payload), frame.size)));
   }
@@ -122,9 +122,8 @@ std::uint8_t one_byte(const char* what, long long number) {
   return static_cast<std::uint8_t>(number);
 }
 
-// A frame on the wire, written by the firmware's function for protocol 2 or 1.
-template <std::size_t most, std::size_t (*write)(const Frame&, std::uint8_t*)>
-nb::bytes build(long long type, long long sequence, const nb::bytes& payload) {
+// A frame on the wire, written by the firmware's function.
+nb::bytes build_frame(long long type, long long sequence, const nb::bytes& payload) {
   if (payload.size() > firmware::kMaxPayload) {
     throw std::invalid_argument("a payload has at most " + std::to_string(firmware::kMaxPayload) + " bytes; got " +
                                 std::to_string(payload.size()));
@@ -134,20 +133,9 @@ nb::bytes build(long long type, long long sequence, const nb::bytes& payload) {
   frame.sequence = one_byte("sequence", sequence);
   frame.size = static_cast<std::uint8_t>(payload.size());
   std::memcpy(frame.payload, payload.c_str(), payload.size());
-  std::uint8_t bytes[most];
-  const std::size_t size = write(frame, bytes);
+  std::uint8_t bytes[firmware::kMaxFrame];
+  const std::size_t size = firmware::write_frame(frame, bytes);
   return nb::bytes(reinterpret_cast<const char*>(bytes), size);
-}
-
-// The frame of protocol 1 in a piece of a stream as (type, sequence, payload), or None.
-nb::object read_frame_1(const nb::bytes& piece) {
-  std::uint8_t bytes[firmware::kMaxPiece];
-  if (piece.size() > sizeof bytes) return nb::none();
-  std::memcpy(bytes, piece.c_str(), piece.size());
-  Frame frame;
-  if (!firmware::read_frame_1(bytes, piece.size(), frame)) return nb::none();
-  return nb::make_tuple(frame.type, frame.sequence,
-                        nb::bytes(reinterpret_cast<const char*>(frame.payload), frame.size));
 }
 
 nb::list parameters(const SimulatedModule& self) {
@@ -199,9 +187,7 @@ void bind_firmware(nb::module_& module) {
   module.def("parse_frames", &parse_frames);
   module.attr("MAX_PAYLOAD") = firmware::kMaxPayload;
   module.attr("MAX_PIECE") = firmware::kMaxPiece;
-  module.def("build_frame", &build<firmware::kMaxFrame, firmware::write_frame>);
-  module.def("build_frame_1", &build<firmware::kMaxFrame1, firmware::write_frame_1>);
-  module.def("read_frame_1", &read_frame_1);
+  module.def("build_frame", &build_frame);
   module.def("parameter_table", &parameter_table);
   module.def("plant_table", &plant_table);
   module.def("plant_parts", &plant_parts);

@@ -1,6 +1,6 @@
 // Frames in a stream of bytes, however it is cut into pieces, as the host reads them.
 //
-// Unlike the firmware's parser it goes by whole pieces, and does not count whole frames of protocol 1 as damaged.
+// Unlike the firmware's parser it goes by whole pieces.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 #include <cstring>
 #include <vector>
 
-#include "firmware/core/frame_1.hpp"
+#include "firmware/core/frame.hpp"
 
 namespace tensionlab {
 
@@ -62,8 +62,6 @@ class FrameDecoder {
         found(frame);
         return;
       }
-      std::memcpy(piece, rest_.data() + begin, size);
-      if (firmware::read_frame_1(piece, size, frame)) return;
     }
     ++bad_frames_;
   }

@@ -22,7 +22,7 @@ from tensionlab.hardware.client.links import SocketLink
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import FOLLOWING_STATES, BrakeState, Code, Fault, Limit, State, Type
 from tensionlab.hardware.protocol.frames import Decoder, Frame
-from tensionlab.hardware.protocol.messages import Acknowledge, Event, Hello, Log, SetTension, Telemetry, read
+from tensionlab.hardware.protocol.messages import Acknowledge, Event, Log, SetTension, Telemetry, read
 from tensionlab.hardware.runner.module_monitor import TELEMETRY_UNITS, ModuleMonitor
 
 LONG_S = 30.0
@@ -115,21 +115,6 @@ def test_what_a_thread_without_python_reads_is_what_the_module_said(pair):
     until(lambda: client.stale_frames == 1)
     far.send(b"rubbish" + bytes(3))
     until(lambda: client.bad_frames == 1)
-
-
-def test_a_command_that_had_to_be_repeated_is_no_reason_to_read_in_python_for_ever(pair):
-    """After a try without an answer, Python listens for protocol 1, until the module speaks this one."""
-    client, far = pair
-    number = client.send(Hello())
-    client.send(Hello(), number)
-    assert client.endpoint.attended
-    far.send(telemetry(1).frame(0).pack())
-    until(lambda: client.telemetry is not None and not client.endpoint.attended)
-    client.on_message = lambda message: None
-    client.send(Hello(), number)
-    far.send(telemetry(2).frame(0).pack())
-    until(lambda: client.telemetry.message.time_us == 2)
-    assert client.endpoint.attended, "somebody listens"
 
 
 @pytest.mark.parametrize("size", [1, 7, 1000])

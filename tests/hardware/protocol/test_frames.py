@@ -16,7 +16,6 @@ from tensionlab.hardware.protocol.frames import (
     Decoder,
     Frame,
     pack_1,
-    unpack_1,
 )
 
 FRAMES = st.builds(Frame, st.integers(0, 255), st.integers(0, 255), st.binary(max_size=MAX_PAYLOAD))
@@ -98,14 +97,6 @@ def test_no_flipped_bit_lets_a_frame_pass_and_the_next_is_read(size, content):
         damaged[bit // 8] ^= 1 << bit % 8
         kept = [before] if damaged[-3:] != DELIMITER else [before, after]
         assert Decoder().feed(before.pack() + damaged + after.pack()) == kept
-
-
-@given(FRAMES)
-def test_protocols_1_and_2_do_not_understand_each_other(frame):
-    # The first byte tells them apart: at most 61 in protocol 1, at least 193 in protocol 2.
-    assert unpack_1(frame.pack()[:-3]) is None
-    assert unpack_1(pack_1(frame)[:-3]) == frame
-    assert Decoder().feed(pack_1(frame)) == []
 
 
 @pytest.mark.parametrize(

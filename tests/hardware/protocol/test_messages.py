@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tensionlab.errors import HardwareError, ProtocolError
+from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol import codes
 from tensionlab.hardware.protocol.codes import Code, Fault, State, Type
-from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, Frame
+from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, Decoder, Frame
 from tensionlab.hardware.protocol.messages import (
     MESSAGES,
     PROTOCOL,
@@ -25,6 +26,8 @@ from tensionlab.hardware.protocol.messages import (
     Telemetry,
     read,
 )
+from tensionlab.hardware.simulation.links import SimulatedLink
+from tensionlab.hardware.simulation.simulated_module import SimulatedModule
 
 CORE = Path(__file__).parents[3] / "firmware" / "core"
 FLOATS = st.floats(width=32, allow_nan=False, allow_infinity=False)
@@ -176,3 +179,18 @@ def test_an_acknowledgement_reads_as_words():
     assert message == Acknowledge(Type.ARM, Code.NOT_CALIBRATED, State.IDLE, 0x0102)
     assert "NOT_CALIBRATED" in str(message)
     assert read(Ping(2**63).frame(0)).echo == 2**63
+
+
+@pytest.mark.parametrize(("spoken", "advice"), [(2, "put the firmware"), (4, "install the tensionlab")])
+def test_a_module_of_another_protocol_is_refused_in_words(monkeypatch, spoken, advice):
+    client = ModuleClient("other", SimulatedLink(SimulatedModule()))
+
+    def receive(content):  # its INFO is another, but for the first byte
+        (frame,) = Decoder().feed(content)
+        said.append(Frame(Type.INFO, frame.sequence, bytes([spoken]) + bytes(40)).pack())
+
+    said: list[bytes] = []
+    monkeypatch.setattr(client.link.module, "receive", receive)
+    monkeypatch.setattr(client.link.module, "transmit", lambda: said.pop() if said else b"")
+    with pytest.raises(ProtocolError, match=f'"other" speaks protocol {spoken}, this tensionlab 3: {advice}'):
+        client.hello()
