@@ -27,10 +27,10 @@ from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.frames import Frame
 from tensionlab.hardware.protocol.messages import Telemetry, read
+from tensionlab.hardware.runner.records import Cycle
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.runner.state_estimation import PoseTracker, at_one_time
-from tensionlab.hardware.runner.statistics import Cycle
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig

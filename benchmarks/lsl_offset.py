@@ -13,7 +13,7 @@ import numpy as np
 
 from tensionlab.demand import Demand
 from tensionlab.hardware import Runner, RunSettings, World, WorldClock
-from tensionlab.hardware.runner.statistics import Cycle
+from tensionlab.hardware.runner.records import Cycle, RunEvent
 from tensionlab.lsl import LslStreams, require_lsl
 from tensionlab.model.files import load_rig
 
@@ -27,6 +27,7 @@ class Timed(LslStreams):
 
     times: list[float]
     spent: list[float]
+    events: int
 
     def write(self, cycle: Cycle) -> None:
         """Send the samples of a cycle, and keep the time that it took."""
@@ -34,6 +35,11 @@ class Timed(LslStreams):
         super().write(cycle)
         self.spent.append(time.perf_counter() - began)
         self.times.append(cycle.state.time)
+
+    def note(self, event: RunEvent) -> None:
+        """Send a marker, and count it."""
+        super().note(event)
+        self.events += 1
 
 
 def main() -> None:
@@ -45,7 +51,7 @@ def main() -> None:
     lsl = require_lsl()
     rig = load_rig(RIG)
     streams = Timed(rig, "newton", asked.rate)
-    streams.times, streams.spent = [], []
+    streams.times, streams.spent, streams.events = [], [], 1  # the first says that the run begins
     inlets = {}
     for what in STREAMS:
         (found,) = lsl.resolve_byprop("name", f"{RIG} {what}", timeout=TIMEOUT_S)
@@ -54,12 +60,11 @@ def main() -> None:
     world = World(rig)
     pull, settings = Demand(np.array([0.0, 0.5, 0.0])), RunSettings(rate=asked.rate)
     clock = WorldClock(world, paced=True)
-    runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, log=streams, clock=clock)
+    runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, sinks=[streams], clock=clock)
     runner.run(asked.seconds)
-    events = len(runner.events) + 1
     wrong = False
     for what, inlet in inlets.items():
-        expected = events if what == "markers" else len(streams.times)
+        expected = streams.events if what == "markers" else len(streams.times)
         stamps: list[float] = []
         while len(stamps) < expected:
             sample, stamp = inlet.pull_sample(timeout=1.0)

@@ -27,7 +27,7 @@ world, settings = World(rig, hand), RunSettings(rate=50.0)
 file = Path(tempfile.mkdtemp()) / "run.mcap"
 links = {module.name: "sim:" for module in rig.modules}
 log = RunLog(file, rig, manifest(["12_run_modules.py"]), "newton", settings, links)
-statistics = Runner(rig, world.group(), "newton", demand, settings, log=log, clock=WorldClock(world)).run(2.0)
+statistics = Runner(rig, world.group(), "newton", demand, settings, sinks=[log], clock=WorldClock(world)).run(2.0)
 run = read_run(file)
 print(statistics)
 print(f"mean error of the tensions: {np.abs(run.measured - run.commanded)[10:].mean():.3f} N")

@@ -19,7 +19,7 @@ from typing import Any
 from tensionlab import datasets
 from tensionlab.errors import TensionlabError
 from tensionlab.haptics.bridge.schema import schema_text
-from tensionlab.hardware.log.columns import COLUMNS
+from tensionlab.hardware.runner.cycle_table import COLUMNS
 from tools.generate_benchmark_table import section
 from tools.generate_bridge_docs import SCHEMA_FILE, document
 from tools.generate_firmware_docs import sections, table

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules, show_run, tell_streams
+from tensionlab.cli.common.modules import begin_sinks, kept_of_run, reach_modules, show_run, tell_streams
 from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Policy, RigArgument, Solver, View
 from tensionlab.demand import Demand, DemandSource, Pose
 from tensionlab.errors import HardwareError
@@ -91,7 +91,7 @@ def run(
     failure: HardwareError | None = None
     try:
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
-        runner.log = begin_log(log, loaded, solver, settings, links, lsl)
+        runner.sinks += begin_sinks(log, loaded, solver, settings, links, lsl)
         live = Live(
             get_renderable=lambda: live_table(runner),
             console=output.console(),
@@ -110,7 +110,7 @@ def run(
         output.print_json(statistics.summary())
     else:
         print_summary(runner)
-    tell_streams(runner.log)
+    tell_streams(runner.sinks)
     if failure is not None:
         typer.echo(f"tensionlab: {failure}", err=True)
     for name, why in statistics.unconfirmed.items():

@@ -17,6 +17,7 @@ from tensionlab.cli.common.modules import (
     print_required,
     print_simulated,
     show_run,
+    tell_streams,
 )
 from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Plot, Solver, View
 from tensionlab.cli.common.verbs import Json
@@ -104,11 +105,12 @@ def scenario(
 
         call = ["tensionlab", *sys.argv[1:]]
         try:
-            with lsl_streams(loaded.rig, solver, loaded.rate, wanted=lsl) as streamed:
-                played = play(loaded, reached, solver, seconds, log, call, progress, streamed)
+            streams = lsl_streams(loaded.rig, solver, loaded.rate, wanted=lsl)
+            played = play(loaded, reached, solver, seconds, log, call, progress, streams)
         except HardwareError as error:
             output.print_error(str(error))
             raise typer.Exit(1) from None
+    tell_streams(streams)
     statistics = played.statistics
     interrupted = statistics.ended.startswith("signal") and not statistics.emergency
     complete = seconds in (None, loaded.seconds) and not interrupted

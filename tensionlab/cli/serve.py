@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules, show_run, tell_streams
+from tensionlab.cli.common.modules import begin_sinks, kept_of_run, reach_modules, show_run, tell_streams
 from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Solver, View
 from tensionlab.cli.run import print_summary
 from tensionlab.errors import InputError, TensionlabError
@@ -29,6 +29,7 @@ from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
 from tensionlab.hardware import Runner, RunSettings
 from tensionlab.hardware.protocol.codes import BrakeState, Limit
 from tensionlab.hardware.runner.statistics import CTRL_C
+from tensionlab.hardware.sharing import SharedRun
 from tensionlab.hardware.simulation.world import GuidedHand
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
@@ -105,9 +106,7 @@ def serve(
     --modules, the simulated hand is where the client says it is. Ctrl-C ends it, and all modules are stopped.
     """
     loaded, played = _loaded(rig, scenario)
-    standard = RunSettings()
-    if played is not None:
-        standard = RunSettings(played.rate, policy=played.policy, scenery=as_mapping(played, repeat=True))
+    standard = RunSettings() if played is None else RunSettings(played.rate, policy=played.policy)
     settings = standard if rate is None else replace(standard, rate=rate)
     client = ClientState(loaded)
     options.check_solvers(loaded, [solver], settings.policy)
@@ -156,12 +155,14 @@ def serve(
             inner.renderer.limits = module_limits(loaded, group)
             demand = BridgedDemand(client, inner, events.take, events.note)
             tracker = follow if played is not None or needs_tracker(loaded) else None
-            runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
-            runner.log = begin_log(log, loaded, solver, settings, links, lsl)
+            scenery = {} if played is None else as_mapping(played, repeat=True)
+            sinks = begin_sinks(log, loaded, solver, settings, links, lsl, scenery)
+            sinks.append(SharedRun(loaded, solver, settings, group.clients, scenery))
+            runner = Runner(loaded, group, solver, demand, settings, sinks=sinks, clock=clock, tracker=tracker)
         failed = not _run(runner, seconds)
         events.note("ended", runner.statistics.ended)
     print_summary(runner)
-    tell_streams(runner.log)
+    tell_streams(runner.sinks)
     if failed or runner.statistics.unconfirmed or runner.statistics.emergency:
         raise typer.Exit(1)
     if runner.statistics.ended == CTRL_C:

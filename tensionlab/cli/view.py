@@ -12,7 +12,7 @@ from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Browser, PagePort
 from tensionlab.cli.common.output import if_interrupted, open_page
 from tensionlab.errors import RigError
-from tensionlab.hardware.log.shared_run import RunWatcher, find_runs
+from tensionlab.hardware.sharing import RunWatcher, find_runs
 from tensionlab.model.files import load_rig
 from tensionlab.support.files.named import is_path
 from tensionlab.viewer.design_page import DesignPage

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from tensionlab.hardware.log.reader import Run, read_run
     from tensionlab.hardware.log.writer import RunLog
     from tensionlab.hardware.runner.program import Program, load_program
+    from tensionlab.hardware.runner.records import Cycle
     from tensionlab.hardware.runner.runner import Runner
     from tensionlab.hardware.runner.settings import RealClock, RunSettings, WorldClock
-    from tensionlab.hardware.runner.statistics import Cycle
     from tensionlab.hardware.simulation.world import World
 
 __all__ = [
@@ -53,7 +53,7 @@ _NAMES = {
     "tensionlab.hardware.runner.program": ("Program", "load_program"),
     "tensionlab.hardware.runner.runner": ("Runner",),
     "tensionlab.hardware.runner.settings": ("RealClock", "RunSettings", "WorldClock"),
-    "tensionlab.hardware.runner.statistics": ("Cycle",),
+    "tensionlab.hardware.runner.records": ("Cycle",),
     "tensionlab.hardware.simulation.world": ("World",),
 }
 

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tensionlab.errors import MissingDependency, needs
-from tensionlab.hardware.log.columns import demanded_wrench, desired_wrench, rotation_matrix
 from tensionlab.hardware.protocol.messages import Info
-from tensionlab.hardware.runner.statistics import Cycle, RunSink, Statistics
+from tensionlab.hardware.runner.cycle_table import demanded_wrench, desired_wrench, rotation_matrix
+from tensionlab.hardware.runner.records import Cycle, RunEvent
+from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
@@ -61,8 +62,6 @@ class LslStreams:
         Its name, for the description of the streams.
     rate : float
         Cycles per second, for the description.
-    log : RunLog, optional
-        Gets all that comes.
 
     Attributes
     ----------
@@ -82,17 +81,18 @@ class LslStreams:
     >>> from tensionlab.interop.lsl import LslStreams
     >>> rig = tl.load_rig("floor-3")
     >>> world, streams = World(rig), LslStreams(rig, "newton", 50.0)
-    >>> runner = Runner(rig, world.group(), "newton", lambda state: Demand(), log=streams, clock=WorldClock(world))
+    >>> clock = WorldClock(world)
+    >>> runner = Runner(rig, world.group(), "newton", lambda state: Demand(), sinks=[streams], clock=clock)
     >>> _ = runner.run(seconds=0.1)
     >>> print(streams.error)
     None
     """
 
-    def __init__(self, rig: Rig, solver: str, rate: float, log: RunSink | None = None) -> None:
+    def __init__(self, rig: Rig, solver: str, rate: float) -> None:
         from scipy.spatial.transform import Rotation  # here: no cycle may wait for its import
 
         lsl = require_lsl()
-        self._rig, self._log, self._turn = rig, log, Rotation.from_matrix
+        self._rig, self._turn = rig, Rotation.from_matrix
         self._clock: Callable[[], float] = lsl.local_clock
         self._sending = threading.Lock()  # events come from any thread
         self.error: str | None = None
@@ -147,7 +147,7 @@ class LslStreams:
         self._markers = outlet("markers", "Markers", [Channel("event", "", "Marker")], numbers=False)
 
     def write(self, cycle: Cycle) -> None:
-        """Send the samples of a cycle; errors are those of the log."""
+        """Send the samples of a cycle."""
         began = self._clock() - cycle.compute_time
         state = cycle.state
         forces = [desired_wrench(cycle, self._rig), demanded_wrench(cycle, self._rig)]
@@ -155,31 +155,22 @@ class LslStreams:
         self._send(self._forces, np.concatenate(forces).tolist(), began)
         self._send(self._tensions, [*cycle.commanded.tolist(), *state.tensions.tolist()], began)
         self._send(self._pose, [*state.pose.position, *self._orientation(cycle)], began)
-        if self._log is not None:
-            self._log.write(cycle)
 
-    def note(self, kind: str, text: str, module: str | None = None) -> None:
-        """Send a marker; errors are those of the log."""
-        words = f"{kind}: {text}" if module is None else f"{kind} {module}: {text}"
-        self._send(self._markers, [words], self._clock())
-        if self._log is not None:
-            self._log.note(kind, text, module)
+    def note(self, event: RunEvent) -> None:
+        """Send a marker."""
+        self._send(self._markers, [f"{event.kind} {event.module}".strip() + f": {event.text}"], self._clock())
 
-    def modules(self, infos: Mapping[str, Info]) -> None:
-        """Send the marker with which a run begins; errors are those of the log."""
+    def begin(self, infos: Mapping[str, Info], statistics: Statistics) -> None:
+        """Send the marker with which a run begins."""
         self._send(self._markers, [f"begins: {self._rig.name}"], self._clock())
-        if self._log is not None:
-            self._log.modules(infos)
 
-    def close(self, statistics: Statistics | None = None) -> None:
-        """End the streams, when inlets have had time for the last samples; errors are those of the log."""
+    def close(self, statistics: Statistics) -> None:
+        """End the streams, when inlets have had time for the last samples."""
         outlets = (self._forces, self._tensions, self._pose, self._markers)
         if self.error is None and any(each.have_consumers() for each in outlets):
             time.sleep(LAST_SAMPLES_S)
         with self._sending:
             del self._forces, self._tensions, self._pose, self._markers  # pylsl ends a stream with its outlet
-        if self._log is not None:
-            self._log.close(statistics)
 
     def _orientation(self, cycle: Cycle) -> Floats:
         """Return the quaternion x, y, z, w of what turns, or its angle in the plane; nothing for a point."""

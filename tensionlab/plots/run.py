@@ -65,7 +65,7 @@ def plot_run(run: Run) -> Figure:
     >>> links = {module.name: "sim:" for module in rig.modules}
     >>> log = RunLog("run.mcap", rig, manifest(["an example"]), "newton", settings, links)
     >>> clock = WorldClock(world)
-    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, log=log, clock=clock)
+    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, sinks=[log], clock=clock)
     >>> _ = runner.run(seconds=1.0)
     >>> run = read_run("run.mcap")
     >>> figure = plots.plot_run(run)

@@ -17,9 +17,11 @@ from tensionlab.haptics.rendering.assignment import ModuleLimits
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.log.writer import RunLog
+from tensionlab.hardware.runner.records import RunSink
 from tensionlab.hardware.runner.runner import Runner, Tracker
 from tensionlab.hardware.runner.settings import Clock, PlaybackClock, RunSettings, WorldClock
-from tensionlab.hardware.runner.statistics import RunSink, Statistics
+from tensionlab.hardware.runner.statistics import Statistics
+from tensionlab.hardware.sharing import SharedRun
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.rig import Rig
@@ -96,7 +98,7 @@ def play(
     log: str | Path | None = None,
     call: Sequence[str] = ("tensionlab.scenarios.play",),
     progress: Callable[[float], None] | None = None,
-    streamed: Callable[[RunSink], RunSink] | None = None,
+    sinks: Sequence[RunSink] = (),
 ) -> ScenarioResult:
     """Play a scenario, and read what was logged.
 
@@ -115,8 +117,8 @@ def play(
         For the log's manifest.
     progress : callable, optional
         Receives the share that has been played, from 0 to 1.
-    streamed : callable, optional
-        Returns what gets all that the log is to get, and passes it on.
+    sinks : sequence of RunSink, optional
+        Further sinks of the run, besides the log.
 
     Raises
     ------
@@ -125,9 +127,9 @@ def play(
     """
     with tempfile.TemporaryDirectory() as folder, temporary_slew(modules.group, scenario.slew):
         path = Path(folder) / "scenario.mcap" if log is None else Path(log)
-        record: RunSink = RunLog(path, scenario.rig, manifest(call), solver, _settings(scenario), modules.links)
-        record = record if streamed is None else streamed(record)
-        statistics = perform(scenario, modules, None, solver, seconds, record, progress)
+        scenery = as_mapping(scenario)
+        record = RunLog(path, scenario.rig, manifest(call), solver, _settings(scenario), modules.links, scenery)
+        statistics = perform(scenario, modules, None, solver, seconds, [record, *sinks], progress)
         person = None if modules.person is None else modules.person.record
         return ScenarioResult(scenario, read_run(path), statistics, person)
 
@@ -138,10 +140,10 @@ def perform(
     notify: Notify | None = None,
     solver: str = "newton",
     seconds: float | None = None,
-    log: RunSink | None = None,
+    sinks: Sequence[RunSink] = (),
     progress: Callable[[float], None] | None = None,
 ) -> Statistics:
-    """Play a scenario on modules inside `temporary_slew`; keep nothing of it unless there is a log.
+    """Play a scenario on modules inside `temporary_slew`; keep nothing of it but in the sinks.
 
     Other parameters are those of `play` and, for ``notify``, of `ScenarioDemand`; the run keeps its events anyway.
     """
@@ -164,12 +166,22 @@ def perform(
         return source(state)
 
     settings, clock, tracker = _settings(scenario), modules.clock, modules.tracker
-    runner = Runner(scenario.rig, modules.group, solver, demand, settings, log=log, clock=clock, tracker=tracker)
+    shared = SharedRun(scenario.rig, solver, settings, modules.group.clients, as_mapping(scenario))
+    runner = Runner(
+        scenario.rig,
+        modules.group,
+        solver,
+        demand,
+        settings,
+        sinks=[shared, *sinks],
+        clock=clock,
+        tracker=tracker,
+    )
     return runner.run(length)
 
 
 def _settings(scenario: Scenario) -> RunSettings:
-    return RunSettings(rate=scenario.rate, policy=scenario.policy, scenery=as_mapping(scenario))
+    return RunSettings(rate=scenario.rate, policy=scenario.policy)
 
 
 def module_limits(rig: Rig, group: ModuleGroup) -> ModuleLimits:

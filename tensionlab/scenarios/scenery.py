@@ -121,7 +121,7 @@ def scenery(scenario: Scenario, *, repeat: bool = False) -> Scenery:
 
 
 def as_mapping(scenario: Scenario, *, repeat: bool = False) -> dict[str, Any]:
-    """Return the scenery of a scenario as plain values, for `RunSettings.scenery`."""
+    """Return the scenery of a scenario as plain values, for a log or a `SharedRun`."""
     return asdict(scenery(scenario, repeat=repeat))
 
 

@@ -14,8 +14,8 @@ import time
 from collections.abc import Callable
 
 from tensionlab.errors import LogError, TensionlabError
-from tensionlab.hardware.log.shared_run import RunInfo, RunReport, RunWatcher
 from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, DURATION_REACHED
+from tensionlab.hardware.sharing import RunInfo, RunReport, RunWatcher
 from tensionlab.scenarios.scenery import read_scenery
 from tensionlab.support.operating_system import lower_priority
 from tensionlab.viewer import run_words

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.errors import LogError
-from tensionlab.hardware.log.columns import COLUMNS
 from tensionlab.hardware.log.reader import Run
-from tensionlab.hardware.log.shared_run import RunInfo, RunReport
+from tensionlab.hardware.runner.cycle_table import COLUMNS
 from tensionlab.hardware.runner.statistics import Statistics
+from tensionlab.hardware.sharing import RunInfo, RunReport
 from tensionlab.solvers.base import Status
 from tensionlab.viewer.run_scene import Instant
 

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from tensionlab.hardware.log.shared_run import POLL_S, RunInfo, RunReport
+from tensionlab.hardware.sharing import POLL_S, RunInfo, RunReport
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import Scenery
 from tensionlab.support.colours import FORCE_COLOURS

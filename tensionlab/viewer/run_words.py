@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.hardware.log.shared_run import RunInfo, RunReport
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
+from tensionlab.hardware.sharing import RunInfo, RunReport
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, FORCE_COLOURS

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.emergency_stop import RELEASE_TIMEOUT_S, emergency_stop
-from tensionlab.hardware.log.shared_run import RunWatcher
+from tensionlab.hardware.sharing import RunWatcher
 from tensionlab.support.formatting import format_count
 from tensionlab.support.operating_system import kill_command, send_estop
 

@@ -6,7 +6,7 @@ import pyarrow.parquet as pq
 import pytest
 import xarray
 
-from tensionlab.hardware.log.columns import COLUMNS
+from tensionlab.hardware.runner.cycle_table import COLUMNS
 from tests.helpers import runs
 
 

@@ -9,10 +9,10 @@ import tensionlab as tl
 from tensionlab.cli.view import _watcher
 from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError
+from tensionlab.hardware import sharing
 from tensionlab.hardware.client import shared_telemetry
 from tensionlab.hardware.client.locks import LinkLock
 from tensionlab.hardware.client.shared_telemetry import Publisher
-from tensionlab.hardware.log import shared_run
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.world import World
@@ -27,7 +27,7 @@ def running(monkeypatch, locks_folder):
     """A process that has modules and had a run with them: this one."""
     monkeypatch.setattr(shared_telemetry, "MIN_PERIOD_S", 0.0)
     monkeypatch.setattr(shared_telemetry, "_publisher", Publisher())
-    monkeypatch.setattr(shared_run, "FIND_TIMEOUT_S", 600.0)
+    monkeypatch.setattr(sharing, "FIND_TIMEOUT_S", 600.0)
     lock, world = LinkLock("COM5"), World(tl.load_rig(RIG))
     Runner(tl.load_rig(RIG), world.group(), "newton", lambda state: Demand(), clock=WorldClock(world)).run(0.1)
     yield

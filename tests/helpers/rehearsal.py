@@ -53,9 +53,9 @@ class Rehearsal:
 
         return demand
 
-    def runner(self, demand, solver="newton", log=None, clock=None, **settings):
+    def runner(self, demand, solver="newton", sinks=(), clock=None, **settings):
         return Runner(
-            self.rig, self.group, solver, demand, RunSettings(**settings), log=log, clock=clock or self.clock
+            self.rig, self.group, solver, demand, RunSettings(**settings), sinks=sinks, clock=clock or self.clock
         )
 
     def let_pass(self, until):

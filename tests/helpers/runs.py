@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -12,8 +13,9 @@ from tensionlab.demand import Demand, Impedance, Pose, RigState
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.protocol.codes import BrakeState, Limit, ResetReason, State
 from tensionlab.hardware.protocol.messages import Info
+from tensionlab.hardware.runner.records import Cycle, RunEvent
 from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, Cycle, Statistics
+from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, Statistics
 from tensionlab.solvers.base import Status
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
@@ -103,18 +105,36 @@ def cycles(rig, count, rate=50.0, solver="newton", policy=None, size=2.0, lost=N
         )
 
 
+class EventList(list):
+    """Sink of a run that keeps its events."""
+
+    def begin(self, infos, statistics):
+        pass
+
+    def write(self, cycle):
+        pass
+
+    def note(self, event):
+        self.append(event)
+
+    def close(self, statistics):
+        pass
+
+
 def logged(path, rig, count=200, **how):
     """Write a run to a file, and return its cycles."""
     log = new_log(path, rig, **{key: how[key] for key in ("solver", "policy", "rate") if key in how})
-    log.modules({module.name: INFO for module in rig.modules})
-    log.note("armed", "all modules are armed")
+    log.begin({module.name: INFO for module in rig.modules}, Statistics())
+    log.note(RunEvent(-1, 0.0, "armed", "all modules are armed"))
     written = []
     for cycle in cycles(rig, count, **how):
         log.write(cycle)
         written.append(cycle)
         if how.get("lost") is not None and cycle.state.cycle == count // 2:
             name = rig.modules[how["lost"]].name
-            log.note("lost", f'module "{name}" has let go (FAULT: ENCODER)', name)
-    log.note("ended", DEMAND_STOPPED)
+            text = f'module "{name}" has let go (FAULT: ENCODER)'
+            log.note(RunEvent(cycle.state.cycle, cycle.state.time, "lost", text, name))
+    last = written[-1].state if written else SimpleNamespace(cycle=-1, time=0.0)
+    log.note(RunEvent(last.cycle, last.time, "ended", DEMAND_STOPPED))
     log.close(Statistics(missed=3, ended=DEMAND_STOPPED))
     return written

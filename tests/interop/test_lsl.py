@@ -69,7 +69,7 @@ def test_inlets_get_every_cycle_and_every_event(tmp_path):
         "newton",
         lambda state: PULL,
         settings,
-        log=streams,
+        sinks=[streams],
         clock=WorldClock(world, paced=True),
     )
     before = pylsl.local_clock()
@@ -110,7 +110,7 @@ def test_what_turns_has_an_orientation():
     pose = inlet(f"{rig.name} pose")
     assert described(pose, "label")[3:] == ["OrientationX", "OrientationY", "OrientationZ", "OrientationW"]
     world = World(rig)
-    runner = Runner(rig, world.group(), "newton", lambda state: Demand(), log=streams, clock=WorldClock(world))
+    runner = Runner(rig, world.group(), "newton", lambda state: Demand(), sinks=[streams], clock=WorldClock(world))
     runner.run(seconds=0.1)
     (place,), _ = samples(pose, 1)
     np.testing.assert_allclose(place[:3], rig.home, atol=1e-3)
@@ -124,7 +124,7 @@ def test_an_error_of_the_network_does_not_reach_the_run(monkeypatch):
     monkeypatch.setattr(pylsl.StreamOutlet, "push_sample", broken)
     rig = tl.load_rig("floor-3")
     world, streams = World(rig), LslStreams(rig, "newton", 50.0)
-    runner = Runner(rig, world.group(), "newton", lambda state: Demand(), log=streams, clock=WorldClock(world))
+    runner = Runner(rig, world.group(), "newton", lambda state: Demand(), sinks=[streams], clock=WorldClock(world))
     assert runner.run(seconds=0.2).cycles == 10
     assert streams.error == "RuntimeError: the network is gone"
 

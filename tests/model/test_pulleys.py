@@ -14,8 +14,8 @@ from tensionlab.errors import InputError, RigError
 from tensionlab.hardware import Runner, RunSettings, World, WorldClock
 from tensionlab.hardware.calibration.anchor_fit import Poses
 from tensionlab.hardware.calibration.anchors import calibrate_anchors
-from tensionlab.hardware.log.columns import VALUES
 from tensionlab.hardware.log.scene import SceneEncoder
+from tensionlab.hardware.runner.cycle_table import VALUES
 from tensionlab.hardware.runner.state_estimation import PoseTracker
 from tensionlab.model.kinematics import exponential
 from tensionlab.model.pose import place_anchors, place_axes, to_module_frames

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.hardware.log.columns import COLUMNS
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.protocol.codes import Limit, State
+from tensionlab.hardware.runner.cycle_table import COLUMNS
 from tensionlab.plots import plot_run
 from tensionlab.plots.run import BINS, LIMITER_LOOKS, bins_of, severity, thinned
 from tensionlab.plots.style import save_figure

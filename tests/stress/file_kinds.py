@@ -317,7 +317,7 @@ def _read_journal(place: Path) -> object:
 
 @cache
 def _log() -> dict[str, Any]:
-    from tensionlab.hardware.log.columns import COLUMNS, TYPES, sizes
+    from tensionlab.hardware.runner.cycle_table import COLUMNS, TYPES, sizes
 
     length = sizes(RIG)
     cycle: dict[str, Any] = {}

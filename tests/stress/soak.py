@@ -66,7 +66,7 @@ def soak(seconds: float, log: Path, seed: int = 0) -> Findings:
     settings = RunSettings(ttl=TTL)
     links = dict.fromkeys((module.name for module in rig.modules), "sim:")
     record = RunLog(log, rig, manifest(["tests.stress.soak"], seed=seed), "newton", settings, links)
-    Runner(rig, world.group(LINK, seed), "newton", program, settings, log=record, clock=WorldClock(world)).run(
+    Runner(rig, world.group(LINK, seed), "newton", program, settings, sinks=[record], clock=WorldClock(world)).run(
         seconds
     )
     return examine(read_run(log), watch.outside)

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensionlab.hardware.log.reader import RunEvent, read_run
+from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit
+from tensionlab.hardware.runner.records import RunEvent
 from tensionlab.solvers.base import Status
 from tensionlab.viewer.run_marks import GAP_S, KINDS, RunMark, marks, spells
 from tests.helpers import runs

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.hardware.log.columns import VALUES
+from tensionlab.hardware.runner.cycle_table import VALUES
 from tensionlab.support.colours import BLUE, FORCE_COLOURS, GREY, ORANGE, RED, rgb
 from tensionlab.viewer.run_scene import DASHES, ENLARGED, Instant, draw_instant
 from tensionlab.viewer.scene import force_scale, size

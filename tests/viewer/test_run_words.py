@@ -10,11 +10,11 @@ import pytest
 
 from tensionlab.demand import Demand
 from tensionlab.hardware.client import shared_telemetry
-from tensionlab.hardware.log.reader import RunEvent
-from tensionlab.hardware.log.shared_run import RUN, RunInfo, RunReport
 from tensionlab.hardware.protocol.codes import BrakeState, Limit
+from tensionlab.hardware.runner.records import RunEvent
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
+from tensionlab.hardware.sharing import RUN, RunInfo, RunReport
 from tensionlab.hardware.simulation.world import World
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.scenery import scenery

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -19,8 +19,8 @@ from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.modules_file import load_modules
 from tensionlab.hardware.log.writer import RunLog
+from tensionlab.hardware.runner.records import RunSink
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings, WorldClock
-from tensionlab.hardware.runner.statistics import RunSink
 from tensionlab.hardware.simulation.world import Motion, World
 from tensionlab.model.rig import Rig
 from tensionlab.support.operating_system import INTERRUPT_SIGNALS
@@ -148,42 +148,33 @@ def module_links(rig: Rig, modules: str) -> dict[str, str]:
     return {module.name: url for module, url in zip(rig.modules, urls, strict=True)}
 
 
-def tell_streams(sink: RunSink | None) -> None:
+def tell_streams(sinks: Iterable[RunSink]) -> None:
     """Say so if streams for Lab Streaming Layer ended before their run did."""
-    if (error := getattr(sink, "error", None)) is not None:
-        print_error(f"the streams for Lab Streaming Layer ended before the run: {error}")
+    for sink in sinks:
+        if (error := getattr(sink, "error", None)) is not None:
+            print_error(f"the streams for Lab Streaming Layer ended before the run: {error}")
 
 
-@contextmanager
-def lsl_streams(
-    rig: Rig, solver: str, rate: float, *, wanted: bool
-) -> Iterator[Callable[[RunSink], RunSink] | None]:
-    """Yield what adds streams for Lab Streaming Layer to a log, if ``wanted``; afterwards, say if they failed."""
+def lsl_streams(rig: Rig, solver: str, rate: float, *, wanted: bool) -> list[RunSink]:
+    """Return the sink that streams a run to Lab Streaming Layer, if ``wanted``."""
     if not wanted:
-        yield None
-        return
+        return []
     from tensionlab.interop.lsl import LslStreams
 
-    made: list[RunSink] = []
-
-    def streamed(log: RunSink) -> RunSink:
-        made.append(LslStreams(rig, solver, rate, log))
-        return made[-1]
-
-    yield streamed
-    for streams in made:
-        tell_streams(streams)
+    return [LslStreams(rig, solver, rate)]
 
 
-def begin_log(
-    path: Path | None, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str], lsl: bool
-) -> RunSink | None:
-    """Begin the log of a run, if there is to be one, and its streams for Lab Streaming Layer."""
-    log = None
-    if path is not None:
-        log = RunLog(path, rig, manifest(["tensionlab", *sys.argv[1:]]), solver, settings, links)
-    if not lsl:
-        return log
-    from tensionlab.interop.lsl import LslStreams
-
-    return LslStreams(rig, solver, settings.rate, log)
+def begin_sinks(
+    path: Path | None,
+    rig: Rig,
+    solver: str,
+    settings: RunSettings,
+    links: dict[str, str],
+    lsl: bool,
+    scenery: Mapping[str, Any] | None = None,
+) -> list[RunSink]:
+    """Begin the log of a run and its streams for Lab Streaming Layer, as far as they are wanted."""
+    streams = lsl_streams(rig, solver, settings.rate, wanted=lsl)
+    if path is None:
+        return streams
+    return [RunLog(path, rig, manifest(["tensionlab", *sys.argv[1:]]), solver, settings, links, scenery), *streams]

@@ -2,7 +2,7 @@
 
 A thread of it waits at a UDP port of 127.0.0.1, and answers whoever knows the token, which is in the notes of its
 locks, with one datagram for each module: JSON, with the latest telemetry as a frame. A request may name a topic
-instead, such as the run of that process (`tensionlab.hardware.log.shared_run`). Nothing is kept for a watcher that
+instead, such as the run of that process (`tensionlab.hardware.sharing`). Nothing is kept for a watcher that
 is slow, and nothing is sent unasked but a last word; neither the loop of a run nor the readers of links take part.
 Nothing that comes to this port reaches a module.
 """

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocation
 from tensionlab.errors import LogError
-from tensionlab.hardware.log import columns
-from tensionlab.hardware.log.columns import COLUMNS, IMPEDANCE, CycleTable
 from tensionlab.hardware.log.mcap_file import read_records
 from tensionlab.hardware.log.writer import RunSetup
 from tensionlab.hardware.protocol.codes import Fault, Limit
+from tensionlab.hardware.runner import cycle_table
+from tensionlab.hardware.runner.cycle_table import COLUMNS, IMPEDANCE, CycleTable
+from tensionlab.hardware.runner.records import RunEvent
 from tensionlab.hardware.runner.statistics import PERCENTILES, Statistics, percentiles
 from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.rig import Rig
@@ -42,17 +43,6 @@ BLOCK_CYCLES = 1000
 
 MAX_EVENTS = 12
 """Events that are shown below a table; JSON has all."""
-
-
-@dataclass(frozen=True)
-class RunEvent:
-    """Event in a run, besides its cycles."""
-
-    cycle: int  # number of the latest cycle; -1 before the first
-    time: float  # begin of that cycle, in s since the run began
-    kind: str  # in a word
-    text: str  # in a sentence
-    module: str  # name of the module; empty where it is none, or all
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,7 +77,7 @@ class Run(CycleTable):
     >>> links = {module.name: "sim:" for module in rig.modules}
     >>> log = RunLog("run.mcap", rig, manifest(["an example"]), "newton", settings, links)
     >>> clock = WorldClock(world)
-    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, log=log, clock=clock)
+    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, sinks=[log], clock=clock)
     >>> _ = runner.run(seconds=1.0)
     >>> run = read_run("run.mcap")
     >>> run.desired.shape, run.commanded.shape
@@ -202,7 +192,7 @@ def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | N
     >>> links = {module.name: "sim:" for module in rig.modules}
     >>> log = RunLog("run.mcap", rig, manifest(["an example"]), "newton", settings, links)
     >>> clock = WorldClock(world)
-    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, log=log, clock=clock)
+    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, sinks=[log], clock=clock)
     >>> _ = runner.run(seconds=1.0)
     >>> run = read_run("run.mcap")
     >>> len(run), run.rig.name
@@ -238,7 +228,7 @@ def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | N
     if rig is None or not {"manifest", "setup"} <= metadata.keys():
         raise LogError(f"{path}: the log was cut off before the run began; there is nothing in it")
     blocks.append(_decoded(path, rows, rig))
-    table = {name: np.concatenate([block[name] for block in blocks]) for name in columns.COLUMNS}
+    table = {name: np.concatenate([block[name] for block in blocks]) for name in cycle_table.COLUMNS}
     return Run(
         **table,
         rig=rig,
@@ -254,7 +244,7 @@ def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | N
 
 def _decoded(path: Path, rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
     try:
-        return columns.decode(rows, rig)
+        return cycle_table.decode(rows, rig)
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise LogError(
             f"{path}: a cycle in it is none of this rig ({type(error).__name__}); it is damaged"

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.hardware.log.columns import anchors_in_world, desired_wrench, rotation_matrix
 from tensionlab.hardware.log.foxglove_schemas import (
     FRAME_TRANSFORMS,
     JOINT_STATES,
@@ -27,7 +26,8 @@ from tensionlab.hardware.log.foxglove_schemas import (
     message,
     several,
 )
-from tensionlab.hardware.runner.statistics import Cycle
+from tensionlab.hardware.runner.cycle_table import anchors_in_world, desired_wrench, rotation_matrix
+from tensionlab.hardware.runner.records import Cycle
 from tensionlab.model.kinematics import in_space, turn_axes
 from tensionlab.model.module import WORLD, upward
 from tensionlab.model.pose import Frame, frame_of, place_anchors

@@ -15,12 +15,13 @@ from typing import Any
 
 from tensionlab.allocation import Policy, Solver, resolve_solver
 from tensionlab.errors import LogError, WriteError
-from tensionlab.hardware.log import columns
 from tensionlab.hardware.log.mcap_file import McapWriter
 from tensionlab.hardware.log.scene import CHANNELS, SceneEncoder
 from tensionlab.hardware.protocol.messages import Info
+from tensionlab.hardware.runner import cycle_table
+from tensionlab.hardware.runner.records import Cycle, RunEvent
 from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.runner.statistics import Cycle, Statistics
+from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support.files.reading import as_path
@@ -52,7 +53,7 @@ EVENT_SCHEMA = {
 
 @dataclass(frozen=True)
 class RunSetup:
-    """Setup of a run; rate, ttl, on_loss and scenery are as in `RunSettings`."""
+    """Setup of a run; rate, ttl and on_loss are as in `RunSettings`."""
 
     solver: str  # its name in `tensionlab.SOLVERS`; of one that was given as an instance, that of its class
     parameters: Mapping[str, Any]  # the solver's hyper-parameters
@@ -63,10 +64,16 @@ class RunSetup:
     lower: tuple[float, ...]  # tension limits that the solver kept to, in N
     upper: tuple[float, ...]
     links: Mapping[str, str]  # where each module was reached, by its name
-    scenery: Mapping[str, Any] = field(default_factory=dict)
+    scenery: Mapping[str, Any] = field(default_factory=dict)  # what pages draw around the rig
 
 
-def setup_of(rig: Rig, solver: str | Solver, settings: RunSettings, links: Mapping[str, str]) -> RunSetup:
+def setup_of(
+    rig: Rig,
+    solver: str | Solver,
+    settings: RunSettings,
+    links: Mapping[str, str],
+    scenery: Mapping[str, Any] | None = None,
+) -> RunSetup:
     """Return the setup of a run with these settings. Arguments and errors as those of `RunLog`."""
     made, policy = resolve_solver(solver, settings.policy)
     return RunSetup(
@@ -79,7 +86,7 @@ def setup_of(rig: Rig, solver: str | Solver, settings: RunSettings, links: Mappi
         lower=tuple(rig.limits.lower.tolist()),
         upper=tuple(rig.limits.upper.tolist()),
         links=links,
-        scenery=settings.scenery,
+        scenery={} if scenery is None else scenery,
     )
 
 
@@ -103,6 +110,8 @@ class RunLog:
         Rate, policy and so on.
     links : mapping of str to str
         Where each module is reached, by its name.
+    scenery : mapping, optional
+        What pages draw around the rig, as plain values (`tensionlab.scenarios.scenery`).
 
     Raises
     ------
@@ -124,7 +133,7 @@ class RunLog:
     >>> links = {module.name: "sim:" for module in rig.modules}
     >>> log = RunLog("run.mcap", rig, manifest(["an example"]), "newton", settings, links)
     >>> clock = WorldClock(world)
-    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, log=log, clock=clock)
+    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, sinks=[log], clock=clock)
     >>> _ = runner.run(seconds=1.0)
     >>> run = read_run("run.mcap")
     >>> run.complete
@@ -139,15 +148,16 @@ class RunLog:
         solver: str | Solver,
         settings: RunSettings,
         links: Mapping[str, str],
+        scenery: Mapping[str, Any] | None = None,
     ) -> None:
-        setup = setup_of(rig, solver, settings, links)
+        setup = setup_of(rig, solver, settings, links, scenery)
         self.path = as_path(path)
         self._rig = rig
         self._queue: SimpleQueue[tuple[str, int, int, Any] | None] = SimpleQueue()
         self._error: LogError | None = None
         self._summary: Mapping[str, Any] = {}
         self._begin_ns: int | None = None
-        self._cycle, self._time = -1, 0.0
+        self._time = 0.0
         self._scene = SceneEncoder(rig)
         self._file = self._opened(manifest, setup)
         self._thread = threading.Thread(target=self._run, name=f"log {self.path.name}", daemon=True)
@@ -156,7 +166,9 @@ class RunLog:
     def _opened(self, manifest: Mapping[str, Any], setup: RunSetup) -> McapWriter:
         """Begin the file with what is known before the run; leave none behind where that fails."""
         try:
-            file = McapWriter(self.path, {"cycle": columns.schema(self._rig), "event": EVENT_SCHEMA, **CHANNELS})
+            file = McapWriter(
+                self.path, {"cycle": cycle_table.schema(self._rig), "event": EVENT_SCHEMA, **CHANNELS}
+            )
             try:
                 file.attachment("rig.toml", "application/toml", rig_to_toml(self._rig).encode())
                 file.metadata("manifest", manifest)
@@ -182,15 +194,14 @@ class RunLog:
         """
         if self._begin_ns is None:
             self._begin_ns = time.time_ns() - int(1e9 * cycle.state.time)
-        self._cycle, self._time = cycle.state.cycle, cycle.state.time
+        self._time = cycle.state.time
         self._put("cycle", cycle)
 
-    def note(self, kind: str, text: str, module: str | None = None) -> None:
+    def note(self, event: RunEvent) -> None:
         """Keep an event, such as a module that was lost; from any thread. Errors as those of `write`."""
-        event = {"cycle": self._cycle, "time": self._time, "kind": kind, "text": text, "module": module or ""}
-        self._put("event", event)
+        self._put("event", asdict(event))
 
-    def modules(self, infos: Mapping[str, Info]) -> None:
+    def begin(self, infos: Mapping[str, Info], statistics: Statistics) -> None:
         """Keep the description of each module, by its name. Errors as those of `write`."""
         self._put("modules", {name: asdict(info) for name, info in infos.items()})
 
@@ -270,7 +281,7 @@ class RunLog:
         elif topic == "event":
             self._file.message(topic, when, now, json.dumps(what).encode())
         else:
-            self._file.message(topic, when, now, columns.encode(what, self._rig))
+            self._file.message(topic, when, now, cycle_table.encode(what, self._rig))
             for channel, content in self._scene.messages(what, when):
                 self._file.message(channel, when, now, content)
                 self._yield()

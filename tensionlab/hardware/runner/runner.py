@@ -7,8 +7,7 @@ import math
 import os
 import sys
 import time
-from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 
@@ -18,16 +17,14 @@ from numpy.typing import NDArray
 from tensionlab.allocation import Solver
 from tensionlab.demand import Demand, DemandSource, Pose, RigState
 from tensionlab.errors import HardwareError, LinkTimeout
-from tensionlab.hardware.client import shared_telemetry
 from tensionlab.hardware.client.group import ModuleGroup
-from tensionlab.hardware.log.reader import RunEvent
-from tensionlab.hardware.log.shared_run import MAX_EVENTS, SharedRun
 from tensionlab.hardware.protocol.messages import Stop
 from tensionlab.hardware.runner import guard
 from tensionlab.hardware.runner.length_check import LengthMonitor
 from tensionlab.hardware.runner.module_monitor import ModuleMonitor
 from tensionlab.hardware.runner.pretension import misfit, reel_in, require_possible
 from tensionlab.hardware.runner.program import require_demand
+from tensionlab.hardware.runner.records import Cycle, RunEvent, RunSink
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings
 from tensionlab.hardware.runner.state_estimation import (
     MAX_LENGTH_ERROR_M,
@@ -39,15 +36,9 @@ from tensionlab.hardware.runner.state_estimation import (
     observe,
     velocity,
 )
-from tensionlab.hardware.runner.statistics import (
-    DEMAND_STOPPED,
-    DURATION_REACHED,
-    EMERGENCY_STOP,
-    Cycle,
-    RunSink,
-    Statistics,
-)
+from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, DURATION_REACHED, EMERGENCY_STOP, Statistics
 from tensionlab.hardware.runner.watchdog import STOPPING_SIGNALS, Hung, Interrupted, Interrupts, Watchdog
+from tensionlab.hardware.sharing import SharedRun
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers
 from tensionlab.support.formatting import format_count
@@ -87,8 +78,9 @@ class Runner:
         ``demand(state)`` returns the `Demand` of each cycle, given the `RigState`.
     settings : RunSettings, optional
         Rate, time to live, and what to do when a module is lost.
-    log : RunLog, optional
-        Keeps every cycle; closed at the end of the run.
+    sinks : iterable of RunSink, optional
+        Sinks for cycles and events, such as a `RunLog`; closed at the end of the run. A `SharedRun` is added if
+        there is none.
     clock : Clock, optional
         That of a simulated world, if the modules are in one.
     tracker : callable, optional
@@ -98,10 +90,8 @@ class Runner:
     ----------
     latest : Cycle or None
     statistics : Statistics
-    events : deque of RunEvent
-        The latest; the log has all.
-    log : RunLog, another `RunSink`, or None
-        May be set until the run begins.
+    sinks : list of RunSink
+        May be changed until the run begins.
 
     Raises
     ------
@@ -129,7 +119,7 @@ class Runner:
         demand: DemandSource,
         settings: RunSettings | None = None,
         *,
-        log: RunSink | None = None,
+        sinks: Iterable[RunSink] = (),
         clock: Clock | None = None,
         tracker: Tracker | None = None,
     ) -> None:
@@ -140,14 +130,12 @@ class Runner:
         self.settings = RunSettings() if settings is None else settings
         self.latest: Cycle | None = None
         self.statistics = Statistics()
-        self.events: deque[RunEvent] = deque(maxlen=MAX_EVENTS)
-        self._solver = solver if isinstance(solver, str) else type(solver).__name__
-        self._shared: SharedRun | None = None
+        self.sinks = list(sinks)
+        self._solver = solver
         self._allocator = guard.GuardedAllocator(solver, self.settings.policy)
         self._taut = guard.GuardedAllocator(guard.EXACT_SOLVER)  # lowest tensions, whatever the solver optimises
         self._demand, self._tracker = demand, tracker
         self._required = rig.required.gravity or rig.required.wrench is not None
-        self.log = log
         self._clock = RealClock(modules.clients) if clock is None else clock
         self._lengths = PoseTracker(rig) if tracker is None else None
         self._length_monitor = LengthMonitor(rig, lambda text: self.note("unchecked", text))
@@ -191,7 +179,8 @@ class Runner:
         if seconds is not None and not 0.0 < seconds < math.inf:
             raise HardwareError(f"a run takes a finite time above 0 s; got {seconds:g}")
         interrupts = Interrupts()
-        self._share()
+        if not any(isinstance(sink, SharedRun) for sink in self.sinks):
+            self.sinks.append(SharedRun(self.rig, self._solver, self.settings, self.modules.clients))
         with interrupts.caught(STOPPING_SIGNALS):
             gc.freeze()  # what is there by now is not looked through again while a cycle waits
             patience = sys.getswitchinterval()
@@ -216,18 +205,12 @@ class Runner:
                 self._end()
         return self.statistics
 
-    def _share(self) -> None:
-        """Let other processes read this run, where they may read telemetry of this one anyway."""
-        published = shared_telemetry.started()
-        if published is not None:
-            self._shared = SharedRun(published, self, self.rig, self._solver, self.settings, self.modules.clients)
-
     def _begin(self) -> None:
         """Have all modules report, and arm them."""
         self.modules.prepare(self.rig, self.settings.telemetry_ms)
         self._derating = guard.Derating(self.rig.limits, np.array(self.modules.continuous), self._names)
-        if self.log is not None:
-            self.log.modules(dict(zip(self._names, self.modules.infos, strict=True)))
+        for sink in self.sinks:
+            sink.begin(dict(zip(self._names, self.modules.infos, strict=True)), self.statistics)
         if self._lengths is not None:
             self.modules.require_lengths()
         self._max_change = min(self.modules.slews) / self.settings.rate
@@ -336,8 +319,8 @@ class Runner:
             fallback_used=fallback_used,
             slew_limited=slew_limited,
         )
-        if self.log is not None:
-            self.log.write(self.latest)
+        for sink in self.sinks:
+            sink.write(self.latest)
         return True
 
     def _look(self) -> tuple[Observation, Floats]:
@@ -487,11 +470,21 @@ class Runner:
             os._exit(1)
 
     def note(self, kind: str, text: str, module: str | None = None) -> None:
-        """Keep an event, such as a phase of the demand; from any thread. Errors as those of `RunLog.note`."""
+        """Give an event, such as a phase of the demand, to all sinks; from any thread."""
         cycle, now = (-1, 0.0) if self.latest is None else (self.latest.state.cycle, self.latest.state.time)
-        self.events.append(RunEvent(cycle, now, kind, text, module or ""))
-        if self.log is not None:
-            self.log.note(kind, text, module)
+        event = RunEvent(cycle, now, kind, text, module or "")
+        self._to_sinks(lambda sink: sink.note(event))
+
+    def _to_sinks(self, give: Callable[[RunSink], None]) -> None:
+        """Give something to every sink, then raise the first error."""
+        errors = []
+        for sink in self.sinks:
+            try:
+                give(sink)
+            except HardwareError as error:
+                errors.append(error)
+        if errors:
+            raise errors[0]
 
     def _end(self) -> None:
         """Stop all modules; note in the log why, and which did not confirm it."""
@@ -501,7 +494,4 @@ class Runner:
             self.note("ended", self.statistics.ended)
             for name, why in self.statistics.unconfirmed.items():
                 self.note("unconfirmed", why, name)
-        if self._shared is not None:
-            self._shared.end()
-        if self.log is not None:
-            self.log.close(self.statistics)
+        self._to_sinks(lambda sink: sink.close(self.statistics))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, get_args
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal, Protocol, get_args
 
 from tensionlab.allocation import Policy
 from tensionlab.errors import HardwareError
@@ -38,8 +38,6 @@ class RunSettings:
         When a module is lost (fault, refused set-point, silence): all stop, or the others go on.
     policy : str or None
         Policy for an infeasible wrench; the solver's own if None.
-    scenery : mapping
-        What pages draw around the rig, as plain values (`tensionlab.scenarios.scenery`); kept for them in the log.
 
     Raises
     ------
@@ -57,7 +55,6 @@ class RunSettings:
     ttl: float = 0.25
     on_loss: OnLoss = "stop"
     policy: Policy | None = None
-    scenery: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not MIN_TTL_S <= self.ttl <= MAX_TTL_S:

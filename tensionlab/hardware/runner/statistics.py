@@ -1,18 +1,15 @@
-"""Cycles of a run, and counts and times over them: kept up while it runs, or recounted from its log."""
+"""Counts and times over the cycles of a run: kept up while it runs, or recounted from its log."""
 
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from tensionlab.allocation import Allocation, Status
-from tensionlab.demand import Demand, RigState
-from tensionlab.hardware.protocol.messages import Info
-from tensionlab.support.arrays import Floats, Integers
+from tensionlab.allocation import Status
 from tensionlab.support.formatting import format_count, format_duration
 from tensionlab.support.table import STATUS_MARKS, Mark, table
 
@@ -26,56 +23,6 @@ EMERGENCY_STOP = "emergency stop (from another terminal)"
 """`tensionlab estop` ended it, or whoever else sent `ESTOP_SIGNAL`."""
 STATUSES = tuple(sorted(Status))
 PERCENTILES = {"median": 50.0, "p99": 99.0, "max": 100.0}
-
-
-@dataclass(frozen=True, eq=False)
-class Cycle:
-    """One cycle of a run.
-
-    Attributes
-    ----------
-    state : RigState
-        At its begin.
-    demand : Demand
-        Its wrench with what the rig requires.
-    solver_wrench : (n,) array
-        What of the desired wrench the solver is to render: all but what modules with an impedance, and lost ones
-        that have not released yet, pull.
-    allocation : Allocation
-        What the solver chose, verified; with tension 0 in modules that do not take part.
-    fallback_used : bool
-        Whether the run's own solver left the answer unproven, so that the exact solver gave this one.
-    commanded : (m,) array
-        Set-points in N, after the limit on their change; NaN where none was sent.
-    sequences : (m,) array of int
-        Their sequence numbers; -1 where none was sent.
-    start_delay : float
-        How long after its deadline the cycle began, in s.
-    compute_time : float
-        What the host needed for it, in s.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import tensionlab as tl
-    >>> from tensionlab.hardware import Demand, Runner, World, WorldClock
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> world, pull = World(rig), Demand(np.array([0.0, 0.0, 1.5]))
-    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, clock=WorldClock(world))
-    >>> _ = runner.run(seconds=1.0)
-    >>> runner.latest.commanded.round(1)
-    array([1.5, 2.5, 0.5, 2. ])
-    """
-
-    state: RigState
-    demand: Demand
-    solver_wrench: Floats
-    allocation: Allocation
-    fallback_used: bool
-    commanded: Floats
-    sequences: Integers
-    start_delay: float
-    compute_time: float
 
 
 @dataclass
@@ -203,19 +150,3 @@ def percentiles(values: Iterable[float]) -> tuple[float, ...]:
     if not numbers.size:
         return (np.nan,) * len(PERCENTILES)
     return tuple(np.percentile(numbers, list(PERCENTILES.values())).tolist())
-
-
-class RunSink(Protocol):
-    """Whatever gets all that happens in a run, as `RunLog` does. A `HardwareError` of it ends the run."""
-
-    def write(self, cycle: Cycle) -> None:
-        """Take a cycle."""
-
-    def note(self, kind: str, text: str, module: str | None = None) -> None:
-        """Take an event; from any thread."""
-
-    def modules(self, infos: Mapping[str, Info]) -> None:
-        """Take the description of each module, by its name, before they are armed."""
-
-    def close(self, statistics: Statistics | None = None) -> None:
-        """Take how the run went; nothing comes after that."""

@@ -10,17 +10,17 @@ import pytest
 import tensionlab as tl
 from tensionlab.demand import Pose
 from tensionlab.errors import LogError, TensionlabError
-from tensionlab.hardware.log.columns import (
+from tensionlab.hardware.log.mcap_file import McapWriter, read_records
+from tensionlab.hardware.log.reader import read_run, report
+from tensionlab.hardware.log.scene import CHANNELS
+from tensionlab.hardware.log.writer import EVENT_SCHEMA, setup_of
+from tensionlab.hardware.runner.cycle_table import (
     COLUMNS,
     TYPES,
     decode,
     encode,
     schema,
 )
-from tensionlab.hardware.log.mcap_file import McapWriter, read_records
-from tensionlab.hardware.log.reader import read_run, report
-from tensionlab.hardware.log.scene import CHANNELS
-from tensionlab.hardware.log.writer import EVENT_SCHEMA, setup_of
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.solvers.base import Status
 from tests.helpers import runs

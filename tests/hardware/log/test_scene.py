@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 import tensionlab as tl
 from tensionlab.demand import Pose
-from tensionlab.hardware.log.columns import anchors_in_world
 from tensionlab.hardware.log.mcap_file import read_records
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.log.scene import CHANNELS, SceneEncoder
+from tensionlab.hardware.runner.cycle_table import anchors_in_world
 from tensionlab.support.colours import FORCE_COLOURS, GREY, ramp, rgb
 from tests.helpers import runs
 

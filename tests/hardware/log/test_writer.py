@@ -14,6 +14,7 @@ from tensionlab.errors import LogError
 from tensionlab.hardware.log import writer
 from tensionlab.hardware.log.mcap_file import McapWriter
 from tensionlab.hardware.log.reader import read_run
+from tensionlab.hardware.runner.records import RunEvent
 from tensionlab.support.files import writing
 from tests.helpers import runs
 
@@ -213,12 +214,14 @@ def test_a_log_that_is_closed_takes_nothing_more(tmp_path):
     log.close()
     log.close()
     with pytest.raises(LogError, match="is closed"):
-        log.note("late", "too late")
+        log.note(RunEvent(-1, 0.0, "late", "too late"))
 
 
 def test_events_may_come_from_any_thread(tmp_path):
     log = open_log(tmp_path / "run.mcap")
-    threads = [threading.Thread(target=log.note, args=("fault", str(index), "x- y+")) for index in range(20)]
+    threads = [
+        threading.Thread(target=log.note, args=(RunEvent(-1, 0.0, "fault", str(i), "x- y+"),)) for i in range(20)
+    ]
     for thread in threads:
         thread.start()
     for thread in threads:

@@ -8,14 +8,12 @@ from hypothesis import strategies as st
 
 from tensionlab import _native
 from tensionlab.errors import ProtocolError
-from tensionlab.hardware.protocol.codes import Type
 from tensionlab.hardware.protocol.frames import (
     DELIMITER,
     MAX_FRAME,
     MAX_PAYLOAD,
     Decoder,
     Frame,
-    pack_1,
 )
 
 FRAMES = st.builds(Frame, st.integers(0, 255), st.integers(0, 255), st.binary(max_size=MAX_PAYLOAD))
@@ -24,7 +22,6 @@ PIECES = st.one_of(
     FRAMES.map(Frame.pack),
     st.binary(max_size=80),
     st.integers(1, 7).map(bytes),
-    st.integers(0, 255).map(lambda sequence: pack_1(Frame(Type.HELLO, sequence))),
 )
 
 

@@ -193,7 +193,7 @@ def test_a_disk_that_is_full(rehearsal, tmp_path, monkeypatch):
 
     try:
         with pytest.raises(LogError, match=r"run.mcap: the log cannot be written \(File too large\)"):
-            rehearsal.runner(rehearsal.demand(trouble=fill), log=log, clock=Slow()).run(5.0)
+            rehearsal.runner(rehearsal.demand(trouble=fill), sinks=[log], clock=Slow()).run(5.0)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert rehearsal.world.time < 2.0

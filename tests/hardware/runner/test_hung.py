@@ -62,7 +62,7 @@ group = connect(rig, links)
 solver = ThirdParty()
 settings = RunSettings(ttl=1.0)
 log = RunLog(sys.argv[3], rig, {}, solver, settings, links)
-runner = Runner(rig, group, solver, lambda state: Demand(np.array([0.0, 0.0, 0.5])), settings, log=log)
+runner = Runner(rig, group, solver, lambda state: Demand(np.array([0.0, 0.0, 0.5])), settings, sinks=[log])
 print(flush=True)
 try:
     runner.run()
@@ -117,7 +117,7 @@ def test_a_solver_that_hangs_in_python_is_interrupted_and_the_modules_are_stoppe
     log = RunLog(tmp_path / "run.mcap", RIG, {}, solver, RunSettings(), dict.fromkeys(rehearsal.links, "sim:"))
     why = f"cycle 18 has not ended for 0.5 s, in {hang.__name__} (test_hung.py:"
     with pytest.raises(HardwareError) as caught:
-        rehearsal.runner(rehearsal.demand(), solver, log, Watched()).run()
+        rehearsal.runner(rehearsal.demand(), solver, [log], Watched()).run()
     assert str(caught.value).startswith(why)
     assert str(caught.value).endswith("): all modules are stopped")
     assert set(rehearsal.states().values()) == {"IDLE"}

@@ -16,6 +16,7 @@ from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.runner.state_estimation import PoseTracker
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.world import World
+from tests.helpers.runs import EventList
 
 RIGS = ("bartels2026-validation", "cube-8", "seven-modules", "tetra-4")
 
@@ -39,9 +40,10 @@ def rendered(name, away, force):
     """Return the latest cycle of a run with a force at a pose away from home, and its events `unchecked`."""
     rig = tl.load_rig(name)
     world = World(rig, lambda _: Pose(rig.home + away))
-    runner = Runner(rig, world.group(), "newton", lambda _: Demand(np.array(force)), clock=WorldClock(world))
+    events, demand = EventList(), Demand(np.array(force))
+    runner = Runner(rig, world.group(), "newton", lambda _: demand, sinks=[events], clock=WorldClock(world))
     runner.run(1.0)
-    return runner.latest, [event.text for event in runner.events if event.kind == "unchecked"]
+    return runner.latest, [event.text for event in events if event.kind == "unchecked"]
 
 
 def test_a_limited_force_is_logged_as_such_and_is_what_the_tensions_render():
@@ -100,10 +102,11 @@ def drifting(name, victim, rate, *, speed_agrees):
 
 def test_without_redundancy_the_run_says_so_and_goes_by_the_cables_own_speed():
     runner, offsets = drifting("floor-3", 1, 0.02, speed_agrees=False)
+    runner.sinks.append(events := EventList())
     with pytest.raises(HardwareError, match=r'module "floor-2" has drifted by \+6\d mm that its speed does not'):
         runner.run(10.0)
     assert 0.059 < offsets[-1] < 0.08
-    said = [event.text for event in runner.events if event.kind == "unchecked"]
+    said = [event.text for event in events if event.kind == "unchecked"]
     assert len(said) == 1
     assert said[0].startswith("3 cables for 3 unknowns do not check each other's lengths")
 

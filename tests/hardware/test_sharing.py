@@ -9,15 +9,15 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.demand import Demand, Pose
+from tensionlab.hardware import sharing
 from tensionlab.hardware.client import shared_telemetry
 from tensionlab.hardware.client.locks import LinkLock
 from tensionlab.hardware.client.shared_telemetry import Publisher
-from tensionlab.hardware.log import shared_run
-from tensionlab.hardware.log.columns import COLUMNS, VALUES
-from tensionlab.hardware.log.shared_run import ASK_AGAIN_S, MAX_TIMES, MIN_STALE_S, RunWatcher, find_runs, latest
 from tensionlab.hardware.protocol.codes import BrakeState
+from tensionlab.hardware.runner.cycle_table import COLUMNS, VALUES
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
+from tensionlab.hardware.sharing import ASK_AGAIN_S, MAX_TIMES, MIN_STALE_S, RunWatcher, find_runs, latest
 from tensionlab.hardware.simulation.world import World
 from tests.helpers.simulated_time import SimulatedTime
 
@@ -189,7 +189,7 @@ def test_what_makes_no_sense_is_left_out():
 @pytest.fixture
 def passing(monkeypatch):
     made = SimulatedTime()
-    monkeypatch.setattr(shared_run, "time", made)
+    monkeypatch.setattr(sharing, "time", made)
     return made
 
 
@@ -247,7 +247,7 @@ def test_a_process_that_ended_without_a_word_is_gone():
 
 
 def test_runs_are_found_by_the_locks_of_their_processes(published, locks_folder, monkeypatch):
-    monkeypatch.setattr(shared_run, "FIND_TIMEOUT_S", 600.0)
+    monkeypatch.setattr(sharing, "FIND_TIMEOUT_S", 600.0)
     assert find_runs() == []
     locks = [LinkLock("COM5"), LinkLock("COM6")]
     runner_of("floor-3", lambda state: Demand())[1].run(0.1)

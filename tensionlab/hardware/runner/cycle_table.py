@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tensionlab.allocation import Status
 from tensionlab.demand import Impedance
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
-from tensionlab.hardware.runner.statistics import Cycle
+from tensionlab.hardware.runner.records import Cycle
 from tensionlab.model.pose import place_anchors
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers

@@ -14,19 +14,22 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from itertools import count, islice
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.allocation import Solver
 from tensionlab.errors import TensionlabError
+from tensionlab.hardware.client import shared_telemetry
 from tensionlab.hardware.client.locks import locked_links, program
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.client.shared_telemetry import Publisher, Watcher
-from tensionlab.hardware.log.columns import decode, encode
-from tensionlab.hardware.log.reader import RunEvent
+from tensionlab.hardware.client.shared_telemetry import Watcher
+from tensionlab.hardware.protocol.messages import Info
+from tensionlab.hardware.runner.cycle_table import decode, encode
+from tensionlab.hardware.runner.records import Cycle, RunEvent
 from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.runner.statistics import Cycle, Statistics
+from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers
@@ -49,14 +52,6 @@ Condition = Literal["waiting", "arming", "live", "stale", "ended", "gone"]
 _numbers = count()
 
 
-class Sharable(Protocol):
-    """What is read of a `Runner`."""
-
-    latest: Cycle | None
-    statistics: Statistics
-    events: deque[RunEvent]
-
-
 @dataclass(frozen=True)
 class RunInfo:
     """What does not change while a run lasts.
@@ -73,7 +68,7 @@ class RunInfo:
     links : mapping of str to str
         Where each module is reached, by its name.
     scenery : mapping
-        As in `RunSettings`.
+        What pages draw around the rig.
     """
 
     number: int
@@ -88,29 +83,64 @@ class RunInfo:
 
 
 class SharedRun:
-    """Answers of the publisher about a run, from its begin on; the last one stays until another run begins."""
+    """Run of this process, as its publisher answers about it: a sink of the run.
+
+    The last one stays until another run begins. Without a publisher nothing is shared.
+
+    Parameters
+    ----------
+    rig, solver, settings
+        As those of the `Runner`.
+    clients : sequence of ModuleClient
+    scenery : mapping, optional
+        What pages draw around the rig, as plain values (`tensionlab.scenarios.scenery`).
+    """
 
     def __init__(
         self,
-        published: Publisher,
-        run: Sharable,
         rig: Rig,
-        solver: str,
+        solver: str | Solver,
         settings: RunSettings,
         clients: Sequence[ModuleClient],
+        scenery: Mapping[str, Any] | None = None,
     ) -> None:
-        self._published, self._run, self._rig, self._clients = published, run, rig, clients
+        self._rig, self._clients, self._published = rig, clients, shared_telemetry.started()
         self._number = next(_numbers)
+        self._latest: Cycle | None = None
+        self._statistics = Statistics()
+        self._events: deque[RunEvent] = deque(maxlen=MAX_EVENTS)
+        name = solver if isinstance(solver, str) else type(solver).__name__
         links = {client.name: client.link.url for client in clients}
         info = RunInfo(
-            self._number, os.getpid(), program(), rig, solver, settings.rate, settings.ttl, links, settings.scenery
+            self._number, os.getpid(), program(), rig, name, settings.rate, settings.ttl, links, scenery or {}
         )
-        setup = json.dumps(vars(info) | {"rig": rig_to_toml(rig)}).encode()
-        published.topics |= {SETUP: lambda: setup, RUN: self.pack}
+        if self._published is not None:
+            setup = json.dumps(vars(info) | {"rig": rig_to_toml(rig)}).encode()
+            self._published.topics |= {SETUP: lambda: setup, RUN: self.pack}
+
+    def begin(self, infos: Mapping[str, Info], statistics: Statistics) -> None:
+        """Answer with these statistics from now on."""
+        self._statistics = statistics
+
+    def write(self, cycle: Cycle) -> None:
+        """Answer with this cycle as the latest."""
+        self._latest = cycle
+
+    def note(self, event: RunEvent) -> None:
+        """Add an event to the answers."""
+        self._events.append(event)
+
+    def close(self, statistics: Statistics) -> None:
+        """Tell watchers how the run has ended; later ones are told the same."""
+        self._statistics = statistics
+        last = self.pack(over=True)
+        if self._published is not None:
+            self._published.topics[RUN] = lambda: last
+            self._published.announce(RUN)
 
     def pack(self, *, over: bool = False) -> bytes:
         """Return the run as it is now; ``over`` when its modules have been commanded to stop."""
-        cycle, statistics = self._run.latest, self._run.statistics
+        cycle, statistics = self._latest, self._statistics
         heard = [client.telemetry for client in self._clients]
         row: dict[str, Any] = {
             "number": self._number,
@@ -128,16 +158,10 @@ class SharedRun:
             "unconfirmed": dict(statistics.unconfirmed),
             "ended": statistics.ended,
             "emergency": statistics.emergency,
-            "events": [asdict(event) for event in list(self._run.events)],
+            "events": [asdict(event) for event in list(self._events)],
         }
         newest = b"null" if cycle is None else encode(cycle, self._rig)
         return b'{"cycle":' + newest + b"," + json.dumps(row).encode()[1:]
-
-    def end(self) -> None:
-        """Tell those who watch how the run has ended; later ones are told the same."""
-        last = self.pack(over=True)
-        self._published.topics[RUN] = lambda: last
-        self._published.announce(RUN)
 
 
 def latest(times: deque[float]) -> list[float]:
