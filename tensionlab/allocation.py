@@ -43,8 +43,8 @@ from tensionlab.support.arrays import (
     spread,
     tension_limits,
 )
-from tensionlab.support.formatting import format_number, format_range, format_vector
-from tensionlab.support.table import STATUS_MARKS, table
+from tensionlab.support.formatting import format_number, format_range, format_share, format_vector
+from tensionlab.support.table import STATUS_MARKS, Column, Table
 from tensionlab.verification import verify
 
 if TYPE_CHECKING:
@@ -170,20 +170,26 @@ class Allocation:
             )
 
     def _repr_html_(self) -> str:
+        return self.table()._repr_html_()
+
+    def table(self) -> Table:
+        """Return the tensions of one allocation, or the counts of statuses of several."""
         if not self.status.ndim:
             note = f"renders {format_vector(self.wrench)}, with an error of {format_number(float(self.residual))}"
             tensions = zip(self._cables(), self.tensions, strict=True)
             mark = STATUS_MARKS[int(self.status)]
-            return table(mark, ["<cable", "tension N"], tensions, [note, *self.failures.values()])
+            return Table(["cable", Column("tension", "N")], tensions, mark, [note, *self.failures.values()])
         rows = []
         for status, count in self.counts().items():
             if count:
                 part = self.status == status
                 most = [float(np.max(each[part])) for each in (self.residual, self.iterations)]
-                rows.append([status, count, f"{100 * count / part.size:.3g} %", most[0], round(most[1])])
+                rows.append([status, count, count / part.size, most[0], round(most[1])])
         shape = " x ".join(map(str, self.status.shape))
         title = f"{shape} wrenches, {self.tensions.shape[-1]} cables"
-        return table(title, ["<status", "wrenches", "share", "error\nmax", "iterations\nmax"], rows)
+        columns = ["status", "wrenches", Column("share", format=format_share),
+                   Column("largest residual", format=".3g"), "most iterations"]  # fmt: skip
+        return Table(columns, rows, title)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each wrench, indexed by the leading axes.

@@ -25,8 +25,8 @@ from tensionlab.support import provenance
 from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers, Limits, angles
 from tensionlab.support.arrays import finite as as_finite
 from tensionlab.support.files.tables import read_table
-from tensionlab.support.formatting import format_count, format_duration, format_number, format_vector
-from tensionlab.support.table import STATUS_MARKS, table
+from tensionlab.support.formatting import format_count, format_duration, format_number, format_vector, one_line
+from tensionlab.support.table import Column, Table
 from tensionlab.workspace.poses import ROTATION_COLUMNS, PoseList, poses_from_columns
 
 if TYPE_CHECKING:
@@ -93,56 +93,44 @@ class Score:
     batch_s: float
 
 
-Column = tuple[str, Callable[[Score], str], bool]
-"""Heading, as in `support.table.table`; text of a score; and whether a narrow terminal shows the column."""
-
-
-def _number(heading: str, name: str, narrow: bool = False) -> Column:
-    return heading, lambda score: format_number(getattr(score, name)), narrow
-
-
-def _time(heading: str, name: str, narrow: bool = False) -> Column:
-    return heading, lambda score: format_duration(getattr(score, name)), narrow
-
-
-STATUSES: list[Column] = [
-    ("<solver", lambda score: score.solver, True),
-    ("<policy", lambda score: score.policy or "–", True),
-    ("exact", lambda score: str(score.exact), True),
-    ("near", lambda score: str(score.nearest_count), True),
-    ("unproven", lambda score: str(score.unproven), True),
-    ("fail", lambda score: str(score.failed), False),
-]
-"""First columns of each table of solvers."""
-TIMES: list[Column] = [
-    _time("call\nmedian", "call_median_s", True),
-    _time("call\np99", "call_p99_s"),
-    _time("batch\neach", "batch_s", True),
-]
-COLUMNS: list[Column] = [
-    *STATUSES,
-    _number("error\nmean N", "residual_mean"),
-    _number("error\nmax N", "residual_max", True),
-    _number("angle\nmean °", "angle_mean_deg"),
-    _number("angle\nmax °", "angle_max_deg", True),
-    _number("mean t²\nN²", "tension_sq_mean"),
-    _number("gap\nmax N", "gap_max"),
-    *TIMES,
-]
+STATUSES = {
+    "solver": Column("solver"),
+    "policy": Column("policy"),
+    "exact": Column("exact"),
+    "nearest_count": Column("near"),
+    "unproven": Column("unproven"),
+    "failed": Column("fail", wide=True),
+}
+"""First columns of each table of solvers, by the attribute of `Score`."""
+TIMES = {
+    "call_median_s": Column("call median", format=format_duration),
+    "call_p99_s": Column("call p99", format=format_duration, wide=True),
+    "batch_s": Column("batch each", format=format_duration),
+}
+COLUMNS = {
+    **STATUSES,
+    "residual_mean": Column("error mean", "N", format_number, wide=True),
+    "residual_max": Column("error max", "N", format_number),
+    "angle_mean_deg": Column("angle mean", "°", format_number, wide=True),
+    "angle_max_deg": Column("angle max", "°", format_number),
+    "tension_sq_mean": Column("mean t²", "N²", format_number, wide=True),
+    "gap_max": Column("gap max", "N", format_number, wide=True),
+    **TIMES,
+}
 """Columns of a comparison at one position."""
-ALONG: list[Column] = [
-    *STATUSES,
-    _number("error\nmean N", "residual_mean"),
-    _number("error\nmax N", "residual_max", True),
-    _number("angle\nmax °", "angle_max_deg", True),
-    _number("mean t²\nN²", "tension_sq_mean", True),
-    _number("t max\nN", "tension_max"),
-    _number("step\nmax N", "step_max", True),
-    _number("iter\nmax", "iterations_max"),
-]
-TRAJECTORY_COLUMNS: list[Column] = [*ALONG, *TIMES]
+ALONG = {
+    **STATUSES,
+    "residual_mean": Column("error mean", "N", format_number, wide=True),
+    "residual_max": Column("error max", "N", format_number),
+    "angle_max_deg": Column("angle max", "°", format_number),
+    "tension_sq_mean": Column("mean t²", "N²", format_number),
+    "tension_max": Column("t max", "N", format_number, wide=True),
+    "step_max": Column("step max", "N", format_number),
+    "iterations_max": Column("iter max", wide=True),
+}
+TRAJECTORY_COLUMNS = {**ALONG, **TIMES}
 """Columns of a comparison along a trajectory."""
-REPLAY_COLUMNS: list[Column] = [*ALONG, ("fall-\nback", lambda score: str(score.fallback_used), False)]
+REPLAY_COLUMNS = {**ALONG, "fallback_used": Column("fall- back", wide=True)}
 """Columns of a replayed run."""
 
 
@@ -203,16 +191,19 @@ class Comparison:
         return f"<Comparison of {format_count(len({row.solver for row in self.rows}), 'solver')} on {self.title}>"
 
     def _repr_html_(self) -> str:
-        words = ["<solver", "<policy", *(mark.text for mark in STATUS_MARKS)]
-        shown = COLUMNS if self.consecutive is None else TRAJECTORY_COLUMNS
-        headings = [*words, *(heading for heading, *_ in shown[len(STATUSES) :])]
+        return self.table()._repr_html_()
+
+    def table(self) -> Table:
+        """Return a row for each solver and policy; notes say why some solvers are left out or failed."""
+        columns = COLUMNS if self.consecutive is None else TRAJECTORY_COLUMNS
         rows = merge_policies(self.rows[self.recorded :])
         if self.recorded:
+            columns = REPLAY_COLUMNS
             rows.insert(0, dataclasses.replace(self.rows[0], solver=f"the run: {self.rows[0].solver}"))
-        cells = ([text(row) for _, text, _ in shown] for row in rows)
+        cells = ([getattr(row, name) for name in columns] for row in rows)
         notes = [f"left out: {name}, {reason}" for name, reason in self.missing.items()]
-        notes += [f"failed: {name}, {reason}" for name, reason in self.failures.items()]
-        return table(self.title, headings, cells, notes)
+        notes += [f"failed: {name}, {one_line(reason)}" for name, reason in self.failures.items()]
+        return Table([*columns.values()], cells, self.title, notes)
 
     @property
     def failures(self) -> dict[str, str]:

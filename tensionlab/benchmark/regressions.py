@@ -24,7 +24,7 @@ from tensionlab.errors import InputError
 from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_count
-from tensionlab.support.table import table
+from tensionlab.support.table import Column, Table
 
 if TYPE_CHECKING:
     import pandas
@@ -37,7 +37,6 @@ QUANTILE = 2.576
 """Quantile of the normal distribution for an interval of 99 %."""
 MIN_PROBLEMS = 8
 """Timed in both runs: fewer have no interval of 99 %."""
-HEADINGS = ["<set", "<solver", "<policy", "time\nnew / old", "99 %\ninterval", "problems\nlost", "gained", "<"]
 
 
 @dataclass(frozen=True)
@@ -112,7 +111,26 @@ class Regressions:
         return f"<Regressions of {self.title}>"
 
     def _repr_html_(self) -> str:
-        return table(self.title, HEADINGS, table_rows(self.changes))
+        return self.table(self.changes)._repr_html_()
+
+    def table(self, changes: Sequence[EntryChange]) -> Table:
+        """Return a row for each of these changes."""
+        columns = ["set", "solver", "policy", Column("time", "new / old", ".2f"), Column("99 % interval"),
+                   "problems lost", "gained", "beyond noise"]  # fmt: skip
+        rows = [
+            [
+                each.problem_set,
+                each.solver,
+                each.policy,
+                each.ratio,
+                None if np.isnan(each.ratio) else f"{each.ratio_low:.2f} to {each.ratio_high:.2f}",
+                each.lost or None,
+                each.gained or None,
+                each.verdict,
+            ]
+            for each in changes
+        ]
+        return Table(columns, rows, self.title)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each change, as in `EntryChange`; MissingDependency if pandas is not installed."""
@@ -120,7 +138,6 @@ class Regressions:
 
     def report(self) -> str:
         """Return the report in Markdown."""
-        headings = [heading.removeprefix("<").replace("\n", " ") or "beyond noise" for heading in HEADINGS]
         worse = self.found
         drift = ", ".join(f"{name} {report.times(ratio)}" for name, ratio in self.drift.items())
         differ = "; **the processors differ**" * (self.old["processor"] != self.new["processor"])
@@ -130,30 +147,13 @@ class Regressions:
             f"- Old: {_run(self.old)}\n- New: {_run(self.new)}{differ}\n"
             f"- Times of the baselines, new over old: {drift}",
             "## Slower or less accurate",
-            report.table(headings, table_rows(worse), left=3) if worse else "None.",
+            self.table(worse).to_markdown() if worse else "None.",
             "## All entries",
-            report.table(headings, table_rows(self.changes), left=3),
+            self.table(self.changes).to_markdown(),
             "## How to read it",
             (__doc__ or "").partition("\n\n")[2].strip(),
         ]
         return "\n\n".join(parts) + "\n"
-
-
-def table_rows(changes: Sequence[EntryChange]) -> list[list[str]]:
-    """Return the cells of changes, under `HEADINGS`."""
-    return [
-        [
-            each.problem_set,
-            each.solver,
-            each.policy or "–",
-            "–" if np.isnan(each.ratio) else f"{each.ratio:.2f}",
-            "–" if np.isnan(each.ratio) else f"{each.ratio_low:.2f} to {each.ratio_high:.2f}",
-            str(each.lost or "–"),
-            str(each.gained or "–"),
-            each.verdict,
-        ]
-        for each in changes
-    ]
 
 
 def find_regressions(old: Results, new: Results) -> Regressions:

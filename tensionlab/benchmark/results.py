@@ -18,8 +18,8 @@ from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import as_path
 from tensionlab.support.files.tables import from_mappings, read_parquet
-from tensionlab.support.formatting import format_count, format_duration, format_number, format_share
-from tensionlab.support.table import table
+from tensionlab.support.formatting import format_count, format_duration, format_number, format_share, one_line
+from tensionlab.support.table import Column, Table
 
 if TYPE_CHECKING:
     import pandas
@@ -168,21 +168,33 @@ class Results:
         return f"<Results of {len({row.label for row in self.rows})} entries on {sets}>"
 
     def _repr_html_(self) -> str:
-        headings = ["<solver", "solved\nto 1e-6 N", "\nto 1e-9 N", "other sets\nto 1e-6 N", "gap\nmax N",
-                    "call\ntypical", "\np99.9", "\nworst", "batch\neach"]  # fmt: skip
+        return self.table()._repr_html_()
+
+    def table(self) -> Table:
+        """Return a row for each entry, over all sets."""
+        columns = {
+            "label": Column("solver"),
+            "solved_1e6": Column("solved", "1e-6 N", format_share),
+            "solved_1e9": Column("solved", "1e-9 N", format_share),
+            "elsewhere": Column("other sets", format=format_share),
+            "gap_max": Column("gap max", "N", format_number),
+            "sgm_s": Column("call", format=format_duration),
+            "p999_s": Column("p99.9", format=format_duration),
+            "worst_s": Column("worst", format=format_duration, wide=True),
+            "batch_s": Column("batch each", format=format_duration),
+        }
         found = summaries(self)
-        rows = [
-            [line.label, *map(format_share, (line.solved_1e6, line.solved_1e9, line.elsewhere)),
-             format_number(line.gap_max) + " †" * (not line.comparable),
-             *map(format_duration, (line.sgm_s, line.p999_s, line.worst_s, line.batch_s))]
-            for line in found if not line.absent
-        ]  # fmt: skip
+        rows = [[getattr(line, name) for name in columns] for line in found if not line.absent]
+        for row, line in zip(rows, found, strict=False):
+            row[0] += " †" * (not line.comparable)
         notes = [
-            "shares and times are means over the feasible sets; other sets: those that are infeasible or partly so"
+            "solved: share of the problems of the feasible sets, each set counting the same",
+            "other sets: share solved to 1e-6 N where wrenches may be infeasible",
+            "gap: largest difference of a tension to the verified optimum; †: another objective",
+            "call: typical time of one; verification is included, but not for baselines (default, tight)",
         ]
-        notes += ["†: another objective, so that the gap is no error"] * any(not line.comparable for line in found)
-        notes += [f"left out: {line.label}, {line.note}" for line in found if line.absent]
-        return table(f"{len(rows)} entries, {len(self.sets)} problem sets", headings, rows, notes)
+        notes += [f"{line.label}: {one_line(line.note)}" for line in found if line.note]
+        return Table([*columns.values()], rows, f"{len(rows)} entries, {len(self.sets)} problem sets", notes)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each problem set, solver, setting and policy, with the fields of `EntryResult`.

@@ -61,7 +61,7 @@ PRINTERS = {"click", "typer", "rich"}
 ClickException: type[Any] = typer.BadParameter.__mro__[2]  # later versions of typer bring a click of their own
 
 VERBS = {
-    "compare": ("compare", "Compare solvers on one set of forces."),
+    "compare": ("compare", "Compare solvers on one set of forces, or along a trajectory."),
     "allocate": ("allocate", "Choose the cable tensions that render one wrench."),
     "solvers": (
         "solvers",

@@ -15,6 +15,8 @@ from tensionlab.cli.common.verbs import Json
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
+from tensionlab.support.formatting import format_number, format_vector
+from tensionlab.support.table import Column, Table
 
 STATUS_TEXTS = {
     "EXACT": "exact: all limits kept, the wrench rendered",
@@ -110,19 +112,22 @@ def _print(rig: Rig, position: Any, desired: list[float], result: Allocation, st
             at = "at its lower limit"
         elif tension >= module.upper - LIMIT_TOLERANCE_N:
             at = "at its upper limit"
-        rows.append((module.name, f"{tension:.4f}", module.lower, module.upper, at))
-    title = f"{rig.name} at {output.vector(position)} m"
+        rows.append((module.name, tension, module.lower, module.upper, at))
+    title = f"{rig.name} at {format_vector(position)} m"
     if rig.required.gravity and rig.platform is not None:
         title += f", its weight of {rig.platform.mass:g} kg held as well"
-    output.print_table(title, ("<module", "tension N", "lower N", "upper N", "<"), rows)
+    columns = ["module", Column("tension", "N", ".4f"), Column("lower", "N"), Column("upper", "N"), ""]
+    output.print_table(Table(columns, rows, title))
     console = output.console()
     console.print()
     components = (
-        (name, f"{one:.4f}", f"{other + 0.0:.4f}".replace("-0.0000", "0.0000"), output.short(one - other))
+        (name, one, round(other, 4) + 0.0, one - other)
         for name, one, other in zip(output.components(rig), desired, result.wrench, strict=True)
     )
-    output.print_table("", ("<wrench", "desired", "rendered", "difference"), components)
+    columns = ["wrench", Column("desired", format=".4f"), Column("rendered", format=".4f"),
+               Column("difference", format=format_number)]  # fmt: skip
+    output.print_table(Table(columns, components))
     unit = "N" if rig.n == rig.dimension else "(N and N·m together)"
-    console.print(f"\nerror {output.short(float(result.residual))} {unit}, {status}", soft_wrap=True)
+    console.print(f"\nerror {format_number(float(result.residual))} {unit}, {status}", soft_wrap=True)
     if reason := result.failures.get(0):
         console.print(reason, soft_wrap=True)

@@ -22,26 +22,13 @@ from tensionlab.errors import InputError, WriteError
 from tensionlab.solvers.base import Status
 from tensionlab.support import provenance
 from tensionlab.support.files.writing import make_folder, write_text
-from tensionlab.support.formatting import format_count, format_duration, format_share
+from tensionlab.support.formatting import format_number
+from tensionlab.support.table import Column, Table
 
 problems = Verbs("List, show and export the benchmark's problem sets.")
 Count = Annotated[int, typer.Option(min=1, help="About so many problems in the set.")]
 Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same problems.")]
 COMPLETE_SETS = options.complete(lambda: PROBLEM_SETS)
-COLUMNS = (
-    "<solver",
-    "solved\n1e-6 N",
-    "solved\n1e-9 N",
-    "other\nsets",
-    "gap\nmax N",
-    "call",
-    "p99.9",
-    "batch\neach",
-)
-LEGEND = """\
-solved: share of the feasible problems, that accurate   other sets: to 1e-6 N, where wrenches may be infeasible
-gap: largest difference of a tension to the verified optimum; † has another objective
-call: typical time of one; for solvers, in bold, verification included, for baselines not"""
 
 
 def bench(
@@ -120,34 +107,7 @@ def _print(results: Results, out: Path, json: bool) -> None:
             manifest={key: value for key, value in results.manifest.items() if key != "bench"},
         )
         return
-    from rich.text import Text
-
-    grid = output.table(COLUMNS, gap=1)
-    for line in lines:
-        name = Text(line.label, "bold" if line.built_in else "")
-        if line.absent:
-            grid.add_row(name, "none", style="dim")
-            continue
-        grid.add_row(
-            name,
-            format_share(line.solved_1e6),
-            format_share(line.solved_1e9),
-            format_share(line.elsewhere),
-            report.format_newtons(line.gap_max) + ("" if line.comparable else " †"),
-            format_duration(line.sgm_s),
-            format_duration(line.p999_s),
-            format_duration(line.batch_s),
-        )
-    console = output.console()
-    output.print_title(f"{format_count(len(results.sets), 'problem set')}, {len(lines)} entries")
-    console.print(grid)
-    console.print()
-    console.print(LEGEND, style="dim")
-    for line in lines:
-        if line.note:
-            console.print(
-                f"{line.label}: {output.clip(line.note)}", style="dim" if line.absent else "yellow", soft_wrap=True
-            )
+    output.print_table(results.table())
 
 
 @problems.command("list")
@@ -160,7 +120,7 @@ def list_sets(json: Json = False) -> None:
         )
     else:
         rows = ((each.name, each.reachable, each.title) for each in found)
-        output.print_table("", ("<set", "<feasible", "<what it is"), rows)
+        output.print_table(Table(["set", "feasible", "what it is"], rows))
 
 
 @problems.command()
@@ -191,13 +151,11 @@ def show(
     if json:
         output.print_json(set=found.name, title=found.title, reachable=found.reachable, groups=groups)
         return
-    output.console().print(f"{found.name}: {found.title}\n", soft_wrap=True)
-    rows = (
-        (label, *numbers, output.short(condition), output.short(wrench))
-        for label, *numbers, condition, wrench in (row.values() for row in groups)
-    )
-    headings = ("problems", "components", "cables", "feasible", "condition\nmedian", "wrench\nmedian N")
-    output.print_table("", ("<group", *headings), rows)
+    columns = ["group", "problems", "components", "cables", "feasible",
+               Column("condition median", format=format_number),
+               Column("wrench median", "N", format_number)]  # fmt: skip
+    rows = ([*group.values()] for group in groups)
+    output.print_table(Table(columns, rows, f"{found.name}: {found.title}"))
 
 
 @problems.command()

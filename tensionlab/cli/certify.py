@@ -12,13 +12,12 @@ from tensionlab.cli.common.region import Box, Rotations, Scheduler, Step, parse_
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
 from tensionlab.cli.common.verbs import Json
 from tensionlab.model.files import load_rig
-from tensionlab.support.formatting import format_count, format_share
+from tensionlab.support.formatting import format_count
 from tensionlab.workspace.certification.certify import SUFFIX
 from tensionlab.workspace.certification.certify import certify as prove
 from tensionlab.workspace.certification.problem import WRENCH_CLOSURE
 from tensionlab.workspace.certification.result import Bounds, CertifiedWorkspace
 
-HEADINGS = ("<proved", "cells", "volume", "share of\nthe box")
 VERDICTS = {1: "inside", -1: "outside", 0: "undecided"}
 NOTHING_KEPT = "nothing is kept; with --out NAME.npz, the same command resumes the proof"
 """Message after Ctrl-C."""
@@ -92,14 +91,12 @@ def _print_json(proved: CertifiedWorkspace, duration_s: float, out: Path | None)
 
 def _print(proved: CertifiedWorkspace, duration_s: float, out: Path | None) -> None:
     """Print how many cells are proved, and between which bounds the workspace lies."""
-    cells, region = proved.subdivision, proved.region_volume
+    cells = proved.subdivision
     axes = zip("xyz", cells.low, cells.low + cells.extent, strict=False)
     title = ", ".join(f"{axis} {low:g} to {high:g} m" for axis, low, high in axes)
-    rows = [
-        (VERDICTS[verdict], f"{cells_of:,}", f"{volume:.4g} {proved.unit}", format_share(volume / region))
-        for verdict, (cells_of, volume) in proved.tally().items()
-    ]
-    output.print_table(f"{proved.rig.name}, {proved.required}: {title}", HEADINGS, rows)
+    table = proved.table()
+    table.title, table.notes = f"{proved.rig.name}, {proved.required}: {title}", []
+    output.print_table(table)
     console = output.console()
     console.print()
     shares = Bounds(*(100 * each for each in proved.share)).describe()

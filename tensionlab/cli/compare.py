@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from tensionlab.benchmark import comparison
-from tensionlab.benchmark.comparison import COLUMNS, TRAJECTORY_COLUMNS, Column, Score, read_trajectory
+from tensionlab.benchmark.comparison import read_trajectory
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import At, BodyFrames, Plot, RigArgument, Rows
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
 from tensionlab.cli.common.verbs import Json
 from tensionlab.model.files import load_rig
 from tensionlab.support import provenance
+from tensionlab.support.table import WIDE, Table
 
 STATUS_LEGEND = """\
+any: all wrenches are feasible, so the policy makes no difference
 exact: limits kept, wrench rendered   near: certified infeasible, the policy's best substitute found
 unproven: the solver stopped early, or promises no substitute   fail: the solver broke"""
 LEGEND = f"""\
@@ -32,8 +33,6 @@ TRAJECTORY_LEGEND = f"""\
 error: desired minus rendered   angle: between the two forces   t: tensions
 step: largest change of a tension from one sample to the next
 call: one wrench, verification included   batch: all wrenches in one call, time for each"""
-
-ANY_LEGEND = "any: all wrenches are feasible, so that the policy makes no difference"
 
 
 def compare(
@@ -127,44 +126,12 @@ def compare(
                 manifest=manifest,
             )
             return
-        shown = comparison.merge_policies(result.rows)
-        columns, legend = (TRAJECTORY_COLUMNS, TRAJECTORY_LEGEND) if trajectory else (COLUMNS, LEGEND)
-        if shown != list(result.rows):
-            legend = f"{legend}\n{ANY_LEGEND}"
-        print_scores(result.title, shown, columns, result.missing, legend, failures=result.failures)
+        print_scores(result.table(), TRAJECTORY_LEGEND if trajectory else LEGEND)
 
 
-def print_scores(
-    title: str,
-    rows: Sequence[Score],
-    columns: Sequence[Column],
-    missing: Mapping[str, str],
-    legend: str,
-    *,
-    first_apart: bool = False,
-    failures: Mapping[str, str] | None = None,
-) -> None:
-    """Print a table of solvers, what its words mean, and which solvers are left out or failed, and why.
-
-    ``first_apart`` draws a line below the first row.
-    """
-    console = output.console()
-    narrow = console.width < output.PIPE_WIDTH
-    shown = [column for column in columns if column[2] or not narrow]
-    grid = output.table([heading for heading, _, _ in shown], gap=1)
-    for index, row in enumerate(rows):
-        grid.add_row(*(text(row) for _, text, _ in shown), end_section=first_apart and index == 0)
-    for name in missing:
-        grid.add_row(name, "left out", style="dim")
-    output.print_title(title)
-    console.print(grid)
-    console.print()
-    console.print(legend, style="dim")
-    for name, reason in missing.items():
-        console.print(f"left out: {name}, {reason}", style="dim", soft_wrap=True)
-    for name, reason in (failures or {}).items():
-        console.print(f"failed: {name}, {output.clip(reason)}", style="yellow", soft_wrap=True)
-    if narrow:
-        console.print(
-            f"Wider terminals ({output.PIPE_WIDTH} columns) show more columns; --json has all.", style="dim"
-        )
+def print_scores(table: Table, legend: str) -> None:
+    """Print a table of solvers, what its words mean, and which solvers are left out or failed, and why."""
+    table.notes.insert(0, legend)
+    if output.console().width < WIDE:
+        table.notes.append(f"Wider terminals ({WIDE} columns) show more columns; --json has all.")
+    output.print_table(table)

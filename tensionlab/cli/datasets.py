@@ -13,6 +13,7 @@ from tensionlab.cli.common.verbs import Json
 from tensionlab.errors import DataError
 from tensionlab.support.files.named import SUFFIXES
 from tensionlab.support.files.reading import read_toml
+from tensionlab.support.table import Table
 
 TABLES = {
     "vectors": "directions of the published validation",
@@ -45,7 +46,7 @@ def datasets(
         return
     kinds = [each if index == 0 or each != rows[index - 1][0] else "" for index, (each, *_) in enumerate(rows)]
     shown = [(each, *row[1:]) for each, row in zip(kinds, rows, strict=True)]
-    output.print_table("", ("<kind", "<name", "<what it is"), shown)
+    output.print_table(Table(["kind", "name", "what it is"], shown))
     output.console().print(f"\n{LEGEND}", style="dim")
 
 

@@ -14,7 +14,7 @@ from tensionlab.cli.common.options import Plot
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
 from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.support.files import writing
-from tensionlab.workspace.layout.results import LAYOUT_HEADINGS, SEARCH_HEADINGS, Layout, LayoutSearch
+from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.task import load_task
 
 layout = Verbs("Find out where to put the modules.")
@@ -134,19 +134,13 @@ def _print(found: LayoutSearch, name: str) -> None:
     """Print what each number of modules gains, and where the modules of the best layout stand."""
     console = output.console()
     if len(found.layouts) > 1:
-        console.print(f"{name}: the score is {found.describe()}", soft_wrap=True)
-        rows = [
-            (each.rig.m, f"{each.score:.4g}", f"{each.worst:.4g}", each in found.front) for each in found.layouts
-        ]
-        output.print_table("", SEARCH_HEADINGS, rows)
+        console.print(name)
+        output.print_table(found.table())
         console.print()
     best = found.best
-    console.print(f"{best.rig.name} {found.objective.rendered(best.score, best.rig)}", soft_wrap=True)
-    places = (
-        (module.name, module.frame, module.anchor.round(4) + 0.0, f"{lost:.4g}")
-        for module, lost in zip(best.rig.modules, best.contributions, strict=True)
-    )
-    output.print_table("", LAYOUT_HEADINGS, places)
+    table = best.table()
+    table.title = f"{best.rig.name} {found.objective.rendered(best.score, best.rig)}"
+    output.print_table(table)
     for each in found.layouts:
         if each.proved is not None:
             about = f" about {each.rig.required.describe(each.rig)}" if each.rig.required else ""

@@ -10,7 +10,6 @@ from typing import Annotated
 import typer
 
 from tensionlab.benchmark import replay as replays
-from tensionlab.benchmark.comparison import REPLAY_COLUMNS
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Browser, PagePort, Rows
 from tensionlab.cli.common.output import if_interrupted, open_page
@@ -18,7 +17,7 @@ from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.cli.compare import STATUS_LEGEND, print_scores
 from tensionlab.errors import LogError
 from tensionlab.hardware.log import reader
-from tensionlab.hardware.log.reader import MAX_EVENTS, MODULE_HEADINGS
+from tensionlab.hardware.log.reader import MAX_EVENTS
 from tensionlab.support import provenance
 from tensionlab.support.formatting import format_count, format_duration
 
@@ -111,8 +110,9 @@ def replay(
             return
         cycles = format_count(len(found.wrenches), "cycle")
         title = f"{run.rig.name}, {format_count(run.rig.m, 'module')}: {cycles} of {path.name}"
-        own = dataclasses.replace(found.rows[0], solver=f"the run: {found.rows[0].solver}")
-        print_scores(title, [own, *found.rows[1:]], REPLAY_COLUMNS, found.missing, LEGEND, first_apart=True)
+        table = found.table()
+        table.title = title
+        print_scores(table, LEGEND)
 
 
 @log.command()
@@ -167,7 +167,7 @@ def _print_info(found: reader.RunReport) -> None:
     else:
         console.print("cut off: the log was never closed, so its last moments may be missing", style="bold")
     console.print()
-    output.print_table("", MODULE_HEADINGS, (module.cells for module in found.modules))
+    output.print_table(found.table())
     if found.events:
         console.print()
         for event in found.events[:MAX_EVENTS]:

@@ -28,6 +28,7 @@ from tensionlab.hardware.protocol.messages import Clear, EmergencyStop, Info, Me
 from tensionlab.hardware.protocol.parameters import PARAMETER_DESCRIPTIONS, PARAMETERS
 from tensionlab.support.files.reading import read_text
 from tensionlab.support.files.writing import make_folder, write_text
+from tensionlab.support.table import Column, Table
 
 module = Verbs("Find modules, show how they are, set them up and stop them.")
 config = Verbs("Get and set the parameters of modules. The modules must be idle.")
@@ -40,8 +41,9 @@ LinksAndParameters = Annotated[
     ),
 ]
 Save = Annotated[bool, typer.Option("--save", help="Store all parameters: they outlast the next start.")]
-INFO = ("<module", "<serial\nnumber", "<firm-\nware", "<state", "<cali-\nbrated", "<length\nknown", "<started\nby",
-        "TTL\nms", "tension\nN", "gain\nN/A", "spool\nmm")  # fmt: skip
+INFO = ("module", "serial number", "firm- ware", "state", "cali- brated", "length known", "started by",
+        Column("TTL", "ms"), Column("tension", "N"), Column("gain", "N/A", ".3g"),
+        Column("spool", "mm", ".3g"))  # fmt: skip
 """Columns of `info`."""
 
 
@@ -85,7 +87,7 @@ def discover(
             else:
                 state = each.info.state.name.lower() + ("" if each.info.calibrated else ", not calibrated")
                 rows.append((each.url, each.about, f"{each.info.serial_number:08x}", firmware(each.info), state))
-        output.print_table("", ("<link", "<port", "<serial\nnumber", "<firm-\nware", "<state"), rows)
+        output.print_table(Table(["link", "port", "serial number", "firm- ware", "state"], rows))
     if not any(each.info or each.in_use for each in found):
         raise typer.Exit(1)
 
@@ -104,9 +106,9 @@ def info(links: Links = None, modules: ModulesFile = None, json: Json = False) -
             versions = (f"{each.serial_number:08x}", firmware(each))
             states = (each.state.name.lower(), each.calibrated, each.length_known, each.reset_reason.name.lower())
             tensions = f"{each.tension_lower:g} to {each.tension_upper:g}"
-            drive = (f"{each.newton_per_ampere:.3g}", f"{1e3 * each.spool_radius:.3g}")
+            drive = (each.newton_per_ampere, 1e3 * each.spool_radius)
             rows.append((name, *versions, *states, each.ttl_ms, tensions, *drive))
-        output.print_table("", INFO, rows, gap=1)
+        output.print_table(Table(INFO, rows))
     exit_if_failed(failed)
 
 
@@ -194,14 +196,14 @@ def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Jso
             ]
         )
     elif answers:
-        grid = output.table(("<parameter", *answers, "<unit"))
-        if len(answers) == 1:
-            grid.add_column("what it is")
-        for each in named:
-            values = (plain(found[each].value) for found in answers.values())
-            about = [PARAMETER_DESCRIPTIONS[each]] if len(answers) == 1 else []
-            grid.add_row(each, *values, PARAMETERS[each].unit, *about)
-        output.console().print(grid)
+        rows = [
+            [each, *(found[each].value for found in answers.values()), PARAMETERS[each].unit,
+             PARAMETER_DESCRIPTIONS[each] if len(answers) == 1 else ""]
+            for each in named
+        ]  # fmt: skip
+        output.print_table(
+            Table(["parameter", *(Column(name, format=plain) for name in answers), "unit", "what it is"], rows)
+        )
     exit_if_failed(failed)
 
 

@@ -28,6 +28,8 @@ from tensionlab.hardware.simulation.simulated_module import PLANT, HangingMass
 from tensionlab.model.files import load_rig, rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support.files.tables import table_text
+from tensionlab.support.formatting import format_vector
+from tensionlab.support.table import Column, Table
 
 calibrate = Verbs("Calibrate modules and rigs.")
 Url = Annotated[
@@ -173,18 +175,18 @@ def _gain_json(url: str, found: GainEstimate, *, written: bool) -> dict[str, obj
 
 def _print_gain(url: str, found: GainEstimate) -> None:
     numbers = [
-        ("tension for each ampere, N/A", f"{found.believed:.4g}", found.gain, 4),
-        ("friction and cogging, N", "", found.friction, 3),
+        ("tension for each ampere, N/A", found.believed, found.gain, 4),
+        ("friction and cogging, N", None, found.friction, 3),
     ]
     if found.zero is not None:
-        numbers.append(("current at zero tension, A", "", found.zero, 4))
+        numbers.append(("current at zero tension, A", None, found.zero, 4))
     rows = [
-        (name, before, f"{each.value:.{digits}f}", f"{each.lower:.{digits}f} to {each.upper:.{digits}f}")
+        (name, before, round(each.value, digits), f"{each.lower:.{digits}f} to {each.upper:.{digits}f}")
         for name, before, each, digits in numbers
     ]
-    rows.append(("error of tension (rms), N", f"{found.before:.3f}", f"{found.after:.3f}", ""))
+    rows.append(("error of tension (rms), N", round(found.before, 3), round(found.after, 3), ""))
     title = f"{len(found.balances)} balances at {url}"
-    output.print_table(title, ("<", "before", "now", "95 % interval"), rows)
+    output.print_table(Table(["", "before", "now", Column("interval", "95 %")], rows, title))
 
 
 @calibrate.command()
@@ -197,7 +199,7 @@ def lengths(path: RigArgument, modules: ModulesOfRig, json: Json = False) -> Non
     """
     rig = load_rig(path)
     typer.echo(
-        f"Hold the platform at {output.vector(rig.home)} m, not turned. Its cables are pulled tight.", err=True
+        f"Hold the platform at {format_vector(rig.home)} m, not turned. Its cables are pulled tight.", err=True
     )
     with _group(rig, modules) as group:
         before = length_calibration.zero_lengths(group, rig, RealClock(group.clients))
@@ -207,13 +209,9 @@ def lengths(path: RigArgument, modules: ModulesOfRig, json: Json = False) -> Non
         changed = [{"name": name, "before": old, "length": new} for name, old, new in changes]
         output.print_json(rig=rig.name, modules=changed)
         return
-    rows = (
-        (name, "–", f"{new:.4f}", "–")
-        if math.isnan(old)
-        else (name, f"{old:.4f}", f"{new:.4f}", f"{1e3 * (new - old):+.1f}")
-        for name, old, new in changes
-    )
-    output.print_table(f"{rig.name} at home", ("<module", "before\nm", "now\nm", "change\nmm"), rows)
+    rows = [(name, old, new, 1e3 * (new - old)) for name, old, new in changes]
+    columns = ["module", Column("before", "m", ".4f"), Column("now", "m", ".4f"), Column("change", "mm", "+.1f")]
+    output.print_table(Table(columns, rows, f"{rig.name} at home"))
 
 
 @calibrate.command()
@@ -317,14 +315,12 @@ def _print_anchors(
             f"{x:.4f} ± {'–' if math.isnan(width) else f'{width:.4f}'}"
             for x, width in zip(found.anchors[j], found.intervals[j], strict=True)
         ]
-        extra = [f"{1e3 * found.offsets[j]:+.1f}"] if offsets else []
-        rows.append((module.name, *places, f"{1e3 * moved[j]:.1f}", *extra))
-    axes = [f"{axis}\nm" for axis in "xyz"[: rig.dimension]]
-    output.print_table(
-        f"{rig.name}: anchors from {len(found.residuals)} {'known' if known else 'unknown'} poses (± 95 %)",
-        ("<module", *axes, "moved\nmm", *(["length error\nmm"] if offsets else [])),
-        rows,
-    )
+        error = 1e3 * found.offsets[j] if offsets else None
+        rows.append((module.name, *places, 1e3 * moved[j], error))
+    axes = [Column(axis, "m") for axis in "xyz"[: rig.dimension]]
+    columns = ["module", *axes, Column("moved", "mm", ".1f"), Column("length error", "mm", "+.1f")]
+    title = f"{rig.name}: anchors from {len(found.residuals)} {'known' if known else 'unknown'} poses (± 95 %)"
+    output.print_table(Table(columns, rows, title))
     before, after, held = (
         "–" if math.isnan(misfits[key]) else f"{1e3 * misfits[key]:.2f} mm"
         for key in ("before", "after", "held_out")

@@ -8,7 +8,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, nullcontext
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -24,21 +24,21 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.shared_telemetry import Report, Watcher
 from tensionlab.hardware.protocol.codes import DESCRIPTIONS, Fault, Limit
 from tensionlab.hardware.runner.settings import RealClock
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
-
+from tensionlab.support.formatting import format_number
+from tensionlab.support.table import Column, Table
 
 TELEMETRY_PERIOD_MS = 50
 REFRESH_PERIOD_S = 0.2
 """Of the table."""
 SILENCE_S = 1.0
 """How long another process may send no report before it is looked for."""
-TELEMETRY = ("<module", "<state", "tension\nN", "current\nA", "length\nm", "speed\nm/s", "<limit", "<faults",
-             "heat\n%", "supply\nV", "age\nms", "bad/\nlost")  # fmt: skip
+TELEMETRY = ("module", "state", Column("tension", "N", ".2f"), Column("current", "A", ".2f"),
+             Column("length", "m", ".3f"), Column("speed", "m/s", "+.2f"), "limit", "faults",
+             Column("heat", "%", ".0f"), Column("supply", "V", ".1f"), Column("age", "ms", ".0f"),
+             "damaged", "lost")  # fmt: skip
 """Columns of `monitor`."""
-TRIPS = ("<module", "pings", "lost", "p50\nms", "p95\nms", "p99\nms", "max\nms", "TTL\nms", "safe rate\nHz",
-         "clock\ns")  # fmt: skip
+TRIPS = ("module", "pings", "lost", *(Column(name, "ms", format_number) for name in ("p50", "p95", "p99", "max")),
+         Column("TTL", "ms", ".0f"), Column("safe rate", "Hz"), Column("clock", "s"))  # fmt: skip
 """Columns of `ping`."""
 PERCENTILES = (50.0, 95.0, 99.0, 100.0)
 
@@ -95,7 +95,7 @@ def monitor(
         clock = RealClock(each for each in found.values() if isinstance(each, ModuleClient))
         end = clock.now() + seconds
         shown = sys.stdout.isatty() and not json
-        live = Live(_telemetry_table(found, failed), console=output.console(), auto_refresh=False)
+        live = Live(output.styled(_telemetry_table(found, failed)), console=output.console(), auto_refresh=False)
         interrupted = stack.enter_context(until_interrupted("nothing was changed; the same command watches again"))
         with live if shown else nullcontext():
             while found.keys() - failed.keys() and not interrupted() and clock.now() < end:
@@ -107,11 +107,11 @@ def monitor(
                     if isinstance(each, WatchedModule) and each.url in reports:
                         each.take(reports[each.url])
                     _check(name, each, failed)
-                live.update(_telemetry_table(found, failed), refresh=shown)
+                live.update(output.styled(_telemetry_table(found, failed)), refresh=shown)
         if json:
             output.print_json([_telemetry_json(urls[name], each) for name, each in found.items()])
         elif not shown:
-            output.console().print(_telemetry_table(found, failed))
+            output.print_table(_telemetry_table(found, failed))
         exit_if_failed(failed)
 
 
@@ -159,46 +159,34 @@ def _check(name: str, each: ModuleClient | WatchedModule, failed: dict[str, Hard
         pass
 
 
-def _telemetry_table(found: Monitored, failed: dict[str, HardwareError]) -> RenderableType:
-    """Return the table, and below it what the limits and faults in it mean, and who has the modules."""
-    from rich.console import Group
-    from rich.text import Text
-
-    grid = output.table(TELEMETRY, gap=1)
+def _telemetry_table(found: Monitored, failed: dict[str, HardwareError]) -> Table:
+    """Return the table, with notes on what its limits and faults mean, and on who has the modules."""
+    rows: list[list[Any]] = []
     faults = Fault(0)
     limits: set[Limit] = set()
+    users: dict[str, list[str]] = {}
     for name, each in found.items():
         report = each.report()
         message = report.telemetry
-        if name in failed:
-            grid.add_row(report.name, "lost")
-        elif message is None:
-            grid.add_row(report.name, "silent")
-        else:
-            limits.add(message.limit)
-            faults |= message.faults
-            grid.add_row(
-                report.name,
-                message.state.name.lower(),
-                f"{message.tension:.2f}",
-                f"{message.current:.2f}",
-                f"{message.length:.3f}",
-                f"{message.speed:+.2f}",
-                "" if message.limit is Limit.NONE else message.limit.name.lower(),
-                ", ".join(fault.name.lower() for fault in message.faults if fault.name),
-                f"{100 * message.thermal:.0f}",
-                f"{message.supply:.1f}",
-                f"{1e3 * report.age:.0f}",
-                f"{report.bad_frames + message.bad_frames}/{message.lost_frames}",
-            )
-    lines = [f"{limit.name.lower()}: {DESCRIPTIONS[Limit][limit.name]}" for limit in sorted(limits - {Limit.NONE})]
-    lines += [f"{fault.name.lower()}: {DESCRIPTIONS[Fault][fault.name]}" for fault in faults if fault.name]
-    users: dict[str, list[str]] = {}
-    for each in found.values():
         if isinstance(each, WatchedModule):
             users.setdefault(str(each.process), []).append(each.name)
-    lines += [f"as {user} hears them: {', '.join(names)}" for user, names in users.items()]
-    return Group(grid, Text("\n".join(lines).replace("`", ""), style="dim"))
+        if name in failed or message is None:
+            rows.append([report.name, "lost" if name in failed else "silent", *[None] * (len(TELEMETRY) - 2)])
+            continue
+        limits.add(message.limit)
+        faults |= message.faults
+        limit = "–" if message.limit is Limit.NONE else message.limit.name.lower()
+        named = ", ".join(fault.name.lower() for fault in message.faults if fault.name)
+        damaged = report.bad_frames + message.bad_frames
+        rows.append(
+            [report.name, message.state.name.lower(), message.tension, message.current, message.length,
+             message.speed, limit, named or "–", 100.0 * message.thermal, message.supply, 1e3 * report.age,
+             damaged, message.lost_frames]
+        )  # fmt: skip
+    notes = [f"{limit.name.lower()}: {DESCRIPTIONS[Limit][limit.name]}" for limit in sorted(limits - {Limit.NONE})]
+    notes += [f"{fault.name.lower()}: {DESCRIPTIONS[Fault][fault.name]}" for fault in faults if fault.name]
+    notes += [f"as {user} hears them: {', '.join(names)}" for user, names in users.items()]
+    return Table(TELEMETRY, rows, notes=[note.replace("`", "") for note in notes])
 
 
 def _telemetry_json(url: str, each: ModuleClient | WatchedModule) -> dict[str, Any]:
@@ -284,12 +272,12 @@ def _print_trips(
     """Print the times of each module's link, and the rates that are safe with them."""
     rows = []
     for name, each in trips.items():
-        times = [output.short(1e3 * each.percentile(share)) for share in PERCENTILES]
+        times = [1e3 * each.percentile(share) for share in PERCENTILES]
         rate = "none" if (safe := rates[name]) is None else f"{safe[0]:.0f} to {safe[1]:.0f}"
-        clock = f"{each.offset:.4f} ± {each.offset_error:.4f}" if each.times else "–"
+        clock = f"{each.offset:.4f} ± {each.offset_error:.4f}" if each.times else None
         pings = len(each.times) + each.lost
-        rows.append((name, pings, each.lost, *times, f"{1e3 * ttls[name]:.0f}", rate, clock))
-    output.print_table("", TRIPS, rows, gap=1)
+        rows.append((name, pings, each.lost, *times, 1e3 * ttls[name], rate, clock))
+    output.print_table(Table(TRIPS, rows))
 
 
 def _trips_json(name: str, url: str, trips: RoundTrips, rate: tuple[float, float] | None, ttl: float) -> Any:

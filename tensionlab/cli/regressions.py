@@ -37,7 +37,5 @@ def regressions(
                 manifest=output.manifest(),
             )
         else:
-            changed = [each for each in found.changes if each.verdict]
-            headings = [*room.HEADINGS[:-1], "<beyond noise"]
-            output.print_table(found.title, headings, room.table_rows(changed) if changed else ())
+            output.print_table(found.table([each for each in found.changes if each.verdict]))
     raise typer.Exit(1 if found.found else 0)

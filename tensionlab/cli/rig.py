@@ -15,15 +15,11 @@ from tensionlab.interop import caspr as caspr_models
 from tensionlab.interop.mjcf import rig_to_mjcf
 from tensionlab.model.files import load_rig, rig_to_toml, save_rig
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats
 from tensionlab.support.files import writing
+from tensionlab.support.table import findings_table
 from tensionlab.validation.rig_check import check_rig
 
 rig = Verbs("Show, check, import and export rigs.")
-SHOWN = ("<module", "<frame", "anchor\nm", "attachment\nm", "cable at\nhome m", "lower\nN", "upper\nN", "brake\nN")
-"""Columns of `show`."""
-PULLEYS = ("pulley\nradius m", "its\naxis")
-"""Its columns of a rig that has some."""
 
 
 @rig.command()
@@ -48,27 +44,14 @@ def show(path: RigArgument, frames: BodyFrames = None, plot: Plot = None, json: 
                 ],
             )
         else:
-            _print(loaded, lengths)
+            _print(loaded)
 
 
-def _print(loaded: Rig, lengths: Floats) -> None:
-    console = output.console()
-    if loaded.description:
-        console.print(loaded.description)
+def _print(loaded: Rig) -> None:
+    table = loaded.table()
     if loaded.source:
-        console.print(f"Source: {loaded.source}")
-    console.print()
-    where = f"home {output.vector(loaded.home)} m"
-    title = f"{loaded.name}: {loaded.kind} rig, {loaded.m} cables, {loaded.n} wrench components, {where}"
-    rows = [
-        (each.name, each.frame, each.anchor, each.attachment, f"{length:.3f}", each.lower, each.upper, each.brake)
-        for each, length in zip(loaded.modules, lengths, strict=True)
-    ]
-    if loaded.pulleys is None:
-        output.print_table(title, SHOWN, rows)
-        return
-    pulleys = [(each.pulley_radius, each.pulley_axis) for each in loaded.modules]
-    output.print_table(title, (*SHOWN, *PULLEYS), [(*row, *own) for row, own in zip(rows, pulleys, strict=True)])
+        table.notes.append(f"Source: {loaded.source}")
+    output.print_table(table)
 
 
 @rig.command()
@@ -96,7 +79,7 @@ def check(
         else:
             where = "home, with its body frames at rest" if loaded.frames else "home"
             title = f"{loaded.name} {'can' if passed else 'cannot'} work at {where}"
-            output.print_findings(title, findings)
+            output.print_table(findings_table(title, findings))
     raise typer.Exit(0 if passed else 1)
 
 

@@ -24,6 +24,7 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_duration
+from tensionlab.support.table import Column, Table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -148,7 +149,6 @@ def _tracker(rig: Rig, at: str | None) -> Tracker | None:
 
 def live_table(runner: Runner) -> RenderableType:
     """Return a table of how each module is now, and how the run goes."""
-    from rich.console import Group
     from rich.text import Text
 
     cycle = runner.latest
@@ -164,17 +164,17 @@ def live_table(runner: Runner) -> RenderableType:
         active = state.active[index]
         limited_by = limit.name.lower() if active and limit is not Limit.NONE else ""
         now = State(int(state.states[index])).name.lower() if active else f"lost {faults.name or ''}"
-        tensions = [f"{values[index]:.2f} N" for values in (cycle.commanded, state.tensions)]
-        heat, age = f"{100.0 * state.thermal[index]:.0f} %", f"{1e3 * state.ages[index]:.0f} ms"
-        rows.append((module.name, *tensions, limited_by, now, heat, age))
+        rows.append((module.name, cycle.commanded[index], state.tensions[index], limited_by or "–", now,
+                     100.0 * state.thermal[index], 1e3 * state.ages[index]))  # fmt: skip
     times, statistics = runner.statistics.percentiles(), runner.statistics
     figures = [statistics.answers, f"start jitter {format_duration(times['start_delay'][1])}"]
     figures.append(f"compute time {format_duration(times['compute_time'][1])} (p99)")
     if statistics.missed:
         figures.append(f"{statistics.missed} deadlines missed")
     title = f"{runner.rig.name}, {state.time:.1f} s: desired {desired}, measured {measured}"
-    headings = ("<module", "commanded", "measured", "<limited by", "<state", "heat", "age")
-    return Group(Text(title, style="bold"), output.table(headings, rows), Text(" · ".join(figures), style="dim"))
+    columns = ["module", Column("commanded", "N", ".2f"), Column("measured", "N", ".2f"), "limited by", "state",
+               Column("heat", "%", ".0f"), Column("age", "ms", ".0f")]  # fmt: skip
+    return output.styled(Table(columns, rows, title, [" · ".join(figures)]))
 
 
 def print_summary(runner: Runner) -> None:
@@ -185,10 +185,8 @@ def print_summary(runner: Runner) -> None:
         if client.bad_frames
     ]
     statistics = runner.statistics
-    table = output.table(("<", "<"), [*statistics.rows(), *_last(runner), *damaged])
-    table.show_header = False
-    output.print_title(f"{runner.rig.name}: {statistics.title}")
-    output.console().print(table)
+    rows = [*statistics.rows(), *_last(runner), *damaged]
+    output.print_table(Table(["", ""], rows, f"{runner.rig.name}: {statistics.title}"))
 
 
 def _last(runner: Runner) -> list[tuple[str, str]]:

@@ -27,11 +27,11 @@ from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.source import tracked_pose
 from tensionlab.hardware import RealClock, connect
 from tensionlab.scenarios import SCENARIOS, Scenario, check_needs, load_scenario
-from tensionlab.scenarios.checks import Check, Directions, check_directions, loop_delay
+from tensionlab.scenarios.checks import Check, Checks, Directions, check_directions, loop_delay
 from tensionlab.scenarios.expected import EXPECTED, check_scenario
 from tensionlab.scenarios.play import ScenarioModules, ScenarioResult, needs_tracker, play, simulate_modules
 from tensionlab.support.files.named import list_names
-from tensionlab.support.table import Finding
+from tensionlab.support.table import Column, Finding, Table, findings_table
 
 LIST = "list"
 """Shows the scenarios, in the place of a name."""
@@ -198,8 +198,8 @@ def _list(json: bool) -> None:
         worn = sum(module.frame in each.rig.frames for module in each.rig.modules)
         rows.append((each.name, each.about, each.rig.m - worn, worn, each.seconds))
     title = "Layouts and numbers are proposals of this project, after the publication's scenarios."
-    headings = ("<name", "<what", "modules\nin the room", "modules\non a body", "duration\ns")
-    output.print_table(title, headings, rows)
+    columns = ["name", "what", "modules in the room", "modules on a body", Column("duration", "s")]
+    output.print_table(Table(columns, rows, title))
 
 
 def _print_needs(scenario: Scenario, needs: list[Finding]) -> None:
@@ -207,7 +207,7 @@ def _print_needs(scenario: Scenario, needs: list[Finding]) -> None:
     print_required(scenario.rig)
     if scenario.turned:
         output.console().print(scenario.turned, soft_wrap=True)
-    output.print_findings(f'Can {scenario.rig.name} play "{scenario.name}"?', needs)
+    output.print_table(findings_table(f'Can {scenario.rig.name} play "{scenario.name}"?', needs))
     output.console().print()
 
 
@@ -215,13 +215,7 @@ def _print(played: ScenarioResult, rows: tuple[Check, ...], found: Directions) -
     """Print measured values beside expected ones, and where forces pointed."""
     console = output.console()
     if rows:
-        title = f"{played.scenario.title}: {played.scenario.about}"
-        lines = []
-        for row in rows:
-            expected = f"{output.short(row.low)} to {output.short(row.high)}"
-            unit, met = "" if row.unit == "1" else row.unit, "" if row.met else "not met"
-            lines.append((row.name, output.short(row.measured), expected, unit, met))
-        output.print_table(title, ("<", "measured", "expected", "<", "<"), lines)
+        output.print_table(Checks(rows).table(f"{played.scenario.title}: {played.scenario.about}"))
         console.print()
     reasons = [f"{count} {reason}" for reason, count in found.reasons.items() if count]
     elsewhere = f"; elsewhere: {', '.join(reasons)}" if reasons else ""

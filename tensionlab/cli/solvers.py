@@ -9,6 +9,7 @@ from typing import Any
 from tensionlab.cli.common import output
 from tensionlab.cli.common.verbs import Json
 from tensionlab.solvers import every_solver, find_plugins, make
+from tensionlab.support.table import Table
 
 # How the docstrings of solvers name their publications: "Source: ...", or a section "References".
 SOURCE = re.compile(r"(?:Sources?:\s|References\n-+\n)(.+?)(?:\n\s*\n|\Z)", re.DOTALL)
@@ -37,12 +38,17 @@ def solvers(json: Json = False) -> None:
         return
     from rich.text import Text
 
-    minimised = "<minimises, among tensions that render the wrench"
+    columns = [
+        "solver",
+        "installed",
+        "if infeasible, nearest in",
+        "minimises, among tensions that render the wrench",
+    ]
     rows = (
-        (entry["solver"], entry["installed"], ", ".join(entry["policy"]) or "–", entry["objective"])
+        (entry["solver"], entry["installed"], ", ".join(entry["policy"]) or None, entry["objective"])
         for entry in entries
     )
-    output.print_table("", ("<solver", "<installed", "<if infeasible, nearest in", minimised), rows)
+    output.print_table(Table(columns, rows))
     console = output.console()
     console.print()
     families: dict[str, str] = {}

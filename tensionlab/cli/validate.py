@@ -95,8 +95,9 @@ def validate(
             output.print_json(report)
         else:
             title = f"{plan.rig.name}, {plan.solver}, {len(result.desired)} forces"
-            output.print_table(title, [heading or "<" for heading in reports.HEADINGS], reports.rows(result))
-            output.console().print("", *reports.remarks(result), sep="\n")
+            table = result.table()
+            table.title = title
+            output.print_table(table)
 
 
 def _plan(

@@ -19,7 +19,8 @@ from tensionlab.cli.common.verbs import Json
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.support.files.writing import unwritable
-from tensionlab.support.formatting import format_number
+from tensionlab.support.formatting import format_number, format_share
+from tensionlab.support.table import Column, Table
 from tensionlab.workspace.metrics import find_metric
 from tensionlab.workspace.poses import Grid, PoseList, read_poses
 from tensionlab.workspace.poses import box as box_of_poses
@@ -35,8 +36,7 @@ DRAWN_METRIC = "capacity-margin"
 """Metric that is drawn if none is named."""
 ROOT_MEAN_SQUARE = "the root mean square distance of its attachments"
 """What the characteristic length is, if the file of the rig has none."""
-ORIENTATION_WORKSPACES = {"total": "in all\norientations", "inclusive": "in one\nat least"}
-HEADINGS = ("<rig", "<metric", "<unit", "min", "median", "max", "above 0", "no value")
+ORIENTATION_WORKSPACES = {"total": "in all orientations", "inclusive": "in one at least"}
 WITHOUT_STORE = "no values are kept; with --out DIR.zarr, the same command resumes the sweep"
 """Message after Ctrl-C."""
 
@@ -167,24 +167,33 @@ def _print_requirements(rigs: list[Rig]) -> None:
 def _print(table: pandas.DataFrame, where: Grid | PoseList, out: Path | None) -> None:
     """Print a row for each rig and metric, then what the metrics mean."""
     metrics = {name: find_metric(name) for name in table["metric"].unique()}
-    orientations = [name for name in ORIENTATION_WORKSPACES if f"{name}_above_zero" in table]
-    headings = [*HEADINGS, *(ORIENTATION_WORKSPACES[name] for name in orientations)]
-    rows: list[tuple[str, ...]] = []
-    repeated = table["rig"].eq(table["rig"].shift())
-    for row, again in zip(table.to_dict("records"), repeated, strict=True):
-        named = bool(metrics[row["metric"]].above_zero)
-        share = [f"{100 * row[key]:.1f} %" if named else "" for key in table if key.endswith("above_zero")]
-        values = map(format_number, (row["min"], row["median"], row["max"]))
-        missing = f"{row['missing']:,}" if row["missing"] else ""
-        names = ("" if again else row["rig"], row["metric"], row["unit"].removeprefix("1"))
-        rows.append((*names, *values, share[0], missing, *share[1:]))
+    keys = {
+        "rig": Column("rig"),
+        "metric": Column("metric"),
+        "unit": Column("unit"),
+        **{name: Column(name, format=format_number) for name in ("min", "median", "max")},
+        "above_zero": Column("above 0", format=format_share),
+        "missing": Column("no value"),
+        **{
+            f"{name}_above_zero": Column(ORIENTATION_WORKSPACES[name], format=format_share)
+            for name in ORIENTATION_WORKSPACES
+        },
+    }
+    columns = {name: column for name, column in keys.items() if name in table}
+    rows = []
+    for row in table.to_dict("records"):
+        if not metrics[row["metric"]].above_zero:
+            row |= {name: None for name in row if name.endswith("above_zero")}
+        row |= {"unit": row["unit"].removeprefix("1"), "missing": row["missing"] or None}
+        rows.append([row[name] for name in columns])
     axes = {name: values for name, (_, values, _) in where.labels().items() if name in "xyz"}
     region = ", ".join(f"{name} {values.min():g} to {values.max():g} m" for name, values in axes.items())
     poses = int(table["poses"].iloc[0])
     places = int(np.prod(where.shape[: len(axes)])) if isinstance(where, Grid) else poses
     turns = f", {places:,} positions in {poses // places} orientations" if poses > places else ""
     step = describe_step(axes.values()) if isinstance(where, Grid) else ""
-    output.print_table(f"{poses:,} poses{turns}{step and f', {step}'}: {region}", headings, rows)
+    title = f"{poses:,} poses{turns}{step and f', {step}'}: {region}"
+    output.print_table(Table([*columns.values()], rows, title))
     console = output.console()
     console.print()
     for name, metric in metrics.items():

@@ -33,7 +33,7 @@ from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats, common_axes, frozen
 from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_count, format_range, format_vector
-from tensionlab.support.table import table
+from tensionlab.support.table import Column, Table
 
 if TYPE_CHECKING:
     import pandas
@@ -150,24 +150,27 @@ class Rig:
         return f"<Rig {self.name}: {self.kind}, {format_count(self.m, 'module')} ({names}), {limits} N>"
 
     def _repr_html_(self) -> str:
-        columns: dict[str, list[Any]] = {
-            "<module": [module.name for module in self.modules],
-            "anchor m": [*self.anchors],
-            "attachment m": [*self.attachments] if self._kind.has_orientation else [],
-            "<frame": [module.frame for module in self.modules] if self.frames else [],
-            "lower N": [module.lower for module in self.modules],
-            "upper N": [module.upper for module in self.modules],
-            "brake N": [module.brake for module in self.modules],
-            "N/A": [module.newton_per_ampere for module in self.modules],
-            "spool radius m": [module.spool_radius for module in self.modules],
-            "pulley radius m": [module.pulley_radius for module in self.modules],
-        }
-        shown = {head: each for head, each in columns.items() if any(value is not None for value in each)}
+        return self.table()._repr_html_()
+
+    def table(self) -> Table:
+        """Return the table of the modules: where they are, their limits and their hardware."""
+        lengths = self.lengths(self.home, frames=self.at_rest)
+        rows = [
+            [module.name, module.frame if self.frames else None, module.anchor,
+             module.attachment if self._kind.has_orientation else None, length, module.lower, module.upper,
+             module.brake, module.newton_per_ampere, module.spool_radius, module.pulley_radius, module.pulley_axis]
+            for module, length in zip(self.modules, lengths, strict=True)
+        ]  # fmt: skip
+        columns = [
+            "module", "frame", Column("anchor", "m"), Column("attachment", "m"),
+            Column("cable at home", "m", ".3f"), Column("lower", "N"), Column("upper", "N"), Column("brake", "N"),
+            Column("N/A", wide=True), Column("spool radius", "m", wide=True), Column("pulley radius", "m"),
+            Column("pulley axis", wide=True),
+        ]  # fmt: skip
         held = "" if self.platform is None else f", platform of {self.platform.mass:g} kg"
         modules = format_count(self.m, "module")
         title = f"{self.name}: {self.kind}, {modules}{held}, home {format_vector(self.home)} m"
-        notes = [self.description] if self.description else []
-        return table(title, [*shown], zip(*shown.values(), strict=True), notes)
+        return Table(columns, rows, title, [self.description] if self.description else [])
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each module, by name, with its limits in N and coordinates in m.

@@ -18,7 +18,7 @@ from tensionlab.scenarios.play import ScenarioResult
 from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_number
-from tensionlab.support.table import met_mark, table
+from tensionlab.support.table import Column, Table, met_mark
 
 if TYPE_CHECKING:
     import pandas
@@ -62,12 +62,16 @@ class Checks(tuple[Check, ...]):
         return f"<Checks: {sum(each.met for each in self)} of {len(self)} as expected>"
 
     def _repr_html_(self) -> str:
+        return self.table()._repr_html_()
+
+    def table(self, title: str = "") -> Table:
+        """Return a row for each check."""
         rows = [
             [met_mark(each.met, ("as expected", "not met")), each.name, each.measured,
              f"{format_number(each.low)} to {format_number(each.high)}", each.unit.removeprefix("1")]
             for each in self
         ]  # fmt: skip
-        return table("", ["<", "<", "measured", "expected", "<"], rows)
+        return Table(["", "check", Column("measured", format=format_number), "expected", "unit"], rows, title)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each check; MissingDependency if pandas is not installed."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS
+
 MAX_COMPONENTS = 8
 """Components of a vector; of more, those in the middle are left out."""
 
@@ -64,3 +66,13 @@ def format_range(*arrays: Any) -> str:
     known = known[np.isfinite(known)]
     ends = dict.fromkeys(f"{end:.4g}" for end in (known.min(), known.max())) if known.size else ["–"]
     return " to ".join(ends)
+
+
+def one_line(text: str, length: int = MAX_MESSAGE_CHARACTERS) -> str:
+    """Return a text as one line without control characters; the middle of a longer one is left out."""
+    lines = "; ".join(" ".join(each.split()) for each in text.splitlines() if each.strip()).replace(":; ", ": ")
+    line = "".join(each if each.isprintable() else repr(each)[1:-1] for each in lines)
+    if len(line) <= length:
+        return line
+    end = length // 3
+    return f"{line[: length - end - 5]} ... {line[-end:]}"

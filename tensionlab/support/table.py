@@ -1,20 +1,34 @@
-"""How results show themselves: words and colours of statuses, numbers as text, and tables in HTML."""
+"""Tables of results, for terminals, notebooks, Markdown, LaTeX and pandas."""
 
 from __future__ import annotations
 
 import html
-from collections.abc import Iterable, Sequence
+import math
+import re
+import textwrap
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from tensionlab.support.colours import GREEN, RED
-from tensionlab.support.formatting import format_number, format_vector
+from tensionlab.support.formatting import format_vector
 
-MAX_ROWS = 40
-"""Rows of a table; of more, those in the middle are left out."""
+if TYPE_CHECKING:
+    import pandas
+
+WIDE = 120
+"""Characters in a line of a terminal that shows all columns."""
+MAX_HTML_ROWS = 40
+"""Rows of a table in a notebook; of longer tables the middle is left out."""
+MAX_HEADING_LINES = 3
+MIN_TEXT_WIDTH, COMFORTABLE_WIDTH = 12, 30
+"""Widths below which a column of text is not narrowed, and not without narrowing the gaps first."""
+LATEX = {"\\": r"\textbackslash{}", "%": r"\%", "&": r"\&", "_": r"\_", "#": r"\#", "°": r"$^\circ$",
+         "|": r"\textbar{}", "–": "--", "“": "``", "”": "''"}  # fmt: skip
+"""Characters that LaTeX writes in another way."""
 
 
 class Mark(NamedTuple):
@@ -24,9 +38,7 @@ class Mark(NamedTuple):
     colour: str
     word: str
 
-    @property
-    def text(self) -> str:
-        """Both without the colour."""
+    def __str__(self) -> str:
         return f"{self.shape} {self.word}"
 
 
@@ -37,6 +49,162 @@ STATUS_MARKS = (
     Mark("✗", "#000000", "failed"),
 )
 """Mark of each `Status`, in its order; the shapes are for readers who do not see the colours."""
+
+
+def met_mark(met: bool, words: tuple[str, str] = ("yes", "no")) -> Mark:
+    """Return the mark of what is as it should be, or is not."""
+    return Mark("✓", GREEN, words[0]) if met else Mark("✗", RED, words[1])
+
+
+@dataclass(frozen=True)
+class Column:
+    """Column of a table.
+
+    Attributes
+    ----------
+    name, unit : str
+        Heading, such as "tension (N)".
+    format : str or callable
+        How numbers are written: a format specification, or a function of the number.
+    wide : bool
+        Whether terminals with fewer than `WIDE` characters in a line leave the column out.
+    """
+
+    name: str
+    unit: str = ""
+    format: str | Callable[[Any], str] = ".4g"
+    wide: bool = False
+
+    @property
+    def heading(self) -> str:
+        """Name with the unit in parentheses."""
+        return f"{self.name} ({self.unit})" if self.unit else self.name
+
+    def text(self, value: Any) -> str:
+        """Return a value as text: None and NaN as a dash, vectors in brackets."""
+        if value is None or (isinstance(value, float) and math.isnan(value)):
+            return "–"
+        if getattr(value, "ndim", 0):
+            return format_vector(value)
+        if not isinstance(value, (int, float, np.number)):
+            return str(value)
+        if callable(self.format):
+            return self.format(value)
+        return format(value, "," if isinstance(value, (int, np.integer)) else self.format)
+
+
+class Table:
+    """Rows of values under headings, with a title above and notes below.
+
+    Columns whose values are text are on the left side of their width, numbers on the right. Columns without any
+    value are left out.
+
+    Parameters
+    ----------
+    columns : sequence of Column or str
+        A text is the name of a column without a unit.
+    rows : iterable of sequences
+        Numbers, texts, vectors, truth values, members of `Status`, marks; None where there is no value.
+    title : str or Mark
+    notes : sequence of str
+
+    Examples
+    --------
+    >>> from tensionlab.support.table import Column, Table
+    >>> print(Table(["module", Column("tension", "N")], [["left", 1.5], ["right", 0.5]]))
+    module  tension (N)
+    ───────────────────
+    left            1.5
+    right           0.5
+    """
+
+    def __init__(
+        self,
+        columns: Sequence[Any],
+        rows: Iterable[Sequence[Any]],
+        title: str | Mark = "",
+        notes: Sequence[str] = (),
+    ) -> None:
+        listed = [[_marked(value) for value in row] for row in rows]
+        known = [Column(each) if isinstance(each, str) else each for each in columns]
+        shown = [i for i in range(len(known)) if not listed or any(_has_value(row[i]) for row in listed)]
+        self.columns = [known[i] for i in shown]
+        self.rows = [[row[i] for i in shown] for row in listed]
+        self.title, self.notes = title, list(notes)
+
+    def __repr__(self) -> str:
+        return self.to_text()
+
+    def _is_text(self, column: int) -> bool:
+        values = [row[column] for row in self.rows if row[column] is not None]
+        return bool(values) and all(isinstance(value, (str, Mark)) for value in values)
+
+    def _texts(self) -> list[list[str]]:
+        return [[column.text(value) for column, value in zip(self.columns, row, strict=True)] for row in self.rows]
+
+    def to_text(self, width: int = WIDE) -> str:
+        """Return the table as text for a terminal of a width in characters; long texts have several lines."""
+        shown = [i for i, column in enumerate(self.columns) if width >= WIDE or not column.wide]
+        cells = [[row[i] for i in shown] for row in self._texts()]
+        text = [self._is_text(i) for i in shown]
+        widths = [max((len(row[j]) for row in cells), default=0) for j in range(len(shown))]
+        headings = [_wrap_heading(self.columns[i].heading, widths[j]) for j, i in enumerate(shown)]
+        widths = [max(size, *map(len, lines)) for size, lines in zip(widths, headings, strict=True)]
+        least = [min(size, COMFORTABLE_WIDTH) if text[j] else size for j, size in enumerate(widths)]
+        gap = 2 if sum(least) + 2 * len(least) - 2 <= width else 1
+        room = width - gap * (len(widths) - 1)
+        while sum(widths) > room:
+            widest = max((j for j in range(len(widths)) if text[j]), key=lambda j: widths[j], default=None)
+            if widest is None or widths[widest] <= MIN_TEXT_WIDTH:
+                break
+            widths[widest] -= 1
+        lines = [str(self.title)] if self.title else []
+        if any(self.columns[i].name for i in shown):
+            lines += _lines(headings, widths, text, gap, last=True)
+            lines.append("─" * (sum(widths) + gap * (len(widths) - 1)))
+        for row in cells:
+            lines += _lines([_wrap(*cell) for cell in zip(row, widths, strict=True)], widths, text, gap)
+        lines += [""] * bool(self.notes)
+        for note in self.notes:
+            lines += _wrap(note, width)
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        sides = ["left" if self._is_text(i) else "right" for i in range(len(self.columns))]
+        rows = [[*map(_html, row, self.columns)] for row in self.rows]
+        if len(rows) > MAX_HTML_ROWS:
+            hidden = f"… {len(rows) - MAX_HTML_ROWS:,} more"
+            rows[MAX_HTML_ROWS // 2 : -MAX_HTML_ROWS // 2] = [[hidden, *[""] * (len(sides) - 1)]]
+        title = f'<div style="font-weight:bold;margin-bottom:2px">{_html(self.title)}</div>' if self.title else ""
+        notes = "".join(f'<div style="font-size:90%;opacity:0.75">{_escape(note)}</div>' for note in self.notes)
+        head = [_escape(column.heading) for column in self.columns]
+        body = _html_row("th", head, sides) if any(head) else ""
+        body += "".join(_html_row("td", row, sides) for row in rows)
+        style = "border-collapse:collapse;font-variant-numeric:tabular-nums;margin:0 0 4px 0"
+        return f'<div>{title}<table style="{style}">{body}</table>{notes}</div>'
+
+    def to_markdown(self) -> str:
+        """Return the table in Markdown, with its notes below."""
+        ruler = [":--" if self._is_text(i) else "--:" for i in range(len(self.columns))]
+        rows = [[column.heading for column in self.columns], *self._texts()]
+        rows = [[cell.replace("|", "\\|") for cell in row] for row in rows]
+        lines = ["| " + " | ".join(row) + " |" for row in (rows[0], ruler, *rows[1:])]
+        return "\n\n".join(["\n".join(lines), *self.notes])
+
+    def to_latex(self) -> str:
+        """Return the table as a tabular of LaTeX's package booktabs, with the notes as comments."""
+        sides = "".join("l" if self._is_text(i) else "r" for i in range(len(self.columns)))
+        rows = [[column.heading for column in self.columns], *self._texts()]
+        head, *body = (" & ".join("".join(LATEX.get(c, c) for c in cell) for cell in row) + r" \\" for row in rows)
+        lines = [rf"\begin{{tabular}}{{{sides}}}", r"\toprule", head, r"\midrule", *body, r"\bottomrule"]
+        return "\n".join([*(f"% {note}" for note in self.notes), *lines, r"\end{tabular}", ""])
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the values as a data frame; MissingDependency if pandas is not installed."""
+        from tensionlab.support.provenance import data_frame
+
+        headings = [column.heading for column in self.columns]
+        return data_frame([dict(zip(headings, row, strict=True)) for row in self.rows])
 
 
 @dataclass(frozen=True)
@@ -51,36 +219,63 @@ class Finding:
     text: str
 
 
-def met_mark(met: bool, words: tuple[str, str] = ("yes", "no")) -> Mark:
-    """Return the mark of what is as it should be, or is not."""
-    return Mark("✓", GREEN, words[0]) if met else Mark("✗", RED, words[1])
+def findings_table(title: str, findings: Iterable[Finding]) -> Table:
+    """Return the table of what was checked: each with yes, no or note."""
+    rows = [["note" if each.passed is None else each.passed, each.name, each.text] for each in findings]
+    return Table(["", "check", "finding"], rows, title)
 
 
-def table(
-    title: str | Mark, headings: Sequence[str], rows: Iterable[Sequence[Any]], notes: Sequence[str] = ()
-) -> str:
-    """Return a table in HTML, for notebooks, with its title above and notes below.
-
-    Columns are for numbers, to the right; those whose heading begins with ``<`` are for text, to the left, as in
-    the tables on terminals. Numbers have two digits, or are whole; a `Status`, a `Mark` and a truth value have a
-    shape and a colour; vectors are in brackets; None is a dash. Without headings, all columns are text.
-    """
-    lines = [[_cell(value) for value in row] for row in rows]
-    sides = ["left" if heading.startswith("<") else "right" for heading in headings]
-    sides = sides or ["left"] * max(map(len, lines), default=0)
-    if len(lines) > MAX_ROWS:
-        left = len(lines) - MAX_ROWS
-        lines[MAX_ROWS // 2 : -MAX_ROWS // 2] = [[f"… {left:,} more", *[""] * (len(sides) - 1)]]
-    head = (_escape(heading.removeprefix("<")).replace("\n", "<br>") for heading in headings)
-    above = f'<div style="font-weight:bold;margin-bottom:2px">{_cell(title)}</div>' if title else ""
-    below = "".join(f'<div style="font-size:90%;opacity:0.75">{_escape(note)}</div>' for note in notes)
-    body = _row("th", head, sides) if headings else ""
-    body += "".join(_row("td", line, sides) for line in lines)
-    style = "border-collapse:collapse;font-variant-numeric:tabular-nums;margin:0 0 4px 0"
-    return f'<div>{above}<table style="{style}">{body}</table>{below}</div>'
+def _has_value(value: Any) -> bool:
+    return value is not None and not (isinstance(value, str) and not value)
 
 
-def _row(tag: str, cells: Iterable[str], sides: Sequence[str]) -> str:
+def _marked(value: Any) -> Any:
+    """Return the mark of a status or truth value; anything else as it is."""
+    if isinstance(value, IntEnum):
+        return STATUS_MARKS[value]
+    return met_mark(bool(value)) if isinstance(value, (bool, np.bool_)) else value
+
+
+def _wrap(text: str, width: int) -> list[str]:
+    """Return a text in lines of a width, each number on one line with its unit."""
+    held = re.sub(r"(?<=\d) (?=\S)", "\N{NO-BREAK SPACE}", text)
+    lines = [line for each in held.split("\n") for line in textwrap.wrap(each, width, break_on_hyphens=False)]
+    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines] or [""]
+
+
+def _wrap_heading(text: str, width: int) -> list[str]:
+    """Return a heading in few lines, as narrow as its words and at least as wide as the cells below."""
+    width = max([width, 1, *map(len, text.split())])
+    while len(lines := textwrap.wrap(text, width, break_on_hyphens=False)) > MAX_HEADING_LINES:
+        width += 1
+    return lines or [""]
+
+
+def _lines(
+    cells: Sequence[Sequence[str]], widths: Sequence[int], text: Sequence[bool], gap: int, *, last: bool = False
+) -> list[str]:
+    """Return the lines of a row of cells that have several lines each; they end together if ``last``."""
+    height = max(map(len, cells), default=0)
+    found = []
+    for line in range(height):
+        parts = []
+        for cell, width, left in zip(cells, widths, text, strict=True):
+            index = line - (height - len(cell)) * last
+            part = cell[index] if 0 <= index < len(cell) else ""
+            parts.append(part.ljust(width) if left else part.rjust(width))
+        found.append((" " * gap).join(parts).rstrip())
+    return found
+
+
+def _html(value: Any, column: Column = Column("")) -> str:
+    """Return a value in HTML."""
+    if isinstance(value, Mark):
+        look = f"color:{value.colour};text-shadow:0 0 1px #999"  # black has an edge on a dark page, too
+        return f'<span style="{look}">{value.shape}</span> {_escape(value.word)}'
+    return _escape(column.text(value))
+
+
+def _html_row(tag: str, cells: Iterable[str], sides: Sequence[str]) -> str:
     look = "padding:2px 12px 2px 0;vertical-align:" + (
         "bottom;border-bottom:1px solid #999" if tag == "th" else "top"
     )
@@ -90,24 +285,6 @@ def _row(tag: str, cells: Iterable[str], sides: Sequence[str]) -> str:
         for cell, side in zip(cells, sides, strict=True)
     )
     return f"<tr>{found}</tr>"
-
-
-def _cell(value: Any) -> str:
-    """Return what a table shows for a value, in HTML."""
-    if isinstance(value, IntEnum):
-        value = STATUS_MARKS[value]
-    if isinstance(value, (bool, np.bool_)):
-        value = met_mark(bool(value))
-    if isinstance(value, Mark):
-        look = f"color:{value.colour};text-shadow:0 0 1px #999"  # black has an edge on a dark page, too
-        return f'<span style="{look}">{value.shape}</span> {_escape(value.word)}'
-    if value is None:
-        return "–"
-    if isinstance(value, (int, np.integer)):
-        return f"{value:,}"
-    if isinstance(value, float):
-        return format_number(value)
-    return _escape(format_vector(value) if getattr(value, "ndim", 0) else str(value))
 
 
 def _escape(text: str) -> str:

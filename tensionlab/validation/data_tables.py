@@ -20,7 +20,7 @@ from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats, Integers
 from tensionlab.support.files.reading import as_path, brief, read_toml
 from tensionlab.support.files.tables import read_parquet
-from tensionlab.support.table import table
+from tensionlab.support.table import Table
 
 if TYPE_CHECKING:
     import pandas
@@ -228,11 +228,11 @@ class Published:
 
     def _repr_html_(self) -> str:
         rows = [
-            [name, f"{each.value:g}", each.unit, each.meaning]
+            [name, each.value, each.unit, each.meaning]
             for part in (self.protocol, self.results)
             for name, each in part.items()
         ]
-        return table(self.source, ["<name", "value", "<unit", "<meaning"], rows)
+        return Table(["name", "value", "unit", "meaning"], rows, self.source)._repr_html_()
 
 
 def read_published(path: str | Path) -> Published:

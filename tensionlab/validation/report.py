@@ -12,7 +12,7 @@ from tensionlab.model.files import rig_from_toml
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import table
+from tensionlab.support.table import Column, Table
 from tensionlab.validation.data_tables import Recording
 from tensionlab.validation.protocol import AXIS_FORCES, Measurement
 from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
@@ -77,7 +77,20 @@ class ValidationResult:
         return f"<ValidationResult of {self.title}: {errors}>"
 
     def _repr_html_(self) -> str:
-        return table(self.title, [heading or "<" for heading in HEADINGS], rows(self), remarks(self))
+        return self.table()._repr_html_()
+
+    def table(self) -> Table:
+        """Return the published and the measured numbers, line by line."""
+        rows = []
+        for line in comparison_lines(self):
+            measured = f"{line.measured.value:.3g}"
+            if line.weighted is not None:
+                measured += f" ({line.measured.lower:.3g} to {line.measured.upper:.3g})"
+            weighted = line.weighted and line.weighted.value
+            rows.append([f"{line.name} ({line.unit})", line.published, measured, weighted, line.maximum])
+        columns = ["", Column("published", format=".3g"), Column("measured", "95 %"),
+                   Column("sin-weighted", format=".3g"), Column("maximum", format=".3g")]  # fmt: skip
+        return Table(columns, rows, self.title, remarks(self))
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each force: desired and measured, aligned as published, in N, and the tensions.
@@ -240,58 +253,24 @@ def as_json(result: ValidationResult, manifest: Mapping[str, Any]) -> dict[str, 
     }
 
 
-def rows(result: ValidationResult) -> list[tuple[str, str, str, str, str]]:
-    """Return the cells of the table: what, published, measured with its interval, weighted, maximum."""
-    found = []
-    for line in comparison_lines(result):
-        digits = 1 if line.unit in ("degrees", "%") else 2
-        measured = _number(line.measured.value, digits)
-        if line.weighted is not None:
-            low, high = _number(line.measured.lower, digits), _number(line.measured.upper, digits)
-            measured += f" ({low} to {high})"
-        weighted = "–" if line.weighted is None else _number(line.weighted.value, digits)
-        maximum = "–" if line.maximum is None else _number(line.maximum, digits)
-        name = f"{line.name} ({line.unit})"
-        found.append((name, _number(line.published, digits), measured, weighted, maximum))
-    return found
-
-
-HEADINGS = ("", "published", "measured (95 %)", "sin-weighted", "maximum")
-
-
 def as_markdown(result: ValidationResult) -> str:
     """Return the report as Markdown."""
     title = "Technical validation, simulated" if result.setup["simulated"] else "Technical validation"
-    table = [HEADINGS, ("---", "---:", "---:", "---:", "---:"), *rows(result)]
-    text = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in table)
-    notes = "\n".join(f"- {remark}" for remark in remarks(result))
     kabsch = result.aligned["kabsch"].score
-    other = (
+    table = result.table()
+    table.notes = [
         f"Aligned by Kabsch instead: {kabsch.angle.mean.value:.1f} degrees, "
-        f"{kabsch.vector.mean.value:.2f} N of error vector."
-    )
+        f"{kabsch.vector.mean.value:.2f} N of error vector.",
+        "\n".join(f"- {remark}" for remark in remarks(result)),
+    ]
     return (
         f"# {title}\n\nSolver {result.setup['solver']}, {len(result.desired)} forces of "
-        f"{result.setup['force']:g} N. Published: {SOURCE}.\n\n{text}\n\n{other}\n\n{notes}\n"
+        f"{result.setup['force']:g} N. Published: {SOURCE}.\n\n{table.to_markdown()}\n"
     )
 
 
 def as_latex(result: ValidationResult) -> str:
     """Return the table for a paper, in LaTeX; it needs the package booktabs."""
-    names = {
-        '"magnitude error", as | |F| - |F0| | (N)': r"Magnitude error, as $\bigl|\,|F|-|F_0|\,\bigr|$ (N)",
-        '"magnitude error", as |F - F0| (N)': r"Magnitude error, as $|F-F_0|$ (N)",
-    }
-    body = [
-        " & ".join([names.get(row[0], row[0][0].upper() + row[0][1:]).replace("%", r"\%"), *row[1:]]) + r" \\"
-        for row in rows(result)
-    ]
-    header = " & ".join(HEADINGS).replace("%", r"\%") + r" \\"
-    what = "% Simulated modules." if result.setup["simulated"] else "% Real modules."
-    out = [what, r"\begin{tabular}{lrrrr}", r"\toprule", header, r"\midrule", *body, r"\bottomrule"]
-    return "\n".join([*out, r"\end{tabular}", ""]).replace("–", "--")
-
-
-def _number(value: float, digits: int) -> str:
-    """Return a number with `digits` decimals; with a power of ten where it would be shown as zero."""
-    return f"{value:.{digits}f}" if value == 0.0 or abs(value) >= 0.5 * 10.0**-digits else f"{value:.0e}"
+    table = result.table()
+    table.notes = ["Simulated modules." if result.setup["simulated"] else "Real modules."]
+    return table.to_latex()

@@ -152,7 +152,7 @@ def test_monitor_shows_what_modules_say_and_what_it_means(call, urls):
     lines = out.splitlines()
     assert [line.split()[0] for line in lines[3:7]] == list(urls)
     assert lines[6].split()[1:5] == ["idle", "0.00", lines[6].split()[3], "2.000"]
-    assert lines[7] == "idle: the driver is off, or going off"
+    assert "idle: the driver is off, or going off" in lines
     status, out, _ = call("monitor", "--seconds", "0.3", "--json", "top")
     [found] = json.loads(out)
     assert found["telemetry"]["limit"] == "IDLE"
@@ -323,7 +323,7 @@ def test_monitor_shows_modules_of_another_process_as_that_one_hears_them(run, mo
     assert [line.split()[:7] for line in lines[3:5]] == [
         ["my", name, "running", "2.50", "0.75", "1.250", "-0.50"] for name in OTHERS
     ]
-    assert lines[3].split()[-1] == "10/4"
+    assert lines[3].split()[-2:] == ["10", "4"]
     assert lines[-1] == "as process 4711 (tensionlab run floor) hears them: my left, my right"
     status, out, _ = run("module", "monitor", "--seconds", "0.6", "--json", OTHERS["right"])
     [found] = json.loads(out)

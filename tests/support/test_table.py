@@ -17,8 +17,8 @@ from tensionlab.hardware import read_run
 from tensionlab.hardware.log.reader import report
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.checks import Check, Checks
-from tensionlab.support.formatting import format_duration, format_vector
-from tensionlab.support.table import MAX_ROWS, STATUS_MARKS, table
+from tensionlab.support.formatting import format_duration, format_number, format_vector
+from tensionlab.support.table import MAX_HTML_ROWS, STATUS_MARKS, Column, Table
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tests.helpers.runs import four, logged
@@ -43,6 +43,17 @@ def test_times_have_the_unit_that_suits_them(seconds, text):
     assert format_duration(seconds) == text
 
 
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"), (1.2345, "1.23"), (12.345, "12.3"), (123.45, "123"), (0.12345, "0.12"),
+        (0.012345, "0.012"), (1e-12, "1e-12"), (-0.5, "-0.50"), (float("nan"), "–"),
+    ],
+)  # fmt: skip
+def test_numbers_are_short(value, text):
+    assert format_number(value) == text
+
+
 def test_a_vector_shows_no_rounding_errors_and_a_long_one_its_ends():
     assert format_vector([1.0, -4e-17, 0.25]) == "(1, 0, 0.25)"
     assert format_vector(np.arange(20.0)) == "(0, 1, 2, 3, …, 18, 19)"
@@ -58,35 +69,84 @@ def words(html):
 
 def test_every_status_has_a_shape_of_its_own_and_the_colour_of_the_figures():
     assert len({mark.shape for mark in STATUS_MARKS}) == len(tl.Status)
-    html = table("", ["<status"], [[status] for status in tl.Status])
+    html = Table(["status"], [[status] for status in tl.Status])._repr_html_()
     for mark in STATUS_MARKS:
-        assert [mark.text] in words(html)
+        assert [str(mark)] in words(html)
         assert mark.colour in html
 
 
-def test_what_cells_say():
-    cells = [["<script>", 12345], [None, 0.123456], [True, np.array([1.0, 2.0])]]
-    html = table("a < b", ["<text", "n"], cells)
-    assert "a &lt; b" in html
-    assert words(html)[1:] == [["&lt;script&gt;", "12,345"], ["–", "0.12"], ["✓ yes", "(1, 2)"]]
+TABLE = Table(
+    ["module", "what it is", Column("tension", "N", ".2f"), "vector", "held", "", Column("p99", wide=True)],
+    [
+        ["a<b", "one of three modules on the floor, 0.3 m apart", 12345.0, np.array([1.0, 2.0]), True, None, 1],
+        ["100 %|2", "", float("nan"), None, False, None, 12345],
+    ],
+    "two modules",
+    ["the note"],
+)
 
 
-def test_a_long_table_leaves_out_its_middle():
-    rows = words(table("", ["n"], [[i] for i in range(1000)]))
-    assert len(rows) == 1 + MAX_ROWS + 1
-    assert rows[1 + MAX_ROWS // 2] == ["… 960 more"]
+def test_a_table_on_a_terminal_fits_its_width_and_wraps_texts_between_words():
+    assert TABLE.to_text(120).splitlines() == [
+        "two modules",
+        "                                                          tension",
+        "module   what it is                                           (N)  vector  held      p99",
+        "─" * 88,
+        "a<b      one of three modules on the floor, 0.3 m apart  12345.00  (1, 2)  ✓ yes       1",
+        "100 %|2                                                         –       –  ✗ no   12,345",
+        "",
+        "the note",
+    ]
+    narrow = TABLE.to_text(60).splitlines()
+    assert max(map(len, narrow)) <= 60
+    assert "p99" not in "".join(narrow)
+    assert any(line.endswith("0.3 m") or "0.3 m " in line for line in narrow)  # a number keeps its unit
+
+
+def test_a_table_in_a_notebook():
+    html = TABLE._repr_html_()
+    assert words(html) == [
+        ["module", "what it is", "tension (N)", "vector", "held", "p99"],
+        ["a&lt;b", "one of three modules on the floor, 0.3 m apart", "12345.00", "(1, 2)", "✓ yes", "1"],
+        ["100 %|2", "", "–", "–", "✗ no", "12,345"],
+    ]
+    assert "two modules" in html
+    assert "the note" in html
+
+
+def test_a_table_in_markdown_and_latex():
+    lines = TABLE.to_markdown().splitlines()
+    assert lines[:2] == [
+        "| module | what it is | tension (N) | vector | held | p99 |",
+        "| :-- | :-- | --: | --: | :-- | --: |",
+    ]
+    assert lines[3] == "| 100 %\\|2 |  | – | – | ✗ no | 12,345 |"
+    assert lines[-1] == "the note"
+    lines = TABLE.to_latex().splitlines()
+    assert lines[:2] == ["% the note", r"\begin{tabular}{llrrlr}"]
+    assert lines[6] == r"100 \%\textbar{}2 &  & -- & -- & ✗ no & 12,345 \\"
+
+
+def test_a_table_as_a_data_frame_keeps_the_numbers():
+    assert TABLE.to_pandas()["tension (N)"][0] == 12345.0
+
+
+def test_a_long_table_in_a_notebook_leaves_out_its_middle():
+    rows = words(Table(["n"], [[i] for i in range(1000)])._repr_html_())
+    assert len(rows) == 1 + MAX_HTML_ROWS + 1
+    assert rows[1 + MAX_HTML_ROWS // 2] == ["… 960 more"]
     assert (rows[1], rows[-1]) == (["0"], ["999"])
 
 
 def test_an_allocation_in_one_line_and_in_a_table():
     one = tl.allocate(STRUCTURE, [1.0], LIMITS)
     assert repr(one) == f"<Allocation {one}>"
-    assert words(one._repr_html_()) == [["cable", "tension N"], ["0", "1.50"], ["1", "0.50"]]
+    assert words(one._repr_html_()) == [["cable", "tension (N)"], ["0", "1.5"], ["1", "0.5"]]
     both = tl.allocate(STRUCTURE, [[1.0], [20.0]], LIMITS)
     assert repr(both) == "<Allocation of 2 wrenches: 1 EXACT, 1 NEAREST; largest residual 14.5>"
     assert words(both._repr_html_())[1:] == [
-        ["● exact", "1", "50 %", "0", "6"],
-        ["○ certified infeasible", "1", "50 %", "14.5", "7"],
+        ["● exact", "1", "50.0 %", "0", "6"],
+        ["○ certified infeasible", "1", "50.0 %", "14.5", "7"],
     ]
     assert words(tl.allocate(np.ones((0, 1, 2)), [1.0], LIMITS)._repr_html_())[1:] == []
 
@@ -110,9 +170,10 @@ def test_every_repr_is_one_line():
 
 def test_a_rig_lists_its_modules():
     table = words(four()._repr_html_())
-    assert table[0] == ["module", "anchor m", "lower N", "upper N", "brake N", "N/A", "spool radius m"]
-    assert table[4][:3] == ["top", "(0, 2.3, 0)", "0.50"]
-    assert "attachment m" in words(tl.load_rig("datasets/rigs/ipanema-2.toml")._repr_html_())[0]
+    limits = ["lower (N)", "upper (N)", "brake (N)"]
+    assert table[0] == ["module", "anchor (m)", "cable at home (m)", *limits, "N/A", "spool radius (m)"]
+    assert table[4][:4] == ["top", "(0, 2.3, 0)", "2.000", "0.5"]
+    assert "attachment (m)" in words(tl.load_rig("datasets/rigs/ipanema-2.toml")._repr_html_())[0]
     frame = four().to_pandas()
     assert frame.loc["top", "anchor_y"] == 2.3
     assert (frame["upper"] == 6.0).all()
@@ -145,7 +206,7 @@ def test_a_comparison_shows_itself():
         "<Comparison of 2 solvers on bartels2026-validation, 4 modules: 3 forces of 1.5 N"
     )
     table = words(found._repr_html_())
-    assert table[0][2:6] == ["● exact", "○ certified infeasible", "▲ unproven", "✗ failed"]
+    assert table[0][2:6] == ["exact", "near", "unproven", "fail"]
     assert [row[:3] for row in table[1:]] == [["newton", "any", "3"], ["least-sum", "–", "3"]]
     assert set(found.to_pandas()["solver"]) == {"newton", "least-sum"}
 
@@ -246,7 +307,7 @@ def test_tables_say_what_the_results_hold():
     assert lines[:2] == [["● exact", "2 cycles"], ["○ certified infeasible", "2 cycles"]]
     assert [row[-1] for row in lines if row[0] == "floor-2"] == ["lower 75 %, fault ENCODER, lost at 0.040 s"]
     assert found.to_pandas().loc[2, "chosen.top"] == found.chosen[2, 3]
-    assert ["5", "2.00", "2.00", "✗ no"] in words(front()._repr_html_())
+    assert ["5", "2", "2", "✗ no"] in words(front()._repr_html_())
     (check,) = words(Checks([Check("pull", "N", 1.0, 2.0, 3.0)])._repr_html_())[1:]
     assert check == ["✗ not met", "pull", "3.00", "1.00 to 2.00", "N"]
     bench = tl.datasets.load("benchmarks/results")

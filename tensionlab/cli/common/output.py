@@ -5,43 +5,35 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import re
 import sys
-import textwrap
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import typer
 
-from tensionlab.errors import MAX_MESSAGE_CHARACTERS, InputError, WriteError
+from tensionlab.errors import InputError, WriteError
 from tensionlab.support import provenance
 from tensionlab.support.files import writing
-from tensionlab.support.formatting import format_number, format_vector
+from tensionlab.support.formatting import one_line
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
+    from rich.text import Text
 
     from tensionlab.model.rig import Rig
-    from tensionlab.support.table import Finding
+    from tensionlab.support.table import Table
     from tensionlab.viewer.server import PageServer
 
 
-PIPE_WIDTH = 120
-"""Columns of a table where stdout is no terminal."""
-GAP = 2
-"""Spaces between the columns of a table."""
 NOTHING_KEPT = "nothing is kept"
 """What Ctrl-C leaves to say, unless a verb has other words."""
-short, vector = format_number, format_vector
-"""Numbers, as notebooks show them too."""
 
 
 def print_error(text: str) -> None:
     """Print one line about what went wrong on stderr: of limited length, with nothing that moves a cursor."""
     with contextlib.suppress(OSError, ValueError):
-        print(clip(f"tensionlab: {text}"), file=sys.stderr, flush=True)
+        print(one_line(f"tensionlab: {text}"), file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager
@@ -65,16 +57,6 @@ def wait_for_enter(text: str) -> None:
     print(f"{text}; then press Enter", end=" ", file=sys.stderr, flush=True)
     if sys.stdin is None or not sys.stdin.readline():
         raise InputError("stdin ended before Enter was pressed; run this in a terminal")
-
-
-def clip(text: str, length: int = MAX_MESSAGE_CHARACTERS) -> str:
-    """Return a text as one line of so many characters at most; what is left out is in its middle."""
-    lines = "; ".join(" ".join(each.split()) for each in text.splitlines() if each.strip()).replace(":; ", ": ")
-    line = "".join(each if each.isprintable() else repr(each)[1:-1] for each in lines)
-    if len(line) <= length:
-        return line
-    end = length // 3
-    return f"{line[: length - end - 5]} ... {line[-end:]}"
 
 
 class ResultWriter:
@@ -138,80 +120,35 @@ def console(*, stderr: bool = False) -> Console:
     """
     from rich.console import Console
 
+    from tensionlab.support.table import WIDE
+
     class Screen(Console):
         def on_broken_pipe(self) -> None:
             """Let `tensionlab.cli.main` see it."""
             raise  # noqa: PLE0704 - rich calls this where it has caught the error
 
-    width = None if sys.stdout.isatty() or stderr else PIPE_WIDTH
+    width = None if sys.stdout.isatty() or stderr else WIDE
     return Screen(stderr=stderr, width=width, highlight=False, markup=False, emoji=False)
 
 
-def table(headings: Sequence[str], rows: Iterable[Sequence[Any]] = (), *, gap: int = GAP) -> Table:
-    """Return a table in the style of all verbs.
-
-    Columns are for numbers, to the right and on one line; those whose heading begins with ``<`` are for text, to
-    the left and on several lines where there is no room. Texts are printed as they are, numbers without trailing
-    zeros, vectors in brackets, None as a dash. The gap is in spaces.
-    """
-    from rich import box
-    from rich.table import Table
-
-    grid = Table(
-        box=box.SIMPLE_HEAD,
-        padding=(0, gap - 1, 0, 0),
-        pad_edge=False,
-        show_edge=False,
-    )
-    for heading in headings:
-        text = heading.startswith("<")
-        grid.add_column(
-            heading.removeprefix("<"), justify="left" if text else "right", overflow="fold", no_wrap=not text
-        )
-    for row in rows:
-        grid.add_row(*map(_cell, row))
-    return grid
-
-
-def _cell(value: Any) -> Any:
-    """Return what a table shows for a value."""
-    if isinstance(value, bool) or value is None:
-        return {True: "yes", False: "no", None: "–"}[value]
-    if getattr(value, "ndim", 0):
-        return vector(value)
-    return (
-        f"{value:g}" if isinstance(value, float) else value if hasattr(value, "__rich_console__") else str(value)
-    )
-
-
-def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any]], *, gap: int = GAP) -> None:
-    """Print a title, unless it is empty, and a table, whose parameters are those of `table`."""
-    if title:
-        print_title(title)
-    console().print(table(headings, rows, gap=gap))
-
-
-def print_findings(title: str, findings: Iterable[Finding]) -> None:
-    """Print what was checked, each with yes, no or, where it is neither, note; no line ends before a unit."""
+def styled(table: Table) -> Text:
+    """Return a table as text as wide as the terminal, its title bold, its notes dim and its marks coloured."""
     from rich.text import Text
 
-    words = {True: Text("yes", "green"), False: Text("no", "red"), None: Text("note")}
-    listed = list(findings)
-    before = 2 * GAP + max((len(words[each.passed]) for each in listed), default=0)
-    width = console().width - GAP - before - max((len(each.name) for each in listed), default=0)
-    rows = [(words[each.passed], each.name, _wrapped(each.text, max(width, 20))) for each in listed]
-    print_table(title, ("<", "<check", "<finding"), rows)
+    from tensionlab.support.table import STATUS_MARKS, met_mark
+
+    text = Text(table.to_text(console().width), no_wrap=True, overflow="ignore")
+    text.stylize("bold", 0, len(str(table.title)))
+    if table.notes:
+        text.stylize("dim", text.plain.rfind("\n\n"))
+    for mark in (*STATUS_MARKS, met_mark(True), met_mark(False)):
+        text.highlight_words([mark.shape], {"#000000": "bold red"}.get(mark.colour, mark.colour))
+    return text
 
 
-def _wrapped(text: str, width: int) -> str:
-    """Return a text in lines of a width, each number on one line with its unit."""
-    held = re.sub(r"(?<=\d) (?=\S)", "\N{NO-BREAK SPACE}", text)
-    return textwrap.fill(held, width, break_on_hyphens=False).replace("\N{NO-BREAK SPACE}", " ")
-
-
-def print_title(title: str) -> None:
-    """Print the title of a table, on one line however narrow the table is."""
-    console().print(title, style="bold", soft_wrap=True)
+def print_table(table: Table) -> None:
+    """Print a table as wide as the terminal, or 120 columns in a pipe or file."""
+    console().print(styled(table), soft_wrap=True)
 
 
 def print_json(value: Any = None, **keys: Any) -> None:

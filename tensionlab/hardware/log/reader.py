@@ -31,7 +31,7 @@ from tensionlab.support.files import writing
 from tensionlab.support.files.reading import as_path, brief, parse_json
 from tensionlab.support.files.tables import from_mappings
 from tensionlab.support.formatting import format_duration, format_number
-from tensionlab.support.table import table
+from tensionlab.support.table import Column, Table
 
 if TYPE_CHECKING:
     import pandas
@@ -326,16 +326,6 @@ class ModuleReport:
         lost = [] if self.lost_at_s is None else [f"lost at {self.lost_at_s:.3f} s"]
         return ", ".join([*limits, *(f"fault {name}" for name in self.faults), *lost])
 
-    @property
-    def cells(self) -> tuple[str, ...]:
-        """Its line of a table, below `MODULE_HEADINGS`."""
-        forces = map(format_number, (self.commanded_min_n, self.commanded_mean_n, self.commanded_max_n))
-        return (self.name, *forces, *map(format_duration, self.telemetry_age_s.values()), self.limited_by)
-
-
-MODULE_HEADINGS = ("<module", "commanded N\nmin", "\nmean", "\nmax", "telemetry age\nmedian", "\n99 %", "\nmax",
-                   "<limited by")  # fmt: skip
-
 
 @dataclass(frozen=True)
 class RunReport:
@@ -361,8 +351,21 @@ class RunReport:
         notes = [
             f"{event.time:.3f} s, {event.kind} {event.module}".strip() + f": {event.text}" for event in self.events
         ]
-        modules = table("", MODULE_HEADINGS, (module.cells for module in self.modules), notes[:MAX_EVENTS])
-        return self.statistics.table(title) + modules
+        modules = self.table()
+        modules.notes = notes[:MAX_EVENTS]
+        return self.statistics.table(title)._repr_html_() + modules._repr_html_()
+
+    def table(self) -> Table:
+        """Return a row for each module."""
+        columns: list[Any] = ["module"]
+        columns += [Column(f"tension {name}", "N", format_number) for name in ("min", "mean", "max")]
+        columns += [Column(f"age {name}", format=format_duration) for name in ("median", "99 %", "max")]
+        rows = [
+            [each.name, each.commanded_min_n, each.commanded_mean_n, each.commanded_max_n,
+             *each.telemetry_age_s.values(), each.limited_by]
+            for each in self.modules
+        ]  # fmt: skip
+        return Table([*columns, "limited by"], rows)
 
     def summary(self) -> dict[str, Any]:
         """Return it as plain numbers and texts, for JSON."""

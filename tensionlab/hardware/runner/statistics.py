@@ -11,7 +11,7 @@ import numpy as np
 
 from tensionlab.allocation import Status
 from tensionlab.support.formatting import format_count, format_duration
-from tensionlab.support.table import STATUS_MARKS, Mark, table
+from tensionlab.support.table import STATUS_MARKS, Mark, Table
 
 MAX_TIMES = 100_000
 """Cycles whose times are kept for percentiles while a run lasts."""
@@ -51,10 +51,10 @@ class Statistics:
         return f"<Statistics of {self.title}: {self.answers}, {self.missed} missed>"
 
     def _repr_html_(self) -> str:
-        return self.table(self.title)
+        return self.table(self.title)._repr_html_()
 
-    def table(self, title: str) -> str:
-        """Return the lines in HTML, one for each status."""
+    def table(self, title: str) -> Table:
+        """Return counts and times, with a row for each status."""
         answers: list[tuple[Mark | str, str]] = [
             (STATUS_MARKS[status], format_count(self.statuses[status], "cycle"))
             for status in STATUSES
@@ -62,7 +62,7 @@ class Statistics:
         ]
         if self.fallback_used:
             answers.append(("by newton, as fallback of the solver", format_count(self.fallback_used, "cycle")))
-        return table(title, [], [*answers, *self.rows()[1:]])
+        return Table(["", ""], [*answers, *self.rows()[1:]], title)
 
     @property
     def title(self) -> str:

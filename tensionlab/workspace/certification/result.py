@@ -16,7 +16,7 @@ from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats, Integers
 from tensionlab.support.colours import GREY
 from tensionlab.support.formatting import format_count, format_share
-from tensionlab.support.table import Mark, met_mark, table
+from tensionlab.support.table import Column, Mark, Table, met_mark
 from tensionlab.workspace.certification.subdivision import Subdivision
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ UNITS = {1: "m", 2: "m²", 3: "m³"}
 """Of a volume, by how many axes of the region have an extent."""
 SUM_ROUNDING = 1e-12
 """Of sums of volumes, as a share."""
-HEADINGS = ("<", "cells", "volume", "share of the region")
 
 
 class Bounds(NamedTuple):
@@ -106,11 +105,17 @@ class CertifiedWorkspace:
         return f"<CertifiedWorkspace of {self._title}>"
 
     def _repr_html_(self) -> str:
+        return self.table()._repr_html_()
+
+    def table(self) -> Table:
+        """Return the table of what is proved inside and outside, and what is undecided."""
         rows = [
-            [MARKS[verdict], cells, f"{volume:.4g} {self.unit}", format_share(volume / self.region_volume)]
+            [MARKS[verdict], cells, volume, volume / self.region_volume]
             for verdict, (cells, volume) in self.tally().items()
         ]
-        return table(self._title, HEADINGS, rows, [f"required: {self.required}"])
+        share = Column("share of the region", format=format_share)
+        columns = ["proved", "cells", Column("volume", self.unit), share]
+        return Table(columns, rows, self._title, [f"required: {self.required}"])
 
     @property
     def _title(self) -> str:

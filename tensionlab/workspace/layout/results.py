@@ -9,15 +9,11 @@ from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support import provenance
 from tensionlab.support.formatting import format_range
-from tensionlab.support.table import table
+from tensionlab.support.table import Column, Table
 from tensionlab.workspace.layout.objective import Objective
 
 if TYPE_CHECKING:
     import pandas
-
-SEARCH_HEADINGS = ("modules", "score", "worst\nmargin N", "<better than\nwith fewer")
-LAYOUT_HEADINGS = ("<module", "<frame", "anchor\nm", "score lost\nwithout it")
-"""Of the tables in notebooks and on terminals."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +49,15 @@ class Layout:
         return f"<Layout of {self._title}>"
 
     def _repr_html_(self) -> str:
+        return self.table()._repr_html_()
+
+    def table(self) -> Table:
+        """Return the table of the modules, with the score that is lost without each."""
         rows = [
             [module.name, module.frame, module.anchor.round(4), lost]
             for module, lost in zip(self.rig.modules, self.contributions, strict=True)
         ]
-        return table(self._title, LAYOUT_HEADINGS, rows)
+        return Table(["module", "frame", Column("anchor", "m"), "score lost without it"], rows, self._title)
 
     @property
     def _title(self) -> str:
@@ -96,9 +96,13 @@ class LayoutSearch:
         return f"<LayoutSearch for {counts} modules: the best has {self.best.rig.m}, score {self.best.score:.4g}>"
 
     def _repr_html_(self) -> str:
+        return self.table()._repr_html_() + self.best._repr_html_()
+
+    def table(self) -> Table:
+        """Return the table of the layouts, by their number of modules."""
         rows = [[each.rig.m, each.score, each.worst, each in self.front] for each in self.layouts]
-        title = f"score: {self.describe()}"
-        return table(title, SEARCH_HEADINGS, rows) + self.best._repr_html_()
+        columns = ["modules", "score", Column("worst margin", "N"), "better than with fewer"]
+        return Table(columns, rows, f"score: {self.describe()}")
 
     def describe(self) -> str:
         """Return in a few words what the score is."""
