@@ -41,7 +41,7 @@ test-lowest: .venv-lowest/dev.stamp
 	@$(PYTHON) -m venv .venv-lowest
 	@.venv-lowest/bin/pip install --quiet --disable-pip-version-check uv
 	@TENSIONLAB_BUILDS=native .venv-lowest/bin/uv pip install --quiet --python .venv-lowest/bin/python \
-	  --resolution lowest-direct -e '.[dev]'
+	  --resolution lowest-direct --config-setting build-dir=build/lowest -e '.[dev]'
 	@touch $@
 
 # Lines and branches that these tests do not reach, by file.
