@@ -20,13 +20,13 @@ MAX_MAGNITUDE = 1e100
 
 
 def as_floats(name: str, values: ArrayLike) -> Floats:
-    """Convert numbers to a contiguous float64 array; one that is so already is returned as it is.
+    """Convert numbers to a contiguous, aligned float64 array; one that is so already is returned as it is.
 
     NaN and infinity pass. ShapeError, calling them ``name``, if something would be lost or made up: complex parts,
     masked entries, None, text, dates, ragged lists.
     """
     if type(values) is np.ndarray and values.dtype == np.float64:
-        return np.asarray(values, order="C")
+        return _aligned(np.asarray(values, order="C"))
     if values is None:
         raise ShapeError(f"{name} is None; give numbers")
     try:
@@ -36,7 +36,7 @@ def as_floats(name: str, values: ArrayLike) -> Floats:
         if given.dtype.kind == "c":
             raise ShapeError(f"{name} is complex; give real numbers, as {name}.real would")
         if given.dtype.kind in "biufO":
-            return np.asarray(given, dtype=np.float64, order="C")
+            return _aligned(np.asarray(given, dtype=np.float64, order="C"))
     except RecursionError:
         raise ShapeError(f"{name} is nested too deeply, or holds itself; give an array of numbers") from None
     except (TypeError, ValueError, OverflowError) as error:
@@ -44,6 +44,11 @@ def as_floats(name: str, values: ArrayLike) -> Floats:
             raise
         raise ShapeError(f"{name} is not an array of numbers: {str(error)[:150]}") from None
     raise ShapeError(f"{name} is not an array of numbers: its entries are {given.dtype.name:.60}")
+
+
+def _aligned(values: Floats) -> Floats:
+    """Copy an array that is a view of bytes at any place, from which no kernel may read."""
+    return values if values.flags.aligned else values.copy()
 
 
 def _masked(values: object) -> bool:

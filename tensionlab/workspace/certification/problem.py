@@ -73,26 +73,21 @@ class CellProblem:
 
     def _prove_wrenches(self, centres: Floats, half_edges: Floats, shares: bool) -> Verdicts:
         verdict, found = _native.certify_cells(
-            _aligned(self.anchors),
-            _aligned(self.arms),
-            _aligned(self.lower),
-            _aligned(self.upper),
-            _aligned(self.wrenches),
+            self.anchors,
+            self.arms,
+            self.lower,
+            self.upper,
+            self.wrenches,
             self.radius,
             self.slack,
             self.angle,
             self.length,
             self.closure,
-            _aligned(centres),
-            _aligned(half_edges),
+            np.ascontiguousarray(centres),
+            half_edges,
             shares,
         )
         return Verdicts(verdict, _whole(verdict) if found is None else found)
-
-
-def _aligned(array: Floats) -> Floats:
-    """Return an aligned copy of what a message of a cluster brought, where it is not."""
-    return np.require(array, requirements=["C", "A"])
 
 
 def cell_problem(

@@ -65,6 +65,7 @@ def evaluate_on_cluster(address: str, tasks: Iterable[AnyTask]) -> Iterator[tupl
     with needs("cluster", "a cluster"):
         from distributed import Client, KilledWorker, as_completed
         from distributed.comm import CommClosedError
+        from distributed.protocol import pickle
     try:
         client = Client(address, timeout=CLUSTER_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError, RuntimeError) as error:
@@ -79,7 +80,7 @@ def evaluate_on_cluster(address: str, tasks: Iterable[AnyTask]) -> Iterator[tupl
         def submit(count: int) -> list[Any]:
             futures = []
             for task in itertools.islice(waiting, count):
-                futures.append(client.submit(_evaluate, task, pure=False))
+                futures.append(client.submit(_evaluate, pickle.dumps(task), pure=False))
                 known[futures[-1].key] = task
             return futures
 
@@ -87,13 +88,17 @@ def evaluate_on_cluster(address: str, tasks: Iterable[AnyTask]) -> Iterator[tupl
         try:
             for future in running:
                 running.update(submit(1))
-                yield known.pop(future.key), future.result()
+                yield known.pop(future.key), pickle.loads(future.result())
         except (KilledWorker, CancelledError, CommClosedError) as error:
             raise SweepError(f"scheduler {address!r} gave up: {error}; with out, the same call resumes") from error
 
 
-def _evaluate(task: Task) -> Any:
-    return task.evaluate()
+def _evaluate(task: bytes) -> bytes:
+    """Evaluate a task. It and its answer travel as bytes: arrays beside a message would come without alignment."""
+    from distributed.protocol import pickle
+
+    answer: bytes = pickle.dumps(pickle.loads(task).evaluate())
+    return answer
 
 
 def _no_answer(address: str, error: Exception) -> SweepError:

@@ -1,12 +1,10 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import tensionlab as tl
 from tensionlab.errors import DataError, InputError, WriteError
 from tensionlab.workspace.certification import search
-from tensionlab.workspace.certification.problem import CellProblem, cell_problem
+from tensionlab.workspace.certification.problem import CellProblem
 from tensionlab.workspace.certification.subdivision import subdivide
 
 REGION = [(-0.4, 0.4), (0.0, 1.6), (-0.4, 0.4)]
@@ -76,26 +74,6 @@ def test_a_cluster_proves_the_same(monkeypatch, rig, whole):
         found = tl.workspace.certify(rig, REGION, BALL, 0.02, scheduler=cluster.scheduler_address)
     for one, other in zip(in_order(found), in_order(whole), strict=True):
         np.testing.assert_array_equal(one, other)
-
-
-def test_what_a_message_brought_is_aligned_for_the_kernel(monkeypatch, rig):
-    seen = []
-
-    def kernel(*arguments):
-        seen.extend(each for each in arguments if isinstance(each, np.ndarray))
-        return np.zeros(1, np.int8), None
-
-    def misaligned(array):
-        return np.frombuffer(b"1234" + array.tobytes(), np.uint8)[4:].view(array.dtype).reshape(array.shape)
-
-    problem = cell_problem(rig, BALL, None, 0.0, None, None)
-    arrays = {name: getattr(problem, name) for name in ("anchors", "arms", "lower", "upper", "wrenches")}
-    problem = replace(problem, **{name: misaligned(array) for name, array in arrays.items()})
-    assert not problem.anchors.flags.aligned
-    monkeypatch.setattr("tensionlab._native.certify_cells", kernel)
-    problem.prove(np.zeros((1, 3)), np.ones(3), False)
-    assert len(seen) == 7
-    assert all(array.flags.aligned for array in seen)
 
 
 def test_more_cells_than_memory_holds_are_refused(monkeypatch):

@@ -197,6 +197,27 @@ def test_a_cluster_gives_the_same_as_threads(tmp_path):
     xr.testing.assert_equal(data, tl.sweep(CUBE, POSES, "capacity-margin"))
 
 
+class Arrays:
+    """Task of arrays; its answer is whether each is aligned, with arrays again."""
+
+    def __init__(self, count):
+        self._arrays = [np.full(size, 0.5) for size in range(1, count)]
+
+    def evaluate(self):
+        return [each.flags.aligned for each in self._arrays], self._arrays
+
+
+def test_what_a_cluster_brings_is_aligned_for_the_kernels():
+    from distributed import LocalCluster
+
+    where = {"protocol": "tcp://", "host": "127.0.0.1", "dashboard_address": ":0"}
+    with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, **where) as cluster:
+        tasks = [Arrays(count) for count in (2, 12, 300)]
+        for _, (there, arrays) in executors.evaluate_on_cluster(cluster.scheduler_address, tasks):
+            assert all(there)
+            assert all(each.flags.aligned for each in arrays)
+
+
 def test_a_scheduler_without_workers_is_refused(scheduler):
     with pytest.raises(SweepError, match="has no workers; start some with: dask worker tcp://"):
         tl.sweep(CUBE, POSES, "capacity-margin", scheduler=scheduler)
