@@ -13,7 +13,7 @@ import tensionlab as tl
 from tensionlab import _native
 from tensionlab.model import pose
 from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE
-from tensionlab.support.arrays import as_floats
+from tensionlab.support.arrays import Floats, as_floats
 
 W, w, LIMITS = np.array([[1.0, -0.6, -0.6], [0.0, 0.8, -0.8]]), np.array([2.0, 1.0]), (1.0, 10.0)
 LOSSY: dict[str, tuple[Callable[[Any], Any], str]] = {
@@ -102,11 +102,35 @@ def test_a_wrong_solver_or_policy_is_refused_by_name(change: dict[str, Any]) -> 
         tl.allocate(W, w, LIMITS, **change)
 
 
-@pytest.mark.parametrize("short", ["wrench", "lower", "upper", "reference", "weights"])
+def shortened(array: Floats) -> Floats:
+    return array[..., :-1]
+
+
+def misaligned(array: Floats) -> Floats:
+    """Return the same numbers, 4 bytes beyond a place of numbers, as a message may hold them."""
+    return np.frombuffer(b"1234" + array.tobytes(), np.uint8)[4:].view(array.dtype).reshape(array.shape)
+
+
+def test_misaligned_arrays_are_taken() -> None:
+    given = misaligned(W)
+    assert not given.flags.aligned
+    assert as_floats("W", given).flags.aligned
+    for solver in ("newton", "qp:daqp", "dykstra"):
+        found = tl.allocate(given, misaligned(w), LIMITS, solver, reference=misaligned(np.ones(3)))
+        expected = tl.allocate(W, w, LIMITS, solver, reference=np.ones(3))
+        np.testing.assert_array_equal(found.tensions, expected.tensions)
+    allocator = tl.Allocator(LIMITS)
+    np.testing.assert_array_equal(allocator(given, misaligned(w)).tensions, allocator(W, w).tensions)
+
+
+@pytest.mark.parametrize("wrong", ["wrench", "lower", "upper", "reference", "weights"])
 @pytest.mark.parametrize(
     "function", ["newton", "allocate", "verify", "dykstra", "polygon", "puncture", "slack_norm"]
 )
-def test_bindings_read_nothing_beyond_an_array(function: str, short: str) -> None:
+@pytest.mark.parametrize(("change", "said"), [(shortened, "fit"), (misaligned, "must be aligned")])
+def test_bindings_read_nothing_beyond_an_array_or_misaligned(
+    function: str, wrong: str, change: Callable[[Floats], Floats], said: str
+) -> None:
     arrays = {
         "structure": np.ones((2, 2, 3)),
         "wrench": np.ones((2, 2)),
@@ -115,7 +139,7 @@ def test_bindings_read_nothing_beyond_an_array(function: str, short: str) -> Non
         "reference": np.ones((2, 3)),
         "weights": np.ones(2),
     }
-    arrays[short] = arrays[short][..., :-1]
+    arrays[wrong] = change(arrays[wrong])
     rest: dict[str, list[Any]] = {
         "newton": [0, RANK_TOLERANCE, TOLERANCE],
         "allocate": [0, 1e100, TOLERANCE, RANK_TOLERANCE],
@@ -130,9 +154,9 @@ def test_bindings_read_nothing_beyond_an_array(function: str, short: str) -> Non
     taken = [
         value for name, value in arrays.items() if function not in ("verify", "puncture") or name != "reference"
     ]
-    if short == "reference" and function in ("verify", "puncture"):
+    if wrong == "reference" and function in ("verify", "puncture"):
         return
-    with pytest.raises(ValueError, match="fit"):
+    with pytest.raises(ValueError, match=said):
         getattr(_native, function)(*taken, *rest[function])
 
 

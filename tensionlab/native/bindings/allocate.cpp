@@ -128,6 +128,7 @@ nb::object solve_one(const nb::object& structure, const nb::object& wrench, cons
   nb::ndarray<const double, nb::numpy, nb::ndim<1>, nb::c_contig, Plain> vector;
   if (!nb::try_cast(structure, matrix, false) || !nb::try_cast(wrench, vector, false)) return nb::none();
   if (!matrix.is_valid() || !vector.is_valid()) return nb::none();  // of None
+  if (!is_aligned(matrix) || !is_aligned(vector)) return nb::none();
   if (matrix.shape(0) != n || matrix.shape(1) != m || vector.shape(0) != n) return nb::none();
   const Batch batch{1,
                     static_cast<int>(n),
@@ -194,6 +195,7 @@ nb::object allocate_once(const nb::object& structure, const nb::object& wrench, 
       !nb::try_cast(wrench, desired, false))
     return nb::none();
   if (!low.is_valid() || !high.is_valid() || !desired.is_valid()) return nb::none();
+  if (!is_aligned(low) || !is_aligned(high)) return nb::none();
   const std::size_t n = desired.shape(0), m = low.shape(0);
   if (high.shape(0) != m || n < 1 || n > kMaxComponents || m < 1 || m > kMaxCables) return nb::none();
   require(policy >= 0 && policy < kPolicies, "no such policy");

@@ -43,11 +43,24 @@ bool has_shape(const Array& array, Lengths... lengths) {
   return true;
 }
 
+// Whether the numbers of an array are at a multiple of their size, which not every view of a message's bytes is.
+template <class Array>
+bool is_aligned(const Array& array) {
+  return reinterpret_cast<std::uintptr_t>(array.data()) % sizeof(*array.data()) == 0;
+}
+
+// The numbers of an array, which is aligned.
+template <class Array>
+auto* aligned(const Array& array) {
+  require(is_aligned(array), "an array must be aligned; copy it first");
+  return array.data();
+}
+
 // The numbers of a vector, one after another.
 template <class Array>
 const double* contiguous(const Array& vector) {
   require(vector.size() < 2 || vector.stride(0) == 1, "a vector must be contiguous; copy it first");
-  return vector.data();
+  return aligned(vector);
 }
 
 inline void require_size(std::size_t n, std::size_t m) {
@@ -64,7 +77,7 @@ Rows rows_of(const Array& array) {
       throw std::invalid_argument("only the first axis of an array may be strided; copy it first");
     }
   }
-  return {array.data(), array.stride(0)};
+  return {aligned(array), array.stride(0)};
 }
 
 inline Batch batch_of(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,

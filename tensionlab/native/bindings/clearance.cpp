@@ -18,7 +18,7 @@ nb::tuple closest_pair(const In<4>& segments, nb::ndarray<const std::int64_t, nb
     require(pairs.data()[i] >= 0 && pairs.data()[i] < static_cast<std::int64_t>(count), "a pair of no segments");
   }
   const Segments all{rows_of(segments), static_cast<int>(segments.shape(1)), static_cast<int>(pairs.shape(0)),
-                     pairs.data(), contiguous(radius)};
+                     aligned(pairs), contiguous(radius)};
   const auto distance = make_array<double>(size);
   const auto closest = make_array<std::int64_t>(size);
   const auto clearance = clearance_for_this_processor();

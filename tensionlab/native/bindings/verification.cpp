@@ -34,7 +34,7 @@ nb::tuple verify_answers(const In<3>& structure, const In<2>& wrench, const In<2
 
 bool all_within(const nb::ndarray<const double, nb::c_contig, nb::device::cpu>& numbers, double limit) {
   bool inside;
-  check_for_this_processor()(numbers.data(), numbers.size(), limit, inside);
+  check_for_this_processor()(aligned(numbers), numbers.size(), limit, inside);
   return inside;
 }
 

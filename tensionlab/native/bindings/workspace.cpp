@@ -44,10 +44,10 @@ nb::tuple matrices_at(const In<2>& anchors, const std::optional<In<2>>& attachme
   require(!axes || rows_of(*axes).stride == static_cast<std::int64_t>(d) || m < 2, "axes must be contiguous");
   const Cables cables{static_cast<int>(d),
                       static_cast<int>(m),
-                      anchors.data(),
-                      attachments ? attachments->data() : nullptr,
-                      radii ? radii->data() : nullptr,
-                      axes ? axes->data() : nullptr};
+                      aligned(anchors),
+                      attachments ? aligned(*attachments) : nullptr,
+                      radii ? aligned(*radii) : nullptr,
+                      axes ? aligned(*axes) : nullptr};
   const Rows turns = rotation ? rows_of(*rotation) : Rows{};
   const Places places{rows_of(position), rotation ? &turns : nullptr};
   const auto matrices = make_array<double>(size, n, m);
