@@ -3,7 +3,7 @@
 Each has its own build of the extension in ``build/sanitize/``, compiled for this processor with GCC. In
 the tests every Python process loads that one, through `sitecustomize`. Left out are tests that limit the memory or
 fork a process with threads, as the sanitizers can do neither; and those that compare the kernels of several
-instruction sets, as there is one here. It takes about 15 minutes on two idle cores.
+instruction sets, as there is one here. It takes about seven minutes on two idle cores.
 """
 
 from __future__ import annotations
