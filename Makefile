@@ -32,8 +32,8 @@ test-fast: .venv/dev.stamp
 
 # The lowest versions that pyproject.toml declares, by the tests of what uses them. What is newer beneath these warns of
 # what is old, so here a warning is no error.
-DOORS := $(addprefix tests/,solvers/test_convex.py solvers/test_plugins.py solvers/test_quadratic.py model files plots \
-  workspace/sweep hardware/client hardware/log haptics/bridge viewer cli comparison support interop)
+DOORS := $(addprefix tests/,solvers/test_convex.py solvers/test_plugins.py solvers/test_quadratic.py model plots \
+  workspace/sweep hardware/client hardware/log haptics/bridge viewer cli benchmark/test_comparison.py support interop)
 test-lowest: .venv-lowest/dev.stamp
 	@.venv-lowest/bin/pytest -n auto --dist worksteal -W ignore -m "not realtime and not slow" $(DOORS)
 
