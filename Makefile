@@ -38,7 +38,7 @@ test-lowest: .venv-lowest/dev.stamp
 	@.venv-lowest/bin/pytest -n auto --dist worksteal -W ignore -m "not realtime and not slow" $(DOORS)
 
 .venv-lowest/dev.stamp: pyproject.toml CMakeLists.txt $(NATIVE)
-	@$(PYTHON) -m venv .venv-lowest
+	@$(PYTHON) -m venv --clear .venv-lowest
 	@.venv-lowest/bin/pip install --quiet --disable-pip-version-check uv
 	@TENSIONLAB_BUILDS=native .venv-lowest/bin/uv pip install --quiet --python .venv-lowest/bin/python \
 	  --resolution lowest-direct --config-setting build-dir=build/lowest -e '.[dev]'
