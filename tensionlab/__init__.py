@@ -8,21 +8,9 @@ from tensionlab.support.lazy import importer
 
 TYPE_CHECKING = False  # as in `typing`, which is not imported for it
 if TYPE_CHECKING:
-    from tensionlab import benchmark, datasets, plots, workspace
+    from tensionlab import benchmark, datasets, errors, hardware, plots, solvers, workspace
     from tensionlab.allocation import Allocation, Allocator, allocate
     from tensionlab.benchmark.comparison import compare
-    from tensionlab.errors import (
-        DataError,
-        InputError,
-        MissingDependency,
-        PluginError,
-        RigError,
-        ShapeError,
-        SweepError,
-        TensionlabError,
-        UnknownSolver,
-        Unreachable,
-    )
     from tensionlab.gradients import AllocationGradients, AllocationJacobian, allocation_jacobian
     from tensionlab.model.files import load_requirement, load_rig, save_rig
     from tensionlab.model.kinematics import PoseEstimate
@@ -33,12 +21,6 @@ if TYPE_CHECKING:
     from tensionlab.model.rig import Rig
     from tensionlab.plots import plot
     from tensionlab.solvers import SOLVERS, Solver, Status
-    from tensionlab.solvers.closed_form import ClosedForm, Polygon, Pseudoinverse, Puncture
-    from tensionlab.solvers.convex import ConvexProgram
-    from tensionlab.solvers.least_squares import Dykstra, Newton
-    from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
-    from tensionlab.solvers.penalty import AnalyticCentre, SlackNorm, Spidar
-    from tensionlab.solvers.quadratic import QuadraticProgram
     from tensionlab.viewer.design_page import view
     from tensionlab.workspace.sweep import sweep
 
@@ -50,40 +32,16 @@ __all__ = [
     "AllocationGradients",
     "AllocationJacobian",
     "Allocator",
-    "AnalyticCentre",
-    "ClosedForm",
-    "ConvexProgram",
-    "DataError",
-    "Dykstra",
     "Frame",
-    "InputError",
-    "LeastSum",
-    "Minimax",
-    "MissingDependency",
     "Module",
-    "Newton",
-    "OptimallySafe",
     "Platform",
-    "PluginError",
-    "Polygon",
     "PoseEstimate",
-    "Pseudoinverse",
-    "Puncture",
-    "QuadraticProgram",
     "Requirement",
     "RestPose",
     "Rig",
-    "RigError",
-    "ShapeError",
-    "SlackNorm",
     "Solver",
-    "Spidar",
     "Status",
-    "SweepError",
     "TensionLimits",
-    "TensionlabError",
-    "UnknownSolver",
-    "Unreachable",
     "allocate",
     "allocation_jacobian",
     "alternate_corners",
@@ -91,12 +49,15 @@ __all__ = [
     "box_corners",
     "compare",
     "datasets",
+    "errors",
+    "hardware",
     "load_requirement",
     "load_rig",
     "plot",
     "plots",
     "ring_plus_top",
     "save_rig",
+    "solvers",
     "sweep",
     "view",
     "workspace",
@@ -105,18 +66,6 @@ __all__ = [
 _NAMES = {
     "tensionlab.allocation": ("Allocation", "Allocator", "allocate"),
     "tensionlab.benchmark.comparison": ("compare",),
-    "tensionlab.errors": (
-        "DataError",
-        "InputError",
-        "MissingDependency",
-        "PluginError",
-        "RigError",
-        "ShapeError",
-        "SweepError",
-        "TensionlabError",
-        "UnknownSolver",
-        "Unreachable",
-    ),
     "tensionlab.gradients": ("AllocationGradients", "AllocationJacobian", "allocation_jacobian"),
     "tensionlab.model.files": ("load_requirement", "load_rig", "save_rig"),
     "tensionlab.model.kinematics": ("PoseEstimate",),
@@ -126,12 +75,6 @@ _NAMES = {
     "tensionlab.model.requirement": ("Requirement",),
     "tensionlab.model.rig": ("Rig",),
     "tensionlab.solvers": ("SOLVERS", "Solver", "Status"),
-    "tensionlab.solvers.closed_form": ("ClosedForm", "Polygon", "Pseudoinverse", "Puncture"),
-    "tensionlab.solvers.convex": ("ConvexProgram",),
-    "tensionlab.solvers.least_squares": ("Dykstra", "Newton"),
-    "tensionlab.solvers.linear_program": ("LeastSum", "Minimax", "OptimallySafe"),
-    "tensionlab.solvers.penalty": ("AnalyticCentre", "SlackNorm", "Spidar"),
-    "tensionlab.solvers.quadratic": ("QuadraticProgram",),
     "tensionlab.workspace.sweep": ("sweep",),
     "tensionlab.plots": ("plot",),
     "tensionlab.viewer.design_page": ("view",),
@@ -139,7 +82,7 @@ _NAMES = {
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted([*__all__, "__version__"])
 
 
 if not TYPE_CHECKING:

@@ -22,7 +22,7 @@ class TensionlabError(Exception):
     >>> import tensionlab as tl
     >>> try:
     ...     tl.load_rig("no-such-rig")
-    ... except tl.TensionlabError as error:
+    ... except tl.errors.TensionlabError as error:
     ...     print(type(error).__name__)
     RigError
     """
@@ -102,7 +102,7 @@ class PluginError(TensionlabError, ImportError):
     Examples
     --------
     >>> import tensionlab as tl
-    >>> issubclass(tl.PluginError, tl.TensionlabError)
+    >>> issubclass(tl.errors.PluginError, tl.errors.TensionlabError)
     True
     """
 
@@ -176,7 +176,7 @@ class Unreachable(TensionlabError):  # noqa: N818 - pinned name
     >>> import tensionlab as tl
     >>> try:
     ...     tl.allocate([[1.0, -1.0]], [7.0], (1.0, 5.0)).raise_for_status()
-    ... except tl.Unreachable as error:
+    ... except tl.errors.Unreachable as error:
     ...     print(error.allocation.wrench)
     [4.]
     """

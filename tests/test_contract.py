@@ -309,5 +309,5 @@ def test_rank_deficient_rigs_are_rigs(W: NDArray[np.float64], name: str, policy:
 def test_nan_is_refused(name: str) -> None:
     structure, wrench = np.ones((4, 2, 3)), np.ones((4, 2))
     structure[2, 1, 0] = np.nan
-    with pytest.raises(tl.ShapeError, match=r"structure\[2, 1, 0\]"):
+    with pytest.raises(tl.errors.ShapeError, match=r"structure\[2, 1, 0\]"):
         tl.allocate(structure, wrench, (0.0, 1.0), name)

@@ -127,19 +127,19 @@ def test_an_empty_batch_has_empty_derivatives():
 
 def test_other_solvers_are_refused_by_what_they_minimise():
     with pytest.raises(
-        tl.InputError, match=r"'minimax', which minimises 'least largest tension'; .* 'newton' alone"
+        tl.errors.InputError, match=r"'minimax', which minimises 'least largest tension'; .* 'newton' alone"
     ):
         tl.allocation_jacobian(TUG_OF_WAR, [2.0], (1.0, 5.0), solver="minimax")
-    with pytest.raises(tl.InputError, match="leave solver out"):
-        tl.allocation_jacobian(TUG_OF_WAR, [2.0], (1.0, 5.0), solver=tl.Dykstra())
-    tl.allocation_jacobian(TUG_OF_WAR, [2.0], (1.0, 5.0), solver=tl.Newton())
+    with pytest.raises(tl.errors.InputError, match="leave solver out"):
+        tl.allocation_jacobian(TUG_OF_WAR, [2.0], (1.0, 5.0), solver=tl.solvers.Dykstra())
+    tl.allocation_jacobian(TUG_OF_WAR, [2.0], (1.0, 5.0), solver=tl.solvers.Newton())
 
 
 def test_a_cotangent_must_fit():
     jacobian = tl.allocation_jacobian(TUG_OF_WAR, [2.0], (1.0, 5.0))
-    with pytest.raises(tl.ShapeError, match=r"cotangent has shape \(3,\), .* the tensions' \(2,\)"):
+    with pytest.raises(tl.errors.ShapeError, match=r"cotangent has shape \(3,\), .* the tensions' \(2,\)"):
         jacobian.pull_back(np.ones(3))
-    with pytest.raises(tl.ShapeError, match=r"cotangent\[1\] is nan"):
+    with pytest.raises(tl.errors.ShapeError, match=r"cotangent\[1\] is nan"):
         jacobian.pull_back([1.0, np.nan])
 
 
@@ -147,5 +147,7 @@ def test_a_cotangent_must_fit():
 def test_a_library_that_is_missing_is_named_with_its_extra(monkeypatch, library):
     monkeypatch.setitem(sys.modules, library, None)
     wrapper = importlib.import_module(f"tensionlab.{library}")
-    with pytest.raises(tl.MissingDependency, match=rf'needs {library}.*: pip install "tensionlab\[{library}\]"'):
+    with pytest.raises(
+        tl.errors.MissingDependency, match=rf'needs {library}.*: pip install "tensionlab\[{library}\]"'
+    ):
         wrapper.allocate(TUG_OF_WAR, [2.0], (1.0, 5.0))

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 CASES = json.loads((ROOT / "tests/data/known_answers.json").read_text())["cases"]
 SOLVERS = ("newton", "dykstra", "qp", "cvxpy")
 REFERENCES = {"min2_from_zero": None, "min2_from_fmin": "lower", "min2_from_mid": "middle"}
-TIGHT = tl.Dykstra(tolerance=1e-11)
+TIGHT = tl.solvers.Dykstra(tolerance=1e-11)
 
 FORCE = 1.5
 """Published magnitude of the 182 vectors, N."""

@@ -287,7 +287,7 @@ names = tl.datasets.names()
 for name in names:
     try:
         assert name.startswith("problems/") or tl.datasets.load(name) is not None, name
-    except tl.MissingDependency as missing:  # tables are Parquet
+    except tl.errors.MissingDependency as missing:  # tables are Parquet
         assert str(missing).endswith('pip install "tensionlab[data]"'), missing
         assert name.split("/")[0] not in {"rigs", "spaces", "published"}, name
 print(json.dumps([tl.__file__, tl.datasets.load("rigs/cogiro").name, names]))
@@ -321,7 +321,7 @@ assert tl.allocate(structure, [9.0, 0.0, 0.0], rig.limits).status == tl.Status.N
 assert tl.workspace.capacity_margin(structure, rig.limits) > -1
 try:
     tl.allocate(structure, [1.0, 0.5, 1.0], rig.limits, solver="qp")
-except tl.MissingDependency as missing:
+except tl.errors.MissingDependency as missing:
     print(missing)
 """
     done = call(control / "bin" / "python", "-c", script)

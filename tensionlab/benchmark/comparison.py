@@ -316,7 +316,7 @@ def compare(
     >>> import numpy as np
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation-0.3m")
-    >>> result = tl.compare(rig, solvers=[tl.Dykstra(iteration_limit=50), "newton"], policy="tension")
+    >>> result = tl.compare(rig, solvers=[tl.solvers.Dykstra(iteration_limit=50), "newton"], policy="tension")
     >>> [(row.solver, row.exact, row.nearest_count) for row in result.rows]
     [('dykstra(iteration_limit=50)', 2, 27), ('newton', 153, 29)]
 

@@ -160,7 +160,7 @@ def run(
     Examples
     --------
     >>> import tensionlab as tl
-    >>> results = tl.benchmark.run([tl.Newton(), "closed-form"], ["edge"], count=12, quick=True)
+    >>> results = tl.benchmark.run([tl.solvers.Newton(), "closed-form"], ["edge"], count=12, quick=True)
     >>> [(row.label, f"{row.solved_1e6:.0%}") for row in results.rows]
     [('newton', '100%'), ('closed-form', '100%')]
     """

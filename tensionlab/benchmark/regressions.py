@@ -178,7 +178,7 @@ def find_regressions(old: Results, new: Results) -> Regressions:
     --------
     >>> import tensionlab as tl
     >>> from tensionlab.benchmark.regressions import find_regressions
-    >>> old, new = (tl.benchmark.run([tl.Newton(), "dykstra"], ["edge"], count=12, quick=True) for _ in range(2))
+    >>> old, new = (tl.benchmark.run(["newton", "dykstra"], ["edge"], count=12, quick=True) for _ in range(2))
     >>> [(each.solver, each.lost) for each in find_regressions(old, new).changes]
     [('newton', 0), ('dykstra', 0)]
     """

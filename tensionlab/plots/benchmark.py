@@ -211,7 +211,7 @@ def plot_profile(results: Results) -> Figure:
     --------
     >>> import tensionlab as tl
     >>> from tensionlab import plots
-    >>> results = tl.benchmark.run([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
+    >>> results = tl.benchmark.run([tl.solvers.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_profile(results)
     """
     lines = _pooled(results)
@@ -260,7 +260,7 @@ def plot_worst(results: Results, *, ax: Axes | None = None) -> Figure | None:
     --------
     >>> import tensionlab as tl
     >>> from tensionlab import plots
-    >>> results = tl.benchmark.run([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
+    >>> results = tl.benchmark.run([tl.solvers.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_worst(results)
     """
     lines = sorted(_pooled(results).values(), key=lambda line: quantile(line.seconds, 0.999))
@@ -304,7 +304,7 @@ def plot_continuity(results: Results) -> Figure:
     --------
     >>> import tensionlab as tl
     >>> from tensionlab import plots
-    >>> results = tl.benchmark.run([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
+    >>> results = tl.benchmark.run([tl.solvers.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_continuity(results)
     """
     rows = [row for row in results.rows if row.path_mm and row.setting != "tight" and _drawable(row)]

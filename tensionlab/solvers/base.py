@@ -169,7 +169,7 @@ class Solver(Protocol):
     Examples
     --------
     >>> import tensionlab as tl
-    >>> solver: tl.Solver = tl.Newton()
+    >>> solver: tl.Solver = tl.solvers.Newton()
     >>> solver.objective
     'least squared change from the reference'
     >>> solver.policies

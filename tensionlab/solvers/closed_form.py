@@ -37,7 +37,7 @@ class Pseudoinverse:
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.Pseudoinverse("middle")).tensions.round(3)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.Pseudoinverse("middle")).tensions.round(3)
     array([2.899, 3.875, 1.923, 4.011])
     """
 
@@ -80,7 +80,7 @@ class ClosedForm:
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.ClosedForm()).tensions.round(3)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.ClosedForm()).tensions.round(3)
     array([2.899, 3.875, 1.923, 4.011])
     """
 
@@ -113,7 +113,7 @@ class Puncture:
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.Puncture()).tensions.round(3)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.Puncture()).tensions.round(3)
     array([1.476, 2.452, 0.5  , 2.042])
     """
 
@@ -178,7 +178,7 @@ class Polygon:
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.Polygon("centroid")).tensions.round(3)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.Polygon("centroid")).tensions.round(3)
     array([2.907, 3.883, 1.931, 4.021])
     """
 

@@ -25,7 +25,7 @@ class ConvexProgram:
     """Tensions closest to the reference by convex programs, as one would write them on a blackboard.
 
     The programs are in `CompiledPrograms`; what they minimise, and what the policies do, is as in
-    `tensionlab.QuadraticProgram`.
+    `tensionlab.solvers.QuadraticProgram`.
 
     Sources: Oh and Agrawal, "Cable suspended planar robots with redundant cables: controllers with positive
     tensions", 2005, for the program; Diamond and Boyd, "CVXPY: a Python-embedded modeling language for convex
@@ -42,7 +42,7 @@ class ConvexProgram:
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.ConvexProgram()).tensions.round(3)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.ConvexProgram()).tensions.round(3)
     array([1.476, 2.452, 0.5  , 2.042])
     """
 

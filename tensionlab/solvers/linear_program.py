@@ -40,7 +40,7 @@ class LeastSum:
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.LeastSum()).tensions.round(3)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.LeastSum()).tensions.round(3)
     array([1.476, 2.452, 0.5  , 2.042])
     """
 
@@ -69,7 +69,7 @@ class Minimax:
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.Minimax()).tensions.round(3)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.Minimax()).tensions.round(3)
     array([1.476, 2.452, 0.5  , 2.042])
     """
 
@@ -104,7 +104,7 @@ class OptimallySafe:
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.OptimallySafe(alpha=2.0)).tensions.round(3)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.OptimallySafe(alpha=2.0)).tensions.round(3)
     array([2.646, 3.622, 1.67 , 3.66 ])
     """
 

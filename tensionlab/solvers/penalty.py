@@ -42,7 +42,7 @@ class AnalyticCentre:
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.AnalyticCentre()).tensions.round(3)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.AnalyticCentre()).tensions.round(3)
     array([2.942, 3.918, 1.966, 4.069])
     """
 
@@ -99,7 +99,7 @@ class SlackNorm:
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.SlackNorm(p=3.0)).tensions.round(3)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.SlackNorm(p=3.0)).tensions.round(3)
     array([1.525, 2.501, 0.549, 2.109])
     """
 
@@ -161,7 +161,7 @@ class Spidar:
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.Spidar(mu=1e-3)).tensions.round(3)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.Spidar(mu=1e-3)).tensions.round(3)
     array([1.469, 2.444, 0.5  , 2.033])
     """
 

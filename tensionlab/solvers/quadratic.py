@@ -117,7 +117,8 @@ class QuadraticProgram:
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.QuadraticProgram("clarabel")).tensions.round(3)
+    >>> solver = tl.solvers.QuadraticProgram("clarabel")
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, solver).tensions.round(3)
     array([1.476, 2.452, 0.5  , 2.042])
     """
 

@@ -157,7 +157,7 @@ def test_the_polygon_takes_part_where_the_rig_is_one_for_it():
 
 def test_an_instance_is_compared_beside_names():
     result = tl.compare(
-        tl.load_rig("bartels2026-validation-0.3m"), solvers=[tl.Dykstra(iteration_limit=2), "newton"]
+        tl.load_rig("bartels2026-validation-0.3m"), solvers=[tl.solvers.Dykstra(iteration_limit=2), "newton"]
     )
     rows = rows_of(result)
     cut_short, exact = rows["dykstra(iteration_limit=2)", "tension"], rows["newton", "tension"]
@@ -223,7 +223,7 @@ class BreaksUpwards:
     def solve(self, problem):
         if (problem.wrench[:, 1] > 0).any():
             raise ZeroDivisionError("no way up")
-        return tl.Newton().solve(dataclasses.replace(problem, policy="force"))
+        return tl.solvers.Newton().solve(dataclasses.replace(problem, policy="force"))
 
 
 class AnswersNothing(BreaksUpwards):

@@ -117,7 +117,7 @@ def test_a_solver_may_refuse_a_shape_and_fail_a_problem(monkeypatch):
 
 def test_one_that_refuses_everything_is_a_row_that_says_so(monkeypatch):
     def never(problem):
-        raise tl.ShapeError("not today")
+        raise tl.errors.ShapeError("not today")
 
     enter(monkeypatch, "never", never)
     row = measured(SUMS, solvers=["never"]).rows[0]

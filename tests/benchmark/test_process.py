@@ -125,7 +125,7 @@ class Halves:
     policies: ClassVar[tuple[str, ...]] = ()
 
     def solve(self, problem):
-        exact = tl.Newton().solve(replace(problem, policy="force"))
+        exact = tl.solvers.Newton().solve(replace(problem, policy="force"))
         return exact.tensions if problem.lower.shape[1] == 6 else replace(exact, tensions=0.5 * exact.tensions)
 
 
@@ -143,7 +143,7 @@ def test_a_solver_of_ones_own_is_measured_and_its_mistakes_are_in_the_table(tmp_
 
 
 def test_a_class_of_a_module_is_measured_in_the_process_of_its_own(tmp_path, monkeypatch):
-    (tmp_path / "mine.py").write_text("from tensionlab import Newton\nclass Mine(Newton):\n    pass\n")
+    (tmp_path / "mine.py").write_text("from tensionlab.solvers import Newton\nclass Mine(Newton):\n    pass\n")
     monkeypatch.syspath_prepend(tmp_path)
     what = BenchmarkPlan(("edge",), ("mine:Mine",), count=6, seconds=0.01, repeats=1, rounds=0)
     found = read(measure(what, tmp_path / "out", [], lambda done: None))

@@ -70,7 +70,7 @@ def test_a_rig_and_a_word_do_and_types_stay():
     structure = np.asarray(rig.structure_matrix(rig.home), dtype=np.float32)
     expected = tl.allocate(structure, [1.0, 0.5, 1.0], rig.limits, reference="middle").tensions
     np.testing.assert_allclose(allocate(structure, [1.0, 0.5, 1.0], rig.limits, "middle"), expected, rtol=1e-12)
-    with pytest.raises(tl.InputError, match="'centre' is unknown"):
+    with pytest.raises(tl.errors.InputError, match="'centre' is unknown"):
         allocate(structure, np.ones(3), rig.limits, "centre")
     jax.config.update("jax_enable_x64", False)
     assert allocate(structure, np.ones(3), rig.limits).dtype == np.float32

@@ -56,7 +56,7 @@ def test_a_rig_and_a_word_do():
         rig.structure_matrix(rig.home), [1.0, 0.5, 1.0], rig.limits, reference="middle"
     )
     np.testing.assert_allclose(wrench.grad, expected.wrench.sum(axis=0), rtol=1e-6)
-    with pytest.raises(tl.InputError, match="'centre' is unknown"):
+    with pytest.raises(tl.errors.InputError, match="'centre' is unknown"):
         allocate(torch.ones(1, 2), torch.ones(1), (0.0, 1.0), "centre")
 
 

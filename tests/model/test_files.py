@@ -295,5 +295,5 @@ def test_rest_poses_of_body_frames_are_kept_and_turn_with_the_rig():
 )
 def test_rest_poses_of_no_use_are_refused(frames, error):
     text = rig_to_toml(dataclasses.replace(tl.load_rig("body-mounted"), rest=()))
-    with pytest.raises(tl.RigError, match=error):
+    with pytest.raises(tl.errors.RigError, match=error):
         rig_from_toml(text.replace("[[modules]]", f"[[frames]]\n{frames}\n\n[[modules]]", 1), "b.toml")

@@ -23,5 +23,5 @@ def test_tensions_are_drawn_between_their_limits_by_status():
 
 def test_a_rig_with_other_cables_is_refused():
     rig = four()
-    with pytest.raises(tl.ShapeError, match="4 cables, and seven-modules has 7"):
+    with pytest.raises(tl.errors.ShapeError, match="4 cables, and seven-modules has 7"):
         tl.plot(tl.allocate(rig.structure_matrix(rig.home), np.zeros(3), rig.limits), seven())

@@ -82,7 +82,7 @@ def test_ones_own_solver_is_picked_out(bench_results):
 
 def test_a_comparison_is_drawn_by_the_error_above_the_smallest():
     rig = tl.load_rig("bartels2026-validation-0.3m")
-    found = tl.compare(rig, solvers=[tl.Dykstra(iteration_limit=5), "newton", "spidar"])
+    found = tl.compare(rig, solvers=[tl.solvers.Dykstra(iteration_limit=5), "newton", "spidar"])
     dots = {dot.name: dot for dot in _compared(found)}
     assert dots["dykstra(iteration_limit=5)"].kind == "own"
     assert dots["newton"].error < 1e-12  # of what can be rendered at all, nobody renders more

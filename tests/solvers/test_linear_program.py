@@ -138,7 +138,7 @@ def test_cables_without_play_do_not_count():
 @pytest.mark.parametrize("alpha", [-1.0, float("nan"), float("inf")])
 def test_an_alpha_that_means_nothing_is_refused(alpha):
     with pytest.raises(ValueError, match="alpha"):
-        tl.OptimallySafe(alpha)
+        tl.solvers.OptimallySafe(alpha)
 
 
 # --- Optimal: against other solvers of the same programs ----------------------------------------------------
@@ -208,7 +208,7 @@ def test_the_margin_is_the_least_bound_of_all_facets(n):
     # h(y) is the most that y'W t can be. The least bound is that of a y normal to n - 1 cables.
     alpha, m = 0.5, 6
     batch = random_cases(9 * n, n, m, many(60))
-    found = allocate(batch.structure, batch.wrench, batch.limits, tl.OptimallySafe(alpha))
+    found = allocate(batch.structure, batch.wrench, batch.limits, tl.solvers.OptimallySafe(alpha))
     for i in np.flatnonzero(found.status == Status.EXACT):
         case = one(batch, i)
         W = case.structure

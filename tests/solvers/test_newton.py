@@ -152,8 +152,8 @@ def test_more_components_than_cables():
 def test_numbers_that_are_not_finite_are_left_to_the_caller():
     one = np.ones((1, 2))
     problem = tl.solvers.Problem(one[:, None], one[:, :1], 0.0 * one, one, 0.0 * one, np.ones(1), "force")
-    np.testing.assert_allclose(tl.Newton().solve_verified(problem).tensions, [[0.5, 0.5]])
-    assert tl.Newton().solve_verified(replace(problem, wrench=np.full((1, 1), np.nan))) is None
+    np.testing.assert_allclose(tl.solvers.Newton().solve_verified(problem).tensions, [[0.5, 0.5]])
+    assert tl.solvers.Newton().solve_verified(replace(problem, wrench=np.full((1, 1), np.nan))) is None
 
 
 def test_limits_that_leave_no_choice():

@@ -95,7 +95,7 @@ def test_names_that_nobody_offers_are_unknown_and_hinted_at(offer):
 
 def test_the_house_keeps_its_names(offer, capsys):
     offer("newton")
-    assert type(make("newton")) is tl.Newton
+    assert type(make("newton")) is tl.solvers.Newton
     assert every_solver()["newton"]
     with pytest.raises(SystemExit):
         main(["solvers"])
@@ -128,7 +128,7 @@ def test_a_broken_solver_is_an_error_only_when_asked_for(offer, capsys, text, ta
     runs, missing = select_solvers()
     assert "fixed" in missing
     assert "fixed" not in {run.name for run in runs}
-    assert select_solvers(["newton"], "force") == ([("newton", "force", tl.Newton())], {})
+    assert select_solvers(["newton"], "force") == ([("newton", "force", tl.solvers.Newton())], {})
     with pytest.raises(SystemExit) as left:
         main(["solvers", "--json"])
     assert not left.value.code
@@ -224,7 +224,7 @@ def test_the_command_line_lists_and_compares_it(offer, run):
     table = dict(tl.SOLVERS)
     try:
         tl.SOLVERS.clear()
-        tl.SOLVERS["newton"] = tl.Newton  # one is enough
+        tl.SOLVERS["newton"] = tl.solvers.Newton  # one is enough
         _, out, _ = run("compare", RIG, "--directions", "fibonacci:2")
     finally:
         tl.SOLVERS.clear()

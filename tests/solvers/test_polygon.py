@@ -163,11 +163,11 @@ def test_too_many_cables_are_refused_before_any_work() -> None:
 
 def test_an_unknown_goal_is_refused_by_name() -> None:
     with pytest.raises(ValueError, match=r"goal='3-norm'.*centroid, 1-norm, 2-norm"):
-        tl.Polygon("3-norm")  # type: ignore[arg-type]
+        tl.solvers.Polygon("3-norm")  # type: ignore[arg-type]
 
 
 def test_each_goal_states_the_objective_that_its_answers_have() -> None:
-    objectives = {goal: tl.Polygon(goal.partition(":")[2]).objective for goal in GOALS}  # type: ignore[arg-type]
+    objectives = {goal: tl.solvers.Polygon(goal.partition(":")[2]).objective for goal in GOALS}  # type: ignore[arg-type]
     assert len(set(objectives.values())) == 3
     W, w, limits = np.array([[1.0, 2.0, 2.0]]), [4.0], ([0.0] * 3, [3.0, 2.0, 1.5])
     found = {goal: tensions(W, w, limits, goal) for goal in GOALS}
@@ -180,4 +180,6 @@ def test_each_goal_states_the_objective_that_its_answers_have() -> None:
 
 
 def test_it_serves_up_to_two_cables_more_than_components():
-    assert [tl.Polygon().refuses(3, cables) is None for cables in (3, 4, 5, 6, 7)] == [True] * 3 + [False] * 2
+    assert [tl.solvers.Polygon().refuses(3, cables) is None for cables in (3, 4, 5, 6, 7)] == [True] * 3 + [
+        False
+    ] * 2

@@ -65,7 +65,13 @@ def test_a_solver_that_does_not_serve_the_size_is_left_out_by_default_and_refuse
 
 
 def test_instances_are_called_by_their_class_and_what_is_not_the_default():
-    given = [tl.Dykstra(), tl.Dykstra(iteration_limit=2), "newton", tl.QuadraticProgram("osqp"), tl.Dykstra()]
+    given = [
+        tl.solvers.Dykstra(),
+        tl.solvers.Dykstra(iteration_limit=2),
+        "newton",
+        tl.solvers.QuadraticProgram("osqp"),
+        tl.solvers.Dykstra(),
+    ]
     runs, _ = select_solvers(given, "tension")
     assert [run.name for run in runs] == [
         "dykstra",
@@ -79,9 +85,9 @@ def test_instances_are_called_by_their_class_and_what_is_not_the_default():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ([tl.Newton], r"the class Newton; give an instance, Newton\(\)"),
+        ([tl.solvers.Newton], r"the class Newton; give an instance, Newton\(\)"),
         ([3.0], "3.0, which lacks objective, policies, solve"),
-        (tl.Newton(), "give a list of names and instances"),
+        (tl.solvers.Newton(), "give a list of names and instances"),
     ],
 )
 def test_what_is_no_solver_is_refused_in_words(given, message):

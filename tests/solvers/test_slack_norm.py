@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from tensionlab import SlackNorm, Status, allocate, load_rig
-from tensionlab.solvers import make
+from tensionlab import Status, allocate, load_rig
+from tensionlab.solvers import SlackNorm, make
 from tests.helpers.examples import many
 from tests.helpers.problems import cases, one, random_cases, random_structure
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from tensionlab import Spidar, Status, allocate
-from tensionlab.solvers import make
+from tensionlab import Status, allocate
+from tensionlab.solvers import Spidar, make
 from tests.helpers.examples import many
 from tests.helpers.problems import Case, cases, one, random_cases
 

@@ -39,7 +39,7 @@ def test_allocate_refuses_what_would_be_lost(name: str, kind: str) -> None:
     given[name] = spoil(given[name])
     if given["reference"] is None or given["wrench_weights"] is None:
         return  # that is their default
-    with pytest.raises(tl.ShapeError, match=rf"{name}.*{word}") as caught:
+    with pytest.raises(tl.errors.ShapeError, match=rf"{name}.*{word}") as caught:
         tl.allocate(
             given["structure"],
             given["wrench"],
@@ -64,7 +64,7 @@ def test_allocate_refuses_what_would_be_lost(name: str, kind: str) -> None:
 )
 def test_so_does_every_other_door(door: Callable[[Callable[[Any], Any]], object], kind: str) -> None:
     spoil, _ = LOSSY[kind]
-    with pytest.raises((tl.ShapeError, tl.RigError)):
+    with pytest.raises((tl.errors.ShapeError, tl.errors.RigError)):
         door(spoil)
 
 
@@ -82,7 +82,7 @@ def test_numbers_of_any_other_kind_are_taken() -> None:
 def test_no_wrong_wrench_shows_the_words_of_the_binding(wrench: Any) -> None:
     for prepared in (tl.Allocator(LIMITS), tl.Allocator(LIMITS, "dykstra")):
         for _ in range(2):  # the second call finds what the first has prepared
-            with pytest.raises(tl.ShapeError, match="wrench"):
+            with pytest.raises(tl.errors.ShapeError, match="wrench"):
                 prepared(W, wrench)
 
 
@@ -98,7 +98,7 @@ def test_no_wrong_wrench_shows_the_words_of_the_binding(wrench: Any) -> None:
     ],
 )
 def test_a_wrong_solver_or_policy_is_refused_by_name(change: dict[str, Any]) -> None:
-    with pytest.raises(tl.InputError, match=next(iter(change))):
+    with pytest.raises(tl.errors.InputError, match=next(iter(change))):
         tl.allocate(W, w, LIMITS, **change)
 
 

@@ -22,7 +22,9 @@ def test_what_is_saved_is_the_very_same_rig(point, tmp_path):
 
 def test_a_rig_that_cannot_work_is_not_saved(point, tmp_path):
     below = edits.move_anchor(point, "top", [0.0, -0.5, 0.0])
-    with pytest.raises(tl.RigError, match=r"cannot work at home, so it is not saved\. balance: no tensions hold"):
+    with pytest.raises(
+        tl.errors.RigError, match=r"cannot work at home, so it is not saved\. balance: no tensions hold"
+    ):
         save(below.rig, "mine.toml", tmp_path)
     assert not list(tmp_path.iterdir())
 

@@ -80,25 +80,25 @@ def test_modules_are_removed_down_to_the_last(point):
         point = edits.remove_module(edits.set_fields(selected=name)(point), name)
     assert names(point) == ["floor-1"]
     assert point.selected == ""
-    with pytest.raises(tl.RigError, match="only module"):
+    with pytest.raises(tl.errors.RigError, match="only module"):
         edits.remove_module(point, "floor-1")
 
 
 def test_a_renamed_module_stays_selected(point):
     renamed = edits.rename(edits.set_fields(selected="top")(point), "top", "ceiling")
     assert renamed.selected == "ceiling"
-    with pytest.raises(tl.RigError, match="used by modules"):
+    with pytest.raises(tl.errors.RigError, match="used by modules"):
         edits.rename(point, "top", "floor-1")
 
 
 def test_limits_that_no_module_can_have_are_refused(point):
     assert edits.relimit(point, "top", 1.0, 9.0).rig.limits.upper[3] == 9.0
-    with pytest.raises(tl.RigError, match='above "upper"'):
+    with pytest.raises(tl.errors.RigError, match='above "upper"'):
         edits.relimit(point, "top", 9.0, 1.0)
 
 
 def test_a_module_that_is_not_there_is_named_with_those_that_are(point):
-    with pytest.raises(tl.RigError, match='no module "roof"; it has floor-1, floor-2, floor-3, top'):
+    with pytest.raises(tl.errors.RigError, match='no module "roof"; it has floor-1, floor-2, floor-3, top'):
         edits.move_anchor(point, "roof", [0.0, 0.0, 0.0])
 
 

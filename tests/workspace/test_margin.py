@@ -202,12 +202,12 @@ def test_leading_axes_broadcast():
     ],
 )
 def test_bad_input_is_named(structure, required, message):
-    with pytest.raises(tl.ShapeError, match=message):
+    with pytest.raises(tl.errors.ShapeError, match=message):
         margin(structure, (0.0, 1.0), required)
 
 
 def test_crossed_limits_are_named():
-    with pytest.raises(tl.ShapeError, match=r"lower\[1\] = 2 N exceeds"):
+    with pytest.raises(tl.errors.ShapeError, match=r"lower\[1\] = 2 N exceeds"):
         margin(np.eye(2), ([0.0, 2.0], 1.0))
 
 

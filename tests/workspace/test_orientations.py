@@ -43,5 +43,5 @@ def test_texts_are_sets_of_orientations(tmp_path):
     "text", ["cone", "cone:0", "cone:10:0", "rpy:1,2", "rpy:5..1,0,0", "angle:5", "ball:3", "cone:x"]
 )
 def test_texts_that_are_none_are_refused(text):
-    with pytest.raises(tl.InputError):
+    with pytest.raises(tl.errors.InputError):
         parse_rotations(text, 3, UP)

@@ -102,10 +102,10 @@ def test_isotropic_force_share_and_squared_tension_are_beside_the_weight():
 def test_stores_tell_what_is_required_apart(tmp_path):
     poses = [COGIRO.home]
     tl.sweep(COGIRO, poses, "wrench-feasible", out=tmp_path / "a.zarr")
-    with pytest.raises(tl.SweepError, match="a sweep that differs in required"):
+    with pytest.raises(tl.errors.SweepError, match="a sweep that differs in required"):
         tl.sweep(COGIRO, poses, "wrench-feasible", required=np.zeros(6), out=tmp_path / "a.zarr")
 
 
 def test_a_requirement_of_another_size_is_refused_before_any_work():
-    with pytest.raises(tl.RigError, match='key "wrench" has 3 components; cogiro, a platform rig, needs 6'):
+    with pytest.raises(tl.errors.RigError, match='key "wrench" has 3 components; cogiro, a platform rig, needs 6'):
         tl.sweep(COGIRO, [COGIRO.home], "wrench-feasible", required=[0.0, 0.0, 1.0])

@@ -134,7 +134,7 @@ def test_attachments_at_one_point_make_a_platform_a_point():
 
 
 def test_dimension_counts_components():
-    with pytest.raises(tl.InputError, match="dimension is 4; of 3 wrench components"):
+    with pytest.raises(tl.errors.InputError, match="dimension is 4; of 3 wrench components"):
         tl.workspace.isotropic_force(np.eye(3), (0.0, 1.0), 4)
 
 
@@ -241,7 +241,7 @@ def test_effort_in_parts_is_the_same(monkeypatch):
     ],
 )
 def test_bad_input_is_named(directions, magnitude, message):
-    error = tl.InputError if message.startswith("magnitude") else tl.ShapeError
+    error = tl.errors.InputError if message.startswith("magnitude") else tl.errors.ShapeError
     with pytest.raises(error, match=message):
         feasible_direction_fraction(CROSS, (0.0, 1.0), directions, magnitude)
     with pytest.raises(error, match=message):

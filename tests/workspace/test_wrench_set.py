@@ -95,5 +95,5 @@ def test_half_spaces_of_a_platform_in_general_position():
 def test_no_pose_and_several():
     found = half_spaces(np.zeros((0, 3, 5)), (0.0, 1.0))
     assert found.normals.shape[0] == 0
-    with pytest.raises(tl.ShapeError, match=r"vertices are those of one pose; .* \(2,\)"):
+    with pytest.raises(tl.errors.ShapeError, match=r"vertices are those of one pose; .* \(2,\)"):
         vertices(np.zeros((2, 3, 5)), (0.0, 1.0))

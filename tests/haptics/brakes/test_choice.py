@@ -347,5 +347,5 @@ def test_brakes_add_nothing_where_the_motors_do_and_much_where_they_do_not():
 
 
 def test_a_map_needs_a_force():
-    with pytest.raises(tl.ShapeError, match="force is 0"):
+    with pytest.raises(tl.errors.ShapeError, match="force is 0"):
         brake_map(ceiling(1.0), MAP_WALLS, 0.0, BOX3, np.full(3, 186.0))

@@ -160,6 +160,6 @@ def test_numbers_that_make_no_sense_are_refused():
         Timing(latency=-1.0)
     with pytest.raises(ValueError, match="mass=0"):
         ImpactCap(mass=0.0)
-    with pytest.raises(tl.ShapeError, match="position has shape"):
+    with pytest.raises(tl.errors.ShapeError, match="position has shape"):
         decide(ABOVE, [0.0], [0.0, 0.0], Wall(UP, 0.0, 1.0), BOX, STRONG)
     assert isinstance(at(-0.001, -0.1).contact, BrakeContact)

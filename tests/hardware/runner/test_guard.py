@@ -87,7 +87,7 @@ def test_a_proved_answer_stands(structure):
 
 def test_one_that_stops_too_early_is_replaced_by_the_optimum(structure):
     wrench = np.array([1.0, 2.0, 1.0])
-    lazy = tl.Dykstra(iteration_limit=2)
+    lazy = tl.solvers.Dykstra(iteration_limit=2)
     assert tl.allocate(structure, wrench, LIMITS, solver=lazy).status == Status.UNPROVEN
     allocation, replaced = GuardedAllocator(lazy)(structure, wrench, ALL, LIMITS)
     assert replaced

@@ -232,5 +232,7 @@ def test_a_scheduler_that_does_not_answer_is_named(address, monkeypatch):
 
 def test_without_distributed_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(tl.MissingDependency, match=r'needs distributed: pip install "tensionlab\[cluster\]"'):
+    with pytest.raises(
+        tl.errors.MissingDependency, match=r'needs distributed: pip install "tensionlab\[cluster\]"'
+    ):
         tl.sweep(CUBE, POSES, "capacity-margin", scheduler="tcp://127.0.0.1:9")

@@ -287,7 +287,9 @@ def test_a_body_frame_that_is_not_given_is_named():
 @pytest.mark.parametrize("missing", ["xarray", "zarr"])
 def test_a_library_that_is_missing_is_named_with_its_extra(missing, monkeypatch, tmp_path):
     monkeypatch.setitem(__import__("sys").modules, missing, None)
-    with pytest.raises(tl.MissingDependency, match=rf'needs {missing}: pip install "tensionlab\[workspace\]"'):
+    with pytest.raises(
+        tl.errors.MissingDependency, match=rf'needs {missing}: pip install "tensionlab\[workspace\]"'
+    ):
         tl.sweep(CUBE, [[0, 0, 0]], "squared-tension", out=tmp_path / "a.zarr")
 
 
