@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.haptics.effects.parameters import Damping, Parameters, PositiveMass
+from tensionlab.errors import EffectError
+from tensionlab.haptics.effects.parameters import Damping, PositiveMass, checked_dataclass
 from tensionlab.haptics.rendering.stability import stiffness_bound
 from tensionlab.support.arrays import Floats
 
@@ -20,8 +21,8 @@ Law = Callable[[int, Floats, Floats], Floats]
 """Which force (...) acts on a hand at a position (...) with a velocity (...), at a step? As the host sees them."""
 
 
-@dataclass(frozen=True)
-class Hand(Parameters):
+@checked_dataclass(EffectError)
+class Hand:
     """How is the hand? Mass in kg, damping in N s/m, and the constant force with which it pushes, in N.
 
     0.3 kg, 2 N s/m and 2 N are defaults of this project. The wall is where the position is below zero. Hands that

@@ -45,8 +45,8 @@ Track = Callable[[Mapping[str, Floats], float], None]
 """Receives the positions of bodies by name, in m, and their time, in s since 1970."""
 
 
-@dataclass(frozen=True)
-class Waypoint(parameters.Parameters):
+@parameters.checked_dataclass(ScenarioError)
+class Waypoint:
     """Position in m at a time in s since the start.
 
     Examples
@@ -56,14 +56,12 @@ class Waypoint(parameters.Parameters):
     1.0
     """
 
-    refusal = ScenarioError
-
     time: parameters.Time
     position: parameters.Point
 
 
-@dataclass(frozen=True)
-class Sway(parameters.Parameters):
+@parameters.checked_dataclass(ScenarioError)
+class Sway:
     """Small motion to and fro: amplitudes in m, one an axis, and a frequency in Hz.
 
     Examples
@@ -72,8 +70,6 @@ class Sway(parameters.Parameters):
     >>> Sway(amplitude=(0.0, 0.01, 0.0)).frequency
     0.4
     """
-
-    refusal = ScenarioError
 
     amplitude: parameters.Point
     frequency: parameters.Frequency = 0.4
@@ -84,7 +80,7 @@ class Sway(parameters.Parameters):
         return np.array(self.amplitude)
 
 
-@dataclass(frozen=True)
+@parameters.checked_dataclass(ScenarioError)
 class Script:
     """Motion through at least one waypoint, in order of time, plus a sway if there is one.
 
@@ -139,23 +135,12 @@ class Script:
         return position
 
 
-@dataclass(frozen=True)
-class PersonPlan(parameters.Parameters):
+@parameters.checked_dataclass(ScenarioError)
+class PersonPlan:
     """Parameters of a simulated person: a mass on a spring and a damper whose other end follows a script.
 
     That is the equilibrium point of an arm (Hogan 1985, "The mechanics of multi-joint posture and movement
     control").
-
-    Parameters
-    ----------
-    mass : float
-        Of the hand with what moves along, or of the head, in kg.
-    stiffness, damping : float
-        Of the spring and the damper, in N/m and N s/m.
-    script : Script
-        Of the hand or the head.
-    bodies : mapping of str to Script
-        Origins of the frames that modules ride on. They do not turn.
 
     Examples
     --------
@@ -165,13 +150,16 @@ class PersonPlan(parameters.Parameters):
     {}
     """
 
-    refusal = ScenarioError
-
     mass: parameters.PositiveMass
+    """Mass of the hand with what moves along, or of the head, in kg."""
     stiffness: parameters.PositiveStiffness
+    """Stiffness of the spring, in N/m."""
     damping: parameters.PositiveDamping
+    """Damping of the damper, in N s/m."""
     script: Script
+    """Motion of the hand or the head."""
     bodies: Mapping[str, Script] = field(default_factory=dict)
+    """Motions of the origins of the frames to which modules are attached; the frames do not turn."""
 
 
 @dataclass(frozen=True, eq=False)

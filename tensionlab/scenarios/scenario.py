@@ -16,9 +16,9 @@ from tensionlab.errors import EffectError, RigError, ScenarioError
 from tensionlab.haptics.brakes.choice import brake_strengths
 from tensionlab.haptics.brakes.contact import TIMING, ImpactCap, Timing, Wall
 from tensionlab.haptics.effects import Plane
-from tensionlab.haptics.effects.described import effect_of, read
 from tensionlab.haptics.effects.effect import Effect, norm, normalized
-from tensionlab.haptics.effects.parameters import Length, Parameters, PositiveForce, require_dimension
+from tensionlab.haptics.effects.parameters import Length, PositiveForce, checked_dataclass, require_dimension
+from tensionlab.haptics.effects.parsing import parse_effect
 from tensionlab.model.files import load_rig
 from tensionlab.model.kinematics import turn_axes
 from tensionlab.model.rig import Rig
@@ -27,12 +27,13 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.files.named import describe_unknown, is_path
 from tensionlab.support.files.reading import as_path, brief, read_toml
 from tensionlab.support.formatting import format_count
+from tensionlab.support.validation import validate
 
 FOLDER = Path(__file__).parent / "files"
 """Scenarios of this package: NAME.toml, and NAME.rig.toml beside it."""
 SCENARIOS = ("materials", "collision", "recoil", "weight", "bow")
 """Their names, in the order of the publication."""
-KEYS = {
+KEYS: dict[str, Any] = {
     "title": str,
     "about": str,
     "seconds": float,
@@ -47,25 +48,12 @@ KEYS = {
 RIG = "rig"
 """Key of a scenario file: its rig, by name, or by file beside it."""
 NEEDED = ("title", "about", "seconds", "up")
-PHASE_KEYS = {"name": str, "begin": float, "end": float}
+PHASE_KEYS: dict[str, Any] = {"name": str, "begin": float, "end": float}
 
 
-@dataclass(frozen=True)
-class BrakeTarget(Parameters):
+@checked_dataclass(ScenarioError)
+class BrakeTarget:
     """Surface at which brakes stop the hand or the head: a wall, or the end of a reach; exactly one of them.
-
-    Parameters
-    ----------
-    force : float
-        That the brakes hold, in N.
-    plane : Plane or None
-        A wall; its normal is towards the free side.
-    reach : float or None
-        Largest distance, in m, from the origin of the frame that the effects are in.
-    cap : ImpactCap or None
-        For what must not be hurt.
-    timing : Timing
-        Of the brakes by themselves; the delay of the loop comes on top.
 
     Examples
     --------
@@ -75,16 +63,18 @@ class BrakeTarget(Parameters):
     True
     """
 
-    refusal = ScenarioError
-
     force: PositiveForce
+    """Force that the brakes hold, in N."""
     plane: Plane | None = None
+    """Wall; its normal is towards the free side."""
     reach: Length | None = None
+    """Largest distance, in m, from the origin of the frame of the effects."""
     cap: ImpactCap | None = None
+    """Cap on the force of an impact, for what must not be hurt."""
     timing: Timing = TIMING
+    """Timing of the brakes, to which the delay of the loop is added."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if (self.plane is None) == (self.reach is None):
             raise ScenarioError("a hold has a plane or a reach: give one of them")
 
@@ -287,10 +277,10 @@ def _scenario(table: dict[str, Any], path: Path, rig: str | PathLike[str] | None
     return Scenario(
         name=path.stem,
         rig=loaded,
-        person=read("person", PersonPlan, table["person"]),
+        person=validate(PersonPlan, table["person"], ScenarioError, "person"),
         phases=tuple(_phase(each, loaded) for each in table["phases"]),
         turned=turned,
-        **{key: read(key, kind, table[key]) for key, kind in KEYS.items() if key in table},
+        **{key: validate(kind, table[key], ScenarioError, key) for key, kind in KEYS.items() if key in table},
     )
 
 
@@ -298,7 +288,7 @@ def _rig_of(table: dict[str, Any], path: Path) -> str | Path:
     """Return the rig that a scenario file names, or that lies beside it."""
     if RIG not in table:
         return path.with_suffix(".rig.toml")
-    name: str = read(RIG, str, table[RIG])
+    name: str = validate(str, table[RIG], ScenarioError, RIG)
     return path.parent / name if is_path(name, ".toml") else name
 
 
@@ -323,12 +313,14 @@ def _phase(table: Any, rig: Rig) -> Phase:
     if not isinstance(table, Mapping) or not isinstance(table.get("effects", {}), Mapping):
         raise ScenarioError("phases: each is a table, and its effects are tables too")
     where = f'phase "{table.get("name", "?")}"'
-    effects = {each: effect_of(each, given, rig) for each, given in table.get("effects", {}).items()}
+    effects = {each: parse_effect(each, given, rig) for each, given in table.get("effects", {}).items()}
     hold = None
     if "hold" in table:
-        hold = read(f"{where}: hold", BrakeTarget, table["hold"])
+        hold = validate(BrakeTarget, table["hold"], ScenarioError, f"{where}: hold")
         require_dimension(hold, rig.dimension, f"{where}: hold")
     if unknown := set(table) - {*PHASE_KEYS, "effects", "hold"}:
         raise ScenarioError(f'{where}: no key "{min(unknown)}"; there are name, begin, end, effects, hold')
-    given = {key: read(f"{where}: {key}", kind, table.get(key)) for key, kind in PHASE_KEYS.items()}
+    given = {
+        key: validate(kind, table.get(key), ScenarioError, f"{where}: {key}") for key, kind in PHASE_KEYS.items()
+    }
     return Phase(**given, effects=effects, hold=hold)

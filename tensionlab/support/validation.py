@@ -85,12 +85,17 @@ def raises(error: type[TensionlabError]) -> Callable[[type[T]], type[T]]:
             try:
                 construct(self, **named)
             except ValidationError as problem:
-                raise error(explain(problem, kind, named)) from None
+                raise error(f"{kind.__name__}: {explain(problem, kind, named)}") from None
 
         setattr(kind, "__init__", init)  # noqa: B010 - mypy takes no assignment to a method
         return kind
 
     return decorate
+
+
+def describe(value: object) -> str:
+    """Return a value in short, as JSON has it."""
+    return "null" if value is None else brief(value)
 
 
 def explain(error: ValidationError, kind: Any = None, values: object = None) -> str:
@@ -134,12 +139,13 @@ def _explain(problem: ErrorDetails, kind: Any, values: object) -> str:
         close = get_close_matches(str(path[-1]), known, n=1)
         remedy = f'did you mean "{close[0]}"?' if close else f"the keys here are {', '.join(known)}"
         return f"{where} is an unknown key; {remedy if known else 'leave it out'}"
-    meaning = field.description if field is not None else None
+    description = (field.description if field is not None else None) or ""
+    meaning = " ".join(description.split()).rstrip(".")
     if type_of_error in ("missing", "missing_argument"):
         return f"{where} is missing; give {meaning or 'it'}"
     subject = where if where and not where.endswith(": ") else f"{where}it"
     value = problem["input"]
-    given = f"is {'null' if value is None else brief(value)}"
+    given = f"is {describe(value)}"
     if type_of_error in ("too_short", "too_long") and isinstance(value, Sequence | Mapping):
         given = f"has {len(value)} entries"
     expected = WANTED.get(type_of_error, f"another value ({problem['msg'][:1].lower()}{problem['msg'][1:]})")

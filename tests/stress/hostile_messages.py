@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import math
 import struct
-from dataclasses import MISSING, fields, is_dataclass
 from typing import Any
 
 from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings
 from hypothesis import strategies as st
 
+from tensionlab.haptics.bridge.schema import REFERENCE, message_schema
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
-from tensionlab.haptics.effects.parameters import Bound, Many, Range, Vector, bounds
 
 NEAR_M = 0.4
 """A hand is mostly so far from the rig's home."""
@@ -24,57 +23,52 @@ ODD: Json = st.sampled_from([
 """What is of no parameter's type, or of no physical size."""
 
 
-def number(bound: Range) -> Json:
+SCHEMA = message_schema()["$defs"]
+
+
+def number(schema: dict[str, Any]) -> Json:
     """Draw numbers of a range, mostly small ones; its ends, and what is just beyond them."""
-    low, high = max(bound.low, -1e3), min(bound.high, 1e3)
-    inside = st.floats(low, min(high, low + 20.0), exclude_min=bound.positive)
-    edges = [bound.low, bound.high, math.nextafter(bound.low, -math.inf), math.nextafter(bound.high, math.inf)]
+    above = schema.get("exclusiveMinimum")
+    least, most = schema.get("minimum", -math.inf if above is None else above), schema.get("maximum", math.inf)
+    low, high = max(least, -1e3), min(most, 1e3)
+    inside = st.floats(low, min(high, low + 20.0), exclude_min=above is not None)
+    edges = [least, most, math.nextafter(least, -math.inf), math.nextafter(most, math.inf)]
     return st.one_of(inside, inside, inside, st.floats(low, high), st.sampled_from(edges))
 
 
-def value(bound: Bound, dimension: int) -> Json:
+def value(schema: dict[str, Any], dimension: int, odd: bool) -> Json:
     """Draw values of a parameter: mostly what is allowed."""
-    if isinstance(bound, Range):
-        return number(bound)
-    if isinstance(bound, Many):
-        return st.lists(number(bound.each), max_size=4).map(sorted) | st.just([0.5 * each for each in range(99)])
-    assert isinstance(bound, Vector)
-    component = st.floats(max(bound.low, -1.0), min(bound.high, 1.0))
+    if "const" in schema:
+        return st.just(schema["const"])
+    if "$ref" in schema:
+        return table(schema["$ref"].removeprefix(REFERENCE), dimension, odd)
+    if "allOf" in schema:
+        return st.one_of(*(table(solid, dimension, odd) for solid in SOLIDS))
+    if schema["type"] == "number":
+        return number(schema)
+    items = schema["items"]
+    if "minItems" not in schema:
+        return st.lists(number(items), max_size=4).map(sorted) | st.just([0.5 * each for each in range(99)])
+    low, high = items["minimum"], items["maximum"]
+    component = st.floats(max(low, -1.0), min(high, 1.0))
     fitting = st.lists(component, min_size=dimension, max_size=dimension)
-    far = st.lists(st.floats(bound.low, bound.high), min_size=1, max_size=4)
-    return st.one_of(fitting, fitting, fitting, far)
+    return st.one_of(fitting, fitting, fitting, st.lists(st.floats(low, high), min_size=1, max_size=4))
 
 
-def table(kind: type, dimension: int, odd: bool) -> Json:
-    """Draw parameters of a class, and of its parts; with ``odd``, also such as cannot be."""
-    choices: dict[str, Json] = {}
-    for each in fields(kind):
-        default = each.default_factory() if each.default_factory is not MISSING else each.default
-        if each.name in (known := bounds(kind)):
-            choices[each.name] = value(known[each.name], dimension)
-        elif each.name == "field":
-            choices[each.name] = st.one_of(
-                *(_of_kind(table(solid, dimension, odd), name) for name, solid in SOLIDS.items())
-            )
-        elif is_dataclass(default):
-            choices[each.name] = table(type(default), dimension, odd)
+def table(name: str, dimension: int, odd: bool) -> Json:
+    """Draw parameters by a definition of the schema; with ``odd``, also such as cannot be."""
+    choices = {key: value(schema, dimension, odd) for key, schema in SCHEMA[name]["properties"].items()}
     if odd:
-        choices = {name: choice | ODD for name, choice in choices.items()} | {"colour": ODD}
-    return st.fixed_dictionaries({}, optional=choices)
+        choices = {key: choice if key == "kind" else choice | ODD for key, choice in choices.items()}
+        choices["colour"] = ODD
+    required = {"kind": choices.pop("kind")} if "kind" in choices else {}
+    return st.fixed_dictionaries(required, optional=choices)
 
 
 def effect(dimension: int) -> Json:
     """Draw an effect: a kind and parameters."""
-    known = [
-        _of_kind(table(kind, dimension, odd), name)
-        for name, kind in EFFECTS.items()
-        for odd in (False, False, True)
-    ]
+    known = [table(name, dimension, odd) for name in EFFECTS for odd in (False, False, True)]
     return st.one_of(*known, ODD, ODD.map(lambda kind: {"kind": kind}))
-
-
-def _of_kind(parameters: Json, kind: str) -> Json:
-    return parameters.map(lambda found: {"kind": kind, **found})
 
 
 def frames(dimension: int, names: list[str], home: list[float]) -> Json:

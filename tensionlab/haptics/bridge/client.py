@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from tensionlab.errors import HardwareError, needs
-from tensionlab.haptics.bridge.messages import PROTOCOL, Message, State, Welcome, message_of
+from tensionlab.haptics.bridge.messages import PROTOCOL, Message, State, Welcome, parse_message
 
 
 class BridgeClient:
@@ -87,7 +87,9 @@ class BridgeClient:
         """Send the place of the hand (m) at a time (s), and effects; return the state of the rig."""
         bodies = {} if hand is None else {"hand": {"position": hand}}
         return self.send(
-            message_of({"type": "frame", "time": time, "bodies": bodies, "effects": effects, "sequence": sequence})
+            parse_message(
+                {"type": "frame", "time": time, "bodies": bodies, "effects": effects, "sequence": sequence}
+            )
         )
 
     def _answer(self, kind: str) -> dict[str, Any]:

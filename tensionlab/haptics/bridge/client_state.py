@@ -15,8 +15,8 @@ import numpy as np
 from tensionlab.errors import RigError
 from tensionlab.haptics.bridge.command import Command, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import HAND, Body, Frame
-from tensionlab.haptics.effects.described import effect_of, prepare
 from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S, Effect
+from tensionlab.haptics.effects.parsing import parse_effect
 from tensionlab.model import pose
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
@@ -94,7 +94,6 @@ class ClientState:
     stop_requested: bool = False
 
     def __post_init__(self) -> None:
-        prepare()
         import scipy.spatial.transform  # noqa: F401 - here: no cycle may wait for its import
 
     def put(self, frame: Frame, now: float, commander: Commander | None = None) -> None:
@@ -162,7 +161,9 @@ class ClientState:
             return None
         known, before = self._effects, self._given
         return {
-            name: known[name] if name in known and before.get(name) == given else effect_of(name, given, self.rig)
+            name: known[name]
+            if name in known and before.get(name) == given
+            else parse_effect(name, given, self.rig)
             for name, given in frame.effects.items()
         }
 

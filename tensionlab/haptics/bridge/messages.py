@@ -7,11 +7,10 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NoReturn
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, Strict, field_validator
 
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, ProtocolError, TensionlabError
-from tensionlab.haptics.effects.refusal import first_problem, shown
-from tensionlab.support.files.reading import brief
+from tensionlab.support.validation import describe, validate
 
 PROTOCOL = 3
 """Version of the messages; a `Welcome` has the server's."""
@@ -44,7 +43,7 @@ class Body(Message):
     """Place of a tracked body."""
 
     position: tuple[Coordinate, ...] = Field(
-        min_length=2, max_length=3, description="in m, in the axes of the rig; two numbers in the plane"
+        min_length=2, max_length=3, description="position in m, in the axes of the rig; two numbers in the plane"
     )
     rotation: tuple[Share, Share, Share, Share] | None = Field(
         None, description="unit quaternion x, y, z, w, its length within 0.001; not turned if left out"
@@ -201,10 +200,10 @@ class Refused(Message):
     reason: str = Field(description="what is wrong with it, and what to do")
 
 
-def reason_of(error: Exception) -> str:
+def refusal_reason(error: Exception) -> str:
     """Return in one line why a message was refused."""
     reason = str(error) if isinstance(error, TensionlabError) else f"{type(error).__name__}: {error}"
-    return reason[:MAX_MESSAGE_CHARACTERS]
+    return reason.replace(":\n  ", ": ").replace("\n  ", "; ")[:MAX_MESSAGE_CHARACTERS]
 
 
 IN: tuple[type[Frame], type[Stop]] = (Frame, Stop)
@@ -265,7 +264,7 @@ EXAMPLES: dict[type[Message], dict[str, Any]] = {
     },
     Refused: {
         "type": "refused",
-        "reason": "effect 'floor': no parameter 'stifness'; there are plane, stiffness, damping",
+        "reason": "effect 'floor': stifness is an unknown key; did you mean \"stiffness\"?",
     },
 }
 """A complete message of each kind: those of the schema and of docs/reference/bridge.md."""
@@ -290,29 +289,15 @@ def _no_constant(word: str) -> NoReturn:
     raise ProtocolError(f"not JSON, which has no {word}: give a finite number, or leave the key out")
 
 
-def message_of(given: object) -> Frame | Stop:
+def parse_message(given: object) -> Frame | Stop:
     """Return the message of a client that an object is; `ProtocolError` names the key, and what to give."""
     kinds: dict[str, type[Frame | Stop]] = {"frame": Frame, "stop": Stop}
     there = " or ".join(f'"{name}"' for name in kinds)
     if not isinstance(given, Mapping):
-        raise ProtocolError(f"a message is {shown(given)}; give an object whose type is {there}")
+        raise ProtocolError(f"a message is {describe(given)}; give an object whose type is {there}")
     if "type" not in given:
         raise ProtocolError(f"type is missing; give {there}")
     kind = given["type"]
     if not isinstance(kind, str) or kind not in kinds:
-        raise ProtocolError(f"type is {shown(kind)}; give {there}")
-    _require_known("", kinds[kind], given)
-    bodies = given.get("bodies")
-    for name, body in bodies.items() if isinstance(bodies, Mapping) else ():
-        if isinstance(body, Mapping):
-            _require_known(f"bodies.{name!s:.40}: ", Body, body)
-    try:
-        return kinds[kind].model_validate(given)
-    except ValidationError as error:
-        raise ProtocolError(first_problem(error)) from None
-
-
-def _require_known(where: str, kind: type[Message], given: Mapping[Any, Any]) -> None:
-    for key in given:
-        if key not in kind.model_fields:
-            raise ProtocolError(f"{where}no key {brief(key)}; there are {', '.join(kind.model_fields)}")
+        raise ProtocolError(f"type is {describe(kind)}; give {there}")
+    return validate(kinds[kind], given, ProtocolError)

@@ -28,10 +28,10 @@ from typing import Any, NamedTuple, Self
 from tensionlab.errors import EffectError, HardwareError, ProtocolError, TensionlabError, cannot_listen, needs
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander
-from tensionlab.haptics.bridge.messages import Frame, message_of, reason_of
+from tensionlab.haptics.bridge.messages import Frame, parse_message, refusal_reason
 from tensionlab.haptics.bridge.report import LimitedReport
 from tensionlab.haptics.effects import EFFECTS
-from tensionlab.haptics.effects.parameters import Many, bounds
+from tensionlab.haptics.effects.parameters import list_names
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief
 
@@ -259,10 +259,10 @@ class OscServer:
                 self._tag = packet.time or self._tag  # what has no tag among others was not before them
                 self._put(known, self._tag or now, now, commander)
         except TensionlabError as error:
-            self._report(f"OSC from {machine}: {reason_of(error)}")
+            self._report(f"OSC from {machine}: {refusal_reason(error)}")
         except Exception as error:  # one datagram must not end the thread for all that come
             logging.getLogger(__name__).exception("a datagram from %s", machine)
-            self._report(f"OSC from {machine}: {reason_of(error)}")
+            self._report(f"OSC from {machine}: {refusal_reason(error)}")
 
     def _known(self, machine: str, now: float) -> Commander | None:
         """Return the client of this machine that commands, or did; one dismissed may come back after a silence."""
@@ -287,7 +287,7 @@ class OscServer:
         bodies, effects = dict(self._bodies), dict(self._effects)
         for message in messages:
             _add(message, bodies, effects)
-        frame = message_of({"type": "frame", "time": when, "bodies": bodies, "effects": effects})
+        frame = parse_message({"type": "frame", "time": when, "bodies": bodies, "effects": effects})
         assert isinstance(frame, Frame)
         self._client.put(frame, now, commander)
         self._bodies, self._effects = bodies, effects
@@ -310,9 +310,7 @@ def _parameters(effect: str, values: list[Any]) -> dict[str, Any]:
 
     Names with dots lead into parts: ``plane.point`` is the point of the plane.
     """
-    lists = [
-        name for name, bound in bounds(EFFECTS.get(str(values[0]), object)).items() if isinstance(bound, Many)
-    ]
+    lists = list_names(EFFECTS.get(str(values[0]), object))
     found: dict[str, list[Any]] = {}
     name = ""
     for value in values[1:]:

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
 import json
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import asdict
 from typing import Any
 
 from pydantic.json_schema import models_json_schema
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.bridge.messages import EXAMPLES, HAND, IN, KINDS, OUT, PROTOCOL
-from tensionlab.haptics.effects import EFFECTS, SOLIDS
-from tensionlab.haptics.effects.described import effect_of
-from tensionlab.haptics.effects.parameters import MAX_COUNT, Bound, Many, Range, Vector, bounds
+from tensionlab.haptics.effects import EFFECTS, SOLIDS, Friction, Plane, Ripples, VirtualCoupling, Wall
+from tensionlab.haptics.effects.parsing import parse_effect
 from tensionlab.model.rig import Rig
 
 ABOUT = (
@@ -28,16 +28,9 @@ ABOUT = (
 """What a client has to know besides the messages."""
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 REFERENCE = "#/$defs/"
-PARAMETER = re.compile(r"^(?P<name>\w+) :.*\n(?P<text>(?: {4}.*\n?)+)", re.MULTILINE)
-"""Of a docstring in NumPy style."""
 SHORT_LIST = re.compile(r"\[[^\[\]{}]{0,200}\]")
-IN_PYTHON = (
-    (", or -inf for long ago", "; long ago if left out"),
-    (", or inf for not yet", "; not yet if left out"),
-)
-"""What a docstring says that JSON cannot, which has no infinity, and what stands for it."""
-MOTION_CLOCK, STATE_CLOCK = "on the motion's clock", "on the clock of `time` of the state"
-CLAUSE_END = re.compile(r"[.;](\s|$)")
+PARAMETERS: tuple[type[Any], ...] = (*EFFECTS.values(), *SOLIDS.values(), Plane, Ripples, VirtualCoupling)
+"""Effects, solids and parts of both."""
 
 
 def message_schema(rig: Rig | None = None) -> dict[str, Any]:
@@ -52,7 +45,10 @@ def message_schema(rig: Rig | None = None) -> dict[str, Any]:
         Whose bodies there are, in whose space vectors are, and whose ``up`` the defaults know. Without one: any
         bodies, vectors in the plane or in space, and the defaults of space with Z up.
     """
-    models: list[Any] = [*((kind, "validation") for kind in IN), *((kind, "serialization") for kind in OUT)]
+    models: list[Any] = [
+        *((kind, "validation") for kind in (*IN, *PARAMETERS)),
+        *((kind, "serialization") for kind in OUT),
+    ]
     definitions = models_json_schema(models, ref_template=REFERENCE + "{model}")[1]["$defs"]
     for kind in (*IN, *OUT):
         message = definitions[kind.__name__]
@@ -68,11 +64,17 @@ def message_schema(rig: Rig | None = None) -> dict[str, Any]:
         bodies = dict.fromkeys((HAND, *rig.frames), frame["bodies"]["additionalProperties"])
         frame["bodies"] |= {"properties": bodies, "additionalProperties": False}
     definitions["Body"]["properties"]["position"] |= size
+    _tidy(definitions, size)
+    solids = _by_value("kind", {name: name for name in SOLIDS}, "sphere")
+    definitions["Shape"]["properties"]["field"] |= solids
     for name, effect in EFFECTS.items():
-        _define(name, effect, _by_default({"kind": name}, effect, rig), size, definitions)
+        _add_kind(name, effect, _by_default({"kind": name}, effect, rig), definitions)
     for name, solid in SOLIDS.items():
-        shape = _by_default({"kind": "shaped", "field": {"kind": name}}, EFFECTS["shaped"], rig)
-        _define(name, solid, None if shape is None else shape.field, size, definitions)
+        field = {"kind": name} if rig is not None else solid()
+        shape = _by_default({"kind": "shaped", "field": field}, EFFECTS["shaped"], rig)
+        _add_kind(name, solid, None if shape is None else shape.field, definitions)
+    for kind in {*EFFECTS.values(), *SOLIDS.values()} - {Wall, Friction}:  # those are also parts of effects
+        del definitions[kind.__name__]
     definitions["sphere"]["required"] = []  # of a field that names no kind
     definitions["Effect"] = _by_value("kind", {name: name for name in EFFECTS})
     for name, kinds in (("ClientMessage", IN), ("BridgeMessage", OUT)):
@@ -116,64 +118,53 @@ def _by_value(key: str, names: Mapping[str, str], default: str | None = None) ->
     return union if default else union | {"required": [key]}
 
 
-def _by_default(given: dict[str, Any], kind: type, rig: Rig | None) -> Any:
+def _by_default(table: dict[str, Any], kind: type, rig: Rig | None) -> Any:
     """Return an effect that has its defaults on a rig; None where some vector has none there."""
     if rig is None:
-        return kind(*(SOLIDS[field["kind"]]() for field in [given.get("field")] if field))
+        return kind(**{key: value for key, value in table.items() if key != "kind"})
     try:
-        return effect_of("", given, rig)
+        return parse_effect("", table, rig)
     except EffectError:
         return None
 
 
-def _define(
-    name: str | None, kind: type, by_default: Any, size: Mapping[str, int], definitions: dict[str, Any]
-) -> None:
-    """Add the schema of an effect or a solid, by its name, or of a part of one, and those of its parts."""
-    meanings = {
-        each["name"]: " ".join(CLAUSE_END.split(each["text"])[0].split())
-        for each in PARAMETER.finditer(inspect.getdoc(kind) or "")
-    }
-    properties: dict[str, Any] = {} if name is None else {"kind": {"const": name}}
-    for each in fields(kind):
-        value = getattr(kind() if by_default is None else by_default, each.name)
-        if each.name == "field":
-            properties[each.name] = _by_value("kind", {solid: solid for solid in SOLIDS}, "sphere")
-        elif is_dataclass(value):
-            part = type(value)
-            _define(None, part, None if by_default is None else value, size, definitions)
-            properties[each.name] = _reference(part.__name__)
-            meanings.setdefault(each.name, first_line(part).rstrip("."))
-        else:
-            bound = bounds(kind)[each.name]
-            properties[each.name] = _bounded(bound, size)
-            if isinstance(value, tuple):
-                if by_default is not None or not isinstance(bound, Vector):
-                    properties[each.name]["default"] = value
-            elif math.isfinite(value):
-                properties[each.name]["default"] = value
-        meaning = meanings[each.name].replace(MOTION_CLOCK, STATE_CLOCK)
-        for python, instead in IN_PYTHON:
-            meaning = meaning.replace(python, instead)
-        properties[each.name]["description"] = meaning
-    schema: dict[str, Any] = {"description": first_line(kind), "type": "object", "properties": properties}
-    if name is not None:
-        schema["required"] = ["kind"]
-        if by_default is not None:
-            schema["examples"] = [_example(name, by_default)]
-    definitions[kind.__name__ if name is None else name] = schema | {"additionalProperties": False}
+def _set_defaults(name: str, defaults: Any, definitions: dict[str, Any]) -> None:
+    """State the defaults of an effect or a solid, and of its parts; those of vectors only where they are known."""
+    properties = definitions[name]["properties"]
+    for key, schema in properties.items():
+        if "$ref" in schema:
+            part = schema["$ref"].removeprefix(REFERENCE)
+            schema.pop("default", None)
+            _set_defaults(part, getattr(defaults, key, None), definitions)
+        elif key == "field" or (defaults is None and "minItems" in schema):
+            schema.pop("default", None)
+        elif defaults is not None:
+            schema["default"] = getattr(defaults, key)
+        if isinstance(schema.get("default"), float) and not math.isfinite(schema["default"]):
+            del schema["default"]
 
 
-def _bounded(bound: Bound, size: Mapping[str, int]) -> dict[str, Any]:
-    """Return the schema of a parameter. JSON has no infinity: an end that is infinite is left out."""
-    if isinstance(bound, Many):
-        return {"type": "array", "items": _bounded(bound.each, size), "maxItems": MAX_COUNT}
-    low = "exclusiveMinimum" if isinstance(bound, Range) and bound.positive else "minimum"
-    ends = {key: end for key, end in ((low, bound.low), ("maximum", bound.high)) if math.isfinite(end)}
-    if isinstance(bound, Range):
-        return {"type": "number", **ends}
-    vector = {"type": "array", "items": {"type": "number", **ends}, **size}
-    return vector | ({"contains": {"not": {"const": 0}}} if bound.shortest else {})
+def _add_kind(name: str, kind: type, defaults: Any, definitions: dict[str, Any]) -> None:
+    """Add an effect or a solid by the name of its kind."""
+    _set_defaults(kind.__name__, defaults, definitions)
+    definition = copy.deepcopy(definitions[kind.__name__])
+    definition["properties"] = {"kind": {"const": name}, **definition["properties"]}
+    definition["required"] = ["kind"]
+    if defaults is not None:
+        definition["examples"] = [_example(name, defaults)]
+    definitions[name] = definition
+
+
+def _tidy(definitions: dict[str, Any], size: Mapping[str, int]) -> None:
+    """Shorten descriptions to one line, and give vectors their number of components."""
+    for kind in PARAMETERS:
+        definition = definitions[kind.__name__]
+        definition["description"] = first_line(kind)
+        for schema in definition["properties"].values():
+            if "description" in schema:
+                schema["description"] = " ".join(schema["description"].split()).rstrip(".")
+            if "minItems" in schema:
+                schema.update(size)
 
 
 def _example(name: str, by_default: Any) -> dict[str, Any]:

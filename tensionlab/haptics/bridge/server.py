@@ -26,9 +26,9 @@ from tensionlab.haptics.bridge.messages import (
     State,
     Stop,
     Welcome,
-    message_of,
     parse,
-    reason_of,
+    parse_message,
+    refusal_reason,
 )
 from tensionlab.support.access import LOOPBACK
 from tensionlab.support.operating_system import opened_by_other_user
@@ -335,17 +335,17 @@ class Bridge:
         """Take a message, and return the answer."""
         now, began = self._client.clock(), time.thread_time()
         try:
-            message = message_of(parse(content))
+            message = parse_message(parse(content))
             if isinstance(message, Stop):
                 self._client.stop(now, connected.commander)
                 return self._state(0)
             self._client.put(message, now, connected.commander)
             return self._state(message.sequence)
         except TensionlabError as error:
-            return Refused(reason=reason_of(error))
+            return Refused(reason=refusal_reason(error))
         except Exception as error:  # whatever it is that was not foreseen: no message ends the bridge
             logging.getLogger(__name__).exception("a message of %s", connected.commander.name)
-            return Refused(reason=reason_of(error))
+            return Refused(reason=refusal_reason(error))
         finally:
             connected.budget.add_reading(time.thread_time() - began, now)
 

@@ -15,7 +15,7 @@ from tensionlab.haptics.effects.effect import (
     SplitEffect,
     relative,
 )
-from tensionlab.haptics.effects.shape import Box, Field, HalfSpace, Shape, Sphere, VirtualCoupling
+from tensionlab.haptics.effects.shape import SOLIDS, Box, Field, HalfSpace, Shape, Sphere, VirtualCoupling
 from tensionlab.haptics.effects.tools import Bow, Recoil, Weight
 
 EFFECTS = {
@@ -33,8 +33,6 @@ EFFECTS = {
     "viscous": Viscous,
 }
 """Every effect by the name that files and clients use."""
-SOLIDS = {"sphere": Sphere, "box": Box, "half-space": HalfSpace}
-"""What a shape may be, by the name that files and clients use; a sphere if they name none."""
 
 __all__ = [
     "EFFECTS",

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
 
+from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import parameters
 from tensionlab.haptics.effects.contact import ORIGIN, Plane
 from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, norm, normalized, smoothstep
 from tensionlab.support.arrays import Floats
 
 
-@dataclass(frozen=True)
-class Viscous(parameters.Parameters):
+@parameters.checked_dataclass(EffectError)
+class Viscous:
     """Viscous damping: ``F = -b v``. Continuous; passive.
 
-    Parameters
-    ----------
-    damping : float
-        Damping b, in N s/m; water's 2 is a default of this project.
+    The defaults are choices of this project.
 
     Examples
     --------
@@ -33,24 +31,18 @@ class Viscous(parameters.Parameters):
     """
 
     damping: parameters.Damping = 2.0
+    """Damping b, in N s/m."""
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the drag."""
         return Rendered(-self.damping * motion.velocity)
 
 
-@dataclass(frozen=True)
-class Spring(parameters.Parameters):
+@parameters.checked_dataclass(EffectError)
+class Spring:
     """Spring to a point: ``F = K (centre - p) - B v``. Continuous; passive.
 
-    Parameters
-    ----------
-    centre : tuple of d floats
-        Point to which it pulls, in m.
-    stiffness : float
-        Stiffness K, in N/m; 30, which a link of 30 ms can bear, is a default of this project.
-    damping : float
-        Damping B, in N s/m; 0.
+    The defaults are choices of this project.
 
     Examples
     --------
@@ -62,8 +54,11 @@ class Spring(parameters.Parameters):
     """
 
     centre: parameters.Point = ORIGIN
+    """Point to which it pulls, in m."""
     stiffness: parameters.Stiffness = 30.0
+    """Stiffness K, in N/m: a link of 30 ms can bear the default."""
     damping: parameters.Damping = 0.0
+    """Damping B, in N s/m."""
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the pull to the centre."""
@@ -85,8 +80,8 @@ class Spring(parameters.Parameters):
         return Rendered(-self.damping * across)
 
 
-@dataclass(frozen=True)
-class Water(parameters.Parameters):
+@parameters.checked_dataclass(EffectError)
+class Water:
     """Water: drag, and a lift.
 
     ``F = s (-b v - c |v| v + F_b up)``, where s goes from 0 at the surface to 1 at a depth of ``mixing``, as a
@@ -94,18 +89,7 @@ class Water(parameters.Parameters):
     Passive: the lift only depends on the depth. The quadratic drag is Newton's, the linear one is for a slow
     hand.
 
-    Parameters
-    ----------
-    surface : Plane
-        Surface of the water; its normal is up.
-    linear : float
-        Linear drag b, in N s/m; 2 is a default of this project.
-    quadratic : float
-        Quadratic drag c, in N s²/m²; 3 is a default of this project.
-    lift : float
-        Lift F_b, in N; 1 is a default of this project.
-    mixing : float
-        Depth from which on all of it is there, in m; 2 cm is a default of this project.
+    The defaults are choices of this project.
 
     Examples
     --------
@@ -117,10 +101,15 @@ class Water(parameters.Parameters):
     """
 
     surface: Plane = field(default_factory=Plane)
+    """Surface of the water."""
     linear: parameters.Damping = 2.0
+    """Linear drag b, in N s/m."""
     quadratic: parameters.QuadraticDamping = 3.0
+    """Quadratic drag c, in N s²/m²."""
     lift: parameters.Force = 1.0
+    """Lift F_b, in N."""
     mixing: parameters.Length = 0.02
+    """Depth from which on all of it is there, in m."""
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return drag and lift."""
@@ -130,22 +119,15 @@ class Water(parameters.Parameters):
         return Rendered(share[..., None] * force)
 
 
-@dataclass(frozen=True)
-class Vibration(parameters.Parameters):
+@parameters.checked_dataclass(EffectError)
+class Vibration:
     """Vibration: ``F = A sin(2 pi f t) axis``. Not passive: it works like a motor.
 
     It runs on a module, whose cable pulls all the time with A more than its least tension, so that it never goes
     slack. A host would need more than ten steps a period. A module changes its tension no faster than its slew, 60
     N/s as it comes and up to 300: beyond ``A = slew/(2 pi f)``, 0.24 N at 40 Hz, less is rendered.
 
-    Parameters
-    ----------
-    axis : tuple of d floats
-        Direction in which it shakes; its length does not matter.
-    amplitude : float
-        Amplitude A, in N; 1 is a default of this project.
-    frequency : float
-        Frequency f, in Hz; 40 is a default of this project.
+    The defaults are choices of this project.
 
     Examples
     --------
@@ -157,8 +139,11 @@ class Vibration(parameters.Parameters):
     """
 
     axis: parameters.Direction = (0.0, 0.0, 1.0)
+    """Direction in which it shakes."""
     amplitude: parameters.Force = 1.0
+    """Amplitude A, in N."""
     frequency: parameters.ModuleFrequency = 40.0
+    """Frequency f, in Hz."""
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the push or pull at the motion's time."""

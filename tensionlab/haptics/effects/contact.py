@@ -7,7 +7,7 @@ A plane has a point and a normal n that points out of it, towards the free side.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -23,16 +23,9 @@ ORIGIN = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)
 
 
-@dataclass(frozen=True)
-class Plane(parameters.Parameters):
+@parameters.checked_dataclass(EffectError)
+class Plane:
     """Flat surface.
-
-    Parameters
-    ----------
-    point : tuple of d floats
-        Any point of it, in m.
-    normal : tuple of d floats
-        Direction out of it; its length does not matter.
 
     Examples
     --------
@@ -43,7 +36,9 @@ class Plane(parameters.Parameters):
     """
 
     point: parameters.Point = ORIGIN
+    """Any point of it, in m."""
     normal: parameters.Direction = UP
+    """Direction out of it."""
 
     @cached_property
     def n(self) -> Floats:
@@ -55,8 +50,8 @@ class Plane(parameters.Parameters):
         return dot(position - np.asarray(self.point), self.n)
 
 
-@dataclass(frozen=True)
-class Wall(parameters.Parameters):
+@parameters.checked_dataclass(EffectError)
+class Wall:
     """Flat wall: a spring and a damper that only push.
 
     ``F = n max(0, K d - B n·v)`` where the penetration d > 0, else 0. Continuous in the position for a hand at
@@ -64,12 +59,7 @@ class Wall(parameters.Parameters):
     link of 20 ms only some 50 N/m are stable (Colgate and Schenkel 1994, "Passivity of a class of sampled-data
     systems").
 
-    Parameters
-    ----------
-    stiffness : float
-        Stiffness K of the spring, in N/m. 300, on the module, is a default of this project.
-    damping : float
-        Damping B on the way in, in N s/m; 2 is a default of this project.
+    The defaults are choices of this project.
 
     Examples
     --------
@@ -82,7 +72,9 @@ class Wall(parameters.Parameters):
 
     plane: Plane = Plane()
     stiffness: parameters.Stiffness = 300.0
+    """Stiffness K of the spring, in N/m."""
     damping: parameters.Damping = 2.0
+    """Damping B on the way in, in N s/m."""
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the push, in contact."""
@@ -104,8 +96,8 @@ class Wall(parameters.Parameters):
         return Rendered(np.zeros_like(motion.position))
 
 
-@dataclass(frozen=True)
-class Magnet(parameters.Parameters):
+@parameters.checked_dataclass(EffectError)
+class Magnet:
     """Magnetic surface, which draws the hand near and holds it there.
 
     At the distance h: towards the surface, ``K h`` for ``h < h_1``, else ``F_1 (h_max - h)/(h_max - h_1)``, and
@@ -114,16 +106,7 @@ class Magnet(parameters.Parameters):
     the damping ``-b v`` fades with the force beyond h_1. Continuous. Passive. The profile is that of CHAI3D's
     magnetic effect (Conti et al. 2003, "The CHAI libraries").
 
-    Parameters
-    ----------
-    max_force : float
-        Largest pull F_max, in N; 3 is a default of this project.
-    reach : float
-        Distance h_max at which the pull begins, in m; 0.10 is a default of this project.
-    stiffness : float
-        Stiffness K at the surface, in N/m; the wall's 300 is a default of this project.
-    damping : float
-        Damping b, in N s/m; 1 is a default of this project.
+    The defaults are choices of this project.
 
     Examples
     --------
@@ -136,9 +119,13 @@ class Magnet(parameters.Parameters):
 
     plane: Plane = Plane()
     max_force: parameters.PositiveForce = 3.0
+    """Largest pull F_max, in N."""
     reach: parameters.Length = 0.10
+    """Distance h_max at which the pull begins, in m."""
     stiffness: parameters.PositiveStiffness = 300.0
+    """Stiffness K at the surface, in N/m."""
     damping: parameters.Damping = 1.0
+    """Damping b, in N s/m."""
 
     @property
     def peak(self) -> float:
@@ -182,8 +169,8 @@ class Bristle(NamedTuple):
     sliding: NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class Friction(parameters.Parameters):
+@parameters.checked_dataclass(EffectError)
+class Friction:
     """Dry friction: a bristle that holds the hand, and gives way when pulled too hard.
 
     The implicit return mapping (Kikuuwe, Takesue, Sano, Mochiyama and Fujimoto 2006, "Admittance and impedance
@@ -194,18 +181,7 @@ class Friction(parameters.Parameters):
     end of each step: ``f·dp >= s0/2 |z|²`` after, less that before. Jumps when it comes loose, by
     ``(mu_s - mu_d) F_n``.
 
-    Parameters
-    ----------
-    load : float
-        Force F_n that presses, in N, where nothing else does; 1 is a default of this project.
-    static : float
-        Friction coefficient mu_s while it sticks; 0.5 is a default of this project.
-    dynamic : float
-        Friction coefficient mu_d while it slides; 0.35 is a default of this project.
-    stiffness : float
-        Stiffness s0 of the bristle, in N/m; 400 is a default of this project.
-    damping : float
-        Damping s1 of the bristle, in N s/m; 2 is a default of this project.
+    The defaults are choices of this project.
 
     Examples
     --------
@@ -219,17 +195,19 @@ class Friction(parameters.Parameters):
     """
 
     load: parameters.Force = 1.0
+    """Force F_n that presses, in N, where nothing else does."""
     static: parameters.FrictionCoefficient = 0.5
+    """Friction coefficient mu_s while it sticks."""
     dynamic: parameters.FrictionCoefficient = 0.35
+    """Friction coefficient mu_d while it slides."""
     stiffness: parameters.PositiveStiffness = 400.0
+    """Stiffness s0 of the bristle, in N/m."""
     damping: parameters.Damping = 2.0
+    """Damping s1 of the bristle, in N s/m."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if self.dynamic > self.static:
-            raise EffectError(
-                f"Friction: dynamic is {self.dynamic}, above static, {self.static}; give dynamic <= static"
-            )
+            raise EffectError(f"dynamic is {self.dynamic}, above static, {self.static}; give dynamic <= static")
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the friction under its own load, in all directions."""
@@ -259,8 +237,8 @@ def _tangential(vector: Floats, normal: Floats | None) -> Floats:
     return vector if normal is None else vector - dot(vector, normal)[..., None] * normal
 
 
-@dataclass(frozen=True)
-class Ripples(parameters.Parameters):
+@parameters.checked_dataclass(EffectError)
+class Ripples:
     """Even ripples across a surface under a load: the slope of their sides.
 
     With x the way along the direction and F_n the load, ``-F_n (2 pi A/l) cos(2 pi x/l)`` for ripples of height A
@@ -270,17 +248,7 @@ class Ripples(parameters.Parameters):
     are so much lower. Clean textures want 5 to 10 kHz (Choi and Tan 2004, "Perceived instability of virtual haptic
     texture").
 
-    Parameters
-    ----------
-    direction : tuple of d floats
-        Direction across the ripples; what of it is along the surface's normal is left out.
-    period : float
-        Length l of one ripple, in m; 4 mm is a default of this project.
-    height : float
-        Height A of the ripples, in m; 0.3 mm is a default of this project.
-    stiffness : float
-        Largest stiffness of a valley, in N/m. 10 kN/m, more than the defaults have up to 13 N, is a default of
-        this project.
+    The defaults are choices of this project.
 
     Examples
     --------
@@ -290,9 +258,13 @@ class Ripples(parameters.Parameters):
     """
 
     direction: parameters.Direction = (1.0, 0.0, 0.0)
+    """Direction across the ripples."""
     period: parameters.Length = 0.004
-    height: parameters.LengthOrNone = 0.0003
+    """Length l of one ripple, in m."""
+    height: parameters.NonNegativeLength = 0.0003
+    """Height A of the ripples, in m."""
     stiffness: parameters.Stiffness = 10_000.0
+    """Largest stiffness of a valley, in N/m: by default more than these ripples have up to 13 N."""
 
     def across(self, normal: Floats) -> Floats:
         """Return the unit vector across them, along a surface with this normal (d,); zero where there is none."""
@@ -308,22 +280,13 @@ class Ripples(parameters.Parameters):
         return -pressed * fade * wave * np.cos(wave * x)
 
 
-@dataclass(frozen=True)
+@parameters.checked_dataclass(EffectError)
 class Texture:
     """Rough surface: a wall, friction on it, and ripples across.
 
     Continuous in the position for a hand at rest. Not passive: the load may be larger on the way down a ripple
     than on the way up. A ripple gives at most ``2 A (F_n down - F_n up)`` that way, 0.6 mJ a newton. That the wall
     runs on a module, and the rest on the host, is a choice of this project.
-
-    Parameters
-    ----------
-    wall : Wall
-        Wall that presses; it runs on a module.
-    friction : Friction
-        Friction along it; its load is the wall's push.
-    ripples : Ripples
-        Ripples across it; their load is the wall's push, too.
 
     Examples
     --------
@@ -335,18 +298,21 @@ class Texture:
     """
 
     wall: Wall = field(default_factory=Wall)
+    """Wall that presses."""
     friction: Friction = field(default_factory=Friction)
+    """Friction along it."""
     ripples: Ripples = Ripples()
+    """Ripples across it."""
 
     def __post_init__(self) -> None:
         if len(self.ripples.direction) != len(self.wall.plane.normal):
             raise EffectError(
-                f"Texture: ripples.direction is {self.ripples.direction}, wall.plane.normal "
+                f"ripples.direction is {self.ripples.direction}, wall.plane.normal "
                 f"{self.wall.plane.normal}; give both as many components as the rig has axes"
             )
         if not np.linalg.norm(self._across) > 0.5:
             raise EffectError(
-                f"Texture: direction {self.ripples.direction} is along the wall's normal "
+                f"direction {self.ripples.direction} is along the wall's normal "
                 f"{self.wall.plane.normal}; give one along the surface"
             )
 

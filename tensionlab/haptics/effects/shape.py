@@ -6,18 +6,19 @@ the unit vectors (..., d) of their steepest rise. Beyond the surface a distance 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BeforeValidator, WithJsonSchema
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import parameters
 from tensionlab.haptics.effects.contact import ORIGIN, Plane
 from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, dot, norm, normalized
 from tensionlab.support.arrays import Floats
+from tensionlab.support.validation import TABLE, describe, validate
 
 Field = Callable[[Floats], tuple[Floats, Floats]]
 MAX_PROXY_STEPS = 10
@@ -28,7 +29,7 @@ NEAR_SURFACE_M = 1e-3
 """Within this distance of the surface a proxy goes straight on, and only not in."""
 
 
-@dataclass(frozen=True)
+@parameters.checked_dataclass(EffectError)
 class HalfSpace:
     """All that is below a plane.
 
@@ -41,23 +42,16 @@ class HalfSpace:
     -0.02
     """
 
-    plane: Plane = field(default_factory=Plane)
+    plane: Plane = Plane()
 
     def __call__(self, position: Floats) -> tuple[Floats, Floats]:
         """Return distances and directions out."""
         return self.plane.height(position), np.broadcast_to(self.plane.n, position.shape)
 
 
-@dataclass(frozen=True)
-class Sphere(parameters.Parameters):
+@parameters.checked_dataclass(EffectError)
+class Sphere:
     """Ball; in the plane, a disc. At its very centre, out is the last axis.
-
-    Parameters
-    ----------
-    centre : tuple of d floats
-        Centre, in m.
-    radius : float
-        Radius, in m.
 
     Examples
     --------
@@ -69,7 +63,9 @@ class Sphere(parameters.Parameters):
     """
 
     centre: parameters.Point = ORIGIN
+    """Centre, in m."""
     radius: parameters.Length = 0.10
+    """Radius, in m."""
 
     def __call__(self, position: Floats) -> tuple[Floats, Floats]:
         """Return distances and directions out."""
@@ -79,16 +75,9 @@ class Sphere(parameters.Parameters):
         return size - self.radius, np.where(size[..., None] > 0.0, normalized(arm), last)
 
 
-@dataclass(frozen=True)
-class Box(parameters.Parameters):
+@parameters.checked_dataclass(EffectError)
+class Box:
     """Box along the axes. Inside, out is through the nearest face; of equally near ones, the first axis's.
-
-    Parameters
-    ----------
-    centre : tuple of d floats
-        Centre, in m.
-    size : tuple of d floats
-        Lengths of its edges, in m.
 
     Examples
     --------
@@ -100,12 +89,13 @@ class Box(parameters.Parameters):
     """
 
     centre: parameters.Point = ORIGIN
+    """Centre, in m."""
     size: parameters.Edges = (0.2, 0.2, 0.2)
+    """Lengths of its edges, in m."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if len(self.centre) != len(self.size):
-            raise EffectError(f"Box: size is {self.size}; give {len(self.centre)} edges, as its centre has axes")
+            raise EffectError(f"size is {self.size}; give {len(self.centre)} edges, as its centre has axes")
 
     def __call__(self, position: Floats) -> tuple[Floats, Floats]:
         """Return distances and directions out."""
@@ -120,19 +110,39 @@ class Box(parameters.Parameters):
         return distance, np.where(inside[..., None], face, side * normalized(outside))
 
 
-@dataclass(frozen=True)
-class VirtualCoupling(parameters.Parameters):
+SOLIDS: dict[str, type[Any]] = {"sphere": Sphere, "box": Box, "half-space": HalfSpace}
+"""Solids by the names in files and messages; a sphere if they name none."""
+
+
+def take_kind(table: object, kinds: Mapping[str, type[Any]]) -> tuple[type[Any], dict[str, Any]]:
+    """Return the class that a table names by its kind, and the rest; `ValueError` if it names none."""
+    if not isinstance(table, Mapping):
+        raise ValueError(f"is {describe(table)}; give {TABLE} with its kind and parameters")
+    known = ", ".join(kinds)
+    if "kind" not in table:
+        raise ValueError(f"kind is missing; give one of {known}")
+    kind = table["kind"]
+    if not isinstance(kind, str) or kind not in kinds:
+        raise ValueError(f"kind is {describe(kind)}; give one of {known}")
+    return kinds[kind], {key: value for key, value in table.items() if key != "kind"}
+
+
+def _parse_solid(value: object) -> object:
+    """Return the solid that a table describes; a callable as it is."""
+    if callable(value):
+        return value
+    kind, table = take_kind({"kind": "sphere", **value} if isinstance(value, Mapping) else value, SOLIDS)
+    return validate(kind, table, EffectError)
+
+
+@parameters.checked_dataclass(EffectError)
+class VirtualCoupling:
     """Spring and damper between the hand and a proxy: ``F = K_c (proxy - p) - B_c v``.
 
     Whatever holds the proxy, the hand meets no more than K_c and B_c; so they alone decide whether it is stable
     (Colgate, Stanley and Brown 1995, "Issues in the haptic display of tool use").
 
-    Parameters
-    ----------
-    stiffness : float
-        Stiffness K_c, in N/m; 400 is a default of this project.
-    damping : float
-        Damping B_c, in N s/m; 0.
+    The defaults are choices of this project.
 
     Examples
     --------
@@ -142,7 +152,9 @@ class VirtualCoupling(parameters.Parameters):
     """
 
     stiffness: parameters.Stiffness = 400.0
+    """Stiffness K_c, in N/m."""
     damping: parameters.Damping = 0.0
+    """Damping B_c, in N s/m."""
 
     def force(self, motion: Motion, proxy: Floats) -> Floats:
         """Return the force (..., d) on the hand, in N."""
@@ -157,7 +169,7 @@ class Proxy(NamedTuple):
     normal: Floats
 
 
-@dataclass(frozen=True)
+@parameters.checked_dataclass(EffectError)
 class Shape:
     """Solid of any shape: a spring to a proxy that follows the hand but stays outside.
 
@@ -167,14 +179,6 @@ class Shape:
     plate is still drawn back to the side where it came from. At first it is the point of the surface to which the
     field leads. Continuous in the position of a hand at rest, but where a proxy slides off an edge. Passive: the
     proxy only ever comes nearer to the hand by itself.
-
-    Parameters
-    ----------
-    field : callable
-        Signed distance field of the solid. That may be round or square, not rough: the field should be correct to
-        a micrometre at the surface.
-    coupling : VirtualCoupling
-        Spring and damper, K and B. All of it runs on a module, as a wall that touches the shape at the proxy.
 
     Examples
     --------
@@ -186,8 +190,10 @@ class Shape:
     array([0., 0., 4.])
     """
 
-    field: Field = field(default_factory=Sphere)
+    field: Annotated[Field, BeforeValidator(_parse_solid), WithJsonSchema({})] = Sphere()
+    """Signed distance field of the solid."""
     coupling: VirtualCoupling = VirtualCoupling()
+    """Spring and damper, K and B."""
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the push towards the proxy, which is the memory."""

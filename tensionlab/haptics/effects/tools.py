@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -24,28 +23,15 @@ class WeightMotion(NamedTuple):
     acceleration: Floats
 
 
-@dataclass(frozen=True)
-class Weight(parameters.Parameters):
+@parameters.checked_dataclass(EffectError)
+class Weight:
     """Mass in the hand: gravity, and its inertia, ``F = m (g - a)``.
 
     a is the change of the velocity, low-passed (first order), each component clipped; then the whole rises from 0
     to 1 after the grasp. Continuous for a hand whose velocity is. Gravity is passive; the inertia is not, since it
     comes late.
 
-    Parameters
-    ----------
-    mass : float
-        Mass m, in kg. 0.5 is a default of this project; 6 N, the most of one module right below, is 0.61 kg.
-    gravity : tuple of d floats
-        Gravity g, in m/s². Left out of a message or a file, it points down, by the rig's ``up``.
-    cutoff : float
-        Cutoff of the low-pass on the acceleration, in Hz; 10 is a default of this project.
-    limit : float
-        Limit of each component of the acceleration, in m/s²; 5 is a default of this project.
-    grasped : float
-        Time at which it was taken, in s, on the motion's clock, or -inf for long ago.
-    ramp : float
-        Time in which its force then rises, in s; 0.1 is a default of this project.
+    The defaults are choices of this project.
 
     Examples
     --------
@@ -56,11 +42,17 @@ class Weight(parameters.Parameters):
     """
 
     mass: parameters.Mass = 0.5
+    """Mass m, in kg: 0.61 kg weigh 6 N, the most of one module right below."""
     gravity: parameters.Gravity = (0.0, 0.0, -GRAVITY_M_S2)
+    """Gravity g, in m/s²."""
     cutoff: parameters.Frequency = 10.0
+    """Cutoff of the low-pass on the acceleration, in Hz."""
     limit: parameters.Acceleration = 5.0
-    grasped: parameters.TimeOrEver = -math.inf
+    """Limit of each component of the acceleration, in m/s²."""
+    grasped: parameters.PastTime = -math.inf
+    """Time at which it was taken, in s, on the clock of the run; long ago if left out."""
     ramp: parameters.Duration = 0.1
+    """Time in which its force then rises, in s."""
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the pull down, and against the acceleration."""
@@ -74,8 +66,8 @@ class Weight(parameters.Parameters):
         return Rendered(held[..., None] * force, WeightMotion(motion.velocity, acceleration))
 
 
-@dataclass(frozen=True)
-class Recoil(parameters.Parameters):
+@parameters.checked_dataclass(EffectError)
+class Recoil:
     """Shot: a kick that rises at once and fades.
 
     After each shot ``F = F_p t/t_r`` up to t_r, then ``F_p exp(-(t - t_r)/tau)``, along the direction; what is
@@ -84,20 +76,7 @@ class Recoil(parameters.Parameters):
     has a limit of its own: at the 60 N/s with which it comes, 2.8 N and 0.23 N s are left of a shot; at 300 N/s,
     its most, 4.6 N and 0.31 N s. Continuous. Not passive.
 
-    Parameters
-    ----------
-    shots : tuple of float
-        Times of the shots, in s, on the motion's clock, in order; the last few will do.
-    direction : tuple of d floats
-        Direction in which the hand is kicked; its length does not matter.
-    peak : float
-        Largest force F_p of a shot, in N; 5.5 is a default of this project.
-    rise : float
-        Time t_r in which the force rises, in s; 5 ms is a default of this project.
-    fade : float
-        Time constant tau with which it fades, in s; 60 ms is a default of this project.
-    rate : float
-        Largest rate of shots, in 1/s; 10 is a default of this project.
+    The defaults are choices of this project.
 
     Examples
     --------
@@ -108,17 +87,22 @@ class Recoil(parameters.Parameters):
     """
 
     shots: parameters.Times = ()
+    """Times of the shots, in s, on the clock of the run, in order."""
     direction: parameters.Direction = (0.0, -1.0, 0.0)
+    """Direction in which the hand is kicked."""
     peak: parameters.Force = 5.5
+    """Largest force F_p of a shot, in N."""
     rise: parameters.Duration = 0.005
+    """Time t_r in which the force rises, in s."""
     fade: parameters.Duration = 0.060
+    """Time constant tau with which it fades, in s."""
     rate: parameters.Rate = 10.0
+    """Largest rate of shots, in 1/s."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if (np.diff(self.shots) < (1.0 - 1e-9) / self.rate).any():
             raise EffectError(
-                f"Recoil: shots are {brief(self.shots)}; give times in order, {1.0 / self.rate:g} s apart or more"
+                f"shots are {brief(self.shots)}; give times in order, {1.0 / self.rate:g} s apart or more"
             )
 
     @property
@@ -140,8 +124,8 @@ class Recoil(parameters.Parameters):
         return normalized(np.asarray(self.direction, dtype=np.float64))
 
 
-@dataclass(frozen=True)
-class Bow(parameters.Parameters):
+@parameters.checked_dataclass(EffectError)
+class Bow:
     """Bow, for the hand that draws it. The motion is that hand's, seen from the bow's.
 
     Drawn by ``x = max(0, |p| - brace)``, it pulls towards the bow's hand with ``F = min(F_max, F_0 + k x)``; a
@@ -154,34 +138,7 @@ class Bow(parameters.Parameters):
     loose it is continuous, and passive. At the bow's hand itself it pulls nowhere. On the other hand acts the
     opposite.
 
-    Parameters
-    ----------
-    brace : float
-        Distance of the string undrawn, in m; 0.20 is a default of this project.
-    initial : float
-        Pull F_0 at which the draw begins, in N; 1 is a default of this project.
-    stiffness : float
-        Stiffness k, in N/m; 8.3 is a default of this project.
-    most : float
-        Largest pull F_max, in N; 6 is a default of this project.
-    draw_length : float
-        Draw x_d, in m, where it is fully drawn, and a brake may lock; 0.60 is a default of this project.
-    let_off : float
-        Share of the pull that a compound bow takes back, 0.6 to 0.8; 0: none, the default.
-    valley : float
-        Share of the draw length at which the let-off begins; 0.75 is a default of this project.
-    loosed : float
-        Time at which the string was released, in s, on the motion's clock, or inf for not yet.
-    slack : float
-        Tension after the release, in N; 0.5, the modules' least, is a default of this project.
-    loose : float
-        Time in which the pull then falls, in s; 10 ms is a default of this project.
-    hum : float
-        Amplitude A of the string's hum, in N; 1 is a default of this project.
-    frequency : float
-        Frequency f of the hum, in Hz; 60 is a default of this project.
-    fade : float
-        Time constant with which the hum fades, in s; 50 ms is a default of this project.
+    The defaults are choices of this project.
 
     Examples
     --------
@@ -191,24 +148,36 @@ class Bow(parameters.Parameters):
     array([-3.49,  0.  ,  0.  ])
     """
 
-    brace: parameters.LengthOrNone = 0.20
+    brace: parameters.NonNegativeLength = 0.20
+    """Distance of the string undrawn, in m."""
     initial: parameters.Force = 1.0
+    """Pull F_0 at which the draw begins, in N."""
     stiffness: parameters.Stiffness = 8.3
+    """Stiffness k, in N/m."""
     most: parameters.Force = 6.0
+    """Largest pull F_max, in N."""
     draw_length: parameters.Length = 0.60
+    """Draw x_d, in m, where it is fully drawn, and a brake may lock."""
     let_off: parameters.Share = 0.0
+    """Share of the pull that a compound bow takes back, 0.6 to 0.8."""
     valley: parameters.Share = 0.75
-    loosed: parameters.TimeOrNever = math.inf
+    """Share of the draw length at which the let-off begins."""
+    loosed: parameters.FutureTime = math.inf
+    """Time at which the string was released, in s, on the clock of the run; not yet if left out."""
     slack: parameters.Force = 0.5
+    """Tension after the release, in N."""
     loose: parameters.Duration = 0.010
+    """Time in which the pull then falls, in s."""
     hum: parameters.Force = 1.0
+    """Amplitude A of the string's hum, in N."""
     frequency: parameters.ModuleFrequency = 60.0
+    """Frequency f of the hum, in Hz."""
     fade: parameters.Duration = 0.050
+    """Time constant with which the hum fades, in s."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if self.valley == 1.0:
-            raise EffectError("Bow: valley is 1; give a share below 1, so that it lets off before it is drawn")
+            raise EffectError("valley is 1; give a share below 1, so that it lets off before it is drawn")
 
     def draw(self, motion: Motion) -> Floats:
         """Return how far it is drawn, in m."""

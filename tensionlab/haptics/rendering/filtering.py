@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from tensionlab.errors import EffectError
 from tensionlab.haptics.effects.effect import Motion, norm
-from tensionlab.haptics.effects.parameters import Parameters, PositiveForce, Range
+from tensionlab.haptics.effects.parameters import Number, PositiveForce, checked_dataclass
 from tensionlab.haptics.rendering.stability import Observed, PassivityController
 from tensionlab.support.arrays import Floats
 
@@ -63,28 +65,24 @@ class StageMemory(NamedTuple):
     observed: Observed | None = None
 
 
-@dataclass(frozen=True)
-class Stages(Parameters):
+@checked_dataclass(EffectError)
+class Stages:
     """Stages that every force passes.
 
     Effects see the low-passed velocity; their force is limited, changes only so fast, and then the passivity
-    controller looks after its energy. What the rig cannot render is scaled down later, by the allocator.
-
-    Parameters
-    ----------
-    cutoff : float
-        Of the velocity's low-pass, in Hz; 60 is a default of this project.
-    slew : float
-        Largest change of the force, in N/s; 200 is a default of this project. A force that is meant to jump does,
-        a recoil say; the modules have their own limit, 60 N/s a cable as they come.
-    max_force : float
-        In N. Without it, a force that no rig renders would take as long to go as it took to come.
+    controller looks after its energy. A force that is meant to jump, such as a recoil, bypasses the slew limit;
+    modules have their own, 60 N/s a cable by default. Without ``max_force``, a force that no rig renders would
+    take as long to go as it took to come. The defaults are choices of this project. What the rig cannot render
+    is scaled down later, by the allocator.
     """
 
     controller: PassivityController | None = None
-    cutoff: Annotated[float, Range("Hz", 0.0, 1e12, positive=True)] = 60.0
-    slew: Annotated[float, Range("N/s", 0.0, 1e12, positive=True)] = 200.0
+    cutoff: Annotated[Number, Field(gt=0.0, le=1e12)] = 60.0
+    """Cutoff of the velocity's low-pass, in Hz."""
+    slew: Annotated[Number, Field(gt=0.0, le=1e12)] = 200.0
+    """Largest change of the force, in N/s."""
     max_force: PositiveForce = MAX_FORCE_N
+    """Largest force, in N."""
 
     def smooth(self, motion: Motion, memory: StageMemory | None) -> Motion:
         """Return the motion with its velocity low-passed, for the effects."""

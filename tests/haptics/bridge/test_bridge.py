@@ -130,33 +130,36 @@ BAD = [
     ('{"type": "frame", "time": 0, "sequence": 1.5}', "sequence is 1.5; give a whole number"),
     (
         '{"type": "frame", "time": 0, "bodys": {}}',
-        "no key 'bodys'; there are type, sequence, time, bodies, effects",
+        "bodys is an unknown key; did you mean",
     ),
-    ('{"type": "stop", "time": 0}', "no key 'time'; there are type"),
-    ('{"type": "frame", "time": 0, "bodies": []}', "bodies is []; give an object, with names as keys"),
-    ('{"type": "frame", "time": 0, "bodies": {"hand": 1}}', "bodies.hand is 1; give an object"),
+    ('{"type": "stop", "time": 0}', "time is an unknown key; the keys here are type"),
+    ('{"type": "frame", "time": 0, "bodies": []}', "bodies is []; give a table"),
+    ('{"type": "frame", "time": 0, "bodies": {"hand": 1}}', "bodies.hand is 1; give a table"),
     ('{"type": "frame", "time": 0, "bodies": {"hand": {}}}', "bodies.hand.position is missing"),
-    ('{"type": "frame", "time": 0, "bodies": {"hand": {"x": 1}}}', "bodies.hand: no key 'x'; there are position"),
+    (
+        '{"type": "frame", "time": 0, "bodies": {"hand": {"x": 1}}}',
+        "bodies.hand.x is an unknown key; the keys here are",
+    ),
     (
         '{"type": "frame", "time": 0, "bodies": {"hand": {"position": [1e9, 0, 0]}}}',
-        "position.0 is 1000000000.0; give 100",
+        "position[0] is 1000000000.0; give 100",
     ),
     (
         '{"type": "frame", "time": 0, "bodies": {"hand": {"position": [0]}}}',
         "position has 1 entries; give 2 or more",
     ),
-    ('{"type": "frame", "time": 0, "effects": {"a": 3}}', "effects.a is 3; give an object, with names as keys"),
+    ('{"type": "frame", "time": 0, "effects": {"a": 3}}', "effects.a is 3; give a table"),
     ('{"type": "frame", "time": 0, "effects": {"a": {}}}', "kind is missing; give one of wall"),
     (
         '{"type": "frame", "time": 0, "bodies": {"hand": {"position": [0, 0, 0], "rotation": [0, 0, 0, 0]}}}',
         "unit quaternion",
     ),
     ('{"type": "frame", "time": 0, "effects": {"a": {"kind": "lava"}}}', "kind is 'lava'; give one of wall"),
-    ('{"type": "frame", "time": 0, "effects": {"a": {"kind": "wall", "stif": 1}}}', "no parameter 'stif'"),
+    ('{"type": "frame", "time": 0, "effects": {"a": {"kind": "wall", "stif": 1}}}', "stif is an unknown key"),
     ('{"type": "frame", "time": 0, "effects": {"a": {"kind": "wall", "stiffness": -1}}}', "stiffness is -1"),
     (
         '{"type": "frame", "time": 0, "effects": {"a": {"kind": "wall", "stiffness": "x"}}}',
-        "stiffness is 'x'; give a finite number, 0 to 1e+06 N/m",
+        "stiffness is 'x'; give a number (Stiffness K",
     ),
     ("[" * 5000, "not JSON"),
     ('{"type": "frame", "time": 0, "effects": {"a": {"kind": []}}}', "kind is []"),
@@ -374,7 +377,7 @@ def test_osc_does_the_same(serve, tmp_path):
         bridge.send_osc("/nowhere", 1.0)
         assert "OSC from 127.0.0.1: no address '/nowhere'" in heard(watch, "refused")["text"]
         bridge.send_osc("/effect/pull", "spring", "center", 0.0, 0.36, 0.0)
-        assert "'pull': no parameter 'center'; there are centre" in heard(watch, "refused")["text"]
+        assert "'pull': center is an unknown key; did you mean" in heard(watch, "refused")["text"]
         bridge.send_osc("/stop")
         assert bridge.wait() == 0
     assert read_run(log).desired[-1] == pytest.approx([0.0, 1.0, 0.0], abs=0.02)

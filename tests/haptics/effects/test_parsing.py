@@ -9,8 +9,7 @@ import pytest
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import EFFECTS, SOLIDS, Box, Plane, Sphere, Wall
-from tensionlab.haptics.effects.described import effect_of
-from tensionlab.haptics.effects.parameters import bounds
+from tensionlab.haptics.effects.parsing import parse_effect
 from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import ring_plus_top
 
@@ -20,23 +19,23 @@ FLAT = load_rig(Path(__file__).parents[3] / "datasets" / "rigs" / "kntu-planar.t
 
 @pytest.mark.parametrize("kind", EFFECTS)
 def test_every_effect_has_its_defaults(kind):
-    assert effect_of("mine", {"kind": kind}, RIG) == EFFECTS[kind]()
+    assert parse_effect("mine", {"kind": kind}, RIG) == EFFECTS[kind]()
 
 
 def test_parameters_reach_the_parts_of_an_effect():
-    wall = effect_of("floor", {"kind": "wall", "stiffness": 100, "plane": {"point": [0, 0, 1]}}, RIG)
+    wall = parse_effect("floor", {"kind": "wall", "stiffness": 100, "plane": {"point": [0, 0, 1]}}, RIG)
     assert wall == Wall(Plane(point=(0.0, 0.0, 1.0)), stiffness=100.0)
 
 
 @pytest.mark.parametrize("kind", SOLIDS)
 def test_a_shape_is_of_any_solid(kind):
-    assert isinstance(effect_of("it", {"kind": "shaped", "field": {"kind": kind}}, RIG).field, SOLIDS[kind])
+    assert isinstance(parse_effect("it", {"kind": "shaped", "field": {"kind": kind}}, RIG).field, SOLIDS[kind])
 
 
 def test_a_solid_has_its_parameters():
-    ball = effect_of("ball", {"kind": "shaped", "field": {"centre": [0, 0, 1], "radius": 0.08}}, RIG)
+    ball = parse_effect("ball", {"kind": "shaped", "field": {"centre": [0, 0, 1], "radius": 0.08}}, RIG)
     assert ball.field == Sphere(centre=(0.0, 0.0, 1.0), radius=0.08)
-    box = effect_of("box", {"kind": "shaped", "field": {"kind": "box", "size": [0.1, 0.2, 0.3]}}, RIG)
+    box = parse_effect("box", {"kind": "shaped", "field": {"kind": "box", "size": [0.1, 0.2, 0.3]}}, RIG)
     assert box.field == Box(size=(0.1, 0.2, 0.3))
 
 
@@ -44,35 +43,35 @@ def test_a_solid_has_its_parameters():
     ("given", "said"),
     [
         ({"kind": "wal"}, "kind is 'wal'; give one of wall,"),
-        ({"kind": "wall", "stifness": 1}, "no parameter 'stifness'"),
+        ({"kind": "wall", "stifness": 1}, 'stifness is an unknown key; did you mean "stiffness"?'),
         ({"kind": "wall", "stiffness": -1}, "stiffness is -1"),
-        ({"kind": "wall", "plane": {"poin": [0, 0, 0]}}, "plane: no parameter 'poin'"),
+        ({"kind": "wall", "plane": {"poin": [0, 0, 0]}}, 'plane.poin is an unknown key; did you mean "point"?'),
         ({"kind": "shaped", "field": {"kind": "cone"}}, "field: kind is 'cone'; give one of sphere,"),
-        ({"kind": "shaped", "field": {"radius": -1}}, "field: Sphere: radius is -1"),
-        ({"kind": "shaped", "field": {"size": [1, 1, 1]}}, "field: no parameter 'size'"),
+        ({"kind": "shaped", "field": {"radius": -1}}, "field: radius is -1"),
+        ({"kind": "shaped", "field": {"size": [1, 1, 1]}}, "field: size is an unknown key; the keys here"),
         ({"kind": "shaped", "field": 3}, "field"),
         (3, "is 3; give a table"),
         ({"kind": []}, "kind is []"),
         ({"kind": {}}, "kind is {}"),
         ({"kind": "shaped", "field": {"kind": []}}, "field: kind is []"),
-        ({"kind": "wall", "stiffness": "100"}, "stiffness is '100'; give a finite number, 0 to 1e+06 N/m"),
-        ({"kind": "wall", "stiffness": True}, "stiffness is True; give a finite number, 0 to 1e+06 N/m"),
-        ({"kind": "wall", "stiffness": 1e308}, "stiffness is 1e+308; give a finite number, 0 to 1e+06 N/m"),
+        ({"kind": "wall", "stiffness": "100"}, "stiffness is '100'; give a number (Stiffness K"),
+        ({"kind": "wall", "stiffness": True}, "stiffness is True; give a number (Stiffness K"),
+        ({"kind": "wall", "stiffness": 1e308}, "stiffness is 1e+308; give 1e+06 or less"),
         ({"kind": "wall", "plane": {"point": [0, 0]}}, "plane.point is (0.0, 0.0); give 3 components"),
-        ({"kind": "wall", "plane": {"normal": [1e-300, 0, 0]}}, "normal is (1e-300, 0.0, 0.0)"),
+        ({"kind": "wall", "plane": {"normal": [1e-300, 0, 0]}}, "plane.normal: (1e-300, 0.0, 0.0)"),
         ({"kind": "magnetic", "plane": {"point": [0, 0]}}, "plane.point"),
         ({"kind": "spring", "centre": [0, 0]}, "centre is (0.0, 0.0)"),
-        ({"kind": "spring", "centre": [0, 0, 1e308]}, "centre is"),
+        ({"kind": "spring", "centre": [0, 0, 1e308]}, "centre[2] is 1e+308"),
         ({"kind": "vibrating", "axis": [0, 1]}, "axis is (0.0, 1.0)"),
-        ({"kind": "vibrating", "frequency": 501}, "frequency is 501.0; give a finite number, 0.001 to 500 Hz"),
+        ({"kind": "vibrating", "frequency": 501}, "frequency is 501; give 500 or less"),
         ({"kind": "water", "surface": {"point": [0, 0]}}, "surface.point is (0.0, 0.0)"),
         ({"kind": "weight", "gravity": [0, -9.81]}, "gravity is (0.0, -9.81)"),
         ({"kind": "weight", "grasped": math.nan}, "grasped is nan"),
-        ({"kind": "weight", "mass": 1e308}, "mass is 1e+308; give a finite number, 0 to 100 kg"),
+        ({"kind": "weight", "mass": 1e308}, "mass is 1e+308; give 100 or less (Mass m, in kg"),
         ({"kind": "recoil", "direction": [1, 0]}, "direction is (1.0, 0.0)"),
         ({"kind": "recoil", "peak": 1e308}, "peak is 1e+308"),
-        ({"kind": "recoil", "shots": [0.1 * each for each in range(8500)]}, "give at most 100 finite numbers"),
-        ({"kind": "textured", "ripples": {"period": 1e-300}}, "ripples: Ripples: period is 1e-300"),
+        ({"kind": "recoil", "shots": [0.1 * each for each in range(8500)]}, "8500 entries; give 100 at most"),
+        ({"kind": "textured", "ripples": {"period": 1e-300}}, "ripples.period is 1e-300"),
         ({"kind": "textured", "ripples": {"direction": [1, 0]}}, "give both as many components"),
         ({"kind": "shaped", "field": {"centre": [0, 0]}}, "field.centre is (0.0, 0.0)"),
         ({"kind": "shaped", "field": {"kind": "box", "size": [1, 1]}}, "size is (1.0, 1.0)"),
@@ -81,7 +80,7 @@ def test_a_solid_has_its_parameters():
 )
 def test_what_cannot_be_is_refused_by_its_name(given, said):
     with pytest.raises(EffectError, match="effect 'mine'") as refused:
-        effect_of("mine", given, RIG)
+        parse_effect("mine", given, RIG)
     assert said in str(refused.value)
     assert len(str(refused.value)) <= 300
 
@@ -89,8 +88,8 @@ def test_what_cannot_be_is_refused_by_its_name(given, said):
 @pytest.mark.parametrize(("up", "gravity"), [("y", (0.0, -9.81, 0.0)), ("-z", (0.0, 0.0, 9.81))])
 def test_a_weight_pulls_down_by_the_rig(up, gravity):
     rig = dataclasses.replace(RIG, up=up)
-    assert effect_of("it", {"kind": "weight"}, rig).gravity == pytest.approx(gravity)
-    assert effect_of("it", {"kind": "weight", "gravity": [1, 0, 0]}, rig).gravity == (1.0, 0.0, 0.0)
+    assert parse_effect("it", {"kind": "weight"}, rig).gravity == pytest.approx(gravity)
+    assert parse_effect("it", {"kind": "weight", "gravity": [1, 0, 0]}, rig).gravity == (1.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("up", ["x", "y", "-y"])
@@ -98,13 +97,17 @@ def test_directions_that_are_left_out_turn_with_what_is_up(up):
     """A floor is a floor, and friction acts along it, whichever axis points up."""
     rig = dataclasses.replace(RIG, up=up)
     upward = tuple(rig.upward.tolist())
-    assert effect_of("it", {"kind": "wall", "plane": {"point": [0, 0, 1]}}, rig).plane == Plane(
+    assert parse_effect("it", {"kind": "wall", "plane": {"point": [0, 0, 1]}}, rig).plane == Plane(
         (0.0, 0.0, 1.0), upward
     )
-    assert effect_of("it", {"kind": "wall", "plane": {"normal": [0, 0, 1]}}, rig).plane.normal == (0.0, 0.0, 1.0)
-    assert effect_of("it", {"kind": "water"}, rig).surface.normal == upward
-    assert effect_of("it", {"kind": "vibrating"}, rig).axis == upward
-    ripples = effect_of("it", {"kind": "textured"}, rig).ripples.direction
+    assert parse_effect("it", {"kind": "wall", "plane": {"normal": [0, 0, 1]}}, rig).plane.normal == (
+        0.0,
+        0.0,
+        1.0,
+    )
+    assert parse_effect("it", {"kind": "water"}, rig).surface.normal == upward
+    assert parse_effect("it", {"kind": "vibrating"}, rig).axis == upward
+    ripples = parse_effect("it", {"kind": "textured"}, rig).ripples.direction
     assert math.hypot(*ripples) == 1.0
     assert rig.upward @ ripples == 0.0
 
@@ -112,19 +115,19 @@ def test_directions_that_are_left_out_turn_with_what_is_up(up):
 def test_a_rig_that_does_not_say_what_is_up_has_no_weights():
     rig = dataclasses.replace(RIG, up=None)
     with pytest.raises(EffectError, match=r"effect 'it': rig .* key \"up\" is missing; give gravity"):
-        effect_of("it", {"kind": "weight"}, rig)
-    assert effect_of("it", {"kind": "weight", "gravity": [0, 0, -9.81]}, rig).gravity[2] == -9.81
+        parse_effect("it", {"kind": "weight"}, rig)
+    assert parse_effect("it", {"kind": "weight", "gravity": [0, 0, -9.81]}, rig).gravity[2] == -9.81
 
 
 def test_in_the_plane_vectors_have_two_components_also_those_left_out():
     flat = {"point": [0, 0], "normal": [0, 1]}
-    assert effect_of("floor", {"kind": "wall", "plane": flat}, FLAT) == Wall(Plane((0.0, 0.0), (0.0, 1.0)))
+    assert parse_effect("floor", {"kind": "wall", "plane": flat}, FLAT) == Wall(Plane((0.0, 0.0), (0.0, 1.0)))
     with pytest.raises(EffectError, match=r"'floor': plane.point is \(0.0, 0.0, 0.0\); give 2 components"):
-        effect_of("floor", {"kind": "wall"}, FLAT)
+        parse_effect("floor", {"kind": "wall"}, FLAT)
 
 
 @pytest.mark.parametrize("kind", [*EFFECTS.values(), *SOLIDS.values()])
 def test_every_parameter_has_a_range_or_is_a_part_that_has(kind):
     for each in fields(kind):
         part = each.name == "field" or is_dataclass(getattr(kind(), each.name))
-        assert part or each.name in bounds(kind), each.name
+        assert part or kind.__pydantic_fields__[each.name].description, each.name
