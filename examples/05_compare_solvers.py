@@ -4,5 +4,4 @@ import tensionlab as tl
 
 rig = tl.load_rig("bartels2026-validation")
 found = tl.compare(rig, solvers=["newton", "dykstra", "closed-form", "least-sum"], magnitude=1.5)
-columns = ["solver", "policy", "exact", "nearest_count", "unproven"]
-print(found.to_pandas()[columns].to_string(index=False))
+print(found.table().to_text())

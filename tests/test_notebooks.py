@@ -71,7 +71,7 @@ assert distance(-0.9) < 0.2 < distance(-1.1)
 run_data = exact.to_xarray()
 late = [float(abs(run_data.commanded.shift(cycle=k) - run_data.measured).mean()) for k in range(3)]
 assert late[1] < 1e-6 < 0.05 < min(late[0], late[2])
-slow, fast = (replay(each, ["newton"]).rows[1].jump_max for each in (exact, run("newton", rate=200.0)))
+slow, fast = (replay(each, ["newton"]).rows[1].step_max for each in (exact, run("newton", rate=200.0)))
 assert fast < slow / 2.5
 def demand(state):
     force = -20.0 * state.twist[:3]
@@ -82,7 +82,7 @@ assert 0.8 < np.linalg.norm(honey.desired[-1]) < 1.2  # at 5 cm/s
     "06_validation": """
 means = [measure("paper-like", 14, seed=seed).aligned["paper"].score.angle.mean.value for seed in (0, 2)]
 assert means[1] > 1.3 * means[0]
-errors = trials.to_pandas().query("question == 'error'")
+errors = trials.query("question == 'error'")
 assert errors.groupby("choice")["vector"].median().idxmax() == "gain"
 worst = np.linalg.norm(result.aligned["paper"].forces - result.desired, axis=1).argmax()
 assert result.desired[worst][0] < -1.0

@@ -26,8 +26,8 @@ def test_a_workspace_is_proved_drawn_and_kept(run, tmp_path):
     assert 0 < low < 0.0967 < high  # as tests/workspace/certification has it
     assert report["share"]["lower"] == pytest.approx(low / report["region_volume"])
     assert f"workspace: {tl.workspace.Bounds(low, high).describe()} m³" in out
-    rows = {row[0]: row for row in map(str.split, out.splitlines()) if row}
-    assert {verdict: int(rows[verdict][1].replace(",", "")) for verdict in report["cells"]} == report["cells"]
+    rows = {row[1]: row for row in map(str.split, out.splitlines()) if len(row) > 2}
+    assert {verdict: int(rows[verdict][2].replace(",", "")) for verdict in report["cells"]} == report["cells"]
     assert f"{report['evaluations']:,} cells down to" in out
     assert f"cells: {tmp_path / 'cells.npz'}" in out
     assert "proved inside" in (tmp_path / "cells.svg").read_text(encoding="utf-8")

@@ -128,11 +128,10 @@ MISTAKES = {
     "compare folder.toml": "folder.toml: is a folder; give a rig file (*.toml)",
     "compare latin1.toml": "latin1.toml: not UTF-8 text; save it as UTF-8, or give a rig file (*.toml)",
     "compare broken.toml": "broken.toml: not valid TOML: Unclosed array (at line 12, column 1); correct that line",
-    "compare key.toml": 'key.toml: 2 problems: module 4: key "name" is missing; give a name in quotes that no '
-    'other module has; module 4: unknown key "nam"; did you mean "name"?',
+    "compare key.toml": "key.toml: 2 problems: modules[3].name is missing; give a name in quotes",
     "compare nan.toml": 'nan.toml: module "floor-1": key "lower" is nan; give a finite tension in N',
     "compare swapped.toml": 'key "lower" is 0.5, above "upper", which is 0.1; give lower <= upper, both in N',
-    "compare cube-8 --required wrong.toml": 'wrong.toml: unknown key "bx"; did you mean "box"?',
+    "compare cube-8 --required wrong.toml": 'wrong.toml: bx is an unknown key; did you mean "box"?',
     "compare cube-8 --directions heads.csv": "heads.csv, row 1: 'a,b,c' is not a row of numbers; write x,y,z",
     "workspace cube-8 --poses poses.csv": "poses.csv: line 2, column \"z\": 'nan' is no finite number",
     "workspace cube-8 --poses run.mcap": "not a file of poses; give one that ends in .csv, .parquet, .npz",

@@ -92,6 +92,7 @@ READS = {
     "rigs",
     "path",
     "poses",
+    "trajectory",
     "program",
     "modules",
     "scenario",

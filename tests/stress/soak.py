@@ -23,8 +23,10 @@ from tensionlab.hardware.runner.program import Program, Step
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.links import Conditions
-from tensionlab.hardware.simulation.world import World, position
+from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
+from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 from tensionlab.support.provenance import manifest
 from tests.stress.soak_checks import Findings, LimitWatch, examine
 
@@ -44,6 +46,16 @@ OLDEST_LOST = 1.0
 """A log may lack the last second before its host was killed."""
 
 
+def on_circle(rig: Rig, time: float) -> Floats:
+    """Return the point at a time, in m: on a circle around home, across the axis that points up."""
+    first, second = [axis for axis in range(3) if "xyz"[axis] != rig.vertical]
+    angle = 2.0 * np.pi * time / ORBIT_S
+    point: Floats = rig.home.copy()
+    point[first] += ORBIT_M * np.cos(angle)
+    point[second] += ORBIT_M * np.sin(angle)
+    return point
+
+
 def soak(seconds: float, log: Path, seed: int = 0) -> Findings:
     """Run on seven simulated modules behind bad links, and return the findings.
 
@@ -57,7 +69,7 @@ def soak(seconds: float, log: Path, seed: int = 0) -> Findings:
         Of sensors, links and numbers of messages.
     """
     rig = load_rig(RIG)
-    world = World(rig, lambda time: Pose(position(rig, ORBIT_M, ORBIT_S, time), frames=rig.at_rest), seed)
+    world = World(rig, lambda time: Pose(on_circle(rig, time), frames=rig.at_rest), seed)
     watch = LimitWatch(rig.limits)
     world.watch = watch
     steps = [Step(START_SECONDS, np.array(START))]

@@ -330,7 +330,7 @@ def test_results_draw_themselves():
 
 def test_completion_offers_public_names_only():
     for module in (tl, tl.workspace, tl.datasets, tl.plots):
-        assert dir(module) == sorted(module.__all__)
+        assert dir(module) == sorted({*module.__all__, *({"__version__"} if module is tl else ())})
         assert all(hasattr(module, name) for name in dir(module))
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         tl.nonsense  # noqa: B018
