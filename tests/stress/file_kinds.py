@@ -257,24 +257,6 @@ def _read_recording(place: Path) -> object:
     return found.error, found.in_sensor_axes(), found.simulated
 
 
-def _trials() -> dict[str, Any]:
-    numbers = ["angle", "angle_max", "magnitude", "magnitude_error", "vector", "within"]
-    columns: dict[str, Any] = {
-        "question": ["preset"],
-        "choice": ["ideal"],
-        "seed": [1],
-        "vectors": [182],
-        "exact": [182],
-    }
-    return {"columns": columns | {name: [1.0] for name in numbers}, "manifest": {"seed": 1}}
-
-
-def _read_trials(place: Path) -> object:
-    from tensionlab.validation.data_tables import read_trials
-
-    return read_trials(place).of("preset")
-
-
 def _vectors() -> dict[str, Any]:
     return {"columns": {"vector": [0, 1], "x": [0.0, 1.0], "y": [1.0, 0.0], "z": [0.0, 0.0]}, "manifest": {}}
 
@@ -425,7 +407,6 @@ def kinds(folder: Path) -> dict[str, Kind]:
         Kind("forces", ".csv", 4, lambda: forces, csv, _read_forces),
         Kind("poses, Parquet", ".parquet", 4, lambda: table, parquet, _read_poses),
         Kind("recording", ".parquet", 4, _recording, parquet, _read_recording),
-        Kind("trials", ".parquet", 3, _trials, parquet, _read_trials),
         Kind("vectors", ".parquet", 2, _vectors, parquet, _read_vectors),
         Kind("poses, NPZ", ".npz", 5, _positions, npz, _read_poses),
         Kind("CASPR", "", 6, _bodies, _both, _read_caspr),

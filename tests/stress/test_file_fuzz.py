@@ -18,7 +18,7 @@ def known(tmp_path_factory):
 
 NAMES = [
     "rig", "space", "scenario", "program", "modules", "parameters", "published values", "directions", "poses, CSV",
-    "staircase", "lengths", "forces", "poses, Parquet", "recording", "trials", "vectors", "poses, NPZ", "CASPR",
+    "staircase", "lengths", "forces", "poses, Parquet", "recording", "vectors", "poses, NPZ", "CASPR",
     "journal", "log", "store",
 ]  # fmt: skip
 
