@@ -55,7 +55,7 @@ def test_inlets_get_every_cycle_and_every_event(tmp_path):
     rig = tl.load_rig("floor-3")
     settings, links = RunSettings(rate=50.0), {module.name: "sim:" for module in rig.modules}
     log = RunLog(tmp_path / "run.mcap", rig, manifest(["test"]), "newton", settings, links)
-    streams = LslStreams(rig, "newton", 50.0, log)
+    streams = LslStreams(rig, "newton", 50.0)
     forces, tensions, pose, markers = (
         inlet(f"floor-3 {what}") for what in ("forces", "tensions", "pose", "markers")
     )
@@ -69,7 +69,7 @@ def test_inlets_get_every_cycle_and_every_event(tmp_path):
         "newton",
         lambda state: PULL,
         settings,
-        sinks=[streams],
+        sinks=[log, streams],
         clock=WorldClock(world, paced=True),
     )
     before = pylsl.local_clock()
