@@ -113,7 +113,7 @@ def test_bad_input_ends_with_status_2_and_says_where(run, space, tmp_path):
     space.write_text(SPACE.replace("lower = 1.0", "lower = 7.0"))
     code, out, err = run(space)
     assert (code, out) == (2, "")
-    assert f"{space}: limits is 7.0 to 5.0" in err
+    assert f"{space}: Space: limits is 7.0 to 5.0" in err
     assert "no folder" in run(space, "--out", tmp_path / "none" / "rig.toml")[2]
     assert run(tmp_path / "none.toml")[0] == 2
 

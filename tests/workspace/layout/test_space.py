@@ -59,7 +59,7 @@ def test_surfaces_on_bodies_are_placed_where_the_bodies_are():
         (lambda: Space((FLOOR,), (4,), hardware={"brakes": 1.0}), "hardware.brakes is 'brakes'; give 'brake'"),
         (lambda: Space((FLOOR,), (4,), hardware={"brake": -1.0}), 'key "brake" is -1.0'),
         (lambda: Space((FLOOR,), (4, 4)), r'counts is \[4, 4\]; give different'),
-        (lambda: Space((FLOOR,), (0,)), r'^counts\[0\] is 0; give more than 0$'),
+        (lambda: Space((FLOOR,), (0,)), r'^Space: counts\[0\] is 0; give more than 0$'),
         (lambda: Space((FLOOR, FLOOR), (4,)), 'surface "floor": its name is used twice'),
         (lambda: Space((FLOOR, Surface("line", [0, 0], [[1, 0]])), (4,)), 'surface "line": has 2 coordinates'),
         (lambda: Space((FLOOR,), (4,), fixed=(Module("m", [0, 0], 1, 2),)), 'module "m": has 2 coordinates'),
