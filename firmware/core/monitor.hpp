@@ -49,8 +49,8 @@ class Suspicion {
   bool bad_ = false;
 };
 
-// What the driven motor does, in means over 4 ms. Means of the induced voltage and the way of the cable in the same
-// time agree however fast the motion changes; samples of a filtered speed would not.
+// What the driven motor does, in means over 4 ms. Means of the induced voltage and the way of the cable in the
+// same time agree however fast the motion changes; samples of a filtered speed would not.
 class MotorCheck {
  public:
   void restart() {
@@ -169,7 +169,8 @@ class Monitor {
   }
 
   // A spool that nothing holds settles between the limit and 1.25 times it, as it does while it takes up slack. A
-  // cable that was taut since the driver went on has no more slack than a hand makes; before, no more than its length.
+  // cable that was taut since the driver went on has no more slack than a hand makes; before, no more than its
+  // length.
   void judge_cable(bool driven, float seconds, const Parameters& p) {
     still_ = driven && magnitude(speed_) < 0.1f ? still_ + seconds : 0.0f;
     taut_ = driven && (taut_ || still_ > 0.05f);
