@@ -257,6 +257,10 @@ def test_a_policy_that_is_not_honoured_names_those_that_are() -> None:
         tl.allocate(PLANAR, REACHABLE, LIMITS, "pseudoinverse", policy="force")
     with pytest.raises(ValueError, match=r"sideways.*'force', 'tension', 'direction'"):
         tl.allocate(PLANAR, REACHABLE, LIMITS, policy="sideways")  # type: ignore[arg-type]
+    plain = np.array(LIMITS[0]), np.array(LIMITS[1])  # limits that a single call hands to the kernel as they are
+    for unknown in ("", "sideways"):
+        with pytest.raises(tl.errors.InputError, match=rf"policy='{unknown}'"):
+            tl.allocate(PLANAR, REACHABLE, plain, policy=unknown)  # type: ignore[arg-type]
 
 
 def test_a_solver_may_be_an_instance() -> None:

@@ -75,7 +75,7 @@ def newton_once(lower: object, upper: object, reference: str | None, policy: str
     Its answer is None too where the limits are not vectors of finite numbers that do not cross.
     """
     try:
-        options = (None, "lower", "middle").index(reference), POLICIES.index(policy or "force")
+        options = (None, "lower", "middle").index(reference), POLICIES.index("force" if policy is None else policy)
     except ValueError:
         return None
 
