@@ -280,19 +280,6 @@ def of_ghost(state: DesignState, ghost: Rig) -> DesignState:
     return replace(state, rig=ghost, rotation=rotation, wrench=wrench)
 
 
-def replace_rig(state: DesignState, rig: Rig) -> DesignState:
-    """Show another rig, as a search found it, with the hand at its home; what is desired stays if it can."""
-    shown = begin(rig)
-    return replace(
-        state,
-        rig=rig,
-        position=shown.position,
-        rotation=shown.rotation,
-        wrench=state.wrench if rig.kind == state.rig.kind else shown.wrench,
-        selected="",
-    )
-
-
 def set_fields(**changes: Any) -> Edit:
     """Return the edit that sets attributes of the state, such as ``solver`` or ``level``."""
     return lambda state: replace(state, **changes)

@@ -151,10 +151,3 @@ def test_how_it_is_looked_at_is_not_undone(point):
 def test_an_anchor_that_stays_where_it_is_leaves_the_state_and_so_the_workspace():
     state = begin(tl.load_rig("bartels2026-validation"))
     assert edits.move_anchor(state, "top", state.anchors[3]) is state
-
-
-def test_a_rig_that_was_found_is_shown_with_the_hand_at_its_home():
-    state = edits.set_wrench(begin(tl.load_rig("bartels2026-validation")), [1.0, 0.0, 0.0])
-    shown = edits.replace_rig(state, tl.load_rig("seven-modules"))
-    assert shown.position.tolist() == shown.rig.home.tolist() != state.position.tolist()
-    assert shown.wrench is state.wrench
