@@ -120,7 +120,11 @@ def _differ(shown: list[str], printed: list[str]) -> list[str]:
 
 
 def spaced(line: str) -> str:
-    """Return a line with room around brackets and commas, and 1.0 for 1., to compare numbers in arrays."""
+    """Return a line with room around brackets and commas, and 1.0 for 1., to compare numbers in arrays.
+
+    A table's rule is as long as its widest row, which times may change: all rules are equal.
+    """
+    line = re.sub("─+", "─", line)
     return re.sub(r"([\[\](),;:%°])", r" \1 ", re.sub(r"(\d)\.(?!\d)", r"\1.0", line))
 
 
@@ -265,6 +269,7 @@ def test_blocks_know_their_output_their_file_and_why_they_are_not_run() -> None:
 def test_what_a_page_shows_otherwise_is_seen() -> None:
     assert not unlike("a 1.00 N\n...\nz", "a 1.001 N\nb\nc\nz")
     assert not unlike("[0.5, 1.0]\nb ...", "[0.5, 1.0]\nb c d")
+    assert not unlike("───", "─────")
     assert unlike("a 1.00 N", "a 1.10 N")
     assert unlike("a", "a\nb")
     assert unlike("a\n...\ny", "a\nb\nz")
