@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.errors import needs
+from tensionlab.errors import optional_import
 from tensionlab.support.arrays import Floats
 
 
@@ -61,6 +61,6 @@ def feasibility_checker() -> Callable[[Iterable[Any]], list[bool]]:
 
 
 def _load() -> Any:
-    with needs("solvers", "HiGHS"):
+    with optional_import("solvers", "HiGHS"):
         import highspy
     return highspy

@@ -33,14 +33,14 @@ from tensionlab.support.arrays import (
     Floats,
     Integers,
     Limits,
+    as_numeric,
+    broadcast_last_axis,
     check,
     check_size,
     common_axes,
-    finite,
-    frozen,
-    numbers,
-    rows,
-    spread,
+    flatten_batch,
+    readonly_copy,
+    require_finite,
     tension_limits,
 )
 from tensionlab.support.formatting import format_number, format_range, format_share, format_vector
@@ -327,14 +327,14 @@ class Allocator:
 
     def _resolve(self, reference: ArrayLike | None) -> Floats:
         if reference is None:
-            return frozen(np.zeros(1))
+            return readonly_copy(np.zeros(1))
         if isinstance(reference, str):
             if reference == "lower":
                 return self.lower
             if reference == "middle":
-                return frozen((self.lower + self.upper) / 2)
+                return readonly_copy((self.lower + self.upper) / 2)
             raise InputError(f"reference {reference!r} is unknown; give tensions, 'lower' or 'middle'")
-        return frozen(finite("reference", reference, 0))
+        return readonly_copy(require_finite("reference", reference, 0))
 
     def __call__(self, structure: ArrayLike, wrench: ArrayLike) -> Allocation:
         """Choose tensions for these structure matrices (..., n, m) and wrenches (..., n)."""
@@ -343,7 +343,7 @@ class Allocator:
             allocation = None if single is None else _solve_single(single, structure, wrench)
             if allocation is not None:
                 return allocation
-        matrices, vectors = numbers("structure", structure, 2), numbers("wrench", wrench, 1)
+        matrices, vectors = as_numeric("structure", structure, 2), as_numeric("wrench", wrench, 1)
         problem, shape = self.problem(matrices, vectors)
         verified = self._fused.solve_verified(problem) if self._fused else None
         if verified is None:
@@ -370,11 +370,11 @@ class Allocator:
             }
         )
         return Problem(
-            structure=rows(structure, shape, 2),
-            wrench=rows(wrench, shape, 1),
-            lower=rows(fixed.lower, shape, 1),
-            upper=rows(fixed.upper, shape, 1),
-            reference=rows(fixed.reference, shape, 1),
+            structure=flatten_batch(structure, shape, 2),
+            wrench=flatten_batch(wrench, shape, 1),
+            lower=flatten_batch(fixed.lower, shape, 1),
+            upper=flatten_batch(fixed.upper, shape, 1),
+            reference=flatten_batch(fixed.reference, shape, 1),
             weights=fixed.weights,
             policy=self.policy,
         ), shape
@@ -386,10 +386,10 @@ class Allocator:
             able = ", ".join(name for name in SOLVERS if not refusal(make(name), n, m))
             raise InputError(f"{type(self.solver).__name__} serves no such problem: {reason}; these do: {able}")
 
-        lower = spread("lower", self.lower, m, "cables")
-        upper = spread("upper", self.upper, m, "cables")
-        reference = spread("reference", self.reference, m, "cables")
-        weights = spread("wrench_weights", self.weights, n, "rows")
+        lower = broadcast_last_axis("lower", self.lower, m, "cables")
+        upper = broadcast_last_axis("upper", self.upper, m, "cables")
+        reference = broadcast_last_axis("reference", self.reference, m, "cables")
+        weights = broadcast_last_axis("wrench_weights", self.weights, n, "rows")
         single = None
         if self._fused and lower.ndim == upper.ndim == reference.ndim == 1:
             single = self._fused.prepare(lower, upper, reference, weights, self.policy)
@@ -509,10 +509,10 @@ def _shaped(verified: Verified, shape: tuple[int, ...]) -> Allocation:
 def _weights(weights: ArrayLike | None) -> Floats:
     """Return positive wrench weights; one that stands for all where none are given."""
     if weights is None:
-        return frozen(np.ones(1))
-    values = finite("wrench_weights", weights, 1)
+        return readonly_copy(np.ones(1))
+    values = require_finite("wrench_weights", weights, 1)
     if values.ndim != 1 or not (values > 0).all():
         raise ShapeError(
             f"wrench_weights must be positive numbers, one for each wrench component; got {values!s:.60}"
         )
-    return frozen(values)
+    return readonly_copy(values)

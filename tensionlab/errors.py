@@ -137,8 +137,8 @@ class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned na
 
     Examples
     --------
-    >>> from tensionlab.errors import needs
-    >>> with needs("workspace", "a sweep"):
+    >>> from tensionlab.errors import optional_import
+    >>> with optional_import("workspace", "a sweep"):
     ...     import no_such_library
     Traceback (most recent call last):
         ...
@@ -147,7 +147,7 @@ class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned na
 
 
 @contextmanager
-def needs(extra: str, what: str) -> Iterator[None]:
+def optional_import(extra: str, what: str) -> Iterator[None]:
     """Import optional libraries in this context; one that is missing is a `MissingDependency`.
 
     Parameters
@@ -159,7 +159,7 @@ def needs(extra: str, what: str) -> Iterator[None]:
 
     Examples
     --------
-    >>> with needs("workspace", "a store"):
+    >>> with optional_import("workspace", "a store"):
     ...     import zarr
     """
     try:

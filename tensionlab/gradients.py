@@ -14,7 +14,7 @@ from tensionlab.allocation import Allocation, Allocator
 from tensionlab.errors import InputError, ShapeError
 from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, Policy, Problem, Solver
 from tensionlab.solvers.least_squares import Newton
-from tensionlab.support.arrays import Floats, Limits, finite, numbers, rows
+from tensionlab.support.arrays import Floats, Limits, as_numeric, flatten_batch, require_finite
 
 
 class AllocationGradients(NamedTuple):
@@ -114,14 +114,14 @@ class AllocationJacobian:
         These are the vector-Jacobian products of reverse-mode differentiation. ShapeError if the cotangent is not
         finite, or does not broadcast to the tensions.
         """
-        given, tensions = finite("cotangent", cotangent, 1), self.allocation.tensions
+        given, tensions = require_finite("cotangent", cotangent, 1), self.allocation.tensions
         try:
             spread = np.broadcast_to(given, tensions.shape)
         except ValueError:
             raise ShapeError(
                 f"cotangent has shape {given.shape}, which does not broadcast to the tensions' {tensions.shape}"
             ) from None
-        flat = rows(spread, self._shape, 1)
+        flat = flatten_batch(spread, self._shape, 1)
         return AllocationGradients(*map(self._shaped, _native.allocation_gradients(*self._given(flat))))
 
     @cached_property
@@ -187,5 +187,5 @@ def allocation_jacobian(
             f"differentiates the answers of 'newton' alone ({Newton.objective}): leave solver out"
         )
     allocation = allocator(structure, wrench)
-    problem, shape = allocator.problem(numbers("structure", structure, 2), numbers("wrench", wrench, 1))
+    problem, shape = allocator.problem(as_numeric("structure", structure, 2), as_numeric("wrench", wrench, 1))
     return AllocationJacobian(allocation, problem, shape)

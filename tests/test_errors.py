@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.errors import ModuleFault, Unreachable, needs
+from tensionlab.errors import ModuleFault, Unreachable, optional_import
 from tensionlab.hardware.protocol.codes import Fault
 
 
@@ -25,6 +25,6 @@ def test_an_allocation_that_is_not_exact_reaches_another_process():
 
 
 def test_a_missing_library_is_told_with_the_extra_that_brings_it():
-    with pytest.raises(tl.errors.MissingDependency) as raised, needs("x", "a store"):
+    with pytest.raises(tl.errors.MissingDependency) as raised, optional_import("x", "a store"):
         import no_such_library.part  # noqa: F401
     assert str(raised.value) == 'a store needs no_such_library: pip install "tensionlab[x]"'

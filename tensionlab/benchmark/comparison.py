@@ -23,7 +23,7 @@ from tensionlab.solvers import Selected, Solver, select_solvers
 from tensionlab.solvers.base import POLICIES, Policy, Status
 from tensionlab.support import provenance
 from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers, Limits, angles
-from tensionlab.support.arrays import finite as as_finite
+from tensionlab.support.arrays import require_finite as as_finite
 from tensionlab.support.files.tables import read_table
 from tensionlab.support.formatting import format_count, format_duration, format_number, format_vector, one_line
 from tensionlab.support.table import Column, Table

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
-from tensionlab.errors import MissingDependency, UnknownSolver, needs
+from tensionlab.errors import MissingDependency, UnknownSolver, optional_import
 from tensionlab.solvers import every_solver, make, name_solvers
 from tensionlab.solvers.base import POLICIES, Answer, Policy, Problem, Solver
 from tensionlab.solvers.convex import PlainConvex
@@ -209,7 +209,7 @@ def _one(problem: Problem, row: int) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 def load_daqp() -> Any:
     """Return DAQP's own module; MissingDependency if it is not installed."""
-    with needs("solvers", "entry daqp"):
+    with optional_import("solvers", "entry daqp"):
         import daqp
     return daqp
 

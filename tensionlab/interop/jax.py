@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.errors import InputError, needs
+from tensionlab.errors import InputError, optional_import
 from tensionlab.gradients import AllocationJacobian, allocation_jacobian
 from tensionlab.solvers.base import Policy
 
@@ -57,7 +57,7 @@ def allocate(
     MissingDependency
         If JAX is not installed.
     """
-    with needs("jax", "tensionlab.interop.jax"):
+    with optional_import("jax", "tensionlab.interop.jax"):
         import jax.numpy as jnp
     lower, upper = limits if isinstance(limits, tuple) else (limits.lower, limits.upper)
     lower, upper = jnp.asarray(lower), jnp.asarray(upper)

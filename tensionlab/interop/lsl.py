@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tensionlab.errors import MissingDependency, needs
+from tensionlab.errors import MissingDependency, optional_import
 from tensionlab.hardware.protocol.messages import Info
 from tensionlab.hardware.runner.cycle_table import demanded_wrench, desired_wrench, rotation_matrix
 from tensionlab.hardware.runner.records import Cycle, RunEvent
@@ -194,7 +194,7 @@ class LslStreams:
 
 def require_lsl() -> ModuleType:
     """Return pylsl; MissingDependency if it, or the library that it loads, is not installed."""
-    with needs("lsl", "streams for Lab Streaming Layer"):
+    with optional_import("lsl", "streams for Lab Streaming Layer"):
         try:
             import pylsl
         except (OSError, RuntimeError) as error:

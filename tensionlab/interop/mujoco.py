@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from tensionlab.allocation import Allocation, Allocator, Policy, Solver
 from tensionlab.demand import Pose
-from tensionlab.errors import InputError, needs
+from tensionlab.errors import InputError, optional_import
 from tensionlab.interop.mjcf import rig_to_mjcf
 from tensionlab.model.pose import place_anchors, to_module_frames
 from tensionlab.model.rig import Rig
@@ -328,7 +328,7 @@ class _Swivels:
 
 def _import_mujoco(what: str) -> ModuleType:
     """Return the library; MissingDependency, which says what needs it, if it is not installed."""
-    with needs("mujoco", what):
+    with optional_import("mujoco", what):
         import mujoco
     module: ModuleType = mujoco
     return module

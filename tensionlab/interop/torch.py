@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.errors import InputError, needs
+from tensionlab.errors import InputError, optional_import
 from tensionlab.gradients import allocation_jacobian
 from tensionlab.solvers.base import Policy
 
@@ -57,7 +57,7 @@ def allocate(
     MissingDependency
         If PyTorch is not installed.
     """
-    with needs("torch", "tensionlab.interop.torch"):
+    with optional_import("torch", "tensionlab.interop.torch"):
         import torch
 
     def tensor(given: Any) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab.errors import RigError, ShapeError
-from tensionlab.support.arrays import Floats, as_floats, frozen, tension_limits
+from tensionlab.support.arrays import Floats, as_floats, readonly_copy, tension_limits
 from tensionlab.support.files.reading import MAX_NAME, brief
 from tensionlab.support.formatting import format_range, format_vector
 
@@ -210,7 +210,7 @@ class Platform:
         if self.inertia is not None:
             here = '[platform]: key "inertia"'
             try:
-                inertia = frozen(as_floats("inertia", self.inertia))
+                inertia = readonly_copy(as_floats("inertia", self.inertia))
             except ShapeError as error:
                 raise RigError(f"{here}: {error}") from None
             if inertia.size and np.abs(inertia).max() > MAX_MASS * MAX_LENGTH**2:
@@ -267,7 +267,7 @@ def upward(up: str, dimension: int) -> Floats:
 def vector(values: ArrayLike, where: str, key: str) -> Floats:
     """Turn the coordinates of one point into a read-only array, or say what is wrong with them."""
     try:
-        point = frozen(as_floats(key, values))
+        point = readonly_copy(as_floats(key, values))
     except (TypeError, ValueError):
         raise RigError(f'{where}: key "{key}" is {brief(values)}; give a list of coordinates in m') from None
     if point.ndim != 1 or not np.isfinite(point).all():

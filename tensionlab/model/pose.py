@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model import kinematics
 from tensionlab.model.module import WORLD, Module, require_name, same, vector
-from tensionlab.support.arrays import Floats, as_floats, common_axes, finite, frozen
+from tensionlab.support.arrays import Floats, as_floats, common_axes, readonly_copy, require_finite
 from tensionlab.support.files.reading import brief
 
 ORTHOGONALITY = 1e-6
@@ -76,7 +76,7 @@ class RestPose:
         object.__setattr__(self, "position", vector(self.position, here, "position"))
         if self.rotation is None:
             return
-        turn = frozen(as_floats("rotation", self.rotation))
+        turn = readonly_copy(as_floats("rotation", self.rotation))
         if turn.size != {2: 1, 3: 3}.get(self.position.size):
             raise RigError(f'{here}: key "rotation" must have three numbers in space, one in the plane')
         if not (np.abs(turn) <= MAX_ROTATION_RAD).all():
@@ -178,7 +178,7 @@ def to_module_frames(modules: Sequence[Module], vectors: Floats, frames: Frames 
 
 def points(values: ArrayLike, size: int, what: str) -> Floats:
     """Return finite floats whose last axis holds ``size`` coordinates or cables."""
-    array = finite(what, values, 0)
+    array = require_finite(what, values, 0)
     if array.ndim == 0 or array.shape[-1] != size:
         raise ShapeError(f"{what} has shape {array.shape}; its last axis must hold {size} entries")
     return array
@@ -186,7 +186,7 @@ def points(values: ArrayLike, size: int, what: str) -> Floats:
 
 def rotations(values: ArrayLike, dimension: int, what: str) -> Floats:
     """Return orientations as (..., d, d) rotation matrices, from angles in the plane or matrices in space."""
-    array = finite(what, values, 0)
+    array = require_finite(what, values, 0)
     if dimension == 2:
         return kinematics.planar_rotation(array)
     if array.shape[-2:] != (3, 3):

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model.module import MAX_LENGTH, MAX_TENSION, Platform, same
-from tensionlab.support.arrays import Floats, as_floats, frozen
+from tensionlab.support.arrays import Floats, as_floats, readonly_copy
 from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_vector
 
@@ -207,7 +207,7 @@ def _wrenches(key: str, values: Any, axes: int) -> Floats:
     """Return a read-only array of wrenches, or say what is wrong with it."""
     expected = "a list of numbers in N (and N·m)" if axes == 1 else "a list of wrenches, all of one size"
     try:
-        array = frozen(as_floats(key, values))
+        array = readonly_copy(as_floats(key, values))
     except ShapeError:
         raise RigError(f'key "{key}" is {brief(values)}; give {expected}') from None
     if array.ndim != axes or not array.size or not (np.abs(array) <= MAX_TENSION).all():

@@ -30,7 +30,7 @@ from tensionlab.model.pose import Frame, Frames, RestPose
 from tensionlab.model.pulleys import Pulleys, route_cables
 from tensionlab.model.requirement import Requirement
 from tensionlab.support import provenance
-from tensionlab.support.arrays import Floats, common_axes, frozen
+from tensionlab.support.arrays import Floats, common_axes, readonly_copy
 from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_count, format_range, format_vector
 from tensionlab.support.table import Column, Table
@@ -334,12 +334,12 @@ class Rig:
     @cached_property
     def anchors(self) -> Floats:
         """Anchors of all modules, (m, d), each in the axes of its own frame, in m. Read-only."""
-        return frozen(np.stack([module.anchor for module in self.modules]))
+        return readonly_copy(np.stack([module.anchor for module in self.modules]))
 
     @cached_property
     def attachments(self) -> Floats:
         """Attachments of all cables, (m, d), in platform axes, in m; zeros for a point rig. Read-only."""
-        return frozen(np.stack([np.asarray(module.attachment) for module in self.modules]))
+        return readonly_copy(np.stack([np.asarray(module.attachment) for module in self.modules]))
 
     @cached_property
     def pulleys(self) -> Pulleys | None:
@@ -350,7 +350,7 @@ class Rig:
         axes = np.stack([nowhere if each.pulley_axis is None else each.pulley_axis for each in self.modules])
         lengths = np.linalg.norm(axes, axis=1, keepdims=True)
         radii = np.array([each.pulley_radius or 0.0 for each in self.modules])
-        return Pulleys(frozen(radii), frozen(axes / np.where(lengths > 0.0, lengths, 1.0)))
+        return Pulleys(readonly_copy(radii), readonly_copy(axes / np.where(lengths > 0.0, lengths, 1.0)))
 
     def pulleys_in_world(self, frames: Frames | None = None) -> Pulleys | None:
         """Return the pulleys of all modules with axes in the world; ``frames`` as in `structure_matrix`."""

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from tensionlab.errors import UnknownSolver, needs
+from tensionlab.errors import UnknownSolver, optional_import
 from tensionlab.solvers.base import TOLERANCE, Answer, Policy, Problem
 from tensionlab.solvers.programs import NO_TENSIONS, SAFETY, Reply, ScaledProblem, choose_each, finite_tensions
 from tensionlab.support.arrays import Floats
@@ -73,7 +73,7 @@ class ConvexProgram:
 
 def _require_cvxpy() -> None:
     """Say that cvxpy is not installed, where it is not, before any work."""
-    with needs("reference", "solver cvxpy"):
+    with optional_import("reference", "solver cvxpy"):
         import cvxpy  # noqa: F401
 
 

@@ -79,7 +79,7 @@ def tension_limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats
         raise ShapeError(
             f"limits must be a pair (lower, upper) or have those attributes, as rig.limits has; got {limits!r:.60}"
         ) from None
-    low, high = frozen(finite("lower", lower, 0)), frozen(finite("upper", upper, 0))
+    low, high = readonly_copy(require_finite("lower", lower, 0)), readonly_copy(require_finite("upper", upper, 0))
     try:
         crossed = low > high
     except ValueError:
@@ -92,21 +92,21 @@ def tension_limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats
     return low, high
 
 
-def frozen(array: Floats) -> Floats:
+def readonly_copy(array: Floats) -> Floats:
     """Copy an array into one that nobody can change."""
     copy = np.array(array)  # also of a scalar, which the mean of two arrays without axes is
     copy.flags.writeable = False
     return copy
 
 
-def finite(name: str, array: ArrayLike, axes: int) -> Floats:
+def require_finite(name: str, array: ArrayLike, axes: int) -> Floats:
     """Return contiguous floats with at least so many axes, or name the entry that is not finite."""
-    values = numbers(name, array, axes)
+    values = as_numeric(name, array, axes)
     check(name, values)
     return values
 
 
-def numbers(name: str, array: ArrayLike, axes: int) -> Floats:
+def as_numeric(name: str, array: ArrayLike, axes: int) -> Floats:
     """Return contiguous floats with at least so many axes, finite or not."""
     values = as_floats(name, array)
     if values.ndim < axes:
@@ -134,7 +134,7 @@ def check_size(n: int, m: int) -> None:
         )
 
 
-def spread(name: str, array: Floats, count: int, what: str) -> Floats:
+def broadcast_last_axis(name: str, array: Floats, count: int, what: str) -> Floats:
     """Return an entry for each of ``count`` cables or rows, where one number may stand for all."""
     own = array.shape[-1:]
     if own == (count,):
@@ -156,7 +156,7 @@ def common_axes(axes: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
         raise ShapeError(f"leading axes do not broadcast together: {shapes}; insert axes of length 1") from None
 
 
-def rows(array: Floats, shape: tuple[int, ...], inner: int) -> Floats:
+def flatten_batch(array: Floats, shape: tuple[int, ...], inner: int) -> Floats:
     """Broadcast an array to all problems, its leading axes made one; read-only, a view where possible."""
     full = shape + array.shape[array.ndim - inner :]
     if array.shape != full:

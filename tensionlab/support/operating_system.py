@@ -76,7 +76,7 @@ def interrupt_main_thread() -> None:
         signal.pthread_kill(main, signal.SIGTERM)
 
 
-def patiently(act: Callable[[], Result]) -> Result:
+def retry_while_locked(act: Callable[[], Result]) -> Result:
     """Call what replaces, renames or removes a file, and return its result.
 
     Windows refuses that while another program, a reader or a virus scanner, has the file open: then it is tried

@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tensionlab.errors import needs
+from tensionlab.errors import optional_import
 from tensionlab.support.files import writing
 from tensionlab.support.files.reading import as_path
 from tensionlab.support.operating_system import processor_name
@@ -85,7 +85,7 @@ def write_parquet(
     ``json.loads(pyarrow.parquet.read_schema(path).metadata[b"tensionlab"])``. WriteError if the file cannot be
     written; what was there before stays.
     """
-    with needs("data", "writing Parquet"):
+    with optional_import("data", "writing Parquet"):
         import pyarrow as pa
         import pyarrow.parquet as pq
     if isinstance(table, Mapping):
@@ -113,14 +113,14 @@ def write_table(
 
 def data_frame(table: Sequence[Mapping[str, Any]] | Mapping[str, Any], index: Any = None) -> pandas.DataFrame:
     """Return a table, as in `write_parquet`, with pandas; MissingDependency if that is not installed."""
-    with needs("data", "a data frame"):
+    with optional_import("data", "a data frame"):
         import pandas
     return pandas.DataFrame(table, index)
 
 
 def import_xarray() -> Any:
     """Return the module xarray; MissingDependency if it is not installed."""
-    with needs("workspace", "a dataset"):
+    with optional_import("workspace", "a dataset"):
         import xarray
     return xarray
 

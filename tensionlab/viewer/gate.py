@@ -18,7 +18,7 @@ from urllib.parse import quote, urlencode, urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
-from tensionlab.errors import needs
+from tensionlab.errors import optional_import
 from tensionlab.support.access import Header, knows_token, loaded_by_other_page, names_this_machine
 from tensionlab.support.files.reading import brief
 
@@ -304,7 +304,7 @@ class Gate:
 
 def start(host: str, port: int, gate: Gate) -> viser.ViserServer:
     """Start viser's server behind a gate."""
-    with needs("view", "the view"):
+    with optional_import("view", "the view"):
         import viser
     with _gated(gate) as gated:
         server = viser.ViserServer(host=host, port=port, verbose=False)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.errors import needs
+from tensionlab.errors import optional_import
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, Colours
 from tensionlab.support.formatting import format_count, format_duration, format_number
@@ -31,7 +31,7 @@ def render(macro: str, *values: Any) -> str:
 
 @cache
 def _environment() -> jinja2.Environment:
-    with needs("view", "the view"):
+    with optional_import("view", "the view"):
         import jinja2
     loader = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
     environment = jinja2.Environment(

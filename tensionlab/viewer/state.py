@@ -15,7 +15,7 @@ from tensionlab.model.module import WORLD, Module
 from tensionlab.model.pose import RestPose
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Policy
-from tensionlab.support.arrays import Floats, frozen
+from tensionlab.support.arrays import Floats, readonly_copy
 from tensionlab.viewer.snapping import nearest_on_surfaces
 from tensionlab.workspace.layout.task import LayoutTask
 
@@ -123,13 +123,13 @@ def begin(rig: Rig) -> DesignState:
     >>> state.move_anchor(shown, "floor-1", [1.0, 0.0, 0.0]).rig.modules[0].anchor
     array([1., 0., 0.])
     """
-    return DesignState(rig=rig, position=rig.home, rotation=_upright(rig), wrench=frozen(np.zeros(rig.n)))
+    return DesignState(rig=rig, position=rig.home, rotation=_upright(rig), wrench=readonly_copy(np.zeros(rig.n)))
 
 
 def _upright(rig: Rig) -> Floats | None:
     if rig.n == rig.dimension:
         return None
-    return frozen(np.zeros(())) if rig.dimension == 2 else frozen(np.eye(3))
+    return readonly_copy(np.zeros(())) if rig.dimension == 2 else readonly_copy(np.eye(3))
 
 
 def find(state: DesignState, name: str) -> Module:
@@ -257,26 +257,26 @@ def set_home(state: DesignState) -> DesignState:
 
 def move_hand(state: DesignState, place: ArrayLike) -> DesignState:
     """Put the hand, or the platform's reference point, at a place, (d,), in m, or the nearest grid point."""
-    return replace(state, position=frozen(snap(state, place)))
+    return replace(state, position=readonly_copy(snap(state, place)))
 
 
 def turn_platform(state: DesignState, rotation: ArrayLike) -> DesignState:
     """Turn the platform: a matrix (3, 3) in space, an angle in rad in the plane; nothing for a point."""
     if state.rotation is None:
         return state
-    return replace(state, rotation=frozen(np.asarray(rotation, np.float64)))
+    return replace(state, rotation=readonly_copy(np.asarray(rotation, np.float64)))
 
 
 def set_wrench(state: DesignState, wrench: ArrayLike) -> DesignState:
     """Set the desired wrench, (n,), in N and N·m."""
-    return replace(state, wrench=frozen(np.asarray(wrench, np.float64)))
+    return replace(state, wrench=readonly_copy(np.asarray(wrench, np.float64)))
 
 
 def of_ghost(state: DesignState, ghost: Rig) -> DesignState:
     """Return the state with another rig of as many dimensions, at the same place and turned alike if it can be."""
     turns = ghost.n > ghost.dimension
     rotation = state.rotation if turns and state.rotation is not None else _upright(ghost)
-    wrench = state.wrench if ghost.n == state.rig.n else frozen(np.zeros(ghost.n))
+    wrench = state.wrench if ghost.n == state.rig.n else readonly_copy(np.zeros(ghost.n))
     return replace(state, rig=ghost, rotation=rotation, wrench=wrench)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.errors import needs
+from tensionlab.errors import optional_import
 from tensionlab.model.pose import place_anchors
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
@@ -113,7 +113,7 @@ def surface(volume: Volume, level: float) -> Mesh | None:
         return None
     if volume.values.ndim == 2:
         return _squares(volume.axes, above)
-    with needs("view", "the surface of a workspace"):
+    with optional_import("view", "the surface of a workspace"):
         from skimage.measure import marching_cubes
     step = np.array([axis[1] - axis[0] for axis in volume.axes])
     # What lies outside is a little below the level, so that the surface closes at the edge of the box.

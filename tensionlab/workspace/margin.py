@@ -14,7 +14,7 @@ from tensionlab.model import kinematics, pose
 from tensionlab.model.pose import Frames
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats, finite, rows
+from tensionlab.support.arrays import Floats, flatten_batch, require_finite
 from tensionlab.workspace.wrench_set import StructureBatch, TensionRange, structure_batch, structure_matrices
 
 RequiredWrenches = ArrayLike | tuple[ArrayLike, ArrayLike] | None
@@ -195,7 +195,7 @@ def _arguments(
     matrices = structure_matrices(structure)
     wrenches, radius = _required_set(required, matrices.shape[-2])
     batch = structure_batch(matrices, limits, required=wrenches.shape[:-2], radius=radius.shape)
-    return batch, rows(wrenches, batch.shape, 2), radius
+    return batch, flatten_batch(wrenches, batch.shape, 2), radius
 
 
 def _required_set(required: RequiredWrenches, n: int) -> tuple[Floats, Floats]:
@@ -207,12 +207,15 @@ def _required_set(required: RequiredWrenches, n: int) -> tuple[Floats, Floats]:
             raise ShapeError(
                 f"required is a tuple of {len(required)}; a ball is (centre, radius), and vertices are an array"
             )
-        centre, radius = finite("required centre", required[0], 1), finite("required radius", required[1], 0)
+        centre, radius = (
+            require_finite("required centre", required[0], 1),
+            require_finite("required radius", required[1], 0),
+        )
         if (radius < 0).any():
             raise ShapeError(f"required radius is {radius.min():g}; give 0 or more")
         wrenches = centre[..., None, :]
     else:
-        wrenches, radius = finite("required", required, 1), np.zeros(())
+        wrenches, radius = require_finite("required", required, 1), np.zeros(())
         if wrenches.ndim == 1:
             wrenches = wrenches[None]
     if wrenches.shape[-1] != n:

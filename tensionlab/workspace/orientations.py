@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from tensionlab.errors import DataError, InputError
 from tensionlab.model import kinematics
-from tensionlab.support.arrays import Floats, finite
+from tensionlab.support.arrays import Floats, require_finite
 from tensionlab.support.files.tables import read_table
 
 MAX_ORIENTATIONS = 100_000
@@ -42,7 +42,7 @@ def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> F
     >>> turns.shape, f"{np.degrees(np.arccos(turns[-1, 2, 2])):.1f} degrees"
     ((19, 3, 3), '10.0 degrees')
     """
-    upward = finite("axis", axis, 1)
+    upward = require_finite("axis", axis, 1)
     if upward.shape != (3,) or not upward.any():
         raise InputError(f"axis is {axis!r}; give a vector in space, not zero")
     if not (0 < half_angle <= np.pi and step > 0 and half_angle / step < np.sqrt(MAX_ORIENTATIONS)):
@@ -86,7 +86,7 @@ def roll_pitch_yaw(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Floats:
            [ 0.,  0.,  1.]])
     """
     angles = [
-        np.atleast_1d(finite(name, each, 0)).ravel()
+        np.atleast_1d(require_finite(name, each, 0)).ravel()
         for name, each in (("roll", roll), ("pitch", pitch), ("yaw", yaw))
     ]
     if not 0 < np.prod([each.size for each in angles]) <= MAX_ORIENTATIONS:

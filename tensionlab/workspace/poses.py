@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.module import MAX_LENGTH
-from tensionlab.support.arrays import Floats, as_floats, finite
+from tensionlab.support.arrays import Floats, as_floats, require_finite
 from tensionlab.support.files.reading import as_path, brief
 from tensionlab.support.files.tables import check_columns, read_npz, read_parquet, read_table
 from tensionlab.support.formatting import format_count, format_range
@@ -69,7 +69,7 @@ class Grid:
     def __post_init__(self) -> None:
         for name in "xyz":
             if getattr(self, name) is not None:
-                axis = np.atleast_1d(finite(name, getattr(self, name), 0))
+                axis = np.atleast_1d(require_finite(name, getattr(self, name), 0))
                 if axis.ndim != 1 or axis.size == 0:
                     raise ShapeError(f"{name} has shape {axis.shape}; give one or more coordinates in m, in a row")
                 object.__setattr__(self, name, axis)
@@ -158,7 +158,7 @@ class PoseList:
     distance: Floats | None = None
 
     def __post_init__(self) -> None:
-        position = finite("position", self.position, 0)
+        position = require_finite("position", self.position, 0)
         if position.ndim != 2 or position.shape[0] == 0 or position.shape[1] not in (2, 3):
             raise ShapeError(f"position has shape {position.shape}; give one or more rows of x, y (and z), in m")
         object.__setattr__(self, "position", position)
@@ -245,7 +245,7 @@ def box(
     array([-0.1,  0. ,  0.1])
     """
     intervals = [("x", x), ("y", y)] + ([] if z is None else [("z", z)])
-    steps = finite("step", step, 0)
+    steps = require_finite("step", step, 0)
     if steps.shape not in ((), (len(intervals),)) or not (steps > 0).all():
         given = brief(steps.tolist())
         raise InputError(f"step is {given}; give one length in m, or one for each axis, above zero")
@@ -289,7 +289,7 @@ def polyline(points: ArrayLike, step: float, rotation: ArrayLike | None = None) 
     position = np.stack([np.interp(places, along, column) for column in corners.T], axis=-1)
     if rotation is None:
         return PoseList(position, distance=places)
-    turn = finite("rotation", rotation, 0)
+    turn = require_finite("rotation", rotation, 0)
     return PoseList(position, np.broadcast_to(turn, (len(places), *turn.shape)), places)
 
 
@@ -372,7 +372,7 @@ def poses_from_columns(columns: dict[str, Floats]) -> PoseList:
 
 def _axis(name: str, ends: ArrayLike, step: float) -> Floats:
     """Return coordinates from one end to the other."""
-    values = finite(name, ends, 0)
+    values = require_finite(name, ends, 0)
     if values.ndim == 0:
         return values.reshape(1)
     if values.shape != (2,):

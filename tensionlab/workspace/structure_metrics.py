@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensionlab import _native
 from tensionlab.allocation import RANK_TOLERANCE, TOLERANCE, Allocator, Status
 from tensionlab.errors import InputError, ShapeError
-from tensionlab.support.arrays import Floats, finite, rows
+from tensionlab.support.arrays import Floats, flatten_batch, require_finite
 from tensionlab.workspace.wrench_set import TensionRange, structure_batch, structure_matrices
 
 CLOSURE_TOLERANCE = 1e-10
@@ -114,7 +114,7 @@ def isotropic_force(
     if not middle.any():
         return _native.isotropic_force(*batch[:3], forces, RANK_TOLERANCE).reshape(batch.shape)[()]
     # Tensions that render the wrench, whatever their limits, shift the limits for the ball.
-    W, wrenches = batch.structure, rows(middle, batch.shape, 1)
+    W, wrenches = batch.structure, flatten_batch(middle, batch.shape, 1)
     tensions = (np.linalg.pinv(W, RANK_TOLERANCE) @ wrenches[..., None])[..., 0]
     found = _native.isotropic_force(W, batch.lower - tensions, batch.upper - tensions, forces, RANK_TOLERANCE)
     missing = np.linalg.norm(wrenches - np.einsum("bnm,bm->bn", W, tensions), axis=1)
@@ -229,7 +229,7 @@ def feasible_direction_fraction(
     wrenches = _wrenches(directions, magnitude, matrices.shape[-2], offset_wrench)
     batch = structure_batch(matrices, limits, directions=wrenches.shape[:-2])
     tolerance = feasibility_tolerance(wrenches)
-    share = _native.reachable_share(*batch[:3], rows(wrenches, batch.shape, 2), tolerance, RANK_TOLERANCE)
+    share = _native.reachable_share(*batch[:3], flatten_batch(wrenches, batch.shape, 2), tolerance, RANK_TOLERANCE)
     return share.reshape(batch.shape)[()]
 
 
@@ -281,7 +281,7 @@ def squared_tension(
     matrices = structure_matrices(structure)
     wrenches = _wrenches(directions, magnitude, matrices.shape[-2], offset_wrench)
     structures, lower, upper, shape = structure_batch(matrices, limits, directions=wrenches.shape[:-2])
-    desired = rows(wrenches, shape, 2)
+    desired = flatten_batch(wrenches, shape, 2)
     mean, worst = np.empty(len(desired)), np.empty(len(desired))
     step = max(1, ALLOCATIONS_PER_CALL // desired.shape[1])
     for start in range(0, len(desired), step):
@@ -308,7 +308,7 @@ def _offset(wrench: ArrayLike | None, n: int) -> Floats:
     """Return a wrench that is rendered at the same time, (..., n)."""
     if wrench is None:
         return np.zeros(n)
-    found = finite("offset_wrench", wrench, 1)
+    found = require_finite("offset_wrench", wrench, 1)
     if found.shape[-1] != n:
         raise ShapeError(f"offset_wrench has {found.shape[-1]} components where structure has {n} rows")
     return found
@@ -318,7 +318,7 @@ def _wrenches(directions: ArrayLike, magnitude: float, n: int, offset_wrench: Ar
     """Return wrenches of one magnitude on top of another wrench, (..., k, n)."""
     if not (math.isfinite(magnitude) and magnitude >= 0):
         raise InputError(f"magnitude is {magnitude}; give a finite number, 0 or more")
-    vectors = finite("directions", directions, 2)
+    vectors = require_finite("directions", directions, 2)
     if not (vectors.shape[-2] and 1 <= vectors.shape[-1] <= n):
         raise ShapeError(
             f"directions have shape {vectors.shape}; give (k, d), with d from 1 to {n}, the rows of structure"

@@ -11,7 +11,16 @@ from numpy.typing import ArrayLike
 from tensionlab import _native
 from tensionlab.allocation import RANK_TOLERANCE
 from tensionlab.errors import ShapeError
-from tensionlab.support.arrays import Floats, Limits, check_size, common_axes, finite, rows, spread, tension_limits
+from tensionlab.support.arrays import (
+    Floats,
+    Limits,
+    broadcast_last_axis,
+    check_size,
+    common_axes,
+    flatten_batch,
+    require_finite,
+    tension_limits,
+)
 
 TensionRange = Limits | tuple[ArrayLike, ArrayLike]
 """Tension limits in N: an object with ``lower`` and ``upper``, or that pair; each (..., m) or a number."""
@@ -28,7 +37,7 @@ class StructureBatch(NamedTuple):
 
 def structure_matrices(structure: ArrayLike) -> Floats:
     """Return structure matrices (..., n, m) as floats; refuse NaN, infinity and sizes the kernels do not serve."""
-    matrices = finite("structure", structure, 2)
+    matrices = require_finite("structure", structure, 2)
     check_size(*matrices.shape[-2:])
     return matrices
 
@@ -37,11 +46,13 @@ def structure_batch(matrices: Floats, limits: TensionRange, **axes: tuple[int, .
     """Broadcast the leading axes of matrices and limits to each other and to further named ones."""
     m = matrices.shape[-1]
     low, high = tension_limits(limits)
-    lower, upper = spread("lower", low, m, "cables"), spread("upper", high, m, "cables")
+    lower, upper = broadcast_last_axis("lower", low, m, "cables"), broadcast_last_axis("upper", high, m, "cables")
     shape = common_axes(
         {"structure": matrices.shape[:-2], "lower": lower.shape[:-1], "upper": upper.shape[:-1], **axes}
     )
-    return StructureBatch(rows(matrices, shape, 2), rows(lower, shape, 1), rows(upper, shape, 1), shape)
+    return StructureBatch(
+        flatten_batch(matrices, shape, 2), flatten_batch(lower, shape, 1), flatten_batch(upper, shape, 1), shape
+    )
 
 
 class HalfSpaces(NamedTuple):

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 from tensionlab.errors import ShapeError
 from tensionlab.haptics.brakes.choice import Flags
 from tensionlab.model import pose
-from tensionlab.support.arrays import Floats, common_axes, finite
+from tensionlab.support.arrays import Floats, common_axes, require_finite
 
 TOLERANCE = 1e-9
 """What counts as zero of a unit vector."""
@@ -201,7 +201,7 @@ def _unit(direction: ArrayLike, structure: Floats) -> Floats:
 
 def _sets(structure: ArrayLike, locked: ArrayLike) -> tuple[Floats, Flags]:
     """Return structure matrices and sets of cables with the same leading axes."""
-    U = finite("structure", structure, 0)
+    U = require_finite("structure", structure, 0)
     sets = np.asarray(locked)
     if U.ndim < 2 or U.shape[-2] not in (2, 3):
         raise ShapeError(f"structure has shape {U.shape}; give that of a point, (2, m) or (3, m)")

@@ -131,25 +131,25 @@ class Busy:
 
 
 def test_a_file_that_another_program_has_open_is_waited_for_on_windows_for_a_while(windows):
-    assert windows.patiently(soon := Busy(5)) == "done"
+    assert windows.retry_while_locked(soon := Busy(5)) == "done"
     assert soon.tried == 6
     began = windows.time.perf_counter()
     with pytest.raises(PermissionError):
-        windows.patiently(never := Busy(float("inf")))
+        windows.retry_while_locked(never := Busy(float("inf")))
     assert windows.time.perf_counter() - began == pytest.approx(windows.OPEN_ELSEWHERE_S, abs=0.05)
     assert never.tried > 10
     with pytest.raises(FileNotFoundError):
-        windows.patiently(raising(FileNotFoundError()))
+        windows.retry_while_locked(raising(FileNotFoundError()))
 
 
 def test_elsewhere_what_may_not_be_done_is_refused_at_once():
     with pytest.raises(PermissionError):
-        operating_system.patiently(once := Busy(1))
+        operating_system.retry_while_locked(once := Busy(1))
     assert once.tried == 1
 
 
 def test_a_file_is_replaced_while_somebody_reads_it(windows, monkeypatch, tmp_path):
-    monkeypatch.setattr(writing, "patiently", windows.patiently)
+    monkeypatch.setattr(writing, "retry_while_locked", windows.retry_while_locked)
     (file := tmp_path / "a.txt").write_text("old")
     replace = Busy(3, os.replace)
     monkeypatch.setattr(Path, "replace", replace.method())
@@ -163,7 +163,7 @@ def test_a_file_is_replaced_while_somebody_reads_it(windows, monkeypatch, tmp_pa
 
 def test_a_link_is_locked_and_free_again_while_somebody_reads_who_has_it(windows, monkeypatch, tmp_path):
     monkeypatch.setenv("LOCALAPPDATA", str(tmp_path))
-    for name in ("user_folders", "is_private", "patiently", "process_start"):
+    for name in ("user_folders", "is_private", "retry_while_locked", "process_start"):
         monkeypatch.setattr(locks, name, getattr(windows, name))
     replace, unlink = Busy(3, os.replace), Busy(3, os.unlink)
     monkeypatch.setattr(Path, "replace", replace.method())

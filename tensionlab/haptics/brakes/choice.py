@@ -29,7 +29,7 @@ from tensionlab.errors import InputError, ShapeError
 from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats, as_floats, common_axes, finite
+from tensionlab.support.arrays import Floats, as_floats, common_axes, require_finite
 
 Flags = NDArray[np.bool_]
 
@@ -137,14 +137,14 @@ def choose_locks(
         Naming the array, if shapes do not fit, a number is not finite, a normal is not of unit length, or a force
         or strength is negative.
     """
-    U, n = finite("structure", structure, 0), finite("normal", normal, 0)
+    U, n = require_finite("structure", structure, 0), require_finite("normal", normal, 0)
     m = limits.lower.size
     if U.shape[-2:] not in ((2, m), (3, m)) or n.shape[-1:] != U.shape[-2:-1]:
         raise ShapeError(
             f"structure {U.shape}, normal {n.shape} and limits of {m} cables do not fit; give (..., d, m), "
             "(..., d) and m, with d = 2 or 3 for a point"
         )
-    F, holds = finite("force", force, 0), pose.points(strengths, m, "strengths")
+    F, holds = require_finite("force", force, 0), pose.points(strengths, m, "strengths")
     if F.min(initial=0.0) < 0.0 or holds.min(initial=0.0) < 0.0:
         raise ShapeError(
             "force and strengths must be 0 N or more; turn the normal round for a force the other way"
@@ -244,7 +244,7 @@ def brake_map(
     ShapeError
         As `choose_locks`, and for a force of 0.
     """
-    U, n = finite("structure", structure, 0), finite("normals", normals, 0)
+    U, n = require_finite("structure", structure, 0), require_finite("normals", normals, 0)
     if not force > 0.0 or U.ndim < 2 or n.ndim != 2:
         raise ShapeError(
             f"force is {force}, structure has shape {U.shape} and normals {n.shape}; give a force above 0 N, "

@@ -22,7 +22,7 @@ from tensionlab.errors import InputError
 from tensionlab.haptics.brakes.choice import Flags, LockSet, choose_locks
 from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
-from tensionlab.support.arrays import Floats, finite
+from tensionlab.support.arrays import Floats, require_finite
 
 Reason = Literal["locked", "motors", "no cable", "too fast", "not near", "leaving"]
 """What decided: brakes are locked; the motors do, or no set of brakes is worth its price; no brake may be locked
@@ -149,7 +149,7 @@ def decide(
     contact is what the last cycle decided. A cap, for what must not be hurt, limits what each brake may be loaded
     with as well. Raise `ShapeError` as `choose_locks` does.
     """
-    n = finite("normal", wall.normal, 0)
+    n = require_finite("normal", wall.normal, 0)
     p, v = pose.points(position, n.size, "position"), pose.points(velocity, n.size, "velocity")
     hold = pose.points(strengths, limits.lower.size, "strengths")
     approach = -float(n @ v)

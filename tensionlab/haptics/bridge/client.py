@@ -7,7 +7,7 @@ from contextlib import ExitStack, suppress
 from types import TracebackType
 from typing import Any, Self
 
-from tensionlab.errors import HardwareError, needs
+from tensionlab.errors import HardwareError, optional_import
 from tensionlab.haptics.bridge.messages import PROTOCOL, Message, State, Welcome, parse_message
 
 
@@ -35,7 +35,7 @@ class BridgeClient:
     """
 
     def __init__(self, url: str, token: str | None = None) -> None:
-        with needs("haptics", "a client of the bridge"):
+        with optional_import("haptics", "a client of the bridge"):
             from websockets.exceptions import WebSocketException
             from websockets.sync.client import connect
         headers = {} if token is None else {"Authorization": f"Bearer {token}"}

@@ -25,7 +25,14 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from tensionlab.errors import EffectError, HardwareError, ProtocolError, TensionlabError, cannot_listen, needs
+from tensionlab.errors import (
+    EffectError,
+    HardwareError,
+    ProtocolError,
+    TensionlabError,
+    cannot_listen,
+    optional_import,
+)
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander
 from tensionlab.haptics.bridge.messages import Frame, parse_message, refusal_reason
@@ -352,7 +359,7 @@ class OscTracker:
     """
 
     def __init__(self, host: str, port: int) -> None:
-        with needs("haptics", "OSC"):
+        with optional_import("haptics", "OSC"):
             import pythonosc.osc_bundle_builder  # noqa: F401
         try:
             found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)

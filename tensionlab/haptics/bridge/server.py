@@ -15,7 +15,13 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 from urllib.parse import urlsplit
 
-from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError, TensionlabError, cannot_listen, needs
+from tensionlab.errors import (
+    MAX_MESSAGE_CHARACTERS,
+    HardwareError,
+    TensionlabError,
+    cannot_listen,
+    optional_import,
+)
 from tensionlab.haptics.bridge.admission import COMMAND_PATH, HEADERS, STATE_PATH, Admission
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, FrameRefused
@@ -110,7 +116,7 @@ class Bridge:
         admission: Admission | None = None,
         report: Callable[[str], None] = lambda line: None,
     ) -> None:
-        with needs("haptics", "the bridge"):
+        with optional_import("haptics", "the bridge"):
             import websockets  # noqa: F401
         admission = admission or Admission()
         if host not in LOOPBACK and not admission.token:

@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from tensionlab.errors import LinkError, needs
+from tensionlab.errors import LinkError, optional_import
 from tensionlab.hardware.client.locks import LinkLock, NoLock, tcp_address
 
 READ_BYTES = 4096
@@ -78,7 +78,7 @@ class Link(Protocol):
 
 def serial_ports() -> list[SerialPort]:
     """Return the serial ports of this computer, by USB or Bluetooth, free or not."""
-    with needs("hardware", "finding serial ports"):
+    with optional_import("hardware", "finding serial ports"):
         from serial.tools import list_ports
     return [
         SerialPort(port.device, "" if port.description == "n/a" else port.description, port.hwid, port.vid)
@@ -125,7 +125,7 @@ class SerialLink:
     clock = staticmethod(time.perf_counter)
 
     def __init__(self, url: str, lock: LinkLock | NoLock) -> None:
-        with needs("hardware", "a serial port"):
+        with optional_import("hardware", "a serial port"):
             import serial
         self.url, self._lock = url, lock
         # The errors of a port that is closed while another thread reads it are not pyserial's own.

@@ -25,7 +25,7 @@ from urllib.parse import urlsplit
 from tensionlab.errors import LinkError
 from tensionlab.hardware.client.shared_telemetry import publisher
 from tensionlab.support.files.writing import acquire_lock
-from tensionlab.support.operating_system import is_private, patiently, process_start, user_folders
+from tensionlab.support.operating_system import is_private, process_start, retry_while_locked, user_folders
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
@@ -98,7 +98,7 @@ class LinkLock:
         try:
             new = path.with_suffix(".new")
             new.write_text(content, encoding="utf-8")
-            patiently(lambda: new.replace(note))
+            retry_while_locked(lambda: new.replace(note))
         except OSError:
             lock.release()
             raise
@@ -109,7 +109,7 @@ class LinkLock:
         while self._held:
             lock, note = self._held.pop()
             with suppress(OSError):  # of a free link, a note names nobody
-                patiently(partial(note.unlink, missing_ok=True))
+                retry_while_locked(partial(note.unlink, missing_ok=True))
             lock.release()
 
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
-from tensionlab.errors import LogError, needs
+from tensionlab.errors import LogError, optional_import
 from tensionlab.support.files import writing
 from tensionlab.support.files.reading import parse_json, require_unpackable
 
@@ -30,7 +30,7 @@ class McapWriter:
     """
 
     def __init__(self, path: Path, schemas: Mapping[str, Mapping[str, Any]]) -> None:
-        with needs("hardware", "the log of a run"):
+        with optional_import("hardware", "the log of a run"):
             from mcap.writer import Writer
         writing.require_new(path, "the log")
         self._file = writing.open_stream(path)
@@ -103,7 +103,7 @@ def read_records(path: Path, progress: Callable[[float], None] | None = None) ->
     ``progress`` is called now and then with the share of the file that has been read. A `LogError` if it can't be
     read, or is no log of a run.
     """
-    with needs("hardware", "the log of a run"):
+    with optional_import("hardware", "the log of a run"):
         from mcap.records import Attachment, Channel, Footer, Header, Message, Metadata
     channels: dict[int, str] = {}
     known = complete = False

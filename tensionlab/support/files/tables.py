@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 
-from tensionlab.errors import TensionlabError, needs
+from tensionlab.errors import TensionlabError, optional_import
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief, parse_json, read_bytes, read_text, require_unpackable
 
@@ -183,7 +183,7 @@ def from_mappings(rows: Sequence[Any], kind: type[Row], source: str, error: type
 
 def read_parquet(path: str | PathLike[str], what: str, error: type[TensionlabError]) -> ParquetTable:
     """Return the table of a Parquet file, with its manifest."""
-    with needs("data", "reading Parquet"):
+    with optional_import("data", "reading Parquet"):
         import pyarrow as pa
         import pyarrow.compute as pc
         import pyarrow.parquet as pq

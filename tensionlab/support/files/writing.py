@@ -16,9 +16,9 @@ from os import PathLike
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from tensionlab.errors import WriteError, needs
+from tensionlab.errors import WriteError, optional_import
 from tensionlab.support.files.reading import as_path
-from tensionlab.support.operating_system import patiently
+from tensionlab.support.operating_system import retry_while_locked
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
@@ -110,7 +110,7 @@ def replacing(path: str | PathLike[str]) -> Iterator[IO[bytes]]:
             os.fsync(file.fileno())
         if place.exists():
             new.chmod(stat.S_IMODE(place.stat().st_mode))
-        patiently(lambda: new.replace(place))
+        retry_while_locked(lambda: new.replace(place))
     except BaseException as error:
         with suppress(OSError):
             new.unlink()
@@ -184,7 +184,7 @@ def acquire_lock(path: Path, timeout: float, extra: str) -> BaseFileLock | None:
     Returns the lock, or None if another process has it for longer than the timeout, in s. The extra of this
     package that brings filelock is for messages.
     """
-    with needs(extra, "a lock"):
+    with optional_import(extra, "a lock"):
         from filelock import FileLock, Timeout
     lock = FileLock(path, thread_local=False, poll_interval=0.01)
     try:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.errors import InputError
-from tensionlab.support.arrays import Floats, Integers, finite
+from tensionlab.support.arrays import Floats, Integers, require_finite
 
 MIN_ROOTS = 4
 """Cells along the shortest edge to begin with: fewer would make the finest much smaller than they need be."""
@@ -75,7 +75,7 @@ def subdivide(region: ArrayLike, resolution: ArrayLike, dimension: int) -> Subdi
 
     InputError if the region or the resolution, one for all axes or one for each, makes no sense.
     """
-    ends = finite("region", region, 2)
+    ends = require_finite("region", region, 2)
     if ends.shape != (dimension, 2):
         raise InputError(
             f"region has shape {ends.shape}; give where it starts and ends along {'xyz'[:dimension]}, in m"
@@ -87,7 +87,7 @@ def subdivide(region: ArrayLike, resolution: ArrayLike, dimension: int) -> Subdi
             f"region runs from {ends[axis, 0]:g} to {ends[axis, 1]:g} along {'xyz'[axis]}; give the lower end "
             "first, and an extent along one axis at least"
         )
-    steps = finite("resolution", resolution, 0)
+    steps = require_finite("resolution", resolution, 0)
     if steps.shape not in ((), (dimension,)) or not (steps > 0).all():
         raise InputError(f"resolution is {resolution!r}; give one length in m, or one for each axis, above zero")
     counts = np.maximum(1, np.ceil(extent / steps * (1 - 1e-12)))

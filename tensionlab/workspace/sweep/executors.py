@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from typing import Any, Protocol, TypeVar
 
-from tensionlab.errors import SweepError, needs
+from tensionlab.errors import SweepError, optional_import
 from tensionlab.support.files.reading import brief
 from tensionlab.support.operating_system import processors
 
@@ -62,7 +62,7 @@ def evaluate_on_cluster(address: str, tasks: Iterable[AnyTask]) -> Iterator[tupl
     of this machine: a task holds all that it needs. SweepError if the scheduler does not answer, has no workers,
     is lost, or lost too many workers.
     """
-    with needs("cluster", "a cluster"):
+    with optional_import("cluster", "a cluster"):
         from distributed import Client, KilledWorker, as_completed
         from distributed.comm import CommClosedError
         from distributed.protocol import pickle

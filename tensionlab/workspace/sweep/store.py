@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.errors import SweepError, needs
+from tensionlab.errors import SweepError, optional_import
 from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files import writing
@@ -72,7 +72,7 @@ class ZarrStore:
     """
 
     def __init__(self, path: Path, plan: Plan, empty: xarray.Dataset) -> None:
-        with needs("workspace", "a store"):
+        with optional_import("workspace", "a store"):
             import zarr
         self._path, self._plan = path, plan
         self._lock: BaseFileLock | None = None
