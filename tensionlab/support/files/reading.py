@@ -6,36 +6,24 @@ import json
 import re
 import reprlib
 import tomllib
-from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from tensionlab.errors import DataError, InputError, TensionlabError
 
-DATASETS_FOLDERS = tuple(parent / "datasets" for parent in Path(__file__).parents[2:4])
-"""Where this package's data sets may be: inside the installed package, or beside it in the source tree."""
-CHECKSUMS = "SHA256SUMS"
-"""A file that marks the folder as this package's: beside an installed package there may be others' `datasets`."""
-MAX_TEXT_BYTES = 1_000_000
-"""Of a file that describes something, such as a rig; a large one has some ten thousand."""
+DATASETS_FOLDERS = tuple(parent / "datasets" for parent in Path(__file__).parents[2:4])  # installed, source tree
+CHECKSUMS = "SHA256SUMS"  # marks a folder of data sets as this package's
+MAX_TEXT_BYTES = 1_000_000  # a large rig has some ten thousand
 MAX_NESTING = 32
-"""Tables and lists within each other."""
 MAX_INTEGER = 2**63
-"""Whole numbers are below this size, as TOML has it."""
-MAX_KEY_PARTS = 32
-"""Of a dotted key. The parser takes the square of their number, in time and in memory."""
+MAX_KEY_PARTS = 32  # the parser takes the square of their number, in time and memory
 LONG_KEY = re.compile(rf"""(?:(?:"[^"\n]*"|'[^'\n]*'|[\w-]+)[ \t]*\.[ \t]*){{{MAX_KEY_PARTS}}}""")
-PIECE_BYTES = 1_000_000
-"""Read at a time: who asks for a gigabyte at once gets its memory before there is a byte."""
-
+# A file may unpack to the first; a small one to the second and the third for each of its own bytes. Tables and logs
+# of runs unpack to some five.
 MAX_UNPACKED_BYTES, FREE_UNPACKED_BYTES, MAX_UNPACKED_RATIO = 1_600_000_000, 64_000_000, 64
-"""A file may unpack to the first; small ones to the second, and to so many bytes for each of their own. Tables and
-logs of runs unpack to some five."""
-MAX_NAME = 100
-"""Characters of the name of a part of a rig, or of a module."""
-MAX_SHOWN = 80
-"""Characters of a value in a message."""
+MAX_NAME = 100  # characters of the name of a part of a rig, or of a module
+MAX_SHOWN = 80  # characters of a value in a message
 
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = 60
@@ -50,19 +38,7 @@ def require_unpackable(unpacked: int, size: int, source: str, error: type[Tensio
 
 
 def datasets_folder() -> Path:
-    """Return the folder of the data sets that come with this package.
-
-    Raises
-    ------
-    DataError
-        If it is not there.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> (tl.datasets.folder() / "README.md").is_file()
-    True
-    """
+    """Return the folder of the data sets that come with this package; `DataError` if it is missing."""
     for folder in DATASETS_FOLDERS:
         if (folder / CHECKSUMS).is_file():
             return folder
@@ -92,13 +68,10 @@ def read_bytes(
 
     The error is raised, naming the file, if it is not there, is a folder, cannot be read, or is too large.
     """
-    place, pieces = as_path(path), list[bytes]()
-    left = max_bytes + 1
+    place = as_path(path)
     try:
         with place.open("rb") as file:
-            while left > 0 and (piece := file.read(min(left, PIECE_BYTES))):
-                pieces.append(piece)
-                left -= len(piece)
+            content = file.read(max_bytes + 1)
     except FileNotFoundError:
         raise error(f"{path}: no such file; give the path of {what}") from None
     except IsADirectoryError:
@@ -107,9 +80,9 @@ def read_bytes(
         raise error(f"{path}: cannot be read ({problem.strerror}); give {what}") from None
     except ValueError as problem:  # a path that no system takes
         raise error(f"{brief(str(path))}: cannot be read ({problem}); give {what}") from None
-    if left == 0:
+    if len(content) > max_bytes:
         raise error(f"{path}: has more than {max_bytes:,} bytes; give {what}")
-    return b"".join(pieces)
+    return content
 
 
 def read_text(
@@ -160,25 +133,15 @@ def parse_json(text: str | bytes, source: str, error: type[TensionlabError]) -> 
     return value
 
 
-def _require_bounded(document: Any, source: str, error: type[TensionlabError]) -> None:
-    """Refuse what is nested too deep for those who go through it, and whole numbers that no float holds."""
-    level: list[tuple[str, Any]] = [("", document)]
-    for _ in range(MAX_NESTING):
-        for where, value in level:
-            if type(value) is int and not -MAX_INTEGER <= value < MAX_INTEGER:
-                raise error(f"{source}: {where}: a whole number beyond 64 bits; correct it") from None
-        level = [inner for where, value in level for inner in _inside(where, value)]
-        if not level:
-            return
-    raise _too_deep(source, error) from None
-
-
-def _inside(where: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield what a table or a list holds, each with the key that leads to it."""
-    if isinstance(value, dict):
-        yield from ((brief(key) if where == "" else where, each) for key, each in value.items())
-    elif isinstance(value, list):
-        yield from ((where, each) for each in value)
+def _require_bounded(value: Any, source: str, error: type[TensionlabError], path: tuple[str, ...] = ()) -> None:
+    """Refuse what is nested too deep to be walked by recursion, and integers that overflow a float."""
+    if len(path) > MAX_NESTING:
+        raise _too_deep(source, error) from None
+    if type(value) is int and not -MAX_INTEGER <= value < MAX_INTEGER:
+        raise error(f"{': '.join([source, *path[:1]])}: a whole number beyond 64 bits; correct it") from None
+    if isinstance(value, dict | list):
+        for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
+            _require_bounded(inner, source, error, (*path, brief(key)))
 
 
 def _too_deep(source: str, error: type[TensionlabError]) -> TensionlabError:

@@ -9,9 +9,8 @@ import math
 import zipfile
 from array import array
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from functools import cache
 from os import PathLike
-from typing import Any, NamedTuple, TypeVar, get_type_hints
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,7 +21,6 @@ from tensionlab.support.files.reading import brief, parse_json, read_bytes, read
 Row = TypeVar("Row")
 
 MAX_FILE_BYTES = 500_000_000
-"""Of a table on disk."""
 
 
 def csv_rows(text: str, source: str, error: type[TensionlabError]) -> Iterator[tuple[int, list[str]]]:
@@ -141,9 +139,9 @@ class ParquetTable(NamedTuple):
             raise self._missing(name, error)
         found: list[Any] = self.columns[name].to_pylist()
         for number, value in enumerate(found, start=1):
-            if not _suits(value, kind):
+            if not isinstance(value, kind):
                 raise error(
-                    f'{self.source}: column "{name:.40}", row {number}: {brief(value)} is no {_named(kind)}'
+                    f'{self.source}: column "{name:.40}", row {number}: {brief(value)} is no {kind.__name__}'
                 )
         return found
 
@@ -158,26 +156,16 @@ class ParquetTable(NamedTuple):
 
 def from_mappings(rows: Sequence[Any], kind: type[Row], source: str, error: type[TensionlabError]) -> list[Row]:
     """Return mappings, such as the rows of a table, as instances of a dataclass, checked by its annotations."""
-    hints = get_type_hints(kind)
-    fields = dataclasses.fields(kind)  # type: ignore[arg-type]
-    needed = {
-        each.name
-        for each in fields
-        if each.default is dataclasses.MISSING and each.default_factory is dataclasses.MISSING
-    }
+    from tensionlab.support.validation import validate
+
+    known = {field.name for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
     found = []
     for number, values in enumerate(rows, start=1):
         here = f"{source}: row {number}"
-        if not isinstance(values, Mapping):
-            raise error(f"{here} is {brief(values)}; it must be a table")
-        for name in sorted(needed - values.keys()):
-            raise error(f'{here}: "{name}" is missing')
-        for name, value in values.items():
-            if name not in hints:
+        for name in values if isinstance(values, Mapping) else ():
+            if name not in known:
                 raise error(f'{here}: unknown key "{name:.40}"')
-            if not _suits(value, hints[name]):
-                raise error(f'{here}: "{name}" is {brief(value)}; it must be of {_named(hints[name])}')
-        found.append(kind(**values))
+        found.append(validate(kind, values, error, here))
     return found
 
 
@@ -285,20 +273,3 @@ def _array(content: bytes, where: str, error: type[TensionlabError]) -> Floats:
         raise error(f"{where}: is cut off: its header tells of {count:,} values")
     values = np.frombuffer(content, dtype, count, file.tell())
     return np.asarray(values.reshape(shape, order="F" if fortran else "C"), dtype=np.float64)
-
-
-@cache
-def _check_of(hint: Any) -> Any:
-    """Return pydantic's check of an annotated type."""
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(hint).validator.isinstance_python
-
-
-def _suits(value: Any, hint: Any) -> bool:
-    """Tell whether a value is of an annotated type; whole numbers are floats, nothing else is converted."""
-    return bool(_check_of(hint)(value, strict=True))
-
-
-def _named(hint: Any) -> str:
-    return str(getattr(hint, "__name__", hint))

@@ -1,7 +1,7 @@
 """Writing files: whole or not at all, with errors in words.
 
-A file is written under another name beside its place, and takes the place when it is complete. So whoever reads
-the place finds the old file or the new one, and a full disk costs neither.
+A file is written under a temporary name in the same folder and renamed when it is complete: readers find the old
+file or the new one, and a full disk costs neither.
 """
 
 from __future__ import annotations
@@ -23,23 +23,21 @@ from tensionlab.support.operating_system import retry_while_locked
 if TYPE_CHECKING:
     from filelock import BaseFileLock
 
-
-PROBE_BYTES = 4096
-"""So many bytes must fit beside a file's place before the work that makes the file."""
+PROBE_BYTES = 4096  # written and removed again before the work that makes a file
+NO_SPACE = "free some space, or name another place"
 ADVICE = {
-    errno.ENOSPC: "free some space, or name another place",
-    errno.EDQUOT: "free some space, or name another place",
-    errno.EFBIG: "free some space, or name another place",
+    errno.ENOSPC: NO_SPACE,
+    errno.EDQUOT: NO_SPACE,
+    errno.EFBIG: NO_SPACE,
     errno.ENOENT: "make that folder first",
     errno.ENOTDIR: "name a place in a folder",
     errno.EISDIR: "name a file",
     errno.ENAMETOOLONG: "give a shorter name",
 }
-"""What to do, by the system's error number; else, to name another place."""
 
 
 def unwritable(path: str | PathLike[str], error: OSError) -> WriteError:
-    """Return the error that says in words why a file could not be written, and what to do."""
+    """Return the error that says why a file could not be written, and what to do."""
     if isinstance(error, WriteError):
         return error
     advice = ADVICE.get(error.errno or 0, "name another place")
@@ -47,10 +45,9 @@ def unwritable(path: str | PathLike[str], error: OSError) -> WriteError:
 
 
 def require_writable(path: str | PathLike[str], suffixes: Sequence[str] = ()) -> None:
-    """Check that a file can be written, before the work that makes it: some bytes are written beside its place.
+    """Check that a file can be written, before the work that makes it, by writing some bytes to its folder.
 
-    It must have one of the suffixes, in lower case, if there are any; its folder must be there; and at its place
-    there must be nothing other than a file that may be replaced.
+    Its name must end in one of the suffixes (lower case), if any are given.
     """
     if suffixes and as_path(path).suffix.lower() not in suffixes:
         what = "a name is missing" if as_path(path).name in suffixes else "unsupported format"
@@ -70,10 +67,7 @@ def require_new(path: str | PathLike[str], what: str) -> None:
 
 
 def require_folder(path: str | PathLike[str], *, parents: bool = False) -> None:
-    """Check that files can be written to a folder, which need not be there yet. Nothing is made.
-
-    With ``parents``, the folder that it is to be made in need not be there either.
-    """
+    """Check that files can be written to a folder, which need not exist yet; its parents too with ``parents``."""
     folder = Path(os.path.realpath(path))
     if not parents and not os.path.lexists(folder.parent):
         raise WriteError(f"{path}: no folder {folder.parent}; make it first")
@@ -96,10 +90,9 @@ def make_folder(path: str | PathLike[str]) -> Path:
 
 @contextmanager
 def replacing(path: str | PathLike[str]) -> Iterator[IO[bytes]]:
-    """Open a file that takes its place when the block ends, and is gone if the block fails.
+    """Open a file that replaces the one at ``path`` when the block ends, and is removed if the block fails.
 
-    A link is followed. A file that was there before keeps its permissions. `WriteError` if the system refuses,
-    here or when the block ends, or there is something other than a file to replace.
+    Links are followed, permissions kept. `WriteError` if the system refuses or the path is not a file's.
     """
     place = _place(path)
     new = _neighbour(place.parent, place.suffix)
@@ -131,10 +124,7 @@ def write_text(path: str | PathLike[str], text: str) -> None:
 
 
 def open_stream(path: str | PathLike[str]) -> IO[bytes]:
-    """Open a file that is written in its place, for what comes bit by bit and must outlive a killed process.
-
-    What was in it is lost, but only if something can be written in its stead.
-    """
+    """Open a file that is written in place, for data that must outlive a killed process."""
     require_writable(path)
     try:
         return _place(path).open("wb")
@@ -163,12 +153,12 @@ def _place(path: str | PathLike[str]) -> Path:
 
 
 def _neighbour(folder: Path, suffix: str = "") -> Path:
-    """Return a name in a folder that nothing has; it says whose it is, should a killed process leave it."""
+    """Return an unused name in a folder; it names this package, should a killed process leave it."""
     return folder / f".tensionlab-{secrets.token_hex(8)}{suffix}"
 
 
 def _probe(folder: Path) -> None:
-    """Write some bytes to a folder, and take them away."""
+    """Write some bytes to a folder, and remove them."""
     new = _neighbour(folder)
     try:
         with new.open("xb") as file:
@@ -179,10 +169,10 @@ def _probe(folder: Path) -> None:
 
 
 def acquire_lock(path: Path, timeout: float, extra: str) -> BaseFileLock | None:
-    """Lock a file, which is made if it is not there, for this process, at whose end the system releases it.
+    """Lock a file for this process; the system releases it when the process ends.
 
-    Returns the lock, or None if another process has it for longer than the timeout, in s. The extra of this
-    package that brings filelock is for messages.
+    Return the lock, or None if another process holds it for longer than ``timeout``, in s. ``extra`` is the extra
+    of this package that brings filelock.
     """
     with optional_import(extra, "a lock"):
         from filelock import FileLock, Timeout

@@ -143,12 +143,11 @@ class Fact:
 @pytest.mark.parametrize(
     ("row", "said"),
     [
-        ({"name": "a"}, 'row 2: "value" is missing'),
+        ({"name": "a"}, "row 2: value is missing"),
         ({"name": "a", "value": 1, "x": 2}, 'row 2: unknown key "x"'),
-        ({"name": 3, "value": 1}, 'row 2: "name" is 3; it must be of str'),
-        ({"name": "a", "value": True}, 'row 2: "value" is True'),
-        ({"name": "a", "value": 1, "parts": (1.0, "x")}, 'row 2: "parts" is'),
-        ([], "row 2 is "),
+        ({"name": 3, "value": 1}, "row 2: name is 3; give a text"),
+        ({"name": "a", "value": 1, "parts": (1.0, "x")}, r"row 2: parts\[1\] is 'x'; give a number"),
+        ([], "row 2: it is \\[\\]"),
     ],
 )
 def test_rows_are_checked_against_the_fields(row, said):
