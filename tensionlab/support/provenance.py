@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import platform
 import shlex
@@ -21,29 +19,9 @@ from tensionlab.support.operating_system import processor_name
 if TYPE_CHECKING:
     import pandas
 
-LIBRARIES = [
-    "numpy",
-    "scipy",
-    "qpsolvers",
-    "clarabel",
-    "osqp",
-    "daqp",
-    "quadprog",
-    "piqp",
-    "proxsuite",
-    "highspy",
-    "cvxpy",
-    "cvxpy-base",
-    "matplotlib",
-    "xarray",
-    "zarr",
-    "distributed",
-    "mcap",
-]
-"""Other distributions whose version may change a result."""
-
+LIBRARIES = """numpy scipy qpsolvers clarabel osqp daqp quadprog piqp proxsuite highspy cvxpy cvxpy-base matplotlib
+xarray zarr distributed mcap""".split()  # other distributions whose version may change a result
 TABLE_SUFFIXES = (".parquet", ".csv")
-"""Formats of `write_table`."""
 
 
 def manifest(call: Sequence[str], seed: int | None = None) -> dict[str, Any]:
@@ -79,11 +57,10 @@ def manifest(call: Sequence[str], seed: int | None = None) -> dict[str, Any]:
 def write_parquet(
     path: str | Path, table: Sequence[Mapping[str, Any]] | Mapping[str, Any], manifest: Mapping[str, Any]
 ) -> None:
-    """Write a table with its manifest: rows, with a column for each of their keys; or columns, by name.
+    """Write a table, given as rows or as columns, with its manifest as JSON in the schema's metadata.
 
-    The manifest is JSON under the key ``tensionlab`` of the schema's metadata:
-    ``json.loads(pyarrow.parquet.read_schema(path).metadata[b"tensionlab"])``. WriteError if the file cannot be
-    written; what was there before stays.
+    ``json.loads(pyarrow.parquet.read_schema(path).metadata[b"tensionlab"])`` reads the manifest. `WriteError` if
+    the file cannot be written; an earlier file stays.
     """
     with optional_import("data", "writing Parquet"):
         import pyarrow as pa
@@ -100,15 +77,11 @@ def write_table(
     path: str | Path, table: Sequence[Mapping[str, Any]] | Mapping[str, Any], manifest: Mapping[str, Any]
 ) -> None:
     """Write a table, as `write_parquet`, in the format of the suffix: Parquet, or CSV without the manifest."""
-    if as_path(path).suffix.lower() != ".csv":
+    if as_path(path).suffix.lower() == ".csv":
+        text = data_frame(table).to_csv(index=False, lineterminator="\n")
+        writing.write_text(path, text)
+    else:
         write_parquet(path, table, manifest)
-        return
-    names = table if isinstance(table, Mapping) else next(iter(table), ())
-    rows = zip(*table.values(), strict=True) if isinstance(table, Mapping) else (row.values() for row in table)
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerows([names, *rows])
-    writing.write_text(path, text.getvalue())
 
 
 def data_frame(table: Sequence[Mapping[str, Any]] | Mapping[str, Any], index: Any = None) -> pandas.DataFrame:
@@ -127,9 +100,8 @@ def import_xarray() -> Any:
 
 def _git_commit() -> str | None:
     """Commit of the working directory; None outside a repository or without git."""
-    # The repository's own settings may name a program, of the same folder perhaps, that git runs to find changes.
-    describe = ["describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
-    command = ["git", "-c", "core.fsmonitor=false", *describe]
+    # A repository's own settings may name a program for git to run (fsmonitor); it must not run here.
+    command = "git -c core.fsmonitor=false describe --always --dirty --abbrev=40 --exclude=*".split()
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
     except (OSError, subprocess.SubprocessError):

@@ -19,16 +19,12 @@ from tensionlab.support.formatting import format_vector
 if TYPE_CHECKING:
     import pandas
 
-WIDE = 120
-"""Characters in a line of a terminal that shows all columns."""
-MAX_HTML_ROWS = 40
-"""Rows of a table in a notebook; of longer tables the middle is left out."""
+WIDE = 120  # characters per line of a terminal that shows all columns
+MAX_HTML_ROWS = 40  # longer tables are shown without their middle
 MAX_HEADING_LINES = 3
-MIN_TEXT_WIDTH, COMFORTABLE_WIDTH = 12, 30
-"""Widths below which a column of text is not narrowed, and not without narrowing the gaps first."""
+MIN_TEXT_WIDTH, COMFORTABLE_WIDTH = 12, 30  # text columns: never narrower; narrower only with narrow gaps
 LATEX = {"\\": r"\textbackslash{}", "%": r"\%", "&": r"\&", "_": r"\_", "#": r"\#", "°": r"$^\circ$",
-         "|": r"\textbar{}", "–": "--", "“": "``", "”": "''"}  # fmt: skip
-"""Characters that LaTeX writes in another way."""
+         "|": "$|$", "–": "--", "“": "``", "”": "''"}  # fmt: skip
 
 
 class Mark(NamedTuple):
@@ -47,12 +43,11 @@ STATUS_MARKS = (
     Mark("○", "#BBBBBB", "certified infeasible"),
     Mark("▲", RED, "unproven"),
     Mark("✗", "#000000", "failed"),
-)
-"""Mark of each `Status`, in its order; the shapes are for readers who do not see the colours."""
+)  # in the order of `Status`; shapes serve readers who do not see the colours
 
 
 def met_mark(met: bool, words: tuple[str, str] = ("yes", "no")) -> Mark:
-    """Return the mark of what is as it should be, or is not."""
+    """Return the mark of a check."""
     return Mark("✓", GREEN, words[0]) if met else Mark("✗", RED, words[1])
 
 
@@ -96,8 +91,7 @@ class Column:
 class Table:
     """Rows of values under headings, with a title above and notes below.
 
-    Columns whose values are text are on the left side of their width, numbers on the right. Columns without any
-    value are left out.
+    Columns of text are left-aligned, columns of numbers right-aligned; empty columns are left out.
 
     Parameters
     ----------

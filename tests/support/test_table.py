@@ -124,7 +124,7 @@ def test_a_table_in_markdown_and_latex():
     assert lines[-1] == "the note"
     lines = TABLE.to_latex().splitlines()
     assert lines[:2] == ["% the note", r"\begin{tabular}{llrrlr}"]
-    assert lines[6] == r"100 \%\textbar{}2 &  & -- & -- & ✗ no & 12,345 \\"
+    assert lines[6] == r"100 \%$|$2 &  & -- & -- & ✗ no & 12,345 \\"
 
 
 def test_a_table_as_a_data_frame_keeps_the_numbers():
@@ -149,23 +149,6 @@ def test_an_allocation_in_one_line_and_in_a_table():
         ["○ certified infeasible", "1", "50.0 %", "14.5", "7"],
     ]
     assert words(tl.allocate(np.ones((0, 1, 2)), [1.0], LIMITS)._repr_html_())[1:] == []
-
-
-def test_every_repr_is_one_line():
-    rig = four()
-    ipanema = tl.load_rig("datasets/rigs/ipanema-2.toml")
-    wide = tl.allocate(ipanema.structure_matrix(ipanema.home), np.zeros(6), ipanema.limits)
-    mixed = tl.TensionLimits([0.0, 1.0], [5.0, 6.0])
-    for each, beginning in (
-        (rig, "<Rig bartels2026-validation: point, 4 modules (floor-1, floor-2, floor-3, top), 0.5 to 6 N>"),
-        (rig.modules[0], "<Module floor-1: (0.5774, 0, 0) m, 0.5 to 6 N>"),
-        (rig.limits, "<TensionLimits of 4 cables: 0.5 to 6 N>"),
-        (mixed, "<TensionLimits of 2 cables: lower (0, 1) N, upper (5, 6) N>"),
-        (tl.Allocator(mixed, "dykstra"), "<Allocator Dykstra("),
-        (wide, "<Allocation EXACT: tensions ["),
-    ):
-        assert repr(each).startswith(beginning)
-        assert "\n" not in repr(each)
 
 
 def test_a_rig_lists_its_modules():
@@ -200,17 +183,6 @@ def test_without_pandas_the_extra_is_named(monkeypatch):
         four().to_pandas()
 
 
-def test_a_comparison_shows_itself():
-    found = compare(four(), solvers=["newton", "least-sum"], directions=np.eye(3))
-    assert repr(found).startswith(
-        "<Comparison of 2 solvers on bartels2026-validation, 4 modules: 3 forces of 1.5 N"
-    )
-    table = words(found._repr_html_())
-    assert table[0][2:6] == ["exact", "near", "unproven", "fail"]
-    assert [row[:3] for row in table[1:]] == [["newton", "any", "3"], ["least-sum", "–", "3"]]
-    assert set(found.to_pandas()["solver"]) == {"newton", "least-sum"}
-
-
 def front():
     """A search that found a layout of four modules, and one of five that is no better."""
     limits = (0.5, 6.0)
@@ -223,12 +195,6 @@ def front():
     return LayoutSearch(Objective(), layouts)
 
 
-def swept():
-    axis = np.linspace(-0.4, 0.4, 3)
-    rigs = [tl.box_corners((1, 1, 1)), tl.alternate_corners((1, 1, 1))]
-    return tl.sweep(rigs, tl.workspace.Grid(axis, axis, axis), ["capacity-margin", "condition-number"])
-
-
 @functools.cache
 def recorded():
     """Return a run of four cycles, written to a log and read again."""
@@ -237,60 +203,37 @@ def recorded():
         return read_run(Path(folder) / "run.mcap")
 
 
-SHOWN = {
-    "run": (recorded, "<Run of bartels2026-validation by newton: 4 cycles at 50 Hz>"),
-    "report": (
-        lambda: report(recorded()),
-        "<RunReport of bartels2026-validation by newton: 4 cycles, finished:",
-    ),
-    "statistics": (
-        lambda: report(recorded()).statistics,
-        "<Statistics of 4 cycles, finished: stopped by the demand: 2 EXACT",
-    ),
-    "replay": (
-        lambda: replay(recorded(), ["dykstra"]),
-        "<Comparison of 2 solvers on ",
-    ),
-    "grid": (lambda: tl.workspace.box((0, 1), (0, 1), step=0.5), "<Grid of 3 x 3 poses: x 0 to 1 m, y 0 to 1 m>"),
-    "poses": (
-        lambda: tl.workspace.PoseList(np.eye(3)),
-        "<PoseList of 3 poses: x 0 to 1 m, y 0 to 1 m, z 0 to 1 m>",
-    ),
-    "layout": (lambda: front().best, "<Layout of room-4: 4 modules, score 2.5, worst margin 2.5 N>"),
-    "space": (
-        lambda: tl.workspace.Space(tl.workspace.room((4, 2, 3))[2:4], (3, 4)),
-        "<Space: 3 or 4 modules on floor, ceiling, 0.5 to 6 N>",
-    ),
-    "surface": (lambda: tl.workspace.room((4, 2, 3))[3], "<Surface ceiling: from (-2, 2, -1.5) m along (4, 0, 0)"),
-    "platform": (
-        lambda: tl.Platform(2.0, [0, 0, 0.1], np.eye(3)),
-        "<Platform of 2 kg, centre of mass at (0, 0, 0.1)",
-    ),
-    "search": (front, "<LayoutSearch for 4 to 5 modules: the best has 4, score 2.5>"),
-    "recording": (
-        lambda: tl.datasets.load("recordings/ideal-simulated"),
-        "<Recording of bartels2026-validation, sim",
-    ),
-    "published": (
-        lambda: tl.datasets.load("published/bartels2026-validation"),
-        "<Published: 4 values of the protocol",
-    ),
-    "benchmark": (lambda: tl.datasets.load("benchmarks/results"), "<Results of 35 entries on 8 problem sets>"),
-    "problems": (
-        lambda: problem_set("point", 10),
-        "<ProblemSet point: 10 problems in 10 groups, random point rigs",
-    ),
-    "group": (lambda: problem_set("point", 10).groups[0], "<Group m = 3: structure matrices (1, 3, 3)>"),
-    "scenario": (lambda: load_scenario("bow"), "<Scenario bow: 2 phases in 5 s on bow>"),
-    "checks": (lambda: Checks([Check("pull", "N", 1.0, 2.0, 3.0)]), "<Checks: 0 of 1 as expected>"),
+RESULTS = {
+    "allocation": lambda: tl.allocate(STRUCTURE, [1.0], LIMITS),
+    "allocations": lambda: tl.allocate(STRUCTURE, [[1.0], [20.0]], LIMITS),
+    "allocator": lambda: tl.Allocator(tl.TensionLimits([0.0, 1.0], [5.0, 6.0]), "dykstra"),
+    "rig": four,
+    "module": lambda: four().modules[0],
+    "limits": lambda: four().limits,
+    "comparison": lambda: compare(four(), solvers=["newton", "least-sum"], directions=np.eye(3)),
+    "run": recorded,
+    "report": lambda: report(recorded()),
+    "statistics": lambda: report(recorded()).statistics,
+    "replay": lambda: replay(recorded(), ["dykstra"]),
+    "grid": lambda: tl.workspace.box((0, 1), (0, 1), step=0.5),
+    "poses": lambda: tl.workspace.PoseList(np.eye(3)),
+    "layout": lambda: front().best,
+    "space": lambda: tl.workspace.Space(tl.workspace.room((4, 2, 3))[2:4], (3, 4)),
+    "platform": lambda: tl.Platform(2.0, [0, 0, 0.1], np.eye(3)),
+    "search": front,
+    "recording": lambda: tl.datasets.load("recordings/ideal-simulated"),
+    "published": lambda: tl.datasets.load("published/bartels2026-validation"),
+    "benchmark": lambda: tl.datasets.load("benchmarks/results"),
+    "problems": lambda: problem_set("point", 10),
+    "scenario": lambda: load_scenario("bow"),
+    "checks": lambda: Checks([Check("pull", "N", 1.0, 2.0, 3.0)]),
 }
 
 
-@pytest.mark.parametrize("name", SHOWN)
-def test_every_result_shows_itself(name):
-    make, beginning = SHOWN[name]
-    result = make()
-    assert repr(result).startswith(beginning)
+@pytest.mark.parametrize("name", RESULTS)
+def test_every_result_shows_itself_in_one_line_and_in_html(name):
+    result = RESULTS[name]()
+    assert repr(result).startswith(f"<{type(result).__name__}")
     assert "\n" not in repr(result)
     assert len(repr(result)) < 160
     if hasattr(result, "_repr_html_"):
@@ -301,31 +244,11 @@ def test_every_result_shows_itself(name):
         assert len(result.to_pandas())
 
 
-def test_tables_say_what_the_results_hold():
-    found = recorded()
-    lines = words(found._repr_html_())
+def test_a_run_and_a_search_name_what_failed():
+    lines = words(recorded()._repr_html_())
     assert lines[:2] == [["● exact", "2 cycles"], ["○ certified infeasible", "2 cycles"]]
     assert [row[-1] for row in lines if row[0] == "floor-2"] == ["lower 75 %, fault ENCODER, lost at 0.040 s"]
-    assert found.to_pandas().loc[2, "chosen.top"] == found.chosen[2, 3]
     assert ["5", "2", "2", "✗ no"] in words(front()._repr_html_())
-    (check,) = words(Checks([Check("pull", "N", 1.0, 2.0, 3.0)])._repr_html_())[1:]
-    assert check == ["✗ not met", "pull", "3.00", "1.00 to 2.00", "N"]
-    bench = tl.datasets.load("benchmarks/results")
-    assert words(bench._repr_html_())[1][:3] == ["newton", "100 %", "100 %"]
-    assert len(bench.to_pandas()) == len(bench.rows)
-
-
-def test_results_draw_themselves():
-    recording = tl.datasets.load("recordings/ideal-simulated")
-    for result, drawn in (
-        (front(), 1),
-        (front().best, 1),
-        (recording, 2),
-        (tl.datasets.load("benchmarks/results"), 1),
-    ):
-        assert len(tl.plot(result).axes) == drawn
-    (axes,) = tl.plot(front()).axes
-    assert [list(line.get_xdata()) for line in axes.get_lines()] == [[4, 5], [4]]
 
 
 def test_completion_offers_public_names_only():
