@@ -19,8 +19,10 @@ from tensionlab.support.operating_system import processor_name
 if TYPE_CHECKING:
     import pandas
 
-LIBRARIES = """numpy scipy qpsolvers clarabel osqp daqp quadprog piqp proxsuite highspy cvxpy cvxpy-base matplotlib
-xarray zarr distributed mcap""".split()  # other distributions whose version may change a result
+LIBRARIES = [
+    "numpy", "scipy", "qpsolvers", "clarabel", "osqp", "daqp", "quadprog", "piqp", "proxsuite", "highspy", "cvxpy",
+    "cvxpy-base", "matplotlib", "xarray", "zarr", "distributed", "mcap",
+]  # fmt: skip  # other distributions whose version may change a result
 TABLE_SUFFIXES = (".parquet", ".csv")
 
 
@@ -101,7 +103,8 @@ def import_xarray() -> Any:
 def _git_commit() -> str | None:
     """Commit of the working directory; None outside a repository or without git."""
     # A repository's own settings may name a program for git to run (fsmonitor); it must not run here.
-    command = "git -c core.fsmonitor=false describe --always --dirty --abbrev=40 --exclude=*".split()
+    describe = ["describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
+    command = ["git", "-c", "core.fsmonitor=false", *describe]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
     except (OSError, subprocess.SubprocessError):
