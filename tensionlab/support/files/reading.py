@@ -19,8 +19,8 @@ MAX_NESTING = 32
 MAX_INTEGER = 2**63
 MAX_KEY_PARTS = 32  # the parser takes the square of their number, in time and memory
 LONG_KEY = re.compile(rf"""(?:(?:"[^"\n]*"|'[^'\n]*'|[\w-]+)[ \t]*\.[ \t]*){{{MAX_KEY_PARTS}}}""")
-# A file may unpack to the first number; a small one to the second, plus the third for each of its own bytes (tables
-# and logs unpack to some five).
+# Unpacked, a file has at most the first; a small one at most the second plus the third for each of its own bytes
+# (tables and logs of runs unpack to some five).
 MAX_UNPACKED_BYTES, FREE_UNPACKED_BYTES, MAX_UNPACKED_RATIO = 1_600_000_000, 64_000_000, 64
 MAX_NAME = 100  # characters of the name of a part of a rig, or of a module
 MAX_SHOWN = 80  # characters of a value in a message
