@@ -17,8 +17,7 @@ from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
-BRAKE = 186.0
-"""What a brake holds, in N: the published one."""
+BRAKE = 186.0  # what a brake holds, in N: the published one
 
 
 def unresisted(rig: Rig, force: float, count: int = 10_000) -> list[float]:

@@ -27,10 +27,8 @@ from tensionlab.workspace.margin import required_margin
 POSES = 1_000_000
 CHUNK_POSES = 100_000
 UNIT_SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
-TETRAHEDRON = ((-0.6, 0.6), (0.0, 2.3), (-0.6, 0.6))
-"""Around the anchors of the published rig."""
-STRENGTH_RATIO = 1.5
-"""Of the tension limit of two cables to the weight that they hold."""
+TETRAHEDRON = ((-0.6, 0.6), (0.0, 2.3), (-0.6, 0.6))  # around the anchors of the published rig
+STRENGTH_RATIO = 1.5  # of the tension limit of two cables to the weight that they hold
 
 
 @dataclass(frozen=True)

@@ -24,21 +24,15 @@ from tensionlab.scenarios.expected import find_brake_wall
 from tensionlab.scenarios.play import perform, simulate_modules, temporary_slew
 from tensionlab.support.arrays import Floats
 
-MAX_FORCE_N = 60.0
-"""Allowed on a head."""
-CONE_RAD = math.radians(40.0)
-"""Largest angle between the wall's normal and a head's way."""
-SHOULDERS = np.array([0.0, 0.0, -0.22])
-"""Position of the torso relative to the head's script, in m."""
-STILL_S, PUSHING_S = 0.05, 0.3
-"""Time at the start, and time at the goal of the script, in the wall."""
-PEAK_RATIO = 1.875
-"""Peak over mean speed of a motion with minimum jerk."""
-MAX_STOP_M = 0.02
-"""Largest depth in the wall of a head that was stopped by it."""
+MAX_FORCE_N = 60.0  # allowed on a head
+CONE_RAD = math.radians(40.0)  # largest angle between the wall's normal and a head's way
+SHOULDERS = np.array([0.0, 0.0, -0.22])  # position of the torso relative to the head's script, in m
+STILL_S, PUSHING_S = 0.05, 0.3  # time at the start, and time at the goal of the script, in the wall
+PEAK_RATIO = 1.875  # peak over mean speed of a motion with minimum jerk
+MAX_STOP_M = 0.02  # largest depth in the wall of a head that was stopped by it
+# First decision at the wall, and its result: brakes were locked, and stopped it there, or it got further in; it
+# was too fast for them; no brake was worth its price.
 END = Literal["stopped", "gave way", "refused", "motors only"]
-"""First decision at the wall, and its result: brakes were locked, and stopped it there, or it got further in; it
-was too fast for them; no brake was worth its price."""
 ENDS: tuple[END, ...] = ("stopped", "gave way", "refused", "motors only")
 
 

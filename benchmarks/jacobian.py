@@ -27,16 +27,12 @@ from tensionlab.gradients import allocation_jacobian
 from tensionlab.solvers.base import POLICIES, Policy, Status
 from tensionlab.support.arrays import Floats
 
-TOLERANCE = 1e-7
-"""Largest difference, against the largest entry of an array of derivatives, or 1."""
-SIZES = tuple((n, m) for n in range(1, 7) for m in range(1, 17))
-"""Components and cables of the comparison."""
-SHAPES = ((3, 4), (3, 8), (6, 8), (6, 12))
-"""Components and cables that are timed."""
+TOLERANCE = 1e-7  # largest difference, against the largest entry of an array of derivatives, or 1
+SIZES = tuple((n, m) for n in range(1, 7) for m in range(1, 17))  # components and cables of the comparison
+SHAPES = ((3, 4), (3, 8), (6, 8), (6, 12))  # components and cables that are timed
+# Steps of the central differences, of fourth order, and what the tensions there count.
 STENCIL = ((-2, 1 / 12), (-1, -8 / 12), (1, 8 / 12), (2, -1 / 12))
-"""Steps of the central differences, of fourth order, and what the tensions there count."""
-STEP = 1e-3
-"""Of the differences, where derivatives are small; it becomes shorter as they grow."""
+STEP = 1e-3  # of the differences, where derivatives are small; it becomes shorter as they grow
 ARGUMENTS = ("structure", "wrench", "lower", "upper", "reference")
 
 

@@ -38,10 +38,8 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
 RIGS = ("bartels2026-validation", "cube-8", "seven-modules", "tetra-4", "bartels2026-validation-0.3m")
-ANCHOR_ERROR_M = 0.003
-"""Standard deviation of each coordinate of an anchor: what a calibration leaves."""
-MAX_DRIFT_M = 0.35
-"""A drift ends the run without being noticed at this length."""
+ANCHOR_ERROR_M = 0.003  # standard deviation of each coordinate of an anchor: what a calibration leaves
+MAX_DRIFT_M = 0.35  # a drift ends the run without being noticed at this length
 
 
 @dataclass(frozen=True)

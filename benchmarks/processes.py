@@ -12,8 +12,7 @@ from contextlib import contextmanager
 
 from tensionlab.errors import HardwareError
 
-ENDING = 60.0
-"""How long a process may take to end, in s, once it is told to."""
+ENDING = 60.0  # how long a process may take to end, in s, once it is told to
 
 
 def command(*words: object) -> list[str]:

@@ -35,8 +35,7 @@ OPTIONS = (
     "--headless=new", "--no-sandbox", "--no-first-run", "--disable-dev-shm-usage", "--enable-unsafe-swiftshader",
     "--use-angle=swiftshader", "--disable-background-networking",
 )  # fmt: skip
-SETTLE_S = 10.0
-"""How long a browser may take to load the page before the run begins."""
+SETTLE_S = 10.0  # how long a browser may take to load the page before the run begins
 READER = """
 import sys, viser
 from websockets.sync.client import connect

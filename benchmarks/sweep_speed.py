@@ -25,12 +25,9 @@ from tensionlab.workspace.sweep.plan import Plan
 from tensionlab.workspace.sweep.store import ZarrStore
 
 RIGS = ("bartels2026-validation", "ipanema-1")
-KERNEL_POSES = 2048
-"""Of one call of the kernel alone: their structure matrices stay in the cache."""
-EDGE_M = 0.01
-"""Between the anchors' box and the poses."""
-LARGE = 10**9
-"""Poses of a sweep that is worth a cluster."""
+KERNEL_POSES = 2048  # of one call of the kernel alone: their structure matrices stay in the cache
+EDGE_M = 0.01  # between the anchors' box and the poses
+LARGE = 10**9  # poses of a sweep that is worth a cluster
 CLUSTER_WORKERS = (4, 16, 64)
 
 

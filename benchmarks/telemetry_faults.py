@@ -35,15 +35,13 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 
 RIGS = ("bartels2026-validation", "seven-modules", "floor-3")
+# 20 to 30 ms one way; 1 % of the frames of some 50 bytes are lost.
 PUBLISHED = Conditions(latency=0.02, jitter=0.01, drop=2e-4)
-"""20 to 30 ms one way; 1 % of the frames of some 50 bytes are lost."""
+# How late telemetry and set-points get, in s, and how fast, in s a second.
 LATE_S, SET_POINTS_LATE_S, CREEP = 1.0, 0.4, 0.4
-"""How late telemetry and set-points get, in s, and how fast, in s a second."""
 JUMP_M = 0.3
-TTL = 0.25
-"""Of set-points, in s: as runs have it."""
-CYCLES = 3.0
-"""So many cycles are right for what a single frame shows, besides the link's latency."""
+TTL = 0.25  # of set-points, in s: as runs have it
+CYCLES = 3.0  # so many cycles are right for what a single frame shows, besides the link's latency
 
 
 @dataclass(frozen=True)

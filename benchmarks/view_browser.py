@@ -22,12 +22,12 @@ from tools.site.browser import installed
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
+# As a browser runs where there is no graphics card: WebGL and the page are drawn on the processor.
 OPTIONS = ("--disable-gpu", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-dev-shm-usage")
-"""As a browser runs where there is no graphics card: WebGL and the page are drawn on the processor."""
 WIDTH, HEIGHT = 1280, 800
 HANGS_MS = 60_000.0
-MOVE_S = 1 / 60
-"""Between events of a mouse that moves."""
+MOVE_S = 1 / 60  # between events of a mouse that moves
+# Script that runs in the page before its own, and notes in `viewLog` what happens when, in ms.
 HOOKS = """(() => {
   const log = window.viewLog = [], pending = new Map();
   let drawn = [], margin = null, gl = null;
@@ -95,7 +95,6 @@ HOOKS = """(() => {
     margin = text;
   }).observe(document.body, {subtree: true, childList: true, characterData: true}));
 })()"""
-"""Script that runs in the page before its own, and notes in ``viewLog`` what happens when, in ms."""
 
 
 @dataclass(frozen=True)

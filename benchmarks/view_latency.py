@@ -27,10 +27,8 @@ from tools.site.browser import installed
 
 RIGS = ("bartels2026-validation", "seven-modules", "ipanema-2")
 REACH_PIXELS = 60.0
-APART_MS = 400.0
-"""After a move, so that all that it brings has ended."""
-FINE_MS = 3_000.0
-"""After a release, so that the fine workspace is there."""
+APART_MS = 400.0  # after a move, so that all that it brings has ended
+FINE_MS = 3_000.0  # after a release, so that the fine workspace is there
 NEAR_M = 2e-4
 Log = list[dict[str, Any]]
 

@@ -17,8 +17,8 @@ from tensionlab.haptics.effects.parameters import Damping, PositiveMass, checked
 from tensionlab.haptics.rendering.stability import stiffness_bound
 from tensionlab.support.arrays import Floats
 
+# Which force (...) acts on a hand at a position (...) with a velocity (...), at a step? As the host sees them.
 Law = Callable[[int, Floats, Floats], Floats]
-"""Which force (...) acts on a hand at a position (...) with a velocity (...), at a step? As the host sees them."""
 
 
 @checked_dataclass(EffectError)

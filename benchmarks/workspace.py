@@ -29,18 +29,13 @@ from tensionlab.workspace.structure_metrics import feasibility_tolerance
 from tensionlab.workspace.sweep import sweep
 
 LOWER, UPPER = 0.5, 6.0
-SHAPES = ((2, 4), (3, 4), (3, 8), (6, 8))
-"""Components and cables of the verification."""
+SHAPES = ((2, 4), (3, 4), (3, 8), (6, 8))  # components and cables of the verification
+# Margins this close to zero are left out of the verification: HiGHS itself has a tolerance of 1e-7.
 UNDECIDED_MARGIN_N = 1e-6
-"""Margins this close to zero are left out of the verification: HiGHS itself has a tolerance of 1e-7."""
-SUSPENDED = ("cogiro", "caroca", "fast")
-"""Robots of the verification that hang from their cables."""
-PUSH_SHARE = 0.1
-"""Of the weight: how hard they are pushed along each axis."""
-TILT = np.radians(10.0)
-"""They are turned by up to this angle."""
-BASELINE_CALLS = 400
-"""Linear programs in each round."""
+SUSPENDED = ("cogiro", "caroca", "fast")  # robots of the verification that hang from their cables
+PUSH_SHARE = 0.1  # of the weight: how hard they are pushed along each axis
+TILT = np.radians(10.0)  # they are turned by up to this angle
+BASELINE_CALLS = 400  # linear programs in each round
 
 
 @dataclass(frozen=True)

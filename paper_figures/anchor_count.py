@@ -20,12 +20,10 @@ from tensionlab.workspace.sweep import sweep
 if TYPE_CHECKING:
     import xarray
 
+# Along X, Y and Z, in m; Y is up, the floor is y = 0, and the Y axis runs through its middle.
 ROOM = (4.0, 2.5, 4.0)
-"""Along X, Y and Z, in m; Y is up, the floor is y = 0, and the Y axis runs through its middle."""
-METRIC = "capacity-margin"
-"""Without a force to hold, the force that a point rig renders in every direction."""
-POINTS = 61
-"""Of a grid, along the longest edge of its box."""
+METRIC = "capacity-margin"  # without a force to hold, the force that a point rig renders in every direction
+POINTS = 61  # of a grid, along the longest edge of its box
 
 
 def room_rigs() -> list[Rig]:

@@ -11,8 +11,7 @@ from tensionlab.plots.style import add_legend, new_figure
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import RED
 
-MAP_ROWS, MAP_COLUMNS = 61, 121
-"""Size of the grid of normals of a brake map."""
+MAP_ROWS, MAP_COLUMNS = 61, 121  # size of the grid of normals of a brake map
 
 
 def map_normals() -> Floats:

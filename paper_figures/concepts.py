@@ -18,8 +18,7 @@ from tensionlab.plots.style import new_figure
 from tensionlab.scenarios import load_scenario
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
 
-DESIRED = np.array([-8.0, -7.0])
-"""The infeasible wrench of the policies, in N."""
+DESIRED = np.array([-8.0, -7.0])  # the infeasible wrench of the policies, in N
 POLICY_LOOKS = {"force": (BLUE, "o"), "tension": (ORANGE, "s"), "direction": (GREEN, "^")}
 SHADE = "#B9D7EA"
 FORCE_AXES: Any = {"xlabel": "force along x (N)", "ylabel": "force along y (N)"}
@@ -215,10 +214,8 @@ STATE_PLACES = {
     "RUNNING": (6.2, 0.0),
     "TIMEOUT": (9.7, 1.9),
     "FAULT": (9.7, -1.9),
-}
-"""Where each state is drawn."""
-DRIVEN = ("ARMED", "RUNNING")
-"""States that share a frame: what leads out of one of them leads out of the other."""
+}  # where each state is drawn
+DRIVEN = ("ARMED", "RUNNING")  # states that share a frame: what leads out of one of them leads out of the other
 
 
 def module_states() -> dict[tuple[str, str], str]:
@@ -258,8 +255,7 @@ BENDS: dict[tuple[str, str], tuple[Any, Any, Any, str]] = {
     ("TIMEOUT", "FAULT"): ((9.7, 1.5), (9.7, -1.5), (10.15, -0.05), "fault"),
     ("TIMEOUT", "IDLE"): ((8.8, 2.05), (0.0, 0.42), (3.4, 1.6), "stop"),
     ("FAULT", "IDLE"): ((8.8, -2.05), (0.0, -0.42), (3.4, -1.9), "clear"),
-}
-"""For each arrow: where it begins and ends, where its words are, and these."""
+}  # for each arrow: where it begins and ends, where its words are, and these
 
 
 def draw_module_states(arrows: dict[tuple[str, str], str]) -> Any:

@@ -23,8 +23,7 @@ from tensionlab.workspace import Grid
 
 FIGURE = (".pdf", ".png")
 TABLE = (".md", ".tex")
-PAGE = (".png",)
-"""Of a figure that only pages of the documentation show."""
+PAGE = (".png",)  # of a figure that only pages of the documentation show
 PUBLISHED = "published/bartels2026-validation"
 RECORDING = "recordings/paper-like-simulated"
 TRIALS = "what-if/paper-like-simulated"
@@ -32,8 +31,7 @@ PROPOSALS = (
     "These layouts are proposals of this project. The paper says only that the materials layout is "
     "grounded and that the others mix body and room modules."
 )
-DIGITS = 6
-"""Swept values are rounded to so many, so that no processor's last digit is seen in a figure."""
+DIGITS = 6  # swept values are rounded to so many, so that no processor's last digit is seen in a figure
 
 
 @dataclass(frozen=True)
@@ -109,5 +107,4 @@ DRAWINGS = {
         )
         for name in portraits.PORTRAYED
     },
-}
-"""By the name of the file, without its suffix."""
+}  # by the name of the file, without its suffix

@@ -17,27 +17,25 @@ from tensionlab.support.colours import BLUE, GREY, RED
 
 ANCHORS = ((1.2, 1.1), (0.8, 0.6), (0.2, -1.3), (-1.1, 0.5))
 LOWER, UPPER = 1.0, (10.0, 10.0, 10.0, 4.0)
-ALONG_X, ALONG_Y = np.linspace(-6.0, 20.0, 157), np.linspace(-11.0, 16.0, 163)
-"""Forces of the map, in N."""
+ALONG_X, ALONG_Y = np.linspace(-6.0, 20.0, 157), np.linspace(-11.0, 16.0, 163)  # forces of the map, in N
+# Along which the force grows in the second panel.
 DIRECTION = np.array([np.cos(np.radians(60.0)), np.sin(np.radians(60.0))])
-"""Along which the force grows in the second panel."""
 SIZES = np.linspace(0.0, 18.0, 721)
 PATH_FORCE = (4.0, 3.0)
+# Of the hand in the third panel, in m, with a constant force in N.
 PATH = np.stack([np.linspace(-0.4, 0.4, 801), np.zeros(801)], axis=1)
-"""Of the hand in the third panel, in m, with a constant force in N."""
-DIGITS = 6
-"""Values are rounded to so many, so that no processor's last digit is seen."""
+DIGITS = 6  # values are rounded to so many, so that no processor's last digit is seen
 RENDERED, NEAREST, MISSED, NOTHING = "#B9D7EA", "#D8D8D8", RED, "#F7F0DE"
 CABLES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
 DASHES = ("-", "--", "-.", ":")
 
+# Solvers that have a portrait.
 PORTRAYED = (
     "newton", "dykstra", "pseudoinverse:middle", "closed-form", "puncture", "polygon:centroid", "least-sum",
     "minimax", "safe", "analytic-centre", "slack", "spidar",
 )  # fmt: skip
-"""Solvers that have a portrait."""
+# What the third panel shows in place of the tensions along a path.
 THIRD = {"dykstra": "iterations", "closed-form": "error", "slack": "error", "spidar": "error"}
-"""What the third panel shows in place of the tensions along a path."""
 
 
 def demonstration_rig() -> tl.Rig:

@@ -13,8 +13,7 @@ from tensionlab.scenarios import Scenario
 from tensionlab.support.arrays import Floats
 
 COLUMNS = 3
-PRESSING_M = 0.002
-"""Distance beyond a brake's wall at which a script presses against it."""
+PRESSING_M = 0.002  # distance beyond a brake's wall at which a script presses against it
 SCRIPT_SAMPLES = 201
 
 

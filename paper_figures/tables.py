@@ -17,15 +17,13 @@ from tensionlab.workspace.volume import describe_step
 
 LATEX = (("%", r"\%"), ("°", r"$^\circ$"), ("–", "--"), ("“", "``"), ("”", "''"))
 TAILS = (0.1, 0.5, 0.9)
-FORCES = (0.5, 1.0, 1.5, 2.0, 3.0)
-"""In N."""
+FORCES = (0.5, 1.0, 1.5, 2.0, 3.0)  # in N
 LINES = (
     ("mean angle error (°)", "angle_mean", "angle", 1),
     ("mean size of the measured force (N)", "magnitude_mean", "magnitude", 2),
     ("“magnitude error”, read as the length of the error vector (N)", "magnitude_error_mean", "vector", 2),
     ("“magnitude error”, read as the difference of sizes (N)", "magnitude_error_mean", "magnitude_error", 2),
-)
-"""Name here, in the publication and among the statistics, and number of decimals."""
+)  # name here, in the publication and among the statistics, and number of decimals
 
 
 @dataclass(frozen=True)

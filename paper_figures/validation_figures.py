@@ -96,20 +96,17 @@ QUESTIONS = {
     "solver": ("another solver", BLUE),
     "side": ("another side of the triangle", GREEN),
     "calibration": ("after calibration, held out", RED),
-}
-"""Heading and colour of each question."""
+}  # heading and colour of each question
+# The same solvers on a rig without errors; drawn as rings beside those of the question "solver".
 IDEAL = "solver alone"
-"""The same solvers on a rig without errors; drawn as rings beside those of the question "solver"."""
+# Column of the trials, name of the published value, label, range, and the largest difference that nobody sees.
 PANELS = (
     ("angle", "angle_mean", "mean angle error (°)", (0.0, 40.0), 0.01),
     ("vector", "magnitude_error_mean", "mean length of the error vector (N)", (0.0, 1.6), 0.001),
     ("magnitude", "magnitude_mean", "mean size of the measured force (N)", (1.2, 2.3), 0.001),
 )
-"""Column of the trials, name of the published value, label, range, and the largest difference that nobody sees."""
-TAILS = (0.1, 0.9)
-"""Quantiles over the rigs, between which a line is drawn."""
-MAX_NAMED = 3
-"""Of more choices that come out the same, only the first is named."""
+TAILS = (0.1, 0.9)  # quantiles over the rigs, between which a line is drawn
+MAX_NAMED = 3  # of more choices that come out the same, only the first is named
 
 
 def plot_what_if(trials: DataFrame, published: Published) -> Any:

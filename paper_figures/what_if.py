@@ -39,8 +39,7 @@ from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
 from tensionlab.validation.simulated_sensor import DriftNoise
 from tensionlab.validation.statistics import ALIGNMENTS, MAX_ANGLE_DEG, MODELS, deviations
 
-Trial = dict[str, Any]
-"""Validation of one simulated rig: a row of the table."""
+Trial = dict[str, Any]  # validation of one simulated rig: a row of the table
 PAPER_LIKE = PRESETS["paper-like"]
 SINGLE_ERRORS = {
     "gain": ErrorModel(gain=PAPER_LIKE.gain, gain_spread=PAPER_LIKE.gain_spread),
@@ -49,15 +48,12 @@ SINGLE_ERRORS = {
     "play": ErrorModel(play=PAPER_LIKE.play),
     "tilt": ErrorModel(tilt=PAPER_LIKE.tilt),
     "noise": ErrorModel(noise=PAPER_LIKE.noise),
-}
-"""Each error of the preset by itself."""
-SIDE_M, SIDES_M = 1.0, (0.3, 0.4, 0.5, 0.8, 1.0, 1.5, 2.0)
-"""Of the triangle."""
-ITERATION_LIMITS = (10, 30, 100, 1000)
-"""Of Dykstra's algorithm, where it is cut short."""
+}  # each error of the preset by itself
+SIDE_M, SIDES_M = 1.0, (0.3, 0.4, 0.5, 0.8, 1.0, 1.5, 2.0)  # of the triangle
+ITERATION_LIMITS = (10, 30, 100, 1000)  # of Dykstra's algorithm, where it is cut short
 RIG_COUNT = 200
+# From the sensor's zero to the first force: a period of the telemetry, where cable lengths fit the home.
 ARMING_S = 0.020
-"""From the sensor's zero to the first force: a period of the telemetry, where cable lengths fit the home."""
 
 
 @dataclass(frozen=True, eq=False)

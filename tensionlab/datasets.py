@@ -21,8 +21,7 @@ from tensionlab.support.files.reading import datasets_folder as folder
 __all__ = ["folder", "load", "names"]
 PROBLEMS = "problems"
 KINDS = (*SUFFIXES, PROBLEMS)
-PROBLEM_COUNT = 1000
-"""Problems that a problem set has."""
+PROBLEM_COUNT = 1000  # problems that a problem set has
 
 
 def names(kind: str | None = None, folder: str | Path | None = None) -> list[str]:

@@ -158,5 +158,4 @@ class Demand:
     desired: Floats | None = None
 
 
-DemandSource = Callable[[RigState], Demand]
-"""Function that returns the demand for a state; called once a cycle."""
+DemandSource = Callable[[RigState], Demand]  # function that returns the demand for a state; called once a cycle

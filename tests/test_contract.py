@@ -20,14 +20,14 @@ from tests.helpers.examples import many
 from tests.helpers.oracle import Truth, UnsureError, solve, support
 from tests.helpers.problems import Case, batches, one, random_cases
 
+# Families that minimise the distance to the reference, and find an answer wherever there is one.
 CLOSEST = ("newton", "dykstra", "qp", "cvxpy")
-"""Families that minimise the distance to the reference, and find an answer wherever there is one."""
+# Share of ordinary problems that a backend may leave at UNPROVEN. None may give a wrong verdict.
 MAY_GIVE_UP = {"qp:osqp": 0.05, "qp:quadprog": 0.05, "qp:highs": 0.05}
-"""Share of ordinary problems that a backend may leave at UNPROVEN. None may give a wrong verdict."""
+# Families that say FAILED where a rank-deficient structure matrix leaves more redundancy than this.
 LARGEST_REDUNDANCY = {"polygon": 2}
-"""Families that say FAILED where a rank-deficient structure matrix leaves more redundancy than this."""
+# Drawn examples of a test for slow families; many(60) for the other built-in ones, many(15) for plugins.
 EXAMPLES = {"qp": many(15, least=3), "cvxpy": many(10, least=2)}
-"""Drawn examples of a test for slow families; many(60) for the other built-in ones, many(15) for plugins."""
 
 VARIANTS = [
     *(name for name in tl.SOLVERS if name not in ("qp", "pseudoinverse", "polygon")),
@@ -66,8 +66,8 @@ def same(first: tl.Allocation, second: tl.Allocation, tensions: NDArray[np.float
     assert (difference <= np.where(first.status == tl.Status.UNPROVEN, 1e-4, 2e-6)).all(), difference
 
 
+# What is known of each problem: the same ones are drawn for every solver.
 TRUTHS: dict[tuple[bytes, ...], Truth | None] = {}
-"""What is known of each problem: the same ones are drawn for every solver."""
 
 
 def judged(case: Case, policy: str) -> Truth | None:

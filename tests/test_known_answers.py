@@ -19,8 +19,7 @@ SOLVERS = ("newton", "dykstra", "qp", "cvxpy")
 REFERENCES = {"min2_from_zero": None, "min2_from_fmin": "lower", "min2_from_mid": "middle"}
 TIGHT = tl.solvers.Dykstra(tolerance=1e-11)
 
-FORCE = 1.5
-"""Published magnitude of the 182 vectors, N."""
+FORCE = 1.5  # published magnitude of the 182 vectors, N
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

@@ -29,10 +29,10 @@ import tensionlab
 ROOT = Path(__file__).parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 each = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+# The backend with which kernels show figures below their cells.
 INLINE = "module://matplotlib_inline.backend_inline"
-"""The backend with which kernels show figures below their cells."""
+# Pictures through files, what only a clone has, and settings that outlast their cell.
 NO_IDIOMS = ("Image(", "root =", 'Path("..', "style.use", "set_printoptions", "rcParams")
-"""Pictures through files, what only a clone has, and settings that outlast their cell."""
 EXERCISE = re.compile(r"\d\. \S[^\n]*\n   \*Hint:\* [^\n]*\S")
 SOLUTIONS = {
     "01_allocation": """
@@ -112,10 +112,8 @@ assert jax.grad(stronger)(6.0) < -0.01
 held = tl.allocate(structure, [1.0, 0.5, 1.0], rig.limits).tensions
 assert tl.allocation_jacobian(structure, [1.0, 0.5, 1.0], rig.limits, reference=held).kink
 """,
-}
-"""Solutions of the exercises that take no long search or play, and what they find."""
-NEEDS = {"09_gradients": "jax"}
-"""Large libraries that a notebook needs: where one is not installed, it is not run."""
+}  # solutions of the exercises that take no long search or play, and what they find
+NEEDS = {"09_gradients": "jax"}  # large libraries that a notebook needs: where one is not installed, it is not run
 
 
 def load(path: Path) -> Any:

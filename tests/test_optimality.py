@@ -22,8 +22,7 @@ SHAPES = [
     *((3, m) for m in (2, 3, 4, 5, 6, 7, 8, 12)),
     *((6, m) for m in (4, 6, 7, 8, 9, 10, 11, 12)),
 ]
-COUNT = many(100)
-"""Problems of each shape."""
+COUNT = many(100)  # problems of each shape
 PRECISION = 1e-7  # N
 
 

@@ -12,8 +12,7 @@ from tensionlab.verification import verify
 from tests.helpers.examples import many
 
 LOWER, UPPER = 0.5, 6.0
-COUNT = many(100)
-"""Problems for each statement."""
+COUNT = many(100)  # problems for each statement
 
 
 def problems(n, m, count, policy, stretch, weights):

@@ -36,6 +36,7 @@ room = { size = [2.0, 2.0, 2.0] }
 target = { x = [0.0, 0.1], y = [1.0, 1.1], z = [0.0, 0.1], step = 0.1 }
 search = { generations = 1, starts = 1 }
 """
+# Run several commands in one process, and print their exit statuses and what they said.
 VERBS = """
 import contextlib, dataclasses, io, json, sys
 from tensionlab.cli import main
@@ -52,7 +53,6 @@ for words in json.loads(sys.argv[1]):
             found.append([end.code or 0, out.getvalue(), err.getvalue()])
 print(json.dumps(found))
 """
-"""Run several commands in one process, and print their exit statuses and what they said."""
 WORK = [
     "allocate RIG --wrench 0 0 1.5",
     "allocate RIG --wrench 0 0 1.5 --solver qp:osqp --json",
@@ -70,8 +70,7 @@ WORK = [
     "module info sim:",
     "module config dump sim:",
     "module calibrate gain sim: --mass 0.1 --mass 0.2",
-]
-"""What needs no extra."""
+]  # what needs no extra
 REFUSED = {
     "workspace RIG --step 0.5": "workspace",
     "workspace RIG --step 0.5 --out sweep.zarr": "workspace",
@@ -88,8 +87,7 @@ REFUSED = {
     "problems export --set edge --count 6 --out edge.parquet": "data",
     "bench --quick --set published --solvers newton --count 1 --out bench": "data",
     "allocate RIG --wrench 0 0 1.5 --solver qp:daqp": "solvers",
-}
-"""What needs one, and which."""
+}  # what needs one, and which
 EXTRAS = frozenset({"solvers", "data", "workspace", "cluster", "hardware", "haptics"})
 COMPLETE = [
     "scenario bow --seconds 0.5 --log run.mcap --plot bow.png",
@@ -99,10 +97,8 @@ COMPLETE = [
     "workspace RIG --step 0.5 --out sweep.zarr",
     "serve RIG --seconds 0.1 --port 0 --osc 0",
     "compare RIG --directions fibonacci:2 --solvers newton,qp:daqp --out compare.parquet",
-]
-"""What works with all extras but that of the reference ..."""
-SUFFIXES = {".mcap", ".parquet", ".png", ".zarr"}
-"""... and what it writes."""
+]  # what works with all extras but that of the reference ..
+SUFFIXES = {".mcap", ".parquet", ".png", ".zarr"}  # ... and what it writes.
 NOTEBOOK = """
 import json, pathlib, sys
 from IPython.core.interactiveshell import InteractiveShell

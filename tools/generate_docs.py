@@ -26,17 +26,15 @@ from tools.generate_firmware_docs import sections, table
 from tools.generate_solver_choice import choice
 
 ROOT = Path(__file__).parents[1]
+# Where Markdown files may hold blocks; those of the first one without its folders.
 FOLDERS = (".", "datasets", "docs", "examples", "firmware", "paper_figures")
-"""Where Markdown files may hold blocks; those of the first one without its folders."""
 MARK = re.compile(
     r"^<!-- (?P<name>[\w-]+): start -->\n(?P<text>.*?)^<!-- (?P<end>[\w-]+): end -->$", re.DOTALL | re.MULTILINE
 )
-DEMO = ("compare", "bartels2026-validation", "--plot", "out/compare.png")
-"""What `make demo` runs."""
-LAST_LASTING = "gap"
-"""Columns of the comparison to the right of this one are times, which are a machine's."""
+DEMO = ("compare", "bartels2026-validation", "--plot", "out/compare.png")  # what `make demo` runs
+LAST_LASTING = "gap"  # columns of the comparison to the right of this one are times, which are a machine's
+# Solvers that keep tensions away from both limits.
 MID_RANGE = ("pseudoinverse:middle", "closed-form", "safe", "polygon:centroid", "analytic-centre")
-"""Solvers that keep tensions away from both limits."""
 
 
 def compared() -> str:
@@ -132,10 +130,9 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "log-columns": log_columns,
     "choice": lambda: choice(datasets.load("benchmarks/results")),
     **{name: _table(name) for name in _firmware()},
-}
-"""What makes each block, by its name."""
+}  # what makes each block, by its name
+# What makes each file that is generated as a whole.
 FILES: dict[str, Callable[[], str]] = {"docs/reference/bridge.md": document, SCHEMA_FILE: schema_text}
-"""What makes each file that is generated as a whole."""
 
 
 def documents() -> list[Path]:

@@ -24,8 +24,8 @@ from tensionlab.hardware.protocol.parameters import PARAMETER_DESCRIPTIONS, PARA
 from tensionlab.hardware.simulation.simulated_module import PLANT, TRANSITIONS
 
 FOLDER = Path("firmware")
+# How a field's layout is written in the document.
 LETTERS = {"B": "u8", "H": "u16", "I": "u32", "Q": "u64", "f": "f32", "?": "flag", "": "text"}
-"""How a field's layout is written in the document."""
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[object]]) -> str:

@@ -20,6 +20,7 @@ FOLDER = ROOT / "build" / "sanitize"
 LEFT_OUT = "not realtime and not slow"
 NOT_RUN = "not memory and not fork and not every_instruction_set"
 COUPLED = ["tests/test_threads.py", "tests/hardware/simulation", "tests/hardware/client/test_endpoint.py"]
+# Tests by the sanitizers that they run under.
 TESTS = {
     "thread": [
         *COUPLED, "tests/test_allocation.py",
@@ -32,7 +33,6 @@ TESTS = {
         *(f"tests/workspace/test_{name}.py" for name in ("interference", "margin", "structure_metrics")),
     ],
 }  # fmt: skip
-"""Tests by the sanitizers that they run under."""
 # The C++ library is there before the address sanitizer, which looks for its exceptions as it starts.
 LIBRARIES = {"thread": ["libtsan.so"], "address,undefined": ["libasan.so", "libstdc++.so"]}
 OPTIONS = {"thread": "halt_on_error=0", "address,undefined": "detect_leaks=0"}

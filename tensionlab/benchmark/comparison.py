@@ -32,17 +32,12 @@ from tensionlab.workspace.poses import ROTATION_COLUMNS, PoseList, poses_from_co
 if TYPE_CHECKING:
     import pandas
 
-MAX_TIMED_CALLS = 200
-"""Largest number of wrenches that are timed one by one, evenly spread."""
-CALLS_PER_TURN = 10
-"""Calls of one solver before the next solver's turn."""
-MAX_TIMED_S = 2.0
-"""Time after which a slow solver is not timed any further, beyond its first turn."""
-TIMED_BATCHES = 5
-"""Number of timed batches, one a turn; a batch longer than `QUICK_BATCH_S` is timed once."""
+MAX_TIMED_CALLS = 200  # largest number of wrenches that are timed one by one, evenly spread
+CALLS_PER_TURN = 10  # calls of one solver before the next solver's turn
+MAX_TIMED_S = 2.0  # time after which a slow solver is not timed any further, beyond its first turn
+TIMED_BATCHES = 5  # number of timed batches, one a turn; a batch longer than `QUICK_BATCH_S` is timed once
 QUICK_BATCH_S = 0.05
-PUBLISHED_FORCE_N = 1.5
-"""Magnitude of the forces of the published validation."""
+PUBLISHED_FORCE_N = 1.5  # magnitude of the forces of the published validation
 
 
 @dataclass(frozen=True)
@@ -100,8 +95,7 @@ STATUSES = {
     "nearest_count": Column("near"),
     "unproven": Column("unproven"),
     "failed": Column("fail", wide=True),
-}
-"""First columns of each table of solvers, by the attribute of `Score`."""
+}  # first columns of each table of solvers, by the attribute of `Score`
 TIMES = {
     "call_median_s": Column("call median", format=format_duration),
     "call_p99_s": Column("call p99", format=format_duration, wide=True),
@@ -116,8 +110,7 @@ COLUMNS = {
     "tension_sq_mean": Column("mean t²", "N²", format_number, wide=True),
     "gap_max": Column("gap max", "N", format_number, wide=True),
     **TIMES,
-}
-"""Columns of a comparison at one position."""
+}  # columns of a comparison at one position
 ALONG = {
     **STATUSES,
     "residual_mean": Column("error mean", "N", format_number, wide=True),
@@ -128,10 +121,8 @@ ALONG = {
     "step_max": Column("step max", "N", format_number),
     "iterations_max": Column("iter max", wide=True),
 }
-TRAJECTORY_COLUMNS = {**ALONG, **TIMES}
-"""Columns of a comparison along a trajectory."""
-REPLAY_COLUMNS = {**ALONG, "fallback_used": Column("fall- back", wide=True)}
-"""Columns of a replayed run."""
+TRAJECTORY_COLUMNS = {**ALONG, **TIMES}  # columns of a comparison along a trajectory
+REPLAY_COLUMNS = {**ALONG, "fallback_used": Column("fall- back", wide=True)}  # columns of a replayed run
 
 
 @dataclass(frozen=True)

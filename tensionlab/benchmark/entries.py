@@ -23,16 +23,14 @@ from tensionlab.support.arrays import Floats
 from tensionlab.verification import require_answer
 
 Setting = Literal["proved", "default", "tight"]
-LEAST_SQUARES = Newton.objective
-"""The objective of all problem sets."""
+LEAST_SQUARES = Newton.objective  # the objective of all problem sets
+# The baselines by name: DAQP called directly, each backend through qpsolvers, and cvxpy.
 BASELINES = ("daqp", *(f"qpsolvers:{backend}" for backend in BACKENDS), "cvxpy:plain")
-"""The baselines by name: DAQP called directly, each backend through qpsolvers, and cvxpy."""
+# Families of built-in solvers that wrap baselines. By default they run where their policy is needed.
 WRAPPERS = ("qp", "cvxpy")
-"""Families of built-in solvers that wrap baselines. By default they run where their policy is needed."""
+# Wrappers that run by default where wrenches may be infeasible.
 POLICY_WRAPPERS = ("qp:clarabel", "qp:daqp", "cvxpy")
-"""Wrappers that run by default where wrenches may be infeasible."""
-DAQP_EQUALITY = 5
-"""How DAQP marks a constraint that is an equality."""
+DAQP_EQUALITY = 5  # how DAQP marks a constraint that is an equality
 NAN = float("nan")
 
 

@@ -31,10 +31,8 @@ from tensionlab.solvers.base import Answer, Policy, Problem, Status
 from tensionlab.support.arrays import Floats
 from tensionlab.verification import verify
 
-BLOCK = 20
-"""Problems that an entry answers before it is the next one's turn."""
-BATCH = 10_000
-"""Problems in a timed batch; a group is repeated until it has as many."""
+BLOCK = 20  # problems that an entry answers before it is the next one's turn
+BATCH = 10_000  # problems in a timed batch; a group is repeated until it has as many
 
 
 class SetResults(NamedTuple):

@@ -15,15 +15,13 @@ from tensionlab.verification import verify
 
 Flags = NDArray[np.bool_]
 
+# An optimum is verified if it is no further than this from the tensions of least `|t|²` that render its wrench, as
+# a share of the largest limit, and so near to those that would render the wrench without rounding.
 VERIFIED_BOUND = 1e-7
-"""An optimum is verified if it is no further than this from the tensions of least ``|t|²`` that render its wrench,
-as a share of the largest limit, and so near to those that would render the wrench without rounding."""
-AT_LIMIT = 1e-10
-"""A tension this close to a limit is at it, as a share of the largest limit."""
-ENOUGH = 1e-7
-"""A bound of this share of the largest limit needs no better multipliers."""
+AT_LIMIT = 1e-10  # a tension this close to a limit is at it, as a share of the largest limit
+ENOUGH = 1e-7  # a bound of this share of the largest limit needs no better multipliers
+# Lengths of the separating direction that are tried in the multipliers, times the largest limit.
 SEPARATION_SIZES = (1e1, 1e3, 1e5)
-"""Lengths of the separating direction that are tried in the multipliers, times the largest limit."""
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,8 @@ from tensionlab.support.files.reading import as_path
 from tensionlab.support.files.tables import read_npz, read_parquet
 
 KIND = "quadratic programs: a Parquet file, or a folder of NPZ files"
+# Arrays of a program, as in qpsolvers and qpbenchmark; P left out is the identity, and q zero.
 KEYS = ("P", "q", "G", "h", "A", "b", "lb", "ub")
-"""Arrays of a program, as in qpsolvers and qpbenchmark; P left out is the identity, and q zero."""
 
 
 class StoredProgram(NamedTuple):

@@ -21,22 +21,15 @@ from tensionlab.solvers.base import Policy, Problem
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace import half_spaces
 
-LOWER, UPPER = 0.5, 6.0
-"""Tension limits of a published module, in N."""
-STRONG = (0.3, 20.0)
-"""Tension limits of a stronger module, in N."""
-MAGNITUDE_N = 1.5
-"""Size of the forces of the published validation, in N."""
+LOWER, UPPER = 0.5, 6.0  # tension limits of a published module, in N
+STRONG = (0.3, 20.0)  # tension limits of a stronger module, in N
+MAGNITUDE_N = 1.5  # size of the forces of the published validation, in N
+# How far wrenches are inside the edge of what is available, as a share of the largest in their direction.
 EDGE_SHARE = (1e-5, 1e-2)
-"""How far wrenches are inside the edge of what is available, as a share of the largest in their direction."""
-BEYOND_SHARE = (1e-2, 1.0)
-"""How far infeasible wrenches are beyond that edge ..."""
-FAR_SHARE = (9.0, 99.0)
-"""... and every tenth of them."""
-CONDITION = (1e2, 1e7)
-"""Condition of the structure matrices of near-singular rigs."""
-PATH_SAMPLES = (50, 1000)
-"""Minimum and maximum number of samples of a path."""
+BEYOND_SHARE = (1e-2, 1.0)  # how far infeasible wrenches are beyond that edge ..
+FAR_SHARE = (9.0, 99.0)  # ... and every tenth of them.
+CONDITION = (1e2, 1e7)  # condition of the structure matrices of near-singular rigs
+PATH_SAMPLES = (50, 1000)  # minimum and maximum number of samples of a path
 
 
 @dataclass(frozen=True)
@@ -214,8 +207,7 @@ PROBLEM_SETS: dict[str, Callable[[int, int], ProblemSet]] = {
     "robots": _robots,
     "trajectory": _trajectory,
     "mixed-limits": _mixed_limits,
-}
-"""Generators by name: of a count and a seed."""
+}  # generators by name: of a count and a seed
 
 
 def _rendered(stream: Stream, structure: Floats, limits: tuple[Floats, Floats] | None = None) -> Group:

@@ -46,8 +46,7 @@ ONE_THREAD = dict.fromkeys(
     "1",
 )
 """Environment of the benchmark's process. The batches on all cores set the first one themselves."""
-BATCH_SHARE = 0.15
-"""About this share of the time goes to the batches."""
+BATCH_SHARE = 0.15  # about this share of the time goes to the batches
 
 
 @dataclass(frozen=True)

@@ -29,14 +29,10 @@ from tensionlab.support.table import Column, Table
 if TYPE_CHECKING:
     import pandas
 
-NOISE = 0.10
-"""Changes of a time that are never beyond noise, as a share."""
-EDGE = 10.0
-"""An error must pass an accuracy by so much that it is no matter of rounding."""
-QUANTILE = 2.576
-"""Quantile of the normal distribution for an interval of 99 %."""
-MIN_PROBLEMS = 8
-"""Timed in both runs: fewer have no interval of 99 %."""
+NOISE = 0.10  # changes of a time that are never beyond noise, as a share
+EDGE = 10.0  # an error must pass an accuracy by so much that it is no matter of rounding
+QUANTILE = 2.576  # quantile of the normal distribution for an interval of 99 %
+MIN_PROBLEMS = 8  # timed in both runs: fewer have no interval of 99 %
 
 
 @dataclass(frozen=True)

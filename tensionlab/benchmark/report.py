@@ -47,14 +47,12 @@ FIGURES = {
     "better.",
     "worst": "The worst case: median, 99.9 % quantile and worst time of a call, of all feasible sets.",
     "continuity": "Along one trajectory sampled at 1 kHz: the tensions of all cables, by solver.",
-}
-"""Captions of the figures that come with the report."""
+}  # captions of the figures that come with the report
 
+# Share of the time that the benchmark's process has the processor, on a machine with nothing else to do.
 IDLE_SHARE = 0.9
-"""Share of the time that the benchmark's process has the processor, on a machine with nothing else to do."""
 
-Column = tuple[str, Callable[[Of], str]]
-"""Heading, and the text of a cell."""
+Column = tuple[str, Callable[[Of], str]]  # heading, and the text of a cell
 SUMMARY_COLUMNS: list[Column[Any]] = [
     ("1e-3 N", lambda line: format_share(line.solved_1e3)),
     ("1e-6 N", lambda line: format_share(line.solved_1e6)),

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     import pandas
 
 FILE = "results.parquet"
+# Accuracies in N, times the norm of the wrench where that is above 1 N, as the interface verifies.
 ACCURACIES = (1e-3, 1e-6, 1e-9)
-"""Accuracies in N, times the norm of the wrench where that is above 1 N, as the interface verifies."""
 NAN = float("nan")
 
 
@@ -103,10 +103,10 @@ class EntryResult:
         return f"{name}, {self.setting}" if self.setting != "proved" else name
 
 
+# Columns with the measurements of single problems.
 EVIDENCE = ("call_s", "errors", "violations", "gaps", "scales", "path_mm", "path_tensions", "path_reachable")
-"""Columns with the measurements of single problems."""
+# Field of a result by the name of the quantity in `Results.problems`.
 QUANTITIES = {"call_s": "call_s", "error": "errors", "violation": "violations", "gap": "gaps", "scale": "scales"}
-"""Field of a result by the name of the quantity in `Results.problems`."""
 
 
 @dataclass(frozen=True)

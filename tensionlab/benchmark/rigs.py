@@ -13,29 +13,19 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace import capacity_margin
 
-ARM_M = 0.3
-"""Standard deviation of the coordinates of a platform's attachments, in m."""
-SCALING_ROUNDS = 6
-"""Corrections of a nearly singular rig, after which its condition is right ..."""
-CONDITION_ACCURACY = 1e-3
-"""... to this share, or the rig is drawn again."""
+ARM_M = 0.3  # standard deviation of the coordinates of a platform's attachments, in m
+SCALING_ROUNDS = 6  # corrections of a nearly singular rig, after which its condition is right ..
+CONDITION_ACCURACY = 1e-3  # ... to this share, or the rig is drawn again.
 
+# Robots are placed up to this share of the way from home to their most distant anchor, along each axis.
 BOX_SHARE = 0.6
-"""Robots are placed up to this share of the way from home to their most distant anchor, along each axis."""
-TILT = np.radians(10.0)
-"""Robots are turned by up to this angle."""
-PUSH_SHARE = 0.05
-"""Robots are pushed with up to this share of their largest tension."""
-MARGIN_SHARE = 1e-4
-"""Least capacity margin of a robot's wrenches, as a share of its largest tension."""
-OVAL_WIDTH = 0.5
-"""Width of the oval loop of a path, as a share of its length."""
-SWING = np.radians(30.0)
-"""A turning force swings so far to either side."""
-FEASIBLE_SHARE = (0.1, 0.9)
-"""Smallest and largest share of the samples of a path that are feasible."""
-MAX_DRAWS = 200
-"""Largest number of draws of random poses or paths for a rig."""
+TILT = np.radians(10.0)  # robots are turned by up to this angle
+PUSH_SHARE = 0.05  # robots are pushed with up to this share of their largest tension
+MARGIN_SHARE = 1e-4  # least capacity margin of a robot's wrenches, as a share of its largest tension
+OVAL_WIDTH = 0.5  # width of the oval loop of a path, as a share of its length
+SWING = np.radians(30.0)  # a turning force swings so far to either side
+FEASIBLE_SHARE = (0.1, 0.9)  # smallest and largest share of the samples of a path that are feasible
+MAX_DRAWS = 200  # largest number of draws of random poses or paths for a rig
 
 
 def unit_vectors(rng: np.random.Generator, *shape: int) -> Floats:

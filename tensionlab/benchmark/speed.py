@@ -22,20 +22,13 @@ from tensionlab.solvers.base import Status
 from tensionlab.solvers.quadratic import solve_qp
 from tensionlab.support.arrays import Floats
 
-LOWER, UPPER = 0.5, 6.0
-"""Tension limits of all problems, in N."""
-SHAPES = ((3, 4), (3, 8), (3, 12), (6, 8))
-"""Components and cables of the batches."""
-CALL_SHAPES = ((3, 8), (6, 8))
-"""Components and cables of the single calls."""
-THREADS = "TENSIONLAB_NUM_THREADS"
-"""Environment variable with the number of threads of the kernels."""
-DAQP_CALLS = 1000
-"""Problems that DAQP solves in each round."""
-BLOCK = 20
-"""Single calls in a row before the next caller's turn."""
-PASSES = 3
-"""Times that each caller gets each single problem."""
+LOWER, UPPER = 0.5, 6.0  # tension limits of all problems, in N
+SHAPES = ((3, 4), (3, 8), (3, 12), (6, 8))  # components and cables of the batches
+CALL_SHAPES = ((3, 8), (6, 8))  # components and cables of the single calls
+THREADS = "TENSIONLAB_NUM_THREADS"  # environment variable with the number of threads of the kernels
+DAQP_CALLS = 1000  # problems that DAQP solves in each round
+BLOCK = 20  # single calls in a row before the next caller's turn
+PASSES = 3  # times that each caller gets each single problem
 
 
 def instruction_set() -> str:

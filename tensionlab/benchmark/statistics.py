@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from tensionlab.support.arrays import Floats
 
-SHIFT_S = 1e-6
-"""Shift of the geometric mean, in s: a call of 0.1 µs counts hardly less than one of 0.2 µs."""
+SHIFT_S = 1e-6  # shift of the geometric mean, in s: a call of 0.1 µs counts hardly less than one of 0.2 µs
 
 
 def shifted_geometric_mean(seconds: Floats, shift: float = SHIFT_S) -> float:

@@ -31,18 +31,15 @@ from tensionlab.support.operating_system import reader_has_gone
 if TYPE_CHECKING:
     from typing import TextIO
 
-BAD_INPUT = 2
-"""Exit status where input is bad, or a file or stdout cannot be written."""
-INTERRUPTED = 130
-"""Exit status after Ctrl-C: 128 + SIGINT, as a shell has it."""
-STDOUT_CLOSED = 141
-"""Exit status where whoever reads stdout has gone: 128 + SIGPIPE."""
+BAD_INPUT = 2  # exit status where input is bad, or a file or stdout cannot be written
+INTERRUPTED = 130  # exit status after Ctrl-C: 128 + SIGINT, as a shell has it
+STDOUT_CLOSED = 141  # exit status where whoever reads stdout has gone: 128 + SIGPIPE
 PROGRAM = "tensionlab"
+# Variable of the environment in which a shell asks how an unfinished command may go on.
 COMPLETION_VARIABLE = f"_{PROGRAM.upper()}_COMPLETE"
-"""Variable of the environment in which a shell asks how an unfinished command may go on."""
 NUMBER_OPTIONS = ("--at", "--force", "--wrench", "--reference", "--box", "--step", "--frame")
+# Numbers, with a unit as well: whoever reads them says that it is left out.
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*([a-z°]{1,3}|N·m)?,?|[-+]?(nan|inf),?", re.IGNORECASE)
-"""Numbers, with a unit as well: whoever reads them says that it is left out."""
 PARSER_WORDS = {
     r"^Invalid value for '([^']+)'.*?: ": r"\1: ",
     r"^Invalid value: ": "",
@@ -54,10 +51,8 @@ PARSER_WORDS = {
     r"Input should be a valid integer.*": "give a whole number",
     r"Input should be a valid number.*": "give a number",
     r"Input should be ": "it must be ",
-}
-"""What the parser's messages say, and what they say here."""
-PRINTERS = {"click", "typer", "rich"}
-"""Packages that write to stdout. All else that writes names its file."""
+}  # what the parser's messages say, and what they say here
+PRINTERS = {"click", "typer", "rich"}  # packages that write to stdout. All else that writes names its file.
 ClickException: type[Any] = typer.BadParameter.__mro__[2]  # later versions of typer bring a click of their own
 
 VERBS = {
@@ -88,8 +83,7 @@ VERBS = {
     "log": ("log", "Show, export, draw, play and replay logs of runs."),
     "problems": ("bench", "List, show and export the benchmark's problem sets."),
     "datasets": ("datasets", "List the rigs and other data sets that are known by name."),
-}
-"""Module of each verb, and what ``--help`` says of it."""
+}  # module of each verb, and what `--help` says of it
 
 
 class AllVerbs(TyperGroup):

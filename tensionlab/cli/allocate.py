@@ -25,8 +25,7 @@ STATUS_TEXTS = {
     "FAILED": "failed: the solver broke",
 }
 REFERENCES = ("lower", "middle")
-LIMIT_TOLERANCE_N = 1e-9
-"""Within which a tension counts as at its limit."""
+LIMIT_TOLERANCE_N = 1e-9  # within which a tension counts as at its limit
 
 
 def allocate(

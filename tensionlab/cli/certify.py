@@ -19,8 +19,7 @@ from tensionlab.workspace.certification.problem import WRENCH_CLOSURE
 from tensionlab.workspace.certification.result import Bounds, CertifiedWorkspace
 
 VERDICTS = {1: "inside", -1: "outside", 0: "undecided"}
-NOTHING_KEPT = "nothing is kept; with --out NAME.npz, the same command resumes the proof"
-"""Message after Ctrl-C."""
+NOTHING_KEPT = "nothing is kept; with --out NAME.npz, the same command resumes the proof"  # message after Ctrl-C
 
 
 def certify(

@@ -20,8 +20,7 @@ TABLES = {
     "recordings": "desired, rendered and measured forces of a validation",
     "what-if": "validations of many simulated rigs",
     "benchmarks": "results of the benchmark of solvers",
-}
-"""What the Parquet files of each kind are. Other files say it themselves."""
+}  # what the Parquet files of each kind are. Other files say it themselves.
 LEGEND = """\
 Verbs that take a rig or a space take its name: tensionlab compare ipanema-2. A path ends in .toml or has a "/".
 In Python: tl.load_rig("ipanema-2"), tl.datasets.load("vectors/grid18")."""

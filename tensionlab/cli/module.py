@@ -41,10 +41,10 @@ LinksAndParameters = Annotated[
     ),
 ]
 Save = Annotated[bool, typer.Option("--save", help="Store all parameters: they outlast the next start.")]
+# Columns of `info`.
 INFO = ("module", "serial number", "firm- ware", "state", "cali- brated", "length known", "started by",
         Column("TTL", "ms"), Column("tension", "N"), Column("gain", "N/A", ".3g"),
         Column("spool", "mm", ".3g"))  # fmt: skip
-"""Columns of `info`."""
 
 
 @module.command()

@@ -38,10 +38,9 @@ Url = Annotated[
 ModulesOfRig = Annotated[
     Path, typer.Option("--modules", metavar="FILE", help="Modules file (TOML): the link to each module.")
 ]
+# Torque constant of `sim:` divided by the data sheet's, so that there is something to find.
 SIMULATED_CONSTANT = 1.1
-"""Torque constant of ``sim:`` divided by the data sheet's, so that there is something to find."""
-LARGEST_UNCERTAINTY = 0.05
-"""Share of a gain: one that is less certain is not written to a module."""
+LARGEST_UNCERTAINTY = 0.05  # share of a gain: one that is less certain is not written to a module
 
 
 @calibrate.command()

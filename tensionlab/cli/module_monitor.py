@@ -28,18 +28,16 @@ from tensionlab.support.formatting import format_number
 from tensionlab.support.table import Column, Table
 
 TELEMETRY_PERIOD_MS = 50
-REFRESH_PERIOD_S = 0.2
-"""Of the table."""
-SILENCE_S = 1.0
-"""How long another process may send no report before it is looked for."""
+REFRESH_PERIOD_S = 0.2  # of the table
+SILENCE_S = 1.0  # how long another process may send no report before it is looked for
+# Columns of `monitor`.
 TELEMETRY = ("module", "state", Column("tension", "N", ".2f"), Column("current", "A", ".2f"),
              Column("length", "m", ".3f"), Column("speed", "m/s", "+.2f"), "limit", "faults",
              Column("heat", "%", ".0f"), Column("supply", "V", ".1f"), Column("age", "ms", ".0f"),
              "damaged", "lost")  # fmt: skip
-"""Columns of `monitor`."""
+# Columns of `ping`.
 TRIPS = ("module", "pings", "lost", *(Column(name, "ms", format_number) for name in ("p50", "p95", "p99", "max")),
          Column("TTL", "ms", ".0f"), Column("safe rate", "Hz"), Column("clock", "s"))  # fmt: skip
-"""Columns of `ping`."""
 PERCENTILES = (50.0, 95.0, 99.0, 100.0)
 
 

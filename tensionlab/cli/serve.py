@@ -38,11 +38,10 @@ from tensionlab.scenarios.play import module_limits, needs_tracker, temporary_sl
 from tensionlab.scenarios.scenery import as_mapping
 from tensionlab.support.files.reading import read_text
 
-TOKEN_VARIABLE = "TENSIONLAB_BRIDGE_TOKEN"
-"""Variable of the environment that may hold the token of clients."""
+TOKEN_VARIABLE = "TENSIONLAB_BRIDGE_TOKEN"  # variable of the environment that may hold the token of clients
+# How fast tensions may change: the most that modules take. At the 60 N/s with which they come, a hand that is
+# pressed against a wall of 300 N/m shakes, even where the module renders it.
 MAX_SLEW_RATE_N_PER_S = 300.0
-"""How fast tensions may change: the most that modules take. At the 60 N/s with which they come, a hand that is
-pressed against a wall of 300 N/m shakes, even where the module renders it."""
 
 
 def serve(

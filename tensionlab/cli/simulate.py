@@ -26,11 +26,9 @@ from tensionlab.support.files import writing
 from tensionlab.validation.error_model import PRESETS, RigErrors, draw_errors, require_point, true_plants, true_rig
 from tensionlab.validation.simulated_sensor import SensorServer
 
-SINGLE_MODULE = "module"
-"""Name of a module that belongs to no rig."""
+SINGLE_MODULE = "module"  # name of a module that belongs to no rig
 MAX_SPEED = 1000.0
-FarEnds = Mapping[str, Callable[[], float]]
-"""Lengths of cables in m as they are now, by the names of modules."""
+FarEnds = Mapping[str, Callable[[], float]]  # lengths of cables in m as they are now, by the names of modules
 
 
 def simulate(

@@ -32,13 +32,12 @@ if TYPE_CHECKING:
     import pandas
 
 DEFAULT_METRICS = ["wrench-closure", "capacity-margin", "isotropic-force", "feasible-direction-fraction"]
-DRAWN_METRIC = "capacity-margin"
-"""Metric that is drawn if none is named."""
+DRAWN_METRIC = "capacity-margin"  # metric that is drawn if none is named
+# What the characteristic length is, if the file of the rig has none.
 ROOT_MEAN_SQUARE = "the root mean square distance of its attachments"
-"""What the characteristic length is, if the file of the rig has none."""
 ORIENTATION_WORKSPACES = {"total": "in all orientations", "inclusive": "in one at least"}
+# Message after Ctrl-C.
 WITHOUT_STORE = "no values are kept; with --out DIR.zarr, the same command resumes the sweep"
-"""Message after Ctrl-C."""
 
 
 class View(StrEnum):

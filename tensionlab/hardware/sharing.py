@@ -34,20 +34,15 @@ from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers
 
-RUN, SETUP = "run", "setup"
-"""Topics of the publisher: a run as it is now, and what does not change while it lasts."""
-MAX_EVENTS = 30
-"""Latest events that are kept for other processes."""
-MAX_TIMES = 100
-"""Latest cycles whose times go into an answer: at 1 kHz, all of them between two answers."""
+RUN, SETUP = "run", "setup"  # topics of the publisher: a run as it is now, and what does not change while it lasts
+MAX_EVENTS = 30  # latest events that are kept for other processes
+MAX_TIMES = 100  # latest cycles whose times go into an answer: at 1 kHz, all of them between two answers
+# Between polls of a watcher; answers come no faster than every `shared_telemetry.MIN_PERIOD_S`.
 POLL_S = 1.0 / 30.0
-"""Between polls of a watcher; answers come no faster than every `shared_telemetry.MIN_PERIOD_S`."""
-ASK_AGAIN_S = 0.25
-"""A request that is not answered for so long was lost."""
+ASK_AGAIN_S = 0.25  # a request that is not answered for so long was lost
+# A run without a newer cycle for so long, and so many periods, is shown as stale.
 MIN_STALE_S, STALE_PERIODS = 0.5, 5.0
-"""A run without a newer cycle for so long, and so many periods, is shown as stale."""
-FIND_TIMEOUT_S = 2.0
-"""How long processes that have modules may take to tell of their run."""
+FIND_TIMEOUT_S = 2.0  # how long processes that have modules may take to tell of their run
 Condition = Literal["waiting", "arming", "live", "stale", "ended", "gone"]
 _numbers = count()
 

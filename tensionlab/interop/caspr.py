@@ -130,8 +130,7 @@ JOINTS = {
     "PLANAR_YZ": _Joint("planar", "yz", "+x"),
     "PLANAR_XZ": _Joint("planar", "xz", "-y"),
     "SPATIAL_EULER_XYZ": _Joint("platform", "xyz"),
-}
-"""The joints of CASPR whose bodies are rigs."""
+}  # the joints of CASPR whose bodies are rigs
 
 STIFF = "cable_ideal"
 ELASTIC = ("cable_linear_spring", "cable_vsd_torsion_spring", "cable_vsd_flexure_linear", "cable_vsd_polynomial")

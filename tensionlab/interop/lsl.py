@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["LslStreams", "require_lsl"]
 
-LAST_SAMPLES_S = 0.3
-"""An outlet that is closed drops what its inlets have not got yet: so long they have."""
+LAST_SAMPLES_S = 0.3  # an outlet that is closed drops what its inlets have not got yet: so long they have
 
 
 class Channel(NamedTuple):

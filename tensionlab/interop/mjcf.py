@@ -14,14 +14,12 @@ from tensionlab.model.module import GRAVITY_M_S2, KINDS, WORLD, Module
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
-MASS = 1.0
-"""Of what the cables hold where the rig has no platform, in kg."""
-RIM_SHARE = 0.2
-"""Half the width of a pulley, of its radius."""
+MASS = 1.0  # of what the cables hold where the rig has no platform, in kg
+RIM_SHARE = 0.2  # half the width of a pulley, of its radius
+# So far before its pulley, of the radius, is the site of the anchor: MuJoCo takes none on the rim itself.
 OFF_RIM_SHARE = 1e-6
-"""So far before its pulley, of the radius, is the site of the anchor: MuJoCo takes none on the rim itself."""
+# The sliding joints of each kind of rig; a platform is free.
 JOINTS = {"planar-point": "xy", "point": "xyz", "planar": "xy"}
-"""The sliding joints of each kind of rig; a platform is free."""
 
 
 def rig_to_mjcf(rig: Rig) -> str:

@@ -20,10 +20,8 @@ from tensionlab.support.arrays import Floats
 
 __all__ = ["RigBody", "TendonAllocator", "gravity", "structure_matrix"]
 
-MAX_STEP_S = 1e-3
-"""Of MuJoCo's integration of a `RigBody`."""
-AXIS_TOLERANCE = 1e-9
-"""Smaller parts of a joint's motion along an axis of the world are rounding."""
+MAX_STEP_S = 1e-3  # of MuJoCo's integration of a `RigBody`
+AXIS_TOLERANCE = 1e-9  # smaller parts of a joint's motion along an axis of the world are rounding
 
 
 def structure_matrix(model: Any, data: Any, tendons: Sequence[str], body: str) -> Floats:

@@ -12,8 +12,7 @@ from tensionlab.support.files.reading import brief, read_text
 from tensionlab.support.files.tables import MAX_FILE_BYTES, csv_rows
 
 MAX_DIRECTIONS = 10_000_000
-CIRCLE_COUNT = 72
-"""Directions of the planar default: one every 5 degrees."""
+CIRCLE_COUNT = 72  # directions of the planar default: one every 5 degrees
 
 
 def grid18() -> Floats:

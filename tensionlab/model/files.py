@@ -18,8 +18,8 @@ from tensionlab.support.files import writing
 from tensionlab.support.files.named import find
 from tensionlab.support.files.reading import parse_toml, read_text, read_toml
 
+# Keys of a module that the table `[limits]` can give for all.
 SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius", "pulley_radius", "pulley_axis")
-"""Keys of a module that the table ``[limits]`` can give for all."""
 
 
 def load_rig(path: str | PathLike[str]) -> Rig:

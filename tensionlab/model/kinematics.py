@@ -145,8 +145,8 @@ def anchor_gradient(
     return across
 
 
+# A pose is found when the next step would change the lengths by less than this share of the longest.
 STEP_TOLERANCE = 1e-13
-"""A pose is found when the next step would change the lengths by less than this share of the longest."""
 
 ITERATION_LIMIT = 100
 FIRST_DAMPING, MAX_DAMPING = 1e-3, 1e10

@@ -13,11 +13,9 @@ from tensionlab.model.module import Module
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, as_floats
 
-LIMITS = (0.5, 6.0)
-"""Tension limits of the published module, in N (Bartels et al. 2026)."""
+LIMITS = (0.5, 6.0)  # tension limits of the published module, in N (Bartels et al. 2026).
 
-UNITS = {"side": "m", "height": "m", "top": "m", "size": "m", "count": "1"}
-"""Of the parameters of all layouts."""
+UNITS = {"side": "m", "height": "m", "top": "m", "size": "m", "count": "1"}  # of the parameters of all layouts
 
 
 def ring_plus_top(

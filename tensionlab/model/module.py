@@ -13,18 +13,15 @@ from tensionlab.support.arrays import Floats, as_floats, readonly_copy, tension_
 from tensionlab.support.files.reading import MAX_NAME, brief
 from tensionlab.support.formatting import format_range, format_vector
 
-WORLD = "world"
-"""The frame that never moves."""
+WORLD = "world"  # the frame that never moves
+# Maximum coordinate of anything on a rig, in m: ten times the largest cable robot there is, and far from where
+# squares and products of lengths, forces and torques lose digits that count.
 MAX_LENGTH = 1e4
-"""Maximum coordinate of anything on a rig, in m: ten times the largest cable robot there is, and far from where
-squares and products of lengths, forces and torques lose digits that count."""
+# Maximum tension and holding force, in N. Telescopes hang on cables of 1e6 N, and models of CASPR have 1e10 N
+# where they mean no limit.
 MAX_TENSION = 1e11
-"""Maximum tension and holding force, in N. Telescopes hang on cables of 1e6 N, and models of CASPR have 1e10 N
-where they mean no limit."""
-MAX_MASS = 1e8
-"""Maximum mass of a platform, in kg: that of a large ship."""
-GRAVITY_M_S2 = 9.81
-"""Acceleration by gravity, in m/s²."""
+MAX_MASS = 1e8  # maximum mass of a platform, in kg: that of a large ship
+GRAVITY_M_S2 = 9.81  # acceleration by gravity, in m/s²
 
 
 class Kind(NamedTuple):

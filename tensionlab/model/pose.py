@@ -15,8 +15,7 @@ from tensionlab.model.module import WORLD, Module, require_name, same, vector
 from tensionlab.support.arrays import Floats, as_floats, common_axes, readonly_copy, require_finite
 from tensionlab.support.files.reading import brief
 
-ORTHOGONALITY = 1e-6
-"""Largest entry of ``R R' - 1`` in what is still taken for a rotation."""
+ORTHOGONALITY = 1e-6  # largest entry of `R R' - 1` in what is still taken for a rotation
 
 
 class Frame(NamedTuple):
@@ -44,8 +43,7 @@ class Frame(NamedTuple):
     rotation: ArrayLike | None = None
 
 
-MAX_ROTATION_RAD = 100.0
-"""Of a rest pose, about each axis: beyond some turns an angle is a mistake."""
+MAX_ROTATION_RAD = 100.0  # of a rest pose, about each axis: beyond some turns an angle is a mistake
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +102,8 @@ class RestPose:
         return Frame(self.position, kinematics.exponential(turn) if turn.size == 3 else turn[0])
 
 
+# Where each named body frame is: a `Frame`, a tuple (position, rotation), or a position alone.
 Frames = Mapping[str, Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike]
-"""Where each named body frame is: a `Frame`, a tuple (position, rotation), or a position alone."""
 
 
 def frame_of(where: Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike) -> Frame:

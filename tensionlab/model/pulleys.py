@@ -25,10 +25,8 @@ from numpy.typing import NDArray
 
 from tensionlab.support.arrays import Floats
 
-ARC_POINTS = 16
-"""Of the arc of a cable on its pulley, where it is drawn."""
-ROUNDING_RAD = 1e-6
-"""An arc that is negative by more than that has gone round the pulley."""
+ARC_POINTS = 16  # of the arc of a cable on its pulley, where it is drawn
+ROUNDING_RAD = 1e-6  # an arc that is negative by more than that has gone round the pulley
 
 
 class Pulleys(NamedTuple):

@@ -15,8 +15,7 @@ from tensionlab.support.arrays import Floats, as_floats, readonly_copy
 from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_vector
 
-MAX_WRENCHES = 100_000
-"""Wrenches of a list: each of them is looked at in every pose."""
+MAX_WRENCHES = 100_000  # wrenches of a list: each of them is looked at in every pose
 
 
 class RequiringRig(Protocol):

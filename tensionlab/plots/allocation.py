@@ -23,14 +23,10 @@ MARKERS: tuple[dict[str, Any], ...] = (
     {"marker": "o", "fillstyle": "none"},
     {"marker": "^"},
     {"marker": "x"},
-)
-"""Shape of each `Status`, in its order."""
-FEW = 50
-"""Fewer wrenches are drawn as larger dots."""
-MAX_DOTS = 2000
-"""Largest number of wrenches drawn for each status, evenly spread."""
-SPREAD = 0.12
-"""Half the height of a row's dots, as a share of the row: spread out, many of the same tension show."""
+)  # shape of each `Status`, in its order
+FEW = 50  # fewer wrenches are drawn as larger dots
+MAX_DOTS = 2000  # largest number of wrenches drawn for each status, evenly spread
+SPREAD = 0.12  # half the height of a row's dots, as a share of the row: spread out, many of the same tension show
 
 
 @overload

@@ -22,27 +22,20 @@ if TYPE_CHECKING:
     from tensionlab.benchmark.results import EntryResult, Results
     from tensionlab.support.arrays import Floats
 
-EXACT_N = 1e-6
-"""An answer with an error up to this is exact, as the interface verifies."""
-MIN_ERROR_N = 1e-16
-"""Errors below are drawn here: rounding."""
-NO_ANSWER_N = 1e3
-"""Where an entry is drawn whose errors are larger, or that gave too few answers."""
-SIZE = (8.0, 6.2)
-"""Size of a figure of time against accuracy, in inches."""
+EXACT_N = 1e-6  # an answer with an error up to this is exact, as the interface verifies
+MIN_ERROR_N = 1e-16  # errors below are drawn here: rounding
+NO_ANSWER_N = 1e3  # where an entry is drawn whose errors are larger, or that gave too few answers
+SIZE = (8.0, 6.2)  # size of a figure of time against accuracy, in inches
 LOOKS = {
     "own": ("your own", PURPLE, "*"),
     "newton": ("newton", BLUE, "o"),
     "built-in": ("built-in, others", GREEN, "s"),
     "default": ("baseline, default settings", ORANGE, "o"),
     "tight": ("baseline, tight settings", RED, "D"),
-}
-"""Name, colour and marker of each kind of entry."""
+}  # name, colour and marker of each kind of entry
 FRONT_LINE: dict[str, Any] = {"color": "#444444", "linewidth": 1.0, "linestyle": "--"}
-MAX_RATIO = 1e4
-"""Ratios above are not drawn."""
-COLUMNS = 4
-"""Panels in a row."""
+MAX_RATIO = 1e4  # ratios above are not drawn
+COLUMNS = 4  # panels in a row
 
 
 class Dot(NamedTuple):

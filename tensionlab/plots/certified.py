@@ -17,10 +17,8 @@ if TYPE_CHECKING:
 
     from tensionlab.workspace.certification.result import CertifiedWorkspace
 
-PIXELS = 500
-"""Along the longer edge of a slice."""
-COLOURS = (NONE_COLOUR, ORANGE, GREEN)
-"""Colours of cells that are outside, undecided and inside."""
+PIXELS = 500  # along the longer edge of a slice
+COLOURS = (NONE_COLOUR, ORANGE, GREEN)  # colours of cells that are outside, undecided and inside
 LEGEND: list[tuple[str, dict[str, Any]]] = [
     (word, {"color": colour, "marker": "s", "markersize": 9, "ls": ""})
     for word, colour in zip(("proved outside", "undecided", "proved inside"), COLOURS, strict=True)

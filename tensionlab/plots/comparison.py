@@ -26,18 +26,14 @@ POLICY_LOOK = {
     "tension": (ORANGE, "s", 0.0),
     "direction": (GREEN, "^", 0.25),
     None: (GREY, "D", 0.0),
-}
-"""Colour, marker and place within the solver's row."""
+}  # colour, marker and place within the solver's row
+# Fields of a score with the number of wrenches of each `Status`.
 COUNTS = ("exact", "nearest_count", "unproven", "failed")
-"""Fields of a score with the number of wrenches of each `Status`."""
 CABLE = "#C8C8C8"
 INFEASIBLE = "#EEEEEE"
-MAX_DRAWN_FORCES = 200
-"""Largest number of forces that are drawn, evenly spread."""
-MAX_DRAWN_SOLVERS = 8
-"""Largest number of solvers that are drawn along a trajectory."""
-MIN_ERROR_N = 1e-12
-"""Errors below are drawn here: rounding, not a difference between solvers."""
+MAX_DRAWN_FORCES = 200  # largest number of forces that are drawn, evenly spread
+MAX_DRAWN_SOLVERS = 8  # largest number of solvers that are drawn along a trajectory
+MIN_ERROR_N = 1e-12  # errors below are drawn here: rounding, not a difference between solvers
 
 
 def plot_comparison(comparison: Comparison) -> Figure:

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from tensionlab.support.arrays import Floats
 
 
-MARGIN_INCHES = 0.5
-"""Above and below a rig in space, for the title and the legend."""
+MARGIN_INCHES = 0.5  # above and below a rig in space, for the title and the legend
 
 
 @overload

@@ -20,10 +20,8 @@ if TYPE_CHECKING:
 
     from tensionlab.hardware.log.reader import Run
 
-BINS = 1500
-"""Number of bins of a longer run: lines show their minimum and maximum, the others the worst."""
-COLOURS = (BLUE, ORANGE, GREEN)
-"""Colours of the axes x, y and z."""
+BINS = 1500  # number of bins of a longer run: lines show their minimum and maximum, the others the worst
+COLOURS = (BLUE, ORANGE, GREEN)  # colours of the axes x, y and z
 LIMITER_LOOKS = [
     ("free", "#EDEDED", {Limit.NONE}),
     ("taut minimum", "#B5D9F0", {Limit.LOWER}),
@@ -32,16 +30,11 @@ LIMITER_LOOKS = [
     ("speed, length, brake", "#CC79A7", {Limit.SPEED, Limit.LENGTH, Limit.RELEASING}),
     ("heat", RED, {Limit.THERMAL}),
     ("idle or timed out", GREY, {Limit.TIMEOUT, Limit.IDLE}),
-]
-"""Limiters of a module, the worse the later."""
-LOST = ("fault, or lost", "#000000")
-"""Worse than all those."""
-NAMED_EVENTS = 8
-"""Largest number of events with a name; further ones are lines alone."""
-MIN_TIME_MS = 1e-2
-"""Times below are drawn here, in ms."""
-MIN_RANGE = 0.05
-"""Forces and torques are drawn at least so far up and down, in N and N·m."""
+]  # limiters of a module, the worse the later
+LOST = ("fault, or lost", "#000000")  # worse than all those
+NAMED_EVENTS = 8  # largest number of events with a name; further ones are lines alone
+MIN_TIME_MS = 1e-2  # times below are drawn here, in ms
+MIN_RANGE = 0.05  # forces and torques are drawn at least so far up and down, in N and N·m
 TIMES = ("start delay", "compute time", "oldest telemetry")
 
 

@@ -28,28 +28,22 @@ if TYPE_CHECKING:
     from tensionlab.scenarios.checks import Check
     from tensionlab.scenarios.play import ScenarioResult
 
+# Minimum height of a panel of force against distance, and of the layout above it, in inches.
 CURVE_HEIGHT, LAYOUT_HEIGHT = 2.0, 5.6
-"""Minimum height of a panel of force against distance, and of the layout above it, in inches."""
-MIN_FORCE_SHARE = 0.1
-"""An axis is drawn if its force gets to this share of the largest."""
-KNEE = 1.3
-"""Multiple of the motors' largest tension beyond which forces are drawn on a logarithmic scale."""
+MIN_FORCE_SHARE = 0.1  # an axis is drawn if its force gets to this share of the largest
+KNEE = 1.3  # multiple of the motors' largest tension beyond which forces are drawn on a logarithmic scale
+# Within so long of a phase's begin, forces are those of modules that start, or of what was before.
 SETTLING_S = 0.3
-"""Within so long of a phase's begin, forces are those of modules that start, or of what was before."""
-NEAR_M = 0.12
-"""Largest distance from a surface at which its force is drawn."""
-PAWL_FORCE_N = 1.0
-"""A pawl holds where the cable pulls by so much harder than its motor ..."""
-PAWL_RELEASE_S = 0.3
-"""... and for so long after its brake was commanded."""
+NEAR_M = 0.12  # largest distance from a surface at which its force is drawn
+PAWL_FORCE_N = 1.0  # a pawl holds where the cable pulls by so much harder than its motor ..
+PAWL_RELEASE_S = 0.3  # ... and for so long after its brake was commanded.
 TIMELINE_LOOKS = {
     "brake": ("brake commanded", "#A8D8C8"),
     "pawl": ("pawl holds the cable", GREEN),
     "local": ("module-local spring or vibration", "#CC79A7"),
-}
-"""Words and colours of the bars of a timeline."""
+}  # words and colours of the bars of a timeline
+# Where texts of the table of checks end, and where gauges begin, as shares of the width.
 EXPECTED_X, MEASURED_X, GAUGE_X = 0.55, 0.68, 0.77
-"""Where texts of the table of checks end, and where gauges begin, as shares of the width."""
 WIDE: dict[str, Any] = {"linewidth": 5.0, "alpha": 0.3}
 THIN: dict[str, Any] = {"linewidth": 1.2}
 

@@ -21,15 +21,11 @@ if TYPE_CHECKING:
     from tensionlab.model.rig import Rig
     from tensionlab.scenarios import BrakeTarget, Phase, Scenario
 
-DEPTH = (0.40, 0.25)
-"""Right and up, for each metre of depth."""
+DEPTH = (0.40, 0.25)  # right and up, for each metre of depth
 FLOOR_COLOUR, SURFACE_COLOUR, PERSON_COLOUR = "#DDDDDD", "#56B4E9", "#D3D3D3"
-TILE_M = 0.5
-"""Side of a tile of the floor, in m."""
-PATCH_M = 0.25
-"""Half the side of the patch that stands for a wall, in m."""
-ARC = np.radians(np.linspace(-16.0, 16.0, 33))
-"""Angles of the arc that marks the end of a reach."""
+TILE_M = 0.5  # side of a tile of the floor, in m
+PATCH_M = 0.25  # half the side of the patch that stands for a wall, in m
+ARC = np.radians(np.linspace(-16.0, 16.0, 33))  # angles of the arc that marks the end of a reach
 LOOKS: dict[str, dict[str, Any]] = {
     "module in the room": {"color": BLUE, "marker": "s", "linestyle": "", "markersize": 9},
     "module on the body": {"color": ORANGE, "marker": "s", "linestyle": "", "markersize": 9},
@@ -39,8 +35,7 @@ LOOKS: dict[str, dict[str, Any]] = {
     "virtual surface": {"color": SURFACE_COLOUR, "linewidth": 2.4},
     "where brakes hold": {"color": GREEN, "linewidth": 2.4},
 }
-View = Callable[[Floats], Floats]
-"""Projection of points (..., d) to the figure, (..., 2)."""
+View = Callable[[Floats], Floats]  # projection of points (..., d) to the figure, (..., 2)
 
 
 def view_of(rig: Rig) -> View:

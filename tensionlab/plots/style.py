@@ -25,28 +25,21 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 STYLE = Path(__file__).parents[1] / "tensionlab.mplstyle"
-SCREEN_DPI = 100
-"""Resolution at which a browser shows a figure. Its PNG has more pixels, for fine screens."""
+SCREEN_DPI = 100  # resolution at which a browser shows a figure. Its PNG has more pixels, for fine screens.
 METADATA: dict[str, dict[str, Any]] = {
     ".png": {"Software": None},
     ".pdf": {"CreationDate": None, "Producer": None, "Creator": None},
     ".svg": {"Date": None, "Creator": None},
-}
-"""By suffix, what must be left out for the same result to make the same file."""
+}  # by suffix, what must be left out for the same result to make the same file
+# Behind a name, so that lines do not cross it.
 HALO = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
-"""Behind a name, so that lines do not cross it."""
 
 COARSE_SHADE = "#F4F1E6"
-ONE_SCALE_UP_TO = 1.6
-"""Multiple of the knee below which one scale is enough."""
-FONT_SIZE = 8.0
-"""Size of the letters, in points."""
-DISTANCES = (7.0, 14.0, 24.0, 36.0, 50.0)
-"""Distances of a name from its point that are tried, in points."""
-POINT_RADIUS = 5.0
-"""Half the size of a point, in points."""
-DIRECTIONS = 16
-"""Directions that are tried at each distance."""
+ONE_SCALE_UP_TO = 1.6  # multiple of the knee below which one scale is enough
+FONT_SIZE = 8.0  # size of the letters, in points
+DISTANCES = (7.0, 14.0, 24.0, 36.0, 50.0)  # distances of a name from its point that are tried, in points
+POINT_RADIUS = 5.0  # half the size of a point, in points
+DIRECTIONS = 16  # directions that are tried at each distance
 
 
 def import_matplotlib() -> None:

@@ -17,10 +17,9 @@ if TYPE_CHECKING:
     from tensionlab.validation.data_tables import Recording
 
 
+# Axes of each view, and what it is called; Y is up.
 VIEWS = (((0, 1), "from the front (along −z)"), ((0, 2), "from above (along −y)"))
-"""Axes of each view, and what it is called; Y is up."""
-FAR_ALPHA = 0.35
-"""Opacity of what lies on the far side."""
+FAR_ALPHA = 0.35  # opacity of what lies on the far side
 
 
 def plot_forces(recording: Recording) -> Figure:

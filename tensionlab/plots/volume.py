@@ -15,8 +15,8 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREY, ORANGE
 
 ON_FRONT: dict[str, Any] = {"color": BLUE, "marker": "o", "linewidth": 1.4, "drawstyle": "steps-post"}
+# Looks of layouts that others beat, or do not.
 OFF_FRONT: dict[str, Any] = {"color": GREY, "marker": "o", "linestyle": "", "fillstyle": "none"}
-"""Looks of layouts that others beat, or do not."""
 
 if TYPE_CHECKING:
     import xarray

@@ -21,14 +21,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-NONE_COLOUR = "#E4E4E4"
-"""Where a value is zero or less."""
-NO_YES = (NONE_COLOUR, GREEN)
-"""Colours of a metric that is 0 or 1."""
-PANEL_WIDTH = 3.3
-"""Width of a panel, in inches."""
-COLUMNS = 4
-"""Panels in a row, at most."""
+NONE_COLOUR = "#E4E4E4"  # where a value is zero or less
+NO_YES = (NONE_COLOUR, GREEN)  # colours of a metric that is 0 or 1
+PANEL_WIDTH = 3.3  # width of a panel, in inches
+COLUMNS = 4  # panels in a row, at most
 CURVES = (BLUE, ORANGE, GREEN, RED, "#CC79A7", "#56B4E9", "#000000", "#B8860B")
 DASHES = ("-", "--", ":")
 SLICE_LEGEND: list[tuple[str, dict[str, Any]]] = [

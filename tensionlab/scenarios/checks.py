@@ -24,18 +24,14 @@ if TYPE_CHECKING:
     import pandas
 
 Kind = TypeVar("Kind", bound=Effect)
-NOTICEABLE = 0.07
-"""Share by which forces differ noticeably."""
-MIN_FORCE_N = 0.5
-"""Smaller forces have no direction that matters."""
-REVERSAL_S = 0.1
-"""Time in which modules follow a force that turns round: 6 N at 60 N/s."""
+NOTICEABLE = 0.07  # share by which forces differ noticeably
+MIN_FORCE_N = 0.5  # smaller forces have no direction that matters
+REVERSAL_S = 0.1  # time in which modules follow a force that turns round: 6 N at 60 N/s
+# Why a force may point elsewhere: no force above 0.5 N is desired, and the cables are only taut; it points where
+# it should have within the loop's delay and 0.1 s; it is certified infeasible; a module is at a limit of its own
+# (slew, speed, heat, a brake that opens). The first that applies counts.
 REASONS = ("none desired", "delayed", "infeasible", "module limited", "unexplained")
-"""Why a force may point elsewhere: no force above 0.5 N is desired, and the cables are only taut; it points where
-it should have within the loop's delay and 0.1 s; it is certified infeasible; a module is at a limit of its own
-(slew, speed, heat, a brake that opens). The first that applies counts."""
-ALIGNED_CYCLE, WEAK_CYCLE = -1, -2
-"""In place of a reason: the force is within 45 degrees, or weaker than 0.5 N."""
+ALIGNED_CYCLE, WEAK_CYCLE = -1, -2  # in place of a reason: the force is within 45 degrees, or weaker than 0.5 N
 
 
 class Check(NamedTuple):

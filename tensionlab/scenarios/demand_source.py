@@ -17,10 +17,8 @@ from tensionlab.model.pose import frame_of
 from tensionlab.scenarios.scenario import BrakeTarget, Scenario
 from tensionlab.support.arrays import Floats
 
-FADE_IN_S = 0.25
-"""Time in which all force fades in: nobody knows where the hand is when a run begins."""
-Notify = Callable[[str, str], None]
-"""Receives a kind of event (phase, brake) and its text."""
+FADE_IN_S = 0.25  # time in which all force fades in: nobody knows where the hand is when a run begins
+Notify = Callable[[str, str], None]  # receives a kind of event (phase, brake) and its text
 
 
 class ScenarioDemand:

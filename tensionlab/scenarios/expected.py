@@ -35,22 +35,14 @@ from tensionlab.scenarios.play import ScenarioResult
 from tensionlab.scenarios.scenario import BrakeTarget, Scenario
 from tensionlab.support.arrays import Floats, angles
 
-START_S = 0.3
-"""Time in which modules come up; what is rendered before does not count."""
-LOCKING_S = 0.1
-"""Time in which a brake locks."""
-SHOT_S = 0.3
-"""Duration of a shot: five time constants."""
-WITHDRAWN_M = 0.002
-"""Way back of a head that withdraws."""
-RELEASE_S = 0.2
-"""Time until it is free then: a release, and the pawl on its way up."""
-SPEED_ERROR = 0.1
-"""Error of the speed of a tracked head, in m/s: brakes may be locked so much the earlier."""
-TOUCH_N = 0.5
-"""Force above which there is a touch."""
-RIPPLE_N = 0.15
-"""Force that makes a ripple perceptible."""
+START_S = 0.3  # time in which modules come up; what is rendered before does not count
+LOCKING_S = 0.1  # time in which a brake locks
+SHOT_S = 0.3  # duration of a shot: five time constants
+WITHDRAWN_M = 0.002  # way back of a head that withdraws
+RELEASE_S = 0.2  # time until it is free then: a release, and the pawl on its way up
+SPEED_ERROR = 0.1  # error of the speed of a tracked head, in m/s: brakes may be locked so much the earlier
+TOUCH_N = 0.5  # force above which there is a touch
+RIPPLE_N = 0.15  # force that makes a ripple perceptible
 
 
 def check_scenario(result: ScenarioResult) -> Checks:
@@ -340,5 +332,4 @@ EXPECTED: dict[str, Callable[[ScenarioResult], tuple[Check, ...]]] = {
     "recoil": check_recoil,
     "weight": check_weight,
     "bow": check_bow,
-}
-"""By the scenario's name."""
+}  # by the scenario's name

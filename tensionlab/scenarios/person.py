@@ -27,22 +27,16 @@ from tensionlab.model.rig import Cables, Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief
 
+# Of a sway's frequency: axes out of step make it go round rather than along a line; it begins where it rests.
 AXIS_RATES = np.array([1.0, 0.83, 1.21])
-"""Of a sway's frequency: axes out of step make it go round rather than along a line; it begins where it rests."""
-MAX_STEP_S = 1e-3
-"""Longest step of the integration."""
-SPEED_STEP_S = 1e-4
-"""Step of the difference that gives the script's velocity."""
-TRACKER_RATE_HZ = 90.0
-"""Rate of a simulated tracker; those of head-mounted displays have it."""
-RETURN_S = 1.0
-"""Duration of the way back to the start."""
-PULLING = (State.ARMED, State.RUNNING)
-"""States of a module that pulls."""
-MAX_SLACK_M = 0.05
-"""A cable that hangs loose by more is slack."""
+MAX_STEP_S = 1e-3  # longest step of the integration
+SPEED_STEP_S = 1e-4  # step of the difference that gives the script's velocity
+TRACKER_RATE_HZ = 90.0  # rate of a simulated tracker; those of head-mounted displays have it
+RETURN_S = 1.0  # duration of the way back to the start
+PULLING = (State.ARMED, State.RUNNING)  # states of a module that pulls
+MAX_SLACK_M = 0.05  # a cable that hangs loose by more is slack
+# Receives the positions of bodies by name, in m, and their time, in s since 1970.
 Track = Callable[[Mapping[str, Floats], float], None]
-"""Receives the positions of bodies by name, in m, and their time, in s since 1970."""
 
 
 @parameters.checked_dataclass(ScenarioError)

@@ -29,10 +29,8 @@ from tensionlab.support.files.reading import as_path, brief, read_toml
 from tensionlab.support.formatting import format_count
 from tensionlab.support.validation import validate
 
-FOLDER = Path(__file__).parent / "files"
-"""Scenarios of this package: NAME.toml, and NAME.rig.toml beside it."""
-SCENARIOS = ("materials", "collision", "recoil", "weight", "bow")
-"""Their names, in the order of the publication."""
+FOLDER = Path(__file__).parent / "files"  # scenarios of this package: NAME.toml, and NAME.rig.toml beside it
+SCENARIOS = ("materials", "collision", "recoil", "weight", "bow")  # their names, in the order of the publication
 KEYS: dict[str, Any] = {
     "title": str,
     "about": str,
@@ -45,8 +43,7 @@ KEYS: dict[str, Any] = {
     "stands": tuple[float, ...],
     "up": str,
 }
-RIG = "rig"
-"""Key of a scenario file: its rig, by name, or by file beside it."""
+RIG = "rig"  # key of a scenario file: its rig, by name, or by file beside it
 NEEDED = ("title", "about", "seconds", "up")
 PHASE_KEYS: dict[str, Any] = {"name": str, "begin": float, "end": float}
 

@@ -22,16 +22,15 @@ from tensionlab.support.arrays import Floats, Integers
 Policy = Literal["force", "tension", "direction"]
 POLICIES: tuple[Policy, ...] = get_args(Policy)
 
+# Largest error of a proved answer, in newton. EXACT: of the wrench, times max(1, its norm). NEAREST: of the
+# distance that remains, times max(1, norm of what is rendered).
 TOLERANCE = 1e-6
-"""Largest error of a proved answer, in newton. EXACT: of the wrench, times max(1, its norm). NEAREST: of the
-distance that remains, times max(1, norm of what is rendered)."""
 
+# Cosine between a wrench w and the normal of a face of the available wrench set, below which w grazes the face:
+# there the direction policy counts `s w` as rendered where tensions come within `TOLERANCE` of it.
 GRAZING = 1e-5
-"""Cosine between a wrench w and the normal of a face of the available wrench set, below which w grazes the face:
-there the direction policy counts ``s w`` as rendered where tensions come within `TOLERANCE` of it."""
 
-RANK_TOLERANCE = 1e-8
-"""Singular values of a structure matrix below this share of its largest one count as zero."""
+RANK_TOLERANCE = 1e-8  # singular values of a structure matrix below this share of its largest one count as zero
 
 
 class Status(enum.IntEnum):
@@ -189,10 +188,10 @@ class Solver(Protocol):
         ...
 
 
+# Takes the structure matrix and the wrench of one problem, and writes tensions (m), wrench (n), separation (n),
+# residual and scale into the third argument. Returns status and iterations, or None where the arguments are not
+# two float64 arrays of the right shapes and finite.
 SingleSolver = Callable[[object, object, Floats], tuple[int, int] | None]
-"""Takes the structure matrix and the wrench of one problem, and writes tensions (m), wrench (n), separation (n),
-residual and scale into the third argument. Returns status and iterations, or None where the arguments are not two
-float64 arrays of the right shapes and finite."""
 
 
 class FusedSolver(Solver, Protocol):

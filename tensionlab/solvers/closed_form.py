@@ -141,8 +141,7 @@ OBJECTIVES: dict[PolygonGoal, str] = {
     "2-norm": "least squared change from the reference",
 }
 
-MAX_REDUNDANCY = 2
-"""Dimensions of a polygon."""
+MAX_REDUNDANCY = 2  # dimensions of a polygon
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from tensionlab.support.arrays import Floats
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "CLARABEL": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},
-}
-"""Solvers of cvxpy that can be chosen, with settings that pass `TOLERANCE`."""
+}  # solvers of cvxpy that can be chosen, with settings that pass `TOLERANCE`
 
 
 @dataclass(frozen=True)

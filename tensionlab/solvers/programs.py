@@ -46,15 +46,11 @@ def whitener(structure: Floats) -> Floats:
     return root
 
 
-SAFETY = 0.1
-"""Share of `TOLERANCE` that an answer may use up before the next program is tried."""
+SAFETY = 0.1  # share of `TOLERANCE` that an answer may use up before the next program is tried
 NO_TENSIONS = "gave no tensions, not even inside the limits alone"
-RAMP_SHARE = 0.1
-"""Share of the tolerance that is not used at s = 0; all of it is at s = 1."""
-INSIDE_SHARE = 1e-6
-"""A tension this far from its limits, as a share of the largest, is between them."""
-MAX_CUTS = 12
-"""Most nearest wrenches that are sought; three or four are usual."""
+RAMP_SHARE = 0.1  # share of the tolerance that is not used at s = 0; all of it is at s = 1
+INSIDE_SHARE = 1e-6  # a tension this far from its limits, as a share of the largest, is between them
+MAX_CUTS = 12  # most nearest wrenches that are sought; three or four are usual
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,7 @@ BACKENDS: dict[str, dict[str, Any]] = {
     },
 }
 """QP solvers by their names in qpsolvers, with settings that make their answers pass `TOLERANCE`."""
-SPARSE = frozenset({"clarabel", "osqp", "highs"})
-"""Those that take sparse matrices only."""
+SPARSE = frozenset({"clarabel", "osqp", "highs"})  # those that take sparse matrices only
 
 
 def installed_backends() -> tuple[str, ...]:
@@ -77,14 +76,10 @@ def raised_by(backend: str) -> tuple[type[Exception], ...]:
     return raised
 
 
-PROXIMAL = 1e-6
-"""Weight of staying at the last tensions while the wrench error, of weight 1, is minimised."""
-DIRECTION = 1e-4
-"""The same while the scale of the wrench is maximised."""
-BIAS = 1e-4
-"""Share of the accepted error that these steps may leave; one more step than it takes is cheap."""
-MAX_STEPS = 8
-"""Most of these steps; two or three are usual."""
+PROXIMAL = 1e-6  # weight of staying at the last tensions while the wrench error, of weight 1, is minimised
+DIRECTION = 1e-4  # the same while the scale of the wrench is maximised
+BIAS = 1e-4  # share of the accepted error that these steps may leave; one more step than it takes is cheap
+MAX_STEPS = 8  # most of these steps; two or three are usual
 
 
 @dataclass(frozen=True)
@@ -259,11 +254,9 @@ ALWAYS: dict[str, dict[str, Any]] = {
     "proxqp": {"compute_timings": True, "max_iter": 500},
     # It may cycle for ever there.
     "highs": {"time_limit": 1.0, "qp_iteration_limit": 10_000},
-}
-"""Set in both: what a measurement needs, and what keeps it from hanging."""
+}  # set in both: what a measurement needs, and what keeps it from hanging
 
-CLOCK = {"proxqp": 1e-6}
-"""Unit of a backend's own times, in s, where it is not the second."""
+CLOCK = {"proxqp": 1e-6}  # unit of a backend's own times, in s, where it is not the second
 
 
 @dataclass(frozen=True)

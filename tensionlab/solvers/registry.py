@@ -48,14 +48,12 @@ SOLVERS: dict[str, type[Any]] = {
     "spidar": Spidar,
     "qp": QuadraticProgram,
     "cvxpy": ConvexProgram,
-}
-"""Built-in solvers by name."""
+}  # built-in solvers by name
 
 PLUGIN_GROUP = "tensionlab.solvers"
+# Attributes that the class of a solver has, and of which kind.
 REQUIRED_ATTRIBUTES: dict[str, Any] = {"objective": str, "policies": tuple, "solve": Callable}
-"""Attributes that the class of a solver has, and of which kind."""
-GUIDE = "docs/how-to/add-a-solver.md has one to copy"
-"""What to do about a class that is no solver."""
+GUIDE = "docs/how-to/add-a-solver.md has one to copy"  # what to do about a class that is no solver
 
 
 def make(name: str) -> Solver:

@@ -10,13 +10,12 @@ import re
 from collections.abc import Callable, Sequence
 from urllib.parse import parse_qs, urlsplit
 
-Header = Callable[[str], Sequence[str]]
-"""Returns the values of a header of a request, by its name."""
+Header = Callable[[str], Sequence[str]]  # returns the values of a header of a request, by its name
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 LOCAL = r"(localhost|127\.0\.0\.1|\[::1\])(:\d+)?"
+# This machine as a browser names it, and its pages.
 LOCAL_HOST, LOCAL_PAGES = re.compile(LOCAL), re.compile(f"https?://{LOCAL}")
-"""This machine as a browser names it, and its pages."""
 
 
 def names_this_machine(header: Header) -> bool:

@@ -15,8 +15,7 @@ from tensionlab.errors import ShapeError
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-MAX_MAGNITUDE = 1e100
-"""Entries of this size or more are refused: their squares would overflow."""
+MAX_MAGNITUDE = 1e100  # entries of this size or more are refused: their squares would overflow
 
 
 def as_floats(name: str, values: ArrayLike) -> Floats:

@@ -7,8 +7,7 @@ from typing import Any
 
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS
 
-MAX_COMPONENTS = 8
-"""Components of a vector; of more, those in the middle are left out."""
+MAX_COMPONENTS = 8  # components of a vector; of more, those in the middle are left out
 
 
 def format_number(value: float) -> str:

@@ -22,11 +22,10 @@ from typing import Any, TypeVar
 
 Result = TypeVar("Result")
 
+# How long another program may have a file open on Windows until it counts as one that cannot be replaced.
 OPEN_ELSEWHERE_S = 1.0
-"""How long another program may have a file open on Windows until it counts as one that cannot be replaced."""
 RETRY_PERIOD_S = 0.01
-NICENESS = 10
-"""Of a process that others must not wait for."""
+NICENESS = 10  # of a process that others must not wait for
 
 if sys.platform == "win32":
     INTERRUPT_SIGNALS: tuple[signal.Signals, ...] = (signal.SIGINT, signal.SIGTERM, signal.SIGBREAK)

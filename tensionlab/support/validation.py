@@ -18,8 +18,7 @@ from tensionlab.errors import TensionlabError
 from tensionlab.support.files.reading import brief
 
 T = TypeVar("T")
-MAX_PROBLEMS_CHARACTERS = 220
-"""Length of a message beyond which advice, and then further problems, are left out."""
+MAX_PROBLEMS_CHARACTERS = 220  # length of a message beyond which advice, and then further problems, are left out
 TABLE = "a table of keys and values"
 WANTED = {
     "float_type": "a number",
@@ -47,8 +46,7 @@ WANTED = {
     "less_than_equal": "{le:g} or less",
     "literal_error": "{expected}",
     "is_instance_of": "an instance of {class}",
-}
-"""What to give, by pydantic's type of error."""
+}  # what to give, by pydantic's type of error
 
 
 def validate(kind: type[T], values: object, error: type[TensionlabError], source: str | PathLike[str] = "") -> T:

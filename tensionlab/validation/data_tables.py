@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 AXES = "xyz"
 FORCES = ("desired", "rendered", "measured")
+# Columns with one value for each force, and their types.
 FORCE_COLUMNS = {"spread": float, "status": str, "fallback_used": bool, "samples": int, "limited_modules": str}
-"""Columns with one value for each force, and their types."""
 ENTRIES = {
     "simulated": bool,
     "rig": str,
@@ -39,8 +39,7 @@ ENTRIES = {
     "rotations": dict,
     "rate": float,
     "hold": float,
-}
-"""Entries of a recording's manifest, and their types."""
+}  # entries of a recording's manifest, and their types
 
 
 @dataclass(frozen=True, eq=False)

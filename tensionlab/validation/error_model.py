@@ -30,8 +30,8 @@ from tensionlab.model.kinematics import exponential
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
+# Hardware without errors; its spool and cable swing least with 23 N s/m.
 IDEAL_PLANT = {"dry_friction": 0.0, "cogging": 0.0, "damping": 25.0}
-"""Hardware without errors; its spool and cable swing least with 23 N s/m."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,7 @@ PRESETS = {
     "paper-like": ErrorModel(
         gain=1.28, gain_spread=0.08, bias=0.12, position=0.025, tilt=3.0, play=0.10, noise=0.03
     ),
-}
-"""No errors; and errors of a size that makes a rig like the published one."""
+}  # no errors; and errors of a size that makes a rig like the published one
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,17 +29,13 @@ from tensionlab.solvers.base import Solver, Status
 from tensionlab.support.arrays import Floats
 from tensionlab.validation.sensors import ForceSensor
 
-CONTINUOUS_CURRENT_A = PARAMETERS["current_continuous"].standard
-"""Continuous rating of a winding's current."""
-AXIS_FORCES = 3
-"""Number of forces along the axes, which come first."""
-ZERO_S = 1.0
-"""Time for which the sensor is averaged with all motors off."""
+CONTINUOUS_CURRENT_A = PARAMETERS["current_continuous"].standard  # continuous rating of a winding's current
+AXIS_FORCES = 3  # number of forces along the axes, which come first
+ZERO_S = 1.0  # time for which the sensor is averaged with all motors off
+# Shares of a winding's budget: when modules are to rest before a force that needs more current than they bear for
+# ever, and until when. 6 N take 0.17 of it in a second, and are to be had up to 0.7.
 HOT, COOL = 0.5, 0.4
-"""Shares of a winding's budget: when modules are to rest before a force that needs more current than they bear for
-ever, and until when. 6 N take 0.17 of it in a second, and are to be had up to 0.7."""
-EARLY_S = 1e-6
-"""Time by which a cycle may begin too early."""
+EARLY_S = 1e-6  # time by which a cycle may begin too early
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,8 +21,7 @@ from tensionlab.validation.statistics import ALIGNMENTS, ForceScore, Interval, r
 if TYPE_CHECKING:
     import pandas
 
-TILTED_DEG = 1.0
-"""Difference of the two ways to align above which the report speaks of tilt."""
+TILTED_DEG = 1.0  # difference of the two ways to align above which the report speaks of tilt
 SOURCE = "Bartels et al. 2026, arXiv 2603.08054"
 READING = (
     '"Magnitude error" is not defined in the publication. Read as the length of the error vector, |F - F0|, its '

@@ -20,16 +20,14 @@ from tensionlab.workspace.margin import required_margin
 from tensionlab.workspace.structure_metrics import feasibility_tolerance
 from tensionlab.workspace.wrench_set import half_spaces
 
+# Tensions that balance only with a larger ratio between the cables do not count as balancing.
 MAX_TENSION_RATIO = 1e4
-"""Tensions that balance only with a larger ratio between the cables do not count as balancing."""
+# Likely lengths of the longest cable. Stadium cameras and telescopes have longer ones, few other rigs.
 LIKELY_LENGTHS_M = (0.01, 100.0)
-"""Likely lengths of the longest cable. Stadium cameras and telescopes have longer ones, few other rigs."""
-ALONG_FACET = 1e-12
-"""Share of a unit vector along a facet's normal below which it does not lead to that facet."""
+ALONG_FACET = 1e-12  # share of a unit vector along a facet's normal below which it does not lead to that facet
+# Period and delay of the loop whose stiffness is shown: the runner's default rate, and one more cycle.
 CYCLE_S, LATENCY_S = 1.0 / 50.0, 0.02
-"""Period and delay of the loop whose stiffness is shown: the runner's default rate, and one more cycle."""
-HEAD_FORCE_N = ImpactCap().force
-"""Largest force of all cables together on a head."""
+HEAD_FORCE_N = ImpactCap().force  # largest force of all cables together on a head
 
 
 def check_rig(rig: Rig) -> list[Finding]:

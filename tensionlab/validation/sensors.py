@@ -24,17 +24,15 @@ from tensionlab.errors import HardwareError, LinkError
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import as_path, brief
 
+# From the sensor's axes, Z up, to the devices', Y up: a turn by -90 degrees about X.
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""From the sensor's axes, Z up, to the devices', Y up: a turn by -90 degrees about X."""
 SAMPLE_RATE_HZ = 1000
 FORCE_COLUMNS = ("fx", "fy", "fz")
-SIMULATED = "# simulated"
-"""First line of a simulated sensor, so that it is not taken for a real one."""
+SIMULATED = "# simulated"  # first line of a simulated sensor, so that it is not taken for a real one
 UNITS_N = {"n": 1.0, "newton": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
 SCHEMES = ("socket://", "tcp://")
 CHUNK_BYTES = 1 << 20
-TIMEOUT_S, POLL_S = 5.0, 0.01
-"""Limit of the connection and of the first numbers, and the time between looks."""
+TIMEOUT_S, POLL_S = 5.0, 0.01  # limit of the connection and of the first numbers, and the time between looks
 
 
 class ForceSensor(Protocol):

@@ -17,11 +17,9 @@ from tensionlab.support.arrays import Floats
 from tensionlab.validation.error_model import RigErrors, require_point, true_plants, true_rig
 from tensionlab.validation.sensors import SAMPLE_RATE_HZ, SIMULATED, UPRIGHT
 
-STEPS_PER_SAMPLE = round(1.0 / SAMPLE_RATE_HZ / STEP_S)
-"""Steps of the firmware."""
+STEPS_PER_SAMPLE = round(1.0 / SAMPLE_RATE_HZ / STEP_S)  # steps of the firmware
 CORRELATION_TIME_S = 1.0
-BLOCK_SAMPLES = 1000
-"""Samples at a time, so that no power of the decay gets out of range."""
+BLOCK_SAMPLES = 1000  # samples at a time, so that no power of the decay gets out of range
 
 
 class DriftNoise:

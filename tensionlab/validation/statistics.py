@@ -18,8 +18,7 @@ from tensionlab.hardware.calibration.gain import Estimate, LinearFit, around, fi
 from tensionlab.model import kinematics
 from tensionlab.support.arrays import Floats, Integers
 
-MAX_ANGLE_DEG = 45.0
-"""Every vector of the publication was within."""
+MAX_ANGLE_DEG = 45.0  # every vector of the publication was within
 RESAMPLES, CONFIDENCE = 2000, 0.95
 
 
@@ -55,8 +54,7 @@ def rotation_angle(rotation: Floats) -> float:
     return float(np.degrees(np.arctan2(np.linalg.norm(skew), np.trace(rotation) - 1.0)))
 
 
-ALIGNMENTS = {"paper": fit_yaw, "kabsch": fit_rotation}
-"""The publication's, and the one that finds tilt as well."""
+ALIGNMENTS = {"paper": fit_yaw, "kabsch": fit_rotation}  # the publication's, and the one that finds tilt as well
 
 
 class Interval(NamedTuple):

@@ -19,10 +19,8 @@ from tensionlab.viewer.volume import Mesh
 if TYPE_CHECKING:
     import viser
 
-TIP = "desired force"
-"""Name of the end of the arrow of the desired force."""
-TIP_SHARE = 0.010
-"""Radius of the ball there, as a share of the size of the rig."""
+TIP = "desired force"  # name of the end of the arrow of the desired force
+TIP_SHARE = 0.010  # radius of the ball there, as a share of the size of the rig
 GIZMO_PIXELS = 70.0
 NO_MESH = Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
 

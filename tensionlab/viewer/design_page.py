@@ -30,12 +30,10 @@ from tensionlab.viewer.solver_study import compare
 from tensionlab.viewer.state import HAND, DesignState, Edit
 from tensionlab.viewer.workers import Latest, WorkspaceWorker
 
+# Attributes of a state that the comparison of solvers depends on.
 COMPARED_BY = (*UNDONE, "solver", "policy", "compared", "study", "selected")
-"""Attributes of a state that the comparison of solvers depends on."""
-NOTICE_S = 8.0
-"""Duration of a notice that something was done."""
-HEIGHT_PIXELS = 640
-"""Height of the page in a notebook."""
+NOTICE_S = 8.0  # duration of a notice that something was done
+HEIGHT_PIXELS = 640  # height of the page in a notebook
 
 
 @dataclass(frozen=True)

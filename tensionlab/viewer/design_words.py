@@ -20,8 +20,7 @@ POLICY_WORDS = {
     "force": "the nearest wrench is rendered",
     "tension": "the tensions nearest to equilibrium are taken",
     "direction": "the longest wrench in the desired direction is rendered",
-}
-"""Meaning of each policy where the desired wrench is infeasible."""
+}  # meaning of each policy where the desired wrench is infeasible
 AT_LIMIT_N = 1e-6
 
 

@@ -17,10 +17,9 @@ from tensionlab.viewer.volume import Mesh, bounds
 if TYPE_CHECKING:
     import viser
 
-ANCHOR_SHARE, HAND_SHARE = 0.012, 0.015
-"""Radii of the balls at modules and hand, as shares of the size of the rig."""
+ANCHOR_SHARE, HAND_SHARE = 0.012, 0.015  # radii of the balls at modules and hand, as shares of the size of the rig
+# Sizes of arrows, as such shares.
 ARROW_SHARES = {"shaft_radius": 0.004, "head_radius": 0.010, "head_length": 0.03}
-"""Sizes of arrows, as such shares."""
 FIELD_OF_VIEW_RAD = 0.7
 CABLE_PIXELS, THIN_PIXELS = 3.0, 1.5
 NO_LINE = np.zeros((1, 2, 3))

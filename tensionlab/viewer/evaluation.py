@@ -15,10 +15,8 @@ from tensionlab.viewer.state import DesignState
 from tensionlab.workspace.margin import required_margin
 from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
 
-FLAT = 1e-9
-"""Share of the largest force that counts as none."""
-COPLANAR = 1e-6
-"""Largest difference of the equations of faces in one plane."""
+FLAT = 1e-9  # share of the largest force that counts as none
+COPLANAR = 1e-6  # largest difference of the equations of faces in one plane
 
 
 @dataclass(frozen=True)

@@ -36,12 +36,10 @@ HEADERS = {
 }
 """Headers of every page: it loads nothing from elsewhere, and its address goes nowhere."""
 PAGE_PATH, STOP_PATH = "/", "/stop"
-MAX_MESSAGE_BYTES = 1 << 14
-"""Longest message of a browser."""
+MAX_MESSAGE_BYTES = 1 << 14  # longest message of a browser
+# Browsers at a time, and connections without a request; beyond, the oldest of those is closed.
 MAX_CLIENTS, MAX_WAITING = 32, 256
-"""Browsers at a time, and connections without a request; beyond, the oldest of those is closed."""
-MAX_TEXT = 1000
-"""Longest text that a browser may enter, in characters."""
+MAX_TEXT = 1000  # longest text that a browser may enter, in characters
 STOP_BUTTON = (
     '<div style="position:fixed;left:16px;bottom:16px;z-index:100000;font:bold 18px sans-serif">'
     '<div style="color:#d00000;background:#fff;max-width:40em;white-space:pre-line"></div>'

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from tensionlab.viewer.state import HAND, DesignState
 
+# Attributes of a state that are undone; those of its display stay.
 UNDONE = ("rig", "position", "rotation", "wrench")
-"""Attributes of a state that are undone; those of its display stay."""
 MAX_STEPS = 500
 
 

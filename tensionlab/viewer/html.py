@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 COLOURS = {
     "BLUE": BLUE, "ORANGE": ORANGE, "GREEN": GREEN, "RED": RED, "PURPLE": PURPLE, "GREY": GREY,
 }  # fmt: skip
-ZERO = 1e-9
-"""Largest rounding error of a number that is shown as 0."""
+ZERO = 1e-9  # largest rounding error of a number that is shown as 0
 
 
 def render(macro: str, *values: Any) -> str:

@@ -25,12 +25,10 @@ from tensionlab.viewer.run_scene import Instant
 from tensionlab.viewer.server import PageServer
 from tensionlab.viewer.stop import StopOutcome, stop_modules
 
-TEXT_PERIOD_S = 0.2
-"""Period of texts, faster than they can be read; the scene follows each report."""
-SILENT_S = 3.0
-"""Silence of the page's server after which browsers say so themselves."""
+TEXT_PERIOD_S = 0.2  # period of texts, faster than they can be read; the scene follows each report
+SILENT_S = 3.0  # silence of the page's server after which browsers say so themselves
+# Time without a browser after which the page of a run that is over ends; one may be about to reload.
 LINGER_S = 10.0
-"""Time without a browser after which the page of a run that is over ends; one may be about to reload."""
 
 
 class LivePage(RunPage):

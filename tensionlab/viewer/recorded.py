@@ -17,8 +17,7 @@ from tensionlab.hardware.sharing import RunInfo, RunReport
 from tensionlab.solvers.base import Status
 from tensionlab.viewer.run_scene import Instant
 
-SHOWN_TIMES = 1000
-"""Number of latest cycles over which times of the loop are shown."""
+SHOWN_TIMES = 1000  # number of latest cycles over which times of the loop are shown
 
 
 def require_drawable(run: Run, path: str | PathLike[str]) -> None:

@@ -26,18 +26,13 @@ from tensionlab.viewer.run_page import RunDrawing, RunPage
 from tensionlab.viewer.server import PageServer
 
 SPEEDS = {f"{speed:g} x": speed for speed in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)}
-TEXT_PERIOD_S = 0.1
-"""Period of texts while the run is played; the scene follows more often."""
+TEXT_PERIOD_S = 0.1  # period of texts while the run is played; the scene follows more often
+# Width of the timeline, and the share of the picture that is behind it, from below.
 TIMELINE_PIXELS, TIMELINE_SHARE = 660.0, 0.22
-"""Width of the timeline, and the share of the picture that is behind it, from below."""
-STEP_S = 0.001
-"""Step of the slider."""
-SAME_S = 1e-6
-"""Largest difference of times that count as the same."""
-BINS = 400
-"""Points of a curve in the timeline: about as many as it has pixels."""
-MIN_ERROR_N = 0.01
-"""Largest difference between the desired and the demanded wrench that is not mentioned."""
+STEP_S = 0.001  # step of the slider
+SAME_S = 1e-6  # largest difference of times that count as the same
+BINS = 400  # points of a curve in the timeline: about as many as it has pixels
+MIN_ERROR_N = 0.01  # largest difference between the desired and the demanded wrench that is not mentioned
 
 
 @dataclass(frozen=True)

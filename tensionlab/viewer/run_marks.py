@@ -14,10 +14,9 @@ from tensionlab.solvers.base import Status
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 from tensionlab.support.formatting import format_number
 
+# Kinds of marks, and their colours; "run" marks its end, and lost or derated modules.
 KINDS = {"phase": GREY, "run": BLUE, "status": ORANGE, "fault": RED, "limiter": PURPLE, "brake": GREEN}
-"""Kinds of marks, and their colours; "run" marks its end, and lost or derated modules."""
-GAP_S = 0.25
-"""Longest interruption within one spell of an event."""
+GAP_S = 0.25  # longest interruption within one spell of an event
 
 
 @dataclass(frozen=True)

@@ -26,14 +26,11 @@ from tensionlab.viewer.scene import (
     size,
 )
 
+# Length of the arrows of forces against those of the design page, which shows all available forces too.
 ENLARGED = 2.0
-"""Length of the arrows of forces against those of the design page, which shows all available forces too."""
-APART = 0.012
-"""Distance between arrows of equal forces, as a share of the size of the rig."""
-SLACK_SHARE = 0.5
-"""Share of its lower limit below which a cable is slack."""
-DASHES = 24
-"""Dashes along a cable that is slack, or whose module is lost."""
+APART = 0.012  # distance between arrows of equal forces, as a share of the size of the rig
+SLACK_SHARE = 0.5  # share of its lower limit below which a cable is slack
+DASHES = 24  # dashes along a cable that is slack, or whose module is lost
 
 
 @dataclass(frozen=True, eq=False)

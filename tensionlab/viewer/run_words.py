@@ -18,14 +18,10 @@ from tensionlab.viewer.run_marks import KINDS, RunMark
 from tensionlab.viewer.run_scene import ENLARGED, Instant
 from tensionlab.viewer.scene import force_scale
 
-SHOWN_EVENTS = 20
-"""Number of latest events that are shown of a run in progress."""
-LISTED_MARKS = 14
-"""Number of events around the time that is shown of a log."""
-DECIMALS = 3
-"""Decimals of components in N: a text that changes its length from cycle to cycle cannot be read."""
-LATE_PERIODS = 3.0
-"""Age of telemetry, in cycles, from which on it is marked."""
+SHOWN_EVENTS = 20  # number of latest events that are shown of a run in progress
+LISTED_MARKS = 14  # number of events around the time that is shown of a log
+DECIMALS = 3  # decimals of components in N: a text that changes its length from cycle to cycle cannot be read
+LATE_PERIODS = 3.0  # age of telemetry, in cycles, from which on it is marked
 
 
 def forces(rig: Rig, instant: Instant) -> str:

@@ -23,15 +23,12 @@ from tensionlab.viewer.snapping import outlines
 from tensionlab.viewer.state import DesignState, of_ghost
 from tensionlab.viewer.volume import Mesh, bounds
 
-FORCE_SHARE = 0.25
-"""Length of the arrow of the strongest tension, about, as a share of the size of the rig."""
-TIP_SHARE = 0.045
-"""Least distance from the hand at which a force is grabbed, as a share of the size of the rig."""
-ARROWS = {"desired": ORANGE, "rendered": BLUE, "error": GREY, "certificate": PURPLE}
-"""Colour of each arrow."""
+FORCE_SHARE = 0.25  # length of the arrow of the strongest tension, about, as a share of the size of the rig
+TIP_SHARE = 0.045  # least distance from the hand at which a force is grabbed, as a share of the size of the rig
+ARROWS = {"desired": ORANGE, "rendered": BLUE, "error": GREY, "certificate": PURPLE}  # colour of each arrow
 SLACK_N = 1e-9
+# Half of the edge of the plane of a certificate, as a share of the arrow of the strongest tension.
 PLANE_SHARE = 0.7
-"""Half of the edge of the plane of a certificate, as a share of the arrow of the strongest tension."""
 
 
 @dataclass(frozen=True)

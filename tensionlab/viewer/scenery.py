@@ -17,10 +17,8 @@ from tensionlab.viewer.run_scene import Instant
 
 SURFACE_COLOUR, PERSON_COLOUR = "#56B4E9", "#B8B8B8"
 ACTIVE_OPACITY, IDLE_OPACITY = 0.4, 0.08
-PLATE_M, THICKNESS_M = 0.5, 0.004
-"""Sides and thickness of the plate that shows a plane, or the end of a reach."""
-LIMB_M = 0.03
-"""Thickness of limbs."""
+PLATE_M, THICKNESS_M = 0.5, 0.004  # sides and thickness of the plate that shows a plane, or the end of a reach
+LIMB_M = 0.03  # thickness of limbs
 
 
 class Solid(NamedTuple):

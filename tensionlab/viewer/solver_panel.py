@@ -17,8 +17,8 @@ from tensionlab.viewer.state import STUDIES, DesignState
 if TYPE_CHECKING:
     import viser
 
+# Colours of solvers, in their order; after the last, the first again.
 SERIES_COLOURS = (BLUE, ORANGE, GREEN, RED, "#56B4E9", PURPLE, "#999999")
-"""Colours of solvers, in their order; after the last, the first again."""
 CHART_PIXELS = 190
 Bind = Callable[[Any, Callable[[DesignState], Any], Callable[[DesignState, Any], DesignState]], Any]
 

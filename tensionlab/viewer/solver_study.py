@@ -18,12 +18,9 @@ from tensionlab.viewer.scene import size
 from tensionlab.viewer.state import DesignState
 
 CIRCLE_COUNT = 180
-FORCE_SHARE = 0.25
-"""Size of the forces where none is desired, as a share of the strongest tension."""
-RADIUS_SHARE = 0.1
-"""Radius of the circle of the hand, as a share of the size of the rig."""
-TIMED_CALLS, TIMED_S = 20, 0.05
-"""Most calls that are timed, and the time after which no further one begins."""
+FORCE_SHARE = 0.25  # size of the forces where none is desired, as a share of the strongest tension
+RADIUS_SHARE = 0.1  # radius of the circle of the hand, as a share of the size of the rig
+TIMED_CALLS, TIMED_S = 20, 0.05  # most calls that are timed, and the time after which no further one begins
 
 
 @dataclass(frozen=True)

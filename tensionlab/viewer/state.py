@@ -19,16 +19,13 @@ from tensionlab.support.arrays import Floats, readonly_copy
 from tensionlab.viewer.snapping import nearest_on_surfaces
 from tensionlab.workspace.layout.task import LayoutTask
 
-HAND = "hand"
-"""Name of the hand, or the platform, among the names of modules."""
+HAND = "hand"  # name of the hand, or the platform, among the names of modules
 
-DECIMALS = 4
-"""Decimals of coordinates in m and forces in N that are dragged."""
+DECIMALS = 4  # decimals of coordinates in m and forces in N that are dragged
 
 Display = Literal["surface", "off"]
 Study = Literal["force in a circle", "force in all directions", "hand in a circle"]
-STUDIES: tuple[Study, ...] = get_args(Study)
-"""Problems at which solvers are compared."""
+STUDIES: tuple[Study, ...] = get_args(Study)  # problems at which solvers are compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +105,7 @@ class DesignState:
         return self.wrench + self.rig.required.middle(self.rig, self.rotation)
 
 
-Edit = Callable[[DesignState], DesignState]
-"""A change of the state; RigError for what no rig can be."""
+Edit = Callable[[DesignState], DesignState]  # a change of the state; RigError for what no rig can be
 
 
 def begin(rig: Rig) -> DesignState:

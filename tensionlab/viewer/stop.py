@@ -12,10 +12,8 @@ from tensionlab.support.formatting import format_count
 from tensionlab.support.operating_system import kill_command, send_estop
 
 POLL_PERIOD_S = 0.02
-IN_PROCESS = "sim:"
-"""URL of a module that is simulated in the process of the run."""
-OVER = ("ended", "gone")
-"""Conditions of a run whose simulated modules pull no more."""
+IN_PROCESS = "sim:"  # URL of a module that is simulated in the process of the run
+OVER = ("ended", "gone")  # conditions of a run whose simulated modules pull no more
 
 
 @dataclass(frozen=True)

@@ -22,14 +22,10 @@ from tensionlab.workspace.sweep.executors import evaluate_on_threads
 from tensionlab.workspace.sweep.plan import Plan
 from tensionlab.workspace.volume import node_weights, weighted_share
 
-COARSE, FINE = 30, 80
-"""Positions along each axis while something is dragged, and when it is released."""
-CHUNK = 8_192
-"""Positions that are evaluated between checks whether the result is still wanted."""
-THIN = 0.5
-"""Least length of an edge of the box, as a share of the longest one."""
-FEW = 0.995
-"""Quantile of the values that ends their range: some metrics grow without limit towards an anchor."""
+COARSE, FINE = 30, 80  # positions along each axis while something is dragged, and when it is released
+CHUNK = 8_192  # positions that are evaluated between checks whether the result is still wanted
+THIN = 0.5  # least length of an edge of the box, as a share of the longest one
+FEW = 0.995  # quantile of the values that ends their range: some metrics grow without limit towards an anchor
 
 
 @dataclass(frozen=True, eq=False)

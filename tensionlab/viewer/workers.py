@@ -13,10 +13,8 @@ from tensionlab.viewer.volume import COARSE, FINE, Volume, bounds, sweep
 
 LOG = logging.getLogger(__name__)
 Item = TypeVar("Item")
-DEPENDS_ON = ("rig", "rotation", "metric", "ghost")
-"""Attributes of a state that its workspace depends on."""
-Volumes = tuple[Volume, Volume | None]
-"""Workspace of a rig, and that of the other rig over the same box."""
+DEPENDS_ON = ("rig", "rotation", "metric", "ghost")  # attributes of a state that its workspace depends on
+Volumes = tuple[Volume, Volume | None]  # workspace of a rig, and that of the other rig over the same box
 
 
 class Latest(Generic[Item]):

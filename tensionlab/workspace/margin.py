@@ -17,8 +17,8 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, flatten_batch, require_finite
 from tensionlab.workspace.wrench_set import StructureBatch, TensionRange, structure_batch, structure_matrices
 
+# Required wrench set, as `capacity_margin` takes it.
 RequiredWrenches = ArrayLike | tuple[ArrayLike, ArrayLike] | None
-"""Required wrench set, as `capacity_margin` takes it."""
 
 
 class MarginGradient(NamedTuple):

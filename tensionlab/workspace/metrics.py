@@ -198,6 +198,7 @@ def _body_distance(batch: Batch, *, bodies: tuple[Capsule, ...] = ()) -> Floats:
     return interference.body_distance(batch.rig, bodies, batch.position, batch.rotation, batch.frames).distance
 
 
+# Metrics by name.
 METRICS: dict[str, Metric] = {
     metric.name: metric
     for metric in (
@@ -219,7 +220,6 @@ METRICS: dict[str, Metric] = {
                "no cable touches a body"),
     )
 }  # fmt: skip
-"""Metrics by name."""
 
 
 def metric(name: str, **parameters: Any) -> Metric:

@@ -10,8 +10,7 @@ from tensionlab.model import kinematics
 from tensionlab.support.arrays import Floats, require_finite
 from tensionlab.support.files.tables import read_table
 
-MAX_ORIENTATIONS = 100_000
-"""More are taken for a slip of the step."""
+MAX_ORIENTATIONS = 100_000  # more are taken for a slip of the step
 
 
 def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> Floats:

@@ -25,16 +25,13 @@ from tensionlab.workspace.orientations import roll_pitch_yaw_of
 from tensionlab.workspace.volume import equal_weights, node_weights
 
 POSE_FILE_SUFFIXES = (".csv", ".parquet", ".npz")
-ROTATION_COLUMNS = ["rx", "ry", "rz"]
-"""Axis times angle of an orientation in space, in rad."""
-MAX_ANGLE_RAD = 1000.0
-"""More is taken for another unit."""
-MAX_AXIS_POSES = 10_000_000
-"""More poses along one axis than this are taken for a slip of the step."""
+ROTATION_COLUMNS = ["rx", "ry", "rz"]  # axis times angle of an orientation in space, in rad
+MAX_ANGLE_RAD = 1000.0  # more is taken for another unit
+MAX_AXIS_POSES = 10_000_000  # more poses along one axis than this are taken for a slip of the step
 
 
+# Coordinate of a dataset, as xarray takes it: axes, values and attributes.
 Label = tuple[tuple[str, ...], NDArray[Any], dict[str, str]]
-"""Coordinate of a dataset, as xarray takes it: axes, values and attributes."""
 
 
 def label(dims: tuple[str, ...], values: NDArray[Any], units: str, long_name: str) -> Label:

@@ -15,10 +15,9 @@ from tensionlab.errors import InputError, ShapeError
 from tensionlab.support.arrays import Floats, flatten_batch, require_finite
 from tensionlab.workspace.wrench_set import TensionRange, structure_batch, structure_matrices
 
+# A pose with a tension factor of no more than this is on the edge of the wrench-closure workspace, not in it.
 CLOSURE_TOLERANCE = 1e-10
-"""A pose with a tension factor of no more than this is on the edge of the wrench-closure workspace, not in it."""
-ALLOCATIONS_PER_CALL = 1 << 16
-"""Enough for all threads, and a few megabytes."""
+ALLOCATIONS_PER_CALL = 1 << 16  # enough for all threads, and a few megabytes
 
 
 def tension_factor(structure: ArrayLike) -> Floats:

@@ -22,8 +22,8 @@ from tensionlab.support.arrays import (
     tension_limits,
 )
 
+# Tension limits in N: an object with `lower` and `upper`, or that pair; each (..., m) or a number.
 TensionRange = Limits | tuple[ArrayLike, ArrayLike]
-"""Tension limits in N: an object with ``lower`` and ``upper``, or that pair; each (..., m) or a number."""
 
 
 class StructureBatch(NamedTuple):

@@ -13,12 +13,12 @@ from tensionlab.benchmark.problem_sets import Group, ProblemSet, problem_set
 from tensionlab.solvers.base import Answer
 
 EFFORT = Repetitions(seconds=10.0, repeats=2)
+# Two cables that pull together: the best is half each.
 SUMS = Group("sums", np.ones((3, 1, 2)), np.array([[4.0], [6.0], [8.0]]), np.zeros(2), np.full(2, 5.0))
-"""Two cables that pull together: the best is half each."""
 LONE = Group("lone", np.ones((2, 1, 1)), np.array([[1.0], [2.0]]), np.zeros((2, 1)), np.full((2, 1), 5.0))
 PLANAR = np.array([[1, -0.6, -0.6], [0, 0.8, -0.8]])
+# Out of reach, with another answer for each policy.
 FAR = Group("far", np.stack([PLANAR, PLANAR]), np.array([[12.0, 6.0], [24.0, 12.0]]), np.ones(3), np.full(3, 10.0))
-"""Out of reach, with another answer for each policy."""
 WAY = Group(
     "way", np.ones((3, 1, 2)), np.array([[4.0], [5.0], [6.0]]), np.zeros(2), np.full(2, 5.0), np.array([0, 1, 1.5])
 )

@@ -14,8 +14,7 @@ from tensionlab.errors import InputError
 from tensionlab.workspace import capacity_margin
 
 COUNT = 240
-SAMPLE = 8
-"""Problems of each group that are checked one by one."""
+SAMPLE = 8  # problems of each group that are checked one by one
 every_set = pytest.mark.parametrize("name", PROBLEM_SETS)
 
 

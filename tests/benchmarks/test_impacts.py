@@ -24,8 +24,7 @@ from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.expected import find_brake_wall
 from tests.helpers.examples import many
 
-COUNT = many(20, least=4)
-"""`make impacts` plays 1,000."""
+COUNT = many(20, least=4)  # `make impacts` plays 1,000
 COLLISION = load_scenario("collision")
 HEAD_ON = Impact(1.0, (1.0, 0.0, 0.0), (0.3, 0.0, 1.65), 0.15, 6.0, 1500.0, 0.0, 0)
 

@@ -21,8 +21,7 @@ from tensionlab.model.files import load_rig, rig_to_toml
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 AWKWARD = "[/x] $_$ :x:"
-HANG_S = 600.0
-"""No event takes that long on a machine that is merely busy."""
+HANG_S = 600.0  # no event takes that long on a machine that is merely busy
 
 
 FULL = Path("/dev/full")

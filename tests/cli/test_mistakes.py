@@ -153,10 +153,8 @@ MISTAKES = {
     "new rig --out rig.toml": "rig.toml: there is something already; name a new file for the rig",
     "new rig --out .toml": "--out: .toml: a name is missing; it must end in .toml",
     "bench --out run.mcap": "--out: run.mcap: cannot be written (Not a directory); name a place in a folder",
-}
-"""What the line on stderr must say, by command."""
-NO = {"module info socket://127.0.0.1:1", "module monitor"}
-"""Commands that are well-formed: the answer is no."""
+}  # what the line on stderr must say, by command
+NO = {"module info socket://127.0.0.1:1", "module monitor"}  # commands that are well-formed: the answer is no
 MISSING = {
     "workspace cube-8 --step 1 --out a.zarr": ("zarr", 'a store needs zarr: pip install "tensionlab[workspace]"'),
     "workspace cube-8 --scheduler tcp://127.0.0.1:1": (
@@ -165,8 +163,7 @@ MISSING = {
     ),
     "serve cube-8 --port 0": ("websockets", 'the bridge needs websockets: pip install "tensionlab[haptics]"'),
     "view cube-8 --no-browser": ("viser", 'the view needs viser: pip install "tensionlab[view]"'),
-}
-"""A library that is not installed, and what must be said, by command."""
+}  # a library that is not installed, and what must be said, by command
 
 
 @pytest.fixture(scope="module")

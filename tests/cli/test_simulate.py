@@ -42,8 +42,7 @@ from tests.helpers.wire import connected
 
 ROOT = Path(__file__).parents[2]
 RIG = ROOT / "datasets" / "rigs" / "bartels2026-validation.toml"
-HANG_S = 600.0
-"""No event takes that long on a machine that is merely busy."""
+HANG_S = 600.0  # no event takes that long on a machine that is merely busy
 
 
 @pytest.fixture

@@ -81,8 +81,7 @@ RECIPES = {
     "log replay": "log replay run.mcap --solvers closed-form",
     "log view": "log view run.mcap --no-browser",
     "problems show": "problems show edge",
-}
-"""What makes a verb do its work; of all others, each required argument is a word."""
+}  # what makes a verb do its work; of all others, each required argument is a word
 ENDLESS = {"simulate", "view", "log view"}
 
 

@@ -84,8 +84,8 @@ RECIPES = {
     ("problems export", "--out"): ("problems export --set edge --count 2", ".parquet"),
 }
 """What makes each option write something, and the suffix of its file; none for a folder."""
+# What is written bit by bit under its own name, so that it outlives the process.
 IN_PLACE = {".mcap", ".csv", ".zarr"}
-"""What is written bit by bit under its own name, so that it outlives the process."""
 READS = {
     "token_file",
     "rig",
@@ -102,10 +102,8 @@ READS = {
     "measured",
     "old",
     "new",
-}
-"""Parameters that are paths of what is read."""
-MADE = {("bench", "--out"), ("module config dump", "--folder")}
-"""Folders that are made where they are not."""
+}  # parameters that are paths of what is read
+MADE = {("bench", "--out"), ("module config dump", "--folder")}  # folders that are made where they are not
 QUICK = [key for key in RECIPES if key != ("validate", "--out")]
 
 

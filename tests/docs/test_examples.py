@@ -19,8 +19,7 @@ LISTED = re.findall(
     r"^   ~(tensionlab\.[\w.]+)$",
     "\n".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "reference").glob("*.md"))),
     re.MULTILINE,
-)
-"""The names that the pages of the reference list."""
+)  # the names that the pages of the reference list
 MODULES = (
     "tensionlab",
     "tensionlab.workspace",
@@ -30,16 +29,14 @@ MODULES = (
     "tensionlab.haptics.effects",
     "tensionlab.scenarios",
     "tensionlab.mujoco",
-)
-"""Where every name is in the reference, with an example."""
+)  # where every name is in the reference, with an example
+# Public, but for nobody to look up: what files are saved with, and an old name.
 CONSTANTS = {"tensionlab.plots.METADATA"}
-"""Public, but for nobody to look up: what files are saved with, and an old name."""
 NEVER_FAIL = {
     "tensionlab.haptics.effects.relative",
     "tensionlab.workspace.cable_pairs",
     "tensionlab.workspace.summary",
-}
-"""Functions that take nothing wrong."""
+}  # functions that take nothing wrong
 
 
 def find(name: str) -> Any:

@@ -30,10 +30,8 @@ from tensionlab.haptics.brakes.choice import Flags
 from tensionlab.model import pose
 from tensionlab.support.arrays import Floats, common_axes, require_finite
 
-TOLERANCE = 1e-9
-"""What counts as zero of a unit vector."""
-MIN_INDEPENDENT = 1e-12
-"""A cable whose part across the others is below this is a combination of them."""
+TOLERANCE = 1e-9  # what counts as zero of a unit vector
+MIN_INDEPENDENT = 1e-12  # a cable whose part across the others is below this is a combination of them
 
 
 class Reaction(NamedTuple):

@@ -12,10 +12,8 @@ from tensionlab.viewer.server import PageServer
 from tools.site.browser import installed
 
 OPTIONS = ("--enable-unsafe-swiftshader", "--use-angle=swiftshader", "--no-sandbox", "--disable-dev-shm-usage")
-VISER = "viser-v1.1.1"
-"""Subprotocol of viser's WebSocket."""
-HANGS_S = 600.0
-"""Only what hangs takes so long."""
+VISER = "viser-v1.1.1"  # subprotocol of viser's WebSocket
+HANGS_S = 600.0  # only what hangs takes so long
 BROWSER = installed()
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium here")
 

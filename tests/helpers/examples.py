@@ -2,11 +2,10 @@
 
 import os
 
-PROFILES = {"ci": 0.2, "nightly": 10.0}
-"""Number of examples of each profile, as a share of what a test asks for."""
+PROFILES = {"ci": 0.2, "nightly": 10.0}  # number of examples of each profile, as a share of what a test asks for
 PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "ci")
+# No profile takes less than this of what a test asks for: the first that hypothesis draws is all zeros.
 ENOUGH_TO_MEAN_SOMETHING = 5
-"""No profile takes less than this of what a test asks for: the first that hypothesis draws is all zeros."""
 
 
 def many(count: int, least: int = ENOUGH_TO_MEAN_SOMETHING) -> int:

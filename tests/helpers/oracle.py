@@ -19,12 +19,9 @@ from scipy.optimize import linprog, lsq_linear, nnls
 from tensionlab.support.arrays import Floats
 from tests.helpers.problems import Case
 
-ZERO = 1e-10
-"""A number below this, relative to the size of the problem, is zero ..."""
-CLEAR = 1e-6
-"""... and one above this is not. Between the two nobody can tell from rounded data."""
-RANK = 1e-8
-"""Share of the largest singular value below which one counts as zero: the package's published rule."""
+ZERO = 1e-10  # a number below this, relative to the size of the problem, is zero ..
+CLEAR = 1e-6  # ... and one above this is not. Between the two nobody can tell from rounded data.
+RANK = 1e-8  # share of the largest singular value below which one counts as zero: the package's published rule
 
 
 class UnsureError(Exception):
@@ -58,10 +55,10 @@ class Box:
     size: float
 
 
+# Of the t in the box that make |V t - y| least, the one closest to the reference: `f(V, y, box)`.
 Policy = Callable[[Floats, Floats, Box], Floats]
-"""Of the t in the box that make |V t - y| least, the one closest to the reference: ``f(V, y, box)``."""
+# Largest s in [0, 1] with `W t = s w` in the box, given that there is one: `f(W, w, box)`.
 Furthest = Callable[[Floats, Floats, Box], float]
-"""Largest s in [0, 1] with ``W t = s w`` in the box, given that there is one: ``f(W, w, box)``."""
 
 
 def along_ray(W: Floats, w: Floats, box: Box) -> tuple[Floats, Box]:

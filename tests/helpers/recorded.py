@@ -46,8 +46,7 @@ QUESTIONS = {
     "error": {"gain": (6.1, 1.9), "bias": (6.6, 1.5)},
     "solver": {"newton": (13.0, 1.84), "dykstra:10": (15.0, 1.8)},
     "calibration": {"none": (13.0, 1.84), "gain and bias": (6.0, 1.5)},
-}
-"""By question and choice: mean angle in degrees, mean size in N."""
+}  # by question and choice: mean angle in degrees, mean size in N
 
 
 def made_up_trials(count=20) -> pandas.DataFrame:

@@ -14,10 +14,9 @@ from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.links import FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.world import World
 
+# A force that no cable of the published rig needs more than 1.5 N for: a slew's way in one cycle.
 GENTLE = np.array([0.0, 0.0, 0.5])
-"""A force that no cable of the published rig needs more than 1.5 N for: a slew's way in one cycle."""
-TROUBLE = 0.5
-"""When things go wrong, in s."""
+TROUBLE = 0.5  # when things go wrong, in s
 
 
 @dataclass

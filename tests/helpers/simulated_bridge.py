@@ -19,8 +19,7 @@ from tensionlab.haptics.bridge.server import Bridge
 from tensionlab.hardware.runner.settings import WorldClock
 from tests.helpers.simulated_loop import SimulatedLoop, Turns
 
-HANGS_S = 600.0
-"""Only what hangs takes so long."""
+HANGS_S = 600.0  # only what hangs takes so long
 
 
 class SimulatedServe:

@@ -1,8 +1,7 @@
 """Time that passes only while somebody sleeps, in place of the module `time`."""
 
 START_S = 1000.0
-LONGEST_S = 3600.0
-"""No test sleeps for longer: something that should end does not."""
+LONGEST_S = 3600.0  # no test sleeps for longer: something that should end does not
 
 
 class SimulatedTime:

@@ -16,8 +16,8 @@ import pytest
 import tensionlab as tl
 
 FIGURE = Path(__file__).parents[1] / "data" / "caspr_2016_figure_5.csv"
+# x, y in m and the angle in rad; from rest to rest in 1 s, by a spline of degree 5.
 START, END = np.array([0.3, 0.8, 0.1]), np.array([0.7, 0.2, -0.2])
-"""x, y in m and the angle in rad; from rest to rest in 1 s, by a spline of degree 5."""
 WITHIN_N = 1e-3
 
 

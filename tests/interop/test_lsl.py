@@ -19,8 +19,7 @@ pylsl = pytest.importorskip("pylsl")
 
 from tensionlab.lsl import LslStreams  # noqa: E402 - needs pylsl
 
-HANGS_S = 60.0
-"""Only what hangs takes so long."""
+HANGS_S = 60.0  # only what hangs takes so long
 PULL = Demand(np.array([0.0, 0.5, 0.0]), desired=np.array([0.0, 0.7, 0.0]))
 
 

@@ -14,12 +14,12 @@ from tensionlab.scenarios.play import play, simulate_modules
 from tests.helpers.examples import PROFILE
 
 WALL = 0.30
+# When it has begun to lean, when it turns back, and when it comes again: as in the file, in s.
 LEANS, TURNS, RUNS = 3.2, 4.2, 5.4
-"""When it has begun to lean, when it turns back, and when it comes again: as in the file, in s."""
 
 
+# Which scenarios, and how long their links take, in s. `test_served.py` has all without a delay.
 PLAYED = [(name, 0.02) for name in SCENARIOS] + [("collision", 0.0)]
-"""Which scenarios, and how long their links take, in s. `test_served.py` has all without a delay."""
 if PROFILE == "nightly":
     PLAYED = [(name, delay) for name in SCENARIOS for delay in (0.0, 0.02)]
 

@@ -23,8 +23,7 @@ PARTS = {
     "weight": (3.6, check_scenario),
 }
 """How much is played, in s, and who judges it, where that is not all and by `check_scenario`."""
-START = [0.5, 0.0, 1.45]
-"""Where the hand is that draws a bow."""
+START = [0.5, 0.0, 1.45]  # where the hand is that draws a bow
 
 
 @pytest.fixture

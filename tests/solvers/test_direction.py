@@ -9,13 +9,12 @@ import tensionlab as tl
 
 LIMITS = (0.5, 6.0)
 TOLERANCE = 1e-6
-ALONG = [[1.0, -1.0], [0.0, 0.0]]
-"""Two cables along a line: nothing can be rendered across it."""
+ALONG = [[1.0, -1.0], [0.0, 0.0]]  # two cables along a line: nothing can be rendered across it
 ANGLES = np.radians([90.0, 210.0, 330.0])
+# Three modules on a floor, the hand on it as well.
 FLOOR = np.stack([np.cos(ANGLES), np.sin(ANGLES), 0.0 * ANGLES])
-"""Three modules on a floor, the hand on it as well."""
+# Cables that may be slack: what can be rendered begins at a corner, and w grazes one of its sides.
 WEDGE = ([[1.0, 0.6], [0.0, 0.8]], (0.0, 6.0))
-"""Cables that may be slack: what can be rendered begins at a corner, and w grazes one of its sides."""
 FOLLOWERS = ("newton", "qp:daqp", "qp:clarabel", "cvxpy")
 
 

@@ -13,8 +13,8 @@ from tests.helpers.examples import many
 from tests.helpers.problems import cases, one, random_cases, random_structure
 
 LIMITS = (0.5, 6.0)
+# A price of slack that is round enough for slack to show everywhere.
 ROUND = SlackNorm(p=3.0, c1=0.05, c2=0.2, kappa=40.0, epsilon=1e-4, gamma=0.5)
-"""A price of slack that is round enough for slack to show everywhere."""
 
 
 def unit_and_half(structure, lower, upper, weights):

@@ -20,10 +20,8 @@ from tensionlab.hardware.protocol.codes import Type
 from tensionlab.hardware.protocol.frames import DELIMITER, MAX_PAYLOAD, Decoder, Frame
 from tensionlab.hardware.protocol.messages import PROTOCOL, read
 
-CHANCE = 2.0**-16
-"""That the CRC of anything is right."""
-AFTER = Frame(Type.PING, 0xA5, b"afterall")
-"""Sent after each stream, to see that the decoder finds its way back."""
+CHANCE = 2.0**-16  # that the CRC of anything is right
+AFTER = Frame(Type.PING, 0xA5, b"afterall")  # sent after each stream, to see that the decoder finds its way back
 
 
 @dataclass
@@ -129,8 +127,7 @@ CERTAIN: dict[str, Callable[[random.Random, bytearray], None]] = {
     "1 bit anywhere": flip_any(1),
     "2 bits anywhere": flip_any(2),
     "3 bits, no zeros": _flip_three,
-}
-"""Damage that is always found."""
+}  # damage that is always found
 BY_CHANCE: dict[str, Callable[[random.Random, bytearray], None]] = {
     "8 bits anywhere": flip_any(8),
     "burst": _burst,
@@ -139,8 +136,7 @@ BY_CHANCE: dict[str, Callable[[random.Random, bytearray], None]] = {
     "bytes swapped": _swap,
     "bytes repeated": _repeat,
     "random bytes": _replace,
-}
-"""Damage that it may miss."""
+}  # damage that it may miss
 KINDS = {**CERTAIN, **BY_CHANCE}
 
 

@@ -15,13 +15,12 @@ Exact = list[Fraction]
 Matrix = list[Exact]
 
 DIGITS = Context(prec=60)
-ROUNDING = Fraction(1, 10**6)
-"""Share of a tolerance that its own computation in floating point may move."""
+ROUNDING = Fraction(1, 10**6)  # share of a tolerance that its own computation in floating point may move
 ULP = Fraction(2) ** -52
 FARTHER = "NEAREST, and a nearer wrench may be feasible"
+# Least singular value over largest, below which the metric of the tension policy is not recomputed: its rank is a
+# matter of rounding.
 SINGULAR = 1e-6
-"""Least singular value over largest, below which the metric of the tension policy is not recomputed: its rank is a
-matter of rounding."""
 
 
 def flaw(

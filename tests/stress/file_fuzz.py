@@ -31,12 +31,9 @@ from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
 from tests.stress.file_kinds import kinds
 
 CASES = 100_000
-SLOWEST = 10.0
-"""Of a reading, in s of the processor."""
-MEMORY = 4_000_000_000
-"""Of a process with all its libraries, in bytes of address space."""
-KEPT = 20
-"""Findings that are told of each kind."""
+SLOWEST = 10.0  # of a reading, in s of the processor
+MEMORY = 4_000_000_000  # of a process with all its libraries, in bytes of address space
+KEPT = 20  # findings that are told of each kind
 
 
 @dataclass

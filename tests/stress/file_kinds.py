@@ -20,10 +20,8 @@ from tensionlab.model.layouts import ring_plus_top
 from tests.stress.file_encodings import csv, npz, parquet, toml, xml
 from tests.stress.file_mutations import Raw, spoil, spoil_bytes
 
-Files = bytes | dict[str, bytes]
-"""Of a file; or of each in a folder, by name."""
-STRUCTURE = 0.7
-"""Share of the cases in which it is what is in a file that is spoilt; in the others its bytes are."""
+Files = bytes | dict[str, bytes]  # of a file; or of each in a folder, by name
+STRUCTURE = 0.7  # share of the cases in which it is what is in a file that is spoilt; in the others its bytes are
 RIG = ring_plus_top(1.0)
 BRAKED = replace(RIG, modules=tuple(replace(module, brake=186.0) for module in RIG.modules))
 

@@ -7,10 +7,8 @@ import random
 from collections.abc import Iterator
 from typing import Any
 
-MOST = 4
-"""Mutations of one file."""
-DEEP = 3000
-"""Lists within each other, of which no parser that calls itself comes back."""
+MOST = 4  # mutations of one file
+DEEP = 3000  # lists within each other, of which no parser that calls itself comes back
 
 
 class Raw(str):
@@ -39,11 +37,11 @@ LISTS: tuple[Any, ...] = (
 )
 PIECES = ("1979-05-27T07:32:00Z", "07:32:00", "0x", "=", "[", '"', "<!--", "&a;", "9" * 5000)
 NESTED = ("[" * DEEP + "]" * DEEP, "{a=" * DEEP + "1" + "}" * DEEP, '{"a":' * DEEP + "1" + "}" * DEEP)
+# What may stand in the place of anything.
 ODD: tuple[Any, ...] = (*NUMBERS, *NO_NUMBERS, *TEXTS, *STRANGE, *LISTS, *map(Raw, PIECES + NESTED))
-"""What may stand in the place of anything."""
 
+# Bytes that mean something to some reader.
 INSERTED = (b"\xff\xfe", b"\xef\xbb\xbf", b"\r", b"\x00", b'"', b"[", b"9" * 40)
-"""Bytes that mean something to some reader."""
 
 
 def spoil(document: Any, rng: random.Random) -> Any:

@@ -36,20 +36,16 @@ from tensionlab.model.rig import Rig
 from tests.stress.hostile_messages import datagrams, draw, texts
 
 RIG = "bartels2026-validation"
-ROUNDS = 4
-"""Of a calm phase, JSON, OSC and floods."""
+ROUNDS = 4  # of a calm phase, JSON, OSC and floods
 CALM_S, FLOOD_S = 6.0, 3.0
 RATE = 50
-OFTEN = 400.0
-"""Messages a second, within what a client may send."""
+OFTEN = 400.0  # messages a second, within what a client may send
 WALL = {
     "wall": {"kind": "wall", "plane": {"point": [0.0, 0.3, 0.0], "normal": [0.0, 1.0, 0.0]}, "stiffness": 50.0}
 }
 LEAST_RATE = 0.9
-ROUNDING_N = 1e-3
-"""Telemetry carries tensions in four bytes."""
-OSC_SILENCE_S = 5.5
-"""After this, who was silent has lost the command."""
+ROUNDING_N = 1e-3  # telemetry carries tensions in four bytes
+OSC_SILENCE_S = 5.5  # after this, who was silent has lost the command
 
 
 @dataclass

@@ -13,14 +13,13 @@ from hypothesis import strategies as st
 from tensionlab.haptics.bridge.schema import REFERENCE, message_schema
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 
-NEAR_M = 0.4
-"""A hand is mostly so far from the rig's home."""
+NEAR_M = 0.4  # a hand is mostly so far from the rig's home
 Json = st.SearchStrategy[Any]
+# What is of no parameter's type, or of no physical size.
 ODD: Json = st.sampled_from([
     None, True, "", "x", "1.0", [], {}, [[]], {"kind": []}, [0.0, 0.0], [math.nan] * 3, [1e308] * 3, math.nan,
     math.inf, -math.inf, 1e308, -1e308, 5e-324, -1.0, 0, 10**300, list(range(101)),
 ])  # fmt: skip
-"""What is of no parameter's type, or of no physical size."""
 
 
 SCHEMA = message_schema()["$defs"]

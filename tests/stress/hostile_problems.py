@@ -12,10 +12,9 @@ from tensionlab.solvers.base import Policy, Problem
 from tensionlab.support.arrays import Floats
 
 SHAPES = ((1, 2), (2, 2), (2, 3), (2, 4), (3, 2), (3, 3), (3, 4), (3, 5), (3, 8), (6, 6), (6, 7), (6, 8))
+# Structure entries and tensions are multiples of this before rows are scaled, so that `W t` is exact.
 GRID = 2.0**-16
-"""Structure entries and tensions are multiples of this before rows are scaled, so that ``W t`` is exact."""
-ROW_POWERS = 46
-"""A row is scaled by at least 2 to the minus this: the rest of a nearly flat rig."""
+ROW_POWERS = 46  # a row is scaled by at least 2 to the minus this: the rest of a nearly flat rig
 
 Draw = Callable[[np.random.Generator, int, int], Floats]
 

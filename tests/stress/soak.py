@@ -31,19 +31,14 @@ from tensionlab.support.provenance import manifest
 from tests.stress.soak_checks import Findings, LimitWatch, examine
 
 RIG = "seven-modules"
-LINK = Conditions(latency=0.030, jitter=0.010, drop=0.01, corrupt=0.001)
-"""Of each module: shares of the bytes."""
-ORBIT_M, ORBIT_S = 0.05, 10.0
-"""The hand goes round, so far from its home, once in so long."""
+LINK = Conditions(latency=0.030, jitter=0.010, drop=0.01, corrupt=0.001)  # of each module: shares of the bytes
+ORBIT_M, ORBIT_S = 0.05, 10.0  # the hand goes round, so far from its home, once in so long
 TTL, LARGEST_ERROR = 0.5, 0.05
-ON_THE_WAY = 0.1
-"""How long a set-point, and then the telemetry that tells of it, are on their way, in s."""
+ON_THE_WAY = 0.1  # how long a set-point, and then the telemetry that tells of it, are on their way, in s
 START = (0.0, -0.5, -1.5)
 CORNERS = ((1.5, 0.3, 0.0), (0.0, 0.8, 1.5), (-1.5, 0.3, 0.0), START)
-START_SECONDS, STEP_SECONDS = 1.0, 15.0
-"""The force goes round slowly: a bad link is some 0.1 s behind."""
-OLDEST_LOST = 1.0
-"""A log may lack the last second before its host was killed."""
+START_SECONDS, STEP_SECONDS = 1.0, 15.0  # the force goes round slowly: a bad link is some 0.1 s behind
+OLDEST_LOST = 1.0  # a log may lack the last second before its host was killed
 
 
 def on_circle(rig: Rig, time: float) -> Floats:

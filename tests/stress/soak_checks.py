@@ -14,8 +14,7 @@ from tensionlab.model.module import TensionLimits
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Integers
 
-ROUNDING = 1e-5
-"""Tensions travel as singles, N."""
+ROUNDING = 1e-5  # tensions travel as singles, N
 
 
 @dataclass(frozen=True)

@@ -22,10 +22,10 @@ SHAPES = (
     *((4, 6), (5, 7), (6, 6), (6, 7), (6, 8), (6, 12), (6, 32)),
 )
 BATCH = 20_000
+# A wrench within reach is rendered to this share of what the cables pull with, in wrench components.
 RENDERED = 1e-12
-"""A wrench within reach is rendered to this share of what the cables pull with, in wrench components."""
+# Tensions are wrong if they are further than this from the optimum, in N, or as a share of the largest limit.
 WRONG = 1e-6
-"""Tensions are wrong if they are further than this from the optimum, in N, or as a share of the largest limit."""
 
 
 @dataclass(frozen=True)

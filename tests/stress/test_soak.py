@@ -13,8 +13,7 @@ from tests.stress.soak import LARGEST_ERROR, ON_THE_WAY, TTL, kills, soak
 from tests.stress.soak_checks import LimitWatch, examine
 
 SECONDS = 8.0
-NOT_REPEATED = {"path", "began", "compute_time", "summary", "manifest"}
-"""What the host's own clock has a part in."""
+NOT_REPEATED = {"path", "began", "compute_time", "summary", "manifest"}  # what the host's own clock has a part in
 
 
 @pytest.fixture(scope="module")

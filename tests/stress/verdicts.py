@@ -25,14 +25,10 @@ from tensionlab.verification import verify
 from tests.stress.exact_check import flaw
 from tests.stress.hostile_problems import SHAPES, hostile_problems
 
-TIME_LIMIT = 10e-3
-"""Longest time for one problem, s of this thread alone."""
-BLOCK = 4000
-"""Problems that a watched process solves before it says so ..."""
-PATIENCE = 60.0
-"""... and for how long that may take, s. A block takes some 50 ms."""
-VARIANTS = 16
-"""Wrenches that a rig is given where it is only watched."""
+TIME_LIMIT = 10e-3  # longest time for one problem, s of this thread alone
+BLOCK = 4000  # problems that a watched process solves before it says so ..
+PATIENCE = 60.0  # ... and for how long that may take, s. A block takes some 50 ms.
+VARIANTS = 16  # wrenches that a rig is given where it is only watched
 INSTRUCTION_SETS = ("baseline", "avx2", "avx512")
 
 

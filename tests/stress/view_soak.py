@@ -20,10 +20,9 @@ from tools.site.browser import installed
 
 REACH_PIXELS = 60.0
 DRAG_STEPS = 60
+# Of the time, after which memory must not grow: by then caches, and the steps that can be undone, are there.
 WARM_SHARE = 0.25
-"""Of the time, after which memory must not grow: by then caches, and the steps that can be undone, are there."""
-MAX_GROWTH = 0.10
-"""Of the memory then, by which it may be more at the end: allocators and collectors breathe."""
+MAX_GROWTH = 0.10  # of the memory then, by which it may be more at the end: allocators and collectors breathe
 COLUMNS = ("server MB", "page MB", "nodes", "listeners")
 
 

@@ -20,10 +20,9 @@ SHOWN = [
     for path in docs.documents()
     for name, text in docs.blocks(path.read_text(encoding="utf-8"), path.name).items()
 ]
-PRINTED = ["compare"]
-"""Blocks of numbers that differ in their last digits between machines."""
+PRINTED = ["compare"]  # blocks of numbers that differ in their last digits between machines
+# Their rows are known by name only: some seconds, and numbers that are their libraries'.
 SLOW = ("cvxpy", "qp:clarabel", "qp:osqp", "qp:highs")
-"""Their rows are known by name only: some seconds, and numbers that are their libraries'."""
 
 
 @pytest.mark.parametrize(("path", "name", "text"), [each for each in SHOWN if each[1] not in PRINTED])

@@ -18,8 +18,8 @@ from tensionlab.viewer.scene import draw, force_scale
 from tensionlab.viewer.state import HAND, begin
 from tests.helpers.browsers import HANGS_S, VISER, Tab, chromium, needs_browser, served, until
 
+# Complaint of the browser about how viser listens to the mouse.
 VISERS_OWN = "Unable to preventDefault inside passive event listener"
-"""Complaint of the browser about how viser listens to the mouse."""
 
 
 def test_a_drag_in_the_plane_stays_in_it():

@@ -20,10 +20,10 @@ from tests.helpers.browsers import BROWSER, HANGS_S, OPTIONS, chromium, needs_br
 from tests.helpers.page_client import attacked
 
 RIG = "bartels2026-validation"
+# Whether the page has the heading NO NEWS with an opacity.
 NO_NEWS = """opacity => [...document.querySelectorAll("b")].some(
     b => b.textContent === "NO NEWS" && getComputedStyle(b.parentElement.parentElement).opacity === opacity
 )"""
-"""Whether the page has the heading NO NEWS with an opacity."""
 pytestmark = [needs_browser, pytest.mark.slow, pytest.mark.realtime]  # real processes and a real browser
 
 

@@ -13,8 +13,7 @@ from tests.helpers.browsers import HANGS_S, VISER, served, until
 from tests.helpers.other_user import as_nobody, needs_root
 from tests.helpers.page_client import joined
 
-IDLE = 150
-"""Connections that the other user opens and leaves."""
+IDLE = 150  # connections that the other user opens and leaves
 SOCKET = {
     "Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13",
     "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==", "Sec-WebSocket-Protocol": VISER,

@@ -11,8 +11,8 @@ from tensionlab.viewer.snapping import nearest_on_surfaces, outlines
 from tensionlab.viewer.state import begin
 from tensionlab.workspace.layout.task import load_task
 
+# From -2 to 2 in x and z, from 0 to 2 in y.
 ROOM = tl.workspace.Space(tl.workspace.room([4.0, 2.0, 4.0]), counts=(4,))
-"""From -2 to 2 in x and z, from 0 to 2 in y."""
 
 
 @pytest.mark.parametrize(

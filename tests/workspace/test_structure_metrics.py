@@ -148,8 +148,7 @@ def test_singular_values():
 
 
 CROSS = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
-AROUND = np.array([[np.cos(a), np.sin(a)] for a in np.radians(np.arange(0.5, 360.0))])
-"""360 directions of a plane."""
+AROUND = np.array([[np.cos(a), np.sin(a)] for a in np.radians(np.arange(0.5, 360.0))])  # 360 directions of a plane
 
 
 def test_a_square_is_reached_in_its_corners():

@@ -21,8 +21,7 @@ OPTIONS = (
     "--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
     "--disable-sync --disable-dev-shm-usage --hide-scrollbars --remote-debugging-port=0"
 )
-TIMEOUT_S = 60.0
-"""Only what hangs takes so long."""
+TIMEOUT_S = 60.0  # only what hangs takes so long
 POLL_S = 0.02
 
 

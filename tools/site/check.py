@@ -32,10 +32,10 @@ SHOTS = {
     "gallery": "docs/gallery/index.html",
     "how-to": "docs/how-to/index.html",
     "which-solver": "docs/which-solver.html",
-}
-"""Pages to look at; those that there are."""
+}  # pages to look at; those that there are
+# What is typed, and what one of the results is called.
 SEARCHES = {"capacity margin": "capacity_margin", "allocate": "allocate", "separating direction": "Glossary"}
-"""What is typed, and what one of the results is called."""
+# What a page is asked at the width of a desktop.
 LOOK = """(() => {
   const all = (name) => [...document.querySelectorAll(name)];
   return {
@@ -50,7 +50,7 @@ LOOK = """(() => {
     empty: !document.querySelector("article, main, body > a") || !document.title,
   };
 })()"""
-"""What a page is asked at the width of a desktop."""
+# By how many pixels a page is wider than the window, and what is.
 WIDE = """(() => {
   const {clientWidth: window, scrollWidth: page} = document.documentElement;
   if (page <= window) return [];
@@ -58,7 +58,6 @@ WIDE = """(() => {
   const wide = all.filter((each) => each.getBoundingClientRect().right > window + 1);
   return [page - window, ...wide.slice(0, 3).map((each) => each.outerHTML.slice(0, 80))];
 })()"""
-"""By how many pixels a page is wider than the window, and what is."""
 LAZY = 'document.querySelectorAll("img[loading=lazy]").forEach((each) => { each.loading = "eager"; })'
 COMPLETE = "[...document.images].every((each) => each.complete)"
 RESULTS = '[...document.querySelectorAll("#search-results li a")].map((each) => each.textContent)'

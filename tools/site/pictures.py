@@ -16,10 +16,8 @@ DIAGRAMS = {
         "/docs/figures/module-states.svg",
         "The states of a module, and what leads from one to another.",
     )
-}
-"""Picture of each Mermaid diagram, by its first line, and what it shows."""
-LONGEST_CALL = 80
-"""Characters of a call that describe a picture."""
+}  # picture of each Mermaid diagram, by its first line, and what it shows
+LONGEST_CALL = 80  # characters of a call that describe a picture
 
 
 class Mermaid(Directive):  # type: ignore[misc]

@@ -13,8 +13,8 @@ from docutils import nodes
 import tensionlab
 
 ROOT = Path(__file__).parents[2]
+# Libraries whose objects docstrings may name.
 OTHERS = ("collections", "numpy", "xarray", "pandas", "matplotlib", "scipy", "docutils")
-"""Libraries whose objects docstrings may name."""
 
 
 @cache

@@ -29,8 +29,7 @@ EXAMPLES = {
     "--at": "0 -0.1 0.3 (in m)",
     "--box": "-1 1 0 2 -1 1 (in m)",
     "--step": "0.1 (in m)",
-}
-"""How the numbers of an option are written."""
+}  # how the numbers of an option are written
 
 
 def parse_numbers(option: str, text: str) -> list[float]:

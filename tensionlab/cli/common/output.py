@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from tensionlab.viewer.server import PageServer
 
 
-NOTHING_KEPT = "nothing is kept"
-"""What Ctrl-C leaves to say, unless a verb has other words."""
+NOTHING_KEPT = "nothing is kept"  # what Ctrl-C leaves to say, unless a verb has other words
 
 
 def print_error(text: str) -> None:

@@ -13,8 +13,7 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_count
 from tensionlab.workspace.orientations import parse_rotations
 
-STEPS = 40
-"""Number of steps along the longest edge of the box, if no step is given."""
+STEPS = 40  # number of steps along the longest edge of the box, if no step is given
 
 Box = Annotated[
     str | None,

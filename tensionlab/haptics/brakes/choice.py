@@ -65,8 +65,7 @@ class LockRule:
 
 
 LOCK_RULE = LockRule()
-CONVINCING_ANGLE = np.pi / 4
-"""A force this far off its direction is still taken for the intended one, in rad."""
+CONVINCING_ANGLE = np.pi / 4  # a force this far off its direction is still taken for the intended one, in rad
 
 
 class LockSet(NamedTuple):

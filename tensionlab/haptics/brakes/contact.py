@@ -24,9 +24,9 @@ from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 from tensionlab.support.arrays import Floats, require_finite
 
+# What decided: brakes are locked; the motors do, or no set of brakes is worth its price; no brake may be locked
+# for this wall; the impact would exceed the cap; the wall is not near yet; the hand does not move into it.
 Reason = Literal["locked", "motors", "no cable", "too fast", "not near", "leaving"]
-"""What decided: brakes are locked; the motors do, or no set of brakes is worth its price; no brake may be locked
-for this wall; the impact would exceed the cap; the wall is not near yet; the hand does not move into it."""
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from tensionlab.support.files.reading import brief
 
 COMMAND_PATH, EVENTS_PATH, STATE_PATH = "/command", "/events", "/state"
 PAGE_PATH, SCHEMA_PATH = "/", "/schema.json"
-MAX_CLIENTS = 32
-"""Connections at a time, to command or to watch."""
+MAX_CLIENTS = 32  # connections at a time, to command or to watch
 STATE_PAGE = Path(__file__).with_name("page.html")
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "

@@ -8,12 +8,10 @@ from dataclasses import dataclass, field
 
 from tensionlab.errors import TensionlabError
 
-SILENCE_S = 5.0
-"""A client in command that sends nothing valid for so long loses its place."""
+SILENCE_S = 5.0  # a client in command that sends nothing valid for so long loses its place
 MESSAGES_PER_S, MESSAGES_AT_ONCE = 500.0, 100.0
 BYTES_PER_S, BYTES_AT_ONCE = 1e6, 250e3
-READ_SHARE, READ_AT_ONCE_S = 0.2, 0.1
-"""Of one processor's time, for reading and answering what a client sends."""
+READ_SHARE, READ_AT_ONCE_S = 0.2, 0.1  # of one processor's time, for reading and answering what a client sends
 
 
 class FrameRefused(TensionlabError):  # noqa: N818 - what it is

@@ -12,20 +12,14 @@ from pydantic import BaseModel, ConfigDict, Field, Strict, field_validator
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, ProtocolError, TensionlabError
 from tensionlab.support.validation import describe, validate
 
-PROTOCOL = 3
-"""Version of the messages; a `Welcome` has the server's."""
+PROTOCOL = 3  # version of the messages; a `Welcome` has the server's
 MAX_MESSAGE_BYTES = 64 * 1024
-MAX_ENTRIES = 16
-"""Bodies of a frame, and effects."""
-HAND = "hand"
-"""The body that the cables pull on."""
+MAX_ENTRIES = 16  # bodies of a frame, and effects
+HAND = "hand"  # the body that the cables pull on
 MAX_COORDINATE_M = 100.0
-MAX_CLOCK_S = 1e10
-"""Largest time by a client's clock: seconds since any epoch, but not milliseconds since 1970."""
-MAX_LENGTH_ERROR = 1e-3
-"""Of a unit quaternion."""
-MAX_SEQUENCE = 2**53
-"""Programs in any language can count up to this."""
+MAX_CLOCK_S = 1e10  # largest time by a client's clock: seconds since any epoch, but not milliseconds since 1970
+MAX_LENGTH_ERROR = 1e-3  # of a unit quaternion
+MAX_SEQUENCE = 2**53  # programs in any language can count up to this
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Coordinate = Annotated[Number, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
@@ -166,8 +160,7 @@ KINDS = {
     "phase": "a phase of a scenario begins",
     "ended": "the run is over, and why; then the connection closes",
     "rate": "once a second: cycles and frames a second, really",
-}
-"""Kinds of events, and what they say."""
+}  # kinds of events, and what they say
 
 
 class Event(Message):

@@ -43,28 +43,19 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief
 
 ADDRESS = re.compile(r"/stop|/(body|effect)/[^/]+")
-MAX_MESSAGES = 64
-"""In a packet."""
-MAX_DEPTH = 4
-"""Of bundles in bundles."""
+MAX_MESSAGES = 64  # in a packet
+MAX_DEPTH = 4  # of bundles in bundles
 BUNDLE = b"#bundle\0"
-IMMEDIATELY = 1
-"""The time tag that is no time."""
-SINCE_1900_S = 2_208_988_800
-"""From the beginning of time tags to 1970."""
+IMMEDIATELY = 1  # the time tag that is no time
+SINCE_1900_S = 2_208_988_800  # from the beginning of time tags to 1970
 NUMBERS = {"i": ">i", "f": ">f", "h": ">q", "d": ">d"}
 CONSTANTS = {"T": True, "F": False}
-MAX_PARTS = 3
-"""Dots in the name of a parameter, such as ``wall.plane.point``."""
+MAX_PARTS = 3  # dots in the name of a parameter, such as `wall.plane.point`
 MAX_DATAGRAM_BYTES = 65_536
-POLL_S = 0.25
-"""How often the thread looks whether it is over, where nothing comes."""
-PAUSE_S = 0.02
-"""How long nothing is read after what is too much."""
-MAX_DROPPED = 1000
-"""Datagrams that are thrown away then, at most."""
-RECEIVE_BUFFER_BYTES = 65_536
-"""Of datagrams that have not been read yet, with what the system needs for each."""
+POLL_S = 0.25  # how often the thread looks whether it is over, where nothing comes
+PAUSE_S = 0.02  # how long nothing is read after what is too much
+MAX_DROPPED = 1000  # datagrams that are thrown away then, at most
+RECEIVE_BUFFER_BYTES = 65_536  # of datagrams that have not been read yet, with what the system needs for each
 
 
 class OscMessage(NamedTuple):

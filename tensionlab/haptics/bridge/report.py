@@ -7,12 +7,9 @@ import time
 from collections import Counter
 from collections.abc import Callable
 
-REPORT_S = 5.0
-"""For so long the same line is counted, not said again."""
-MAX_LINES = 20
-"""In that time."""
-MAX_REASONS = 5
-"""That are said with their numbers at its end."""
+REPORT_S = 5.0  # for so long the same line is counted, not said again
+MAX_LINES = 20  # in that time
+MAX_REASONS = 5  # that are said with their numbers at its end
 
 
 class LimitedReport:

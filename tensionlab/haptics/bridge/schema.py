@@ -24,13 +24,12 @@ ABOUT = (
     "or refused, in order; events come between the answers: read on until the type is not event. Times are in s: "
     "that of a frame by the client's own clock, all others by that of the run, which is `time` of the state. "
     "Lengths are in m, forces in N. No number is infinite or NaN."
-)
-"""What a client has to know besides the messages."""
+)  # what a client has to know besides the messages
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 REFERENCE = "#/$defs/"
 SHORT_LIST = re.compile(r"\[[^\[\]{}]{0,200}\]")
+# Effects, solids and parts of both.
 PARAMETERS: tuple[type[Any], ...] = (*EFFECTS.values(), *SOLIDS.values(), Plane, Ripples, VirtualCoupling)
-"""Effects, solids and parts of both."""
 
 
 def message_schema(rig: Rig | None = None) -> dict[str, Any]:

@@ -31,8 +31,8 @@ class Inner(Protocol):
 
 
 NO_EFFECTS: Mapping[str, Effect] = MappingProxyType({})
+# Called each cycle: with the state, the demand, the share of the force that was there, and the renderer.
 OnCycle = Callable[[RigState, Demand, float, Renderer], None]
-"""Called each cycle: with the state, the demand, the share of the force that was there, and the renderer."""
 
 
 class BridgedDemand:

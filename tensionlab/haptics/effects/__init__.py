@@ -31,8 +31,7 @@ EFFECTS = {
     "bow": Bow,
     "spring": Spring,
     "viscous": Viscous,
-}
-"""Every effect by the name that files and clients use."""
+}  # every effect by the name that files and clients use
 
 __all__ = [
     "EFFECTS",

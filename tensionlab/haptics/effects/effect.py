@@ -19,11 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensionlab.support.arrays import Floats
 
+# What an effect remembers: a NamedTuple of its own, such as `Bristle`; None before the first step, and where there
+# is nothing to remember. Given the memory of another kind of effect, an effect begins anew.
 Memory = tuple[object, ...] | None
-"""What an effect remembers: a NamedTuple of its own, such as `Bristle`; None before the first step, and where
-there is nothing to remember. Given the memory of another kind of effect, an effect begins anew."""
-MAX_HAND_SPEED_M_S = 10.0
-"""Faster than this nobody moves: whoever tracks the hand has put it elsewhere."""
+MAX_HAND_SPEED_M_S = 10.0  # faster than this nobody moves: whoever tracks the hand has put it elsewhere
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,14 +15,10 @@ from tensionlab.support.files.reading import brief
 from tensionlab.support.validation import raises
 
 T = TypeVar("T")
-FAR_M = 100.0
-"""Largest coordinate, in m."""
-CLOCK_S = 1e7
-"""Largest time on a run's clock, in s: 115 days."""
-MAX_COUNT = 100
-"""Largest number of entries in a list, such as the shots of a recoil."""
-MIN_DIRECTION = 1e-6
-"""Smallest length of a vector that states a direction."""
+FAR_M = 100.0  # largest coordinate, in m
+CLOCK_S = 1e7  # largest time on a run's clock, in s: 115 days
+MAX_COUNT = 100  # largest number of entries in a list, such as the shots of a recoil
+MIN_DIRECTION = 1e-6  # smallest length of a vector that states a direction
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Field))

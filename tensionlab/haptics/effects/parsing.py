@@ -19,8 +19,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.validation import validate
 
-Z_UP = np.array([0.0, 0.0, 1.0])
-"""Direction up for which the defaults of effects are stated."""
+Z_UP = np.array([0.0, 0.0, 1.0])  # direction up for which the defaults of effects are stated
 
 
 def parse_effect(name: str, table: object, rig: Rig) -> Effect:

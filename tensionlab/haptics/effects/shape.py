@@ -21,12 +21,10 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.validation import TABLE, describe, validate
 
 Field = Callable[[Floats], tuple[Floats, Floats]]
+# Of the proxy, each time; a slow hand needs two or three. What is left of the way it goes next time.
 MAX_PROXY_STEPS = 10
-"""Of the proxy, each time; a slow hand needs two or three. What is left of the way it goes next time."""
-ON_SURFACE_M = 1e-6
-"""Within this distance of the surface a proxy is on it; a step as short ends its way."""
-NEAR_SURFACE_M = 1e-3
-"""Within this distance of the surface a proxy goes straight on, and only not in."""
+ON_SURFACE_M = 1e-6  # within this distance of the surface a proxy is on it; a step as short ends its way
+NEAR_SURFACE_M = 1e-3  # within this distance of the surface a proxy goes straight on, and only not in
 
 
 @parameters.checked_dataclass(EffectError)
@@ -110,8 +108,8 @@ class Box:
         return distance, np.where(inside[..., None], face, side * normalized(outside))
 
 
+# Solids by the names in files and messages; a sphere if they name none.
 SOLIDS: dict[str, type[Any]] = {"sphere": Sphere, "box": Box, "half-space": HalfSpace}
-"""Solids by the names in files and messages; a sphere if they name none."""
 
 
 def take_kind(table: object, kinds: Mapping[str, type[Any]]) -> tuple[type[Any], dict[str, Any]]:

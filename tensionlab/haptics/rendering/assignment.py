@@ -21,11 +21,10 @@ from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Mot
 from tensionlab.haptics.rendering.stability import capped, cut_stiffnesses
 from tensionlab.support.arrays import Floats
 
+# Further out of contact than this, no module renders a wall: set-points come many times before it could.
 MAX_APPROACH_M = 0.5
-"""Further out of contact than this, no module renders a wall: set-points come many times before it could."""
+# Between axis and cable, below which no cable is good enough: the published threshold of a convincing direction.
 MIN_COSINE = math.cos(math.radians(45.0))
-"""Between axis and cable, below which no cable is good enough: the published threshold of a convincing
-direction."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +43,9 @@ class ModuleLimits:
 
 
 STANDARD_LIMITS = ModuleLimits()
+# Fastest vibration that the host renders, per step: above half a cycle it would come out as another frequency
+# (Nyquist's); 5 % more, as steps are not all of one length.
 MAX_CYCLES_PER_STEP = 0.525
-"""Fastest vibration that the host renders, per step: above half a cycle it would come out as another frequency
-(Nyquist's); 5 % more, as steps are not all of one length."""
 
 
 class Cables(NamedTuple):

@@ -16,11 +16,10 @@ from tensionlab.haptics.effects.parameters import Number, PositiveForce, checked
 from tensionlab.haptics.rendering.stability import Observed, PassivityController
 from tensionlab.support.arrays import Floats
 
-MAX_FORCE_N = 1000.0
-"""Largest force that is desired of any rig."""
+MAX_FORCE_N = 1000.0  # largest force that is desired of any rig
+# Age of a motion that changes nothing, and how long a force then takes to go: defaults of this project. The delay
+# is five frames at 50 Hz; both together are the 0.25 s after which modules give up.
 FADE_DELAY_S, FADE_S = 0.10, 0.15
-"""Age of a motion that changes nothing, and how long a force then takes to go: defaults of this project. The delay
-is five frames at 50 Hz; both together are the 0.25 s after which modules give up."""
 
 
 def low_pass(new: Floats, before: Floats | None, cutoff: float, step: float) -> Floats:

@@ -33,20 +33,16 @@ from tensionlab.haptics.rendering.stability import PassivityController, max_damp
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
+# Of the desired force to all upper tensions together. At 1 it would take away what can be rendered: where cables
+# pull aslant, more is rendered of a desired force that is too large by some.
 MAX_FORCE_RATIO = 2.0
-"""Of the desired force to all upper tensions together. At 1 it would take away what can be rendered: where cables
-pull aslant, more is rendered of a desired force that is too large by some."""
-HAND_DAMPING = 2.0
-"""b of a hand that holds something, in N s/m: a default of this project."""
-MIN_HAND_MASS_KG = 0.3
-"""Of a hand that moves along: a default of this project."""
-INITIAL_DELAY_S = 0.25
-"""How late a loop is taken to be before it is known: as long as set-points live."""
-DELAY_CYCLES = 100
-"""Cycles whose delays and lengths count for how late the loop is."""
+HAND_DAMPING = 2.0  # b of a hand that holds something, in N s/m: a default of this project
+MIN_HAND_MASS_KG = 0.3  # of a hand that moves along: a default of this project
+INITIAL_DELAY_S = 0.25  # how late a loop is taken to be before it is known: as long as set-points live
+DELAY_CYCLES = 100  # cycles whose delays and lengths count for how late the loop is
+# Effects that give no energy which they have not been given before: the passivity controller looks after these. A
+# magnet, a spring or a lift may have some to give at first, and a weight, a shot or a vibration is meant to.
 PASSIVE_EFFECTS = (Wall, Shape, Viscous, Friction)
-"""Effects that give no energy which they have not been given before: the passivity controller looks after these. A
-magnet, a spring or a lift may have some to give at first, and a weight, a shot or a vibration is meant to."""
 
 
 class GroupMemory(NamedTuple):

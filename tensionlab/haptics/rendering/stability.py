@@ -15,15 +15,14 @@ from tensionlab.support.arrays import Floats
 
 T = TypeVar("T")
 
-MARGIN = 0.5
-"""Share of the bound that a host may use: a default of this project."""
+MARGIN = 0.5  # share of the bound that a host may use: a default of this project
+# Of the damping `m/(T/2 + t_d)`: a late damper shakes at about pi/2 of that. A default of this project.
 DAMPING_SHARE = 0.8
-"""Of the damping ``m/(T/2 + t_d)``: a late damper shakes at about pi/2 of that. A default of this project."""
 
+# Of what the forces on their way take while the hand goes against them: so much it may get back by turning round
+# before the host knows. A default of this project: at 0 a wall of three times the bound gives too much once over
+# 20 and 30 ms; at 1 also a stable one is rendered as damped, from 5 ms on.
 TURNING_SHARE = 0.25
-"""Of what the forces on their way take while the hand goes against them: so much it may get back by turning round
-before the host knows. A default of this project: at 0 a wall of three times the bound gives too much once over 20
-and 30 ms; at 1 also a stable one is rendered as damped, from 5 ms on."""
 
 
 def stiffness_bound(

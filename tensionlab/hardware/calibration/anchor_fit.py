@@ -14,8 +14,7 @@ from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers
 
-TILT_RAD = 0.3
-"""How far advised poses are turned about each axis, in rad."""
+TILT_RAD = 0.3  # how far advised poses are turned about each axis, in rad
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,16 +164,12 @@ class Problem:
 
 ITERATION_LIMIT = 200
 FIRST_DAMPING = 1e-3
+# Anchors are found when the next step would be shorter than this share of the longest cable.
 STEP_TOLERANCE = 1e-10
-"""Anchors are found when the next step would be shorter than this share of the longest cable."""
-RESTARTS = 3
-"""How often poses are sought again from those of their neighbours."""
-BETTER = 0.999
-"""Least gain in squared residuals to go on with that."""
-TRIMMED = 0.7
-"""Share of the poses that anchors are fitted to at first then."""
-NEIGHBOURS = 4
-"""How many neighbours each tries."""
+RESTARTS = 3  # how often poses are sought again from those of their neighbours
+BETTER = 0.999  # least gain in squared residuals to go on with that
+TRIMMED = 0.7  # share of the poses that anchors are fitted to at first then
+NEIGHBOURS = 4  # how many neighbours each tries
 
 
 def best_fit(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:

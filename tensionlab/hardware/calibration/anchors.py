@@ -27,10 +27,10 @@ from tensionlab.model.kinematics import fit_rotation
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
+# A motion of the anchors that changes lengths by less than this share of what the strongest does goes unseen.
 WEAK = 1e-5
-"""A motion of the anchors that changes lengths by less than this share of what the strongest does goes unseen."""
+# So does one that is sure to no more than this share of the longest cable: nothing is linear over such a span.
 VAGUE = 0.1
-"""So does one that is sure to no more than this share of the longest cable: nothing is linear over such a span."""
 
 
 @dataclass(frozen=True, eq=False)

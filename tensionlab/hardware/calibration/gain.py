@@ -18,8 +18,7 @@ import numpy as np
 from tensionlab.errors import CalibrationError
 from tensionlab.support.arrays import Floats
 
-CONFIDENCE = 0.95
-"""Of all intervals here."""
+CONFIDENCE = 0.95  # of all intervals here
 
 
 @dataclass(frozen=True)
@@ -84,8 +83,7 @@ def ratio(found: LinearFit, top: int, bottom: int) -> Estimate:
     return around(float(a / b), math.sqrt(gradient @ found.covariance @ gradient), found.freedom)
 
 
-STANDARD_GRAVITY_M_S2 = 9.80665
-"""The true one differs by up to 0.4 % over the Earth, and N/A with it."""
+STANDARD_GRAVITY_M_S2 = 9.80665  # the true one differs by up to 0.4 % over the Earth, and N/A with it
 
 
 @dataclass(frozen=True)

@@ -25,11 +25,9 @@ from tensionlab.hardware.runner.watchdog import stopping
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.tables import read_table
 
-PERIOD_S = 0.02
-"""From one set-point to the next, in s."""
+PERIOD_S = 0.02  # from one set-point to the next, in s
 TELEMETRY_MS = 10
-MAX_SILENT_PERIODS = 25
-"""Without telemetry."""
+MAX_SILENT_PERIODS = 25  # without telemetry
 ARM_TRIES = 3
 LIMITER_ADVICE = {
     Limit.THERMAL: "its winding's budget is spent; let it cool, and pull less",
@@ -37,22 +35,16 @@ LIMITER_ADVICE = {
     Limit.LENGTH: "its cable is as short or as long as it may be; move the module, or calibrate its length",
 }
 """Limiters that keep a module from the commanded tension, and what to do about them."""
+# How fast the set-point changes in N/s: at first, to find out where the mass moves; and then to weigh it.
 SEARCH_N_S, RAMP_N_S = 0.5, 0.1
-"""How fast the set-point changes in N/s: at first, to find out where the mass moves; and then to weigh it."""
+# Of cable, in m: lifted off what it stood on; surely moving; and moving by more than a tooth of cogging.
 LIFT_M, MOVED_M, STARTED_M = 0.01, 0.003, 0.0005
-"""Of cable, in m: lifted off what it stood on; surely moving; and moving by more than a tooth of cogging."""
-MAX_WEIGHT_RATIO = 2.0
-"""How many times its weight a mass may seem to need: no N/A is farther off."""
-DAMPING_NS_M = 1.0
-"""N s/m, by which the host calms a mass."""
-STILL_M, STILL_S = 0.0003, 0.2
-"""At rest: no more than so many m for so many s."""
-REST_TIMEOUT_S = 5.0
-"""How long a mass may take to come to rest, in s."""
-MIN_MOVING_SAMPLES = 4
-"""Telemetry of a cable on its way that it takes to find its start."""
-TREND_S = 0.5
-"""Time before it moves, in s, whose currents are taken."""
+MAX_WEIGHT_RATIO = 2.0  # how many times its weight a mass may seem to need: no N/A is farther off
+DAMPING_NS_M = 1.0  # n s/m, by which the host calms a mass
+STILL_M, STILL_S = 0.0003, 0.2  # at rest: no more than so many m for so many s
+REST_TIMEOUT_S = 5.0  # how long a mass may take to come to rest, in s
+MIN_MOVING_SAMPLES = 4  # telemetry of a cable on its way that it takes to find its start
+TREND_S = 0.5  # time before it moves, in s, whose currents are taken
 
 
 class Puller:
@@ -272,16 +264,11 @@ def _current_at_start(puller: Puller, direction: int) -> float:
 
 
 LEVELS = 8
-DWELL_S = 1.5
-"""How long each step is held, in s; what it shows is taken from its second half."""
-RATE_N_S = 1.0
-"""From step to step, in N/s: slow, so that the cable does not ring over its friction."""
-MAX_SHARE = 0.9
-"""Of what the winding stands for ever: the highest step."""
-LAG_STEP_S = 0.02
-"""Of the lags that are tried, in s."""
-MIN_CORRELATION = 0.95
-"""Least correlation of force and current for the two to be the same staircase."""
+DWELL_S = 1.5  # how long each step is held, in s; what it shows is taken from its second half
+RATE_N_S = 1.0  # from step to step, in N/s: slow, so that the cable does not ring over its friction
+MAX_SHARE = 0.9  # of what the winding stands for ever: the highest step
+LAG_STEP_S = 0.02  # of the lags that are tried, in s
+MIN_CORRELATION = 0.95  # least correlation of force and current for the two to be the same staircase
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,14 +21,14 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.files.tables import read_table
 
 PERIOD_S = 0.02
+# How long cables are pulled tight at least before their length is set, and how long a module takes to let go, in
+# s.
 TAUT_S, LOOSE_S = 1.0, 0.5
-"""How long cables are pulled tight at least before their length is set, and how long a module takes to let go, in
-s."""
+# A pose: no cable moves by more than so many m for so many s, and one is so many m off each pose before.
 STILL_M, STILL_S, APART_M = 0.001, 0.4, 0.03
-"""A pose: no cable moves by more than so many m for so many s, and one is so many m off each pose before."""
 AXES = "xyz"
+# Columns of a rotation: in the plane an angle, in space an axis times an angle, in rad.
 TURNS = {1: ("angle",), 3: ("rx", "ry", "rz")}
-"""Columns of a rotation: in the plane an angle, in space an axis times an angle, in rad."""
 
 
 def zero_lengths(group: ModuleGroup, rig: Rig, clock: Clock) -> Floats:

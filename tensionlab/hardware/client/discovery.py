@@ -17,18 +17,15 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Code
 from tensionlab.hardware.protocol.messages import Hello, Info, printable
 
+# Makers of the chips that connect an ESP32 to USB.
 USB_VENDORS = {0x10C4: "CP210x", 0x1A86: "CH340", 0x0403: "FTDI", 0x303A: "Espressif"}
-"""Makers of the chips that connect an ESP32 to USB."""
-NAME_PREFIX = "tensionlab-"
-"""Start of a module's Bluetooth name; its serial number follows."""
+NAME_PREFIX = "tensionlab-"  # start of a module's Bluetooth name; its serial number follows
+# How long each try waits for an answer: a board that was reset by the opening needs a second.
 TIMEOUTS_S = (0.3, 0.5, 1.0)
-"""How long each try waits for an answer: a board that was reset by the opening needs a second."""
 PARALLEL_PORTS = 8
 PULSES = 3
-PULSE_TENSION_N = 0.5
-"""Above the taut minimum."""
-PULSE_S = 0.4
-"""Duration of each pulse and of each pause."""
+PULSE_TENSION_N = 0.5  # above the taut minimum
+PULSE_S = 0.4  # duration of each pulse and of each pause
 SET_POINT_PERIOD_S = 0.05
 
 

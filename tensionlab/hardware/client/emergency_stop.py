@@ -16,8 +16,7 @@ from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient
 from tensionlab.hardware.protocol.messages import EmergencyStop
 from tensionlab.support.operating_system import kill_command, send_estop
 
-RELEASE_TIMEOUT_S = 6.0
-"""How long a signalled process may take to stop its modules and close their links."""
+RELEASE_TIMEOUT_S = 6.0  # how long a signalled process may take to stop its modules and close their links
 POLL_PERIOD_S = 0.01
 
 

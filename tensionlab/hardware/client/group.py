@@ -22,10 +22,8 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers
 
 POLL_PERIOD_S = 2e-3
-KEEP_ALIVE_PERIOD_S = 0.04
-"""Period of set-points to a module that is armed while others are still being armed."""
-LIMIT_TOLERANCE = 1e-6
-"""Relative; the module stores its limits in 32 bits."""
+KEEP_ALIVE_PERIOD_S = 0.04  # period of set-points to a module that is armed while others are still being armed
+LIMIT_TOLERANCE = 1e-6  # relative; the module stores its limits in 32 bits
 
 
 class ModuleGroup:

@@ -13,15 +13,12 @@ from tensionlab.hardware.client.links import serial_ports
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.messages import Ping, Pong
 
-PING_TIMEOUT_S = 1.0
-"""An answer that takes longer counts as lost."""
-MIN_SET_POINTS = 3
-"""Least number of set-points sent within the time to live of one."""
-MAX_LOSS = 1e-6
-"""Largest probability that all of them are lost."""
+PING_TIMEOUT_S = 1.0  # an answer that takes longer counts as lost
+MIN_SET_POINTS = 3  # least number of set-points sent within the time to live of one
+MAX_LOSS = 1e-6  # largest probability that all of them are lost
 MAX_RATE_HZ, MAX_BLUETOOTH_RATE_HZ = 1000.0, 100.0
+# Start of the URL of a link by Bluetooth; that of a COM port does not tell, but its description does.
 BLUETOOTH_PREFIXES = ("bt://", "/dev/rfcomm", "/dev/cu.tensionlab-", "/dev/tty.tensionlab-")
-"""Start of the URL of a link by Bluetooth; that of a COM port does not tell, but its description does."""
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from contextlib import suppress
 
 from tensionlab import _native
 
-REMOVAL_TIMEOUT_S = 1.0
-"""How long who closes a link waits for the reader to be done with it."""
+REMOVAL_TIMEOUT_S = 1.0  # how long who closes a link waits for the reader to be done with it
 
 _lock = threading.Lock()
 _readers: dict[int, LinkReader] = {}  # by the number of the process: a fork has the other's, without its thread

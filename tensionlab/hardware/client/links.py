@@ -19,13 +19,11 @@ from typing import Any, Protocol
 from tensionlab.errors import LinkError, optional_import
 from tensionlab.hardware.client.locks import LinkLock, NoLock, tcp_address
 
-READ_BYTES = 4096
-"""Most bytes read at a time."""
-BAUD_RATE = 921_600
-"""Bits a second over USB; Bluetooth and TCP ignore it."""
+READ_BYTES = 4096  # most bytes read at a time
+BAUD_RATE = 921_600  # bits a second over USB; Bluetooth and TCP ignore it
 CONNECT_TIMEOUT_S = 10.0
+# Links that are neither ports nor sockets, by URL; `tensionlab.hardware` adds `sim:`.
 OPENERS: dict[str, Callable[[], Link]] = {}
-"""Links that are neither ports nor sockets, by URL; `tensionlab.hardware` adds ``sim:``."""
 URL_KINDS = """
   bt://AA:BB:CC:DD:EE:FF/1   Bluetooth, by address and channel
   /dev/ttyUSB0, COM5         a serial port

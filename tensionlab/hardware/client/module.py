@@ -32,23 +32,17 @@ from tensionlab.hardware.protocol.frames import Frame
 from tensionlab.hardware.protocol.messages import Acknowledge, Message, Telemetry
 from tensionlab.hardware.protocol.parameters import PARAMETERS, require_name, require_value
 
-ANSWER_TIMEOUTS_S = (0.2, 0.3, 0.45)
-"""How long each try waits for an answer."""
+ANSWER_TIMEOUTS_S = (0.2, 0.3, 0.45)  # how long each try waits for an answer
+# More tries: a bad link is no reason to give up before a run, at its end, or in an emergency.
 PATIENT_TIMEOUTS_S = (*ANSWER_TIMEOUTS_S, *(ANSWER_TIMEOUTS_S[-1],) * 5)
-"""More tries: a bad link is no reason to give up before a run, at its end, or in an emergency."""
-CLOCK_WRAP_US = 1 << 32
-"""Where the clocks of modules wrap around."""
-READ_TIMEOUT_S = 0.1
-"""How long the reader waits before it checks whether to end."""
-SAVE_TIMEOUTS_S = (2.0, 2.0, 2.0)
-"""How long each try waits for an answer to a command that takes the module long."""
-NO_FILE, NO_STATE = -1, -1
-"""Those of an endpoint that has none."""
+CLOCK_WRAP_US = 1 << 32  # where the clocks of modules wrap around
+READ_TIMEOUT_S = 0.1  # how long the reader waits before it checks whether to end
+SAVE_TIMEOUTS_S = (2.0, 2.0, 2.0)  # how long each try waits for an answer to a command that takes the module long
+NO_FILE, NO_STATE = -1, -1  # those of an endpoint that has none
 SET_POINTS = (messages.SetTension.type, messages.SetImpedance.type)
-UNREQUESTED = (Telemetry, messages.Event, messages.Log)
-"""Messages that a module sends by itself."""
+UNREQUESTED = (Telemetry, messages.Event, messages.Log)  # messages that a module sends by itself
+# Frames whose damage is an error of the request that waits for them.
 ANSWERS = (messages.Info.type, messages.ParameterValue.type, messages.Pong.type)
-"""Frames whose damage is an error of the request that waits for them."""
 
 AnswerType = TypeVar("AnswerType", bound=Message)
 MessageType_co = TypeVar("MessageType_co", bound=Message, covariant=True)

@@ -36,19 +36,18 @@ from tensionlab.hardware.protocol.parameters import (
 )
 from tensionlab.support.files.reading import brief, parse_toml
 
+# Parameters that allow others more as they grow.
 UPPER_BOUNDS = frozenset({"tension_upper", "newton_per_ampere", "current_peak", "length_upper", "supply_upper"})
-"""Parameters that allow others more as they grow."""
+# Parameters that allow others more as they shrink.
 LOWER_BOUNDS = frozenset({"tension_lower", "length_lower", "supply_lower"})
-"""Parameters that allow others more as they shrink."""
+# Parameters whose change makes a module forget its cable's length.
 LENGTH_PARAMETERS = frozenset({"spool_radius", "motor_direction"})
-"""Parameters whose change makes a module forget its cable's length."""
 COMMENT_COLUMN = 34
+# Characters that file names do not have on some system.
 UNFIT_CHARACTERS = re.compile(r'[%/\\:*?"<>|\x00-\x1f\x7f]')
-"""Characters that file names do not have on some system."""
+# Names that are no files on Windows, whatever follows behind a full stop.
 DEVICE_NAMES = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?")
-"""Names that are no files on Windows, whatever follows behind a full stop."""
-MAX_NAME_BYTES = 200
-"""Of a file name before its suffix; most systems take 255 bytes."""
+MAX_NAME_BYTES = 200  # of a file name before its suffix; most systems take 255 bytes
 
 
 @dataclass(frozen=True)

@@ -27,11 +27,10 @@ from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import Telemetry, read
 
 HOST = "127.0.0.1"
+# Requests that come faster are lost in the system: a flood must not take the processor from a run.
 MIN_PERIOD_S = 0.05
-"""Requests that come faster are lost in the system: a flood must not take the processor from a run."""
 MAX_REQUEST_BYTES, MAX_REPLY_BYTES = 64, 1 << 16
-MAX_REMEMBERED = 8
-"""Watchers that get the last word on a topic."""
+MAX_REMEMBERED = 8  # watchers that get the last word on a topic
 
 
 @dataclass(frozen=True)

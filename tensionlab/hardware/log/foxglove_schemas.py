@@ -14,8 +14,8 @@ TEXT = {"type": "string"}
 FLAG = {"type": "boolean"}
 INDEX = {"type": "integer", "minimum": 0}
 NANOSECONDS = {"type": "integer", "minimum": 0, "maximum": 999_999_999}
+# Times are since 1970.
 TIME = {"title": "time", "type": "object", "properties": {"sec": INDEX, "nsec": NANOSECONDS}}
-"""Times are since 1970."""
 DURATION = {"title": "duration", "type": "object", "properties": {"sec": {"type": "integer"}, "nsec": NANOSECONDS}}
 
 
@@ -94,8 +94,7 @@ PRIMITIVES = {
         media_type=TEXT,
         data={"type": "string", "contentEncoding": "base64"},
     ),
-}
-"""What an entity of a scene may have; the names are its fields."""
+}  # what an entity of a scene may have; the names are its fields
 SCENE_UPDATE = message(
     "foxglove.SceneUpdate",
     deletions=several(

@@ -38,11 +38,9 @@ if TYPE_CHECKING:
     import xarray
 
 
-BLOCK_CYCLES = 1000
-"""Cycles that become arrays at a time: as text and lists they take many times the memory."""
+BLOCK_CYCLES = 1000  # cycles that become arrays at a time: as text and lists they take many times the memory
 
-MAX_EVENTS = 12
-"""Events that are shown below a table; JSON has all."""
+MAX_EVENTS = 12  # events that are shown below a table; JSON has all
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

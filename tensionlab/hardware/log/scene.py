@@ -36,14 +36,10 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, FORCE_COLOURS, GREY, ORANGE, RED, Colours, ramp, rgb
 
-RATE_HZ = 30.0
-"""A screen shows no more."""
-DIGITS = 6
-"""Decimals of positions, in m, and of other numbers of the scene."""
-UPRIGHT = "upright"
-"""The frame whose z axis points up, as viewers want it: the world's may be another."""
-PLATFORM = "platform"
-"""The frame of the platform, or of the hand."""
+RATE_HZ = 30.0  # a screen shows no more
+DIGITS = 6  # decimals of positions, in m, and of other numbers of the scene
+UPRIGHT = "upright"  # the frame whose z axis points up, as viewers want it: the world's may be another
+PLATFORM = "platform"  # the frame of the platform, or of the hand
 MARGINS = message(
     "tensionlab.Margins",
     ("smallest",),
@@ -59,6 +55,7 @@ MARGINS = message(
     ),
 )
 FORCES = message("tensionlab.Forces", tuple(FORCE_COLOURS), timestamp=TIME, **dict.fromkeys(FORCE_COLOURS, VECTOR))
+# Schema of each channel. Numbers that are not known are left out; what stands still is written as it changes.
 CHANNELS = {
     "transforms": FRAME_TRANSFORMS,
     "scene/modules": SCENE_UPDATE,
@@ -69,15 +66,12 @@ CHANNELS = {
     "forces": FORCES,
     "margins": MARGINS,
 }
-"""Schema of each channel. Numbers that are not known are left out; what stands still is written as it changes."""
-STRONGEST_SHARE = 0.5
-"""Of the size of a rig: so long is the arrow of the strongest tension."""
+STRONGEST_SHARE = 0.5  # of the size of a rig: so long is the arrow of the strongest tension
+# Of the size of a rig: diameters of what is drawn.
 ANCHOR_SHARE, HAND_SHARE, SHAFT_SHARE, HEAD_SHARE = 0.025, 0.03, 0.008, 0.02
-"""Of the size of a rig: diameters of what is drawn."""
+# Of the size of a rig: so far beside the hand are arrows of forces, so that equal ones are all seen.
 APART_SHARE = {"desired": 0.0, "commanded": 0.012, "measured": -0.012}
-"""Of the size of a rig: so far beside the hand are arrows of forces, so that equal ones are all seen."""
-MAX_HEAD_SHARE = 0.3
-"""Of an arrow: its head is no longer."""
+MAX_HEAD_SHARE = 0.3  # of an arrow: its head is no longer
 CABLE_PIXELS, ARM_PIXELS = 3.0, 2.0
 LABEL_PIXELS = 12.0
 NOWHERE = {"x": 0.0, "y": 0.0, "z": 0.0}

@@ -41,12 +41,11 @@ class State(IntEnum):
     ESTOP = 5
 
 
-FOLLOWING_STATES = frozenset((State.ARMED, State.RUNNING))
-"""States in which a module pulls, and takes set-points."""
+FOLLOWING_STATES = frozenset((State.ARMED, State.RUNNING))  # states in which a module pulls, and takes set-points
+# States with the driver off that only CLEAR leaves: a STOP is refused.
 LATCHED_STATES = frozenset((State.FAULT, State.ESTOP))
-"""States with the driver off that only CLEAR leaves: a STOP is refused."""
+# States in which a module ignores set-points without having received a STOP.
 RELEASED_STATES = LATCHED_STATES | {State.TIMEOUT}
-"""States in which a module ignores set-points without having received a STOP."""
 
 
 class Code(IntEnum):
@@ -120,8 +119,8 @@ class ResetReason(IntEnum):
     OTHER = 4
 
 
+# The supervisor's events, in the order of the firmware's table.
 EVENTS = ("arm", "set-point", "stop", "estop", "clear", "expire", "fault")
-"""The supervisor's events, in the order of the firmware's table."""
 
 DESCRIPTIONS: dict[type[IntEnum | IntFlag], dict[str, str]] = {
     Code: {
@@ -187,5 +186,4 @@ DESCRIPTIONS: dict[type[IntEnum | IntFlag], dict[str, str]] = {
         "BROWNOUT": "its supply sank",
         "OTHER": "the reset button, a crash, or unknown",
     },
-}
-"""What each code means."""
+}  # what each code means

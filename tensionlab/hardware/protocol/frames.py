@@ -11,14 +11,11 @@ from typing import NamedTuple
 from tensionlab import _native
 from tensionlab.errors import ProtocolError
 
+# Most bytes of payload in a frame, and between two delimiters.
 MAX_PAYLOAD, MAX_PIECE = _native.MAX_PAYLOAD, _native.MAX_PIECE
-"""Most bytes of payload in a frame, and between two delimiters."""
-DELIMITER = b"\0\0\0"
-"""End of a frame. It takes three flips to make one of other bytes, none of which is zero."""
-CHECKSUM_BYTES = 3
-"""Bytes of a checksum."""
-MAX_FRAME = MAX_PIECE + len(DELIMITER)
-"""Most bytes of a frame on the wire."""
+DELIMITER = b"\0\0\0"  # end of a frame. It takes three flips to make one of other bytes, none of which is zero.
+CHECKSUM_BYTES = 3  # bytes of a checksum
+MAX_FRAME = MAX_PIECE + len(DELIMITER)  # most bytes of a frame on the wire
 
 
 class Frame(NamedTuple):

@@ -26,10 +26,8 @@ from tensionlab.hardware.protocol.codes import (
 )
 from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, Frame
 
-PROTOCOL = 3
-"""Version of the protocol; `Info` has the module's."""
-MESSAGES: dict[int, type[Message]] = {}
-"""Message class of each type of frame."""
+PROTOCOL = 3  # version of the protocol; `Info` has the module's
+MESSAGES: dict[int, type[Message]] = {}  # message class of each type of frame
 
 # How a field lies in the payload, in the letters of `struct`.
 U8 = Annotated[int, "B"]

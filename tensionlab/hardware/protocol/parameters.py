@@ -21,10 +21,10 @@ class Parameter:
     standard: float
 
 
+# The firmware's parameters, by name.
 PARAMETERS = {row[0]: Parameter(index, *row[1:]) for index, row in enumerate(_native.parameter_table())}
-"""The firmware's parameters, by name."""
+# Parameters that are one of their two bounds.
 CHOICES = frozenset({"timeout_brake", "brake_on_fault", "motor_direction", "calibrated"})
-"""Parameters that are one of their two bounds."""
 PARAMETER_DESCRIPTIONS = {
     "tension_lower": "the taut minimum: the least tension of an armed module",
     "tension_upper": "the largest tension",
@@ -55,8 +55,7 @@ PARAMETER_DESCRIPTIONS = {
     "motor_direction": "sign of the encoder while the cable pays out",
     "motor_zero": "electrical angle at the encoder's zero; CALIBRATE finds it",
     "calibrated": "whether the module may be armed; CALIBRATE sets it",
-}
-"""What each parameter means."""
+}  # what each parameter means
 
 
 def single(value: float) -> float:

@@ -22,8 +22,7 @@ from tensionlab.model.pose import place_anchors
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers
 
-IMPEDANCE = tuple(each.name for each in fields(Impedance))
-"""The numbers of an impedance, in their order."""
+IMPEDANCE = tuple(each.name for each in fields(Impedance))  # the numbers of an impedance, in their order
 Flags = NDArray[np.bool_]
 INFINITIES = ((b"NaN", b"null"), (b"-Infinity", b"null"), (b"Infinity", b"null"))
 
@@ -167,8 +166,8 @@ class CycleTable:
     compute_time: Floats = column("compute_time", "s", "time that the host needed for the cycle")
 
 
+# All columns, by name.
 COLUMNS: dict[str, Column] = {each.name: each.metadata["column"] for each in fields(CycleTable)}
-"""All columns, by name."""
 
 
 def _dtype(hint: Any) -> np.dtype[Any]:
@@ -178,8 +177,8 @@ def _dtype(hint: Any) -> np.dtype[Any]:
     return dtype
 
 
+# Of which type each is.
 TYPES: dict[str, np.dtype[Any]] = {name: _dtype(hint) for name, hint in get_type_hints(CycleTable).items()}
-"""Of which type each is."""
 
 
 def _values(name: str) -> Callable[[Cycle, Rig], Any]:
@@ -190,8 +189,7 @@ def _values(name: str) -> Callable[[Cycle, Rig], Any]:
     return lambda cycle, rig: get(cycle)
 
 
-VALUES = {name: _values(name) for name in COLUMNS}
-"""The value of each column, of a cycle and the rig."""
+VALUES = {name: _values(name) for name in COLUMNS}  # the value of each column, of a cycle and the rig
 
 
 def sizes(rig: Rig) -> dict[str, int]:

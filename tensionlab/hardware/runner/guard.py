@@ -17,10 +17,8 @@ from tensionlab.model.module import TensionLimits
 from tensionlab.support.arrays import Floats
 
 CERTIFIED = frozenset((int(Status.EXACT), int(Status.NEAREST)))
-MAX_PREPARED = 256
-"""Sets of limits that are kept prepared: windings warm and cool step by step."""
-EXACT_SOLVER = "newton"
-"""Fallback where the chosen solver leaves its answer unproven."""
+MAX_PREPARED = 256  # sets of limits that are kept prepared: windings warm and cool step by step
+EXACT_SOLVER = "newton"  # fallback where the chosen solver leaves its answer unproven
 
 
 class GuardedAllocator:
@@ -87,15 +85,13 @@ def next_tensions(
     return NextTensions(tensions, commanded, slew_limited)
 
 
+# Share of a winding's continuous tension that the host uses: currents are measured with some noise.
 CONTINUOUS_SHARE = 0.98
-"""Share of a winding's continuous tension that the host uses: currents are measured with some noise."""
+# Gain from what is left of the winding's budget to the square of the current that the host commands. The firmware
+# stops at 10 (`firmware/core/thermal.hpp`); with less, the host is before it, late telemetry or not.
 DERATING_GAIN = 8.0
-"""Gain from what is left of the winding's budget to the square of the current that the host commands. The firmware
-stops at 10 (`firmware/core/thermal.hpp`); with less, the host is before it, late telemetry or not."""
-STEP_N = 0.05
-"""Limits change by whole steps, too small to be noticed; solvers are prepared for each set of limits."""
-EVENT_STEP_N = 0.5
-"""A limit that changes by so much is an event."""
+STEP_N = 0.05  # limits change by whole steps, too small to be noticed; solvers are prepared for each set of limits
+EVENT_STEP_N = 0.5  # a limit that changes by so much is an event
 
 
 class Derating:
@@ -159,8 +155,7 @@ def derating_text(upper: float, own: float) -> str:
     return f"pulls with up to {upper:.2f} N in place of {own:g} N, to keep its winding from getting too hot"
 
 
-TAUT_AFTER_TIMEOUT_S = 2.0
-"""A module that timed out keeps its cable taut for so long before it releases it."""
+TAUT_AFTER_TIMEOUT_S = 2.0  # a module that timed out keeps its cable taut for so long before it releases it
 
 
 @dataclass(frozen=True)

@@ -28,18 +28,17 @@ from tensionlab.hardware.runner.state_estimation import PoseTracker
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
-CHECK_PERIOD_S = 0.02
-"""Shortest time between two checks; faster runs leave cycles out."""
+CHECK_PERIOD_S = 0.02  # shortest time between two checks; faster runs leave cycles out
+# Length that a cable's own speed may leave unexplained over 10 s; slack cables and late telemetry make 0.03.
 MAX_CREEP_M = 0.06
-"""Length that a cable's own speed may leave unexplained over 10 s; slack cables and late telemetry make 0.03."""
 MAX_PROTECTION_N = 0.55
 """Protection level at which the force is limited.
 
 Away from singular poses it is 0.5 N at most. It is linear in the drift, and residuals are averaged: of 200
 drifts near singular poses, three changed the force by more than 1 N, the largest by 1.05 N.
 """
+# Modules whose residual is above this share of the largest are named: with one cable to spare, all of them.
 SUSPECT_SHARE = 0.8
-"""Modules whose residual is above this share of the largest are named: with one cable to spare, all of them."""
 CALIBRATE = "Look at its spool and encoder, and calibrate its length (`tensionlab module calibrate lengths`)"
 
 

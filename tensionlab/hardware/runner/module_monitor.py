@@ -29,16 +29,13 @@ TELEMETRY_UNITS = {
     "current": "A",
     "supply": "V",
     "thermal": "of the budget",
-}
-"""Quantities of a telemetry that must be finite, and their units."""
-MEASURED = attrgetter(*TELEMETRY_UNITS)
-"""Their values."""
+}  # quantities of a telemetry that must be finite, and their units
+MEASURED = attrgetter(*TELEMETRY_UNITS)  # their values
+# A length may differ by so much from where the cable's speeds take it.
 MAX_LENGTH_JUMP_M = _native.MAX_LENGTH_JUMP_M
-"""A length may differ by so much from where the cable's speeds take it."""
+# Of a cable: a hand makes 30, and a spool by itself, with 6 N on 0.03 kg, not more than twice this.
 MAX_ACCELERATION_M_S2 = _native.MAX_ACCELERATION_M_S2
-"""Of a cable: a hand makes 30, and a spool by itself, with 6 N on 0.03 kg, not more than twice this."""
-STALL_SHARE = 0.75
-"""A run whose next cycle takes longer to come than this share of the time to live has stalled."""
+STALL_SHARE = 0.75  # a run whose next cycle takes longer to come than this share of the time to live has stalled
 
 
 class ModuleMonitor:

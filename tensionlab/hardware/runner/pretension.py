@@ -31,24 +31,19 @@ from tensionlab.hardware.runner.state_estimation import MAX_LENGTH_ERROR_M, Obse
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
-WINDOW_S = 0.5
-"""Speeds of cables are averaged for so long: meanwhile a hand may shake, and telemetry be late."""
+WINDOW_S = 0.5  # speeds of cables are averaged for so long: meanwhile a hand may shake, and telemetry be late
+# A cable that gets shorter this fast on average is being reeled in. A hand that starts a run is slower.
 REELING_M_S = 0.5
-"""A cable that gets shorter this fast on average is being reeled in. A hand that starts a run is slower."""
-REST_M_S = 0.05
-"""Average speed below which a cable is at rest."""
-MISFIT_S = 1.0
-"""Lengths that fit no pose are refused once the cables have been at rest for so long."""
+REST_M_S = 0.05  # average speed below which a cable is at rest
+MISFIT_S = 1.0  # lengths that fit no pose are refused once the cables have been at rest for so long
+# After so long without a cable that is reeled in, speeds need not fit a motion: a hand shakes, links are late.
 SHAKING_S = 4.0
-"""After so long without a cable that is reeled in, speeds need not fit a motion: a hand shakes, links are late."""
-MAX_PRETENSION_S = 20.0
-"""How long cables may take to come to rest: 40 m of slack at 2 m/s."""
+MAX_PRETENSION_S = 20.0  # how long cables may take to come to rest: 40 m of slack at 2 m/s
+# By how much a cable may seem shorter than it can be: two lengths are compared.
 TOO_SHORT_M = 2.0 * MAX_LENGTH_ERROR_M
-"""By how much a cable may seem shorter than it can be: two lengths are compared."""
-MAX_PLACE_ERROR_M = 0.5
-"""How far off a place may be that somebody gave, in place of lengths."""
+MAX_PLACE_ERROR_M = 0.5  # how far off a place may be that somebody gave, in place of lengths
+# Where the other lengths fit a pose better than this, the one that was left out explains a misfit.
 MAX_UNCERTAINTY_M = 0.01
-"""Where the other lengths fit a pose better than this, the one that was left out explains a misfit."""
 WITHOUT_LENGTHS = "Or say where it is by `--at X Y Z`, in Python a tracker: then a run needs no lengths"
 
 

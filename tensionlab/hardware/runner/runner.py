@@ -45,19 +45,14 @@ from tensionlab.support.formatting import format_count
 from tensionlab.support.operating_system import ESTOP_SIGNAL
 
 FIRST_TELEMETRY_TIMEOUT_S = 2.0
-MAX_EARLY_S = 1e-3
-"""A cycle that begins so long before its deadline means that the clock went back."""
+MAX_EARLY_S = 1e-3  # a cycle that begins so long before its deadline means that the clock went back
+# How long a solver may take for its first answer, while no module is armed: some import a lot for it.
 WARM_UP_S = 30.0
-"""How long a solver may take for its first answer, while no module is armed: some import a lot for it."""
-MIN_HUNG_S = 0.5
-"""A cycle that takes as long, and no less than set-points live, has hung."""
-MISFIT_S = 0.25
-"""How long lengths may fit no pose in a run: a cable may be slack for a moment."""
-THREAD_SWITCH_S = 5e-4
-"""How long a cycle that is due may wait for another thread of this process."""
+MIN_HUNG_S = 0.5  # a cycle that takes as long, and no less than set-points live, has hung
+MISFIT_S = 0.25  # how long lengths may fit no pose in a run: a cable may be slack for a moment
+THREAD_SWITCH_S = 5e-4  # how long a cycle that is due may wait for another thread of this process
 
-Tracker = Callable[[float], Pose]
-"""Function that returns the pose at a time of the run in s."""
+Tracker = Callable[[float], Pose]  # function that returns the pose at a time of the run in s
 
 
 class Runner:

@@ -13,15 +13,12 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.simulation.world import World
 
 OnLoss = Literal["stop", "continue"]
+# What to do when a module is lost: end the run, or go on with the others.
 ON_LOSS: tuple[OnLoss, ...] = get_args(OnLoss)
-"""What to do when a module is lost: end the run, or go on with the others."""
-MIN_TTL_S, MAX_TTL_S = 0.05, 2.0
-"""What modules accept."""
-SET_POINTS_PER_TTL = 2
-"""Set-points that must be due in the life of one."""
+MIN_TTL_S, MAX_TTL_S = 0.05, 2.0  # what modules accept
+SET_POINTS_PER_TTL = 2  # set-points that must be due in the life of one
 MAX_RATE_HZ = 10_000.0
-MIN_TELEMETRY_MS = 5
-"""Period of telemetry that modules accept at least."""
+MIN_TELEMETRY_MS = 5  # period of telemetry that modules accept at least
 
 
 @dataclass(frozen=True)
@@ -130,11 +127,10 @@ class RealClock:
             client.listen(max(end - client.link.clock(), 0.0))
 
 
-ROUNDING_S = 1e-9
-"""A wait that is shorter would never end on a clock that does not go on by itself."""
+ROUNDING_S = 1e-9  # a wait that is shorter would never end on a clock that does not go on by itself
+# What paced modules fall behind beyond this, and not because this process computes, is time that does not pass in
+# them: on a busy machine they must not release because their own process got no time.
 MAX_BEHIND_S = 0.1
-"""What paced modules fall behind beyond this, and not because this process computes, is time that does not pass in
-them: on a busy machine they must not release because their own process got no time."""
 
 
 class WorldClock:

@@ -38,10 +38,8 @@ def observe(group: ModuleGroup) -> Observation:
     return Observation(lengths, speeds, tensions, ages, states, faults, limiters, brakes, last_sequence, thermal)
 
 
-SEQUENCE_NUMBERS = 256
-"""Of set-points; then they begin anew."""
-HISTORY_S = 5.0
-"""How far back times of set-points are kept."""
+SEQUENCE_NUMBERS = 256  # of set-points; then they begin anew
+HISTORY_S = 5.0  # how far back times of set-points are kept
 
 
 class SetPointDelays:
@@ -68,18 +66,14 @@ class SetPointDelays:
         return self._native.delays(last_sequence, now)
 
 
-MAX_STEPS = 3
-"""Newton steps a cycle: between two cycles a platform moves a few mm."""
-MAX_SEARCH_STEPS = 30
-"""Newton steps from home to wherever it is."""
+MAX_STEPS = 3  # newton steps a cycle: between two cycles a platform moves a few mm
+MAX_SEARCH_STEPS = 30  # newton steps from home to wherever it is
+# Lengths are extrapolated by their speeds for so long at most: a hand may have turned round by then.
 MAX_EXTRAPOLATION_S = 0.1
-"""Lengths are extrapolated by their speeds for so long at most: a hand may have turned round by then."""
-STEP_TOLERANCE = 1e-4
-"""A step this short, in m and rad, ends the search: what is left is its square."""
-MAX_SPEED_ERROR_M_S = 0.2
-"""Root mean square of the speed errors above which a slack cable is being reeled in."""
+STEP_TOLERANCE = 1e-4  # a step this short, in m and rad, ends the search: what is left is its square
+MAX_SPEED_ERROR_M_S = 0.2  # root mean square of the speed errors above which a slack cable is being reeled in
+# Root mean square of the length errors above which the lengths belong to no pose near the last one.
 MAX_LENGTH_ERROR_M = 0.05
-"""Root mean square of the length errors above which the lengths belong to no pose near the last one."""
 
 
 class PoseTracker:

@@ -13,14 +13,13 @@ from tensionlab.allocation import Status
 from tensionlab.support.formatting import format_count, format_duration
 from tensionlab.support.table import STATUS_MARKS, Mark, Table
 
-MAX_TIMES = 100_000
-"""Cycles whose times are kept for percentiles while a run lasts."""
+MAX_TIMES = 100_000  # cycles whose times are kept for percentiles while a run lasts
 DURATION_REACHED = "duration reached"
 DEMAND_STOPPED = "stopped by the demand"
+# What ends a run in good order; other ends are other signals, an emergency stop and errors.
 CTRL_C = "signal SIGINT"
-"""What ends a run in good order; other ends are other signals, an emergency stop and errors."""
+# `tensionlab estop` ended it, or whoever else sent `ESTOP_SIGNAL`.
 EMERGENCY_STOP = "emergency stop (from another terminal)"
-"""`tensionlab estop` ended it, or whoever else sent `ESTOP_SIGNAL`."""
 STATUSES = tuple(sorted(Status))
 PERCENTILES = {"median": 50.0, "p99": 99.0, "max": 100.0}
 

@@ -20,14 +20,11 @@ from tensionlab import _native
 from tensionlab.errors import HardwareError
 from tensionlab.support.operating_system import ENDING_SIGNALS, ESTOP_SIGNAL, interrupt_main_thread
 
+# Period of the checks. Ticks are counted, and not time: a process that got no time at all has missed none.
 TICK_S = 0.02
-"""Period of the checks. Ticks are counted, and not time: a process that got no time at all has missed none."""
-GRACE_S = 0.5
-"""How long the run's thread may take to leave what it was interrupted in."""
-NATIVE_GRACE_S = 2.0
-"""How much longer than a step Python may keep this thread waiting."""
-ENDING_S = 30.0
-"""How long stopping the modules and closing the log may take before the process ends without it."""
+GRACE_S = 0.5  # how long the run's thread may take to leave what it was interrupted in
+NATIVE_GRACE_S = 2.0  # how much longer than a step Python may keep this thread waiting
+ENDING_S = 30.0  # how long stopping the modules and closing the log may take before the process ends without it
 
 
 class Step(NamedTuple):
@@ -112,8 +109,7 @@ class Watchdog:
 
 
 EMERGENCY_STOPPED = "emergency stop; `tensionlab module clear` leads out of it"
-STOPPING_SIGNALS = (*ENDING_SIGNALS, ESTOP_SIGNAL)
-"""Signals that end a run, after its modules are stopped."""
+STOPPING_SIGNALS = (*ENDING_SIGNALS, ESTOP_SIGNAL)  # signals that end a run, after its modules are stopped
 
 
 class Interrupted(KeyboardInterrupt):

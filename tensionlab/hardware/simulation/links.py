@@ -114,8 +114,7 @@ class SimulatedLink:
             raise LinkError(f"{self.url} is closed")
 
 
-POLL_PERIOD_S = 1e-3
-"""How late bytes may be beyond their delay; with a simulated module, a step of its firmware."""
+POLL_PERIOD_S = 1e-3  # how late bytes may be beyond their delay; with a simulated module, a step of its firmware
 
 
 class FaultyLink:

@@ -19,8 +19,7 @@ from tensionlab.hardware.simulation.links import Channel, Conditions
 from tensionlab.hardware.simulation.simulated_module import PARTS, STEP_S, SimulatedModule
 from tensionlab.support.files import writing
 
-READ_BYTES = 65536
-"""Most bytes read at a time."""
+READ_BYTES = 65536  # most bytes read at a time
 
 
 class Port(Protocol):
@@ -120,19 +119,15 @@ class TcpPort:
             self._client = None
 
 
-Watcher = Callable[[Sequence[SimulatedModule]], None]
-"""Function that sees the modules after each step."""
-TICK_S, IDLE_TICK_S = 1e-3, 20e-3
-"""How often time passes in a module that has a client, and in one that has none."""
+Watcher = Callable[[Sequence[SimulatedModule]], None]  # function that sees the modules after each step
+TICK_S, IDLE_TICK_S = 1e-3, 20e-3  # how often time passes in a module that has a client, and in one that has none
+# What the server is late beyond this is time that does not pass in its modules at once: a busy machine must not
+# make them time out.
 MAX_LATE_S = 20e-3
-"""What the server is late beyond this is time that does not pass in its modules at once: a busy machine must not
-make them time out."""
+# Modules that are behind are so much faster until they are not: a host goes by its own time meanwhile.
 CATCH_UP = 0.5
-"""Modules that are behind are so much faster until they are not: a host goes by its own time meanwhile."""
-MAX_BEHIND_S = 2.0
-"""What they are behind beyond this is not made up for."""
-PIECE_BYTES = 64
-"""What a module takes at a time, as on the ESP32: the answers to more may not find room."""
+MAX_BEHIND_S = 2.0  # what they are behind beyond this is not made up for
+PIECE_BYTES = 64  # what a module takes at a time, as on the ESP32: the answers to more may not find room
 FAULT_PATTERN = re.compile(r"(?P<part>[a-z]+)@(?P<when>\d+(\.\d+)?)(?P<unit>ms|s)?")
 
 

@@ -27,17 +27,14 @@ class PlantParameter:
     about: str
 
 
+# The simulated hardware's parameters, by name.
 PLANT = {row[0]: PlantParameter(*row[1:]) for row in _native.plant_table()}
-"""The simulated hardware's parameters, by name."""
-PARTS = tuple(_native.plant_parts())
-"""What can break."""
-STEP_S = 1e-6 * _native.step_microseconds()
-"""Time from one step of the firmware to the next, in s."""
-TENSION = 3
-"""Place of the cable's tension in a sample of the native module."""
+PARTS = tuple(_native.plant_parts())  # what can break
+STEP_S = 1e-6 * _native.step_microseconds()  # time from one step of the firmware to the next, in s
+TENSION = 3  # place of the cable's tension in a sample of the native module
+# The firmware's supervisor: for each event (arm, set-point, stop, estop, clear, expire, fault) and each `State`,
+# whether it is accepted, and the state after it.
 TRANSITIONS = [[(accepted, State(to)) for accepted, to in row] for row in _native.transition_table()]
-"""The firmware's supervisor: for each event (arm, set-point, stop, estop, clear, expire, fault) and each `State`,
-whether it is accepted, and the state after it."""
 
 
 @dataclass(frozen=True)

@@ -104,12 +104,10 @@ def _tell(simulated: SimulatedModule, command: Message, name: str) -> None:
     raise HardwareError(f'module "{name}" did not answer {command}')
 
 
-MOTION_STEP_S = 5e-3
-"""Time over which the cables' far ends move evenly; in between, the pose is computed."""
+MOTION_STEP_S = 5e-3  # time over which the cables' far ends move evenly; in between, the pose is computed
+# The same where what they hold gives way to them: a cable of 5 kN/m shakes a hand at 20 Hz.
 COMPLIANT_STEP_S = 1e-3
-"""The same where what they hold gives way to them: a cable of 5 kN/m shakes a hand at 20 Hz."""
-Motion = Callable[[float], Pose]
-"""Pose of what the cables hold, at a time in s."""
+Motion = Callable[[float], Pose]  # pose of what the cables hold, at a time in s
 
 
 @runtime_checkable
@@ -227,14 +225,11 @@ class World:
         return list(lengths.tolist())
 
 
-APPROACH_GAIN_1_S = 20.0
-"""Close to where it is to be, a hand is so many times as fast as it is far."""
-MAX_HAND_SPEED_M_S = 1.5
-"""Modules let the cable in and out at 2 m/s."""
+APPROACH_GAIN_1_S = 20.0  # close to where it is to be, a hand is so many times as fast as it is far
+MAX_HAND_SPEED_M_S = 1.5  # modules let the cable in and out at 2 m/s
+# At twice that, with a body that moves as well, modules still keep their cables taut.
 MAX_HAND_ACCELERATION_M_S2 = 10.0
-"""At twice that, with a body that moves as well, modules still keep their cables taut."""
-TINY_M = 1e-12
-"""A distance that is none."""
+TINY_M = 1e-12  # a distance that is none
 MAX_INTEGRATION_STEP_S = 0.01
 
 

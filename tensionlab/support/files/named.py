@@ -24,8 +24,7 @@ SUFFIXES = {
     "recordings": ".parquet",
     "what-if": ".parquet",
     "benchmarks": ".parquet",
-}
-"""Of the files in each folder of data sets."""
+}  # of the files in each folder of data sets
 SEPARATORS = {"/", os.sep}
 
 

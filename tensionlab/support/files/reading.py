@@ -38,7 +38,14 @@ def require_unpackable(unpacked: int, size: int, source: str, error: type[Tensio
 
 
 def datasets_folder() -> Path:
-    """Return the folder of the data sets that come with this package; `DataError` if it is missing."""
+    """Return the folder of the data sets that come with this package; `DataError` if it is missing.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> (tl.datasets.folder() / "README.md").is_file()
+    True
+    """
     for folder in DATASETS_FOLDERS:
         if (folder / CHECKSUMS).is_file():
             return folder

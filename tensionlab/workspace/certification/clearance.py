@@ -13,8 +13,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers
 from tensionlab.workspace.interference import Capsule, body_pairs, body_segments, cable_pairs, closest
 
-ROUNDING = 1e-7
-"""Error of a distance relative to the longest cable; the kernel has 1e-8 where segments cross."""
+ROUNDING = 1e-7  # error of a distance relative to the longest cable; the kernel has 1e-8 where segments cross
 
 
 @dataclass(frozen=True, eq=False)

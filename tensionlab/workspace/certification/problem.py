@@ -18,11 +18,10 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, check_size
 from tensionlab.workspace.certification.clearance import ClearanceProblem
 
+# Required in place of wrenches: that some tensions above zero balance each other, whatever the limits.
 WRENCH_CLOSURE = "wrench-closure"
-"""Required in place of wrenches: that some tensions above zero balance each other, whatever the limits."""
 
-MAX_ANGLE_RAD = 0.5
-"""Largest angle about a rotation; beyond, the bounds are of no use."""
+MAX_ANGLE_RAD = 0.5  # largest angle about a rotation; beyond, the bounds are of no use
 
 Required = Requirement | ArrayLike | tuple[ArrayLike, float] | Literal["wrench-closure"] | None
 

@@ -26,12 +26,9 @@ MARKS = {
     1: met_mark(True, ("inside", "")),
     -1: met_mark(False, ("", "outside")),
     0: Mark("○", GREY, "undecided"),
-}
-"""Of each verdict."""
-UNITS = {1: "m", 2: "m²", 3: "m³"}
-"""Of a volume, by how many axes of the region have an extent."""
-SUM_ROUNDING = 1e-12
-"""Of sums of volumes, as a share."""
+}  # of each verdict
+UNITS = {1: "m", 2: "m²", 3: "m³"}  # of a volume, by how many axes of the region have an extent
+SUM_ROUNDING = 1e-12  # of sums of volumes, as a share
 
 
 class Bounds(NamedTuple):

@@ -19,12 +19,9 @@ from tensionlab.support.files.tables import read_npz
 from tensionlab.workspace.certification.problem import CellProblem, Verdicts
 from tensionlab.workspace.certification.subdivision import Subdivision
 
-CHUNK_CELLS = 16_384
-"""Number of cells in a task, which then takes a fraction of a second."""
-MAX_CELLS = 50_000_000
-"""Largest number of cells of a level that fits in memory."""
-SAVE_INTERVAL_S = 10.0
-"""Time between two writes of the cells, in s."""
+CHUNK_CELLS = 16_384  # number of cells in a task, which then takes a fraction of a second
+MAX_CELLS = 50_000_000  # largest number of cells of a level that fits in memory
+SAVE_INTERVAL_S = 10.0  # time between two writes of the cells, in s
 
 
 class Cells(NamedTuple):

@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike
 from tensionlab.errors import InputError
 from tensionlab.support.arrays import Floats, Integers, require_finite
 
+# Cells along the shortest edge to begin with: fewer would make the finest much smaller than they need be.
 MIN_ROOTS = 4
-"""Cells along the shortest edge to begin with: fewer would make the finest much smaller than they need be."""
-MAX_AXIS_CELLS = 2**30
-"""Largest number of cells along one axis; more are taken for a mistaken resolution."""
+MAX_AXIS_CELLS = 2**30  # largest number of cells along one axis; more are taken for a mistaken resolution
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,11 +19,9 @@ from tensionlab.workspace.margin import capacity_margin, margin_gradient
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.volume import describe_step
 
-TIE_WEIGHT = 0.1
-"""Weight of missing or spare force next to the share: enough to lead a search among equals."""
+TIE_WEIGHT = 0.1  # weight of missing or spare force next to the share: enough to lead a search among equals
 
-MAX_CHUNK_POINTS = 50_000
-"""Points of layouts that are worked on at once; it bounds the memory."""
+MAX_CHUNK_POINTS = 50_000  # points of layouts that are worked on at once; it bounds the memory
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,9 @@ from tensionlab.support.arrays import Floats
 from tensionlab.workspace.certification.certify import certify
 from tensionlab.workspace.layout.results import Layout
 
-STEPS = 64
-"""Number of finest cells along the longest edge."""
-BISECTIONS = 8
-"""Number of bisections of a force, which find it to less than half a percent."""
-MAX_CANDIDATES = 5
-"""Largest number of layouts that are proved; later ones are worse."""
+STEPS = 64  # number of finest cells along the longest edge
+BISECTIONS = 8  # number of bisections of a force, which find it to less than half a percent
+MAX_CANDIDATES = 5  # largest number of layouts that are proved; later ones are worse
 
 
 def proved_force(rig: Rig, target: Floats, most: float) -> float:

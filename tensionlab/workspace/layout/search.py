@@ -18,23 +18,17 @@ from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.space import Placement, Space
 from tensionlab.workspace.poses import Grid
 
-POPULATION_FACTOR = 10
-"""Layouts in a generation, for each number that describes one."""
+POPULATION_FACTOR = 10  # layouts in a generation, for each number that describes one
 INITIAL_STEP = 0.1
 MAX_STEP = 0.3
-MIN_STEP = 1e-4
-"""How far a module may move in one step, as a share of an edge."""
-MAX_STEPS = 80
-"""30 are usual."""
+MIN_STEP = 1e-4  # how far a module may move in one step, as a share of an edge
+MAX_STEPS = 80  # 30 are usual
 MIN_GAIN = 1e-9
-CLOUD_POINTS = 100
-"""To surround small targets with."""
-CLOUD_RADIUS_M = 1e-3
-"""From the target."""
-DECIMALS = 6
-"""Of coordinates in the rigs that are found: micrometres."""
+CLOUD_POINTS = 100  # to surround small targets with
+CLOUD_RADIUS_M = 1e-3  # from the target
+DECIMALS = 6  # of coordinates in the rigs that are found: micrometres
+# From blunt to sharp: how closely shares are followed. Blunt ones lead further, sharp ones count right.
 SHARPNESS = (1.0, 0.1, 0.01)
-"""From blunt to sharp: how closely shares are followed. Blunt ones lead further, sharp ones count right."""
 
 Progress = Callable[[float], None]
 

@@ -23,11 +23,9 @@ from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_range, format_vector
 from tensionlab.support.validation import raises
 
-Hardware = Literal["brake", "newton_per_ampere", "spool_radius"]
-"""Keys of a module other than its limits."""
+Hardware = Literal["brake", "newton_per_ampere", "spool_radius"]  # keys of a module other than its limits
 Tension = Annotated[float, Field(ge=0.0, allow_inf_nan=False, description="in N")]
-GENE_BORDER = 0.15
-"""Share of an edge's genes that stands for each of its two ends: good places are often there."""
+GENE_BORDER = 0.15  # share of an edge's genes that stands for each of its two ends: good places are often there
 
 
 @dataclass(frozen=True, eq=False)

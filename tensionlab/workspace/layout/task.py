@@ -27,10 +27,8 @@ from tensionlab.workspace.layout.search import Progress, search_layout
 from tensionlab.workspace.layout.space import Hardware, Space, Surface, room
 from tensionlab.workspace.poses import Grid, box
 
-ROOM_UP = "y"
-"""Axis of `room` that points up."""
-MAX_POSES = 1_000_000
-"""Largest number of positions of a target; a search evaluates each thousands of times."""
+ROOM_UP = "y"  # axis of `room` that points up
+MAX_POSES = 1_000_000  # largest number of positions of a target; a search evaluates each thousands of times
 
 
 Coordinate = Annotated[float, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]

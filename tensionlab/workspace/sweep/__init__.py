@@ -26,8 +26,7 @@ from tensionlab.workspace.sweep.store import MemoryStore, ZarrStore
 if TYPE_CHECKING:
     import xarray
 
-CHUNK_VALUES = 65_536
-"""Values of a metric in a chunk: 512 kB, so that writing takes less time than evaluating."""
+CHUNK_VALUES = 65_536  # values of a metric in a chunk: 512 kB, so that writing takes less time than evaluating
 
 
 def sweep(

@@ -25,10 +25,9 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
+# Largest number of values of which the median is exact; of more, every second or third is taken, and so on.
 MEDIAN_SAMPLE = 4_000_000
-"""Largest number of values of which the median is exact; of more, every second or third is taken, and so on."""
-DONE = "done"
-"""Name of the array of a store that tells which chunks are written."""
+DONE = "done"  # name of the array of a store that tells which chunks are written
 
 
 def empty_dataset(plan: Plan) -> xarray.Dataset:

@@ -12,10 +12,8 @@ from tensionlab.errors import SweepError, optional_import
 from tensionlab.support.files.reading import brief
 from tensionlab.support.operating_system import processors
 
-CHUNKS_PER_WORKER = 2
-"""Under way at once, so that no worker waits and memory is bounded."""
-CLUSTER_TIMEOUT_S = 10
-"""Longest time until a scheduler answers, in s."""
+CHUNKS_PER_WORKER = 2  # under way at once, so that no worker waits and memory is bounded
+CLUSTER_TIMEOUT_S = 10  # longest time until a scheduler answers, in s
 
 
 class Task(Protocol):

@@ -20,17 +20,14 @@ from tensionlab.workspace.metrics import Batch, Metric
 from tensionlab.workspace.poses import Poses
 from tensionlab.workspace.sweep.configurations import Configurations
 
-Block = tuple[slice, ...]
-"""A part of every axis of a sweep."""
+Block = tuple[slice, ...]  # a part of every axis of a sweep
 
+# A cable shorter than this share of the longest one is at its anchor but for rounding, and has no direction.
 MIN_LENGTH_RATIO = 1e-12
-"""A cable shorter than this share of the longest one is at its anchor but for rounding, and has no direction."""
+# Entries of the structure matrices that are evaluated together: 1 MB stays in a processor's cache.
 PART_ENTRIES = 1 << 17
-"""Entries of the structure matrices that are evaluated together: 1 MB stays in a processor's cache."""
-MIN_CHUNKS = 16
-"""Chunks of a small sweep, at least, so that all processors have work."""
-MIN_CHUNK_VALUES = 1_024
-"""Values of a chunk that is not worth cutting up."""
+MIN_CHUNKS = 16  # chunks of a small sweep, at least, so that all processors have work
+MIN_CHUNK_VALUES = 1_024  # values of a chunk that is not worth cutting up
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     import xarray
     from filelock import BaseFileLock
 
-MAX_MEMORY_BYTES = 2_000_000_000
-"""Largest sweep that is kept in memory."""
+MAX_MEMORY_BYTES = 2_000_000_000  # largest sweep that is kept in memory
 
 
 class MemoryStore:

@@ -15,8 +15,8 @@ from tests.helpers.brake_cones import (
 )
 
 UP, SIDE = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+# Three cables, 45 degrees above the horizon.
 TRIPOD = np.array([[np.cos(a), 1.0, np.sin(a)] for a in np.radians([0.0, 120.0, 240.0])]).T / np.sqrt(2.0)
-"""Three cables, 45 degrees above the horizon."""
 ALL3 = np.ones(3, dtype=bool)
 
 

@@ -29,8 +29,7 @@ RIG = Path(__file__).parents[3] / "datasets/rigs/bartels2026-validation.toml"
 FLOOR = {
     "floor": {"kind": "wall", "plane": {"point": [0.0, 0.32, 0.0], "normal": [0.0, 1.0, 0.0]}, "stiffness": 100.0}
 }
-HAND = (0.0, 0.31, 0.0)
-"""A cm below the floor: 1 N."""
+HAND = (0.0, 0.31, 0.0)  # a cm below the floor: 1 N
 CYCLE_S = 0.02
 FRAMES_HZ = 90.0
 
@@ -438,8 +437,8 @@ def test_a_bridge_with_another_version_of_the_messages_is_refused(monkeypatch):
 
 
 MATERIALS, PLAYED_S = load_scenario("materials"), 13.0  # the last of its phases begins at 12 s
+# A hand that does not give way presses less deep than the scenario's: windings bear 3 N for long, not 6.
 LIFT = np.array([0.0, 0.0, 0.005])
-"""A hand that does not give way presses less deep than the scenario's: windings bear 3 N for long, not 6."""
 
 
 def test_a_client_drives_the_materials(serve):

@@ -29,8 +29,7 @@ HAND_MESSAGE = build_msg("/body/hand", [0.5, 1.0, 2.0])
 # A rig with the torso as a body.
 RIG = load_scenario("collision").rig
 HAND, HIP = np.array([0.1, 0.2, 0.3]), np.array([-0.5, 0.0, 1.0])
-HANGS_S = 600.0
-"""Only what hangs takes so long."""
+HANGS_S = 600.0  # only what hangs takes so long
 HEAD = b"#bundle\0" + struct.pack(">Q", 1)
 
 

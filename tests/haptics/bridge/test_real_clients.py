@@ -28,10 +28,8 @@ RIG = ROOT / "datasets/rigs/bartels2026-validation.toml"
 FLOOR = {
     "floor": {"kind": "wall", "plane": {"point": [0.0, 0.32, 0.0], "normal": [0.0, 1.0, 0.0]}, "stiffness": 100.0}
 }
-HAND = (0.0, 0.31, 0.0)
-"""A cm below the floor: 1 N."""
-HANGS_S = 600.0
-"""Only what hangs takes so long."""
+HAND = (0.0, 0.31, 0.0)  # a cm below the floor: 1 N
+HANGS_S = 600.0  # only what hangs takes so long
 
 
 @contextmanager
@@ -152,8 +150,7 @@ PLAN = {
     "waypoints": [(each.time, list(each.position)) for each in MATERIALS.person.script.waypoints],
     "phases": [{"name": each.name, "begin": each.begin, "end": each.end} for each in MATERIALS.phases],
     "effects": {"hum": {"kind": "vibrating", "amplitude": 0.4}},
-}
-"""How a page goes through the materials, until it has felt two of them."""
+}  # how a page goes through the materials, until it has felt two of them
 
 
 @pytest.mark.slow

@@ -100,8 +100,8 @@ def message(text):
         return json.loads(text, parse_constant=refuse)
 
 
+# A schema knows no length of a quaternion.
 SEEN = [text for text, said in BAD if message(text) is not None and said != "unit quaternion"]
-"""A schema knows no length of a quaternion."""
 
 
 @pytest.mark.parametrize("text", SEEN)

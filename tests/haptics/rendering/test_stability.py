@@ -45,8 +45,8 @@ def law(wall):
     return push
 
 
+# Bounds in N/m by the delay in s that the project agreed on.
 AGREED = {0.0: 4000.0, 0.005: 366.0, 0.020: 100.0, 0.030: 68.0}
-"""Bounds in N/m by the delay in s that the project agreed on."""
 
 
 @pytest.mark.parametrize("damping", [0.0, 2.0])
@@ -149,8 +149,8 @@ def test_nonsense_is_refused_by_name(make, says):
         make()
 
 
+# Of the hands that meet a wall: some bounce off, some are pressed against it.
 PUSHES, SPEEDS = np.array([0.1, 0.5, 2.0, 5.0]), np.array([-0.5, -0.3, 0.0, -0.5])
-"""Of the hands that meet a wall: some bounce off, some are pressed against it."""
 
 
 def bounce(delay, observed, factor=3.0, pushes=PUSHES, speeds=SPEEDS, seconds=4.0, **stages):

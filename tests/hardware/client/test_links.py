@@ -24,8 +24,7 @@ from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedMod
 from tests.helpers.windows_port import MAX_DWORD, as_on_windows
 from tests.helpers.wire import NoLock
 
-LONG_S = 60.0
-"""No test waits for so long, unless something that should come does not."""
+LONG_S = 60.0  # no test waits for so long, unless something that should come does not
 
 
 class FarEnd:

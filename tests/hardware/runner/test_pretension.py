@@ -251,8 +251,8 @@ def test_average_speeds_are_those_of_the_window(period):
 
 FOUR = tl.load_rig("bartels2026-validation")
 TAUT = FOUR.lengths(FOUR.home)
+# Changes of length, (m,), of norm 1, that fit no motion.
 AGAINST = np.linalg.svd(FOUR.structure_matrix(FOUR.home))[2][-1]
-"""Changes of length, (m,), of norm 1, that fit no motion."""
 
 
 def reeled(lengths, speeds=0.0, expected=None):

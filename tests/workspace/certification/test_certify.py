@@ -19,8 +19,7 @@ from tests.helpers.reference_metrics import renders
 
 certify = tl.workspace.certify
 BALL = ([0.0, 0.0, 0.0], 1.0)
-TETRAHEDRON = [(-0.6, 0.6), (0.0, 2.3), (-0.6, 0.6)]
-"""Around the anchors of the published rig."""
+TETRAHEDRON = [(-0.6, 0.6), (0.0, 2.3), (-0.6, 0.6)]  # around the anchors of the published rig
 
 
 def rig_of(kind, anchors, attachments=None, lower=0.0, upper=1.0):
