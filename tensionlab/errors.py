@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from enum import IntEnum, IntFlag
 from typing import Any
 
-MAX_MESSAGE_CHARACTERS = 300  # of what is said about one thing that went wrong, on a terminal or to a client
+MAX_MESSAGE_CHARACTERS = 300  # length of a message about one problem, on a terminal or to a client
 
 
 class TensionlabError(Exception):

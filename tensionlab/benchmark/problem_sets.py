@@ -24,7 +24,7 @@ from tensionlab.workspace import half_spaces
 LOWER, UPPER = 0.5, 6.0  # tension limits of a published module, in N
 STRONG = (0.3, 20.0)  # tension limits of a stronger module, in N
 MAGNITUDE_N = 1.5  # size of the forces of the published validation, in N
-# How far wrenches are inside the edge of what is available, as a share of the largest in their direction.
+# Distance of wrenches inside the edge of the available set, as a share of the largest in their direction.
 EDGE_SHARE = (1e-5, 1e-2)
 BEYOND_SHARE = (1e-2, 1.0)  # how far infeasible wrenches are beyond that edge ..
 FAR_SHARE = (9.0, 99.0)  # ... and every tenth of them.

@@ -28,7 +28,7 @@ from tensionlab.support.formatting import format_number
 from tensionlab.support.table import Column, Table
 
 TELEMETRY_PERIOD_MS = 50
-REFRESH_PERIOD_S = 0.2  # of the table
+REFRESH_PERIOD_S = 0.2  # period of the live table
 SILENCE_S = 1.0  # how long another process may send no report before it is looked for
 # Columns of `monitor`.
 TELEMETRY = ("module", "state", Column("tension", "N", ".2f"), Column("current", "A", ".2f"),

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-REFRESH_RATE_HZ = 5.0  # of the live table
+REFRESH_RATE_HZ = 5.0  # rate of the live table
 
 
 def run(

@@ -14,9 +14,9 @@ from tensionlab.model.module import GRAVITY_M_S2, KINDS, WORLD, Module
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
-MASS = 1.0  # of what the cables hold where the rig has no platform, in kg
+MASS = 1.0  # mass held by the cables of a rig without a platform, in kg
 RIM_SHARE = 0.2  # half the width of a pulley, of its radius
-# So far before its pulley, of the radius, is the site of the anchor: MuJoCo takes none on the rim itself.
+# Distance of the anchor's site before its pulley, as a share of the radius: MuJoCo accepts none on the rim itself.
 OFF_RIM_SHARE = 1e-6
 # The sliding joints of each kind of rig; a platform is free.
 JOINTS = {"planar-point": "xy", "point": "xyz", "planar": "xy"}

@@ -20,7 +20,7 @@ from tensionlab.support.arrays import Floats
 
 __all__ = ["RigBody", "TendonAllocator", "gravity", "structure_matrix"]
 
-MAX_STEP_S = 1e-3  # of MuJoCo's integration of a `RigBody`
+MAX_STEP_S = 1e-3  # longest integration step of MuJoCo for a `RigBody`
 AXIS_TOLERANCE = 1e-9  # smaller parts of a joint's motion along an axis of the world are rounding
 
 

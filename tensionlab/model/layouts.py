@@ -15,7 +15,7 @@ from tensionlab.support.arrays import Floats, as_floats
 
 LIMITS = (0.5, 6.0)  # tension limits of the published module, in N (Bartels et al. 2026).
 
-UNITS = {"side": "m", "height": "m", "top": "m", "size": "m", "count": "1"}  # of the parameters of all layouts
+UNITS = {"side": "m", "height": "m", "top": "m", "size": "m", "count": "1"}  # by parameter of the layouts
 
 
 def ring_plus_top(

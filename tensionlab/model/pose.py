@@ -43,7 +43,7 @@ class Frame(NamedTuple):
     rotation: ArrayLike | None = None
 
 
-MAX_ROTATION_RAD = 100.0  # of a rest pose, about each axis: beyond some turns an angle is a mistake
+MAX_ROTATION_RAD = 100.0  # rest pose, about each axis: beyond some turns an angle is a mistake
 
 
 @dataclass(frozen=True, eq=False)

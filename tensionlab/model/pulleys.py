@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from tensionlab.support.arrays import Floats
 
-ARC_POINTS = 16  # of the arc of a cable on its pulley, where it is drawn
+ARC_POINTS = 16  # points of a drawn cable's arc on its pulley
 ROUNDING_RAD = 1e-6  # an arc that is negative by more than that has gone round the pulley
 
 

@@ -1,4 +1,4 @@
-"""What all figures share: style, legends, an axis with two scales, names of points, and files.
+"""Style, legends, axes with two scales, point labels and files that all figures share.
 
 Files are byte-stable: the same result makes the same file, without dates in it.
 """

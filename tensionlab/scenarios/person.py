@@ -27,7 +27,7 @@ from tensionlab.model.rig import Cables, Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief
 
-# Of a sway's frequency: axes out of step make it go round rather than along a line; it begins where it rests.
+# Frequency ratios of a sway's axes: out of step they make it a loop, not a line; it begins at rest.
 AXIS_RATES = np.array([1.0, 0.83, 1.21])
 MAX_STEP_S = 1e-3  # longest step of the integration
 SPEED_STEP_S = 1e-4  # step of the difference that gives the script's velocity

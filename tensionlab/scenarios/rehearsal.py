@@ -21,7 +21,7 @@ from tensionlab.support.arrays import Floats, Integers
 from tensionlab.support.formatting import format_count, format_range, format_share, format_vector
 from tensionlab.support.table import Finding
 
-STOP_STIFFNESS_N_M, STOP_DAMPING_N_S_M = 5000.0, 50.0  # of the ideal brakes
+STOP_STIFFNESS_N_M, STOP_DAMPING_N_S_M = 5000.0, 50.0  # ideal brakes
 MIN_FORCE_N = 0.5  # smaller forces are not missed
 MAX_MISSING = 0.07  # share of a desired force that may be missing: people notice no less
 

@@ -19,7 +19,7 @@ from tensionlab.scenarios.scenario import Phase, Scenario
 from tensionlab.support.files.reading import brief
 
 Numbers = tuple[FiniteFloat, ...]
-FLAT_PARTS = ("plane", "surface")  # what effects call their flat surface
+FLAT_PARTS = ("plane", "surface")  # parameters of effects that are flat surfaces
 
 
 @dataclass(frozen=True)

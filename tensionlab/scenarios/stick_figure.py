@@ -10,9 +10,9 @@ import numpy as np
 
 from tensionlab.support.arrays import Floats
 
-# Of the joints of a person who stands upright, unless they are known to be elsewhere.
+# Heights of the joints of a standing person, unless they are known to be elsewhere.
 JOINT_HEIGHTS_M = {"hip": 0.92, "shoulder": 1.42, "head": 1.66}
-LIMB_M = 0.30  # of an upper arm, and of a forearm with half a hand
+LIMB_M = 0.30  # length of an upper arm, and of a forearm with half a hand
 # From the middle to a shoulder, from the middle to a foot, and of the head's radius.
 SHOULDER_M, STANCE_M, HEAD_M = 0.18, 0.12, 0.10
 

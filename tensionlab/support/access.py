@@ -1,4 +1,4 @@
-"""What a server on this machine asks of who connects: by which name it was called, whose page, which token.
+"""Admission of clients by servers on this machine: host name, origin and token.
 
 Any web page can have a browser send requests to this machine; these are the signs by which they are known.
 """

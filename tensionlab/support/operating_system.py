@@ -1,4 +1,4 @@
-"""What differs between operating systems: signals, processes, files that are open elsewhere, pseudo-terminals.
+"""Differences between operating systems: signals, processes, files that are open elsewhere, pseudo-terminals.
 
 No other file asks which system this is, or uses what only some have: ``tests/test_imports.py`` holds that.
 """
@@ -22,10 +22,10 @@ from typing import Any, TypeVar
 
 Result = TypeVar("Result")
 
-# How long another program may have a file open on Windows until it counts as one that cannot be replaced.
+# Longest wait on Windows for a file that another program has open, in s.
 OPEN_ELSEWHERE_S = 1.0
 RETRY_PERIOD_S = 0.01
-NICENESS = 10  # of a process that others must not wait for
+NICENESS = 10  # priority of background processes
 
 if sys.platform == "win32":
     INTERRUPT_SIGNALS: tuple[signal.Signals, ...] = (signal.SIGINT, signal.SIGTERM, signal.SIGBREAK)

@@ -1,4 +1,4 @@
-"""What verbs print and write: tables, JSON, numbers as text, progress, files, and messages on stderr."""
+"""Output of the verbs: tables, JSON, numbers as text, progress, files, and messages on stderr."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from tensionlab.viewer.server import PageServer
 
 
-NOTHING_KEPT = "nothing is kept"  # what Ctrl-C leaves to say, unless a verb has other words
+NOTHING_KEPT = "nothing is kept"  # message after Ctrl-C, unless a verb has its own
 
 
 def print_error(text: str) -> None:

@@ -1,4 +1,4 @@
-"""What all verbs have in common: how their words are parsed, and ``--json``."""
+"""Parsing of all verbs' words, and ``--json``."""
 
 from __future__ import annotations
 

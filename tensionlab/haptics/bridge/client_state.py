@@ -24,7 +24,7 @@ from tensionlab.support.arrays import Floats
 MIN_FRAME_GAP_S = 1e-3  # frames that come closer together are taken to be so far apart
 MAX_FRAME_GAP_S = 0.1  # a gap beyond which a hand does not move evenly from one frame to the next
 EXTRAPOLATION = 1.0  # how long a hand moves on evenly where the next frame is late, in times between the frames
-MIN_CABLE_LENGTH_M = 1e-3  # of a cable that bodies may make; at its anchor a cable has no direction
+MIN_CABLE_LENGTH_M = 1e-3  # at its anchor a cable has no direction
 RESTART_S = 1.0  # time without a frame after which a client's clock may begin anew
 DELAY_FRAMES = 32  # frames of which the one that was quickest on its way shows how late the others came
 

@@ -11,7 +11,7 @@ from tensionlab.errors import TensionlabError
 SILENCE_S = 5.0  # a client in command that sends nothing valid for so long loses its place
 MESSAGES_PER_S, MESSAGES_AT_ONCE = 500.0, 100.0
 BYTES_PER_S, BYTES_AT_ONCE = 1e6, 250e3
-READ_SHARE, READ_AT_ONCE_S = 0.2, 0.1  # of one processor's time, for reading and answering what a client sends
+READ_SHARE, READ_AT_ONCE_S = 0.2, 0.1  # share of one processor, and burst, for reading and answering a client
 
 
 class FrameRefused(TensionlabError):  # noqa: N818 - what it is

@@ -14,7 +14,7 @@ from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
-MIN_SHARE = 1e-3  # of the force; below this there is none
+MIN_SHARE = 1e-3  # smaller shares of the force count as none
 CEILING_CHANGE = 0.25  # a change of the host stiffness limit by more than this share of it is an event
 DERATING_CHANGE_N = 0.5  # a change of a module's upper tension limit by so much is an event
 # After which there are new rates. What has not been so for as long is over, and an event if it begins again.

@@ -18,7 +18,7 @@ MAX_ENTRIES = 16  # bodies of a frame, and effects
 HAND = "hand"  # the body that the cables pull on
 MAX_COORDINATE_M = 100.0
 MAX_CLOCK_S = 1e10  # largest time by a client's clock: seconds since any epoch, but not milliseconds since 1970
-MAX_LENGTH_ERROR = 1e-3  # of a unit quaternion
+MAX_LENGTH_ERROR = 1e-3  # largest deviation of a quaternion's length from 1
 MAX_SEQUENCE = 2**53  # programs in any language can count up to this
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]

@@ -44,7 +44,7 @@ from tensionlab.support.files.reading import brief
 
 ADDRESS = re.compile(r"/stop|/(body|effect)/[^/]+")
 MAX_MESSAGES = 64  # in a packet
-MAX_DEPTH = 4  # of bundles in bundles
+MAX_DEPTH = 4  # nesting of bundles
 BUNDLE = b"#bundle\0"
 IMMEDIATELY = 1  # the time tag that is no time
 SINCE_1900_S = 2_208_988_800  # from the beginning of time tags to 1970
@@ -55,7 +55,7 @@ MAX_DATAGRAM_BYTES = 65_536
 POLL_S = 0.25  # how often the thread looks whether it is over, where nothing comes
 PAUSE_S = 0.02  # how long nothing is read after what is too much
 MAX_DROPPED = 1000  # datagrams that are thrown away then, at most
-RECEIVE_BUFFER_BYTES = 65_536  # of datagrams that have not been read yet, with what the system needs for each
+RECEIVE_BUFFER_BYTES = 65_536  # unread datagrams, with the system's overhead for each
 
 
 class OscMessage(NamedTuple):

@@ -43,16 +43,16 @@ if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request, Response
 
-MAX_CLOSE_BYTES = 120  # of the reason in a closing frame, which has room for 123
+MAX_CLOSE_BYTES = 120  # length of the reason in a closing frame, which has room for 123
 MIN_WAIT_S = 0.1  # for a message
 READ_AHEAD = 16  # messages that are read before it is their turn
-PAUSE_S = 0.02  # of a client, after each message that was too much
+PAUSE_S = 0.02  # delay of a client after each message beyond its budget
 CLOSE_TIMEOUT_S = 1.0  # for sending the reason to a client that is turned away
 MAX_REFUSED = 20  # messages in a row that may be refused before the connection is closed
 START_TIMEOUT_S = 10.0
 # Before it is said: a browser, which opens a few connections at a time, makes no flood of them.
 REFUSAL_PAUSE_S = 0.2
-STATE_PERIOD_S = 0.1  # of the states in a stream
+STATE_PERIOD_S = 0.1  # period of streamed states
 
 QUIET = logging.getLogger(f"{__name__}.connections")
 QUIET.setLevel(logging.CRITICAL)  # whatever connects without being a client leaves no traceback

@@ -21,7 +21,8 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.validation import TABLE, describe, validate
 
 Field = Callable[[Floats], tuple[Floats, Floats]]
-# Of the proxy, each time; a slow hand needs two or three. What is left of the way it goes next time.
+# Largest number of projections per step of the proxy; a slow hand needs two or three. The remaining way is left to
+# the next step.
 MAX_PROXY_STEPS = 10
 ON_SURFACE_M = 1e-6  # within this distance of the surface a proxy is on it; a step as short ends its way
 NEAR_SURFACE_M = 1e-3  # within this distance of the surface a proxy goes straight on, and only not in

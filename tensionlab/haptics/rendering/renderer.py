@@ -37,7 +37,7 @@ from tensionlab.support.arrays import Floats
 # pull aslant, more is rendered of a desired force that is too large by some.
 MAX_FORCE_RATIO = 2.0
 HAND_DAMPING = 2.0  # b of a hand that holds something, in N s/m: a default of this project
-MIN_HAND_MASS_KG = 0.3  # of a hand that moves along: a default of this project
+MIN_HAND_MASS_KG = 0.3  # smallest effective mass of a hand (our default)
 INITIAL_DELAY_S = 0.25  # how late a loop is taken to be before it is known: as long as set-points live
 DELAY_CYCLES = 100  # cycles whose delays and lengths count for how late the loop is
 # Effects that give no energy which they have not been given before: the passivity controller looks after these. A

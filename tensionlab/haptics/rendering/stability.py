@@ -16,7 +16,7 @@ from tensionlab.support.arrays import Floats
 T = TypeVar("T")
 
 MARGIN = 0.5  # share of the bound that a host may use: a default of this project
-# Of the damping `m/(T/2 + t_d)`: a late damper shakes at about pi/2 of that. A default of this project.
+# Allowed share of the damping `m/(T/2 + t_d)`: a late damper oscillates at about pi/2 of that (our default).
 DAMPING_SHARE = 0.8
 
 # Of what the forces on their way take while the hand goes against them: so much it may get back by turning round

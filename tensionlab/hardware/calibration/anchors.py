@@ -29,7 +29,7 @@ from tensionlab.support.arrays import Floats
 
 # A motion of the anchors that changes lengths by less than this share of what the strongest does goes unseen.
 WEAK = 1e-5
-# So does one that is sure to no more than this share of the longest cable: nothing is linear over such a span.
+# So does an anchor uncertain by more than this share of the longest cable: the fit is not linear over such a span.
 VAGUE = 0.1
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from tensionlab.errors import CalibrationError
 from tensionlab.support.arrays import Floats
 
-CONFIDENCE = 0.95  # of all intervals here
+CONFIDENCE = 0.95  # level of all intervals here
 
 
 @dataclass(frozen=True)

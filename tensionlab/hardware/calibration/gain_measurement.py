@@ -35,9 +35,9 @@ LIMITER_ADVICE = {
     Limit.LENGTH: "its cable is as short or as long as it may be; move the module, or calibrate its length",
 }
 """Limiters that keep a module from the commanded tension, and what to do about them."""
-# How fast the set-point changes in N/s: at first, to find out where the mass moves; and then to weigh it.
+# Rate of the set-point in N/s: first to find where the mass moves, then to weigh it.
 SEARCH_N_S, RAMP_N_S = 0.5, 0.1
-# Of cable, in m: lifted off what it stood on; surely moving; and moving by more than a tooth of cogging.
+# Cable lengths in m: lifted off the ground; surely moving; moving by more than a tooth of cogging.
 LIFT_M, MOVED_M, STARTED_M = 0.01, 0.003, 0.0005
 MAX_WEIGHT_RATIO = 2.0  # how many times its weight a mass may seem to need: no N/A is farther off
 DAMPING_NS_M = 1.0  # n s/m, by which the host calms a mass
@@ -266,8 +266,8 @@ def _current_at_start(puller: Puller, direction: int) -> float:
 LEVELS = 8
 DWELL_S = 1.5  # how long each step is held, in s; what it shows is taken from its second half
 RATE_N_S = 1.0  # from step to step, in N/s: slow, so that the cable does not ring over its friction
-MAX_SHARE = 0.9  # of what the winding stands for ever: the highest step
-LAG_STEP_S = 0.02  # of the lags that are tried, in s
+MAX_SHARE = 0.9  # highest step, as a share of the winding's continuous rating
+LAG_STEP_S = 0.02  # spacing of the lags that are tried
 MIN_CORRELATION = 0.95  # least correlation of force and current for the two to be the same staircase
 
 

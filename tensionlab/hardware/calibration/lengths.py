@@ -21,7 +21,7 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.files.tables import read_table
 
 PERIOD_S = 0.02
-# How long cables are pulled tight at least before their length is set, and how long a module takes to let go, in
+# Shortest time cables are tightened before their length is set, and time a module takes to release, in
 # s.
 TAUT_S, LOOSE_S = 1.0, 0.5
 # A pose: no cable moves by more than so many m for so many s, and one is so many m off each pose before.

@@ -20,7 +20,7 @@ from tensionlab.hardware.protocol.messages import Hello, Info, printable
 # Makers of the chips that connect an ESP32 to USB.
 USB_VENDORS = {0x10C4: "CP210x", 0x1A86: "CH340", 0x0403: "FTDI", 0x303A: "Espressif"}
 NAME_PREFIX = "tensionlab-"  # start of a module's Bluetooth name; its serial number follows
-# How long each try waits for an answer: a board that was reset by the opening needs a second.
+# Wait for an answer per try, in s: a board that was reset by opening its port needs a second.
 TIMEOUTS_S = (0.3, 0.5, 1.0)
 PARALLEL_PORTS = 8
 PULSES = 3

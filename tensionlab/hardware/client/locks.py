@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from filelock import BaseFileLock
 
 LOCK_TIMEOUT_S = 0.3
-MAX_PROGRAM_CHARACTERS = 100  # of a command line in messages
+MAX_PROGRAM_CHARACTERS = 100  # length of a command line in messages
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ COMMENT_COLUMN = 34
 UNFIT_CHARACTERS = re.compile(r'[%/\\:*?"<>|\x00-\x1f\x7f]')
 # Names that are no files on Windows, whatever follows behind a full stop.
 DEVICE_NAMES = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?")
-MAX_NAME_BYTES = 200  # of a file name before its suffix; most systems take 255 bytes
+MAX_NAME_BYTES = 200  # length of a file name before its suffix; most systems take 255 bytes
 
 
 @dataclass(frozen=True)

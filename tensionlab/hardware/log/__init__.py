@@ -1,1 +1,1 @@
-"""What is kept of a run, how it lies in a file, and how it is read."""
+"""Logs of runs: their columns, their files, and their reader."""

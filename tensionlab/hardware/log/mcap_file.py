@@ -14,7 +14,7 @@ from tensionlab.support.files import writing
 from tensionlab.support.files.reading import parse_json, require_unpackable
 
 PROFILE = "tensionlab-run-1"  # mark in a file's header of the log of a run, and of its version
-# Of a chunk, unpacked: its messages take many times the memory. Those of a log have a megabyte.
+# Largest unpacked chunk: its messages take many times the memory. Chunks of a log have a megabyte.
 MAX_CHUNK_BYTES = 16_000_000
 PROGRESS_MESSAGES = 1000  # messages read between two calls of `progress`
 

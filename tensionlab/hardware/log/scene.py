@@ -66,12 +66,12 @@ CHANNELS = {
     "forces": FORCES,
     "margins": MARGINS,
 }
-STRONGEST_SHARE = 0.5  # of the size of a rig: so long is the arrow of the strongest tension
-# Of the size of a rig: diameters of what is drawn.
+STRONGEST_SHARE = 0.5  # length of the arrow of the largest tension, as a share of the rig's size
+# Diameters of drawn parts, as shares of the rig's size.
 ANCHOR_SHARE, HAND_SHARE, SHAFT_SHARE, HEAD_SHARE = 0.025, 0.03, 0.008, 0.02
-# Of the size of a rig: so far beside the hand are arrows of forces, so that equal ones are all seen.
+# Offset of force arrows from the hand, as a share of the rig's size, so that equal forces are all visible.
 APART_SHARE = {"desired": 0.0, "commanded": 0.012, "measured": -0.012}
-MAX_HEAD_SHARE = 0.3  # of an arrow: its head is no longer
+MAX_HEAD_SHARE = 0.3  # longest head of an arrow, as a share of its length
 CABLE_PIXELS, ARM_PIXELS = 3.0, 2.0
 LABEL_PIXELS = 12.0
 NOWHERE = {"x": 0.0, "y": 0.0, "z": 0.0}

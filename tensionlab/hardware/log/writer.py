@@ -26,13 +26,13 @@ from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support.files.reading import as_path
 
-FLUSH_S = 0.2  # what was logged is with the system after that time, and then outlives the process
+FLUSH_S = 0.2  # records are flushed after this time, and then outlive the process
 MAX_BACKLOG = 20_000  # cycles and events that may wait for a slow disk; at 1 kHz, 20 s
 # After each cycle, while more wait, and after each message of the scene, the writer leaves the interpreter to the
 # control loop for that time.
 YIELD_S = 50e-6
 MAX_YIELDING = 200  # while so many wait, it does not: a loop that never sleeps would leave it too little
-CLOSE_TIMEOUT_S = 10.0  # what still waits when the run ends may take so long to write
+CLOSE_TIMEOUT_S = 10.0  # longest time to write pending records when the run ends
 
 EVENT_SCHEMA = {
     "title": "tensionlab.Event",

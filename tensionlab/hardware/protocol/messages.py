@@ -29,7 +29,7 @@ from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, Frame
 PROTOCOL = 3  # version of the protocol; `Info` has the module's
 MESSAGES: dict[int, type[Message]] = {}  # message class of each type of frame
 
-# How a field lies in the payload, in the letters of `struct`.
+# Layout of a field in the payload, as `struct` format characters.
 U8 = Annotated[int, "B"]
 U16 = Annotated[int, "H"]
 U32 = Annotated[int, "I"]

@@ -177,7 +177,7 @@ def _dtype(hint: Any) -> np.dtype[Any]:
     return dtype
 
 
-# Of which type each is.
+# Type of each column.
 TYPES: dict[str, np.dtype[Any]] = {name: _dtype(hint) for name, hint in get_type_hints(CycleTable).items()}
 
 

@@ -1,4 +1,4 @@
-"""What modules may be sent and what they pull: verified answers, limits, slew, derating, releases."""
+"""Guard of the set-points: verified answers, limits, slew, derating, releases."""
 
 from __future__ import annotations
 

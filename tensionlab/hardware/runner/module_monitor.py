@@ -33,7 +33,7 @@ TELEMETRY_UNITS = {
 MEASURED = attrgetter(*TELEMETRY_UNITS)  # their values
 # A length may differ by so much from where the cable's speeds take it.
 MAX_LENGTH_JUMP_M = _native.MAX_LENGTH_JUMP_M
-# Of a cable: a hand makes 30, and a spool by itself, with 6 N on 0.03 kg, not more than twice this.
+# Largest acceleration of a cable in m/s²: a hand reaches 30; a free spool (6 N on 0.03 kg) at most twice this.
 MAX_ACCELERATION_M_S2 = _native.MAX_ACCELERATION_M_S2
 STALL_SHARE = 0.75  # a run whose next cycle takes longer to come than this share of the time to live has stalled
 

@@ -39,7 +39,7 @@ MISFIT_S = 1.0  # lengths that fit no pose are refused once the cables have been
 # After so long without a cable that is reeled in, speeds need not fit a motion: a hand shakes, links are late.
 SHAKING_S = 4.0
 MAX_PRETENSION_S = 20.0  # how long cables may take to come to rest: 40 m of slack at 2 m/s
-# By how much a cable may seem shorter than it can be: two lengths are compared.
+# Tolerance by which a cable may appear shorter than possible (two lengths are compared).
 TOO_SHORT_M = 2.0 * MAX_LENGTH_ERROR_M
 MAX_PLACE_ERROR_M = 0.5  # how far off a place may be that somebody gave, in place of lengths
 # Where the other lengths fit a pose better than this, the one that was left out explains a misfit.

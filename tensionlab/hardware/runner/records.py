@@ -1,4 +1,4 @@
-"""What a run hands to its sinks: cycles, events, and how it went."""
+"""Records that a run hands to its sinks: cycles, events, and its outcome."""
 
 from __future__ import annotations
 

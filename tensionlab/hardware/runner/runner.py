@@ -46,7 +46,7 @@ from tensionlab.support.operating_system import ESTOP_SIGNAL
 
 FIRST_TELEMETRY_TIMEOUT_S = 2.0
 MAX_EARLY_S = 1e-3  # a cycle that begins so long before its deadline means that the clock went back
-# How long a solver may take for its first answer, while no module is armed: some import a lot for it.
+# Longest time for a solver's first answer, before modules are armed (some import large libraries).
 WARM_UP_S = 30.0
 MIN_HUNG_S = 0.5  # a cycle that takes as long, and no less than set-points live, has hung
 MISFIT_S = 0.25  # how long lengths may fit no pose in a run: a cable may be slack for a moment

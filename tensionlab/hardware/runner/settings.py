@@ -13,9 +13,9 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.simulation.world import World
 
 OnLoss = Literal["stop", "continue"]
-# What to do when a module is lost: end the run, or go on with the others.
+# Reaction to a lost module: end the run, or continue with the others.
 ON_LOSS: tuple[OnLoss, ...] = get_args(OnLoss)
-MIN_TTL_S, MAX_TTL_S = 0.05, 2.0  # what modules accept
+MIN_TTL_S, MAX_TTL_S = 0.05, 2.0  # range that modules accept
 SET_POINTS_PER_TTL = 2  # set-points that must be due in the life of one
 MAX_RATE_HZ = 10_000.0
 MIN_TELEMETRY_MS = 5  # period of telemetry that modules accept at least

@@ -38,7 +38,7 @@ def observe(group: ModuleGroup) -> Observation:
     return Observation(lengths, speeds, tensions, ages, states, faults, limiters, brakes, last_sequence, thermal)
 
 
-SEQUENCE_NUMBERS = 256  # of set-points; then they begin anew
+SEQUENCE_NUMBERS = 256  # set-point numbers wrap around here
 HISTORY_S = 5.0  # how far back times of set-points are kept
 
 

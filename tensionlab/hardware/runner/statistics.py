@@ -16,7 +16,7 @@ from tensionlab.support.table import STATUS_MARKS, Mark, Table
 MAX_TIMES = 100_000  # cycles whose times are kept for percentiles while a run lasts
 DURATION_REACHED = "duration reached"
 DEMAND_STOPPED = "stopped by the demand"
-# What ends a run in good order; other ends are other signals, an emergency stop and errors.
+# Signals that end a run in good order; other ends are other signals, an emergency stop and errors.
 CTRL_C = "signal SIGINT"
 # `tensionlab estop` ended it, or whoever else sent `ESTOP_SIGNAL`.
 EMERGENCY_STOP = "emergency stop (from another terminal)"

@@ -126,8 +126,8 @@ TICK_S, IDLE_TICK_S = 1e-3, 20e-3  # how often time passes in a module that has 
 MAX_LATE_S = 20e-3
 # Modules that are behind are so much faster until they are not: a host goes by its own time meanwhile.
 CATCH_UP = 0.5
-MAX_BEHIND_S = 2.0  # what they are behind beyond this is not made up for
-PIECE_BYTES = 64  # what a module takes at a time, as on the ESP32: the answers to more may not find room
+MAX_BEHIND_S = 2.0  # delay beyond this is not made up for
+PIECE_BYTES = 64  # bytes a module reads at a time, as on the ESP32: answers to more may not fit
 FAULT_PATTERN = re.compile(r"(?P<part>[a-z]+)@(?P<when>\d+(\.\d+)?)(?P<unit>ms|s)?")
 
 

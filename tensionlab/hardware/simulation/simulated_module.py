@@ -29,7 +29,7 @@ class PlantParameter:
 
 # The simulated hardware's parameters, by name.
 PLANT = {row[0]: PlantParameter(*row[1:]) for row in _native.plant_table()}
-PARTS = tuple(_native.plant_parts())  # what can break
+PARTS = tuple(_native.plant_parts())  # parts that can fail
 STEP_S = 1e-6 * _native.step_microseconds()  # time from one step of the firmware to the next, in s
 TENSION = 3  # place of the cable's tension in a sample of the native module
 # The firmware's supervisor: for each event (arm, set-point, stop, estop, clear, expire, fault) and each `State`,

@@ -21,7 +21,7 @@ from tensionlab.workspace.certification.subdivision import subdivide
 from tensionlab.workspace.interference import Capsule
 from tensionlab.workspace.sweep.executors import evaluate_on_cluster
 
-SUFFIX = ".npz"  # of the file that a proof is written to
+SUFFIX = ".npz"  # file of a proof
 
 Progress = Callable[[float], None]
 

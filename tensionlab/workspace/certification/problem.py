@@ -1,4 +1,4 @@
-"""What has to be proved of cells of positions: a rig at some rotations, and what is required of it."""
+"""Statement to prove for cells of positions: a rig at some rotations, and its requirement."""
 
 from __future__ import annotations
 

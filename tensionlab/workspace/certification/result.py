@@ -27,8 +27,8 @@ MARKS = {
     -1: met_mark(False, ("", "outside")),
     0: Mark("○", GREY, "undecided"),
 }  # of each verdict
-UNITS = {1: "m", 2: "m²", 3: "m³"}  # of a volume, by how many axes of the region have an extent
-SUM_ROUNDING = 1e-12  # of sums of volumes, as a share
+UNITS = {1: "m", 2: "m²", 3: "m³"}  # unit of a volume, by the number of axes with an extent
+SUM_ROUNDING = 1e-12  # relative rounding error of sums of volumes
 
 
 class Bounds(NamedTuple):

@@ -26,7 +26,7 @@ MAX_STEPS = 80  # 30 are usual
 MIN_GAIN = 1e-9
 CLOUD_POINTS = 100  # to surround small targets with
 CLOUD_RADIUS_M = 1e-3  # from the target
-DECIMALS = 6  # of coordinates in the rigs that are found: micrometres
+DECIMALS = 6  # coordinates of the layouts found are rounded to micrometres
 # From blunt to sharp: how closely shares are followed. Blunt ones lead further, sharp ones count right.
 SHARPNESS = (1.0, 0.1, 0.01)
 
