@@ -25,7 +25,7 @@ from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.frames import Frame
+from tensionlab.hardware.protocol.frames import WireFrame
 from tensionlab.hardware.protocol.messages import Telemetry, read
 from tensionlab.hardware.runner.records import Cycle
 from tensionlab.hardware.runner.runner import Runner
@@ -79,7 +79,7 @@ class DriftingLink(TamperedLink):
         """Return by how much the length is wrong that was reported so many s ago."""
         return self._rate * max(self.clock() - age - self._begin, 0.0)
 
-    def _changed(self, frame: Frame) -> bytes:
+    def _changed(self, frame: WireFrame) -> bytes:
         said = read(frame)
         assert isinstance(said, Telemetry)
         said = replace(said, length=said.length + self.offset(), speed=said.speed + self._speed)

@@ -24,7 +24,7 @@ from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Fault
-from tensionlab.hardware.protocol.frames import Decoder, Frame
+from tensionlab.hardware.protocol.frames import Decoder, WireFrame
 from tensionlab.hardware.protocol.messages import SetTension, Telemetry, read
 from tensionlab.hardware.runner.module_monitor import TELEMETRY_UNITS
 from tensionlab.hardware.runner.runner import Runner
@@ -132,7 +132,7 @@ class TamperedLink:
     def _lag(self, most: float) -> float:
         return min(max(CREEP * (self.clock() - self._begin), 0.0), most)
 
-    def _take(self, frame: Frame) -> None:
+    def _take(self, frame: WireFrame) -> None:
         now, content = self.clock(), frame.pack()
         if frame.type != Telemetry.type or now < self._begin:
             self._back.append((now, content))
@@ -153,7 +153,7 @@ class TamperedLink:
         else:
             self._back.append((now, self._changed(frame)))
 
-    def _changed(self, frame: Frame) -> bytes:
+    def _changed(self, frame: WireFrame) -> bytes:
         try:
             said = read(frame)
         except ProtocolError:
@@ -168,7 +168,7 @@ class TamperedLink:
         else:
             return frame.pack()
         values = [getattr(said, name) for name in said._kinds]
-        return Frame(frame.type, frame.sequence, said._layout.pack(*values)).pack()
+        return WireFrame(frame.type, frame.sequence, said._layout.pack(*values)).pack()
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tensionlab.model.kinematics import PoseEstimate
     from tensionlab.model.layouts import alternate_corners, box_corners, ring_plus_top
     from tensionlab.model.module import Module, Platform, TensionLimits
-    from tensionlab.model.pose import Frame, RestPose
+    from tensionlab.model.pose import CoordinateFrame, RestPose
     from tensionlab.model.requirement import Requirement
     from tensionlab.model.rig import Rig
     from tensionlab.plots import plot
@@ -32,7 +32,7 @@ __all__ = [
     "AllocationGradients",
     "AllocationJacobian",
     "Allocator",
-    "Frame",
+    "CoordinateFrame",
     "Module",
     "Platform",
     "PoseEstimate",
@@ -71,7 +71,7 @@ _NAMES = {
     "tensionlab.model.kinematics": ("PoseEstimate",),
     "tensionlab.model.layouts": ("alternate_corners", "box_corners", "ring_plus_top"),
     "tensionlab.model.module": ("Module", "Platform", "TensionLimits"),
-    "tensionlab.model.pose": ("Frame", "RestPose"),
+    "tensionlab.model.pose": ("CoordinateFrame", "RestPose"),
     "tensionlab.model.requirement": ("Requirement",),
     "tensionlab.model.rig": ("Rig",),
     "tensionlab.solvers": ("SOLVERS", "Solver", "Status"),

@@ -24,7 +24,16 @@ from tensionlab.haptics.bridge.command import (
     READ_SHARE,
     SILENCE_S,
 )
-from tensionlab.haptics.bridge.messages import EXAMPLES, IN, KINDS, MAX_MESSAGE_BYTES, OUT, PROTOCOL, Body, Message
+from tensionlab.haptics.bridge.messages import (
+    EXAMPLES,
+    IN,
+    KINDS,
+    MAX_MESSAGE_BYTES,
+    OUT,
+    PROTOCOL,
+    Body,
+    BridgeMessage,
+)
 from tensionlab.haptics.bridge.osc import MAX_DEPTH, MAX_MESSAGES
 from tensionlab.haptics.bridge.schema import REFERENCE, first_line, json_text, message_schema, schema_text
 from tensionlab.haptics.bridge.server import MAX_REFUSED, STATE_PERIOD_S
@@ -95,7 +104,7 @@ theirs for Z up, and are turned with the rig's `up`: with Y up, a wall whose nor
 Vectors have as many components as the rig has axes: on a rig in the plane, give two, also in place of defaults.
 Times (`shots`, `grasped`, `loosed`) are on the clock of the run, which is the `time` of the state.
 """
-CLIENTS: tuple[type[Message], ...] = (*IN, Body)
+CLIENTS: tuple[type[BridgeMessage], ...] = (*IN, Body)
 SCHEMA_FILE = "examples/bridge/schema.json"
 
 
@@ -114,7 +123,7 @@ def document() -> str:
     return "\n".join(parts)
 
 
-def _message(kind: type[Message]) -> str:
+def _message(kind: type[BridgeMessage]) -> str:
     name = kind.model_fields["type"].default if "type" in kind.model_fields else kind.__name__.lower()
     rows = [f"### {name}\n", f"{first_line(kind)}\n", "| Key | Meaning |", "| --- | --- |"]
     for key, field in kind.model_fields.items():

@@ -167,7 +167,7 @@ def latest(times: deque[float]) -> list[float]:
 
 
 @dataclass(frozen=True, eq=False)
-class RunReport:
+class RunSnapshot:
     """A run at one moment, as its process told it.
 
     Attributes
@@ -207,7 +207,7 @@ class RunReport:
     events: tuple[RunEvent, ...]
 
     @classmethod
-    def unpack(cls, row: dict[str, Any], rig: Rig) -> RunReport:
+    def unpack(cls, row: dict[str, Any], rig: Rig) -> RunSnapshot:
         """Return what an answer about a run of this rig says; KeyError, TypeError or ValueError if it is none."""
         said = dict(row)
         if said["cycle"] is not None:
@@ -233,7 +233,7 @@ class RunWatcher:
 
     def __init__(self, port: int, token: str) -> None:
         self.info: RunInfo | None = None
-        self.report: RunReport | None = None
+        self.report: RunSnapshot | None = None
         self._watcher = Watcher(port, token)
         self._asked = -ASK_AGAIN_S
         self._came = self._newer = time.perf_counter()
@@ -258,7 +258,7 @@ class RunWatcher:
         elif self.info is not None and row["number"] != self.info.number:
             self.info = self.report = None  # another run has begun
         elif self.info is not None:
-            before, self.report = self.report, RunReport.unpack(row, self.info.rig)
+            before, self.report = self.report, RunSnapshot.unpack(row, self.info.rig)
             if before is None or before.cycles != self.report.cycles:
                 self._advances, self._newer = before is not None, now
         self._came = now

@@ -31,7 +31,7 @@ __all__ = ["LslStreams", "require_lsl"]
 LAST_SAMPLES_S = 0.3  # an outlet that is closed drops what its inlets have not got yet: so long they have
 
 
-class Channel(NamedTuple):
+class StreamChannel(NamedTuple):
     """Label, unit and type of a channel of a stream."""
 
     label: str
@@ -98,7 +98,7 @@ class LslStreams:
         source = f"tensionlab {rig.name} {os.getpid()}"
         described = {"rig": rig.name, "solver": solver, "rate_hz": f"{rate:g}"}
 
-        def outlet(what: str, kind: str, channels: list[Channel], numbers: bool = True) -> StreamOutlet:
+        def outlet(what: str, kind: str, channels: list[StreamChannel], numbers: bool = True) -> StreamOutlet:
             info = lsl.StreamInfo(
                 f"{rig.name} {what}",
                 kind,
@@ -120,15 +120,15 @@ class LslStreams:
         axes = "xyz"[: rig.dimension]
         torques = axes if rig.n == 6 else "z" if rig.n > rig.dimension else ""
         wrench = [(f"F{axis}", "N") for axis in axes] + [(f"M{axis}", "N·m") for axis in torques]
-        position = [Channel(f"Position{axis.upper()}", "m", f"Position{axis.upper()}") for axis in axes]
-        orientation = [Channel(f"Orientation{axis}", "quaternion", f"Orientation{axis}") for axis in "XYZW"]
+        position = [StreamChannel(f"Position{axis.upper()}", "m", f"Position{axis.upper()}") for axis in axes]
+        orientation = [StreamChannel(f"Orientation{axis}", "quaternion", f"Orientation{axis}") for axis in "XYZW"]
         if rig.n == 3 and rig.dimension == 2:
-            orientation = [Channel("OrientationZ", "rad", "OrientationZ")]
+            orientation = [StreamChannel("OrientationZ", "rad", "OrientationZ")]
         self._forces = outlet(
             "forces",
             "Force",
             [
-                Channel(f"{of} {name}", unit, of)
+                StreamChannel(f"{of} {name}", unit, of)
                 for of in ("desired", "commanded", "measured")
                 for name, unit in wrench
             ],
@@ -137,13 +137,13 @@ class LslStreams:
             "tensions",
             "Tension",
             [
-                Channel(f"{of} {module.name}", "N", of)
+                StreamChannel(f"{of} {module.name}", "N", of)
                 for of in ("commanded", "measured")
                 for module in rig.modules
             ],
         )
         self._pose = outlet("pose", "MoCap", position + (orientation if rig.n > rig.dimension else []))
-        self._markers = outlet("markers", "Markers", [Channel("event", "", "Marker")], numbers=False)
+        self._markers = outlet("markers", "Markers", [StreamChannel("event", "", "Marker")], numbers=False)
 
     def write(self, cycle: Cycle) -> None:
         """Send the samples of a cycle."""

@@ -18,7 +18,7 @@ from tensionlab.support.files.reading import brief
 ORTHOGONALITY = 1e-6  # largest entry of `R R' - 1` in what is still taken for a rotation
 
 
-class Frame(NamedTuple):
+class CoordinateFrame(NamedTuple):
     """Place of a body that carries modules. A tuple ``(position, rotation)`` or a position does as well.
 
     Attributes
@@ -33,7 +33,7 @@ class Frame(NamedTuple):
     >>> import numpy as np
     >>> import tensionlab as tl
     >>> turned = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # a quarter turn about Y
-    >>> hip = tl.Frame([0.0, 0.9, 0.0], turned)
+    >>> hip = tl.CoordinateFrame([0.0, 0.9, 0.0], turned)
     >>> rig = tl.load_rig("body-mounted")
     >>> rig.structure_matrix(rig.home, frames={name: hip for name in rig.frames}).shape
     (3, 5)
@@ -94,25 +94,25 @@ class RestPose:
         return RestPose(self.name, rotation @ self.position + 0.0, turn)
 
     @property
-    def frame(self) -> Frame:
+    def frame(self) -> CoordinateFrame:
         """The same with a matrix in space and an angle in the plane."""
         if self.rotation is None:
-            return Frame(self.position)
+            return CoordinateFrame(self.position)
         turn = self.rotation
-        return Frame(self.position, kinematics.exponential(turn) if turn.size == 3 else turn[0])
+        return CoordinateFrame(self.position, kinematics.exponential(turn) if turn.size == 3 else turn[0])
 
 
-# Where each named body frame is: a `Frame`, a tuple (position, rotation), or a position alone.
-Frames = Mapping[str, Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike]
+# Where each named body frame is: a `CoordinateFrame`, a tuple (position, rotation), or a position alone.
+Frames = Mapping[str, CoordinateFrame | tuple[ArrayLike, ArrayLike | None] | ArrayLike]
 
 
-def frame_of(where: Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike) -> Frame:
+def frame_of(where: CoordinateFrame | tuple[ArrayLike, ArrayLike | None] | ArrayLike) -> CoordinateFrame:
     """Return a body frame, in whichever way it was given."""
-    if isinstance(where, Frame):
+    if isinstance(where, CoordinateFrame):
         return where
     if isinstance(where, tuple) and len(where) == 2 and np.ndim(where[0]) > 0:
-        return Frame(*where)
-    return Frame(cast(ArrayLike, where))
+        return CoordinateFrame(*where)
+    return CoordinateFrame(cast(ArrayLike, where))
 
 
 def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | None) -> Floats:

@@ -26,7 +26,7 @@ from tensionlab.model.module import (
     upward,
     vector,
 )
-from tensionlab.model.pose import Frame, Frames, RestPose
+from tensionlab.model.pose import CoordinateFrame, Frames, RestPose
 from tensionlab.model.pulleys import Pulleys, route_cables
 from tensionlab.model.requirement import Requirement
 from tensionlab.support import provenance
@@ -318,9 +318,9 @@ class Rig:
         return tuple(dict.fromkeys(module.frame for module in self.modules if module.frame != WORLD))
 
     @property
-    def at_rest(self) -> dict[str, Frame]:
+    def at_rest(self) -> dict[str, CoordinateFrame]:
         """Where body frames are when nothing moves them: as `rest` says, or at the origin of the world."""
-        origin = {name: Frame(np.zeros(self.dimension)) for name in self.frames}
+        origin = {name: CoordinateFrame(np.zeros(self.dimension)) for name in self.frames}
         return origin | {each.name: each.frame for each in self.rest}
 
     @cached_property

@@ -9,13 +9,13 @@ from __future__ import annotations
 from pydantic import BaseModel, ConfigDict, Field
 
 
-class Table(BaseModel):
+class SchemaTable(BaseModel):
     """Table in which a misspelt key or a number in quotes is an error."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-class LimitsTable(Table):
+class LimitsTable(SchemaTable):
     """Defaults for every module; a module's own key wins."""
 
     lower: float | None = Field(None, description="the smallest tension in N, a number")
@@ -45,7 +45,7 @@ class ModuleTable(DefaultsTable):
     frame: str = Field("world", description='"world" or the name of a body frame, in quotes')
 
 
-class PlatformTable(Table):
+class PlatformTable(SchemaTable):
     """The ``[platform]`` table."""
 
     mass: float = Field(description="the mass in kg, a number")
@@ -55,7 +55,7 @@ class PlatformTable(Table):
     )
 
 
-class RequiredTable(Table):
+class RequiredTable(SchemaTable):
     """The ``[required]`` table, and a file that holds nothing else."""
 
     wrench: list[float] | None = Field(None, description="a wrench, a list of numbers in N (and N·m)")
@@ -66,7 +66,7 @@ class RequiredTable(Table):
     length: float | None = Field(None, description="the characteristic length in m, a number")
 
 
-class FrameTable(Table):
+class FrameTable(SchemaTable):
     """Entry of ``[[frames]]``: the pose of a body."""
 
     name: str = Field(min_length=1, description="the name of the body frame in quotes")
@@ -76,7 +76,7 @@ class FrameTable(Table):
     )
 
 
-class RigFile(Table):
+class RigFile(SchemaTable):
     """Rig file."""
 
     name: str = Field(min_length=1, description="a name in quotes")

@@ -14,7 +14,7 @@ import numpy as np
 from tensionlab.allocation import Policy
 from tensionlab.errors import EffectError, RigError, ScenarioError
 from tensionlab.haptics.brakes.choice import brake_strengths
-from tensionlab.haptics.brakes.contact import TIMING, ImpactCap, Timing, Wall
+from tensionlab.haptics.brakes.contact import TIMING, BrakeWall, ImpactCap, Timing
 from tensionlab.haptics.effects import Plane
 from tensionlab.haptics.effects.effect import Effect, norm, normalized
 from tensionlab.haptics.effects.parameters import Length, PositiveForce, checked_dataclass, require_dimension
@@ -75,13 +75,13 @@ class BrakeTarget:
         if (self.plane is None) == (self.reach is None):
             raise ScenarioError("a hold has a plane or a reach: give one of them")
 
-    def wall(self, position: Floats) -> Wall:
+    def wall(self, position: Floats) -> BrakeWall:
         """Return the wall as seen from a position (d,)."""
         if self.plane is not None:
-            return Wall(self.plane.n, float(self.plane.height(position)), self.force)
+            return BrakeWall(self.plane.n, float(self.plane.height(position)), self.force)
         assert self.reach is not None
         inward = -normalized(position) if position.any() else np.eye(position.size)[0]
-        return Wall(inward, self.reach - float(norm(position)), self.force)
+        return BrakeWall(inward, self.reach - float(norm(position)), self.force)
 
     def delayed_timing(self, delay: float) -> Timing:
         """Return the brakes' timing over a loop with a delay in s."""

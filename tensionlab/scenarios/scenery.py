@@ -23,7 +23,7 @@ FLAT_PARTS = ("plane", "surface")  # parameters of effects that are flat surface
 
 
 @dataclass(frozen=True)
-class Surface:
+class ScenerySurface:
     """Surface of an effect, or at which brakes hold, in coordinates of the scenario's effects.
 
     Attributes
@@ -54,7 +54,7 @@ class ScenePhase:
     name: str
     begin: FiniteFloat
     end: FiniteFloat
-    surfaces: tuple[Surface, ...]
+    surfaces: tuple[ScenerySurface, ...]
 
 
 @dataclass(frozen=True)
@@ -124,23 +124,23 @@ def as_mapping(scenario: Scenario, *, repeat: bool = False) -> dict[str, Any]:
     return asdict(scenery(scenario, repeat=repeat))
 
 
-def _surfaces(phase: Phase, rig: Rig) -> Iterator[Surface]:
+def _surfaces(phase: Phase, rig: Rig) -> Iterator[ScenerySurface]:
     """Yield the surfaces of a phase: those of its effects, then where brakes hold."""
     for effect in phase.effects.values():
         for part in (effect, getattr(effect, "wall", None)):
             for name in FLAT_PARTS:
                 if (plane := getattr(part, name, None)) is not None:
-                    yield Surface("plane", plane.point, plane.normal)
+                    yield ScenerySurface("plane", plane.point, plane.normal)
         solid = getattr(effect, "field", None)
         if isinstance(solid, Sphere):
-            yield Surface("ball", solid.centre, size=(solid.radius,))
+            yield ScenerySurface("ball", solid.centre, size=(solid.radius,))
         elif isinstance(solid, Box):
-            yield Surface("box", solid.centre, size=solid.size)
+            yield ScenerySurface("box", solid.centre, size=solid.size)
     hold = phase.hold
     if hold is not None and hold.plane is not None:
-        yield Surface("plane", hold.plane.point, hold.plane.normal, brakes=True)
+        yield ScenerySurface("plane", hold.plane.point, hold.plane.normal, brakes=True)
     elif hold is not None and hold.reach is not None:
-        yield Surface("reach", (0.0,) * rig.dimension, size=(hold.reach,), brakes=True)
+        yield ScenerySurface("reach", (0.0,) * rig.dimension, size=(hold.reach,), brakes=True)
 
 
 def read_scenery(given: Mapping[str, Any], rig: Rig, where: str, error: type[TensionlabError]) -> Scenery | None:

@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 from tensionlab.errors import LogError, TensionlabError
 from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, DURATION_REACHED
-from tensionlab.hardware.sharing import RunInfo, RunReport, RunWatcher
+from tensionlab.hardware.sharing import RunInfo, RunSnapshot, RunWatcher
 from tensionlab.scenarios.scenery import read_scenery
 from tensionlab.support.operating_system import lower_priority
 from tensionlab.viewer import run_words
@@ -39,7 +39,7 @@ class LivePage(RunPage):
         self._watcher = watcher
         self._drawing: RunDrawing | None = None
         self._info: RunInfo | None = None
-        self._shown: RunReport | None = None
+        self._shown: RunSnapshot | None = None
         self._fresh = False
         self._beat = 0
         self._texts_due = 0.0
@@ -97,7 +97,7 @@ class LivePage(RunPage):
         for part in (self._outcome, self._phases, self._forces, self._modules, self._events, self._times):
             part.content = ""
 
-    def _draw(self, report: RunReport | None, *, fresh: bool) -> None:
+    def _draw(self, report: RunSnapshot | None, *, fresh: bool) -> None:
         if self._info is None or report is None or report.cycle is None:
             return
         instant = Instant.of(self._info.rig, report.cycle)
@@ -139,7 +139,7 @@ class LivePage(RunPage):
         self._watcher.close()
 
 
-def live_heading(condition: str, age: float, info: RunInfo | None, report: RunReport | None) -> str:
+def live_heading(condition: str, age: float, info: RunInfo | None, report: RunSnapshot | None) -> str:
     """Return the condition of a run as HTML, with its age in s where no newer cycle comes."""
     well = report is not None and (
         report.ended in (DURATION_REACHED, DEMAND_STOPPED) or report.ended.startswith("signal")

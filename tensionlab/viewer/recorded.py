@@ -13,7 +13,7 @@ from tensionlab.errors import LogError
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.runner.cycle_table import COLUMNS
 from tensionlab.hardware.runner.statistics import Statistics
-from tensionlab.hardware.sharing import RunInfo, RunReport
+from tensionlab.hardware.sharing import RunInfo, RunSnapshot
 from tensionlab.solvers.base import Status
 from tensionlab.viewer.run_scene import Instant
 
@@ -46,7 +46,7 @@ def cycle_of(run: Run, index: int) -> dict[str, NDArray[Any]]:
     return {name: getattr(run, name)[index] for name in COLUMNS}
 
 
-def report_at(run: Run, index: int) -> RunReport:
+def report_at(run: Run, index: int) -> RunSnapshot:
     """Return the report of a run in progress after a cycle, by its index; NaN and 0 for what logs do not have."""
     m, done = run.rig.m, index + 1
     events = tuple(event for event in run.events if event.cycle <= run.cycle[index])
@@ -54,7 +54,7 @@ def report_at(run: Run, index: int) -> RunReport:
     counts = np.bincount(run.status[:done], minlength=len(Status))
     fallback = int(run.fallback_used[:done].sum())
     statuses = Counter({status: int(counts[status]) for status in Status})
-    return RunReport(
+    return RunSnapshot(
         number=0,
         over=False,
         cycle=cycle_of(run, index),

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from tensionlab.hardware.sharing import POLL_S, RunInfo, RunReport
+from tensionlab.hardware.sharing import POLL_S, RunInfo, RunSnapshot
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import Scenery
 from tensionlab.support.colours import FORCE_COLOURS
@@ -76,7 +76,13 @@ class RunPage(ABC):
         """Take what is new, and bring all browsers up to date."""
 
     def show_texts(
-        self, info: RunInfo, report: RunReport, instant: Instant, *, fresh: bool, wrap: Callable[[str], str] = str
+        self,
+        info: RunInfo,
+        report: RunSnapshot,
+        instant: Instant,
+        *,
+        fresh: bool,
+        wrap: Callable[[str], str] = str,
     ) -> None:
         """Bring the texts about a report and its instant up to date, each wrapped by a function."""
         for part, html in (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
-from tensionlab.hardware.sharing import RunInfo, RunReport
+from tensionlab.hardware.sharing import RunInfo, RunSnapshot
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, FORCE_COLOURS
@@ -42,7 +42,7 @@ def _force(wrench: Floats, d: int) -> tuple[str, str]:
     return f"{norm(rounded[:d])} N", vector(rounded)
 
 
-def modules(info: RunInfo, report: RunReport, instant: Instant, *, fresh: bool = True) -> str:
+def modules(info: RunInfo, report: RunSnapshot, instant: Instant, *, fresh: bool = True) -> str:
     """Return each module's tension as a bar with its set-point, and its state below."""
     assert report.cycle is not None
     rig = info.rig
@@ -64,7 +64,7 @@ def modules(info: RunInfo, report: RunReport, instant: Instant, *, fresh: bool =
     return render("run.modules", lines, float(rig.limits.upper.max()) or 1.0)
 
 
-def _state(info: RunInfo, report: RunReport, cycle: Mapping[str, Any], i: int) -> tuple[list[str], list[str]]:
+def _state(info: RunInfo, report: RunSnapshot, cycle: Mapping[str, Any], i: int) -> tuple[list[str], list[str]]:
     """Return the state of a module: driver, brake and limiter; and what is wrong with it."""
     texts = [State(int(cycle["states"][i])).name.lower()]
     if np.isfinite(report.currents[i]):
@@ -91,7 +91,7 @@ def _state(info: RunInfo, report: RunReport, cycle: Mapping[str, Any], i: int) -
     return texts, faults
 
 
-def times(info: RunInfo, report: RunReport) -> str:
+def times(info: RunInfo, report: RunSnapshot) -> str:
     """Return the latency of the loop, and the times of the latest cycles."""
     latency = None
     if report.cycle is not None:
@@ -105,7 +105,7 @@ def times(info: RunInfo, report: RunReport) -> str:
     return render("run.times", latency, quantiles, report.missed, report.answers, 1.0 / info.rate)
 
 
-def events(report: RunReport) -> str:
+def events(report: RunSnapshot) -> str:
     """Return the latest events of a run in progress, the newest first."""
     newest = list(report.events)[: -SHOWN_EVENTS - 1 : -1]
     return render("run.events", newest)

@@ -8,7 +8,7 @@ import numpy as np
 
 from tensionlab.model.kinematics import in_space
 from tensionlab.model.rig import Rig
-from tensionlab.scenarios.scenery import Scenery, Surface
+from tensionlab.scenarios.scenery import Scenery, ScenerySurface
 from tensionlab.scenarios.stick_figure import HEAD_M, StickFigure, stick_figure
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import GREEN, GREY
@@ -30,7 +30,7 @@ class Solid(NamedTuple):
     edges: Floats | None = None
 
 
-def solid(surface: Surface, origin: Floats, middle: Floats) -> Solid:
+def solid(surface: ScenerySurface, origin: Floats, middle: Floats) -> Solid:
     """Return how a surface is drawn, given the origin of its frame and the middle of the script, (3,), in m.
 
     A plane is a plate near the middle, and the end of a reach a plate on the side of the middle.

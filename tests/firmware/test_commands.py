@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tensionlab.hardware.protocol.codes import Calibration, Code, Fault, Limit, State, Type
-from tensionlab.hardware.protocol.frames import DELIMITER, Frame
+from tensionlab.hardware.protocol.frames import DELIMITER, WireFrame
 from tensionlab.hardware.protocol.messages import (
     Acknowledge,
     Arm,
@@ -41,7 +41,7 @@ UPPER = PARAMETERS["length_upper"].standard
 def raw(host: Host, kind: Type, layout: str, *values) -> Code:
     """What a payload gets that the host's own classes would not send."""
     host.sequence += 1
-    host.module.receive(Frame(kind, host.sequence, struct.pack("<" + layout, *values)).pack())
+    host.module.receive(WireFrame(kind, host.sequence, struct.pack("<" + layout, *values)).pack())
     (answer,) = host.hear()
     return answer.code
 
@@ -219,7 +219,7 @@ def test_a_taut_minimum_that_the_winding_cannot_hold_is_refused():
 @given(st.integers(0, 255).filter(lambda kind: kind not in set(Type) or kind >= 0x80), st.binary(max_size=56))
 def test_what_is_no_command_is_unknown(kind, payload):
     host = host_in(State.RUNNING)
-    host.module.receive(Frame(kind, 3, payload).pack())
+    host.module.receive(WireFrame(kind, 3, payload).pack())
     (frame,) = host.decoder.feed(host.module.transmit())
     assert (frame.type, frame.sequence) == (Type.ACKNOWLEDGE, 3)
     assert frame.payload == bytes([kind, Code.UNKNOWN_TYPE, State.RUNNING, SESSION, 0])

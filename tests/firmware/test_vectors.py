@@ -10,7 +10,7 @@ import pytest
 from tensionlab import _native
 from tensionlab.hardware.protocol import messages as protocol
 from tensionlab.hardware.protocol.codes import State
-from tensionlab.hardware.protocol.frames import DELIMITER, Decoder, Frame
+from tensionlab.hardware.protocol.frames import DELIMITER, Decoder, WireFrame
 from tests.helpers.modules import Host
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
@@ -32,19 +32,19 @@ def test_both_sides_write_and_read_the_frame(vector):
     message = getattr(protocol, vector["message"])(**vector["fields"])
     assert message.frame(sequence).pack() == wire
     assert _native.build_frame(kind, sequence, payload) == wire
-    assert Decoder().feed(wire) == [Frame(kind, sequence, payload)]
+    assert Decoder().feed(wire) == [WireFrame(kind, sequence, payload)]
     assert _native.parse_frames(wire) == ([(kind, sequence, payload)], 0)
-    assert protocol.read(Frame(kind, sequence, payload)) == message
+    assert protocol.read(WireFrame(kind, sequence, payload)) == message
 
 
 @pytest.mark.parametrize("vector", [vector for vector in VECTORS if vector["type"] < 0x80])
 def test_the_firmware_knows_each_command_and_its_length(vector):
-    frame = Frame(vector["type"], 1, bytes.fromhex(vector["payload"]))
+    frame = WireFrame(vector["type"], 1, bytes.fromhex(vector["payload"]))
     for payload, known in ((frame.payload, True), (frame.payload + b"\0", False), (frame.payload[:-1], False)):
         if not known and payload == frame.payload:
             continue  # there is nothing to leave out
         host = Host()
-        host.module.receive(Frame(frame.type, 1, payload).pack())
+        host.module.receive(WireFrame(frame.type, 1, payload).pack())
         codes = {answer.code for answer in host.hear() if isinstance(answer, protocol.Acknowledge)}
         assert (protocol.Code.BAD_LENGTH in codes) == (not known)
         assert protocol.Code.UNKNOWN_TYPE not in codes
@@ -65,7 +65,7 @@ def damaged(wire: bytes):
 def test_no_damage_makes_another_frame_of_it(vector):
     wire = bytes.fromhex(vector["frame"])
     whole = (vector["type"], vector["sequence"], bytes.fromhex(vector["payload"]))
-    follower = Frame(protocol.Type.PING, 9, bytes(8))
+    follower = WireFrame(protocol.Type.PING, 9, bytes(8))
     for stream in damaged(wire):
         found, bad = _native.parse_frames(stream + DELIMITER + follower.pack())
         assert found[-1] == (follower.type, 9, bytes(8)), "and the next frame is read"
@@ -87,7 +87,7 @@ def test_no_two_flipped_bits_let_it_pass(vector):
 @pytest.mark.parametrize("vector", [vector for vector in VECTORS if vector["type"] < 0x80])
 def test_no_damage_moves_a_module(vector):
     """Damage to a stop does not stop, and to a set-point pulls nothing else; the frame itself is well heard."""
-    whole = Frame(vector["type"], vector["sequence"], bytes.fromhex(vector["payload"]))
+    whole = WireFrame(vector["type"], vector["sequence"], bytes.fromhex(vector["payload"]))
     for stream in damaged(whole.pack()):
         if Decoder().feed(stream + DELIMITER) == [whole]:
             continue  # a zero more at its end is none

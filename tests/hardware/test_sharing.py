@@ -89,7 +89,7 @@ def test_the_newest_cycle_is_told_with_all_its_columns_and_what_is_not_logged(wa
 
 def test_anchors_on_bodies_are_where_the_tracker_has_them(watcher):
     rig = tl.load_rig("body-mounted")
-    frames = {name: tl.Frame([0.1, 0.9, 0.2]) for name in rig.frames}
+    frames = {name: tl.CoordinateFrame([0.1, 0.9, 0.2]) for name in rig.frames}
     heard = []
 
     def demand(state):

@@ -12,7 +12,7 @@ from tensionlab.errors import RigError, ShapeError
 from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import ring_plus_top
 from tensionlab.model.module import Module, Platform
-from tensionlab.model.pose import Frame
+from tensionlab.model.pose import CoordinateFrame
 from tensionlab.model.rig import Rig
 
 POINT = ring_plus_top(1.0)
@@ -157,7 +157,7 @@ def test_a_lever_by_hand():
 def test_everything_broadcasts():
     positions = np.full((5, 1, 3), 0.5)
     hips = np.random.default_rng(0).normal(size=(4, 3))
-    W = WORN.structure_matrix(positions, frames={"hip": Frame(hips)})
+    W = WORN.structure_matrix(positions, frames={"hip": CoordinateFrame(hips)})
     assert W.shape == (5, 4, 3, 2)
     np.testing.assert_array_equal(W[3, 2], WORN.structure_matrix(positions[3, 0], frames={"hip": (hips[2], None)}))
     assert BAR.structure_matrix(np.zeros((7, 1, 2)), np.linspace(0, 1, 3)).shape == (7, 3, 3, 2)
@@ -292,7 +292,9 @@ def test_a_rig_that_does_not_say_which_axis_is_up_has_no_weight():
 def test_a_frame_may_be_a_position_alone() -> None:
     rig = load_rig(Path(__file__).parents[2] / "datasets/rigs/body-mounted.toml")
     shoulder, hip = [0.2, 1.4, 0.0], [-0.15, 0.95, 0.0]
-    expected = rig.structure_matrix(rig.home, frames={"shoulder": Frame(shoulder), "hip": (hip, np.eye(3))})
+    expected = rig.structure_matrix(
+        rig.home, frames={"shoulder": CoordinateFrame(shoulder), "hip": (hip, np.eye(3))}
+    )
     for given in (hip, tuple(hip), np.array(hip)):
         W = rig.structure_matrix(rig.home, frames={"shoulder": shoulder, "hip": given})
         np.testing.assert_array_equal(W, expected)

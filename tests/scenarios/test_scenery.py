@@ -10,7 +10,7 @@ from tensionlab.haptics.effects import Box, Shape
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.scenarios import SCENARIOS, Phase, load_scenario
 from tensionlab.scenarios.play import play, simulate_modules
-from tensionlab.scenarios.scenery import Surface, as_mapping, read_scenery, scenery
+from tensionlab.scenarios.scenery import ScenerySurface, as_mapping, read_scenery, scenery
 
 
 def kinds(name):
@@ -32,7 +32,7 @@ def test_a_box_has_its_edges():
     bow = load_scenario("bow")
     shape = Shape(field=Box(centre=(0.1, 0.0, 1.0), size=(0.2, 0.3, 0.4)))
     seen = scenery(replace(bow, phases=(Phase("box", 0.0, 1.0, {"solid": shape}),)))
-    assert seen.phases[0].surfaces == (Surface("box", (0.1, 0.0, 1.0), size=(0.2, 0.3, 0.4)),)
+    assert seen.phases[0].surfaces == (ScenerySurface("box", (0.1, 0.0, 1.0), size=(0.2, 0.3, 0.4)),)
 
 
 def test_phases_are_active_by_the_time_and_again_where_the_scenario_is_repeated():

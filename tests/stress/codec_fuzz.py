@@ -17,11 +17,13 @@ from math import sqrt
 
 from tensionlab.errors import ProtocolError
 from tensionlab.hardware.protocol.codes import Type
-from tensionlab.hardware.protocol.frames import DELIMITER, MAX_PAYLOAD, Decoder, Frame
+from tensionlab.hardware.protocol.frames import DELIMITER, MAX_PAYLOAD, Decoder, WireFrame
 from tensionlab.hardware.protocol.messages import PROTOCOL, read
 
 CHANCE = 2.0**-16  # that the CRC of anything is right
-AFTER = Frame(Type.PING, 0xA5, b"afterall")  # sent after each stream, to see that the decoder finds its way back
+AFTER = WireFrame(
+    Type.PING, 0xA5, b"afterall"
+)  # sent after each stream, to see that the decoder finds its way back
 
 
 @dataclass
@@ -56,7 +58,7 @@ def lengths() -> dict[Type, list[int]]:
         byte = PROTOCOL if each is Type.INFO else 1  # which means something in every field
         for length in range(MAX_PAYLOAD + 1):
             with suppress(ProtocolError):
-                read(Frame(each, 0, bytes([byte]) * length))
+                read(WireFrame(each, 0, bytes([byte]) * length))
                 found[each].append(length)
     return found
 
@@ -64,7 +66,7 @@ def lengths() -> dict[Type, list[int]]:
 LENGTHS = lengths()
 
 
-def draw_frame(rng: random.Random) -> Frame:
+def draw_frame(rng: random.Random) -> WireFrame:
     """Draw a frame that could be a message; a third of its bytes are zero, and many small, as in real ones."""
     kind = rng.choice(list(LENGTHS))
     content = rng.randbytes(rng.choice(LENGTHS[kind]))
@@ -72,7 +74,7 @@ def draw_frame(rng: random.Random) -> Frame:
     thinned = (
         0 if style < 85 else byte & 7 if style < 128 else byte for byte, style in zip(content, styles, strict=True)
     )
-    return Frame(kind, rng.randrange(256), bytes(thinned))
+    return WireFrame(kind, rng.randrange(256), bytes(thinned))
 
 
 def _flip_three(rng: random.Random, stream: bytearray) -> None:
@@ -165,7 +167,7 @@ def fuzz(streams: int, seed: int = 0) -> dict[str, Tally]:
     return tallies
 
 
-def _follow(tally: Tally, sent: set[Frame], stream: bytes, rng: random.Random) -> None:
+def _follow(tally: Tally, sent: set[WireFrame], stream: bytes, rng: random.Random) -> None:
     decoder = Decoder()
     cuts = sorted(rng.randrange(len(stream)) for _ in range(2))
     frames = [

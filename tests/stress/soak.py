@@ -19,7 +19,7 @@ from tensionlab.demand import Pose
 from tensionlab.hardware.client.modules_file import modules_to_toml
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.log.writer import RunLog
-from tensionlab.hardware.runner.program import Program, Step
+from tensionlab.hardware.runner.program import Program, ProgramStep
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.links import Conditions
@@ -67,8 +67,8 @@ def soak(seconds: float, log: Path, seed: int = 0) -> Findings:
     world = World(rig, lambda time: Pose(on_circle(rig, time), frames=rig.at_rest), seed)
     watch = LimitWatch(rig.limits)
     world.watch = watch
-    steps = [Step(START_SECONDS, np.array(START))]
-    steps += [Step(STEP_SECONDS, np.array(corner), ramp=True) for corner in CORNERS]
+    steps = [ProgramStep(START_SECONDS, np.array(START))]
+    steps += [ProgramStep(STEP_SECONDS, np.array(corner), ramp=True) for corner in CORNERS]
     program = Program("the force goes round", tuple(steps), repeat=True)
     settings = RunSettings(ttl=TTL)
     links = dict.fromkeys((module.name for module in rig.modules), "sim:")

@@ -14,7 +14,7 @@ from tensionlab.hardware.protocol.codes import BrakeState, Limit
 from tensionlab.hardware.runner.records import RunEvent
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
-from tensionlab.hardware.sharing import RUN, RunInfo, RunReport
+from tensionlab.hardware.sharing import RUN, RunInfo, RunSnapshot
 from tensionlab.hardware.simulation.world import World
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.scenery import scenery
@@ -50,7 +50,7 @@ def report(monkeypatch):
     world = World(four())
     settings = RunSettings(on_loss="continue")
     Runner(four(), world.group(), "newton", demand, settings, clock=WorldClock(world)).run(0.5)
-    return RunReport.unpack(rows[0], four())
+    return RunSnapshot.unpack(rows[0], four())
 
 
 def said(report):

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.play import play, simulate_modules
-from tensionlab.scenarios.scenery import Surface, scenery
+from tensionlab.scenarios.scenery import ScenerySurface, scenery
 from tensionlab.support.colours import GREEN, GREY
 from tensionlab.viewer.drawing import as_rgb
 from tensionlab.viewer.recorded import instant_at
@@ -44,7 +44,7 @@ def normal(plate):
 
 
 def test_a_plane_is_a_plate_in_it_near_the_middle_of_the_script():
-    plate = solid(Surface("plane", (0.0, 0.0, 1.0), (0.0, 0.6, 0.8)), np.zeros(3), MIDDLE)
+    plate = solid(ScenerySurface("plane", (0.0, 0.0, 1.0), (0.0, 0.6, 0.8)), np.zeros(3), MIDDLE)
     across = np.array([0.0, 0.6, 0.8])
     assert normal(plate) == pytest.approx(across)
     assert (plate.centre - [0.0, 0.0, 1.0]) @ across == pytest.approx(0.0)
@@ -52,16 +52,16 @@ def test_a_plane_is_a_plate_in_it_near_the_middle_of_the_script():
 
 
 def test_the_end_of_a_reach_is_a_plate_on_the_side_of_the_middle():
-    plate = solid(Surface("reach", (0.0, 0.0, 0.0), size=(0.5,)), np.array([0.0, 0.0, 1.0]), MIDDLE)
+    plate = solid(ScenerySurface("reach", (0.0, 0.0, 0.0), size=(0.5,)), np.array([0.0, 0.0, 1.0]), MIDDLE)
     ahead = MIDDLE - [0.0, 0.0, 1.0]
     assert plate.centre - [0.0, 0.0, 1.0] == pytest.approx(0.5 * ahead / np.linalg.norm(ahead))
     assert normal(plate) == pytest.approx(ahead / np.linalg.norm(ahead))
 
 
 def test_a_ball_and_a_box_have_their_place_and_size():
-    ball = solid(Surface("ball", (0.1, 0.0, 1.0), size=(0.2,)), np.array([1.0, 0.0, 0.0]), MIDDLE)
+    ball = solid(ScenerySurface("ball", (0.1, 0.0, 1.0), size=(0.2,)), np.array([1.0, 0.0, 0.0]), MIDDLE)
     assert (ball.centre.tolist(), ball.radius) == ([1.1, 0.0, 1.0], 0.2)
-    box = solid(Surface("box", (0.0, 0.0, 1.0), size=(0.1, 0.2, 0.3)), np.zeros(3), MIDDLE)
+    box = solid(ScenerySurface("box", (0.0, 0.0, 1.0), size=(0.1, 0.2, 0.3)), np.zeros(3), MIDDLE)
     assert (box.centre.tolist(), box.edges.tolist()) == ([0.0, 0.0, 1.0], [0.1, 0.2, 0.3])
 
 

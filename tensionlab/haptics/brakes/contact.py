@@ -96,7 +96,7 @@ class ImpactCap:
             return np.asarray(self.force**2 / (np.square(speed) * self.stiffness * self.mass))
 
 
-class Wall(NamedTuple):
+class BrakeWall(NamedTuple):
     """Wall, as seen from the point that the cables hold.
 
     The unit normal (d,) leads towards the free side; the distance to the surface is in m, below zero inside; the
@@ -135,7 +135,7 @@ def decide(
     structure: ArrayLike,
     position: ArrayLike,
     velocity: ArrayLike,
-    wall: Wall,
+    wall: BrakeWall,
     limits: TensionLimits,
     strengths: ArrayLike,
     contact: BrakeContact | None = None,

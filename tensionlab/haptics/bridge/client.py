@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from tensionlab.errors import HardwareError, optional_import
-from tensionlab.haptics.bridge.messages import PROTOCOL, Message, State, Welcome, parse_message
+from tensionlab.haptics.bridge.messages import PROTOCOL, BridgeMessage, BridgeState, Welcome, parse_message
 
 
 class BridgeClient:
@@ -69,13 +69,13 @@ class BridgeClient:
         """Close the connection."""
         self._stack.close()
 
-    def send(self, message: Message) -> State:
+    def send(self, message: BridgeMessage) -> BridgeState:
         """Send a `Frame` or a `Stop`; return the state of the rig."""
         from websockets.exceptions import ConnectionClosed
 
         with suppress(ConnectionClosed):  # the last message of the bridge has the reason
             self._socket.send(message.model_dump_json())
-        return State.model_validate(self._answer("state"))
+        return BridgeState.model_validate(self._answer("state"))
 
     def frame(
         self,
@@ -83,7 +83,7 @@ class BridgeClient:
         hand: tuple[float, ...] | None = None,
         effects: dict[str, dict[str, Any]] | None = None,
         sequence: int = 0,
-    ) -> State:
+    ) -> BridgeState:
         """Send the place of the hand (m) at a time (s), and effects; return the state of the rig."""
         bodies = {} if hand is None else {"hand": {"position": hand}}
         return self.send(

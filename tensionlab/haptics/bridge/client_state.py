@@ -180,7 +180,9 @@ class ClientState:
         rig, hand = self.rig, frame.bodies.get(HAND)
         frames = rig.at_rest
         for name in set(frames) & set(frame.bodies):
-            frames[name] = pose.Frame(np.array(frame.bodies[name].position), _rotation(frame.bodies[name]))
+            frames[name] = pose.CoordinateFrame(
+                np.array(frame.bodies[name].position), _rotation(frame.bodies[name])
+            )
         try:
             lengths = rig.lengths(rig.home if hand is None else np.array(hand.position), frames=frames)
         except RigError as error:

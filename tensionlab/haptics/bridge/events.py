@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tensionlab.demand import Demand, RigState
-from tensionlab.haptics.bridge.messages import Event, State
+from tensionlab.haptics.bridge.messages import BridgeEvent, BridgeState
 from tensionlab.haptics.rendering.assignment import Cut
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.rig import Rig
@@ -23,7 +23,7 @@ NO_LIMITER = "NONE"
 UNKNOWN = "UNKNOWN"
 
 
-class Cycle(NamedTuple):
+class LatestCycle(NamedTuple):
     """Latest cycle."""
 
     state: RigState
@@ -59,7 +59,7 @@ class RunEvents:
         Called with each event; set it before the run.
     """
 
-    send: Callable[[Event], None]
+    send: Callable[[BridgeEvent], None]
 
     def __init__(
         self, rig: Rig, limiters: Mapping[int, str], brakes: Mapping[int, str], frames: Callable[[], int]
@@ -69,7 +69,7 @@ class RunEvents:
         self._upper, self._sent_upper = rig.limits.upper, rig.limits.upper.copy()
         self._still: Floats = np.zeros(rig.n)
         self._home: Floats = rig.home
-        self._latest: Cycle | None = None
+        self._latest: LatestCycle | None = None
         self._window: RateWindow | None = None
         self._ceiling = 0.0
         self._stiff: dict[str, float] = {}
@@ -78,7 +78,7 @@ class RunEvents:
     def take(self, state: RigState, demand: Demand, share: float, renderer: Renderer) -> None:
         """Take a cycle: see `OnCycle` in `tensionlab.haptics.bridge.source`."""
         before = self._latest
-        self._latest = Cycle(state, demand, share, renderer.ceiling, renderer.delay, renderer.cut)
+        self._latest = LatestCycle(state, demand, share, renderer.ceiling, renderer.delay, renderer.cut)
         self._send_share(state, 0.0 if before is None else before.share, share)
         self._send_stiffness(state, renderer)
         self._send_derating(state)
@@ -91,11 +91,11 @@ class RunEvents:
         """Send another event that happens now."""
         self._event(0.0 if self._latest is None else self._latest.state.time, kind, text)
 
-    def state(self, sequence: int) -> State:
+    def state(self, sequence: int) -> BridgeState:
         """Return the state of the rig, as the answer to a frame."""
         count = len(self._names)
         if self._latest is None:  # no cycle yet
-            return State(
+            return BridgeState(
                 sequence=sequence,
                 time=0.0,
                 position=self._home.tolist(),
@@ -116,7 +116,7 @@ class RunEvents:
         state, demand, share, ceiling, delay, cut = self._latest
         demanded = self._still if demand.wrench is None else np.asarray(demand.wrench)
         known = np.nan_to_num(state.tensions)
-        return State(
+        return BridgeState(
             sequence=sequence,
             time=state.time,
             position=state.pose.position.tolist(),
@@ -206,4 +206,4 @@ class RunEvents:
         self._window = window
 
     def _event(self, time: float, kind: str, text: str, **more: float | str) -> None:
-        self.send(Event.model_validate({"time": time, "kind": kind, "text": text, **more}))
+        self.send(BridgeEvent.model_validate({"time": time, "kind": kind, "text": text, **more}))

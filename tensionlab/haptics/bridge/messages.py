@@ -27,13 +27,13 @@ Share = Annotated[Number, Field(ge=-1.0 - MAX_LENGTH_ERROR, le=1.0 + MAX_LENGTH_
 Name = Annotated[str, Field(min_length=1, max_length=64)]
 
 
-class Message(BaseModel):
+class BridgeMessage(BaseModel):
     """Message; unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Body(Message):
+class Body(BridgeMessage):
     """Place of a tracked body."""
 
     position: tuple[Coordinate, ...] = Field(
@@ -51,7 +51,7 @@ class Body(Message):
         return rotation
 
 
-class Frame(Message):
+class Frame(BridgeMessage):
     """Places of the tracked bodies, and effects to render. At 50 to 120 a second; each gets a `state`."""
 
     type: Literal["frame"] = "frame"
@@ -77,13 +77,13 @@ class Frame(Message):
     )
 
 
-class Stop(Message):
+class StopRun(BridgeMessage):
     """End of the run: all modules release their cables."""
 
     type: Literal["stop"] = "stop"
 
 
-class Welcome(Message):
+class Welcome(BridgeMessage):
     """First message to every client."""
 
     type: Literal["welcome"] = "welcome"
@@ -100,7 +100,7 @@ class Welcome(Message):
     timeout: float = Field(description="time without a frame after which there is no force any more, in s")
 
 
-class State(Message):
+class BridgeState(BridgeMessage):
     """State of the rig: the answer to each `frame`."""
 
     type: Literal["state"] = "state"
@@ -163,7 +163,7 @@ KINDS = {
 }  # kinds of events, and what they say
 
 
-class Event(Message):
+class BridgeEvent(BridgeMessage):
     """Something that happened, for all clients. A `rate`, once a second, goes only to those that watch.
 
     Keys that do not belong to its kind are left out.
@@ -186,7 +186,7 @@ class Event(Message):
     frames: float | None = Field(None, description="rate: frames a second that came")
 
 
-class Refused(Message):
+class Refused(BridgeMessage):
     """Refusal of a message: the answer to it, in place of a `state`."""
 
     type: Literal["refused"] = "refused"
@@ -199,9 +199,9 @@ def refusal_reason(error: Exception) -> str:
     return reason.replace(":\n  ", ": ").replace("\n  ", "; ")[:MAX_MESSAGE_CHARACTERS]
 
 
-IN: tuple[type[Frame], type[Stop]] = (Frame, Stop)
-OUT: tuple[type[Message], ...] = (Welcome, State, Event, Refused)
-EXAMPLES: dict[type[Message], dict[str, Any]] = {
+IN: tuple[type[Frame], type[StopRun]] = (Frame, StopRun)
+OUT: tuple[type[BridgeMessage], ...] = (Welcome, BridgeState, BridgeEvent, Refused)
+EXAMPLES: dict[type[BridgeMessage], dict[str, Any]] = {
     Frame: {
         "type": "frame",
         "sequence": 7,
@@ -216,7 +216,7 @@ EXAMPLES: dict[type[Message], dict[str, Any]] = {
             "air": {"kind": "viscous", "damping": 0.5},
         },
     },
-    Stop: {"type": "stop"},
+    StopRun: {"type": "stop"},
     Welcome: {
         "type": "welcome",
         "protocol": PROTOCOL,
@@ -229,7 +229,7 @@ EXAMPLES: dict[type[Message], dict[str, Any]] = {
         "rate": 50.0,
         "timeout": 0.25,
     },
-    State: {
+    BridgeState: {
         "type": "state",
         "sequence": 7,
         "time": 3.42,
@@ -248,7 +248,7 @@ EXAMPLES: dict[type[Message], dict[str, Any]] = {
         "delay": 0.02,
         "fresh": 1.0,
     },
-    Event: {
+    BridgeEvent: {
         "type": "event",
         "time": 3.42,
         "kind": "limit",
@@ -282,9 +282,9 @@ def _no_constant(word: str) -> NoReturn:
     raise ProtocolError(f"not JSON, which has no {word}: give a finite number, or leave the key out")
 
 
-def parse_message(given: object) -> Frame | Stop:
+def parse_message(given: object) -> Frame | StopRun:
     """Return the message of a client that an object is; `ProtocolError` names the key, and what to give."""
-    kinds: dict[str, type[Frame | Stop]] = {"frame": Frame, "stop": Stop}
+    kinds: dict[str, type[Frame | StopRun]] = {"frame": Frame, "stop": StopRun}
     there = " or ".join(f'"{name}"' for name in kinds)
     if not isinstance(given, Mapping):
         raise ProtocolError(f"a message is {describe(given)}; give an object whose type is {there}")

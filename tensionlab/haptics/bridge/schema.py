@@ -54,7 +54,7 @@ def message_schema(rig: Rig | None = None) -> dict[str, Any]:
         message["required"] = ["type", *(key for key in message.get("required", ()) if key != "type")]
         if rig is None or kind in OUT:
             message["examples"] = [EXAMPLES[kind]]
-    definitions["Event"]["properties"]["kind"]["enum"] = list(KINDS)
+    definitions["BridgeEvent"]["properties"]["kind"]["enum"] = list(KINDS)
     frame = definitions["Frame"]["properties"]
     frame["effects"]["anyOf"][0]["additionalProperties"] = _reference("Effect")
     size = {"minItems": 2, "maxItems": 3}

@@ -27,10 +27,10 @@ from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import (
     MAX_MESSAGE_BYTES,
-    Event,
+    BridgeEvent,
+    BridgeState,
     Refused,
-    State,
-    Stop,
+    StopRun,
     Welcome,
     parse,
     parse_message,
@@ -103,7 +103,7 @@ class Bridge:
         self,
         client: ClientState,
         welcome: Welcome,
-        state: Callable[[int], State],
+        state: Callable[[int], BridgeState],
         host: str = "127.0.0.1",
         port: int = 0,
         admission: Admission | None = None,
@@ -149,7 +149,7 @@ class Bridge:
         """End `serve`; from any thread."""
         self._soon(self._over.set)
 
-    def broadcast(self, event: Event) -> None:
+    def broadcast(self, event: BridgeEvent) -> None:
         """Send an event to all clients, but rates only to those that watch; from any thread."""
         self._soon(partial(self._send_event, event))
 
@@ -330,12 +330,12 @@ class Bridge:
                 await connection.send(self._state(0).model_dump_json())
                 await asyncio.sleep(STATE_PERIOD_S)
 
-    def _answer(self, content: str | bytes, connected: CommandConnection) -> State | Refused:
+    def _answer(self, content: str | bytes, connected: CommandConnection) -> BridgeState | Refused:
         """Take a message, and return the answer."""
         now, began = self._client.clock(), time.thread_time()
         try:
             message = parse_message(parse(content))
-            if isinstance(message, Stop):
+            if isinstance(message, StopRun):
                 self._client.stop(now, connected.commander)
                 return self._state(0)
             self._client.put(message, now, connected.commander)
@@ -363,7 +363,7 @@ class Bridge:
         except TimeoutError:
             connection.transport.abort()
 
-    def _send_event(self, event: Event) -> None:
+    def _send_event(self, event: BridgeEvent) -> None:
         from websockets.asyncio.server import broadcast
 
         commanding = {self._commanding.socket} if self._commanding is not None else set()

@@ -48,7 +48,7 @@ STANDARD_LIMITS = ModuleLimits()
 MAX_CYCLES_PER_STEP = 0.525
 
 
-class Cables(NamedTuple):
+class CableState(NamedTuple):
     """Cables of a rig as they are now.
 
     Their lengths (m,) in m, unit vectors (m, d) from the hand to the modules, and which modules may render an
@@ -104,7 +104,7 @@ class EffectFailed(EffectError):  # noqa: N818 - what happened
 def assign(
     effects: Sequence[Effect],
     motion: Motion,
-    cables: Cables,
+    cables: CableState,
     limits: ModuleLimits = STANDARD_LIMITS,
     host_stiffness: float = math.inf,
     memories: Sequence[EffectMemory] | None = None,

@@ -20,7 +20,7 @@ from tensionlab.demand import Demand, Impedance, RigState
 from tensionlab.haptics.effects import Friction, Shape, Viscous, Wall
 from tensionlab.haptics.effects.effect import Effect, Motion
 from tensionlab.haptics.rendering.assignment import (
-    Cables,
+    CableState,
     Cut,
     EffectFailed,
     EffectMemory,
@@ -124,7 +124,7 @@ class Renderer:
         stages = Stages(self._controller if passive else None, max_force=self._max_force)
         before = self._memories[passive]
         smooth = stages.smooth(motion, before.stages)
-        cables = Cables(state.lengths, state.structure[: self._rig.dimension].T, available)
+        cables = CableState(state.lengths, state.structure[: self._rig.dimension].T, available)
         memories: list[EffectMemory] = []
         for name, effect in effects.items():
             kind, memory = before.effects.get(name, (None, EffectMemory()))

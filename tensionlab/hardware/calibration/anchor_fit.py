@@ -52,7 +52,7 @@ class Poses:
         return Poses(position, np.where(where[:, None, None], other.rotation, self.rotation))
 
 
-def advice(problem: Problem, shared: Floats, weak: Floats) -> str:
+def advice(problem: AnchorProblem, shared: Floats, weak: Floats) -> str:
     """Return the poses, as words, at which lengths would best show an unseen motion of the anchors.
 
     Tried are the corners and middles of a box somewhat smaller than the anchors', not turned and turned.
@@ -88,7 +88,7 @@ def _words(position: Floats, angles: Floats) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class AnchorProblem:
     """Lengths to be fitted, by shared parameters (anchors row by row, and offsets if there are any) and poses."""
 
     rig: Rig
@@ -172,7 +172,7 @@ TRIMMED = 0.7  # share of the poses that anchors are fitted to at first then
 NEIGHBOURS = 4  # how many neighbours each tries
 
 
-def best_fit(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
+def best_fit(problem: AnchorProblem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
     """Return the shared parameters and poses, near these, that fit the lengths best by least squares."""
     shared, poses = _descend(problem, shared, problem.fitted(shared, poses))
     if not problem.known:
@@ -185,7 +185,7 @@ def best_fit(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Po
     return shared, poses
 
 
-def _descend(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
+def _descend(problem: AnchorProblem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
     """Minimise over the shared parameters by Levenberg-Marquardt."""
     error = problem.residuals(shared, poses)
     damping, longest = FIRST_DAMPING, float(problem.lengths.max())
@@ -208,7 +208,7 @@ def _descend(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Po
     return shared, poses
 
 
-def _restarted(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
+def _restarted(problem: AnchorProblem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
     """Fit again, first without the poses that fit worst.
 
     Forward kinematics has many answers, and a pose on a wrong branch pulls all anchors with it.
@@ -220,7 +220,7 @@ def _restarted(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, 
     return _descend(problem, trial, _unflipped(problem, trial, problem.fitted(trial, poses)))
 
 
-def _unflipped(problem: Problem, shared: Floats, poses: Poses) -> Poses:
+def _unflipped(problem: AnchorProblem, shared: Floats, poses: Poses) -> Poses:
     """Solve each pose again from neighbours that fit well, and return the better ones."""
     error = np.sum(problem.residuals(shared, poses) ** 2, axis=1)
     good = np.argsort(error)[: max(len(error) // 2, 1)]

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tensionlab.errors import CalibrationError
-from tensionlab.hardware.calibration.anchor_fit import Poses, Problem, advice, best_fit
+from tensionlab.hardware.calibration.anchor_fit import AnchorProblem, Poses, advice, best_fit
 from tensionlab.hardware.calibration.gain import quantile
 from tensionlab.model.kinematics import fit_rotation
 from tensionlab.model.rig import Rig
@@ -92,7 +92,7 @@ def calibrate_anchors(
         if known:
             raise CalibrationError("known poses were announced and none given; add them, or leave them unknown")
         poses = Poses.at(rig, np.tile(rig.home, (len(lengths), 1)))
-    problem = Problem(rig, lengths, known, offsets)
+    problem = AnchorProblem(rig, lengths, known, offsets)
     _require_enough(problem)
     shared = np.concatenate([rig.anchors.ravel(), np.zeros(rig.m * offsets)])
     shared, poses = best_fit(problem, shared, poses)
@@ -101,7 +101,7 @@ def calibrate_anchors(
     return _judged(problem, shared, poses)
 
 
-def _require_enough(problem: Problem) -> None:
+def _require_enough(problem: AnchorProblem) -> None:
     rig, count = problem.rig, len(problem.lengths)
     if problem.spare <= 0:
         raise CalibrationError(
@@ -118,7 +118,7 @@ def _require_enough(problem: Problem) -> None:
         )
 
 
-def _onto_nominal(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
+def _onto_nominal(problem: AnchorProblem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
     """Move the rig as one so that its anchors are closest to the nominal ones (Kabsch 1976), without mirroring."""
     anchors, offsets = problem.split(shared)
     nominal = problem.rig.anchors
@@ -132,7 +132,7 @@ def _onto_nominal(problem: Problem, shared: Floats, poses: Poses) -> tuple[Float
     )
 
 
-def _judged(problem: Problem, shared: Floats, poses: Poses) -> AnchorEstimate:
+def _judged(problem: AnchorProblem, shared: Floats, poses: Poses) -> AnchorEstimate:
     """Return the estimate with its uncertainty; raise if poses do not determine all anchors."""
     anchors, offsets = problem.split(shared)
     rows = problem.jacobian(shared, poses).reshape(-1, problem.size)
@@ -185,8 +185,8 @@ FOLDS = 5
 
 
 def nominal_misfit(rig: Rig, lengths: Floats, poses: Poses, *, known: bool) -> float:
-    """Return the misfit of lengths to the nominal rig, in m, as `Problem.misfit`."""
-    return Problem(rig, lengths, known, False).misfit(rig.anchors.ravel(), poses)
+    """Return the misfit of lengths to the nominal rig, in m, as `AnchorProblem.misfit`."""
+    return AnchorProblem(rig, lengths, known, False).misfit(rig.anchors.ravel(), poses)
 
 
 def held_out_misfit(rig: Rig, lengths: Floats, poses: Poses, *, known: bool, offsets: bool) -> float:
@@ -205,6 +205,6 @@ def held_out_misfit(rig: Rig, lengths: Floats, poses: Poses, *, known: bool, off
         except CalibrationError:
             return math.nan
         shared = np.append(found.anchors, found.offsets)
-        left = Problem(rig, lengths[out], known, offsets)
+        left = AnchorProblem(rig, lengths[out], known, offsets)
         squares.append(left.misfit(shared, poses.take(np.flatnonzero(out))) ** 2 * int(out.sum()))
     return math.sqrt(sum(squares) / len(lengths))

@@ -28,7 +28,7 @@ from tensionlab.hardware.protocol.codes import (
     Fault,
     State,
 )
-from tensionlab.hardware.protocol.frames import Frame
+from tensionlab.hardware.protocol.frames import WireFrame
 from tensionlab.hardware.protocol.messages import Acknowledge, Message, Telemetry
 from tensionlab.hardware.protocol.parameters import PARAMETERS, require_name, require_value
 
@@ -496,7 +496,7 @@ class ModuleClient:
     def _take_queue(self) -> None:
         """Take what the endpoint leaves to Python: answers for those who wait, the rest for `on_message`."""
         now = self.link.clock()
-        for frame in map(Frame._make, self.endpoint.take_queue()):
+        for frame in map(WireFrame._make, self.endpoint.take_queue()):
             try:
                 message = messages.read(frame)
             except ProtocolError as error:

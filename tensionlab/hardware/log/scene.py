@@ -30,7 +30,7 @@ from tensionlab.hardware.runner.cycle_table import anchors_in_world, desired_wre
 from tensionlab.hardware.runner.records import Cycle
 from tensionlab.model.kinematics import in_space, turn_axes
 from tensionlab.model.module import WORLD, upward
-from tensionlab.model.pose import Frame, frame_of, place_anchors
+from tensionlab.model.pose import CoordinateFrame, frame_of, place_anchors
 from tensionlab.model.pulleys import ways
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
@@ -139,7 +139,7 @@ class SceneEncoder:
         """Return where the world, the platform and the body frames are."""
         pose = cycle.state.pose
         found = [_transform(now, UPRIGHT, WORLD, NOWHERE, self._upright)]
-        placed = {PLATFORM: Frame(pose.position, pose.rotation)}
+        placed = {PLATFORM: CoordinateFrame(pose.position, pose.rotation)}
         placed |= {name: frame_of(where) for name, where in (pose.frames or {}).items()}
         for name, (position, rotation) in placed.items():
             place = _vector(in_space(np.asarray(position, dtype=np.float64)))

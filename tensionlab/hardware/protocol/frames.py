@@ -18,7 +18,7 @@ CHECKSUM_BYTES = 3  # bytes of a checksum
 MAX_FRAME = MAX_PIECE + len(DELIMITER)  # most bytes of a frame on the wire
 
 
-class Frame(NamedTuple):
+class WireFrame(NamedTuple):
     """Frame: type (bit 7: from a module), sequence number (an answer has the command's) and payload."""
 
     type: int
@@ -42,9 +42,9 @@ class Decoder:
     def __init__(self) -> None:
         self._native = _native.FrameDecoder()
 
-    def feed(self, content: bytes) -> list[Frame]:
+    def feed(self, content: bytes) -> list[WireFrame]:
         """Return the frames that these bytes complete."""
-        return [Frame(*found) for found in self._native.feed(content)]
+        return [WireFrame(*found) for found in self._native.feed(content)]
 
     @property
     def bad_frames(self) -> int:

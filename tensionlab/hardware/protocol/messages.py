@@ -24,7 +24,7 @@ from tensionlab.hardware.protocol.codes import (
     State,
     Type,
 )
-from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, Frame
+from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, WireFrame
 
 PROTOCOL = 3  # version of the protocol; `Info` has the module's
 MESSAGES: dict[int, type[Message]] = {}  # message class of each type of frame
@@ -99,9 +99,9 @@ class Message:
         message.__dict__.update(zip(cls._kinds, values, strict=True))
         return message
 
-    def frame(self, sequence: int) -> Frame:
+    def frame(self, sequence: int) -> WireFrame:
         """Return the frame of this message."""
-        return Frame(self.type, sequence, self.pack())
+        return WireFrame(self.type, sequence, self.pack())
 
 
 def printable(text: str) -> str:
@@ -109,7 +109,7 @@ def printable(text: str) -> str:
     return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)
 
 
-def read(frame: Frame) -> Message:
+def read(frame: WireFrame) -> Message:
     """Return the message of a frame; an unknown type, or a payload that does not fit it, is a `ProtocolError`."""
     if frame.type not in MESSAGES:
         raise ProtocolError(f"no message has type 0x{frame.type:02x} in protocol {PROTOCOL}")

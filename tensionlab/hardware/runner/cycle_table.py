@@ -71,7 +71,7 @@ def codes(kind: type[IntEnum | IntFlag]) -> str:
     return ", ".join(f"{member.value} {member.name}" for member in kind)
 
 
-class Column(NamedTuple):
+class RunColumn(NamedTuple):
     """Where a column of a run comes from, its unit and meaning, and its dimensions after the first, the cycle."""
 
     source: str | Callable[[Cycle, Rig], Any]
@@ -85,7 +85,7 @@ def column(source: str | Callable[[Cycle, Rig], Any], unit: str, meaning: str, *
 
     Its values come from an attribute of the `Cycle`, or from a function of the cycle and the rig.
     """
-    return field(metadata={"column": Column(source, unit, meaning, dims)})
+    return field(metadata={"column": RunColumn(source, unit, meaning, dims)})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -167,7 +167,7 @@ class CycleTable:
 
 
 # All columns, by name.
-COLUMNS: dict[str, Column] = {each.name: each.metadata["column"] for each in fields(CycleTable)}
+COLUMNS: dict[str, RunColumn] = {each.name: each.metadata["column"] for each in fields(CycleTable)}
 
 
 def _dtype(hint: Any) -> np.dtype[Any]:

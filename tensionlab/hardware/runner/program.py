@@ -28,13 +28,13 @@ from pydantic import Field
 from tensionlab.demand import Demand, RigState
 from tensionlab.errors import HardwareError
 from tensionlab.model.rig import Rig
-from tensionlab.model.schema import Table
+from tensionlab.model.schema import SchemaTable
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief, read_toml
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class ProgramStep:
     """Step of a program: seconds of a wrench (n,) in N and N·m, at once or by a ramp from the one before."""
 
     seconds: float
@@ -51,14 +51,15 @@ class Program:
     --------
     >>> import numpy as np
     >>> from tensionlab.hardware import Program
-    >>> from tensionlab.hardware.runner.program import Step
-    >>> up_and_down = Program("up", (Step(1.0, np.array([0.0, 1.0, 0.0])), Step(1.0, np.zeros(3), ramp=True)))
+    >>> from tensionlab.hardware.runner.program import ProgramStep
+    >>> up, rest = ProgramStep(1.0, np.array([0.0, 1.0, 0.0])), ProgramStep(1.0, np.zeros(3), ramp=True)
+    >>> up_and_down = Program("up", (up, rest))
     >>> up_and_down.repeat
     False
     """
 
     name: str
-    steps: tuple[Step, ...]
+    steps: tuple[ProgramStep, ...]
     repeat: bool = False
 
     @property
@@ -113,13 +114,15 @@ def load_program(path: str | PathLike[str], rig: Rig) -> Program:
         here = f"{path}: step {number}"
         if not 0.0 < table.seconds < math.inf:
             raise HardwareError(f"{here}: seconds is {table.seconds:g}; give a time above 0")
-        step = Step(table.seconds, np.array(table.wrench, dtype=np.float64), table.ramp, frozenset(table.brakes))
+        step = ProgramStep(
+            table.seconds, np.array(table.wrench, dtype=np.float64), table.ramp, frozenset(table.brakes)
+        )
         require_demand(Demand(step.wrench, brakes=step.brakes), rig, here)
         steps.append(step)
     return Program(file.name, tuple(steps), file.repeat)
 
 
-class StepTable(Table):
+class StepTable(SchemaTable):
     """One ``[[steps]]`` entry."""
 
     seconds: float = Field(description="how long it takes in s, a number")
@@ -128,7 +131,7 @@ class StepTable(Table):
     brakes: list[str] = Field([], description="names of modules whose brake is on, a list")
 
 
-class ProgramFile(Table):
+class ProgramFile(SchemaTable):
     """A whole file."""
 
     name: str = Field(min_length=1, description="a name in quotes")

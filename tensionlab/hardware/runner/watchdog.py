@@ -27,7 +27,7 @@ NATIVE_GRACE_S = 2.0  # how much longer than a step Python may keep this thread 
 ENDING_S = 30.0  # how long stopping the modules and closing the log may take before the process ends without it
 
 
-class Step(NamedTuple):
+class TimedStep(NamedTuple):
     """Step of the run's thread, and how long it may take in s."""
 
     name: str
@@ -44,7 +44,7 @@ class Watchdog:
     def __init__(self, interrupt: Callable[[str], None], end: Callable[[str], None]) -> None:
         self._interrupt, self._end = interrupt, end
         self._watched = threading.get_ident()
-        self._step: Step | None = None
+        self._step: TimedStep | None = None
         self._closed = threading.Event()
         self._native = _native.Watchdog(
             "tensionlab: a native call keeps the interpreter and does not return, so the process ends; its "
@@ -69,14 +69,14 @@ class Watchdog:
 
     def begin(self, name: str, seconds: float) -> None:
         """Begin a step, which ends the one before. It may take so many s."""
-        self._step = Step(name, seconds)
+        self._step = TimedStep(name, seconds)
 
     def rest(self) -> None:
         """End a step; none follows at once."""
         self._step = None
 
     def _watch(self) -> None:
-        seen: Step | None = None
+        seen: TimedStep | None = None
         ticks = 0
         while not self._closed.wait(TICK_S):
             step = self._step
@@ -89,7 +89,7 @@ class Watchdog:
                 self._expire(step)
                 return
 
-    def _expire(self, step: Step) -> None:
+    def _expire(self, step: TimedStep) -> None:
         why = f"{step.name} has not ended for {step.seconds:g} s{self._place()}: all modules are stopped"
         self._interrupt(why)
         for _ in range(round(GRACE_S / TICK_S)):

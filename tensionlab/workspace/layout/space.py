@@ -15,7 +15,7 @@ from tensionlab.errors import RigError
 from tensionlab.model import pose
 from tensionlab.model.layouts import LIMITS
 from tensionlab.model.module import WORLD, Module, Platform, TensionLimits, require_name, vector
-from tensionlab.model.pose import Frame, RestPose
+from tensionlab.model.pose import CoordinateFrame, RestPose
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers, as_floats
@@ -174,7 +174,7 @@ class Space:
     counts: Annotated[tuple[PositiveInt, ...], Field(min_length=1)]
     limits: tuple[Tension, Tension] = LIMITS
     fixed: tuple[InstanceOf[Module], ...] = ()
-    frames: InstanceOf[Mapping[str, Frame]] = field(default_factory=dict)
+    frames: InstanceOf[Mapping[str, CoordinateFrame]] = field(default_factory=dict)
     hardware: dict[Hardware, Any] = field(default_factory=dict)
     up: str | None = None
     platform: InstanceOf[Platform] | None = None

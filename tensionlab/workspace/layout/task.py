@@ -17,7 +17,7 @@ from tensionlab.model import schema
 from tensionlab.model.files import requirement
 from tensionlab.model.module import MAX_LENGTH, Module, Platform
 from tensionlab.model.pose import RestPose
-from tensionlab.model.schema import FrameTable, ModuleTable, PlatformTable, RequiredTable, Table
+from tensionlab.model.schema import FrameTable, ModuleTable, PlatformTable, RequiredTable, SchemaTable
 from tensionlab.support.files.named import find
 from tensionlab.support.files.reading import brief, read_toml
 from tensionlab.support.validation import validate
@@ -36,7 +36,7 @@ Interval = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Face = Literal["left wall", "right wall", "floor", "ceiling", "back wall", "front wall"]
 
 
-class RoomTable(Table):
+class RoomTable(SchemaTable):
     """Table ``[room]``: surfaces that need not be written one by one."""
 
     size: Annotated[list[PositiveFloat], Field(min_length=3, max_length=3)] = Field(
@@ -46,7 +46,7 @@ class RoomTable(Table):
     faces: list[Face] | None = Field(None, description="names of the faces to use; all are used if left out")
 
 
-class SurfaceTable(Table):
+class SurfaceTable(SchemaTable):
     """Entry of ``[[surfaces]]``."""
 
     name: str = Field(min_length=1, description="a name in quotes that no other surface has")
@@ -55,14 +55,14 @@ class SurfaceTable(Table):
     frame: str = Field("world", description='"world" or the name of a body frame, in quotes')
 
 
-class LimitsTable(schema.LimitsTable):
+class SearchLimits(schema.LimitsTable):
     """Table ``[limits]``: of the modules that are put, and defaults of those that stay."""
 
     lower: float = Field(description="the smallest tension in N, a number")
     upper: float = Field(description="the largest tension in N, a number")
 
 
-class TargetTable(Table):
+class TargetTable(SchemaTable):
     """Table ``[target]``."""
 
     x: Interval = Field(description="start and end along X, in m")
@@ -71,13 +71,13 @@ class TargetTable(Table):
     step: float = Field(description="the distance of neighbouring positions in m, a number")
 
 
-class ObjectiveTable(Table):
+class ObjectiveTable(SchemaTable):
     """Table ``[objective]``."""
 
     force: float | None = Field(None, description="the force in N to be had in every direction, a number")
 
 
-class SearchTable(Table):
+class SearchTable(SchemaTable):
     """Table ``[search]``."""
 
     seed: int = Field(0, ge=0, description="a whole number, 0 or more")
@@ -85,14 +85,14 @@ class SearchTable(Table):
     starts: int = Field(50, ge=1, description="how many layouts to polish, a whole number above zero")
 
 
-class SpaceFile(Table):
+class SpaceFile(SchemaTable):
     """Whole file."""
 
     name: str = Field(min_length=1, description="a name in quotes")
     description: str = Field("", description="a text in quotes")
     up: str | None = Field(None, description='the axis that points up, in quotes, as in up = "z"')
     counts: list[int] = Field(min_length=1, description="how many modules to put, a list of whole numbers")
-    limits: LimitsTable = Field(description="a [limits] table")
+    limits: SearchLimits = Field(description="a [limits] table")
     target: TargetTable = Field(description="a [target] table")
     platform: PlatformTable | None = Field(None, description="a [platform] table")
     required: RequiredTable = Field(RequiredTable(), description="a [required] table")

@@ -16,14 +16,14 @@ CHUNKS_PER_WORKER = 2  # under way at once, so that no worker waits and memory i
 CLUSTER_TIMEOUT_S = 10  # longest time until a scheduler answers, in s
 
 
-class Task(Protocol):
+class ExecutorTask(Protocol):
     """Part of the work, with all that it takes to do it: small enough to send to another machine."""
 
     def evaluate(self) -> Any:
         """Do it, and return what was found."""
 
 
-AnyTask = TypeVar("AnyTask", bound=Task)
+AnyTask = TypeVar("AnyTask", bound=ExecutorTask)
 
 
 def evaluate_on_threads(tasks: Iterable[AnyTask]) -> Iterator[tuple[AnyTask, Any]]:

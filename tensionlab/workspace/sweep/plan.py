@@ -31,7 +31,7 @@ MIN_CHUNK_VALUES = 1_024  # values of a chunk that is not worth cutting up
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class ChunkTask:
     """One chunk of a sweep, with all that it takes to evaluate it: small enough to send to another machine."""
 
     number: int
@@ -109,7 +109,7 @@ class Plan:
         """Return the index of the chunk of a number along each axis."""
         return tuple(int(i) for i in np.unravel_index(number, self.tiles))
 
-    def task(self, number: int) -> Task:
+    def task(self, number: int) -> ChunkTask:
         """Return the task that evaluates the chunk of a number."""
         block = self.block(number)
         count = len(self.configurations.shape)
@@ -118,7 +118,7 @@ class Plan:
             for index in np.ndindex(*(part.stop - part.start for part in block[:count]))
         )
         required = tuple(map(self.requirement, rigs))
-        return Task(number, block, rigs, self.poses.block(block[count:]), self.metrics, self.frames, required)
+        return ChunkTask(number, block, rigs, self.poses.block(block[count:]), self.metrics, self.frames, required)
 
     def requirement(self, rig: Rig) -> Requirement:
         """Return what is required of a rig."""

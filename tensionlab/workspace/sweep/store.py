@@ -23,7 +23,7 @@ from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files import writing
 from tensionlab.workspace.sweep.dataset import DONE, attributes
-from tensionlab.workspace.sweep.plan import Plan, Task
+from tensionlab.workspace.sweep.plan import ChunkTask, Plan
 
 if TYPE_CHECKING:
     import xarray
@@ -46,7 +46,7 @@ class MemoryStore:
         self._plan, self._empty = plan, empty
         self._values = np.empty((len(plan.metrics), *plan.shape))
 
-    def write(self, task: Task, values: Floats) -> None:
+    def write(self, task: ChunkTask, values: Floats) -> None:
         """Keep the values of one chunk, (metrics, *shape of its block)."""
         self._values[(slice(None), *task.block)] = values
 
@@ -88,7 +88,7 @@ class ZarrStore:
             self._arrays, self._done = [group[each.name] for each in plan.metrics], group[DONE]
             self.done = np.asarray(self._done[...])  # another process may have continued before the lock was free
 
-    def write(self, task: Task, values: Floats) -> None:
+    def write(self, task: ChunkTask, values: Floats) -> None:
         """Write the values of one chunk, and then that it is done."""
         for array, part in zip(self._arrays, values, strict=True):
             array[task.block] = part

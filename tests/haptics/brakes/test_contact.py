@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.haptics.brakes.contact import BrakeContact, ImpactCap, Timing, Wall, decide
+from tensionlab.haptics.brakes.contact import BrakeContact, BrakeWall, ImpactCap, Timing, decide
 
 UP = np.array([0.0, 1.0])
 FLOOR_M = 2.0
@@ -13,7 +13,7 @@ STRONG = np.full(3, 186.0)
 
 def at(height, speed, contact=None, *, force=40.0, structure=ABOVE, strengths=STRONG, sideways=0.0, cap=None):
     """Decide for a hand at this height over a floor, moving up with this speed."""
-    wall = Wall(UP, height, force)
+    wall = BrakeWall(UP, height, force)
     return decide(structure, [0.0, FLOOR_M + height], [sideways, speed], wall, BOX, strengths, contact, cap=cap)
 
 
@@ -100,7 +100,7 @@ def test_the_impact_of_what_is_locked_stays_below_the_cap():
         U /= np.linalg.norm(U, axis=0)
         box = tl.TensionLimits(np.full(5, 0.5), np.full(5, 6.0))
         v = np.append(rng.normal(size=2) * 0.1, 0.0)[[0, 2, 1]] - [0.0, rng.uniform(0.02, 0.5), 0.0]
-        wall = Wall([0.0, 1.0, 0.0], 0.0, 60.0)
+        wall = BrakeWall([0.0, 1.0, 0.0], 0.0, 60.0)
         own = U[:, decide(U, np.zeros(3), v, wall, box, np.full(5, 186.0), cap=cap).locked]
         if own.size == 0:
             continue
@@ -133,7 +133,7 @@ def test_a_hand_that_pushes_and_leaves():
         user = np.array([0.0, np.clip(100.0 * ((-0.2 if time < 1.0 else 0.2) - v[1]), -30.0, 30.0)])
         anchors = np.array([[0.0, 1.0], [0.6, 0.8], [-0.6, 0.8]])
         U = (anchors - p).T / np.linalg.norm(anchors - p, axis=1)
-        found = decide(U, p, v, Wall(UP, float(p[1]), 60.0), BOX, STRONG, contact, timing)
+        found = decide(U, p, v, BrakeWall(UP, float(p[1]), 60.0), BOX, STRONG, contact, timing)
         contact = found.contact
         changes += int(np.any(found.locked != last))
         last = found.locked
@@ -161,5 +161,5 @@ def test_numbers_that_make_no_sense_are_refused():
     with pytest.raises(ValueError, match="mass=0"):
         ImpactCap(mass=0.0)
     with pytest.raises(tl.errors.ShapeError, match="position has shape"):
-        decide(ABOVE, [0.0], [0.0, 0.0], Wall(UP, 0.0, 1.0), BOX, STRONG)
+        decide(ABOVE, [0.0], [0.0, 0.0], BrakeWall(UP, 0.0, 1.0), BOX, STRONG)
     assert isinstance(at(-0.001, -0.1).contact, BrakeContact)

@@ -16,7 +16,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from tensionlab.errors import HardwareError
 from tensionlab.haptics.bridge.client import BridgeClient
 from tensionlab.haptics.bridge.command import SILENCE_S
-from tensionlab.haptics.bridge.messages import MAX_MESSAGE_BYTES, Stop, Welcome
+from tensionlab.haptics.bridge.messages import MAX_MESSAGE_BYTES, StopRun, Welcome
 from tensionlab.haptics.bridge.schema import schema_text
 from tensionlab.haptics.bridge.server import MAX_REFUSED, REFUSAL_PAUSE_S
 from tensionlab.hardware.log.reader import read_run
@@ -415,7 +415,7 @@ def test_clients_hear_why_a_run_has_ended(serve):
 def test_a_stop_ends_the_run(bridge, capsys):
     with BridgeClient(bridge.url) as client:
         push(bridge, client, 0.3)
-        client.send(Stop())
+        client.send(StopRun())
         assert bridge.wait() == 0
     assert "finished: stopped by the demand" in " ".join(capsys.readouterr().out.split())
 

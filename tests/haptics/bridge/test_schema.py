@@ -82,12 +82,12 @@ def test_every_parameter_has_a_meaning_and_its_unit(kind):
 
 
 def test_words_of_the_state_are_those_of_the_modules():
-    words = WHOLE["$defs"]["State"]["properties"]
+    words = WHOLE["$defs"]["BridgeState"]["properties"]
     for name, codes in (("limiters", Limit), ("brakes", BrakeState)):
         assert [*re.findall(r"\b[A-Z]{4,}\b", words[name]["description"])][: len(codes)] == [
             each.name for each in codes
         ]
-    assert WHOLE["$defs"]["Event"]["properties"]["kind"]["enum"] == list(KINDS)
+    assert WHOLE["$defs"]["BridgeEvent"]["properties"]["kind"]["enum"] == list(KINDS)
 
 
 def message(text):
@@ -168,7 +168,7 @@ def test_all_that_a_client_and_the_bridge_say_is_of_the_schema(monkeypatch):
 
 
 def test_the_answers_are_those_of_the_examples(monkeypatch):
-    frame, state = EXAMPLES[Frame], next(each for kind, each in EXAMPLES.items() if kind.__name__ == "State")
+    frame, state = EXAMPLES[Frame], next(each for kind, each in EXAMPLES.items() if kind.__name__ == "BridgeState")
     with SimulatedServe((ROOT / "datasets/rigs/bartels2026-validation.toml", "--port", 0), monkeypatch) as bridge:
         line = bridge.connect(f"{bridge.url}/command")
         examples = {kind.__name__: each for kind, each in EXAMPLES.items()}

@@ -19,7 +19,7 @@ from tensionlab.haptics.effects import (
 )
 from tensionlab.haptics.rendering.assignment import (
     MAX_APPROACH_M,
-    Cables,
+    CableState,
     EffectFailed,
     ModuleLimits,
     along_cable,
@@ -96,7 +96,7 @@ def test_before_contact_the_module_does_not_damp():
 
 
 DIRECTIONS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.6, 0.0, 0.8], [0.0, -1.0, 0.0]])
-CABLES = Cables(np.full(4, 2.0), DIRECTIONS, np.ones(4, dtype=bool))
+CABLES = CableState(np.full(4, 2.0), DIRECTIONS, np.ones(4, dtype=bool))
 
 
 def test_the_best_cable_takes_the_part_and_the_host_the_rest():

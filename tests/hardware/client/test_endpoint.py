@@ -21,7 +21,7 @@ from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.links import SocketLink
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import FOLLOWING_STATES, BrakeState, Code, Fault, Limit, State, Type
-from tensionlab.hardware.protocol.frames import Decoder, Frame
+from tensionlab.hardware.protocol.frames import Decoder, WireFrame
 from tensionlab.hardware.protocol.messages import Acknowledge, Event, Log, SetTension, Telemetry, read
 from tensionlab.hardware.runner.module_monitor import TELEMETRY_UNITS, ModuleMonitor
 
@@ -71,7 +71,7 @@ def scripted(count=1, seed=0):
 
 def frame(message):
     """Its frame, also of numbers that are not finite, which a broken sensor may report."""
-    return Frame(message.type, 0, message._layout.pack(*vars(message).values()))
+    return WireFrame(message.type, 0, message._layout.pack(*vars(message).values()))
 
 
 def say(client, *messages):
@@ -176,7 +176,9 @@ def test_telemetry_with_a_code_that_has_no_name_is_not_read(at, value):
     client = scripted().clients[0]
     payload = bytearray(telemetry().pack())
     payload[at] = value
-    client.link.said = Frame(Type.TELEMETRY, 0, bytes(payload)).pack() + Frame(Type.TELEMETRY, 0, b"short").pack()
+    client.link.said = (
+        WireFrame(Type.TELEMETRY, 0, bytes(payload)).pack() + WireFrame(Type.TELEMETRY, 0, b"short").pack()
+    )
     client.listen()
     assert client.telemetry is None
     assert client.bad_frames == 2

@@ -12,7 +12,7 @@ from tensionlab.hardware.client import group
 from tensionlab.hardware.client.links import SerialPort
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Code, Type
-from tensionlab.hardware.protocol.frames import DELIMITER, Decoder, Frame
+from tensionlab.hardware.protocol.frames import DELIMITER, Decoder, WireFrame
 from tensionlab.hardware.protocol.messages import PROTOCOL, Acknowledge, Hello, Info, Log, read
 
 INFO = struct.pack("<BHI5BH4f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, 0.5, 6.0, 3.0, 0.02)
@@ -61,7 +61,7 @@ def client(answer):
     ],
 )
 def test_an_answer_that_makes_no_sense_is_told_at_once(kind, payload, message):
-    liar = client(lambda frame: Frame(kind, frame.sequence, payload).pack())
+    liar = client(lambda frame: WireFrame(kind, frame.sequence, payload).pack())
     with pytest.raises(ProtocolError, match=f'module "liar" answered what makes no sense: .*{message}') as raised:
         liar.hello()
     assert liar.link.time <= 0.2, "after the first try"
@@ -72,7 +72,7 @@ def test_an_answer_that_makes_no_sense_is_told_at_once(kind, payload, message):
 def test_an_answer_to_something_else_is_none(kind, monkeypatch):
     monkeypatch.setattr(group, "PATIENT_TIMEOUTS_S", (0.05,))
     payload = {Type.PONG: bytes(12), Type.PARAMETER: bytes(13), Type.ACKNOWLEDGE: bytes([Type.HELLO, 0, 0])}[kind]
-    liar = client(lambda frame: Frame(kind, frame.sequence, payload).pack())
+    liar = client(lambda frame: WireFrame(kind, frame.sequence, payload).pack())
     with pytest.raises(LinkTimeout, match="did not answer Hello"):
         liar.hello()
     with pytest.raises(HardwareError, match='"liar"'):  # and no traceback, where many are asked together
@@ -104,12 +104,12 @@ def test_whatever_a_frame_holds_no_other_error_comes_of_it():
         kind = rng.choice([*Type, rng.randrange(256)])
         size = rng.choice((0, 3, 4, 12, 13, 30, 40, rng.randrange(57)))
         payload = bytes(rng.choice((0, 1, 2, PROTOCOL, 0xFF, rng.randrange(256))) for _ in range(size))
-        liar._take(Frame(kind, rng.randrange(256), payload).pack())
+        liar._take(WireFrame(kind, rng.randrange(256), payload).pack())
     assert len(liar._answers) <= 256
 
 
 def test_no_control_characters_of_a_device_reach_a_terminal(tmp_path, monkeypatch):
-    assert read(Frame(Type.LOG, 0, b"\x1b[2Jmotor\r\n\x07")) == Log("\ufffd[2Jmotor\ufffd\ufffd\ufffd")
+    assert read(WireFrame(Type.LOG, 0, b"\x1b[2Jmotor\r\n\x07")) == Log("\ufffd[2Jmotor\ufffd\ufffd\ufffd")
     named = SerialPort("/dev/ttyUSB0", "CP2102\x1b]0;owned\x07", "USB VID:PID=10C4:EA60", 0x10C4)
     monkeypatch.setattr(discover, "serial_ports", lambda: [named])
     monkeypatch.setattr(discover, "paired", dict)

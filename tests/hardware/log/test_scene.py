@@ -140,7 +140,7 @@ def test_a_platform_in_the_plane_turns_about_z():
 
 def test_modules_on_bodies_go_with_them():
     rig = tl.load_rig("body-mounted")
-    frames = {name: tl.Frame([0.3, 0.2, 0.1], QUARTER) for name in rig.frames}
+    frames = {name: tl.CoordinateFrame([0.3, 0.2, 0.1], QUARTER) for name in rig.frames}
     home = tl.load_rig("bartels2026-validation")
     cycle = cycle_of(home)  # of another rig: only its wrench and its time are used
     n, m = rig.n, rig.m

@@ -13,13 +13,13 @@ from tensionlab.hardware.protocol.frames import (
     MAX_FRAME,
     MAX_PAYLOAD,
     Decoder,
-    Frame,
+    WireFrame,
 )
 
-FRAMES = st.builds(Frame, st.integers(0, 255), st.integers(0, 255), st.binary(max_size=MAX_PAYLOAD))
+FRAMES = st.builds(WireFrame, st.integers(0, 255), st.integers(0, 255), st.binary(max_size=MAX_PAYLOAD))
 # Streams that are mostly frames, with damage in between.
 PIECES = st.one_of(
-    FRAMES.map(Frame.pack),
+    FRAMES.map(WireFrame.pack),
     st.binary(max_size=80),
     st.integers(1, 7).map(bytes),
 )
@@ -42,7 +42,7 @@ def test_a_frame_worked_out_by_hand():
     # STOP with sequence number 7. No zero in it: one code byte 03 says so, whose upper bits are set.
     # The CRC of C3 05 07 is 0x3C29: 0011110 0001010 01 in binary.
     assert crc_hqx(b"\xc3\x05\x07", 0xFFFF) == 0x3C29
-    assert Frame(0x05, 0x07).pack() == bytes.fromhex("c3 05 07 9e 8a fd 00 00 00")
+    assert WireFrame(0x05, 0x07).pack() == bytes.fromhex("c3 05 07 9e 8a fd 00 00 00")
 
 
 @given(FRAMES)
@@ -70,7 +70,7 @@ def test_both_sides_read_any_stream_alike_however_it_is_cut(pieces, data):
 @pytest.mark.parametrize("rubbish", [b"\1", b"\5abc", b"\3ab", b"x" * 10_000, b"\xff" * 70, b"a\0b\0\0c"])
 def test_rubbish_is_counted_and_the_next_frame_read(rubbish):
     decoder = Decoder()
-    assert decoder.feed(rubbish + DELIMITER + Frame(1, 2, b"three").pack()) == [Frame(1, 2, b"three")]
+    assert decoder.feed(rubbish + DELIMITER + WireFrame(1, 2, b"three").pack()) == [WireFrame(1, 2, b"three")]
     assert decoder.bad_frames == 1
 
 
@@ -80,15 +80,15 @@ def test_bytes_without_end_are_not_kept(byte):
     for _ in range(100):
         assert decoder.feed(byte * 10_000) == []
         assert decoder.kept < 2 * MAX_FRAME
-    assert decoder.feed(DELIMITER + Frame(1, 2, b"three").pack()) == [Frame(1, 2, b"three")]
+    assert decoder.feed(DELIMITER + WireFrame(1, 2, b"three").pack()) == [WireFrame(1, 2, b"three")]
     assert decoder.bad_frames == (byte != b"\0")
 
 
 @pytest.mark.parametrize("size", range(0, MAX_PAYLOAD + 1, 7))
-@pytest.mark.parametrize("content", [b"\0", b"\xff", b"\1", b"\x10\0", Frame(6, 0).pack()[:-3] + b"\x80"])
+@pytest.mark.parametrize("content", [b"\0", b"\xff", b"\1", b"\x10\0", WireFrame(6, 0).pack()[:-3] + b"\x80"])
 def test_no_flipped_bit_lets_a_frame_pass_and_the_next_is_read(size, content):
-    before, after = Frame(1, 1), Frame(2, 2)
-    wire = Frame(3, 3, (content * MAX_PAYLOAD)[:size]).pack()
+    before, after = WireFrame(1, 1), WireFrame(2, 2)
+    wire = WireFrame(3, 3, (content * MAX_PAYLOAD)[:size]).pack()
     for bit in range(8 * len(wire)):
         damaged = bytearray(wire)
         damaged[bit // 8] ^= 1 << bit % 8
@@ -106,4 +106,4 @@ def test_no_flipped_bit_lets_a_frame_pass_and_the_next_is_read(size, content):
 )
 def test_what_is_no_frame_is_refused(numbers, message):
     with pytest.raises(ProtocolError, match=message):
-        Frame(*numbers).pack()
+        WireFrame(*numbers).pack()

@@ -14,7 +14,7 @@ from tensionlab.errors import HardwareError, ProtocolError
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol import codes
 from tensionlab.hardware.protocol.codes import Code, Fault, State, Type
-from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, Decoder, Frame
+from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, Decoder, WireFrame
 from tensionlab.hardware.protocol.messages import (
     MESSAGES,
     PROTOCOL,
@@ -89,7 +89,7 @@ def test_a_payload_worked_out_by_hand():
 
 
 def parameter(value):
-    return Frame(Type.PARAMETER, 0, struct.pack("<Bfff", 0, value, 0.0, 1.0))
+    return WireFrame(Type.PARAMETER, 0, struct.pack("<Bfff", 0, value, 0.0, 1.0))
 
 
 def info(**changes):
@@ -100,7 +100,9 @@ def info(**changes):
         "spool_radius": 0.02,
     }
     numbers |= changes
-    return Frame(Type.INFO, 0, struct.pack("<BHI5BH4f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, *numbers.values()))
+    return WireFrame(
+        Type.INFO, 0, struct.pack("<BHI5BH4f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, *numbers.values())
+    )
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e39])
@@ -118,16 +120,16 @@ def test_numbers_that_do_not_fit_are_not_sent(session):
 @pytest.mark.parametrize(
     ("frame", "message"),
     [
-        (Frame(0x7F, 0), "no message has type 0x7f in protocol 3"),
-        (Frame(Type.PONG, 0, bytes(11)), "Pong has 12 bytes of payload; got 11"),
+        (WireFrame(0x7F, 0), "no message has type 0x7f in protocol 3"),
+        (WireFrame(Type.PONG, 0, bytes(11)), "Pong has 12 bytes of payload; got 11"),
         (
-            Frame(Type.ACKNOWLEDGE, 0, bytes([1, 99, 0, 0, 0])),
+            WireFrame(Type.ACKNOWLEDGE, 0, bytes([1, 99, 0, 0, 0])),
             "Acknowledge: 99 is not a valid Code; does the module",
         ),
-        (Frame(Type.EVENT, 0, bytes([9, 0, 0, 0])), "Event: 9 is not a valid State"),
-        (Frame(Type.INFO, 0), "Info has 30 bytes of payload; got 0"),
+        (WireFrame(Type.EVENT, 0, bytes([9, 0, 0, 0])), "Event: 9 is not a valid State"),
+        (WireFrame(Type.INFO, 0), "Info has 30 bytes of payload; got 0"),
         (
-            Frame(Type.INFO, 0, b"\4later, and longer"),
+            WireFrame(Type.INFO, 0, b"\4later, and longer"),
             "speaks protocol 4, this tensionlab 3: install the tensionlab",
         ),
         (parameter(math.nan), "ParameterValue: value is nan; all its numbers must be finite"),
@@ -175,7 +177,7 @@ def test_words_are_those_of_the_firmware(enum, header, declaration):
 
 
 def test_an_acknowledgement_reads_as_words():
-    message = read(Frame(Type.ACKNOWLEDGE, 9, bytes([Type.ARM, Code.NOT_CALIBRATED, State.IDLE, 2, 1])))
+    message = read(WireFrame(Type.ACKNOWLEDGE, 9, bytes([Type.ARM, Code.NOT_CALIBRATED, State.IDLE, 2, 1])))
     assert message == Acknowledge(Type.ARM, Code.NOT_CALIBRATED, State.IDLE, 0x0102)
     assert "NOT_CALIBRATED" in str(message)
     assert read(Ping(2**63).frame(0)).echo == 2**63
@@ -187,7 +189,7 @@ def test_a_module_of_another_protocol_is_refused_in_words(monkeypatch, spoken, a
 
     def receive(content):  # its INFO is another, but for the first byte
         (frame,) = Decoder().feed(content)
-        said.append(Frame(Type.INFO, frame.sequence, bytes([spoken]) + bytes(40)).pack())
+        said.append(WireFrame(Type.INFO, frame.sequence, bytes([spoken]) + bytes(40)).pack())
 
     said: list[bytes] = []
     monkeypatch.setattr(client.link.module, "receive", receive)

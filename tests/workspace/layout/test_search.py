@@ -299,7 +299,7 @@ def test_who_watches_a_search_can_end_it():
 
 def test_bodies_are_at_rest_in_the_rig_where_the_space_has_them():
     turn = tl.workspace.roll_pitch_yaw(0.1, 0.2, 0.3)[0]
-    hip = tl.Frame([0.0, 0.9, -0.3], turn)
+    hip = tl.CoordinateFrame([0.0, 0.9, -0.3], turn)
     belt = Surface("belt", [-0.2, 0.0, 0.0], [[0.4, 0.0, 0.0]], frame="hip")
     space = Space((*room([2, 2, 2]), belt), (5,), LIMITS, frames={"hip": hip})
     on_belt = Placement(np.array([6, 0, 1, 2, 3]), np.full((5, 3), 0.4))
