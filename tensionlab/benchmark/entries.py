@@ -2,35 +2,27 @@
 
 from __future__ import annotations
 
-import importlib.util
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
-from tensionlab.errors import MissingDependency, UnknownSolver, optional_import
+from tensionlab.benchmark.baselines import BASELINES, TIGHT, Baseline, make_baseline
+from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers import every_solver, make, name_solvers
 from tensionlab.solvers.base import POLICIES, Answer, Policy, Problem, Solver
-from tensionlab.solvers.convex import PlainConvex
 from tensionlab.solvers.least_squares import Newton
-from tensionlab.solvers.programs import Baseline, Reply, finite_tensions
-from tensionlab.solvers.quadratic import BACKENDS, TIGHT, PlainProgram
-from tensionlab.support.arrays import Floats
 from tensionlab.verification import require_answer
 
 Setting = Literal["proved", "default", "tight"]
 LEAST_SQUARES = Newton.objective  # the objective of all problem sets
-# The baselines by name: DAQP called directly, each backend through qpsolvers, and cvxpy.
-BASELINES = ("daqp", *(f"qpsolvers:{backend}" for backend in BACKENDS), "cvxpy:plain")
 # Families of built-in solvers that wrap baselines. By default they run where their policy is needed.
 WRAPPERS = ("qp", "cvxpy")
 # Wrappers that run by default where wrenches may be infeasible.
 POLICY_WRAPPERS = ("qp:clarabel", "qp:daqp", "cvxpy")
-DAQP_EQUALITY = 5  # how DAQP marks a constraint that is an equality
 NAN = float("nan")
 
 
@@ -100,18 +92,10 @@ def _baseline_entries(name: str) -> list[Entry]:
         settings = ["default"]
     missing = ""
     try:
-        _baseline(name, "default")
+        make_baseline(name)
     except MissingDependency:
         missing = "not installed"
     return [Entry(name, setting, None, LEAST_SQUARES, missing) for setting in settings]
-
-
-def _baseline(name: str, setting: Literal["default", "tight"]) -> Baseline:
-    if name == "daqp":
-        return DirectDaqp(setting)
-    if name == "cvxpy:plain":
-        return PlainConvex(setting)
-    return PlainProgram(name.partition(":")[2], setting)
 
 
 class CallTimes(NamedTuple):
@@ -139,7 +123,7 @@ def driver(entry: Entry) -> Driver:
     """Return the driver of an entry."""
     if entry.instance is not None:
         return _Interface(entry.instance, entry.policy)
-    return _Baseline(_baseline(entry.solver, "tight" if entry.setting == "tight" else "default"))
+    return _Baseline(make_baseline(entry.solver, "tight" if entry.setting == "tight" else "default"))
 
 
 @dataclass
@@ -203,58 +187,3 @@ def _one(problem: Problem, row: int) -> tuple[np.ndarray, np.ndarray, np.ndarray
     """Copy structure, wrench and limits of one problem, as some backends refuse read-only arrays."""
     arrays = (problem.structure[row], problem.wrench[row], problem.lower[row], problem.upper[row])
     return tuple(np.array(array) for array in arrays)  # type: ignore[return-value]
-
-
-def load_daqp() -> Any:
-    """Return DAQP's own module; MissingDependency if it is not installed."""
-    with optional_import("solvers", "entry daqp"):
-        import daqp
-    return daqp
-
-
-def daqp_installed() -> bool:
-    """Return whether DAQP's module can be imported."""
-    return importlib.util.find_spec("daqp") is not None
-
-
-def constraint_types(components: int, cables: int) -> NDArray[np.int32]:
-    """Return DAQP's type of each constraint: first the limits of the cables, then the equations."""
-    return np.array([0] * cables + [DAQP_EQUALITY] * components, dtype=np.int32)
-
-
-@dataclass(frozen=True)
-class DirectDaqp:
-    """DAQP by its own Python module, the fastest baseline, on least ``|t|²`` with ``W t = w`` and the limits.
-
-    Source: Arnström, Bemporad and Axehill, "A dual active-set solver for embedded quadratic programming using
-    recursive LDL' updates", 2022. The settings are its own defaults, or those of
-    `tensionlab.solvers.quadratic.TIGHT`.
-    """
-
-    settings: Literal["default", "tight"] = "default"
-    solve: Any = field(init=False, compare=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "solve", load_daqp().solve)
-
-    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
-        """Make the cost and stack limits and equations as DAQP takes them, as a script does in each call."""
-        n, m = structure.shape
-        above, below = np.concatenate([upper, wrench]), np.concatenate([lower, wrench])
-        return np.eye(m), np.zeros(m), structure, above, below, constraint_types(n, m)
-
-    def run(self, program: Any) -> Any:
-        """Solve a program of `build`."""
-        return self.solve(*program, **TIGHT["daqp"]) if self.settings == "tight" else self.solve(*program)
-
-    def read(self, program: Any, result: Any) -> Reply:
-        """Read tensions, iterations and times out of DAQP's answer."""
-        found, _, flag, info = result
-        tensions = finite_tensions(found, len(program[1]))
-        return Reply(
-            tensions,
-            iterations=int(info["iterations"]),
-            setup_s=float(info["setup_time"]),
-            solve_s=float(info["solve_time"]),
-            failure="" if tensions is not None else f"gave no finite tensions (exit flag {flag})",
-        )

@@ -14,12 +14,11 @@ import numpy as np
 
 from tensionlab import _native
 from tensionlab.allocation import Allocator, allocate
-from tensionlab.benchmark import entries
+from tensionlab.benchmark import baselines
 from tensionlab.benchmark.results import BatchRow, CallRow
 from tensionlab.benchmark.rigs import structures
 from tensionlab.benchmark.statistics import quantile
 from tensionlab.solvers.base import Status
-from tensionlab.solvers.quadratic import solve_qp
 from tensionlab.support.arrays import Floats
 
 LOWER, UPPER = 0.5, 6.0  # tension limits of all problems, in N
@@ -77,7 +76,7 @@ def time_batches(
     in_c: list[float] = []
     in_loop: list[float] = []
     gap = 0.0
-    daqp = daqp_loop(structure, wrench) if entries.daqp_installed() else None
+    daqp = daqp_loop(structure, wrench) if baselines.daqp_installed() else None
     for turn in range(rounds):
         for threads, spent in ((1, one_core), (cores, all_cores)):
             with using_threads(threads):
@@ -125,9 +124,9 @@ def using_threads(count: int) -> Iterator[None]:
 
 def daqp_loop(structure: Floats, wrench: Floats) -> Callable[[Any], list[Any]]:
     """Return a function that solves the problems of some rows with DAQP, all stacking done beforehand."""
-    solve = entries.load_daqp().solve
+    solve = baselines.load_daqp().solve
     count, n, m = structure.shape
-    cost, linear, sense = np.eye(m), np.zeros(m), entries.constraint_types(n, m)
+    cost, linear, sense = np.eye(m), np.zeros(m), baselines.constraint_types(n, m)
     above = np.hstack([np.full((count, m), UPPER), wrench])
     below = np.hstack([np.full((count, m), LOWER), wrench])
     return lambda rows: [solve(cost, linear, structure[row], above[row], below[row], sense) for row in rows]
@@ -149,14 +148,14 @@ def time_calls(components: int, cables: int, calls: int = 5000, seed: int = 0) -
         "tl.Allocator": lambda row: prepared(structure[row], wrench[row]),
         "tl.allocate": lambda row: allocate(structure[row], wrench[row], (lower, upper)),
     }
-    if entries.daqp_installed():
+    if baselines.daqp_installed():
         loop = daqp_loop(structure, wrench)
-        direct = entries.DirectDaqp()
+        direct = baselines.DirectDaqp()
         callers["daqp.solve, matrices prebuilt"] = lambda row: loop((row,))
         callers["daqp.solve, matrices built in each call"] = lambda row: direct.run(
             direct.build(structure[row], wrench[row], lower, upper)
         )
-        callers['qpsolvers.solve_qp(solver="daqp")'] = lambda row: solve_qp(
+        callers['qpsolvers.solve_qp(solver="daqp")'] = lambda row: baselines.solve_qp(
             structure[row], wrench[row], lower, upper, "daqp"
         )
     names, rng = list(callers), np.random.default_rng(seed)

@@ -1,7 +1,7 @@
 """Solvers: arrays in, tensions out. One file a family; `base` has the contract, `registry` the names."""
 
 from tensionlab.solvers.base import Answer, Policy, Problem, Solver, Status
-from tensionlab.solvers.closed_form import ClosedForm, Polygon, Pseudoinverse, Puncture
+from tensionlab.solvers.closed_form import ImprovedClosedForm, Polygon, Pseudoinverse, Puncture
 from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.least_squares import Dykstra, Newton
 from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
@@ -25,9 +25,9 @@ __all__ = [
     "SOLVERS",
     "AnalyticCentre",
     "Answer",
-    "ClosedForm",
     "ConvexProgram",
     "Dykstra",
+    "ImprovedClosedForm",
     "LeastSum",
     "Minimax",
     "Newton",

@@ -36,8 +36,7 @@ class Pseudoinverse:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.Pseudoinverse("middle")).tensions.round(3)
+    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.Pseudoinverse("middle")).tensions.round(3)
     array([2.899, 3.875, 1.923, 4.011])
     """
 
@@ -63,7 +62,7 @@ class Pseudoinverse:
 
 
 @dataclass(frozen=True)
-class ClosedForm:
+class ImprovedClosedForm:
     """Pott's improved closed form: close to the middle of the limits, in a bounded number of steps.
 
     Starts from the middle, ``t = t_m + W⁺ (w - W t_m)``. While a cable misses its limits, the one that misses them
@@ -79,8 +78,7 @@ class ClosedForm:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.ClosedForm()).tensions.round(3)
+    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.ImprovedClosedForm()).tensions.round(3)
     array([2.899, 3.875, 1.923, 4.011])
     """
 
@@ -112,8 +110,7 @@ class Puncture:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.Puncture()).tensions.round(3)
+    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.Puncture()).tensions.round(3)
     array([1.476, 2.452, 0.5  , 2.042])
     """
 
@@ -176,8 +173,7 @@ class Polygon:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.Polygon("centroid")).tensions.round(3)
+    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.Polygon("centroid")).tensions.round(3)
     array([2.907, 3.883, 1.931, 4.021])
     """
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 
 from tensionlab.errors import UnknownSolver, optional_import
 from tensionlab.solvers.base import TOLERANCE, Answer, Policy, Problem
-from tensionlab.solvers.programs import NO_TENSIONS, SAFETY, Reply, ScaledProblem, choose_each, finite_tensions
+from tensionlab.solvers.programs import NO_TENSIONS, SAFETY, ScaledProblem, choose_each, finite_tensions
 from tensionlab.support.arrays import Floats
 
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -21,7 +21,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class ConvexProgram:
-    """Tensions closest to the reference by convex programs, as one would write them on a blackboard.
+    """Tensions closest to the reference by convex programs, stated as a textbook would.
 
     The programs are in `CompiledPrograms`; what they minimise, and what the policies do, is as in
     `tensionlab.solvers.QuadraticProgram`.
@@ -40,8 +40,7 @@ class ConvexProgram:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.ConvexProgram()).tensions.round(3)
+    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.ConvexProgram()).tensions.round(3)
     array([1.476, 2.452, 0.5  , 2.042])
     """
 
@@ -56,7 +55,7 @@ class ConvexProgram:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch, one after another."""
-        _require_cvxpy()
+        require_cvxpy()
         _, n, m = problem.structure.shape
         compiled = compiled_programs(n, m, threading.get_ident())
 
@@ -70,8 +69,8 @@ class ConvexProgram:
         return choose_each(problem, self.backend, start, (ValueError, RuntimeError))
 
 
-def _require_cvxpy() -> None:
-    """Say that cvxpy is not installed, where it is not, before any work."""
+def require_cvxpy() -> None:
+    """Raise MissingDependency if cvxpy is not installed."""
     with optional_import("reference", "solver cvxpy"):
         import cvxpy  # noqa: F401
 
@@ -79,8 +78,8 @@ def _require_cvxpy() -> None:
 class CompiledPrograms:
     """The programs for n wrench components and m cables; W, w, ... are parameters, t and s are found.
 
-    ``held`` is the wrench of cables that have no play, and ``root`` a root of the metric of the policy, here
-    already multiplied into ``root_W`` and ``root_w``: a product of two parameters could not be compiled once.
+    ``fixed_wrench`` is the wrench of cables whose limits are equal. The root of the policy's metric is multiplied
+    into ``root_W`` and ``root_w``, because a product of two parameters cannot be compiled once.
     """
 
     def __init__(self, n: int, m: int) -> None:
@@ -161,8 +160,8 @@ def _scaled(problem: Problem, row: int) -> ScaledProblem:
     """Scale one problem of the batch; its shape stays, so that one compiled program serves all."""
     W, w = problem.structure[row], problem.wrench[row]
     lower, upper, reference = problem.lower[row], problem.upper[row], problem.reference[row]
-    # A cable without play would leave an interior-point method no interior. It pulls as part of ``held``,
-    # and in the programs its place is taken by one that may do as it likes because it pulls nothing.
+    # A cable with equal limits would leave an interior-point method no interior. Its pull is in ``fixed_wrench``,
+    # and in the programs a cable with a column of zeros takes its place.
     free = lower < upper
     unit = float(max(abs(lower).max(), abs(upper).max(), abs(reference).max())) or 1.0
     return ScaledProblem(
@@ -176,53 +175,3 @@ def _scaled(problem: Problem, row: int) -> ScaledProblem:
         unit=unit,
         cables=np.full(len(lower), True),
     )
-
-
-@dataclass(frozen=True)
-class PlainConvex:
-    """Baseline of cvxpy: the program least ``|t|²`` with ``W t = w`` and the limits, written down once.
-
-    By default with the solver that cvxpy chooses, and its settings there; tight is Clarabel with those of
-    `SETTINGS`. Both start cold. cvxpy compiles the program once for each shape; from then on it only fills in
-    numbers.
-    """
-
-    settings: Literal["default", "tight"] = "default"
-
-    def __post_init__(self) -> None:
-        _require_cvxpy()
-
-    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> CompiledPrograms:
-        """Fill the numbers into the program of this shape."""
-        n, m = structure.shape
-        board = compiled_programs(n, m, threading.get_ident())
-        board.W.value, board.w.value = structure, wrench
-        board.lower.value, board.upper.value, board.reference.value = lower, upper, np.zeros(m)
-        board.t.value = None
-        return board
-
-    def run(self, program: CompiledPrograms) -> Any:
-        """Solve it."""
-        from cvxpy.error import SolverError
-
-        options = {}
-        if self.settings == "tight":
-            options = {"solver": "CLARABEL", **SETTINGS["CLARABEL"]}
-        try:
-            return program.closest.solve(warm_start=False, **options)
-        except (SolverError, ValueError) as error:
-            return error
-
-    def read(self, program: CompiledPrograms, result: Any) -> Reply:
-        """Read tensions, iterations and times out of a program that was solved."""
-        if isinstance(result, Exception):
-            return Reply(None, failure=f"{type(result).__name__}: {result}")
-        closest = program.closest
-        tensions, stats = finite_tensions(program.t.value, program.t.size), closest.solver_stats
-        return Reply(
-            tensions,
-            iterations=stats.num_iters or 0,
-            setup_s=stats.setup_time or float("nan"),
-            solve_s=stats.solve_time or float("nan"),
-            failure="" if tensions is not None else f"gave no tensions ({closest.status})",
-        )

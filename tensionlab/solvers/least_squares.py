@@ -42,8 +42,7 @@ class Newton:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.Newton()).tensions.round(3)
+    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.Newton()).tensions.round(3)
     array([1.476, 2.452, 0.5  , 2.042])
     """
 
@@ -125,8 +124,7 @@ class Dykstra:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.Dykstra(tolerance=1e-6)).tensions.round(3)
+    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.Dykstra(tolerance=1e-6)).tensions.round(3)
     array([1.476, 2.452, 0.5  , 2.042])
     """
 

@@ -39,8 +39,7 @@ class LeastSum:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.LeastSum()).tensions.round(3)
+    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.LeastSum()).tensions.round(3)
     array([1.476, 2.452, 0.5  , 2.042])
     """
 
@@ -49,7 +48,7 @@ class LeastSum:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        return _closest_of_the_best(problem, "sum")
+        return _break_ties(problem, "sum")
 
 
 @dataclass(frozen=True)
@@ -68,8 +67,7 @@ class Minimax:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.Minimax()).tensions.round(3)
+    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.Minimax()).tensions.round(3)
     array([1.476, 2.452, 0.5  , 2.042])
     """
 
@@ -78,7 +76,7 @@ class Minimax:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        return _closest_of_the_best(problem, "largest")
+        return _break_ties(problem, "largest")
 
 
 @dataclass(frozen=True)
@@ -103,8 +101,7 @@ class OptimallySafe:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.OptimallySafe(alpha=2.0)).tensions.round(3)
+    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.OptimallySafe(alpha=2.0)).tensions.round(3)
     array([2.646, 3.622, 1.67 , 3.66 ])
     """
 
@@ -119,10 +116,10 @@ class OptimallySafe:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        return _closest_of_the_best(problem, "margin", self.alpha)
+        return _break_ties(problem, "margin", self.alpha)
 
 
-def _closest_of_the_best(problem: Problem, program: Program, alpha: float = 1.0) -> Answer:
+def _break_ties(problem: Problem, program: Program, alpha: float = 1.0) -> Answer:
     """Return, of the tensions that are best for the program, those closest to the reference."""
     lower, upper, steps = _native.tighten(
         problem.structure,

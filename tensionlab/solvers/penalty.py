@@ -41,8 +41,7 @@ class AnalyticCentre:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.AnalyticCentre()).tensions.round(3)
+    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.AnalyticCentre()).tensions.round(3)
     array([2.942, 3.918, 1.966, 4.069])
     """
 
@@ -98,8 +97,7 @@ class SlackNorm:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.SlackNorm(p=3.0)).tensions.round(3)
+    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.SlackNorm(p=3.0)).tensions.round(3)
     array([1.525, 2.501, 0.549, 2.109])
     """
 
@@ -160,8 +158,7 @@ class Spidar:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.solvers.Spidar(mu=1e-3)).tensions.round(3)
+    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.Spidar(mu=1e-3)).tensions.round(3)
     array([1.469, 2.444, 0.5  , 2.033])
     """
 

@@ -1,4 +1,4 @@
-"""Parts that the program solvers share: bases that respect the rank, the direction policy, and baselines."""
+"""Parts that the program solvers share: bases that respect the rank, and the policies."""
 
 from __future__ import annotations
 
@@ -125,9 +125,10 @@ class Ray:
 
 @dataclass(frozen=True)
 class ScaledProblem:
-    """One problem with tensions in units of the largest limit or reference, its fixed cables in ``held``.
+    """One problem with tensions in units of the largest limit or reference, without cables whose limits are equal.
 
-    The other ``cables`` are to render ``wrench - held``; an error of ``accepted`` is as good as none.
+    Those pull ``fixed_wrench``; the other ``cables`` render the difference to ``wrench``. An error up to
+    ``accepted`` counts as none.
     """
 
     structure: Floats
@@ -159,7 +160,7 @@ class Programs(Protocol):
         ...
 
     def longest(self) -> tuple[Floats | None, float]:
-        """Return the tensions that render ``s wrench - held``, s the largest in [0, 1], and s."""
+        """Return the tensions that render ``s wrench - fixed_wrench``, s the largest in [0, 1], and s."""
         ...
 
 
@@ -227,7 +228,7 @@ def _solve_direction_policy(programs: Programs) -> Floats | None:
     """Return tensions for the most of the wrench, within tolerance where it grazes what can be rendered."""
     scaled = programs.scaled
     best, scale = programs.longest()
-    # The cables that are held are one more, with a tension of 1, and all is in newton again.
+    # Cables with equal limits are one cable with a tension of 1 here, and all is in newton again.
     identity = np.eye(len(scaled.wrench))
 
     def nearest(s: float) -> Floats | None:
@@ -243,37 +244,6 @@ def _solve_direction_policy(programs: Programs) -> Floats | None:
     )
     found = ray.relax_within_tolerance(None if best is None else np.append(best, 1.0), scale)
     return None if found is None else found[:-1]
-
-
-@dataclass(frozen=True)
-class Reply:
-    """What a baseline gave back for one problem; none of it is believed.
-
-    Tensions, (m,), in N, are just as they came, limits broken or not; where there are none, ``failure`` says why.
-    Iterations and times are its own; 0 and NaN where it does not say.
-    """
-
-    tensions: Floats | None
-    iterations: int = 0
-    setup_s: float = float("nan")
-    solve_s: float = float("nan")
-    failure: str = ""
-
-
-class Baseline(Protocol):
-    """One way to minimise ``|t|²`` subject to ``W t = w`` and limits: two timed steps, and their reading."""
-
-    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
-        """Put one problem, (n, m), (n,), (m,), (m,), into the form that the baseline takes."""
-        ...
-
-    def run(self, program: Any) -> Any:
-        """Solve it and return what the library did, or the exception that it raised."""
-        ...
-
-    def read(self, program: Any, result: Any) -> Reply:
-        """Read the reply out of what `run` returned."""
-        ...
 
 
 def finite_tensions(found: Any, cables: int) -> Floats | None:

@@ -1,18 +1,17 @@
-"""Solvers that qpsolvers finds: `QuadraticProgram`, and baselines, which run as they come and repair nothing."""
+"""Tensions by quadratic programs, solved by any backend of qpsolvers."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 
-from tensionlab.errors import InputError, MissingDependency, UnknownSolver
+from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers.base import TOLERANCE, Answer, Policy, Problem
 from tensionlab.solvers.programs import (
     NO_TENSIONS,
     SAFETY,
-    Reply,
     ScaledProblem,
     choose_each,
     finite_tensions,
@@ -20,6 +19,7 @@ from tensionlab.solvers.programs import (
 )
 from tensionlab.support.arrays import Floats
 
+# QP solvers by their names in qpsolvers, with settings that make their answers pass `TOLERANCE`.
 BACKENDS: dict[str, dict[str, Any]] = {
     # The programs are scaled already; Clarabel's own scaling costs it the last digits.
     "clarabel": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12, "equilibrate_enable": False},
@@ -28,7 +28,7 @@ BACKENDS: dict[str, dict[str, Any]] = {
     "daqp": {"primal_tol": 1e-11, "dual_tol": 1e-11},
     "quadprog": {},
     "piqp": {"eps_abs": 1e-11, "eps_rel": 0.0, "eps_duality_gap_abs": 1e-11, "eps_duality_gap_rel": 0.0},
-    # Without a limit ProxQP spends half a second on each wrench out of reach, and HiGHS may cycle for ever.
+    # Without a limit ProxQP spends half a second on each infeasible wrench, and HiGHS may cycle.
     "proxqp": {"eps_abs": 1e-11, "eps_rel": 0.0, "max_iter": 500},
     "highs": {
         "primal_feasibility_tolerance": 1e-10,
@@ -38,7 +38,6 @@ BACKENDS: dict[str, dict[str, Any]] = {
         "time_limit": 1.0,
     },
 }
-"""QP solvers by their names in qpsolvers, with settings that make their answers pass `TOLERANCE`."""
 SPARSE = frozenset({"clarabel", "osqp", "highs"})  # those that take sparse matrices only
 
 
@@ -111,9 +110,7 @@ class QuadraticProgram:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> solver = tl.solvers.QuadraticProgram("clarabel")
-    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, solver).tensions.round(3)
+    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.QuadraticProgram("clarabel")).tensions.round(3)
     array([1.476, 2.452, 0.5  , 2.042])
     """
 
@@ -235,92 +232,3 @@ class _QuadraticPrograms:
             if converged:
                 break
         return (None, 0.0) if best is None else (best[:-1], float(best[-1]))
-
-
-TIGHT: dict[str, dict[str, Any]] = {
-    "clarabel": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},
-    "osqp": {"eps_abs": 1e-9, "eps_rel": 0.0, "polishing": True, "max_iter": 20_000},
-    "daqp": {"primal_tol": 1e-11, "dual_tol": 1e-11},
-    "piqp": {"eps_abs": 1e-11, "eps_rel": 0.0, "eps_duality_gap_abs": 1e-11, "eps_duality_gap_rel": 0.0},
-    "proxqp": {"eps_abs": 1e-11, "eps_rel": 0.0},
-    "highs": {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
-}
-"""The tight settings of each backend: as accurate as its own options make it. quadprog has none."""
-
-ALWAYS: dict[str, dict[str, Any]] = {
-    # Its clock is off by default.
-    "piqp": {"compute_timings": True},
-    # Without a limit it has spent 50 s on one wrench out of reach; within reach it needs some 20 iterations.
-    "proxqp": {"compute_timings": True, "max_iter": 500},
-    # It may cycle for ever there.
-    "highs": {"time_limit": 1.0, "qp_iteration_limit": 10_000},
-}  # set in both: what a measurement needs, and what keeps it from hanging
-
-CLOCK = {"proxqp": 1e-6}  # unit of a backend's own times, in s, where it is not the second
-
-
-@dataclass(frozen=True)
-class PlainProgram:
-    """Backend of qpsolvers on the plain program: least ``|t|²`` with ``W t = w`` and the limits.
-
-    With the backend's own default settings, or those of `TIGHT`.
-    """
-
-    backend: str
-    settings: Literal["default", "tight"] = "default"
-
-    def __post_init__(self) -> None:
-        check_known(self.backend)
-        if self.settings == "tight" and self.backend not in TIGHT:
-            raise InputError(f"{self.backend} has no options that would make it tighter; use its defaults")
-        check_installed(self.backend)
-
-    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
-        """Make the program of qpsolvers, its matrices dense or sparse as the backend takes them."""
-        import qpsolvers
-
-        cables = structure.shape[1]
-        cost: Any = np.eye(cables)
-        rows: Any = structure
-        if self.backend in SPARSE:
-            from scipy import sparse
-
-            cost, rows = sparse.eye(cables, format="csc"), sparse.csc_matrix(structure)
-        return qpsolvers.Problem(cost, np.zeros(cables), A=rows, b=wrench, lb=lower, ub=upper)
-
-    def run(self, program: Any) -> Any:
-        """Solve it; `warnings` are the caller's to silence, because that would cost time here."""
-        import qpsolvers
-
-        options = ALWAYS.get(self.backend, {}) | (TIGHT[self.backend] if self.settings == "tight" else {})
-        try:
-            return qpsolvers.solve_problem(program, self.backend, **options)
-        except raised_by(self.backend) as error:
-            return error
-
-    def read(self, program: Any, solution: Any) -> Reply:
-        """Read tensions, iterations and times out of a solution."""
-        if isinstance(solution, Exception):
-            return Reply(None, failure=f"{type(solution).__name__}: {solution}")
-        tensions = finite_tensions(solution.x, len(program.q))
-        extras = solution.extras
-        info = extras.get("info")
-        unit = CLOCK.get(self.backend, 1.0)
-        return Reply(
-            tensions,
-            iterations=int(info.iter) if info else int(extras.get("iterations", [0])[0]),
-            setup_s=unit * info.setup_time if info else float("nan"),
-            solve_s=unit * info.solve_time if info else extras.get("solve_time", float("nan")),
-            failure="" if tensions is not None else "gave no finite tensions",
-        )
-
-
-def solve_qp(structure: Floats, wrench: Floats, lower: Floats, upper: Floats, backend: str) -> Floats | None:
-    """Return the tensions of the one call that the front page of qpsolvers shows, or None."""
-    import qpsolvers
-
-    cables = structure.shape[1]
-    found: Floats | None = qpsolvers.solve_qp(
-        np.eye(cables), np.zeros(cables), A=structure, b=wrench, lb=lower, ub=upper, solver=backend
-    )
-    return found

@@ -22,7 +22,7 @@ from tensionlab.solvers.base import (
     refusal,
     resolve_policy,
 )
-from tensionlab.solvers.closed_form import ClosedForm, Polygon, PolygonGoal, Pseudoinverse, Puncture
+from tensionlab.solvers.closed_form import ImprovedClosedForm, Polygon, PolygonGoal, Pseudoinverse, Puncture
 from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.least_squares import Dykstra, Newton
 from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
@@ -37,7 +37,7 @@ SOLVERS: dict[str, type[Any]] = {
     "newton": Newton,
     "dykstra": Dykstra,
     "pseudoinverse": Pseudoinverse,
-    "closed-form": ClosedForm,
+    "closed-form": ImprovedClosedForm,
     "least-sum": LeastSum,
     "minimax": Minimax,
     "safe": OptimallySafe,

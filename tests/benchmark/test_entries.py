@@ -1,8 +1,10 @@
 import pytest
 import qpsolvers
 
-from tensionlab.benchmark import entries as room
-from tensionlab.benchmark.entries import BASELINES, WRAPPERS, entries
+from tensionlab.benchmark import baselines
+from tensionlab.benchmark import entries as entries_module
+from tensionlab.benchmark.baselines import BASELINES
+from tensionlab.benchmark.entries import WRAPPERS, entries
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers import SOLVERS
 from tensionlab.solvers.quadratic import BACKENDS
@@ -61,7 +63,7 @@ def test_an_unknown_name_is_refused_with_those_of_baselines():
 
 def test_what_is_not_installed_is_there_and_says_so(monkeypatch):
     monkeypatch.setattr(qpsolvers, "available_solvers", ["clarabel"])
-    monkeypatch.setattr(room, "load_daqp", _not_there)
+    monkeypatch.setattr(baselines, "load_daqp", _not_there)
     missing = {each.solver for each in entries("none") if each.missing == "not installed"}
     assert {"daqp", "qpsolvers:daqp", "qpsolvers:osqp", "qp:daqp"} <= missing
     assert not {"newton", "qpsolvers:clarabel", "cvxpy:plain"} & missing
@@ -74,13 +76,13 @@ def _not_there():
 def test_the_time_of_a_baseline_is_its_own_and_not_that_of_reading_its_answer(monkeypatch):
     """The clock is replaced by a count of what has been done."""
     done = []
-    monkeypatch.setattr(room.time, "perf_counter", lambda: float(len(done)))
-    build, run, read = (getattr(room.DirectDaqp, name) for name in ("build", "run", "read"))
+    monkeypatch.setattr(entries_module.time, "perf_counter", lambda: float(len(done)))
+    build, run, read = (getattr(baselines.DirectDaqp, name) for name in ("build", "run", "read"))
     for name, method, cost in (("build", build, 2), ("run", run, 3), ("read", read, 100)):
         monkeypatch.setattr(
-            room.DirectDaqp, name, lambda *words, own=method, n=cost: done.extend([0] * n) or own(*words)
+            baselines.DirectDaqp, name, lambda *words, own=method, n=cost: done.extend([0] * n) or own(*words)
         )
     (entry,) = (each for each in entries("all", ["daqp"]) if each.setting == "default")
     problem = batch.problem([[1.0, 1.0]], [3.0], 1.0, 4.0)
-    found = room.driver(entry).call(problem, 0)
+    found = entries_module.driver(entry).call(problem, 0)
     assert (found.call, found.build) == (5.0, 2.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tensionlab.solvers.base import RANK_TOLERANCE
-from tensionlab.solvers.closed_form import ClosedForm, Pseudoinverse
+from tensionlab.solvers.closed_form import ImprovedClosedForm, Pseudoinverse
 from tensionlab.solvers.programs import times
 from tests.helpers.batch import problem, random_problem
 
@@ -41,7 +41,7 @@ def fixed_one_by_one(W, w, lower, upper):
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
 def test_agrees_with_its_statement_in_numpy(n, m):
     given = random_problem(n, m)
-    answer = ClosedForm().solve(given)
+    answer = ImprovedClosedForm().solve(given)
     for i in range(len(given)):
         t, fixed = fixed_one_by_one(given.structure[i], given.wrench[i], given.lower[i], given.upper[i])
         np.testing.assert_allclose(answer.tensions[i], t, rtol=0, atol=1e-9)
@@ -51,7 +51,7 @@ def test_agrees_with_its_statement_in_numpy(n, m):
 def test_an_overstretched_cable_is_fixed_and_the_other_takes_over():
     # From the middle (2, 5.5) both cables would take 2.25 N more: 4.25 N is too much for the first.
     given = problem([[1, 1]], [12], [1, 1], [3, 10])
-    answer = ClosedForm().solve(given)
+    answer = ImprovedClosedForm().solve(given)
     np.testing.assert_allclose(answer.tensions, [[3, 9]])
     assert answer.iterations[0] == 1
     assert not rendered(given, Pseudoinverse("middle").solve(given))[0]
@@ -59,7 +59,7 @@ def test_an_overstretched_cable_is_fixed_and_the_other_takes_over():
 
 def test_equals_the_plain_closed_form_where_no_limit_is_met():
     given = reachable_problem(3, 8)
-    answer, plain = ClosedForm().solve(given), Pseudoinverse("middle").solve(given)
+    answer, plain = ImprovedClosedForm().solve(given), Pseudoinverse("middle").solve(given)
     untouched = answer.iterations == 0
     assert 0 < untouched.sum() < len(given)
     np.testing.assert_allclose(answer.tensions[untouched], plain.tensions[untouched], atol=1e-12)
@@ -68,7 +68,7 @@ def test_equals_the_plain_closed_form_where_no_limit_is_met():
 @pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 6), (3, 8), (6, 8), (6, 12)])
 def test_covers_more_than_the_plain_closed_form_in_at_most_redundancy_steps(n, m):
     given = reachable_problem(n, m)
-    answer = ClosedForm().solve(given)
+    answer = ImprovedClosedForm().solve(given)
     exact, plain = rendered(given, answer), rendered(given, Pseudoinverse("middle").solve(given))
     assert not (plain & ~exact).any()
     assert exact.sum() > plain.sum()
@@ -78,9 +78,9 @@ def test_covers_more_than_the_plain_closed_form_in_at_most_redundancy_steps(n, m
 
 def test_a_batch_gives_what_each_problem_gives_alone():
     given = reachable_problem(3, 6, count=3000)
-    together = ClosedForm().solve(given)
+    together = ImprovedClosedForm().solve(given)
     for i in range(0, len(given), 100):
-        alone = ClosedForm().solve(problem(given.structure[i], given.wrench[i], 0.5, 6.0))
+        alone = ImprovedClosedForm().solve(problem(given.structure[i], given.wrench[i], 0.5, 6.0))
         np.testing.assert_array_equal(alone.tensions[0], together.tensions[i])
 
 
@@ -89,7 +89,7 @@ def test_a_limit_reached_but_for_rounding_costs_no_step():
     W, centre = rng.normal(size=(50, 3, 6)), rng.uniform(1.0, 3.0, (50, 6))
     change = times(np.swapaxes(W, 1, 2), rng.normal(size=(50, 3)))  # of least norm for what it renders
     given = problem(W, times(W, centre + change), centre - np.abs(change), centre + np.abs(change))
-    answer = ClosedForm().solve(given)
+    answer = ImprovedClosedForm().solve(given)
     np.testing.assert_allclose(answer.tensions, centre + change)
     assert not answer.iterations.any()
 
@@ -97,7 +97,7 @@ def test_a_limit_reached_but_for_rounding_costs_no_step():
 def test_cables_without_play_cost_no_step():
     # Without the first, two cables render one component, which leaves one step.
     given = problem([[1, 1, 1]], [14], [2, 1, 1], [2, 3, 10])
-    answer = ClosedForm().solve(given)
+    answer = ImprovedClosedForm().solve(given)
     np.testing.assert_allclose(answer.tensions, [[2, 3, 9]])
     assert answer.iterations[0] == 1
 
@@ -105,11 +105,11 @@ def test_cables_without_play_cost_no_step():
 def test_rank_deficient_rigs_have_a_step_more():
     # The second component is beyond all cables; the first is rendered all the same.
     given = problem([[1, 1], [0, 0]], [12, 0], [1, 1], [3, 10])
-    np.testing.assert_allclose(ClosedForm().solve(given).tensions, [[3, 9]])
+    np.testing.assert_allclose(ImprovedClosedForm().solve(given).tensions, [[3, 9]])
 
 
 def test_a_wrench_far_out_of_reach_ends_at_the_limits():
     given = problem([[1, 1]], [99], [1, 1], [3, 10])
-    answer = ClosedForm().solve(given)
+    answer = ImprovedClosedForm().solve(given)
     np.testing.assert_allclose(answer.tensions, [[3, 10]])
     assert answer.iterations[0] == 1

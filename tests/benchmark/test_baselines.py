@@ -1,20 +1,19 @@
-"""Baselines: the plain program, once, whatever comes back."""
+"""Baselines on the plain program: their replies are passed on unclipped, with reasons where there are none."""
 
 import numpy as np
 import pytest
 import qpsolvers
 
-from tensionlab.benchmark.entries import DirectDaqp
+from tensionlab.benchmark.baselines import TIGHT, DirectDaqp, PlainConvex, PlainProgram
 from tensionlab.errors import MissingDependency, UnknownSolver
-from tensionlab.solvers.convex import PlainConvex
-from tensionlab.solvers.quadratic import BACKENDS, TIGHT, PlainProgram, solve_qp
+from tensionlab.solvers.quadratic import BACKENDS
 
 # Least |t|² of three cables that pull 9 N together, one with at least 5 N, one with at most 1 N.
 ROWS = np.array([[1.0, 1.0, 1.0]])
 WRENCH, LOWER, UPPER = np.array([9.0]), np.array([5.0, 0.0, 0.0]), np.array([8.0, 1.0, 9.0])
 BEST = [5.0, 1.0, 3.0]
 
-PEERS = {
+BASELINES = {
     **{f"{name}, default": lambda name=name: PlainProgram(name) for name in BACKENDS},
     **{f"{name}, tight": lambda name=name: PlainProgram(name, "tight") for name in TIGHT},
     "direct, default": DirectDaqp,
@@ -22,28 +21,28 @@ PEERS = {
     "cvxpy, default": PlainConvex,
     "cvxpy, tight": lambda: PlainConvex("tight"),
 }
-each_peer = pytest.mark.parametrize("name", PEERS)
+each_baseline = pytest.mark.parametrize("name", BASELINES)
 
 
 # Backends warn of what is measured here, and OSQP of its own future.
 pytestmark = pytest.mark.filterwarnings("ignore")
 
 
-def ask(peer, wrench=WRENCH):
-    program = peer.build(ROWS, wrench, LOWER, UPPER)
-    return peer.read(program, peer.run(program))
+def ask(baseline, wrench=WRENCH):
+    program = baseline.build(ROWS, wrench, LOWER, UPPER)
+    return baseline.read(program, baseline.run(program))
 
 
-@each_peer
-def test_every_peer_finds_the_least_squares(name):
-    reply = ask(PEERS[name]())
+@each_baseline
+def test_every_baseline_finds_the_least_squares(name):
+    reply = ask(BASELINES[name]())
     assert not reply.failure
     np.testing.assert_allclose(reply.tensions, BEST, atol=1e-6 if "tight" in name else 1e-2)
 
 
-@each_peer
-def test_out_of_reach_a_peer_breaks_nothing(name):
-    reply = ask(PEERS[name](), np.array([900.0]))
+@each_baseline
+def test_out_of_reach_a_baseline_breaks_nothing(name):
+    reply = ask(BASELINES[name](), np.array([900.0]))
     assert bool(reply.failure) == (reply.tensions is None)
     if reply.tensions is not None:
         assert np.isfinite(reply.tensions).all()
@@ -51,8 +50,8 @@ def test_out_of_reach_a_peer_breaks_nothing(name):
 
 @pytest.mark.parametrize("name", ["osqp", "piqp", "proxqp", "direct"])
 def test_these_tell_set_up_and_solve_in_seconds(name):
-    peer = PEERS[f"{name}, default"]()
-    replies = [ask(peer) for _ in range(5)]
+    baseline = BASELINES[f"{name}, default"]()
+    replies = [ask(baseline) for _ in range(5)]
     assert all(1e-8 < reply.setup_s < 0.1 for reply in replies)
     assert all(1e-8 < reply.solve_s < 0.1 for reply in replies)
     assert all(reply.iterations > 0 for reply in replies)
@@ -65,7 +64,7 @@ def test_clarabel_tells_the_solve_and_the_others_nothing():
     assert np.isnan(ask(PlainProgram("quadprog")).solve_s)
 
 
-def test_what_a_peer_returns_is_not_clipped(monkeypatch):
+def test_what_a_baseline_returns_is_not_clipped(monkeypatch):
     solve = qpsolvers.solve_problem
 
     def beyond(program, solver, **settings):
@@ -92,7 +91,7 @@ def test_no_tensions_are_a_failure_with_a_reason(monkeypatch, x):
     assert "no finite tensions" in reply.failure
 
 
-def test_a_peer_that_throws_says_so(monkeypatch):
+def test_a_baseline_that_throws_says_so(monkeypatch):
     def throw(*_, **__):
         raise qpsolvers.exceptions.SolverError("out of steam")
 
@@ -108,7 +107,3 @@ def test_what_cannot_run_is_refused(monkeypatch):
     monkeypatch.setattr(qpsolvers, "available_solvers", ["clarabel"])
     with pytest.raises(MissingDependency, match=r"tensionlab\[solvers\]"):
         PlainProgram("daqp")
-
-
-def test_the_one_call_of_qpsolvers():
-    np.testing.assert_allclose(solve_qp(ROWS, WRENCH, LOWER, UPPER, "daqp"), BEST, atol=1e-9)

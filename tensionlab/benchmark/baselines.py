@@ -1,0 +1,246 @@
+"""Baselines: QP solvers called as their own documentation shows, on the plain program.
+
+The plain program minimises ``|t|²`` subject to ``W t = w`` and the limits. Nothing is scaled or verified.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import threading
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.errors import InputError, optional_import
+from tensionlab.solvers.convex import SETTINGS, CompiledPrograms, compiled_programs, require_cvxpy
+from tensionlab.solvers.programs import finite_tensions
+from tensionlab.solvers.quadratic import BACKENDS, SPARSE, check_installed, check_known, raised_by
+from tensionlab.support.arrays import Floats
+
+Tolerance = Literal["default", "tight"]
+
+# DAQP called directly, each backend through qpsolvers, and cvxpy.
+BASELINES = ("daqp", *(f"qpsolvers:{backend}" for backend in BACKENDS), "cvxpy:plain")
+
+# The tight settings of each backend: as accurate as its own options make it. quadprog has none.
+TIGHT: dict[str, dict[str, Any]] = {
+    "clarabel": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},
+    "osqp": {"eps_abs": 1e-9, "eps_rel": 0.0, "polishing": True, "max_iter": 20_000},
+    "daqp": {"primal_tol": 1e-11, "dual_tol": 1e-11},
+    "piqp": {"eps_abs": 1e-11, "eps_rel": 0.0, "eps_duality_gap_abs": 1e-11, "eps_duality_gap_rel": 0.0},
+    "proxqp": {"eps_abs": 1e-11, "eps_rel": 0.0},
+    "highs": {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+}
+
+# Settings in both cases: what a measurement needs, and what keeps a backend from hanging.
+ALWAYS: dict[str, dict[str, Any]] = {
+    "piqp": {"compute_timings": True},  # its clock is off by default
+    # Without a limit it spends 50 s on some infeasible wrenches; feasible ones need some 20 iterations.
+    "proxqp": {"compute_timings": True, "max_iter": 500},
+    "highs": {"time_limit": 1.0, "qp_iteration_limit": 10_000},  # it may cycle on infeasible wrenches
+}
+
+CLOCK = {"proxqp": 1e-6}  # unit of a backend's own times, in s, where it is not the second
+DAQP_EQUALITY = 5  # DAQP's mark of a constraint that is an equality
+NAN = float("nan")
+
+
+class Reply(NamedTuple):
+    """Unverified result of a baseline for one problem.
+
+    Tensions, (m,), in N, are unclipped; where there are none, ``failure`` says why. Iterations and times are the
+    library's own; 0 and NaN where it reports none.
+    """
+
+    tensions: Floats | None
+    iterations: int = 0
+    setup_s: float = NAN
+    solve_s: float = NAN
+    failure: str = ""
+
+
+class Baseline(Protocol):
+    """Solver of the plain program: two timed steps, and the reading of their result."""
+
+    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
+        """Put one problem, (n, m), (n,), (m,), (m,), into the form that the library takes."""
+        ...
+
+    def run(self, program: Any) -> Any:
+        """Solve it; return the library's result, or the exception that it raised."""
+        ...
+
+    def read(self, program: Any, result: Any) -> Reply:
+        """Read the reply out of the result of `run`."""
+        ...
+
+
+def make_baseline(name: str, tolerance: Tolerance = "default") -> Baseline:
+    """Return a baseline of `BASELINES`; MissingDependency if its library is not installed."""
+    if name == "daqp":
+        return DirectDaqp(tolerance)
+    if name == "cvxpy:plain":
+        return PlainConvex(tolerance)
+    return PlainProgram(name.partition(":")[2], tolerance)
+
+
+def load_daqp() -> Any:
+    """Return DAQP's own module; MissingDependency if it is not installed."""
+    with optional_import("solvers", "entry daqp"):
+        import daqp
+    return daqp
+
+
+def daqp_installed() -> bool:
+    """Return whether DAQP's module can be imported."""
+    return importlib.util.find_spec("daqp") is not None
+
+
+def constraint_types(components: int, cables: int) -> NDArray[np.int32]:
+    """Return DAQP's type of each constraint: first the limits of the cables, then the equations."""
+    return np.array([0] * cables + [DAQP_EQUALITY] * components, dtype=np.int32)
+
+
+@dataclass(frozen=True)
+class DirectDaqp:
+    """DAQP by its own Python module, the fastest baseline.
+
+    Source: Arnström, Bemporad and Axehill, "A dual active-set solver for embedded quadratic programming using
+    recursive LDL' updates", 2022.
+    """
+
+    tolerance: Tolerance = "default"
+    solve: Any = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "solve", load_daqp().solve)
+
+    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
+        """Make the cost and stack limits and equations, as a script does in each call."""
+        n, m = structure.shape
+        above, below = np.concatenate([upper, wrench]), np.concatenate([lower, wrench])
+        return np.eye(m), np.zeros(m), structure, above, below, constraint_types(n, m)
+
+    def run(self, program: Any) -> Any:
+        """Solve a program of `build`."""
+        return self.solve(*program, **TIGHT["daqp"]) if self.tolerance == "tight" else self.solve(*program)
+
+    def read(self, program: Any, result: Any) -> Reply:
+        """Read tensions, iterations and times out of DAQP's answer."""
+        solution, _, flag, info = result
+        tensions = finite_tensions(solution, len(program[1]))
+        failure = "" if tensions is not None else f"gave no finite tensions (exit flag {flag})"
+        return Reply(
+            tensions, int(info["iterations"]), float(info["setup_time"]), float(info["solve_time"]), failure
+        )
+
+
+@dataclass(frozen=True)
+class PlainProgram:
+    """Backend of qpsolvers."""
+
+    backend: str
+    tolerance: Tolerance = "default"
+
+    def __post_init__(self) -> None:
+        check_known(self.backend)
+        if self.tolerance == "tight" and self.backend not in TIGHT:
+            raise InputError(f"{self.backend} has no options that would make it tighter; use its defaults")
+        check_installed(self.backend)
+
+    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
+        """Make the program of qpsolvers, its matrices dense or sparse as the backend takes them."""
+        import qpsolvers
+
+        cables = structure.shape[1]
+        cost: Any = np.eye(cables)
+        rows: Any = structure
+        if self.backend in SPARSE:
+            from scipy import sparse
+
+            cost, rows = sparse.eye(cables, format="csc"), sparse.csc_matrix(structure)
+        return qpsolvers.Problem(cost, np.zeros(cables), A=rows, b=wrench, lb=lower, ub=upper)
+
+    def run(self, program: Any) -> Any:
+        """Solve it; the caller silences `warnings`, because that would cost time here."""
+        import qpsolvers
+
+        options = ALWAYS.get(self.backend, {}) | (TIGHT[self.backend] if self.tolerance == "tight" else {})
+        try:
+            return qpsolvers.solve_problem(program, self.backend, **options)
+        except raised_by(self.backend) as error:
+            return error
+
+    def read(self, program: Any, result: Any) -> Reply:
+        """Read tensions, iterations and times out of a solution."""
+        if isinstance(result, Exception):
+            return Reply(None, failure=f"{type(result).__name__}: {result}")
+        tensions = finite_tensions(result.x, len(program.q))
+        extras, unit = result.extras, CLOCK.get(self.backend, 1.0)
+        info = extras.get("info")
+        return Reply(
+            tensions,
+            iterations=int(info.iter) if info else int(extras.get("iterations", [0])[0]),
+            setup_s=unit * info.setup_time if info else NAN,
+            solve_s=unit * info.solve_time if info else extras.get("solve_time", NAN),
+            failure="" if tensions is not None else "gave no finite tensions",
+        )
+
+
+@dataclass(frozen=True)
+class PlainConvex:
+    """Program written in cvxpy, compiled once for each shape; each call fills in numbers and starts cold.
+
+    By default with the solver that cvxpy chooses; tight is Clarabel with `tensionlab.solvers.convex.SETTINGS`.
+    """
+
+    tolerance: Tolerance = "default"
+
+    def __post_init__(self) -> None:
+        require_cvxpy()
+
+    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> CompiledPrograms:
+        """Fill the numbers into the program of this shape."""
+        n, m = structure.shape
+        program = compiled_programs(n, m, threading.get_ident())
+        program.W.value, program.w.value = structure, wrench
+        program.lower.value, program.upper.value, program.reference.value = lower, upper, np.zeros(m)
+        program.t.value = None
+        return program
+
+    def run(self, program: CompiledPrograms) -> Any:
+        """Solve it."""
+        from cvxpy.error import SolverError
+
+        options = {"solver": "CLARABEL", **SETTINGS["CLARABEL"]} if self.tolerance == "tight" else {}
+        try:
+            return program.closest.solve(warm_start=False, **options)
+        except (SolverError, ValueError) as error:
+            return error
+
+    def read(self, program: CompiledPrograms, result: Any) -> Reply:
+        """Read tensions, iterations and times out of a program that was solved."""
+        if isinstance(result, Exception):
+            return Reply(None, failure=f"{type(result).__name__}: {result}")
+        closest = program.closest
+        tensions, stats = finite_tensions(program.t.value, program.t.size), closest.solver_stats
+        return Reply(
+            tensions,
+            iterations=stats.num_iters or 0,
+            setup_s=stats.setup_time or NAN,
+            solve_s=stats.solve_time or NAN,
+            failure="" if tensions is not None else f"gave no tensions ({closest.status})",
+        )
+
+
+def solve_qp(structure: Floats, wrench: Floats, lower: Floats, upper: Floats, backend: str) -> Floats | None:
+    """Return the tensions by the one call of qpsolvers' front page; None if there are none."""
+    import qpsolvers
+
+    cost, linear = np.eye(len(lower)), np.zeros(len(lower))
+    tensions: Floats | None = qpsolvers.solve_qp(
+        cost, linear, A=structure, b=wrench, lb=lower, ub=upper, solver=backend
+    )
+    return tensions
