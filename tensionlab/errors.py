@@ -31,92 +31,31 @@ class TensionlabError(Exception):
 
 
 class ShapeError(TensionlabError, ValueError):
-    """Arrays whose shapes do not fit together, or that hold NaN or infinity.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> tl.allocate([[1.0, -1.0]], [2.0, 0.0], (1.0, 5.0))
-    Traceback (most recent call last):
-        ...
-    tensionlab.errors.ShapeError: wrench has 2 components where structure (1, 2) has 1 rows
-    """
+    """Arrays whose shapes do not fit together, or that hold NaN or infinity."""
 
 
 class InputError(TensionlabError, ValueError):
-    """Argument or option that makes no sense; the message names it and what is possible.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> tl.allocate([[1.0, -1.0]], [2.0], (1.0, 5.0), "dykstra", policy="direction")
-    Traceback (most recent call last):
-        ...
-    tensionlab.errors.InputError: Dykstra cannot honour policy='direction'; it honours 'tension'
-    """
+    """Argument or option that makes no sense; the message names it and what is possible."""
 
 
 class DataError(TensionlabError, ValueError):
-    """File of data that cannot be used; the message names the file, and the row or column.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> tl.workspace.read_poses("no-such-file.csv")
-    Traceback (most recent call last):
-        ...
-    tensionlab.errors.DataError: no-such-file.csv: no such file; give the path of a file of poses (*.csv)
-    """
+    """File of data that cannot be used; the message names the file, and the row or column."""
 
 
 class RigError(TensionlabError, ValueError):
-    """Rig, or rig file, that does not describe something one could build; names file, module and key.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> tl.Module("floor-left", anchor=[0.0, 0.0, 0.0], lower=-1.0, upper=6.0)
-    Traceback (most recent call last):
-        ...
-    tensionlab.errors.RigError: module "floor-left": key "lower" is -1.0; a cable cannot push, so give 0 N or more
-    """
+    """Rig, or rig file, that does not describe something one could build; names file, module and key."""
 
 
 class UnknownSolver(TensionlabError, LookupError):  # noqa: N818 - pinned name
-    """Solver name that the table of solvers does not hold.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> tl.allocate([[1.0, -1.0]], [2.0], (1.0, 5.0), "newtn")
-    Traceback (most recent call last):
-        ...
-    tensionlab.errors.UnknownSolver: no solver is called 'newtn'; did you mean 'newton'?
-    """
+    """Solver name that the table of solvers does not hold."""
 
 
 class PluginError(TensionlabError, ImportError):
-    """Solver of another distribution or module that cannot be used; the message names where it is from.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> issubclass(tl.errors.PluginError, tl.errors.TensionlabError)
-    True
-    """
+    """Solver of another distribution or module that cannot be used; the message names where it is from."""
 
 
 class SweepError(TensionlabError, ValueError):
-    """Sweep that cannot be made; the message names the argument, or what is in the way of the store.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> tl.workspace.vary(tl.ring_plus_top, sides=[0.5, 1.0])
-    Traceback (most recent call last):
-        ...
-    tensionlab.errors.SweepError: vary: ring_plus_top has no parameter 'sides'; it has side, ...
-    """
+    """Sweep that cannot be made; the message names the argument, or what is in the way of the store."""
 
 
 class EffectError(TensionlabError, ValueError):
@@ -149,12 +88,7 @@ class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned na
 def optional_import(extra: str, what: str) -> Iterator[None]:
     """Import optional libraries in this context; one that is missing is a `MissingDependency`.
 
-    Parameters
-    ----------
-    extra : str
-        The extra of this package that brings them.
-    what : str
-        What needs them, for the message.
+    ``extra`` is the extra of this package that brings them, ``what`` needs them.
 
     Examples
     --------

@@ -136,20 +136,8 @@ def choose_locks(
         Naming the array, if shapes do not fit, a number is not finite, a normal is not of unit length, or a force
         or strength is negative.
     """
-    U, n = require_finite("structure", structure, 0), require_finite("normal", normal, 0)
     m = limits.lower.size
-    if U.shape[-2:] not in ((2, m), (3, m)) or n.shape[-1:] != U.shape[-2:-1]:
-        raise ShapeError(
-            f"structure {U.shape}, normal {n.shape} and limits of {m} cables do not fit; give (..., d, m), "
-            "(..., d) and m, with d = 2 or 3 for a point"
-        )
-    F, holds = require_finite("force", force, 0), pose.points(strengths, m, "strengths")
-    if F.min(initial=0.0) < 0.0 or holds.min(initial=0.0) < 0.0:
-        raise ShapeError(
-            "force and strengths must be 0 N or more; turn the normal round for a force the other way"
-        )
-    if np.abs(np.einsum("...i,...i->...", n, n) - 1.0).max(initial=0.0) > 2e-6:
-        raise ShapeError("normal is not a unit vector; divide it by its length")
+    U, n, F, holds = _checked(structure, normal, force, strengths, m)
     push = np.asarray(pushing, np.bool_)
     now = np.zeros(m, np.bool_) if held is None else np.asarray(held, np.bool_)
     stiff = as_floats("stiffness_ratio", math.inf if stiffness_ratio is None else stiffness_ratio)
@@ -190,6 +178,24 @@ def choose_locks(
         unresisted.reshape(shape),
         available.reshape((*shape, m)),
     )
+
+
+def _checked(
+    structure: ArrayLike, normal: ArrayLike, force: ArrayLike, strengths: ArrayLike, m: int
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return structure matrices, unit normals, forces and strengths as arrays of fitting shapes."""
+    U, n = require_finite("structure", structure, 0), require_finite("normal", normal, 0)
+    if U.shape[-2:] not in ((2, m), (3, m)) or n.shape[-1:] != U.shape[-2:-1]:
+        raise ShapeError(
+            f"structure {U.shape}, normal {n.shape} and limits of {m} cables do not fit; give (..., d, m), "
+            "(..., d) and m, with d = 2 or 3 for a point"
+        )
+    F, holds = require_finite("force", force, 0), pose.points(strengths, m, "strengths")
+    if F.min(initial=0.0) < 0.0 or holds.min(initial=0.0) < 0.0:
+        raise ShapeError("force and strengths must be 0 N or more; reverse the normal for a force the other way")
+    if np.abs(np.einsum("...i,...i->...", n, n) - 1.0).max(initial=0.0) > 2e-6:
+        raise ShapeError("normal is not a unit vector; divide it by its length")
+    return U, n, F, holds
 
 
 def _rows(array: NDArray[Any], shape: tuple[int, ...], inner: int) -> NDArray[Any]:
