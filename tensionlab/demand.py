@@ -131,7 +131,7 @@ class Demand:
     Attributes
     ----------
     wrench : (n,) array or None
-        Of all modules together, in N and N·m; beside what the rig requires, `Rig.required`. None: nothing besides,
+        Wrench of all modules together, in N and N·m, on top of `Rig.required`. None: nothing on top,
         and without that each cable is held at its lower limit.
     impedances : mapping of str to Impedance
         Modules, by name, with a module-local impedance. The others render the rest of the wrench.

@@ -1,4 +1,4 @@
-"""Certificates: what is proved about an answer, whoever gave it.
+"""Certificates: what is proved about an answer, by any solver.
 
 Whoever chose the tensions, they are clipped into their limits, the wrench is recomputed, and a status needs
 a certificate that anyone can check (``tensionlab/native/verification/certificates.hpp``).

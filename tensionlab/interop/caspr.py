@@ -61,7 +61,7 @@ class Element:
         return float(self.only(tag).numbers(1)[0])
 
     def numbers(self, count: int, name: str | None = None) -> Floats:
-        """Read so many finite numbers from the text, or from an attribute."""
+        """Read ``count`` finite numbers from the text, or from an attribute."""
         text = self.text if name is None else self.attribute(name)
         what = "its text" if name is None else f'attribute "{name}"'
         try:

@@ -194,7 +194,7 @@ class LslStreams:
         try:
             with self._sending:
                 outlet.push_sample(sample, when)
-        except Exception as error:  # whatever it is, the run goes on
+        except Exception as error:  # no error of a stream may end the run
             self.error = f"{type(error).__name__}: {error}"
 
 

@@ -123,7 +123,7 @@ class TendonAllocator:
     Each tendon has one actuator without dynamics whose force is its control times a gain. What that can do limits
     the tension: ``ctrlrange`` times gain and gear; ``forcerange``, and ``actuatorfrcrange`` of the tendon, times
     gear; and zero, since cables cannot push. Passive forces of the tendon (stiffness, damping, friction) are
-    beside the tension, not in it.
+    next to the tension, not in it.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ class RigBody:
     model, data : mujoco.MjModel, mujoco.MjData
         Yours to change, before time passes: geometry to collide with, a push in ``data.xfrc_applied``.
     held : bool
-        Whether somebody holds it where it is: at first, since a platform that hangs would fall before its modules
+        Whether it is held in place: at first, since a platform that hangs would fall before its modules
         pull. It moves from when you set this to False.
 
     Raises
@@ -303,7 +303,7 @@ class RigBody:
 class _Swivels:
     """Pulleys of a rig in space whose bodies MuJoCo keeps where they are told to be.
 
-    A pulley turns at once: what it weighs is nothing beside the pull of its cable.
+    A pulley turns at once: its inertia is negligible against the pull of its cable.
     """
 
     def __init__(self, model: Any, rig: Rig) -> None:

@@ -53,7 +53,7 @@ class Requirement:
     box : (n,) read-only array or None
         Half of the edges: from ``wrench - box`` to ``wrench + box``.
     wrenches : (k, n) read-only array or None
-        What is added to the wrench, one at a time; not beside a box.
+        Wrenches that are added, one at a time; not together with a box.
     ball : float
         Radius, in N: all that is no further away from any of these. Torques are divided by the length.
     gravity : bool
@@ -67,7 +67,7 @@ class Requirement:
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("cogiro")
     >>> lift = tl.Requirement(wrench=[0.0, 0.0, 500.0, 0.0, 0.0, 0.0], gravity=True)
-    >>> lift.at(rig)[0, :3].round()  # 500 N upwards, beside the weight of 91.058 kg
+    >>> lift.at(rig)[0, :3].round()  # 500 N upwards, and the weight of 91.058 kg
     array([   0.,    0., 1393.])
     >>> lift.at(rig)[0, 3:].round(1)  # N·m: its centre of mass is not the reference point
     array([-11.6,  30.4,   0. ])

@@ -445,7 +445,7 @@ class Rig:
         policy: Policy | None = None,
         wrench_weights: ArrayLike | None = None,
     ) -> Allocation:
-        """Return tensions that render a wrench at a pose, beside the wrench that the rig requires.
+        """Return tensions that render a wrench at a pose in addition to the rig's required wrench.
 
         The wrench that is allocated is ``wrench`` and the middle of `required`: the weight of the platform, for
         instance.

@@ -17,7 +17,7 @@ from tensionlab.model.pose import frame_of
 from tensionlab.scenarios.scenario import BrakeTarget, Scenario
 from tensionlab.support.arrays import Floats
 
-FADE_IN_S = 0.25  # time in which all force fades in: nobody knows where the hand is when a run begins
+FADE_IN_S = 0.25  # all force fades in: the hand's place is unknown when a run begins
 Notify = Callable[[str, str], None]  # receives a kind of event (phase, brake) and its text
 
 
@@ -97,7 +97,7 @@ class ScenarioDemand:
         return relative(hand, replace(hand, position=origin, velocity=velocity))
 
     def _brakes(self, target: BrakeTarget, motion: Motion, state: RigState) -> frozenset[str]:
-        """Return the names of the modules whose brakes are to be on."""
+        """Return the names of the modules whose brakes should be on."""
         rig = self._scenario.rig
         decision = decide(
             state.structure[: rig.dimension],

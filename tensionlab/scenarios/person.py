@@ -318,7 +318,7 @@ class PersonSimulation:
             self._restart(self._plan, now)
             self._playing = True
         self._person.apply_tensions(np.array([sample.tension for sample in samples]))
-        # Where the cables are to be after the modules' next step.
+        # Targets of the cables after the modules' next step.
         pose = self._person(now + COMPLIANT_STEP_S - self._since)
         self._lengths = self._person.lengths
         due = int(now * TRACKER_RATE_HZ)

@@ -29,7 +29,7 @@ from tensionlab.support.files.reading import as_path, brief, read_toml
 from tensionlab.support.formatting import format_count
 from tensionlab.support.validation import validate
 
-FOLDER = Path(__file__).parent / "files"  # scenarios of this package: NAME.toml, and NAME.rig.toml beside it
+FOLDER = Path(__file__).parent / "files"  # scenarios of this package: NAME.toml and NAME.rig.toml
 SCENARIOS = ("materials", "collision", "recoil", "weight", "bow")  # their names, in the order of the publication
 KEYS: dict[str, Any] = {
     "title": str,
@@ -43,7 +43,7 @@ KEYS: dict[str, Any] = {
     "stands": tuple[float, ...],
     "up": str,
 }
-RIG = "rig"  # key of a scenario file: its rig, by name, or by file beside it
+RIG = "rig"  # key of a scenario file: its rig, by name, or by file in the same folder
 NEEDED = ("title", "about", "seconds", "up")
 PHASE_KEYS: dict[str, Any] = {"name": str, "begin": float, "end": float}
 
@@ -229,7 +229,7 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
         One of `SCENARIOS`, or the path of a file: it ends in ``.toml`` or has a separator.
     rig : str or path, optional
         A rig in place of the scenario's own, as `load_rig` takes it. Its own is the one that its key ``rig`` says,
-        or NAME.rig.toml beside NAME.toml. One of another ``up`` is turned, as `Rig.turned` does.
+        or NAME.rig.toml next to NAME.toml. One of another ``up`` is turned, as `Rig.turned` does.
 
     Raises
     ------
@@ -282,7 +282,7 @@ def _scenario(table: dict[str, Any], path: Path, rig: str | PathLike[str] | None
 
 
 def _rig_of(table: dict[str, Any], path: Path) -> str | Path:
-    """Return the rig that a scenario file names, or that lies beside it."""
+    """Return the rig that a scenario file names, or that lies in its folder."""
     if RIG not in table:
         return path.with_suffix(".rig.toml")
     name: str = validate(str, table[RIG], ScenarioError, RIG)

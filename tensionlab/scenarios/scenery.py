@@ -1,4 +1,4 @@
-"""What of a scenario can be seen beside its rig: surfaces, by phase, and where the person stands.
+"""Scenery of a scenario: surfaces by phase, and where the person stands.
 
 Plain numbers and words, so that logs of runs and pages of other processes have it.
 """
@@ -59,7 +59,7 @@ class ScenePhase:
 
 @dataclass(frozen=True)
 class Scenery:
-    """What of a scenario can be seen beside its rig.
+    """Visible parts of a scenario, without its rig.
 
     Attributes
     ----------

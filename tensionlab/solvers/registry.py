@@ -254,7 +254,7 @@ def find_plugins() -> dict[str, type[Any] | PluginError]:
 
 def _origins(entries: list[EntryPoint]) -> str:
     """Return names and versions of the distributions that entry points belong to."""
-    return " and ".join(f"{each.dist.name} {each.dist.version}" if each.dist else "nobody" for each in entries)
+    return " and ".join(f"{each.dist.name} {each.dist.version}" if each.dist else "none" for each in entries)
 
 
 def _load_only(entries: list[EntryPoint]) -> type[Any]:

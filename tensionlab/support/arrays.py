@@ -51,7 +51,7 @@ def _aligned(values: Floats) -> Floats:
 
 
 def _masked(values: object) -> bool:
-    """Tell whether anything is masked, in lists and tuples too, from which NumPy would take it without a word."""
+    """Tell whether anything is masked, in lists and tuples too, whose masks NumPy silently drops."""
     if isinstance(values, list | tuple):
         return any(_masked(each) for each in values)
     # By its attribute: to name numpy.ma would load it.
@@ -92,21 +92,21 @@ def tension_limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats
 
 
 def readonly_copy(array: Floats) -> Floats:
-    """Copy an array into one that nobody can change."""
+    """Return a read-only copy of an array."""
     copy = np.array(array)  # also of a scalar, which the mean of two arrays without axes is
     copy.flags.writeable = False
     return copy
 
 
 def require_finite(name: str, array: ArrayLike, axes: int) -> Floats:
-    """Return contiguous floats with at least so many axes, or name the entry that is not finite."""
+    """Return contiguous floats with at least ``axes`` axes; refuse an entry that is not finite, by its index."""
     values = as_numeric(name, array, axes)
     check(name, values)
     return values
 
 
 def as_numeric(name: str, array: ArrayLike, axes: int) -> Floats:
-    """Return contiguous floats with at least so many axes, finite or not."""
+    """Return contiguous floats with at least ``axes`` axes, finite or not."""
     values = as_floats(name, array)
     if values.ndim < axes:
         kind = "a matrix" if axes == 2 else "a vector"

@@ -120,7 +120,7 @@ def is_private(folder: Path) -> bool:
 
 
 def opened_by_other_user(peer: Any, own: Any) -> bool:
-    """Return whether somebody else than this user and root opened a TCP connection within this machine.
+    """Return whether another user, not root, opened a TCP connection within this machine.
 
     Parameters
     ----------
@@ -130,8 +130,8 @@ def opened_by_other_user(peer: Any, own: Any) -> bool:
 
     Notes
     -----
-    Linux alone tells; elsewhere it is False. A connection that its other end has closed already belongs to nobody,
-    and counts as somebody else's.
+    Linux alone tells; elsewhere it is False. A connection that its other end has closed has no owner and
+    counts as another user's.
     """
     if sys.platform != "linux" or not isinstance(own, tuple):
         return False
@@ -158,7 +158,7 @@ def process_start(pid: int) -> int | None:
 
 
 def reader_has_gone(error: OSError) -> bool:
-    """Return whether an error of writing says that nobody reads the pipe any more."""
+    """Return whether an error of writing means that the pipe's reader has closed it."""
     return isinstance(error, BrokenPipeError) or (sys.platform == "win32" and error.errno == errno.EINVAL)
 
 

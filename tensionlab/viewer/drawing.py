@@ -60,7 +60,7 @@ class RigDrawing:
     def look_at(self, rig: Rig, *points: Floats, covered: float = 0.0) -> None:
         """Point the camera at the rig, put the floor below it, and have all sizes suit it.
 
-        ``points`` are arrays (k, d) that are to be seen too; ``covered`` is the share of the picture, from below,
+        ``points`` are arrays (k, d) to show as well; ``covered`` is the share of the picture, from below,
         in which nothing is seen.
         """
         place_camera(self._server, rig, *points, covered=covered)

@@ -63,7 +63,7 @@ class ImpactCap:
     """Cap on the force with which a body is stopped.
 
     A body of mass m, stopped by a cable of stiffness k, meets at most ``v sqrt(k m)``. That is the impact: a body
-    that goes on pushing is held with all that the brakes bear, and no sensor measures how much that is. So links
+    that keeps pushing is held with all that the brakes bear, and no sensor measures how much that is. So links
     that break away below the cap are part of it: without them, 23 of 1,000 random heads met more. A scenario
     refuses a rig whose motors and brakes could together pull harder than its cap. Links should break away at
     ``force`` in N; ``stiffness`` in N/m is that of a locked cable with all that gives way at both of its ends; the
@@ -80,7 +80,7 @@ class ImpactCap:
                 raise InputError(f"ImpactCap({name}={value}): must be above 0")
 
     def peak(self, speed: ArrayLike, stiffness_ratio: ArrayLike = 1.0) -> Floats:
-        """Return the impact in N, with cables that are together so many times as stiff as one."""
+        """Return the impact in N, for cables together ``stiffness_ratio`` times as stiff as one."""
         return np.asarray(speed, dtype=np.float64) * np.sqrt(
             self.stiffness * self.mass * np.asarray(stiffness_ratio)
         )

@@ -100,7 +100,7 @@ class ClientState:
         now : float
             When it came, in s.
         commander : Commander, optional
-            Who sent it; somebody in this process if left out.
+            Who sent it; this process if left out.
 
         Raises
         ------

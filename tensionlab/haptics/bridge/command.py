@@ -72,7 +72,7 @@ class Command:
         return commander
 
     def require_free(self, now: float) -> None:
-        """Raise `FrameRefused` while somebody commands."""
+        """Raise `FrameRefused` while another client commands."""
         holder = self._holder
         if holder is not None and now - holder.last_seen < SILENCE_S:
             raise FrameRefused(
@@ -87,7 +87,7 @@ class Command:
                 self._holder = None
 
     def dismiss(self, reason: str) -> None:
-        """Take the place from whoever has it, with a reason."""
+        """Take the command from its holder, with a reason."""
         with self._lock:
             holder, self._holder = self._holder, None
         if holder is not None:
@@ -113,7 +113,7 @@ class LeakyBucket:
         passed = 0.0 if self._latest is None else max(now - self._latest, 0.0)
         self._latest = now
         leaked = max(self._level - passed * self.per_second, 0.0)
-        self._level = min(leaked + amount, 2.0 * self.at_once)  # after a pause that is long enough it goes on
+        self._level = min(leaked + amount, 2.0 * self.at_once)  # a pause that is long enough resets it
 
     @property
     def full(self) -> bool:
@@ -135,7 +135,7 @@ class Budget:
     _reading: LeakyBucket = field(default_factory=lambda: LeakyBucket(READ_SHARE, READ_AT_ONCE_S))
 
     def refuse(self, size: int, now: float) -> str:
-        """Count a message of so many bytes; return why it must not be read, or an empty string."""
+        """Count a message by its bytes; return why it must not be read, or an empty string."""
         self._messages.add(1.0, now)
         self._bytes.add(float(size), now)
         self._reading.add(0.0, now)

@@ -274,7 +274,7 @@ def parse(content: str | bytes) -> Any:
     except json.JSONDecodeError as error:
         what = error.msg[:1].lower() + error.msg[1:]
         raise ProtocolError(f"not JSON: {what}, at character {error.pos + 1}") from None
-    except ValueError:  # Python itself refuses to read so many digits
+    except ValueError:  # Python refuses to parse thousands of digits
         raise ProtocolError("not JSON: a whole number has thousands of digits") from None
 
 

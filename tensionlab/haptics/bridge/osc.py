@@ -375,7 +375,7 @@ class OscTracker:
 
         Its time tag is when they were there, in s since 1970: what is late on its way is not taken for slow.
         """
-        with suppress(OSError):  # nobody listens, or there is no room: the next one is soon
+        with suppress(OSError):  # no listener, or no room: the next state follows soon
             self._socket.sendto(bundle_of(bodies, when), self._address)
 
 

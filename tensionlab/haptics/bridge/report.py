@@ -1,4 +1,4 @@
-"""Lines that say what clients do, for whoever serves them."""
+"""Report of what clients do, as lines for a terminal."""
 
 from __future__ import annotations
 

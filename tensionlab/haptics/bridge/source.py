@@ -39,7 +39,7 @@ class BridgedDemand:
     """Demand source that renders a client's effects.
 
     Where a client falls silent the force fades; then, and before the first frame, the cables are held taut. One
-    whose effects fail loses them and the command, and the cycle goes on without: the force fades by the slew
+    whose effects fail loses them and the command; the cycle continues without: the force fades by the slew
     limit.
 
     Parameters

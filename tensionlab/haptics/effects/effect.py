@@ -22,7 +22,7 @@ from tensionlab.support.arrays import Floats
 # What an effect remembers: a NamedTuple of its own, such as `Bristle`; None before the first step, and where there
 # is nothing to remember. Given the memory of another kind of effect, an effect begins anew.
 Memory = tuple[object, ...] | None
-MAX_HAND_SPEED_M_S = 10.0  # faster than this nobody moves: whoever tracks the hand has put it elsewhere
+MAX_HAND_SPEED_M_S = 10.0  # hands are slower: a faster one was moved by its tracker
 
 
 @dataclass(frozen=True, eq=False)

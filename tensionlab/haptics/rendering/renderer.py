@@ -57,7 +57,7 @@ class Renderer:
 
     The demand is what a loop as late as this one can render of what the effects desire, and no more than twice
     what all cables together pull. What a cycle that fails would have remembered is not kept: without the effect
-    that failed, the next one goes on from the force of the one before, by the slew limit.
+    that failed, the next one continues from the previous force, by the slew limit.
 
     Effects act on the rig's point or reference point. ``limits`` are those of all modules: the firmware's as it
     comes and the rig's tensions, unless they are set. ``delay`` is the loop latency, the largest of the last 100

@@ -69,7 +69,7 @@ def calibrate_anchors(
 
     The nominal rig gives attachments, a first guess of the anchors, and which of all equal answers is meant. Poses
     that are not `known` are sought from those given, or from the rig's home. For a platform, rough ones are worth
-    having: from the home of a rig with crossed cables (CoGiRo) the search often ends beside the best answer, which
+    having: from the home of a rig with crossed cables (CoGiRo) the search often ends near the best answer, which
     then fits some tenths worse and shows no other sign. With `offsets`, a constant error of each cable's length is
     found as well.
 
@@ -192,7 +192,7 @@ def nominal_misfit(rig: Rig, lengths: Floats, poses: Poses, *, known: bool) -> f
 def held_out_misfit(rig: Rig, lengths: Floats, poses: Poses, *, known: bool, offsets: bool) -> float:
     """Return the misfit of lengths to a rig that was calibrated without them, in m.
 
-    Cross-validation: each fifth of the poses is left out once. NaN where the rest is too little to calibrate with.
+    Cross-validation: each fifth of the poses is left out once. NaN where too few poses remain to calibrate with.
     Arguments as those of `calibrate_anchors`.
     """
     squares = []

@@ -41,7 +41,7 @@ SEARCH_N_S, RAMP_N_S = 0.5, 0.1
 LIFT_M, MOVED_M, STARTED_M = 0.01, 0.003, 0.0005
 MAX_WEIGHT_RATIO = 2.0  # how many times its weight a mass may seem to need: no N/A is farther off
 DAMPING_NS_M = 1.0  # n s/m, by which the host calms a mass
-STILL_M, STILL_S = 0.0003, 0.2  # at rest: no more than so many m for so many s
+STILL_M, STILL_S = 0.0003, 0.2  # at rest: no more than this length for this time
 REST_TIMEOUT_S = 5.0  # how long a mass may take to come to rest, in s
 MIN_MOVING_SAMPLES = 4  # telemetry of a cable on its way that it takes to find its start
 TREND_S = 0.5  # time before it moves, in s, whose currents are taken
@@ -65,7 +65,7 @@ class Puller:
         self.heard.clear()
 
     def hold(self, tension: float) -> Telemetry:
-        """Pull with so many N for a period, and return the telemetry at its end; refuse a module that cannot."""
+        """Pull with a tension for a period, and return the telemetry at its end; refuse a module that cannot."""
         for _ in range(MAX_SILENT_PERIODS):
             self.client.set_tension(tension)
             self.client.wait(PERIOD_S)
@@ -143,7 +143,7 @@ def _arm(client: ModuleClient, tension: float) -> None:
 def weigh(
     client: ModuleClient, mass: float, repeats: int = 5, progress: Callable[[float], None] | None = None
 ) -> list[Balance]:
-    """Measure the currents that lift a mass, in kg, and let it down, so many times.
+    """Measure the currents that lift a mass, in kg, and let it down, several times.
 
     The mass stands or hangs still with its cable straight, and has 5 cm to rise. The module is stopped at the end.
     `progress` is called with the share that is done.

@@ -24,7 +24,7 @@ PERIOD_S = 0.02
 # Shortest time cables are tightened before their length is set, and time a module takes to release, in
 # s.
 TAUT_S, LOOSE_S = 1.0, 0.5
-# A pose: no cable moves by more than so many m for so many s, and one is so many m off each pose before.
+# A pose: no cable moves by more than the first (m) for the second (s); it differs by the third from each pose.
 STILL_M, STILL_S, APART_M = 0.001, 0.4, 0.03
 AXES = "xyz"
 # Columns of a rotation: in the plane an angle, in space an axis times an angle, in rad.
@@ -70,7 +70,7 @@ def record_lengths(
     seconds: float,
     found: Callable[[int], None] | None = None,
 ) -> Floats:
-    """Record the cable lengths (K, m) in m of so many poses, wherever a person holds the platform still.
+    """Record the cable lengths (K, m) in m of ``poses`` poses, wherever a person holds the platform still.
 
     The modules pull with the rig's lower limits, so that the cables are tight. A pose counts when all cables have
     been still for a while, and have other lengths than at each pose before: then `found` is called with the number

@@ -84,7 +84,7 @@ class _UnpackedLogError(LogError):
 
 
 class _Bounded:
-    """File of so many bytes that refuses to read more: a damaged length would ask for all memory."""
+    """File of known size that refuses to read more: a damaged length would ask for all memory."""
 
     def __init__(self, file: IO[bytes], size: int) -> None:
         self._file, self._size = file, size

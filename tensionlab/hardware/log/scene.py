@@ -1,6 +1,6 @@
 """A run as a moving scene and as numbers to plot, in messages that Foxglove and other viewers of robots know.
 
-`CHANNELS` are written beside the cycles, at most `RATE_HZ` times a second. Lengths are in m, forces in N.
+`CHANNELS` are written between the cycles, at most `RATE_HZ` times a second. Lengths are in m, forces in N.
 """
 
 from __future__ import annotations
@@ -180,7 +180,7 @@ class SceneEncoder:
         return {"lines": [_lines(pieces, np.tile(shades, (len(points) - 1, 1)), CABLE_PIXELS)]}
 
     def _arrows(self, cycle: Cycle, forces: dict[str, Floats]) -> Json:
-        """Return an arrow for each force, from the hand, beside one another."""
+        """Return an arrow for each force, from the hand, side by side."""
         known = {name: force for name, force in forces.items() if force.any()}
         if not known:
             return {"arrows": []}

@@ -31,7 +31,7 @@ MAX_BACKLOG = 20_000  # cycles and events that may wait for a slow disk; at 1 kH
 # After each cycle, while more wait, and after each message of the scene, the writer leaves the interpreter to the
 # control loop for that time.
 YIELD_S = 50e-6
-MAX_YIELDING = 200  # while so many wait, it does not: a loop that never sleeps would leave it too little
+MAX_YIELDING = 200  # no longer while more wait: a loop that never sleeps would leave it too little time
 CLOSE_TIMEOUT_S = 10.0  # longest time to write pending records when the run ends
 
 EVENT_SCHEMA = {
@@ -91,7 +91,7 @@ class RunLog:
 
     Every cycle is with the system within `FLUSH_S` seconds, and so in the file even if the process is killed.
     Close the log: only then has it an index, and counts as complete. Viewers such as Foxglove show the run as a
-    moving scene, by messages that are written beside the cycles some 30 times a second.
+    moving scene, by messages that are written between the cycles some 30 times a second.
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ class RunLog:
             self._file.finish()
         except OSError as error:
             self._error = _unwritable(self.path, error)
-        except Exception as error:  # nobody sees what a thread raises
+        except Exception as error:  # a thread's exception would be lost
             self._error = LogError(f"{self.path}: a cycle could not be written ({error!r})")
         finally:
             self._file.abandon()

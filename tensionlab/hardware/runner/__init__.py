@@ -1,1 +1,1 @@
-"""The parts of a run: what goes through it, what guards it, when it goes on and how it went."""
+"""Runs: their demands, guards, cycles, clocks and results."""

@@ -1,4 +1,4 @@
-"""Columns of a run: what is kept of each cycle, and how it is written in JSON."""
+"""Columns of a run: values of each cycle, and their JSON."""
 
 # ruff: noqa: RUF009 - `column` is `dataclasses.field`
 from __future__ import annotations

@@ -141,7 +141,7 @@ class Derating:
         if thermal >= 1.0 and self._continuous[index] < self._own.lower[index]:
             stands, lower = float(self._continuous[index]), float(self._own.lower[index])
             raise ModuleFault(
-                f'module "{self._names[index]}" is too hot: its winding stands {stands:.2f} N for ever, less than '
+                f'module "{self._names[index]}" is too hot: it bears {stands:.2f} N continuously, less than '
                 f"its lower limit of {lower:g} N; lower the rig's limit, or let it cool",
                 self._names[index],
                 Limit.THERMAL,

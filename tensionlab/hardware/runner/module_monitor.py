@@ -163,13 +163,13 @@ class Stall:
 
 
 def require_following(client: ModuleClient) -> None:
-    """Refuse a module that has released, refused a set-point, was stopped by somebody else or restarted."""
+    """Refuse a module that has released, refused a set-point, was stopped from outside or restarted."""
     client.check()
     late = client.state is State.IDLE and not client.followed_since_arm  # what it was before
     if client.state not in FOLLOWING_STATES and not late:
         state = State.IDLE if client.state is None else client.state
         raise ModuleFault(
-            f'module "{client.name}" is {state.name}: somebody else stopped it, or it started anew',
+            f'module "{client.name}" is {state.name}: it was stopped from outside, or restarted',
             client.name,
             state,
         )
@@ -201,7 +201,7 @@ def require_plausible(name: str, before: Received[Telemetry] | None, heard: Rece
         )
     if now.faults:
         raise ModuleFault(
-            f'module "{name}" reports a fault ({now.faults.name or int(now.faults)}) and goes on pulling '
+            f'module "{name}" reports a fault ({now.faults.name or int(now.faults)}) and keeps pulling '
             f"({now.state.name}); update its firmware, it must release its cable",
             name,
             now.faults,

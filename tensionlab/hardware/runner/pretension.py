@@ -6,7 +6,7 @@ cables are taut. Until the pose is known,
 
 - each module pulls with its own taut minimum, 0.5 N unless it was set up otherwise, and none with more. Less is
   not possible: the firmware pulls with that from ARM on;
-- nothing pays out by itself: cable leaves a spool only where somebody pulls harder than its taut minimum;
+- nothing pays out by itself: cable leaves a spool only where it is pulled harder than its minimum tension;
 - set-points live as long as in the run. A host that dies or hangs, a lost module, Ctrl-C and an emergency stop end
   this as they end a run;
 - a cable that reels in further than the others let it holds nothing. All modules are stopped at once;
@@ -41,7 +41,7 @@ SHAKING_S = 4.0
 MAX_PRETENSION_S = 20.0  # how long cables may take to come to rest: 40 m of slack at 2 m/s
 # Tolerance by which a cable may appear shorter than possible (two lengths are compared).
 TOO_SHORT_M = 2.0 * MAX_LENGTH_ERROR_M
-MAX_PLACE_ERROR_M = 0.5  # how far off a place may be that somebody gave, in place of lengths
+MAX_PLACE_ERROR_M = 0.5  # largest error of a position that is given in place of lengths
 # Where the other lengths fit a pose better than this, the one that was left out explains a misfit.
 MAX_UNCERTAINTY_M = 0.01
 WITHOUT_LENGTHS = "Or say where it is by `--at X Y Z`, in Python a tracker: then a run needs no lengths"
@@ -186,7 +186,7 @@ def _require_held(rig: Rig, shortest: Floats, lengths: Floats, speeds: Floats, a
         raise HardwareError(
             f'the cable of module "{rig.modules[index].name}" is loose: it has been reeled in to '
             f"{max(lengths[index], 0.0):.2f} m, and would be {shortest[index]:.2f} m or more if it held the "
-            "platform. See that nobody is in its way, hook it on, and start again"
+            "platform. See that no one is in its way, hook it on, and start again"
         )
 
 

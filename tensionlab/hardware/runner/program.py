@@ -3,7 +3,7 @@
 ::
 
     name = "push, then release"
-    repeat = false                # true: from the start again, until somebody stops it
+    repeat = false                # true: from the start again, until the run is stopped
 
     [[steps]]
     seconds = 0.5

@@ -78,7 +78,7 @@ class RunSink(Protocol):
     """Sink for all that happens in a run, such as `RunLog`. A `HardwareError` of it ends the run."""
 
     def begin(self, infos: Mapping[str, Info], statistics: Statistics) -> None:
-        """Take the description of each module, by its name, and the statistics, which grow as the run goes on."""
+        """Take the description of each module, by its name, and the statistics, which grow during the run."""
 
     def write(self, cycle: Cycle) -> None:
         """Take a cycle. Its arrays do not change any more."""

@@ -429,7 +429,7 @@ class Runner:
 
     @contextmanager
     def _watched(self, interrupts: Interrupts) -> Iterator[None]:
-        """Watch over the steps of a run, where time goes on while one lasts."""
+        """Watch over the steps of a run, where its clock advances during a step."""
         if not getattr(self._clock, "real_time", False):
             yield
             return

@@ -82,7 +82,7 @@ class Clock(Protocol):
     Attributes
     ----------
     real_time : bool
-        Whether it goes on while a cycle lasts; optional, False if left out.
+        Whether it advances during a cycle; optional, False if left out.
     """
 
     def now(self) -> float:
@@ -98,7 +98,7 @@ class RealClock:
     Parameters
     ----------
     clients : iterable of ModuleClient, optional
-        The simulated ones of this process among them run while somebody waits for the clock.
+        The simulated ones of this process advance while the clock is waited for.
 
     Examples
     --------
@@ -183,7 +183,7 @@ class WorldClock:
 class PlaybackClock(WorldClock):
     """Clock of simulated modules that is never ahead of real time; where it falls behind, time passes more slowly.
 
-    So a run by it is to be watched, and yet the same, cycle by cycle, as one that goes as fast as it can.
+    A run by it can be watched, and equals, cycle by cycle, one that runs as fast as possible.
     """
 
     def wait_until(self, when: float) -> None:

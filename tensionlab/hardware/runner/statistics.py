@@ -18,7 +18,7 @@ DURATION_REACHED = "duration reached"
 DEMAND_STOPPED = "stopped by the demand"
 # Signals that end a run in good order; other ends are other signals, an emergency stop and errors.
 CTRL_C = "signal SIGINT"
-# `tensionlab estop` ended it, or whoever else sent `ESTOP_SIGNAL`.
+# `tensionlab estop`, or another sender of `ESTOP_SIGNAL`, ended it.
 EMERGENCY_STOP = "emergency stop (from another terminal)"
 STATUSES = tuple(sorted(Status))
 PERCENTILES = {"median": 50.0, "p99": 99.0, "max": 100.0}

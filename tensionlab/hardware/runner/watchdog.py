@@ -68,7 +68,7 @@ class Watchdog:
             self._native.close()
 
     def begin(self, name: str, seconds: float) -> None:
-        """Begin a step, which ends the one before. It may take so many s."""
+        """Begin a step of at most ``seconds``; the step before ends."""
         self._step = TimedStep(name, seconds)
 
     def rest(self) -> None:
@@ -121,7 +121,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 class Hung(BaseException):
-    """End of a run by its watchdog. No `Exception`: whoever catches those does not see it."""
+    """End of a run by its watchdog. No `Exception`, so that code that catches those does not see it."""
 
 
 class Interrupts:

@@ -122,7 +122,7 @@ def parse_toml(text: str, source: str, error: type[TensionlabError]) -> dict[str
         raise _too_deep(source, error) from None
     except tomllib.TOMLDecodeError as problem:
         raise error(f"{source}: not valid TOML: {_clipped(problem)}; correct that line") from None
-    except ValueError:  # Python itself refuses to read so many digits
+    except ValueError:  # Python refuses to parse thousands of digits
         raise error(f"{source}: a whole number has thousands of digits; correct it") from None
     _require_bounded(document, source, error)
     return document

@@ -126,7 +126,7 @@ def test_a_module_too_hot_to_hold_its_cable_taut_is_lost(rehearsal):
     for client in rehearsal.group.clients:
         client.set_parameter("tension_lower", 0.5)
         client.set_parameter("current_continuous", 0.3)
-    with pytest.raises(ModuleFault, match=r"is too hot: its winding stands 0\.90 N for ever, less than its lower"):
+    with pytest.raises(ModuleFault, match=r"is too hot: it bears 0\.90 N continuously, less than its lower"):
         rehearsal.runner(rehearsal.demand(np.zeros(3))).run(300.0)
     rehearsal.trouble_at = rehearsal.world.time
     assert_let_go(rehearsal)

@@ -36,7 +36,7 @@ def test_a_module_that_somebody_else_stopped_does_not_follow_any_more():
         simulated.receive(Stop().frame(99).pack())
         client.listen(0.05)
         with pytest.raises(
-            ModuleFault, match='"one" is IDLE: somebody else stopped it, or it started anew'
+            ModuleFault, match='"one" is IDLE: it was stopped from outside, or restarted'
         ) as caught:
             require_following(client)
         assert caught.value.code is State.IDLE
@@ -104,7 +104,7 @@ def test_what_is_not_finite_cannot_be_true(field, unit, value):
 
 
 def test_a_module_that_pulls_in_spite_of_a_fault_is_refused():
-    with pytest.raises(ModuleFault, match=r"reports a fault \(SPEED\) and goes on pulling \(RUNNING\)") as caught:
+    with pytest.raises(ModuleFault, match=r"reports a fault \(SPEED\) and keeps pulling \(RUNNING\)") as caught:
         require_plausible("one", None, telemetry(faults=Fault.SPEED))
     assert (caught.value.module, caught.value.code) == ("one", Fault.SPEED)
 
