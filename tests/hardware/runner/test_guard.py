@@ -216,7 +216,7 @@ def test_a_spent_winding_that_cannot_hold_the_lower_limit_is_refused():
     hot.require_taut(1, 0.99)
     hot.require_taut(1, np.nan)
     hot.require_taut(2, 1.0)
-    with pytest.raises(ModuleFault, match=r'module "b" is too hot: its winding stands 0\.30 N') as caught:
+    with pytest.raises(ModuleFault, match=r'module "b" is too hot: it bears 0\.30 N') as caught:
         hot.require_taut(1, 1.0)
     assert (caught.value.module, caught.value.code) == ("b", Limit.THERMAL)
 
