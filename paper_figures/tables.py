@@ -74,7 +74,7 @@ def shares_of_room(room: Any) -> Table:
     for number, name in enumerate(field.names):
         rows.append((name, *(f"{100 * share:.1f} %" for share in share_above(field, number, FORCES))))
     step = describe_step(field.axes.values())
-    note = f"Share of the room in which a number of newtons can be rendered in every direction, from positions {step}."
+    note = f"Share of the room where so much force (N) can be rendered in every direction, from positions {step}."
     return Table(note, ("modules", *(f"{force:.1f} N" for force in FORCES)), tuple(rows))
 
 
