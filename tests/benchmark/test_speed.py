@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmark import entries, speed
+from tensionlab.benchmark import baselines, speed
 from tensionlab.benchmark.speed import infeasible_wrenches, random_problems, time_batches, time_calls
 
 
@@ -37,7 +37,7 @@ def test_the_batch_and_daqp_agree_and_are_both_timed(monkeypatch, reachable):
 
 
 def test_without_daqp_its_columns_are_empty(monkeypatch):
-    monkeypatch.setattr(entries, "daqp_installed", lambda: False)
+    monkeypatch.setattr(baselines, "daqp_installed", lambda: False)
     row = time_batches(3, 4, count=200, rounds=1)
     assert row.one_core_s > 0
     assert np.isnan([row.daqp_c_s, row.daqp_loop_s, row.gap_max, row.ratio]).all()
@@ -54,5 +54,5 @@ def test_single_calls_of_all_callers_daqp_with_its_matrices_prebuilt_and_not():
 
 
 def test_without_daqp_its_rows_are_missing(monkeypatch):
-    monkeypatch.setattr(entries, "daqp_installed", lambda: False)
+    monkeypatch.setattr(baselines, "daqp_installed", lambda: False)
     assert [call.caller for call in time_calls(3, 4, calls=20)] == ["tl.Allocator", "tl.allocate"]
