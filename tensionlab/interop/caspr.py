@@ -19,7 +19,7 @@ from tensionlab.model.module import KINDS, Module, Platform
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.support.files.reading import MAX_NESTING, brief, read_bytes
+from tensionlab.support.files.reading import brief, read_bytes
 from tensionlab.support.formatting import format_count
 
 
@@ -122,6 +122,7 @@ class _Joint(NamedTuple):
     normal: str = ""
 
 
+MAX_NESTING = 32
 JOINTS = {
     "P_XY": _Joint("planar-point", "xy"),
     "P_XZ": _Joint("planar-point", "xz"),

@@ -127,7 +127,7 @@ MISTAKES = {
     "compare none.toml": "none.toml: no such file; give the path of a rig file (*.toml)",
     "compare folder.toml": "folder.toml: is a folder; give a rig file (*.toml)",
     "compare latin1.toml": "latin1.toml: not UTF-8 text; save it as UTF-8, or give a rig file (*.toml)",
-    "compare broken.toml": "broken.toml: not valid TOML: Unclosed array (at line 12, column 1); correct that line",
+    "compare broken.toml": "broken.toml: not valid TOML: Unclosed array (at line 12, column 1); correct it",
     "compare key.toml": "key.toml: 2 problems: modules[3].name is missing; give a name in quotes",
     "compare nan.toml": 'nan.toml: module "floor-1": key "lower" is nan; give a finite tension in N',
     "compare swapped.toml": 'key "lower" is 0.5, above "upper", which is 0.1; give lower <= upper, both in N',

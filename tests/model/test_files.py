@@ -126,7 +126,6 @@ MISTAKES = {
         GOOD.replace("lower", "lowr"),
         ["limits.lowr is an unknown key", 'did you mean "lower"?'],
     ),
-    "misspelt top": (GOOD.replace("home", "hom"), ["hom is an unknown key", "home is missing"]),
     "strange key": (
         GOOD + "colour = 1",
         ['modules[1] ("right")', "colour is an unknown key", "the keys here are", "spool_radius"],
@@ -139,17 +138,7 @@ MISTAKES = {
         GOOD.replace("lower = 0.5", "lower = true"),
         ["limits.lower is True", "in N"],
     ),
-    "text in a point": (GOOD.replace("-0.5", '"a"'), ['modules[0] ("left")', "anchor[0] is 'a'"]),
-    "number for a point": (
-        GOOD.replace("[-0.5, 0.0, 0.0]", "3"),
-        ['modules[0] ("left")', "anchor is 3", "list"],
-    ),
-    "name left out": (
-        GOOD.replace('name = "left"', ""),
-        ["modules[0].name is missing", "no other module has"],
-    ),
     "name empty": (GOOD.replace('"left"', '""'), ["modules[0].name is ''"]),
-    "name a number": (GOOD.replace('"left"', "7"), ["modules[0]", "name is 7", "in quotes"]),
     "anchor left out": (
         GOOD.replace("anchor = [0.5, 0.0, 0.0]", ""),
         ['modules[1] ("right")', "anchor is missing"],
@@ -167,14 +156,11 @@ MISTAKES = {
         GOOD.replace("lower = 0.5", "lower = -0.5"),
         ['module "left"', '"lower" is -0.5', "cannot push"],
     ),
-    "nan limit": (GOOD.replace("3.0\n", "nan\n"), ['module "right"', '"upper" is nan', "finite"]),
-    "infinite anchor": (GOOD.replace("-0.5", "-inf"), ['module "left"', '"anchor"', "-inf", "finite"]),
     "nan home": (GOOD.replace("0.3", "nan"), ['"home"', "nan"]),
     "flat anchor": (
         GOOD.replace("[-0.5, 0.0, 0.0]", "[-0.5, 0.0]"),
         ['module "left"', '"anchor" has 2', "needs 3"],
     ),
-    "flat home": (GOOD.replace("[0.0, 0.3, 0.0]", "[0.3]"), ['"home" has 1', "needs 3"]),
     "attachment of a point": (
         GOOD + "attachment = [0.1, 0, 0]",
         ['module "right"', '"attachment"', "leave it out"],
@@ -189,34 +175,15 @@ MISTAKES = {
         "modules = []\n" + GOOD.split("[[", maxsplit=1)[0],
         ["modules has 0 entries", "at least one"],
     ),
-    "modules no table": (
-        "modules = [3]\n" + GOOD.split("[[", maxsplit=1)[0],
-        ["modules[0] is 3", "table"],
-    ),
-    "limits no table": (
-        "limits = 3\n" + GOOD.replace("[limits]\nlower = 0.5\nupper = 6.0", ""),
-        ["limits is 3"],
-    ),
     "bad platform": (GOOD + "[platform]\nmass = -1.0", ["[platform]", '"mass" is -1.0', "above zero"]),
-    "misspelt platform": (
-        GOOD + "[platform]\nmas = 1.0",
-        ['did you mean "mass"?', "platform.mass is missing"],
-    ),
     "ragged inertia": (
         GOOD + "[platform]\nmass = 1\ninertia = [1.0]",
         ["platform.inertia[0] is 1.0"],
     ),
-    "anchor too far": (GOOD.replace("-0.5", "1e300"), ['module "left"', '"anchor"', "within 10000"]),
-    "whole number too large": (GOOD.replace("-0.5", "9" * 400), ["modules", "beyond 64 bits"]),
     "tension no cable bears": (GOOD.replace("3.0\n", "1e12\n"), ['module "right"', '"upper" is 1e+12 N']),
-    "spool too large": (GOOD + "spool_radius = 1e5", ['"spool_radius" is 100000', "10000 or less"]),
-    "heavy platform": (GOOD + "[platform]\nmass = 1e9", ["[platform]", '"mass" is 1e+09 kg']),
     "name with a control character": (GOOD.replace('"left"', '"le\\u001bft"'), ['"name"', "printable"]),
     "long name": (GOOD.replace('"left"', f'"{"l" * 101}"'), ['"name"', "at most 100 characters"]),
     "no axis": (GOOD.replace('"point"', '"point"\nup = "w"'), ["\"up\" is 'w'", "x, y, z, -x, -y, -z"]),
-    "nested deep": ("a = " + "[" * 3000 + "]" * 3000, ["nested more than 32 deep"]),
-    "many digits": ("a = " + "9" * 5000, ["thousands of digits"]),
-    "key of many parts": (".".join("a" * 100_000) + " = 1", ["more than 32 parts"]),
     "no TOML": (GOOD + "lower 0.5", ["not valid TOML", "line 18"]),
 }
 

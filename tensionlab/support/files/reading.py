@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import re
 import reprlib
 import tomllib
+from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,6 @@ from tensionlab.errors import DataError, InputError, TensionlabError
 DATASETS_FOLDERS = tuple(parent / "datasets" for parent in Path(__file__).parents[2:4])  # installed, source tree
 CHECKSUMS = "SHA256SUMS"  # marks a folder of data sets as this package's
 MAX_TEXT_BYTES = 1_000_000  # a large rig has some ten thousand
-MAX_NESTING = 32
-MAX_INTEGER = 2**63
-MAX_KEY_PARTS = 32  # the parser takes the square of their number, in time and memory
-LONG_KEY = re.compile(rf"""(?:(?:"[^"\n]*"|'[^'\n]*'|[\w-]+)[ \t]*\.[ \t]*){{{MAX_KEY_PARTS}}}""")
 # Unpacked, a file has at most the first; a small one at most the second plus the third for each of its own bytes
 # (tables and logs of runs unpack to some five).
 MAX_UNPACKED_BYTES, FREE_UNPACKED_BYTES, MAX_UNPACKED_RATIO = 1_600_000_000, 64_000_000, 64
@@ -108,53 +104,23 @@ def read_toml(path: str | PathLike[str], what: str, error: type[TensionlabError]
 
 
 def parse_toml(text: str, source: str, error: type[TensionlabError]) -> dict[str, Any]:
-    """Return the keys and values of a TOML text, which errors call ``source``.
-
-    It is refused if it is not valid, too large, nested too deep, or has a whole number of more than 64 bits.
-    """
-    if len(text) > MAX_TEXT_BYTES:
-        raise error(f"{source}: has more than {MAX_TEXT_BYTES:,} characters; shorten it") from None
-    if LONG_KEY.search(text):
-        raise error(f"{source}: a key has more than {MAX_KEY_PARTS} parts with dots between; shorten it") from None
-    try:
-        document = tomllib.loads(text)
-    except RecursionError:
-        raise _too_deep(source, error) from None
-    except tomllib.TOMLDecodeError as problem:
-        raise error(f"{source}: not valid TOML: {_clipped(problem)}; correct that line") from None
-    except ValueError:  # Python refuses to parse thousands of digits
-        raise error(f"{source}: a whole number has thousands of digits; correct it") from None
-    _require_bounded(document, source, error)
-    return document
+    """Return the keys and values of a TOML text, which errors call ``source``."""
+    return _parse(tomllib.loads, text, "TOML", source, error)
 
 
 def parse_json(text: str | bytes, source: str, error: type[TensionlabError]) -> Any:
-    """Return what a JSON text holds; refused as in `parse_toml`, but for the size."""
+    """Return what a JSON text holds; errors call it ``source``."""
+    return _parse(json.loads, text, "JSON", source, error)
+
+
+def _parse(
+    parse: Callable[[Any], Any], text: str | bytes, kind: str, source: str, error: type[TensionlabError]
+) -> Any:
     try:
-        value = json.loads(text)
+        return parse(text)
     except RecursionError:
-        raise _too_deep(source, error) from None
+        raise error(f"{source}: tables or lists are nested too deep; flatten them") from None
     except ValueError as problem:
-        raise error(f"{source}: not valid JSON: {_clipped(problem)}; correct it") from None
-    _require_bounded(value, source, error)
-    return value
-
-
-def _require_bounded(value: Any, source: str, error: type[TensionlabError], path: tuple[str, ...] = ()) -> None:
-    """Refuse what is nested too deep to be walked by recursion, and integers that overflow a float."""
-    if len(path) > MAX_NESTING:
-        raise _too_deep(source, error) from None
-    if type(value) is int and not -MAX_INTEGER <= value < MAX_INTEGER:
-        raise error(f"{': '.join([source, *path[:1]])}: a whole number beyond 64 bits; correct it") from None
-    if isinstance(value, dict | list):
-        for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
-            _require_bounded(inner, source, error, (*path, brief(key)))
-
-
-def _too_deep(source: str, error: type[TensionlabError]) -> TensionlabError:
-    return error(f"{source}: tables or lists are nested more than {MAX_NESTING} deep; flatten them")
-
-
-def _clipped(problem: Exception) -> str:
-    words = " ".join(str(problem).split())
-    return words if len(words) <= 120 else f"{words[:119]}…"
+        words = " ".join(str(problem).split())
+        clipped = words if len(words) <= 120 else f"{words[:119]}…"
+        raise error(f"{source}: not valid {kind}: {clipped}; correct it") from None

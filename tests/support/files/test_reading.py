@@ -62,35 +62,21 @@ def test_a_byte_order_mark_does_no_harm(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("a = " + "[" * 3000 + "]" * 3000, "nested more than 32 deep"),
-        ("a = " + "[" * 40 + "]" * 40, "nested more than 32 deep"),
-        ("a = " + "{a=" * 40 + "1" + "}" * 40, "nested more than 32 deep"),
-        ("a = " + "9" * 5000, "a whole number has thousands of digits"),
-        ("[b]\na = [1, 99999999999999999999]", "'b': a whole number beyond 64 bits"),
-        (".".join("a" * 200_000) + " = 1", "more than 32 parts with dots between"),
-        (' "a b" . ' * 40 + "x = 1", "more than 32 parts with dots between"),
+        ("a = " + "[" * 3000 + "]" * 3000, "nested too deep"),
+        ("a = " + "9" * 5000, "not valid TOML: Exceeds the limit"),
         ("a = 1\na = 2", "not valid TOML: Cannot overwrite a value"),
         ('a = "\\ud800"', "not valid TOML"),
         ("a = 2026-02-30T00:00:00Z", "not valid TOML"),
-        ("# " + "x" * 1_000_000, "has more than 1,000,000 characters"),
     ],
 )
-def test_toml_that_no_reader_could_cope_with_is_refused(text, said):
+def test_toml_that_is_not_valid_is_refused(text, said):
     with pytest.raises(ShapeError, match=f"x: .*{said}") as refused:
         parse_toml(text, "x", ShapeError)
     assert len(str(refused.value)) < 200
 
 
-def test_whole_numbers_of_64_bits_and_32_levels_are_read():
-    deep = "[" * 31 + "]" * 31
-    found = parse_toml(f"a = {2**63 - 1}\nb = {-(2**63)}\nc = {deep}", "x", ShapeError)
-    assert found["a"] - found["b"] == 2**64 - 1
-
-
-@pytest.mark.parametrize(
-    "text", ["[" * 100_000, '{"a":' * 3000, "9" * 5000, "[1", b"\xff", "[99999999999999999999]"]
-)
-def test_json_that_no_reader_could_cope_with_is_refused(text):
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"a":' * 100_000, "9" * 5000, "[1", b"\xff"])
+def test_json_that_is_not_valid_is_refused(text):
     with pytest.raises(ShapeError, match=r"^x: "):
         parse_json(text, "x", ShapeError)
 
