@@ -17,7 +17,6 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.model.directions import grid18
-from tensionlab.solvers import select_solvers
 from tests.helpers.distribution import install
 
 ROOT = Path(__file__).parents[1]
@@ -37,26 +36,6 @@ def dual_ascent(monkeypatch: pytest.MonkeyPatch) -> type[Any]:
     solver: type[Any] = module.__dict__["DualAscent"]
     monkeypatch.setitem(tl.SOLVERS, "dual-ascent", solver)
     return solver
-
-
-def test_the_guide_names_what_the_tests_use() -> None:
-    assert f"`{FILE}`" in GUIDE
-    assert '`"dual-ascent": DualAscent,`' in GUIDE
-
-
-@pytest.mark.usefixtures("dual_ascent")
-def test_the_comparison_knows_it() -> None:
-    assert ("dual-ascent", "force") in {run[:2] for run in select_solvers()[0]}
-
-
-@pytest.mark.usefixtures("dual_ascent")
-def test_its_own_tests_pass() -> None:
-    names: dict[str, Any] = {}
-    exec(compile(TESTS, "tests/solvers/test_dual_ascent.py", "exec"), names)
-    tests = [value for name, value in names.items() if name.startswith("test_")]
-    assert len(tests) == 2
-    for test in tests:
-        test()
 
 
 @pytest.mark.usefixtures("dual_ascent")

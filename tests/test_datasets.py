@@ -88,21 +88,11 @@ def test_what_the_publication_found():
     assert "error vector" in published.results["magnitude_error_mean"].reading
 
 
-def test_a_problem_set_is_the_benchmarks():
-    found = tl.datasets.load("problems/published")
-    assert sum(len(group.wrench) for group in found.groups) == 364
-
-
 def test_a_recording_of_ones_own_loads_the_same_way(tmp_path):
     (tmp_path / "recordings").mkdir()
     write_recording(tmp_path / "recordings" / "our-rig.parquet", made_up(simulated=False))
     assert tl.datasets.names("recordings", tmp_path) == ["recordings/our-rig"]
     assert not tl.datasets.load("recordings/our-rig", tmp_path).simulated
-
-
-def test_committed_recordings_say_that_they_are_simulated():
-    for name in tl.datasets.names("recordings"):
-        assert ("simulated" in name) == tl.datasets.load(name).simulated
 
 
 def test_a_name_that_is_not_there_is_refused_with_the_one_that_is_close():

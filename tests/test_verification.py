@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab import _native
 from tensionlab.solvers.base import GRAZING, RANK_TOLERANCE, TOLERANCE, Answer, Problem
 from tensionlab.verification import verify
 from tests.helpers.examples import many
@@ -97,10 +96,6 @@ def test_finds_what_its_statement_finds(n, m, policy, proposed, blur):
             assert found.status[row] == status, row
             assert found.residual[row] == pytest.approx(residual, rel=1e-9, abs=1e-9)
             np.testing.assert_allclose(found.scale[row], scale, atol=1e-9)
-
-
-def test_the_compiled_judge_grazes_where_the_others_do():
-    assert _native.GRAZING == GRAZING
 
 
 def test_tensions_outside_their_limits_are_clipped_before_they_are_measured():
@@ -317,22 +312,6 @@ def test_an_answer_along_a_direction_needs_no_proposal_to_be_proved():
     assert found.status[0] == tl.Status.UNPROVEN
     for name in ("status", "scale", "residual"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), name)
-
-
-def test_a_solver_keeps_its_own_arrays():
-    problem = problems(3, 4, 2, "force", 1.0, np.ones(3))
-    mine = np.full((2, 4), -1.0)
-    mine.flags.writeable = False  # as the arrays of a problem are
-    found = verify(problem, Answer(mine, np.zeros(2, dtype=np.int64)))
-    assert (mine == -1.0).all()
-    assert (found.tensions == LOWER).all()
-
-
-def test_the_summary_says_what_was_found():
-    assert str(tl.allocate([[1.0, -1.0]], [1.0], (0.5, 6.0))).startswith("EXACT: tensions [1.5 0.5] N")
-    both = tl.allocate([[1.0, -1.0]], [[1.0], [20.0]], (0.5, 6.0))
-    assert str(both) == "Allocation of 2 wrenches: 1 EXACT, 1 NEAREST; largest residual 14.5"
-    assert str(tl.allocate(np.ones((0, 1, 2)), [1.0], (0.5, 6.0))) == "Allocation of 0 wrenches: none"
 
 
 @pytest.mark.parametrize("policy", ["force", "tension", "direction"])

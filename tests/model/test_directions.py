@@ -25,14 +25,6 @@ def test_grid18_is_an_18_degree_grid_with_its_poles_on_y():
     np.testing.assert_allclose(np.degrees(np.arccos(meridian)), 18.0)
 
 
-def test_42_of_the_182_lie_within_18_degrees_of_a_pole():
-    assert np.sum(np.abs(directions.grid18()[:, 1]) >= np.cos(np.radians(18.0)) - 1e-12) == 42
-
-
-def test_grid18_sums_to_nothing():
-    np.testing.assert_allclose(directions.grid18().sum(axis=0), 0.0, atol=1e-13)
-
-
 @pytest.mark.parametrize("count", [1, 2, 500])
 def test_fibonacci_is_spread_evenly(count):
     vectors = directions.fibonacci(count)
@@ -88,22 +80,11 @@ def test_bad_csv_names_the_file_and_the_row(tmp_path, text, message):
     assert str(path) in str(caught.value)
 
 
-def test_a_missing_csv_is_named(tmp_path):
-    with pytest.raises(DataError, match=r"none\.csv"):
-        directions.parse(str(tmp_path / "none.csv"))
-
-
 @pytest.mark.parametrize(
     "text", ["grid19", "fibonacci", "fibonacci:", "fibonacci:x", "fibonacci:-3", "circle:1.5", ""]
 )
 def test_other_words_are_refused_with_the_choices(text):
     with pytest.raises(InputError, match="grid18, fibonacci:N, circle:N"):
-        directions.parse(text)
-
-
-@pytest.mark.parametrize("text", ["fibonacci:0", "circle:0"])
-def test_an_empty_set_is_refused(text):
-    with pytest.raises(InputError, match="1 to 10,000,000 vectors; got 0"):
         directions.parse(text)
 
 

@@ -102,21 +102,6 @@ def test_a_saved_file_reads_well():
     )
 
 
-def test_a_module_overrides_the_default():
-    rig = rig_from_toml(GOOD, source="text")
-    assert rig.limits.lower.tolist() == [0.5, 0.5]
-    assert rig.limits.upper.tolist() == [6.0, 3.0]
-    assert rig.modules[0].brake is None
-
-
-def test_whole_numbers_do():
-    rig = rig_from_toml(
-        GOOD.replace("[-0.5, 0.0, 0.0]", "[-1, 0, 0]").replace("0.5\nupper", "1\nupper"), source="text"
-    )
-    assert rig.anchors[0].tolist() == [-1.0, 0.0, 0.0]
-    assert rig.limits.lower.tolist() == [1.0, 1.0]
-
-
 MISTAKES = {
     "misspelt key": (
         GOOD.replace("anchor", "anchro", 1),
@@ -202,10 +187,6 @@ def test_a_mistake_is_named_with_file_module_and_key(text, words, tmp_path):
     assert "pydantic" not in message
     assert "validation error" not in message
     assert caught.value.__suppress_context__
-
-
-def test_the_good_file_is_good():
-    assert rig_from_toml(GOOD, source="text").m == 2
 
 
 def test_all_mistakes_of_form_are_told_at_once():

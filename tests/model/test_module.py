@@ -17,10 +17,6 @@ def test_limits_are_a_read_only_copy():
         limits.lower = lower
 
 
-def test_a_cable_without_choice_is_legal():
-    assert TensionLimits([1.0], [1.0]).lower == 1.0
-
-
 @pytest.mark.parametrize(
     ("lower", "upper", "words"),
     [

@@ -19,7 +19,7 @@ from tensionlab.hardware.runner.cycle_table import VALUES
 from tensionlab.hardware.runner.state_estimation import PoseTracker
 from tensionlab.model.kinematics import exponential
 from tensionlab.model.pose import place_anchors, place_axes, to_module_frames
-from tensionlab.model.pulleys import Pulleys, arcs, route_cables, turn_gradient, ways
+from tensionlab.model.pulleys import arcs, ways
 from tensionlab.viewer import run_scene
 from tensionlab.viewer.evaluation import evaluate
 from tensionlab.viewer.scene import draw
@@ -73,17 +73,6 @@ def one_pulley(attachment, radius=0.5):
     module = tl.Module("one", [0.0, 0.0], 0.0, 1.0, pulley_radius=radius, pulley_axis=[0.0, 2.0])
     rig = tl.Rig("one", "planar-point", (module,), home=attachment)
     return rig.cables(attachment)
-
-
-def test_a_pulley_of_a_watch_is_one_of_a_crane_on_another_scale():
-    rng = np.random.default_rng(1)
-    vectors, pull = rng.normal(size=(2, 20, 1, 3))
-    wheels = {scale: Pulleys(np.array([0.1 * scale]), np.array([[0.0, 0.0, 1.0]])) for scale in (1.0, 1e-3)}
-    large, small = (route_cables(scale * vectors, wheel) for scale, wheel in wheels.items())
-    slow, fast = (turn_gradient(pull, scale * vectors, wheel) for scale, wheel in wheels.items())
-    np.testing.assert_allclose(1e-3 * fast, slow, rtol=1e-9)
-    np.testing.assert_allclose(small.lengths, 1e-3 * large.lengths, rtol=1e-9)
-    np.testing.assert_allclose(small.directions, large.directions, atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -55,11 +55,6 @@ def test_ctrl_c_and_ctrl_break_end_a_program_on_windows_and_a_closed_terminal_el
     assert {each.name for each in operating_system.ENDING_SIGNALS} == {"SIGINT", "SIGTERM", "SIGHUP"}
 
 
-def test_a_process_in_a_group_of_its_own_is_reached_by_no_ctrl_c():
-    show = [sys.executable, "-c", "import os; print(os.getpgid(0) == os.getpid())"]
-    assert subprocess.run(show, capture_output=True, check=True, **operating_system.OWN_GROUP).stdout == b"True\n"
-
-
 @pytest.mark.parametrize(
     ("error", "raised"),
     [
@@ -87,12 +82,6 @@ def test_elsewhere_it_is_an_error_not_to_reach_one_that_has_not_ended(monkeypatc
     monkeypatch.setattr(os, "kill", raising(error))
     with pytest.raises(type(error)):
         operating_system.send_estop(7)
-
-
-def test_the_advice_is_a_command_of_the_system(windows, monkeypatch):
-    assert windows.kill_command(7) == "taskkill /f /pid 7"
-    monkeypatch.undo()
-    assert operating_system.kill_command(7) == "kill -9 7"
 
 
 def test_a_watchdog_reaches_the_main_thread_on_windows(windows, monkeypatch):
@@ -140,12 +129,6 @@ def test_a_file_that_another_program_has_open_is_waited_for_on_windows_for_a_whi
     assert never.tried > 10
     with pytest.raises(FileNotFoundError):
         windows.retry_while_locked(raising(FileNotFoundError()))
-
-
-def test_elsewhere_what_may_not_be_done_is_refused_at_once():
-    with pytest.raises(PermissionError):
-        operating_system.retry_while_locked(once := Busy(1))
-    assert once.tried == 1
 
 
 def test_a_file_is_replaced_while_somebody_reads_it(windows, monkeypatch, tmp_path):
@@ -269,13 +252,6 @@ def test_all_of_the_package_is_imported_on_windows_and_a_run_over_tcp_ends_well(
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["ended"] == "duration reached"
     assert [path.name for path in tmp_path.iterdir()] == ["tensionlab"]
-
-
-def test_processors_on_windows(windows, monkeypatch):
-    monkeypatch.setattr(os, "cpu_count", lambda: 6)
-    assert windows.processors() == 6
-    monkeypatch.setattr("platform.processor", lambda: "Intel64 Family 6 Model 142 Stepping 10, GenuineIntel")
-    assert windows.processor_name().startswith("Intel64")
 
 
 def test_processors_on_linux(monkeypatch):
