@@ -105,7 +105,8 @@ def read_toml(path: str | PathLike[str], what: str, error: type[TensionlabError]
 
 def parse_toml(text: str, source: str, error: type[TensionlabError]) -> dict[str, Any]:
     """Return the keys and values of a TOML text, which errors call ``source``."""
-    return _parse(tomllib.loads, text, "TOML", source, error)
+    document: dict[str, Any] = _parse(tomllib.loads, text, "TOML", source, error)
+    return document
 
 
 def parse_json(text: str | bytes, source: str, error: type[TensionlabError]) -> Any:
