@@ -25,7 +25,7 @@ GRAVITY_M_S2 = 9.81  # acceleration by gravity, in m/s²
 
 
 class Kind(NamedTuple):
-    """Kind of rig: ``dimension`` d of space, ``freedoms`` n of what the cables hold."""
+    """Kind of rig: the dimension d of space and the degrees of freedom n of what the cables hold."""
 
     dimension: int
     dof: int

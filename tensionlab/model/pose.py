@@ -116,32 +116,33 @@ def frame_of(where: CoordinateFrame | tuple[ArrayLike, ArrayLike | None] | Array
 
 
 def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | None) -> Floats:
-    """Return the anchors in the world, (..., m, d), in m; (m, d) where no module rides on a body.
+    """Return the anchors in the world, (..., m, d), in m; (m, d) where all stand in the world.
 
-    ``anchors``, (m, d), are each in the axes of its module's own frame, in m. RigError if a frame that a module
-    rides on is missing, or one is given that none rides on; ShapeError for what is no position or rotation of a
-    frame.
+    ``anchors``, (m, d), are each in the axes of its module's own frame, in m. RigError if a module's frame is
+    missing, or a frame is given that has no module; ShapeError for a bad position or rotation of a frame.
     """
     given: Frames = {} if frames is None else frames
-    riders: dict[str, list[int]] = {}
+    attached: dict[str, list[int]] = {}
     for index, module in enumerate(modules):
         if module.frame == WORLD:
             continue
         if module.frame not in given:
             raise RigError(
-                f'module "{module.name}" (index {index}) rides on the frame "{module.frame}", which is '
+                f'module "{module.name}" (index {index}) is attached to the frame "{module.frame}", which is '
                 f'missing; give frames={{"{module.frame}": (position, rotation)}}'
             )
-        riders.setdefault(module.frame, []).append(index)
-    if unknown := sorted(set(given) - set(riders)):
-        listed = ", ".join(riders) or "none"
-        raise RigError(f'no module rides on the frame "{unknown[0]}"; the body frames of this rig are: {listed}')
-    if not riders:
+        attached.setdefault(module.frame, []).append(index)
+    if unknown := sorted(set(given) - set(attached)):
+        listed = ", ".join(attached) or "none"
+        raise RigError(
+            f'no module is attached to the frame "{unknown[0]}"; the body frames of this rig are: {listed}'
+        )
+    if not attached:
         return anchors
     d = anchors.shape[-1]
     moved: list[tuple[list[int], Floats]] = []
     shapes: dict[str, tuple[int, ...]] = {}
-    for name, own in riders.items():
+    for name, own in attached.items():
         position, rotation = frame_of(given[name])
         what = f'frame "{name}" position'
         origin = points(position, d, what)

@@ -180,11 +180,11 @@ class Scenario:
             )
         if set(rig.frames) - set(self.person.bodies):
             raise self._error(
-                f"the person has the bodies {brief(sorted(self.person.bodies))}, but modules ride on {frames}; "
-                "give a script for each of these"
+                f"the person has the bodies {brief(sorted(self.person.bodies))}, "
+                f"but modules are attached to {frames}; give a script for each of these"
             )
         if self.seen_from is not None and self.seen_from not in rig.frames:
-            known = f"one of {frames}" if rig.frames else "a rig with modules that ride on it"
+            known = f"one of {frames}" if rig.frames else "a rig with modules that are attached to it"
             raise self._error(
                 f'seen_from is "{self.seen_from:.40}", no body frame of rig "{rig.name}"; give {known}'
             )

@@ -179,7 +179,7 @@ def test_an_attachment_on_its_anchor_is_named():
         ),
         (lambda: BAR.lengths(BAR.home, np.nan), ShapeError, "rotation is nan"),
         (lambda: BAR.lengths(np.zeros((2, 2)), np.zeros(3)), ShapeError, r"position \(2,\).*rotation \(3,\)"),
-        (lambda: WORN.lengths(WORN.home), RigError, r'module "belt" \(index 1\) rides on the frame "hip"'),
+        (lambda: WORN.lengths(WORN.home), RigError, r'module "belt" \(index 1\) is attached to the frame "hip"'),
         (
             lambda: POINT.lengths(POINT.home, frames={"hip": ([0.0, 0.0, 0.0], None)}),
             RigError,
@@ -188,7 +188,7 @@ def test_an_attachment_on_its_anchor_is_named():
         (
             lambda: WORN.lengths(WORN.home, frames={"hip": ([0, 0, 0], None), "hop": ([0, 0, 0], None)}),
             RigError,
-            'no module rides on the frame "hop"; the body frames of this rig are: hip',
+            'no module is attached to the frame "hop"; the body frames of this rig are: hip',
         ),
         (
             lambda: WORN.lengths(WORN.home, frames={"hip": ([0.0, np.inf, 0.0], None)}),

@@ -55,7 +55,7 @@ def test_a_file_of_ones_own_brings_its_rig(bow):
 
 def test_another_rig_may_take_its_place(bow):
     path, _ = bow
-    with pytest.raises(ScenarioError, match="modules ride on"):
+    with pytest.raises(ScenarioError, match="modules are attached to"):
         load_scenario("materials", rig="body-mounted")
     with pytest.raises(
         ScenarioError, match=r'seen_from is "bow", no body frame of rig "materials"; give a rig with'
@@ -102,7 +102,7 @@ def test_another_rig_may_take_its_place(bow):
         ("end = 5.0", "end = -5.0", 'phase "draw": begin 0.0, end -5.0'),
         ("end = 5.0", "", 'phase "draw": end'),
         ('policy = "force"', 'policy = "nowhere"', "policy: "),
-        ("[person.bodies.bow]", "[person.bodies.bw]", "modules ride on ['bow']"),
+        ("[person.bodies.bow]", "[person.bodies.bw]", "modules are attached to ['bow']"),
         ("title =", "title", "not valid TOML"),
     ],
 )

@@ -67,7 +67,7 @@ class Frame(BridgeMessage):
     bodies: dict[Name, Body] = Field(
         default_factory=dict,
         max_length=MAX_ENTRIES,
-        description="by name: hand is what the cables pull on; others are the frames that modules ride on",
+        description="by name: hand is what the cables pull on; others are the frames that modules are attached to",
     )
     effects: dict[Name, dict[str, Any]] | None = Field(
         None,

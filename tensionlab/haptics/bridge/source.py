@@ -126,7 +126,7 @@ class FreeEffects:
 
 
 def tracked_pose(client: ClientState) -> Callable[[float], Pose]:
-    """Return a tracker for the runner: the point and the bodies that modules ride on, by the client's frames.
+    """Return a tracker for the runner: the point and the bodies with modules, by the client's frames.
 
     What no frame has yet is at home, and at rest.
     """

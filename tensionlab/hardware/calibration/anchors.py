@@ -80,7 +80,7 @@ def calibrate_anchors(
     """
     if rig.frames:
         raise CalibrationError(
-            f'rig "{rig.name}": modules ride on {", ".join(rig.frames)}; only anchors that stand still can be '
+            f'rig "{rig.name}": modules are attached to {", ".join(rig.frames)}; only fixed anchors can be '
             "calibrated: hold the bodies still, and give a rig in which they are the world"
         )
     if lengths.ndim != 2 or lengths.shape[1] != rig.m or not np.isfinite(lengths).all() or (lengths <= 0.0).any():

@@ -81,13 +81,13 @@ class PoseTracker:
 
     The derivative of the lengths is the structure matrix, ``-W'``. What fewer lengths than unknowns leave open
     stays as it was. `fits` is whether the latest lengths belong to the latest pose, within `MAX_LENGTH_ERROR_M`. A
-    `HardwareError` where lengths do not fix the pose: modules ride on bodies, or there are fewer than unknowns.
+    `HardwareError` where lengths do not fix the pose: modules are attached to bodies, or are too few.
     """
 
     def __init__(self, rig: Rig) -> None:
         why = None
         if rig.frames:
-            why = f"modules ride on {', '.join(rig.frames)}"
+            why = f"modules are attached to {', '.join(rig.frames)}"
         elif rig.m < rig.n:
             why = f"{rig.m} cables do not fix {rig.n} unknowns"
         if why is not None:

@@ -224,7 +224,7 @@ def test_a_tracker_takes_the_place_of_the_lengths(rig):
 def test_a_rig_on_a_body_needs_a_tracker():
     rig = tl.load_rig("datasets/rigs/body-mounted.toml")
     world = World(rig)
-    with pytest.raises(HardwareError, match="modules ride on shoulder, hip, so cable lengths do not tell"):
+    with pytest.raises(HardwareError, match="modules are attached to shoulder, hip, so cable lengths do not tell"):
         run(world, rig, lambda state: Demand())
     frames = {"shoulder": (np.array([0.0, 1.4, 0.0]), None), "hip": (np.array([0.0, 1.0, 0.0]), None)}
     moved = World(rig, lambda time: Pose(rig.home, frames=frames))

@@ -65,7 +65,7 @@ def test_surfaces_on_bodies_are_placed_where_the_bodies_are():
         (lambda: Space((FLOOR,), (4,), fixed=(Module("m", [0, 0], 1, 2),)), 'module "m": has 2 coordinates'),
         (lambda: Space((FLOOR,), (4,), limits=(3, 2)), 'limits is 3.0 to 2.0'),
         (lambda: Space((Surface("s", [0, 0, 0], [[1, 0, 0]], "hip"),), (4,)), '"hip", which is missing'),
-        (lambda: Space((FLOOR,), (4,), frames={"hip": [0, 0, 0]}), 'rides on the frame "hip"'),
+        (lambda: Space((FLOOR,), (4,), frames={"hip": [0, 0, 0]}), 'is attached to the frame "hip"'),
     ],
 )  # fmt: skip
 def test_a_space_that_is_none_is_refused(make, message):

@@ -138,7 +138,7 @@ MISTAKES = {
     "weight nowhere": ("[platform]\nmass = 0.2", "", "does not know its weight; its file needs [platform]"),
     "wrench of two": ("ball = 0.5", "wrench = [0.0, 1.0]", 'key "wrench" has 2 components; this space'),
     "ball below zero": ("ball = 0.5", "ball = -1.0", '[required]: key "ball" is -1.0'),
-    "frame that is not given": ('frame = "hip"', 'frame = "hand"', 'rides on the frame "hand"'),
+    "frame that is not given": ('frame = "hip"', 'frame = "hand"', 'is attached to the frame "hand"'),
     "turn without end": ("[0.0, 0.5, 0.0]", "[0.0, 1e300, 0.0]", "give rad, within 100"),
     "turn of two numbers": ("[0.0, 0.5, 0.0]", "[0.0, 0.5]", 'frame "hip": key "rotation" must have three'),
     "module with a bad anchor": ("anchor = [1.0, 0.0, 0.0]", "anchor = [1.0, 0.0]", 'module "door": has 2'),

@@ -278,7 +278,7 @@ def test_odd_sweeps_are_refused_before_any_work(call, error, words, monkeypatch)
 
 def test_a_body_frame_that_is_not_given_is_named():
     rig = tl.Rig("worn", "point", (tl.Module("worn", [0, 0, 0], 0.5, 6.0, frame="hip"),), np.zeros(3))
-    with pytest.raises(RigError, match='rides on the frame "hip", which is missing'):
+    with pytest.raises(RigError, match='is attached to the frame "hip", which is missing'):
         tl.sweep(rig, [[1, 0, 0]], "squared-tension")
     with pytest.raises(SweepError, match="one pose for each body frame"):
         tl.sweep(rig, [[1, 0, 0]], "squared-tension", frames={"hip": np.zeros((2, 3))})
