@@ -253,7 +253,7 @@ class RunWatcher:
 
     def _take(self, row: dict[str, Any], now: float) -> None:
         if "rig" in row:
-            self.info = RunInfo(**row | {"rig": rig_from_toml(row["rig"], "the rig of the run")})
+            self.info = RunInfo(**row | {"rig": rig_from_toml(str(row["rig"]), "the rig of the run")})
             self.report, self._advances, self._newer = None, False, now
         elif self.info is not None and row["number"] != self.info.number:
             self.info = self.report = None  # another run has begun
