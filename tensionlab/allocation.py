@@ -183,8 +183,8 @@ class Allocation:
         for status, count in self.counts().items():
             if count:
                 part = self.status == status
-                most = [float(np.max(each[part])) for each in (self.residual, self.iterations)]
-                rows.append([status, count, count / part.size, most[0], round(most[1])])
+                largest = [float(np.max(array[part])) for array in (self.residual, self.iterations)]
+                rows.append([status, count, count / part.size, largest[0], round(largest[1])])
         shape = " x ".join(map(str, self.status.shape))
         title = f"{shape} wrenches, {self.tensions.shape[-1]} cables"
         columns = ["status", "wrenches", Column("share", format=format_share),
@@ -225,11 +225,11 @@ class Allocation:
         last = {"tensions": ["cable"], "wrench": ["component"], "separation": ["component"]}
         units = {"tensions": "N", "wrench": "N and N m", "residual": "N"}
         names = ("tensions", "wrench", "residual", "status", "scale", "iterations", "separation")
-        found: xarray.Dataset = provenance.import_xarray().Dataset({
+        dataset: xarray.Dataset = provenance.import_xarray().Dataset({
             name: ([*leading, *last.get(name, [])], getattr(self, name), {"units": units.get(name, "1")})
             for name in names
         })  # fmt: skip
-        return found
+        return dataset
 
     def raise_for_status(self) -> Allocation:
         """Return the allocation if every status is EXACT; `Unreachable`, which carries it, if any is not.
@@ -482,10 +482,10 @@ def _solve_single(solve: SingleSolver, structure: Floats, wrench: Floats) -> All
     """Solve one problem with a matrix; None if the arguments are not two plain arrays of the right shapes."""
     n, m = structure.shape
     numbers = np.empty(m + 2 * n + 2)
-    found = solve(structure, wrench, numbers)
-    if found is None:
+    result = solve(structure, wrench, numbers)
+    if result is None:
         return None
-    status, count = found
+    status, count = result
     iterations = _COUNTS[count] if count < len(_COUNTS) else np.asarray(count)[()]
     tensions, rendered, separation = numbers[:m], numbers[m : m + n], numbers[m + n : -2]
     return Allocation(tensions, rendered, numbers[-2], _STATUSES[status], numbers[-1], iterations, separation)

@@ -130,19 +130,19 @@ class AllocationJacobian:
 
     def _given(self, last: object) -> tuple[Any, ...]:
         """Return the arguments of the compiled kernels."""
-        found, size = self.allocation, len(self._problem)
+        allocation, size = self.allocation, len(self._problem)
         return (
             *self._problem.arrays,
-            found.tensions.reshape(size, found.tensions.shape[-1]),
-            np.reshape(found.scale, size),
-            np.reshape(found.status, size),
+            allocation.tensions.reshape(size, allocation.tensions.shape[-1]),
+            np.reshape(allocation.scale, size),
+            np.reshape(allocation.status, size),
             POLICIES.index(self._problem.policy or "force"),
             RANK_TOLERANCE,
             last,
         )
 
-    def _shaped(self, found: Floats) -> Floats:
-        return found.reshape(*self._shape, *found.shape[1:])
+    def _shaped(self, array: Floats) -> Floats:
+        return array.reshape(*self._shape, *array.shape[1:])
 
 
 def allocation_jacobian(

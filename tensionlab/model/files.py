@@ -98,7 +98,7 @@ def rig_from_toml(text: str, source: str) -> Rig:
             modules.append(Module(**keys))
         platform = None if table.platform is None else Platform(**table.platform.model_dump())
         required = requirement(table.required.model_dump(), "[required]: ")
-        rest = tuple(RestPose(**each.model_dump()) for each in table.frames)
+        rest = tuple(RestPose(**frame.model_dump()) for frame in table.frames)
         others = table.model_dump(exclude={"modules", "limits", "platform", "required", "frames"})
         return Rig(modules=tuple(modules), platform=platform, required=required, rest=rest, **others)
     except RigError as error:
@@ -167,7 +167,7 @@ def rig_to_toml(rig: Rig) -> str:
         document["required"] |= {"ball": rig.required.ball} if rig.required.ball else {}
         document["required"] |= {"gravity": True} if rig.required.gravity else {}
     if rig.rest:
-        document["frames"] = [{"name": each.name} | _given(each, ["position", "rotation"]) for each in rig.rest]
+        document["frames"] = [{"name": pose.name} | _given(pose, ["position", "rotation"]) for pose in rig.rest]
     own = ["attachment"] if KINDS[rig.kind].has_orientation else []
     own += [key for key in SHARED if key not in common]
     document["modules"] = [
@@ -180,7 +180,7 @@ def rig_to_toml(rig: Rig) -> str:
     # like this, because line ends inside texts are written as \n.
     one_line = re.compile(r"\[\n\s+([-+.\w]+(?:,\n\s+[-+.\w]+)*),\n\s*\]")
     return one_line.sub(
-        lambda found: "[" + ", ".join(number.strip() for number in found[1].split(",\n")) + "]",
+        lambda match: "[" + ", ".join(number.strip() for number in match[1].split(",\n")) + "]",
         tomli_w.dumps(document),
     )
 

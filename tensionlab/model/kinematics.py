@@ -49,16 +49,16 @@ def in_space(points: Floats) -> Floats:
     return np.concatenate([points, np.zeros((*points.shape[:-1], missing))], axis=-1)
 
 
-def turn_axes(before: Floats, after: Floats) -> Floats:
+def turn_axes(old_axis: Floats, new_axis: Floats) -> Floats:
     """Return the rotation (d, d) that turns one axis, a signed unit vector (d,), to another.
 
     The axes take each other's places in turn (x y z, y z x), two with a minus where signs differ.
     """
-    old, new = int(np.abs(before).argmax()), int(np.abs(after).argmax())
-    rotation = np.roll(np.eye(after.size), new - old, axis=0)
-    rotation[new] *= before[old] * after[new]
+    old, new = int(np.abs(old_axis).argmax()), int(np.abs(new_axis).argmax())
+    rotation = np.roll(np.eye(new_axis.size), new - old, axis=0)
+    rotation[new] *= old_axis[old] * new_axis[new]
     if np.linalg.det(rotation) < 0.0:
-        rotation[(new + 1) % after.size] *= -1.0
+        rotation[(new + 1) % new_axis.size] *= -1.0
     return rotation
 
 
@@ -210,12 +210,12 @@ def estimate_pose(
         pulleys,
     )
     if R is None:
-        found = None
+        orientation = None
     elif d == 2:
-        found = np.arctan2(R[:, 1, 0], R[:, 0, 0]).reshape(batch)
+        orientation = np.arctan2(R[:, 1, 0], R[:, 0, 0]).reshape(batch)
     else:
-        found = R.reshape(*batch, d, d)
-    return PoseEstimate(p.reshape(*batch, d), found, residual.reshape(batch), iterations.reshape(batch))
+        orientation = R.reshape(*batch, d, d)
+    return PoseEstimate(p.reshape(*batch, d), orientation, residual.reshape(batch), iterations.reshape(batch))
 
 
 def solve_pose(
@@ -270,9 +270,9 @@ def solve_pose(
         damping[active] = np.where(better, np.maximum(damping[active] / 30, 1e-15), damping[active] * 10)
         iterations[active] += 1
 
-        found = predicted <= STEP_TOLERANCE * L.max(axis=-1)
+        converged = predicted <= STEP_TOLERANCE * L.max(axis=-1)
         stopped = (damping[active] > MAX_DAMPING) | (iterations[active] >= ITERATION_LIMIT)
-        active = active[~(found | stopped)]
+        active = active[~(converged | stopped)]
 
     return position, rotation, residual, iterations
 

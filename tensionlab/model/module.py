@@ -122,9 +122,9 @@ class Module:
                 f'{here}: key "lower" is {self.lower}, above "upper", which is {self.upper}; '
                 "give lower <= upper, both in N"
             )
-        most = {"brake": MAX_TENSION, "newton_per_ampere": MAX_TENSION, "spool_radius": MAX_LENGTH}
-        most["pulley_radius"] = MAX_LENGTH
-        for key, limit in most.items():
+        maximum = {"brake": MAX_TENSION, "newton_per_ampere": MAX_TENSION, "spool_radius": MAX_LENGTH}
+        maximum["pulley_radius"] = MAX_LENGTH
+        for key, limit in maximum.items():
             value = getattr(self, key)
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise RigError(f'{here}: key "{key}" is {value}; give a finite number above zero, or leave it out')

@@ -171,7 +171,7 @@ def to_module_frames(modules: Sequence[Module], vectors: Floats, frames: Frames 
     if all(module.frame == WORLD for module in modules):
         return vectors
     corners = np.eye(vectors.shape[-1])
-    axes = [place_axes(modules, np.tile(each, (len(modules), 1)), frames) for each in corners]
+    axes = [place_axes(modules, np.tile(corner, (len(modules), 1)), frames) for corner in corners]
     return np.stack([np.einsum("...i,...i->...", vectors, axis) for axis in axes], axis=-1)
 
 

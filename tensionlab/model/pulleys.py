@@ -104,8 +104,8 @@ def turn_gradient(pull: Floats, vectors: Floats, pulleys: Pulleys) -> Floats:
     part = _dot(pull, within)[..., None] * within
     sideways = pull - _dot(pull, direction)[..., None] * direction - part
     swing = plane.sine / np.where(plane.across > 0.0, plane.across, 1.0)
-    found: Floats = part / plane.straight[..., None] + sideways * swing[..., None]
-    return found
+    gradient: Floats = part / plane.straight[..., None] + sideways * swing[..., None]
+    return gradient
 
 
 def _plane(vectors: Floats, pulleys: Pulleys) -> _Plane:
@@ -132,5 +132,5 @@ def _angle(plane: _Plane) -> Floats:
 
 
 def _dot(one: Floats, other: Floats) -> Floats:
-    found: Floats = np.einsum("...i,...i->...", one, other)
-    return found
+    product: Floats = np.einsum("...i,...i->...", one, other)
+    return product

@@ -88,7 +88,7 @@ class Requirement:
             raise RigError(f'key "box" is {brief(self.box.tolist())}; give half of each edge, 0 or more')
         if self.box is not None and self.wrenches is not None:
             raise RigError('keys "box" and "wrenches" are both there; give one of them')
-        sizes = {key: each.shape[-1] for key, each in self._arrays().items()}
+        sizes = {key: array.shape[-1] for key, array in self._arrays().items()}
         if len(set(sizes.values())) > 1:
             raise RigError(f"{_together(sizes)}; give all the same number")
         if not (np.isfinite(self.ball) and 0 <= self.ball <= MAX_TENSION):
@@ -102,7 +102,7 @@ class Requirement:
     __hash__ = None  # type: ignore[assignment]  # it holds arrays
 
     def __repr__(self) -> str:
-        given = {each.name: getattr(self, each.name) for each in fields(self)}
+        given = {field.name: getattr(self, field.name) for field in fields(self)}
         keys = (
             f"{name}={value.tolist() if isinstance(value, np.ndarray) else value!r}"
             for name, value in given.items()
@@ -112,18 +112,18 @@ class Requirement:
 
     def __bool__(self) -> bool:
         """Tell whether anything is required but to hold still without a load."""
-        return self.gravity or self.ball > 0 or any(each.any() for each in self._arrays().values())
+        return self.gravity or self.ball > 0 or any(array.any() for array in self._arrays().values())
 
     def _arrays(self) -> dict[str, Floats]:
         given = {key: getattr(self, key) for key in ("wrench", "box", "wrenches")}
-        return {key: each for key, each in given.items() if each is not None}
+        return {key: array for key, array in given.items() if array is not None}
 
     def check_rig(self, rig: RequiringRig) -> None:
         """Refuse wrenches of another size than the rig's, and the weight of a rig that does not know it."""
-        for key, each in self._arrays().items():
-            if each.shape[-1] != rig.n:
+        for key, array in self._arrays().items():
+            if array.shape[-1] != rig.n:
                 raise RigError(
-                    f'required: key "{key}" has {each.shape[-1]} components; '
+                    f'required: key "{key}" has {array.shape[-1]} components; '
                     f"{rig.name}, a {rig.kind} rig, needs {rig.n}"
                 )
         if self.gravity and rig.weight is None:
@@ -162,7 +162,7 @@ class Requirement:
             parts = wrenches[..., :d], wrenches[..., d:]
             return np.concatenate([part @ rotation.T if part.shape[-1] == d else part for part in parts], axis=-1)
 
-        turned = {key: turn(each) + 0.0 for key, each in self._arrays().items()}
+        turned = {key: turn(array) + 0.0 for key, array in self._arrays().items()}
         if self.box is not None:
             turned["box"] = abs(turned["box"])
         return replace(self, **turned)  # type: ignore[arg-type]  # arrays alone
@@ -196,7 +196,7 @@ def as_requirement(required: Requirement | ArrayLike | tuple[ArrayLike, float]) 
     """
     if isinstance(required, Requirement):
         return required
-    if isinstance(required, tuple) and [np.ndim(each) for each in required] == [1, 0]:
+    if isinstance(required, tuple) and [np.ndim(part) for part in required] == [1, 0]:
         return Requirement(wrench=required[0], ball=float(required[1]))
     values = as_floats("required", required)  # type: ignore[arg-type]  # a tuple of two lists, too
     return Requirement(wrench=values) if values.ndim == 1 else Requirement(wrenches=values)

@@ -130,14 +130,14 @@ class Rig:
             self.platform.check_kind(self.kind)
         self.required.check_rig(self)
         object.__setattr__(self, "rest", tuple(self.rest))
-        names = [each.name for each in self.rest]
-        for each in self.rest:
-            if each.name not in self.frames or names.count(each.name) > 1:
-                why = "is there twice" if each.name in self.frames else "carries no module"
+        names = [pose_at_rest.name for pose_at_rest in self.rest]
+        for pose_at_rest in self.rest:
+            if pose_at_rest.name not in self.frames or names.count(pose_at_rest.name) > 1:
+                why = "is there twice" if pose_at_rest.name in self.frames else "carries no module"
                 known = f"the frames are {', '.join(self.frames)}" if self.frames else "no module has a frame"
-                raise RigError(f'frame "{each.name}" {why}; {known}')
-            if each.position.size != d:
-                raise RigError(f'frame "{each.name}": key "position" must have {d} coordinates')
+                raise RigError(f'frame "{pose_at_rest.name}" {why}; {known}')
+            if pose_at_rest.position.size != d:
+                raise RigError(f'frame "{pose_at_rest.name}": key "position" must have {d} coordinates')
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)
@@ -244,12 +244,12 @@ class Rig:
 
         modules = tuple(
             replace(
-                each,
-                anchor=turn(each.anchor),
-                attachment=turn(np.asarray(each.attachment)),
-                pulley_axis=None if each.pulley_axis is None else turn(each.pulley_axis),
+                module,
+                anchor=turn(module.anchor),
+                attachment=turn(np.asarray(module.attachment)),
+                pulley_axis=None if module.pulley_axis is None else turn(module.pulley_axis),
             )
-            for each in self.modules
+            for module in self.modules
         )
         platform = self.platform
         if platform is not None and platform.com is not None:
@@ -263,7 +263,7 @@ class Rig:
             platform=platform,
             up=up,
             required=self.required.rotated(rotation),
-            rest=tuple(each.rotated(rotation) for each in self.rest),
+            rest=tuple(pose_at_rest.rotated(rotation) for pose_at_rest in self.rest),
         )
 
     def gravity(self, rotation: ArrayLike | None = None) -> Floats:
@@ -321,7 +321,7 @@ class Rig:
     def at_rest(self) -> dict[str, CoordinateFrame]:
         """Where body frames are when nothing moves them: as `rest` says, or at the origin of the world."""
         origin = {name: CoordinateFrame(np.zeros(self.dimension)) for name in self.frames}
-        return origin | {each.name: each.frame for each in self.rest}
+        return origin | {pose_at_rest.name: pose_at_rest.frame for pose_at_rest in self.rest}
 
     @cached_property
     def limits(self) -> TensionLimits:
@@ -347,9 +347,9 @@ class Rig:
         if all(module.pulley_radius is None for module in self.modules):
             return None
         nowhere = np.zeros(self.dimension)
-        axes = np.stack([nowhere if each.pulley_axis is None else each.pulley_axis for each in self.modules])
+        axes = np.stack([nowhere if module.pulley_axis is None else module.pulley_axis for module in self.modules])
         lengths = np.linalg.norm(axes, axis=1, keepdims=True)
-        radii = np.array([each.pulley_radius or 0.0 for each in self.modules])
+        radii = np.array([module.pulley_radius or 0.0 for module in self.modules])
         return Pulleys(readonly_copy(radii), readonly_copy(axes / np.where(lengths > 0.0, lengths, 1.0)))
 
     def pulleys_in_world(self, frames: Frames | None = None) -> Pulleys | None:
@@ -481,9 +481,9 @@ class Rig:
         place = pose.points(self.home if position is None else position, self.dimension, "position")
         W = self.structure_matrix(place, rotation, self.at_rest if frames is None else frames)
         desired = pose.points(wrench, self.n, "wrench") + self.required.middle(self, rotation)
-        found = allocate(W, desired, self.limits, solver, reference, policy, wrench_weights)
+        allocation = allocate(W, desired, self.limits, solver, reference, policy, wrench_weights)
         names = tuple(module.name for module in self.modules)
-        return replace(found, modules=names, desired=desired, position=place)
+        return replace(allocation, modules=names, desired=desired, position=place)
 
     def forward_kinematics(
         self,

@@ -53,7 +53,7 @@ def _aligned(values: Floats) -> Floats:
 def _masked(values: object) -> bool:
     """Tell whether anything is masked, in lists and tuples too, whose masks NumPy silently drops."""
     if isinstance(values, list | tuple):
-        return any(_masked(each) for each in values)
+        return any(_masked(value) for value in values)
     # By its attribute: to name numpy.ma would load it.
     return isinstance(values, np.ndarray) and bool(np.any(getattr(values, "mask", False)))
 
@@ -85,7 +85,7 @@ def tension_limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats
         raise ShapeError(f"lower has shape {low.shape}, upper {high.shape}; they do not broadcast") from None
     if crossed.any():
         entry = tuple(int(i) for i in np.argwhere(crossed)[0]) if crossed.ndim else ()
-        values = [float(each[entry]) for each in np.broadcast_arrays(low, high)]
+        values = [float(limit[entry]) for limit in np.broadcast_arrays(low, high)]
         where = f"[{', '.join(map(str, entry))}]" if entry else ""
         raise ShapeError(f"lower{where} = {values[0]:g} N exceeds upper{where} = {values[1]:g} N")
     return low, high
@@ -145,13 +145,13 @@ def broadcast_last_axis(name: str, array: Floats, count: int, what: str) -> Floa
 
 def common_axes(axes: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
     """Return the leading axes that those of the named arrays broadcast to."""
-    different = {each for each in axes.values() if each}
+    different = {shape for shape in axes.values() if shape}
     if len(different) < 2:
         return different.pop() if different else ()
     try:
         return np.broadcast_shapes(*different)
     except ValueError:
-        shapes = ", ".join(f"{name} {each}" for name, each in axes.items() if each)
+        shapes = ", ".join(f"{name} {shape}" for name, shape in axes.items() if shape)
         raise ShapeError(f"leading axes do not broadcast together: {shapes}; insert axes of length 1") from None
 
 

@@ -25,5 +25,5 @@ def ramp(tensions: Floats, lower: Floats, upper: Floats) -> Colours:
     share = (tensions - lower) / np.where(upper > lower, upper - lower, 1.0)
     stops = np.stack([rgb(colour) for colour in RAMP]).astype(np.float64)
     at = np.linspace(0.0, 1.0, len(stops))
-    found = np.stack([np.interp(np.nan_to_num(share), at, channel) for channel in stops.T], axis=-1)
-    return np.where(np.isnan(share)[:, None], rgb(GREY), np.round(found)).astype(np.uint8)
+    colours = np.stack([np.interp(np.nan_to_num(share), at, channel) for channel in stops.T], axis=-1)
+    return np.where(np.isnan(share)[:, None], rgb(GREY), np.round(colours)).astype(np.uint8)

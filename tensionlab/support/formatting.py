@@ -69,8 +69,8 @@ def format_range(*arrays: Any) -> str:
 
 def one_line(text: str, length: int = MAX_MESSAGE_CHARACTERS) -> str:
     """Return a text as one line without control characters; the middle of a longer one is left out."""
-    lines = "; ".join(" ".join(each.split()) for each in text.splitlines() if each.strip()).replace(":; ", ": ")
-    line = "".join(each if each.isprintable() else repr(each)[1:-1] for each in lines)
+    lines = "; ".join(" ".join(part.split()) for part in text.splitlines() if part.strip()).replace(":; ", ": ")
+    line = "".join(character if character.isprintable() else repr(character)[1:-1] for character in lines)
     if len(line) <= length:
         return line
     end = length // 3

@@ -21,8 +21,8 @@ def importer(package: str, names: "Mapping[str, Iterable[str]]") -> "Callable[[s
             if name in homes or error.name != path:
                 raise
             raise AttributeError(f"module {package!r} has no attribute {name!r}") from None
-        found = getattr(module, name) if name in homes else module
-        setattr(import_module(package), name, found)
-        return found
+        value = getattr(module, name) if name in homes else module
+        setattr(import_module(package), name, value)
+        return value
 
     return find

@@ -115,8 +115,8 @@ def is_private(folder: Path) -> bool:
     """Return whether a folder is this user's own and closed to others; on Windows, where it is inherited, True."""
     if sys.platform == "win32":
         return True
-    found = folder.lstat()
-    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077
+    status = folder.lstat()
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o077
 
 
 def opened_by_other_user(peer: Any, own: Any) -> bool:

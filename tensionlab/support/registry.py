@@ -11,28 +11,28 @@ from tensionlab.errors import TensionlabError
 
 
 def create_by_name(
-    name: str, found: type[Any] | None, names: Iterable[str], what: str, error: type[TensionlabError]
+    name: str, kind: type[Any] | None, names: Iterable[str], what: str, error: type[TensionlabError]
 ) -> Any:
-    """Return an object of the class ``found`` under the first part of a name; its other part sets the variant.
+    """Return an object of the class ``kind`` under the first part of a name; its other part sets the variant.
 
     The error, which says ``what`` the names are of, such as "solver", is raised if no class was found, or it has
     no such variant.
     """
     family, colon, choice = name.partition(":")
-    if found is None:
+    if kind is None:
         raise error(f"no {what} is called {family!r}; {suggest(family, names)}")
     if not colon:
-        return found()
-    first = variant_field(found)
+        return kind()
+    first = variant_field(kind)
     if first is None:
         raise error(f"{family!r} has no variants, so {name!r} means nothing; write {family!r}")
     try:
         default: Any = first.default
         value = type(default)(choice)
     except ValueError:
-        kind = {float: "a number", int: "a whole number"}.get(type(default), "another")
-        raise error(f"in {name!r}, {choice!r} is no value for {family}'s {first.name}; give {kind}") from None
-    return found(**{first.name: value})
+        wanted = {float: "a number", int: "a whole number"}.get(type(default), "another")
+        raise error(f"in {name!r}, {choice!r} is no value for {family}'s {first.name}; give {wanted}") from None
+    return kind(**{first.name: value})
 
 
 def suggest(name: str, names: Iterable[str]) -> str:

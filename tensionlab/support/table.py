@@ -120,7 +120,7 @@ class Table:
         notes: Sequence[str] = (),
     ) -> None:
         listed = [[_marked(value) for value in row] for row in rows]
-        known = [Column(each) if isinstance(each, str) else each for each in columns]
+        known = [Column(column) if isinstance(column, str) else column for column in columns]
         shown = [i for i in range(len(known)) if not listed or any(_has_value(row[i]) for row in listed)]
         self.columns = [known[i] for i in shown]
         self.rows = [[row[i] for i in shown] for row in listed]
@@ -144,10 +144,10 @@ class Table:
         widths = [max((len(row[j]) for row in cells), default=0) for j in range(len(shown))]
         headings = [_wrap_heading(self.columns[i].heading, widths[j]) for j, i in enumerate(shown)]
         widths = [max(size, *map(len, lines)) for size, lines in zip(widths, headings, strict=True)]
-        least = [min(size, COMFORTABLE_WIDTH) if text[j] else size for j, size in enumerate(widths)]
-        gap = 2 if sum(least) + 2 * len(least) - 2 <= width else 1
-        room = width - gap * (len(widths) - 1)
-        while sum(widths) > room:
+        narrowest = [min(size, COMFORTABLE_WIDTH) if text[j] else size for j, size in enumerate(widths)]
+        gap = 2 if sum(narrowest) + 2 * len(narrowest) - 2 <= width else 1
+        available = width - gap * (len(widths) - 1)
+        while sum(widths) > available:
             widest = max((j for j in range(len(widths)) if text[j]), key=lambda j: widths[j], default=None)
             if widest is None or widths[widest] <= MIN_TEXT_WIDTH:
                 break
@@ -215,7 +215,9 @@ class Finding:
 
 def findings_table(title: str, findings: Iterable[Finding]) -> Table:
     """Return the table of what was checked: each with yes, no or note."""
-    rows = [["note" if each.passed is None else each.passed, each.name, each.text] for each in findings]
+    rows = [
+        ["note" if finding.passed is None else finding.passed, finding.name, finding.text] for finding in findings
+    ]
     return Table(["", "check", "finding"], rows, title)
 
 
@@ -233,7 +235,9 @@ def _marked(value: Any) -> Any:
 def _wrap(text: str, width: int) -> list[str]:
     """Return a text in lines of a width, each number on one line with its unit."""
     held = re.sub(r"(?<=\d) (?=\S)", "\N{NO-BREAK SPACE}", text)
-    lines = [line for each in held.split("\n") for line in textwrap.wrap(each, width, break_on_hyphens=False)]
+    lines = [
+        line for paragraph in held.split("\n") for line in textwrap.wrap(paragraph, width, break_on_hyphens=False)
+    ]
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines] or [""]
 
 
@@ -250,15 +254,15 @@ def _lines(
 ) -> list[str]:
     """Return the lines of a row of cells that have several lines each; they end together if ``last``."""
     height = max(map(len, cells), default=0)
-    found = []
+    lines = []
     for line in range(height):
         parts = []
-        for cell, width, left in zip(cells, widths, text, strict=True):
+        for cell, width, is_text in zip(cells, widths, text, strict=True):
             index = line - (height - len(cell)) * last
             part = cell[index] if 0 <= index < len(cell) else ""
-            parts.append(part.ljust(width) if left else part.rjust(width))
-        found.append((" " * gap).join(parts).rstrip())
-    return found
+            parts.append(part.ljust(width) if is_text else part.rjust(width))
+        lines.append((" " * gap).join(parts).rstrip())
+    return lines
 
 
 def _html(value: Any, column: Column = Column("")) -> str:
@@ -274,11 +278,11 @@ def _html_row(tag: str, cells: Iterable[str], sides: Sequence[str]) -> str:
         "bottom;border-bottom:1px solid #999" if tag == "th" else "top"
     )
     numbers = ";white-space:nowrap" if tag == "td" else ""
-    found = "".join(
+    content = "".join(
         f'<{tag} style="text-align:{side};{look}{numbers if side == "right" else ""}">{cell}</{tag}>'
         for cell, side in zip(cells, sides, strict=True)
     )
-    return f"<tr>{found}</tr>"
+    return f"<tr>{content}</tr>"
 
 
 def _escape(text: str) -> str:

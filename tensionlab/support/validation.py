@@ -174,7 +174,7 @@ def _fields_along(path: Sequence[str | int], kind: Any) -> tuple[list[str], Fiel
     models, field = list(_models(kind)), None
     known: list[str] = []
     for step in path:
-        here = {name: each for model in models for name, each in _fields(model).items()}
+        here = {name: field for model in models for name, field in _fields(model).items()}
         known = list(here) or known
         if step in here:
             field = here[str(step)]
@@ -199,7 +199,7 @@ def _fields(kind: Any) -> dict[str, FieldInfo]:
         return {}
     if is_dataclass(kind) and not hasattr(kind, "__pydantic_fields__"):
         hints = get_type_hints(kind, include_extras=True)
-        return {each.name: FieldInfo.from_annotation(hints[each.name]) for each in fields(kind)}
+        return {field.name: FieldInfo.from_annotation(hints[field.name]) for field in fields(kind)}
     return dict(getattr(kind, "__pydantic_fields__", {}))
 
 

@@ -137,13 +137,13 @@ class ParquetTable(NamedTuple):
         """Return a column whose values are all of a type, such as str."""
         if name not in self.columns.column_names:
             raise self._missing(name, error)
-        found: list[Any] = self.columns[name].to_pylist()
-        for number, value in enumerate(found, start=1):
+        values: list[Any] = self.columns[name].to_pylist()
+        for number, value in enumerate(values, start=1):
             if not isinstance(value, kind):
                 raise error(
                     f'{self.source}: column "{name:.40}", row {number}: {brief(value)} is no {kind.__name__}'
                 )
-        return found
+        return values
 
     def rows(self, kind: type[Row], error: type[TensionlabError]) -> list[Row]:
         """Return the rows as instances of a dataclass, whose fields are the columns."""
@@ -159,14 +159,14 @@ def from_mappings(rows: Sequence[Any], kind: type[Row], source: str, error: type
     from tensionlab.support.validation import validate
 
     known = {field.name for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
-    found = []
+    instances = []
     for number, values in enumerate(rows, start=1):
         here = f"{source}: row {number}"
         for name in values if isinstance(values, Mapping) else ():
             if name not in known:
                 raise error(f'{here}: unknown key "{name:.40}"')
-        found.append(validate(kind, values, error, here))
-    return found
+        instances.append(validate(kind, values, error, here))
+    return instances
 
 
 def read_parquet(path: str | PathLike[str], what: str, error: type[TensionlabError]) -> ParquetTable:
@@ -242,9 +242,9 @@ def read_npz(
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = archive.infolist()  # nothing is unpacked beyond the size that is given there
-            require_unpackable(sum(each.file_size for each in members), len(data), str(path), error)
-            for each in members:
-                member, content = each.filename, archive.read(each)
+            require_unpackable(sum(entry.file_size for entry in members), len(data), str(path), error)
+            for entry in members:
+                member, content = entry.filename, archive.read(entry)
                 if member.removesuffix(".npy") in absent and _is_none(content):
                     continue
                 arrays[member.removesuffix(".npy")] = _array(content, f"{path}: {member:.40}", error)
