@@ -67,43 +67,42 @@ __all__ = [
 
 @dataclass  # not frozen: to set eleven fields of a frozen class takes longer than to solve
 class Allocation:
-    """Tensions that were chosen, and what is proved about them.
+    """Tensions of an allocation, with the proof of each.
 
-    Leading axes are those that structure, wrench, limits and reference broadcast to.
+    The leading axes are those that structure, wrench, limits and reference broadcast to.
 
     Attributes
     ----------
     tensions : (..., m) array
-        In N, always inside the limits; NaN where the status is FAILED.
+        Cable tensions in N, always inside the limits; NaN where the status is FAILED.
     wrench : (..., n) array
-        Rendered by those tensions: ``structure @ tensions``.
+        Rendered wrench, ``structure @ tensions``.
     residual : (...,) array
-        ``sqrt(sum(weights * (desired - wrench)**2))``. EXACT is verified without the weights.
+        Weighted error, ``sqrt(sum(weights * (desired - wrench)**2))``. EXACT is verified without the weights.
     status : (...,) array of `Status`
-        Verified, never the backend's claim. EXACT promises tensions inside their limits and an error of the
-        wrench w of at most ``1e-6 max(1, |w|)``: a wrench that is infeasible by less is EXACT too, whatever
-        the policy if that is force or direction. The tensions are then those of a wrench so near, and no
-        closer to the reference than theirs may be; by how much another wrench so near would change them is the
-        error over the least singular value of the free cables' columns of W. A feasible wrench is rendered
-        to rounding: 1e-12 of what the cables pull with, at most.
+        Verified, never the solver's claim. EXACT promises tensions inside their limits and a wrench error of at
+        most ``1e-6 max(1, |w|)``. A wrench w that is infeasible by less than that is EXACT too (policies "force"
+        and "direction"): the tensions are those of a feasible wrench within that distance. Choosing another such
+        wrench changes the tensions by at most that distance over the smallest singular value of the free
+        cables' columns of W. A feasible wrench is rendered to rounding, 1e-12 of the total pull.
     scale : (...,) array
-        1 where EXACT; the largest s with ``W t = s w`` for the direction policy; NaN elsewhere, and where no s
-        from 0 to 1 keeps the direction. Where w is within 0.00001 rad of a face of what can be rendered, or the
-        rig is flat there, ``s w`` counts as rendered within ``1e-6 max(1, |w|)`` of it (nine tenths of that
-        towards s = 0): s then falls gradually as w leaves the face.
+        1 where EXACT; for the direction policy the largest s with ``W t = s w``; NaN elsewhere, and where no s
+        from 0 to 1 keeps the direction. For w within 0.00001 rad of a facet, or a flat rig, ``s w`` counts as
+        rendered within ``1e-6 max(1, |w|)`` (nine tenths of that towards s = 0), so that s falls gradually as
+        w leaves the facet.
     iterations : (...,) array
-        As the solver counts them.
+        Number of iterations, as the solver counts them.
     separation : (..., n) array
-        Where NEAREST, a direction d that certifies the wrench infeasible: ``d·w`` exceeds the largest
-        ``d·W t`` of all tensions inside the limits. Zeros elsewhere.
+        Where NEAREST, a direction d that certifies the wrench infeasible: ``d·w`` exceeds ``d·W t`` for all
+        tensions t inside the limits. Zeros elsewhere.
     failures : mapping
-        Reason by flat index, where FAILED.
+        Reason for each FAILED answer, by flat index.
     modules : tuple of str
-        Names of the cables' modules, where a rig allocated; empty elsewhere.
+        Names of the cables' modules; empty unless a rig allocated (`Rig.allocate`).
     desired : (..., n) array or None
-        Desired wrench, where a rig allocated.
+        Desired wrench; None unless a rig allocated.
     position : (..., d) array or None
-        Of the reference point in m, where a rig allocated.
+        Position of the reference point in m; None unless a rig allocated.
 
     Examples
     --------
@@ -192,11 +191,11 @@ class Allocation:
         return Table(columns, rows, title)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return a row for each wrench, indexed by the leading axes.
+        """Return a data frame with a row for each wrench, indexed by the leading axes.
 
-        Columns are ``status`` by name, ``residual``, ``scale`` and ``iterations``; ``tension_0`` and so on, in N,
-        by the name of the module where a rig allocated; ``wrench_0``, in N and N·m; and where a rig allocated
-        ``desired_0`` and ``position_0``, in m. MissingDependency if pandas is not installed.
+        The columns are ``status``, ``residual``, ``scale``, ``iterations``, ``tension_0`` ... in N (named by
+        module where a rig allocated), ``wrench_0`` ... in N and N·m, and where a rig allocated ``desired_0`` ...
+        and ``position_0`` ... in m. MissingDependency if pandas is not installed.
         """
         columns: dict[str, Any] = {"status": np.array([status.name for status in Status])[self.status.ravel()]}
         columns |= {name: np.ravel(getattr(self, name)) for name in ("residual", "scale", "iterations")}
@@ -216,7 +215,7 @@ class Allocation:
         return self.modules or [str(cable) for cable in range(self.tensions.shape[-1])]
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the arrays with names of their dimensions, and units.
+        """Return the arrays as a dataset, with named dimensions and units.
 
         The dimensions are ``axis_0`` and so on, ``cable`` and ``component``. MissingDependency if xarray is not
         installed.
@@ -276,7 +275,7 @@ class _Prepared:
 
 
 def resolve_solver(solver: str | Solver, policy: Policy | None) -> tuple[Solver, Policy | None]:
-    """Return the solver that a name or an instance stands for, and the policy that it will honour.
+    """Return the solver given by name or as an instance, and the policy that it will honour.
 
     Parameters and errors as those of `allocate`.
     """
@@ -291,10 +290,10 @@ def resolve_solver(solver: str | Solver, policy: Policy | None) -> tuple[Solver,
 
 
 class Allocator:
-    """Tension allocation with limits and a solver that stay the same.
+    """Prepared allocation for many calls with the same limits and solver.
 
-    Parameters are those of `allocate`; what does not change is checked once. Call it with a structure matrix
-    and a wrench. Threads may share it, with problems of any sizes.
+    The parameters are those of `allocate`, checked once. Call it with a structure matrix and a wrench. Threads
+    may share it, with problems of any sizes.
 
     Examples
     --------
@@ -353,7 +352,7 @@ class Allocator:
         return _shaped(verified, shape)
 
     def problem(self, structure: Floats, wrench: Floats) -> tuple[Problem, tuple[int, ...]]:
-        """Return the batch of problems that a call stands for, in one axis, and the leading axes of its answer."""
+        """Return the problems of a call as one batch, and the leading axes of its answer."""
         n, m = structure.shape[-2:]
         if wrench.shape[-1] != n:
             raise ShapeError(
@@ -418,15 +417,15 @@ def allocate(
     limits : object with ``lower`` and ``upper``, or a pair
         Tension limits in N, each (..., m) or a number.
     solver : str or Solver
-        A name in `tensionlab.SOLVERS` (``"qp:osqp"`` picks a variant), or an instance.
+        Name in `tensionlab.SOLVERS` (``"qp:osqp"`` picks a variant), or an instance.
     reference : (..., m) array, "lower", "middle" or None
-        Tensions to stay close to; None is zero, which gives the least sum of squares.
+        Tensions to stay close to. None: zero, which gives the least sum of squares.
     policy : {"force", "tension", "direction"} or None
-        What to render where the wrench is infeasible: the closest wrench; the tensions closest to
-        equilibrium, in the metric ``(W W')^+``; or the longest wrench in the desired direction, and the
-        closest wrench where none of that direction can be rendered. None: the solver's own.
+        Substitute for an infeasible wrench: the closest wrench; the wrench of the tensions closest to
+        equilibrium, in the metric ``(W W')^+``; or the longest wrench in the desired direction (the closest
+        wrench where no wrench in that direction is feasible). None: the solver's default.
     wrench_weights : (n,) array or None
-        Positive weights of the components in every wrench error; for mixed N and N·m.
+        Positive weights of the components in every wrench error, for wrenches that mix N and N·m.
 
     Returns
     -------
@@ -439,7 +438,7 @@ def allocate(
     UnknownSolver
         If no solver has that name.
     InputError
-        If the solver is none, cannot honour the policy, or serves no problems of this size.
+        If ``solver`` is not a solver, cannot honour the policy, or does not serve problems of this size.
 
     Examples
     --------

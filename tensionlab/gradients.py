@@ -18,18 +18,18 @@ from tensionlab.support.arrays import Floats, Limits, as_numeric, flatten_batch,
 
 
 class AllocationGradients(NamedTuple):
-    """Gradients of a number by what its tensions were chosen for.
+    """Gradients of a scalar with respect to the arguments of an allocation.
 
-    Leading axes are those of the allocation, also where an argument had fewer: sum over the others.
+    The leading axes are those of the allocation; where an argument had fewer, sum over the others.
 
     Attributes
     ----------
     structure : (..., n, m) array
     wrench : (..., n) array
     lower, upper : (..., m) arrays
-        By the tension limits: zero where the cable is not held by it.
+        Gradients by the tension limits; zero where the cable is not at the limit.
     reference : (..., m) array
-        Zero where the wrench is infeasible: the reference then chooses nothing.
+        Zero where the wrench is infeasible, since the reference then has no influence.
 
     Examples
     --------
@@ -49,17 +49,17 @@ class AllocationGradients(NamedTuple):
 
 @dataclass(frozen=True)
 class AllocationJacobian:
-    """How the tensions of an allocation change with what they were chosen for; each array is made when first used.
+    """Derivatives of the tensions of an allocation with respect to its arguments, each computed when first used.
 
-    While no cable meets a limit or leaves one, the tensions are a smooth function, and these are its derivatives.
-    At a *kink* they are not: a cable is just at its limit with nothing that holds it there, or the cables that are
-    free do not determine the tensions. The arrays are then those with every cable at a limit held there: where
-    only one cable is in doubt, the derivative to one side; else finite, and no more.
+    While no cable reaches or leaves a limit, the tensions are a smooth function, and these are its derivatives.
+    They do not exist at a *kink*: where a cable is just at its limit without a force that holds it there, or the
+    free cables do not determine the tensions. The arrays are then computed with every cable at a limit held there:
+    a one-sided derivative if a single cable is in doubt, else merely finite.
 
     Attributes
     ----------
     allocation : Allocation
-        The tensions, and what is proved about them.
+        Tensions, with the proof of each.
 
     Notes
     -----

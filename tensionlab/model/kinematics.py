@@ -160,13 +160,13 @@ class PoseEstimate:
     Attributes
     ----------
     position : (..., d) array
-        Of the reference point, in m.
+        Position of the reference point, in m.
     rotation : (..., 3, 3) array, (...) array or None
         Orientation: a matrix in space, an angle in (-pi, pi] in the plane, None for a point.
     residual : (...) array
-        Root mean square of the length errors, in m. Large means that no pose near the guess has these lengths.
+        Root mean square of the length errors, in m. If it is large, no pose near the guess has these lengths.
     iterations : (...) array
-        Steps tried.
+        Number of steps tried.
 
     Examples
     --------

@@ -47,29 +47,29 @@ KINDS = {
 
 @dataclass(frozen=True, eq=False)
 class Module:
-    """Winch module: where its cable pulls from, and how hard it can. RigError names the module and the wrong key.
+    """Winch module with one cable: its position and tension limits. RigError names the module and the wrong key.
 
     Attributes
     ----------
     anchor : (d,) read-only array
-        Where the cable leaves the module, or comes to its pulley, in the axes of ``frame``, in m.
+        Point where the cable leaves the module or reaches its pulley, in the axes of ``frame``, in m.
     lower, upper : float
         Tension limits, in N; a cable cannot push, so ``0 <= lower <= upper``.
     attachment : (d,) read-only array
-        Where the cable ends, in platform axes, in m; zeros if left out (and always for a point rig).
+        End of the cable in platform axes, in m; zeros by default, and always for a point rig.
     frame : str
-        "world", or the name of a body frame that is given at run time.
+        "world", or the name of a body frame whose pose is given at run time.
     brake : float or None
         Largest tension that the one-way brake holds, in N; None without a brake.
     newton_per_ampere : float or None
         Tension per motor current, in N/A; None if not known.
     spool_radius : float or None
-        In m; None if not known.
+        Radius of the spool in m; None if not known.
     pulley_radius : float or None
-        Of the swivelling pulley that the cable goes over, in m; None where it leaves from a fixed point.
+        Radius of the swivelling pulley in m; None if the cable leaves from a fixed point.
     pulley_axis : (d,) read-only array or None
-        Along the cable that comes to the pulley, towards the anchor, in the axes of ``frame``: the pulley swivels
-        about it. Any length; only with ``pulley_radius``.
+        Swivel axis of the pulley, along the incoming cable towards the anchor, in the axes of ``frame``. Any
+        length; only with ``pulley_radius``.
 
     Examples
     --------
@@ -171,15 +171,15 @@ class Module:
 
 @dataclass(frozen=True, eq=False)
 class Platform:
-    """Mass, in kg, and inertia of what the cables hold. RigError names the wrong key.
+    """Platform that the cables hold: mass in kg, centre of mass and inertia. RigError names the wrong key.
 
     Attributes
     ----------
     com : (d,) read-only array or None
         Centre of mass in platform axes, in m; None for the reference point.
     inertia : (k, k) read-only array or None
-        About the centre of mass in platform axes, in kg·m²; k = 3 in space, 1 in the plane. None if not
-        known, and always for a point.
+        Inertia about the centre of mass in platform axes, in kg·m²; k = 3 in space, 1 in the plane. None if
+        not known, and always for a point.
 
     Examples
     --------

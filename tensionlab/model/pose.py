@@ -19,14 +19,14 @@ ORTHOGONALITY = 1e-6  # largest entry of `R R' - 1` in what is still taken for a
 
 
 class CoordinateFrame(NamedTuple):
-    """Place of a body that carries modules. A tuple ``(position, rotation)`` or a position does as well.
+    """Pose of a body that carries modules. A tuple ``(position, rotation)`` or a position is accepted as well.
 
     Attributes
     ----------
     position : (..., d) array
-        Of the body's origin, in m.
+        Position of the body's origin, in m.
     rotation : (..., 3, 3) array, (...) array or None
-        Its orientation: a matrix in space, an angle in rad in the plane; None for no turn.
+        Orientation: a matrix in space, an angle in rad in the plane; None for the identity.
 
     Examples
     --------
@@ -48,14 +48,14 @@ MAX_ROTATION_RAD = 100.0  # rest pose, about each axis: beyond some turns an ang
 
 @dataclass(frozen=True, eq=False)
 class RestPose:
-    """Where a body frame is when nothing moves it. RigError names the frame and the wrong key.
+    """Default pose of a body frame. RigError names the frame and the wrong key.
 
     Attributes
     ----------
     position : (d,) read-only array
-        Of the body's origin in the world, in m.
+        Position of the body's origin in the world, in m.
     rotation : (3,) or (1,) read-only array, or None
-        Axis times angle in space, an angle in the plane, in rad; None for no turn.
+        Axis times angle in space, an angle in the plane, in rad; None for the identity.
 
     Examples
     --------
@@ -89,13 +89,13 @@ class RestPose:
     __hash__ = None  # type: ignore[assignment]  # it holds arrays
 
     def rotated(self, rotation: Floats) -> RestPose:
-        """Return the same in axes that are turned by right angles, by a matrix (d, d)."""
+        """Return the same pose in world axes turned by right angles, by a matrix (d, d)."""
         turn = self.rotation if self.rotation is None or self.rotation.size == 1 else rotation @ self.rotation
         return RestPose(self.name, rotation @ self.position + 0.0, turn)
 
     @property
     def frame(self) -> CoordinateFrame:
-        """The same with a matrix in space and an angle in the plane."""
+        """Pose with a matrix in space and an angle in the plane."""
         if self.rotation is None:
             return CoordinateFrame(self.position)
         turn = self.rotation

@@ -40,27 +40,27 @@ class RequiringRig(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Requirement:
-    """Wrenches that the cables must exert on the platform, and whether they hold its weight besides.
+    """Set of wrenches that the cables must exert on the platform, optionally with its weight.
 
-    A wrench alone, or about it a box, a ball or a list of wrenches; at the reference point and in world axes, in N
-    (and N·m). All of a set can be rendered where its corners can, since the available wrench set is convex.
-    RigError names the wrong key.
+    A single wrench, or a box, a ball or a list of wrenches around it; at the reference point and in world axes, in
+    N (and N·m). Since the available wrench set is convex, a set is feasible where its corners are. RigError names
+    the wrong key.
 
     Attributes
     ----------
     wrench : (n,) read-only array or None
-        The middle of the set; None for zero.
+        Middle of the set; None for zero.
     box : (n,) read-only array or None
-        Half of the edges: from ``wrench - box`` to ``wrench + box``.
+        Half of the edges: the box is from ``wrench - box`` to ``wrench + box``.
     wrenches : (k, n) read-only array or None
-        Wrenches that are added, one at a time; not together with a box.
+        Corners of the set relative to ``wrench``; not together with a box.
     ball : float
-        Radius, in N: all that is no further away from any of these. Torques are divided by the length.
+        Radius in N of a ball that is added to the set. Torques are divided by the length.
     gravity : bool
-        Whether the cables hold the weight of the platform besides, in whichever orientation.
+        Whether the cables also hold the weight of the platform, in any orientation.
     length : float or None
-        Characteristic length in m, by which torques are divided to be forces in margins and balls; None for the
-        rig's own, `Rig.characteristic_length`.
+        Characteristic length in m by which margins and balls divide torques; None for that of the rig,
+        `Rig.characteristic_length`.
 
     Examples
     --------

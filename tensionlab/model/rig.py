@@ -71,14 +71,14 @@ class Rig:
     platform : Platform or None
         Mass and inertia of what the cables hold, if known.
     description, source : str
-        What it is, and where the numbers come from.
+        Description of the rig, and the source of its numbers.
     up : str or None
-        Axis of the world that points up: "x", "y" or "z", or with a minus if it points down. None if that is not
-        known: then the rig has no weight, and plays in no scenario.
+        World axis that points up: "x", "y" or "z", with a minus if it points down. None if unknown: such a rig
+        has no weight and plays no scenario.
     required : Requirement
-        What the cables must exert wherever the rig works, if nothing else is said; nothing if left out.
+        Wrenches that the cables must exert at every pose; none by default.
     rest : tuple of RestPose
-        Where body frames are when nothing moves them; those left out are at the origin of the world.
+        Default poses of the body frames; frames without one are at the origin of the world.
 
     Examples
     --------
@@ -153,7 +153,7 @@ class Rig:
         return self.table()._repr_html_()
 
     def table(self) -> Table:
-        """Return the table of the modules: where they are, their limits and their hardware."""
+        """Return a table of the modules: positions, limits and hardware."""
         lengths = self.lengths(self.home, frames=self.at_rest)
         rows = [
             [module.name, module.frame if self.frames else None, module.anchor,
@@ -173,7 +173,7 @@ class Rig:
         return Table(columns, rows, title, [self.description] if self.description else [])
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return a row for each module, by name, with its limits in N and coordinates in m.
+        """Return a data frame with a row for each module: limits in N, coordinates in m.
 
         MissingDependency if pandas is not installed.
         """
@@ -192,7 +192,7 @@ class Rig:
 
     @property
     def dimension(self) -> int:
-        """Dimension d of the space the rig stands in: 2 or 3."""
+        """Dimension d of space: 2 or 3."""
         return self._kind.dimension
 
     @property
@@ -219,15 +219,15 @@ class Rig:
         return upward(self.up, self.dimension)
 
     def with_up_axis(self, up: str) -> Rig:
-        """Return the same rig in axes of which another points up.
+        """Return the same rig in world axes turned so that another one points up.
 
-        Its axes take each other's places in turn: what was ahead stays ahead, as from Y up, facing Z, to Z up,
-        facing X. RigError if the rig does not say which axis is up, or has no such axis.
+        The axes are permuted in turn, so that what was ahead stays ahead: Y up facing Z becomes Z up facing X.
+        RigError if the rig does not say which axis is up, or has no such axis.
 
         Parameters
         ----------
         up : str
-            As `Rig.up`.
+            New value of `Rig.up`.
 
         Examples
         --------
@@ -296,12 +296,11 @@ class Rig:
 
     @property
     def characteristic_length(self) -> float:
-        """Length in m by which torques are divided to be counted as forces.
+        """Length in m by which torques are divided to be compared with forces.
 
-        That of `required`, or the root mean square distance of the attachments from the reference point, at which
-        a force across the arm makes the torque. 1 m where nothing turns, or all attachments are at the reference
-        point. That one length makes a wrench of one unit is in Angeles, "Fundamentals of Robotic Mechanical
-        Systems", 2014; that it is the mean of these distances is a choice of this package.
+        The length of `required`, or else the root mean square distance of the attachments from the reference
+        point; 1 m for a point rig, or if all attachments are at the reference point. A characteristic length
+        is due to Angeles, "Fundamentals of Robotic Mechanical Systems", 2014; the choice of the mean is ours.
         """
         if self.required.length is not None:
             return self.required.length
@@ -309,17 +308,17 @@ class Rig:
 
     @property
     def vertical(self) -> str:
-        """Axis that is vertical in pictures: that of ``up``, or y where it is not known."""
+        """Vertical axis of pictures: the axis of ``up``, or y if that is unknown."""
         return "y" if self.up is None else self.up[-1]
 
     @cached_property
     def frames(self) -> tuple[str, ...]:
-        """Names of the body frames to be given at run time; empty if all modules stand in the world."""
+        """Names of the body frames that modules are attached to."""
         return tuple(dict.fromkeys(module.frame for module in self.modules if module.frame != WORLD))
 
     @property
     def at_rest(self) -> dict[str, CoordinateFrame]:
-        """Where body frames are when nothing moves them: as `rest` says, or at the origin of the world."""
+        """Default poses of all body frames: those of `rest`, or the origin of the world."""
         origin = {name: CoordinateFrame(np.zeros(self.dimension)) for name in self.frames}
         return origin | {pose_at_rest.name: pose_at_rest.frame for pose_at_rest in self.rest}
 
@@ -360,7 +359,7 @@ class Rig:
     def cables(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
     ) -> Cables:
-        """Return where the cables run at a pose; parameters and errors as in `structure_matrix`."""
+        """Return lengths, directions and arms of the cables at a pose; see `structure_matrix`."""
         p, R, anchors = self._pose(position, rotation, frames)
         arms = None
         if self._kind.has_orientation:
@@ -410,12 +409,12 @@ class Rig:
         Parameters
         ----------
         position : (..., d) array
-            Of the reference point in the world, in m.
+            Position of the reference point in the world, in m.
         rotation : (..., 3, 3) array, (...) array or None
-            Platform to world: matrices for a platform rig, angles in rad for a planar one. None is the identity. A
-            point rig takes none.
-        frames : mapping of name to Frame or (position, rotation), optional
-            Where the body frames named in `Rig.frames` are.
+            Rotation from platform to world: matrices for a platform rig, angles in rad for a planar one. None is
+            the identity. A point rig has no rotation.
+        frames : mapping of name to `CoordinateFrame` or (position, rotation), optional
+            Poses of the body frames in `Rig.frames`.
 
         Returns
         -------
@@ -426,9 +425,10 @@ class Rig:
         Raises
         ------
         ShapeError
-            Wrong shapes, NaN or infinity, a matrix that is no rotation, a rotation for a point rig.
+            If a shape is wrong, an entry is NaN or infinite, a matrix is not a rotation, or a point rig is given
+            a rotation.
         RigError
-            A body frame that is missing or unknown; an attachment that lies on its anchor.
+            If a body frame is missing or unknown, or an attachment lies on its anchor.
         """
         cables = self.cables(position, rotation, frames)
         return kinematics.structure_matrix(cables.directions, cables.arms)
@@ -447,8 +447,7 @@ class Rig:
     ) -> Allocation:
         """Return tensions that render a wrench at a pose in addition to the rig's required wrench.
 
-        The wrench that is allocated is ``wrench`` and the middle of `required`: the weight of the platform, for
-        instance.
+        The cables render the sum of ``wrench`` and the middle of `required`, such as the weight of the platform.
 
         Parameters
         ----------
@@ -494,9 +493,9 @@ class Rig:
     ) -> PoseEstimate:
         """Estimate the pose of the platform from cable lengths.
 
-        The pose near the guess that fits the lengths best in the least-squares sense. Several poses can have the
-        same lengths: anchors in one plane leave a mirror image behind that plane, and a platform can flip. The
-        guess decides which is found, so start on the right side of the plane, off it. Look at the residual.
+        Returns the pose near the guess that fits the lengths best in the least-squares sense. Several poses can
+        have the same lengths: anchors in one plane leave a mirror image behind that plane, and a platform can
+        flip. The guess decides between them, so start on the right side of the plane, off it. Check the residual.
 
         Parameters
         ----------
