@@ -30,7 +30,7 @@ from tensionlab.hardware.protocol.messages import Telemetry, read
 from tensionlab.hardware.runner.records import Cycle
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
-from tensionlab.hardware.runner.state_estimation import PoseTracker, at_one_time
+from tensionlab.hardware.runner.state_estimation import PoseTracker, synchronise
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
@@ -138,7 +138,7 @@ class ForceError:
             feasible = bool(tl.allocate(self._structure, before.solver_wrench, self._rig.limits).residual < 1e-6)
             error = float(np.linalg.norm(self._structure @ np.nan_to_num(before.commanded) - before.solver_wrench))
             self.largest = max(self.largest, error if feasible else 0.0)
-        lengths = at_one_time(state.lengths, state.speeds, state.ages) - offsets
+        lengths = synchronise(state.lengths, state.speeds, state.ages) - offsets
         _, self._structure = self._tracker.follow(lengths, state.active)
 
 

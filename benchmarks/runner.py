@@ -15,9 +15,9 @@ import numpy as np
 from benchmarks.processes import simulated
 from tensionlab.demand import Demand, RigState
 from tensionlab.hardware.client.group import ModuleGroup, connect
+from tensionlab.hardware.runner.records import Statistics
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import Clock, RunSettings, WorldClock
-from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig

@@ -24,9 +24,9 @@ import numpy as np
 from benchmarks.processes import simulated
 from benchmarks.runner import FOUR, SEVEN, Turning
 from tensionlab.hardware.client.group import connect
+from tensionlab.hardware.runner.records import Statistics
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.model.files import load_rig
 from tensionlab.viewer.page_process import open_page
 from tools.site.browser import installed

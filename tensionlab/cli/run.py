@@ -17,9 +17,9 @@ from tensionlab.demand import Demand, DemandSource, Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Fault, Limit, State
 from tensionlab.hardware.runner.program import load_program
+from tensionlab.hardware.runner.records import CTRL_C
 from tensionlab.hardware.runner.runner import Runner, Tracker
 from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.runner.statistics import CTRL_C
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats

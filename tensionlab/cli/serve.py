@@ -28,7 +28,7 @@ from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects, Inner, 
 from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
 from tensionlab.hardware import Runner, RunSettings
 from tensionlab.hardware.protocol.codes import BrakeState, Limit
-from tensionlab.hardware.runner.statistics import CTRL_C
+from tensionlab.hardware.runner.records import CTRL_C
 from tensionlab.hardware.sharing import SharedRun
 from tensionlab.hardware.simulation.world import GuidedHand
 from tensionlab.model.files import load_rig

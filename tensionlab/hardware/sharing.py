@@ -27,9 +27,8 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.shared_telemetry import Watcher
 from tensionlab.hardware.protocol.messages import Info
 from tensionlab.hardware.runner.cycle_table import decode, encode
-from tensionlab.hardware.runner.records import Cycle, RunEvent
+from tensionlab.hardware.runner.records import Cycle, RunEvent, Statistics
 from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers

@@ -18,8 +18,7 @@ import numpy as np
 from tensionlab.errors import MissingDependency, optional_import
 from tensionlab.hardware.protocol.messages import Info
 from tensionlab.hardware.runner.cycle_table import demanded_wrench, desired_wrench, rotation_matrix
-from tensionlab.hardware.runner.records import Cycle, RunEvent
-from tensionlab.hardware.runner.statistics import Statistics
+from tensionlab.hardware.runner.records import Cycle, RunEvent, Statistics
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 

@@ -17,10 +17,9 @@ from tensionlab.haptics.rendering.assignment import ModuleLimits
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.log.writer import RunLog
-from tensionlab.hardware.runner.records import RunSink
+from tensionlab.hardware.runner.records import RunSink, Statistics
 from tensionlab.hardware.runner.runner import Runner, Tracker
 from tensionlab.hardware.runner.settings import Clock, PlaybackClock, RunSettings, WorldClock
-from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.hardware.sharing import SharedRun
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import World

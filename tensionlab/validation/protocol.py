@@ -18,10 +18,9 @@ from tensionlab.errors import HardwareError, InputError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import Limit
 from tensionlab.hardware.protocol.parameters import PARAMETERS
-from tensionlab.hardware.runner.records import Cycle
+from tensionlab.hardware.runner.records import DEMAND_STOPPED, Cycle
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import Clock, RunSettings
-from tensionlab.hardware.runner.statistics import DEMAND_STOPPED
 from tensionlab.hardware.simulation.world import newton_per_ampere
 from tensionlab.model.directions import grid18
 from tensionlab.model.rig import Rig

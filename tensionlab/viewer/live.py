@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 
 from tensionlab.errors import LogError, TensionlabError
-from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, DURATION_REACHED
+from tensionlab.hardware.runner.records import DEMAND_STOPPED, DURATION_REACHED
 from tensionlab.hardware.sharing import RunInfo, RunSnapshot, RunWatcher
 from tensionlab.scenarios.scenery import read_scenery
 from tensionlab.support.operating_system import lower_priority

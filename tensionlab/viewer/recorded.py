@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tensionlab.errors import LogError
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.runner.cycle_table import COLUMNS
-from tensionlab.hardware.runner.statistics import Statistics
+from tensionlab.hardware.runner.records import Statistics
 from tensionlab.hardware.sharing import RunInfo, RunSnapshot
 from tensionlab.solvers.base import Status
 from tensionlab.viewer.run_scene import Instant

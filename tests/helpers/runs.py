@@ -13,9 +13,8 @@ from tensionlab.demand import Demand, Impedance, Pose, RigState
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.protocol.codes import BrakeState, Limit, ResetReason, State
 from tensionlab.hardware.protocol.messages import Info
-from tensionlab.hardware.runner.records import Cycle, RunEvent
+from tensionlab.hardware.runner.records import DEMAND_STOPPED, Cycle, RunEvent, Statistics
 from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, Statistics
 from tensionlab.solvers.base import Status
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"

@@ -21,8 +21,7 @@ from tensionlab.hardware.log.writer import RunSetup
 from tensionlab.hardware.protocol.codes import Fault, Limit
 from tensionlab.hardware.runner import cycle_table
 from tensionlab.hardware.runner.cycle_table import COLUMNS, IMPEDANCE, CycleTable
-from tensionlab.hardware.runner.records import RunEvent
-from tensionlab.hardware.runner.statistics import PERCENTILES, Statistics, percentiles
+from tensionlab.hardware.runner.records import PERCENTILES, RunEvent, Statistics, percentiles
 from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support import provenance

@@ -19,9 +19,8 @@ from tensionlab.hardware.log.mcap_file import McapWriter
 from tensionlab.hardware.log.scene import CHANNELS, SceneEncoder
 from tensionlab.hardware.protocol.messages import Info
 from tensionlab.hardware.runner import cycle_table
-from tensionlab.hardware.runner.records import Cycle, RunEvent
+from tensionlab.hardware.runner.records import Cycle, RunEvent, Statistics
 from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support.files.reading import as_path

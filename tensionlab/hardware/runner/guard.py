@@ -17,7 +17,7 @@ from tensionlab.model.module import TensionLimits
 from tensionlab.support.arrays import Floats
 
 CERTIFIED = frozenset((int(Status.EXACT), int(Status.NEAREST)))
-MAX_PREPARED = 256  # sets of limits that are kept prepared: windings warm and cool step by step
+MAX_PREPARED = 256  # number of sets of limits that are kept prepared: windings warm and cool step by step
 EXACT_SOLVER = "newton"  # fallback where the chosen solver leaves its answer unproven
 
 
@@ -35,13 +35,6 @@ class GuardedAllocator:
         self, structure: Floats, wrench: Floats, part: NDArray[np.bool_], limits: TensionLimits
     ) -> tuple[Allocation, bool]:
         """Return an allocation with the modules in `part` (m,), and whether the exact solver made it."""
-        chosen, exact = self._for(part, limits)
-        allocation = chosen(structure, wrench)
-        if int(allocation.status) in CERTIFIED:
-            return allocation, False
-        return exact(structure, wrench), True
-
-    def _for(self, part: NDArray[np.bool_], limits: TensionLimits) -> tuple[Allocator, Allocator]:
         key = part.tobytes() + limits.upper.tobytes()
         if key not in self._prepared:
             if len(self._prepared) >= MAX_PREPARED:
@@ -49,11 +42,15 @@ class GuardedAllocator:
             limits = limits.only(part)
             chosen = Allocator(limits, self._solver, policy=self._policy)
             self._prepared[key] = chosen, Allocator(limits, EXACT_SOLVER, policy=chosen.policy)
-        return self._prepared[key]
+        chosen, exact = self._prepared[key]
+        allocation = chosen(structure, wrench)
+        if int(allocation.status) in CERTIFIED:
+            return allocation, False
+        return exact(structure, wrench), True
 
 
 class NextTensions(NamedTuple):
-    """Tensions (m,) to go on from, those that are commanded (NaN elsewhere), and whether slew limits them."""
+    """Tensions (m,) of the next cycle, those that are commanded (NaN elsewhere), and whether slew limits them."""
 
     tensions: Floats
     commanded: Floats
@@ -71,8 +68,8 @@ def next_tensions(
     """Return the next tensions of all modules, none of which changes by more than `max_change` N.
 
     The `free` (m,) go from those `before` to those `chosen`, by the same share of their way each, so that the
-    wrench goes straight from the old to the new one. A `HardwareError` that names the module if one would be sent
-    what is outside its limits, NaN among that.
+    wrench goes straight from the old to the new one. A `HardwareError` names the module whose set-point would be
+    outside its limits, NaN among that.
     """
     tensions, commanded, slew_limited, refused = _native.next_tensions(
         before, chosen, free, limits.lower, limits.upper, max_change
@@ -85,29 +82,29 @@ def next_tensions(
     return NextTensions(tensions, commanded, slew_limited)
 
 
-# Share of a winding's continuous tension that the host uses: currents are measured with some noise.
+# Share of a winding's continuous rating that the host uses: currents are measured with some noise.
 CONTINUOUS_SHARE = 0.98
-# Gain from what is left of the winding's budget to the square of the current that the host commands. The firmware
-# stops at 10 (`firmware/core/thermal.hpp`); with less, the host is before it, late telemetry or not.
+# Gain from the remaining budget of a winding to the square of the current that the host commands. The firmware
+# limits at 10 (`firmware/core/thermal.hpp`); with less, the host limits first, late telemetry or not.
 DERATING_GAIN = 8.0
 STEP_N = 0.05  # limits change by whole steps, too small to be noticed; solvers are prepared for each set of limits
-EVENT_STEP_N = 0.5  # a limit that changes by so much is an event
+EVENT_STEP_N = 0.5  # a change of a limit by this much is an event
 
 
 class Derating:
     """Upper tension limits of all modules, by the spent share of each winding's budget.
 
     From cold to spent a limit falls from the rig's own to the winding's continuous tension (m,) in N, without a
-    jump. `limits` are those now. `lowest` has, of modules whose limit was below the rig's, the lowest that it has
-    been, in N.
+    jump. `limits` are the present ones. `lowest` has the lowest limit so far, in N, of each module that was below
+    the rig's.
     """
 
     def __init__(self, limits: TensionLimits, continuous: Floats, names: list[str]) -> None:
-        self._own, self._continuous, self._names = limits, np.asarray(continuous, dtype=np.float64), names
+        self._own, self._continuous, self._names = limits, continuous, names
         self._noted = limits.upper.copy()
         self._thermal = np.zeros(len(names))
-        # Spent shares from which on limits are lower; infinite: modules have not reported yet.
-        self._warm = 1.0 - ((limits.upper / (CONTINUOUS_SHARE * self._continuous)) ** 2 - 1.0) / DERATING_GAIN
+        # Spent shares from which on limits are lower.
+        self._warm = 1.0 - ((limits.upper / (CONTINUOUS_SHARE * continuous)) ** 2 - 1.0) / DERATING_GAIN
         self.limits = limits
         self.lowest: dict[str, float] = {}
 
@@ -119,43 +116,39 @@ class Derating:
         if self.limits is self._own and not _native.any_reaches(thermal, self._warm):
             return []
         self._thermal = np.where(np.isnan(thermal), self._thermal, np.clip(thermal, 0.0, 1.0))
-        left = 1.0 - self._thermal
-        stands = CONTINUOUS_SHARE * self._continuous * np.sqrt(1.0 + DERATING_GAIN * left)
-        upper = np.minimum(STEP_N * np.floor(stands / STEP_N), self._own.upper)
+        bearable = CONTINUOUS_SHARE * self._continuous * np.sqrt(1.0 + DERATING_GAIN * (1.0 - self._thermal))
+        upper = np.minimum(STEP_N * np.floor(bearable / STEP_N), self._own.upper)
         upper = np.maximum(upper, self._own.lower)
         if (upper == self.limits.upper).all():
             return []
         self.limits = TensionLimits(self._own.lower, upper)
-        changed = []
         for index in np.flatnonzero(upper < self._own.upper):
             name = self._names[index]
             self.lowest[name] = min(float(upper[index]), self.lowest.get(name, np.inf))
-        whole = (upper == self._own.upper) & (self._noted < self._own.upper)
-        for index in np.flatnonzero((np.abs(upper - self._noted) >= EVENT_STEP_N) | whole):
-            self._noted[index] = upper[index]
-            changed.append((int(index), derating_text(upper[index], self._own.upper[index])))
-        return changed
+        restored = (upper == self._own.upper) & (self._noted < self._own.upper)
+        changed = np.flatnonzero((np.abs(upper - self._noted) >= EVENT_STEP_N) | restored)
+        self._noted[changed] = upper[changed]
+        return [(int(index), _derating_text(upper[index], self._own.upper[index])) for index in changed]
 
-    def require_taut(self, index: int, thermal: float) -> None:
-        """Refuse, by a `ModuleFault`, a module whose hot winding cannot hold even its lower limit without end."""
+    def require_holding(self, index: int, thermal: float) -> None:
+        """Refuse, by a `ModuleFault`, a module whose hot winding cannot hold even its lower limit continuously."""
         if thermal >= 1.0 and self._continuous[index] < self._own.lower[index]:
-            stands, lower = float(self._continuous[index]), float(self._own.lower[index])
+            bearable, lower = self._continuous[index], self._own.lower[index]
             raise ModuleFault(
-                f'module "{self._names[index]}" is too hot: it bears {stands:.2f} N continuously, less than '
+                f'module "{self._names[index]}" is too hot: it bears {bearable:.2f} N continuously, less than '
                 f"its lower limit of {lower:g} N; lower the rig's limit, or let it cool",
                 self._names[index],
                 Limit.THERMAL,
             )
 
 
-def derating_text(upper: float, own: float) -> str:
-    """Return what a limit is now, in N, as a sentence."""
+def _derating_text(upper: float, own: float) -> str:
     if upper >= own:
         return f"pulls with up to {own:g} N again: its winding has cooled"
     return f"pulls with up to {upper:.2f} N in place of {own:g} N, to keep its winding from getting too hot"
 
 
-TAUT_AFTER_TIMEOUT_S = 2.0  # a module that timed out keeps its cable taut for so long before it releases it
+HOLD_AFTER_TIMEOUT_S = 2.0  # time for which a module that timed out keeps its cable taut before it releases it
 
 
 @dataclass(frozen=True)
@@ -164,25 +157,22 @@ class Release:
 
     tension: float  # until it begins, in N
     begin: float  # in s
-    slew: float  # how fast the tension falls, in N/s
-    taut: float = 0.0  # where it stays for `TAUT_AFTER_TIMEOUT_S`, in N; 0: nowhere
+    slew: float  # rate at which the tension falls, in N/s
+    hold: float = 0.0  # tension in N that is held for `HOLD_AFTER_TIMEOUT_S`; 0: none
 
     def pull(self, now: float) -> float:
         """Return the tension in N at a time in s."""
         passed = now - self.begin
         if passed <= 0.0:
             return self.tension
-        taut = min(self.taut, self.tension)
-        if passed > TAUT_AFTER_TIMEOUT_S:
-            return max(taut - self.slew * (passed - TAUT_AFTER_TIMEOUT_S), 0.0)
-        return max(self.tension - self.slew * passed, taut)
-
-
-RELEASED = Release(0.0, 0.0, 1.0)
+        hold = min(self.hold, self.tension)
+        if passed > HOLD_AFTER_TIMEOUT_S:
+            return max(hold - self.slew * (passed - HOLD_AFTER_TIMEOUT_S), 0.0)
+        return max(self.tension - self.slew * passed, hold)
 
 
 class ReleasedModules:
-    """Lost modules, and what each still pulls with as far as is known: no cable goes slack at once.
+    """Lost modules, and the tension of each as far as it is known: no cable goes slack at once.
 
     `lower` (m,) is of the tension limits in N, `slews` are in N/s, and `ttl` in s is of set-points.
     """
@@ -195,14 +185,14 @@ class ReleasedModules:
         self, index: int, tension: float, heard: float, now: float, state: State | None, error: HardwareError
     ) -> None:
         """Add a lost module: tension of its last set-point in N, time last heard, state it reported, and why."""
-        slew, taut = self._slews[index], float(self._lower[index])
+        slew, hold = self._slews[index], float(self._lower[index])
         if state in LATCHED_STATES:
-            release = RELEASED  # its driver is off
+            release = Release(0.0, now, slew)  # its driver is off
         elif isinstance(error, LinkTimeout) and now - heard > self._ttl:
-            # Nobody knows what still reaches it. What it follows lives on from then, and then it times out.
-            release = Release(tension, heard + self._ttl, slew, taut)
+            # It may hear nothing any more. Then its last set-point expires a time to live after it was last heard.
+            release = Release(tension, heard + self._ttl, slew, hold)
         elif isinstance(error, LinkError) or state is State.TIMEOUT:
-            release = Release(tension, now, slew, taut)  # a link that closes is a time that is out
+            release = Release(tension, now, slew, hold)  # a link that closes times out at once
         else:
             release = Release(tension, now, slew)  # it hears that it is to stop
         self._releases[index] = release

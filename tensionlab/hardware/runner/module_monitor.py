@@ -1,11 +1,10 @@
-"""Monitor of the modules in a run: which take part, and whether what they report is fresh and can be true."""
+"""Monitor of the modules in a run: which take part, and whether what they report is fresh and plausible."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,21 +29,18 @@ TELEMETRY_UNITS = {
     "supply": "V",
     "thermal": "of the budget",
 }  # quantities of a telemetry that must be finite, and their units
-MEASURED = attrgetter(*TELEMETRY_UNITS)  # their values
-# A length may differ by so much from where the cable's speeds take it.
-MAX_LENGTH_JUMP_M = _native.MAX_LENGTH_JUMP_M
+MAX_LENGTH_JUMP_M = _native.MAX_LENGTH_JUMP_M  # tolerance of a length against the cable's own speeds
 # Largest acceleration of a cable in m/s²: a hand reaches 30; a free spool (6 N on 0.03 kg) at most twice this.
 MAX_ACCELERATION_M_S2 = _native.MAX_ACCELERATION_M_S2
-STALL_SHARE = 0.75  # a run whose next cycle takes longer to come than this share of the time to live has stalled
+STALL_SHARE = 0.75  # a cycle that comes later than this share of the time to live after the one before has stalled
 
 
 class ModuleMonitor:
     """Monitor of the modules: checks each in every cycle, and sends set-points to those that take part.
 
-    A module that is silent for `ttl` s, as long as set-points live, is lost, and so is one that follows older ones
-    for as long. `on_lost` is called with the index and the error of each; `active` (m,) has those that take part,
-    and `complete` is whether all do.
-    One that is lost does not come back.
+    A module that is silent for `ttl` s, the time to live of set-points, is lost, and so is one that follows older
+    ones for that long. `on_lost` is called with the index and the error of each; `active` (m,) has those that take
+    part, and `complete` is whether all do. One that is lost does not come back.
     """
 
     def __init__(
@@ -62,7 +58,7 @@ class ModuleMonitor:
     def check(self, seen: Observation, delays: Floats, derating: Derating, now: float) -> None:
         """Check all modules by their latest telemetry and its age.
 
-        `delays` (m,) are how old the newest set-points are that modules report to follow, in s. A `HardwareError`
+        `delays` (m,) are the ages of the newest set-points that modules report to follow, in s. A `HardwareError`
         if a module is lost and the run is to stop, or none is left.
         """
         self._stall.update(now)
@@ -81,7 +77,7 @@ class ModuleMonitor:
                         f'module "{client.name}" is late: the newest set-point that it reports to follow was '
                         f"sent {delays[index]:.2f} s ago, and lives {self._ttl:g} s; its link is slow or crowded"
                     )
-                derating.require_taut(index, thermal[index])
+                derating.require_holding(index, thermal[index])
             except HardwareError as error:
                 self._lose(index, error)
 
@@ -94,8 +90,18 @@ class ModuleMonitor:
             raise
         if (unchecked := client.unchecked()) is not None:
             require_plausible(client.name, *unchecked)
-        if age > self._ttl + self._stall.seconds:
-            raise LinkTimeout(f'module "{client.name}" at {client.link.url} {silence(client, age)}')
+        if age <= self._ttl + self._stall.seconds:
+            return
+        if client.repeated and client.telemetry is not None:
+            why = (
+                f"repeats what it said {age:.2f} s ago ({client.repeated} times time_us "
+                f"{client.telemetry.message.time_us}): its firmware or its link hangs; switch it off and on"
+            )
+        else:
+            why = (
+                f"has been silent for {age:.2f} s; has it power, is its link whole? A longer --ttl allows for more"
+            )
+        raise LinkTimeout(f'module "{client.name}" at {client.link.url} {why}')
 
     def send(self, tensions: Floats, demand: Demand, ttl_ms: int) -> Integers:
         """Send set-points to modules that take part; return their sequence numbers (m,), -1 where none was sent.
@@ -138,8 +144,8 @@ class ModuleMonitor:
 class Stall:
     """Cycle that came late, by a busy computer or a slow solver: what modules miss by it is not their fault.
 
-    After a stall, modules have the time to live of set-points, `ttl` in s, to be heard again. `seconds` is how
-    long the latest one lasted; 0 if it was long ago, or there was none.
+    After a stall, modules have the time to live of set-points, `ttl` in s, to be heard again. `seconds` is the
+    duration of the latest one; 0 if it was long ago, or there was none.
     """
 
     def __init__(self, ttl: float) -> None:
@@ -175,30 +181,19 @@ def require_following(client: ModuleClient) -> None:
         )
 
 
-def silence(client: ModuleClient, age: float) -> str:
-    """Return for how long, in s, a module has reported nothing new, as a text."""
-    if client.repeated and client.telemetry is not None:
-        return (
-            f"repeats what it said {age:.2f} s ago ({client.repeated} times time_us "
-            f"{client.telemetry.message.time_us}): its firmware or its link hangs; switch it off and on"
-        )
-    return f"has been silent for {age:.2f} s; has it power, is its link whole? A longer --ttl allows for more"
-
-
 def require_plausible(name: str, before: Received[Telemetry] | None, heard: Received[Telemetry]) -> None:
     """Refuse telemetry that cannot be true, by a `ModuleFault` that names the module, the quantity and the value.
 
     It came after the one `before`, of a module that follows set-points.
     """
     now = heard.message
-    if not all(map(math.isfinite, MEASURED(now))):
-        field = next(name for name in TELEMETRY_UNITS if not math.isfinite(getattr(now, name)))
-        raise ModuleFault(
-            f'module "{name}" reports a {field} of {getattr(now, field)} {TELEMETRY_UNITS[field]}: its firmware '
-            "or its link is broken",
-            name,
-            Code.BAD_VALUE,
-        )
+    for field, unit in TELEMETRY_UNITS.items():
+        if not math.isfinite(value := getattr(now, field)):
+            raise ModuleFault(
+                f'module "{name}" reports a {field} of {value} {unit}: its firmware or its link is broken',
+                name,
+                Code.BAD_VALUE,
+            )
     if now.faults:
         raise ModuleFault(
             f'module "{name}" reports a fault ({now.faults.name or int(now.faults)}) and keeps pulling '
@@ -208,11 +203,10 @@ def require_plausible(name: str, before: Received[Telemetry] | None, heard: Rece
         )
     if before is None:
         return
-    said = before.message
+    earlier = before.message
     # By the slower clock: that of a simulated module stands still while its computer gives it no time.
-    seconds = max(1e-6 * ((now.time_us - said.time_us) % CLOCK_WRAP_US), heard.time - before.time)
-    expected = said.length + 0.5 * (said.speed + now.speed) * seconds
-    jump = now.length - expected
+    seconds = max(1e-6 * ((now.time_us - earlier.time_us) % CLOCK_WRAP_US), heard.time - before.time)
+    jump = now.length - (earlier.length + 0.5 * (earlier.speed + now.speed) * seconds)
     if abs(jump) > MAX_LENGTH_JUMP_M + 0.25 * MAX_ACCELERATION_M_S2 * seconds**2:
         raise ModuleFault(
             f'module "{name}" reports a length of {now.length:.3f} m, {1e3 * abs(jump):.0f} mm '

@@ -1,20 +1,21 @@
-"""Pretension: slack cables are reeled in before a run, at the taut minimum, and what is wrong with them is named.
+"""Pretension: slack cables are taken up before a run, at the minimum tension, and cables in disorder are named.
 
 Between runs modules are idle, and cables hang as they were pulled out. A module measures what has left its spool,
 so that a length is the distance to the platform or more: idle lengths are too long, and fix no pose before the
 cables are taut. Until the pose is known,
 
-- each module pulls with its own taut minimum, 0.5 N unless it was set up otherwise, and none with more. Less is
+- each module pulls with its own minimum tension, 0.5 N unless it was set up otherwise, and none with more. Less is
   not possible: the firmware pulls with that from ARM on;
 - nothing pays out by itself: cable leaves a spool only where it is pulled harder than its minimum tension;
 - set-points live as long as in the run. A host that dies or hangs, a lost module, Ctrl-C and an emergency stop end
   this as they end a run;
-- a cable that reels in further than the others let it holds nothing. All modules are stopped at once;
+- a cable that is taken up further than the others let it holds nothing. All modules are stopped at once;
 - cables that do not come to rest, and lengths that then fit no pose, end the run before any wrench is rendered.
 
-Tensions go from the taut minimum to those of the first demand by the limit on their slew. How fast a spool reels
-slack in is up to its motor's voltage, some 2 m/s at 12 V, and the host cannot slow it down: as a cable becomes
-taut, the spool's momentum is a tug of some 20 N for some 5 ms (simulated, on a platform that does not move).
+Tensions go from the minimum to those of the first demand by the limit on their slew. The speed at which a spool
+takes up slack is limited by its motor's voltage, some 2 m/s at 12 V, and the host cannot slow it down: as a
+cable becomes taut, the spool's momentum is a tug of some 20 N for some 5 ms (simulated, on a platform that does
+not move).
 """
 
 from __future__ import annotations
@@ -27,27 +28,31 @@ from numpy.typing import NDArray
 
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.runner.settings import Clock
-from tensionlab.hardware.runner.state_estimation import MAX_LENGTH_ERROR_M, Observation, PoseTracker, at_one_time
+from tensionlab.hardware.runner.state_estimation import MAX_LENGTH_ERROR_M, Observation, PoseTracker, synchronise
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
-WINDOW_S = 0.5  # speeds of cables are averaged for so long: meanwhile a hand may shake, and telemetry be late
-# A cable that gets shorter this fast on average is being reeled in. A hand that starts a run is slower.
-REELING_M_S = 0.5
+WINDOW_S = 0.5  # time over which speeds are averaged: a hand may shake meanwhile, and telemetry be late
+# A cable that gets shorter this fast on average is being taken up. A hand that starts a run is slower.
+TAKE_UP_M_S = 0.5
 REST_M_S = 0.05  # average speed below which a cable is at rest
-MISFIT_S = 1.0  # lengths that fit no pose are refused once the cables have been at rest for so long
-# After so long without a cable that is reeled in, speeds need not fit a motion: a hand shakes, links are late.
+MISFIT_S = 1.0  # lengths that fit no pose are refused once the cables have been at rest for this time
+# Time without a cable that is taken up after which speeds need not fit a motion: a hand shakes, links are late.
 SHAKING_S = 4.0
-MAX_PRETENSION_S = 20.0  # how long cables may take to come to rest: 40 m of slack at 2 m/s
+MAX_PRETENSION_S = 20.0  # longest time for cables to come to rest: 40 m of slack at 2 m/s
 # Tolerance by which a cable may appear shorter than possible (two lengths are compared).
 TOO_SHORT_M = 2.0 * MAX_LENGTH_ERROR_M
 MAX_PLACE_ERROR_M = 0.5  # largest error of a position that is given in place of lengths
-# Where the other lengths fit a pose better than this, the one that was left out explains a misfit.
+# Where the other lengths fit a pose better than this, the one that was left out explains why all fit none.
 MAX_UNCERTAINTY_M = 0.01
 WITHOUT_LENGTHS = "Or say where it is by `--at X Y Z`, in Python a tracker: then a run needs no lengths"
+MEANINGS = {
+    "long": "A cable is too long where it is slack or caught: pull at it, and see its spool turn",
+    "short": "A cable is too short where it is off its hook, or its length was set elsewhere",
+}
 
 
-def reel_in(
+def take_up_slack(
     rig: Rig,
     cycle: Callable[[], Observation],
     active: NDArray[np.bool_],
@@ -55,13 +60,13 @@ def reel_in(
     tracker: PoseTracker | None,
     expected: Callable[[], Floats] | None = None,
 ) -> None:
-    """Do cycles until no cable is reeled in any more, and the tracker knows the pose by their lengths.
+    """Do cycles until no cable is taken up any more, and the tracker knows the pose by their lengths.
 
     Parameters
     ----------
     rig : Rig
     cycle : callable
-        Waits for the next cycle, commands the taut minima, and returns the observation.
+        Waits for the next cycle, commands the minimum tensions, and returns the observation.
     active : (m,) array of bool
         Modules that take part; may change meanwhile.
     clock : Clock
@@ -80,19 +85,19 @@ def reel_in(
     calm_since = rest_since = began
     while True:
         seen = cycle()
-        now, lengths = clock.now(), at_one_time(seen.lengths, seen.speeds, seen.ages)
+        now, lengths = clock.now(), synchronise(seen.lengths, seen.speeds, seen.ages)
         if expected is not None:
-            there = expected()
-            if (~active | (np.abs(lengths - there) <= MAX_LENGTH_ERROR_M)).all():
+            by_place = expected()
+            if (~active | (np.abs(lengths - by_place) <= MAX_LENGTH_ERROR_M)).all():
                 return
-            _require_held(rig, there - MAX_PLACE_ERROR_M, lengths, seen.speeds, active)
+            _require_held(rig, by_place - MAX_PLACE_ERROR_M, lengths, seen.speeds, active)
         elif tracker is not None:
             _require_held(rig, _shortest(rig, tracker, lengths, seen.speeds, active), lengths, seen.speeds, active)
         speeds = average.take(now, lengths)
         if speeds is None:
             calm_since = rest_since = now
             continue
-        if (active & (speeds < -REELING_M_S)).any():
+        if (active & (speeds < -TAKE_UP_M_S)).any():
             calm_since = rest_since = now
         elif tracker is None:
             return
@@ -103,13 +108,13 @@ def reel_in(
             if tracker.fits or (active & (speeds < -REST_M_S)).any():
                 rest_since = now
             if now - rest_since > MISFIT_S:
-                raise HardwareError(misfit(rig, tracker, lengths, active))
+                raise HardwareError(explain_lengths(rig, tracker, lengths, active))
         if now - began > MAX_PRETENSION_S:
-            still = [f'"{rig.modules[index].name}"' for index in np.flatnonzero(active & (speeds < -REST_M_S))]
+            moving = [f'"{rig.modules[index].name}"' for index in np.flatnonzero(active & (speeds < -REST_M_S))]
             raise HardwareError(
                 f"the cables have not come to rest within {MAX_PRETENSION_S:g} s (module "
-                f"{', '.join(still) or 'none'} still reels in): see that all are hooked on and free, and hold the "
-                "platform still until the run begins"
+                f"{', '.join(moving) or 'none'} still reels in): see that all are hooked on and free, and hold "
+                "the platform still until the run begins"
             )
 
 
@@ -143,7 +148,7 @@ def require_possible(rig: Rig, lengths: Floats) -> None:
         )
 
 
-def misfit(rig: Rig, tracker: PoseTracker, lengths: Floats, active: NDArray[np.bool_]) -> str:
+def explain_lengths(rig: Rig, tracker: PoseTracker, lengths: Floats, active: NDArray[np.bool_]) -> str:
     """Return which of the lengths (m,) in m explains that they fit no pose near home, and what to do.
 
     Each is left out in turn: if the others fit a pose, it is too long or too short for that one. With one cable
@@ -151,36 +156,28 @@ def misfit(rig: Rig, tracker: PoseTracker, lengths: Floats, active: NDArray[np.b
     """
     tracker.search(lengths, active)
     worst, off = rig.modules[tracker.worst].name, tracker.off
-    found: dict[int, tuple[float, float]] = {}
+    found: list[tuple[str, float, float]] = []  # name, error of the others, and excess of a cable
     for index in np.flatnonzero(active).tolist():
         others = active.copy()
         others[index] = False
         pose, _ = tracker.search(lengths, others)
         if tracker.fits:
-            found[index] = tracker.error, float(lengths[index] - rig.lengths(*pose)[index])
-    least = max(MAX_UNCERTAINTY_M, 2.0 * min((error for error, _ in found.values()), default=0.0))
-    likely = {rig.modules[index].name: excess for index, (error, excess) in found.items() if error <= least}
-    if not likely:
-        said = f'that of module "{worst}" is off most, by {off:.2f} m, and no single one explains it'
-        advice = "Cables are slack, caught, or off their hooks: pull at each"
+            excess = float(lengths[index] - rig.lengths(*pose)[index])
+            found.append((rig.modules[index].name, tracker.error, excess))
+    least = max(MAX_UNCERTAINTY_M, 2.0 * min((error for _, error, _ in found), default=0.0))
+    likely = [(name, abs(by), "long" if by > 0.0 else "short") for name, error, by in found if error <= least]
+    if likely:
+        reason = ", or ".join(f'that of module "{name}" is {by:.2f} m too {word}' for name, by, word in likely)
+        advice = ". ".join(MEANINGS[word] for word in sorted({word for _, _, word in likely}))
     else:
-        words = [f'that of module "{name}" is {abs(by):.2f} m too {_word(by)}' for name, by in likely.items()]
-        said = ", or ".join(words)
-        meanings = {
-            "long": "A cable is too long where it is slack or caught: pull at it, and see its spool turn",
-            "short": "A cable is too short where it is off its hook, or its length was set elsewhere",
-        }
-        advice = ". ".join(meanings[word] for word in sorted({_word(by) for by in likely.values()}))
-    return f"cable lengths fit no pose: {said}. {advice}. {WITHOUT_LENGTHS}"
-
-
-def _word(excess: float) -> str:
-    return "long" if excess > 0.0 else "short"
+        reason = f'that of module "{worst}" is off most, by {off:.2f} m, and no single one explains it'
+        advice = "Cables are slack, caught, or off their hooks: pull at each"
+    return f"cable lengths fit no pose: {reason}. {advice}. {WITHOUT_LENGTHS}"
 
 
 def _require_held(rig: Rig, shortest: Floats, lengths: Floats, speeds: Floats, active: NDArray[np.bool_]) -> None:
-    """Refuse a cable that is being reeled in though it is shorter than it can be, (m,) in m."""
-    loose = active & (speeds < -REELING_M_S) & (lengths < shortest)
+    """Refuse a cable that is being taken up though it is shorter than it can be, (m,) in m."""
+    loose = active & (speeds < -TAKE_UP_M_S) & (lengths < shortest)
     if loose.any():
         index = int(np.argmin(np.where(loose, speeds, np.inf)))
         raise HardwareError(
@@ -193,9 +190,8 @@ def _require_held(rig: Rig, shortest: Floats, lengths: Floats, speeds: Floats, a
 def _shortest(
     rig: Rig, tracker: PoseTracker, lengths: Floats, speeds: Floats, active: NDArray[np.bool_]
 ) -> Floats:
-    """Return how short each cable can be, (m,) in m, as far as the lengths of the others tell."""
-    others = np.where(active, lengths, np.inf)
-    gaps = _gaps(rig) - others
+    """Return the shortest possible length of each cable, (m,) in m, as far as the lengths of the others tell."""
+    gaps = _gaps(rig) - np.where(active, lengths, np.inf)
     shortest: Floats = gaps.max(axis=1, initial=0.0, where=~np.eye(rig.m, dtype=bool))
     resting: NDArray[np.bool_] = active & (np.abs(speeds) < REST_M_S)
     if rig.n <= np.count_nonzero(resting) == np.count_nonzero(active) - 1:
@@ -206,7 +202,7 @@ def _shortest(
 
 
 def _gaps(rig: Rig) -> Floats:
-    """Return what two cables must span together at least, (m, m) in m, wherever the platform is."""
+    """Return the distance that two cables must span together at least, (m, m) in m, at any pose."""
     anchors, attachments = np.asarray(rig.anchors), np.asarray(rig.attachments)
     apart: Floats = np.linalg.norm(anchors[:, None] - anchors[None, :], axis=-1)
     on_platform: Floats = np.linalg.norm(attachments[:, None] - attachments[None, :], axis=-1)

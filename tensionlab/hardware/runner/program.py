@@ -31,6 +31,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.model.schema import SchemaTable
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief, read_toml
+from tensionlab.support.validation import validate
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +54,8 @@ class Program:
     >>> from tensionlab.hardware import Program
     >>> from tensionlab.hardware.runner.program import ProgramStep
     >>> up, rest = ProgramStep(1.0, np.array([0.0, 1.0, 0.0])), ProgramStep(1.0, np.zeros(3), ramp=True)
-    >>> up_and_down = Program("up", (up, rest))
-    >>> up_and_down.repeat
-    False
+    >>> Program("up", (up, rest)).seconds
+    2.0
     """
 
     name: str
@@ -69,27 +69,37 @@ class Program:
 
     def __call__(self, state: RigState) -> Demand:
         """Return the demand at the time of a state."""
-        left = state.time % self.seconds if self.repeat else state.time
-        before = (
-            self.steps[-1].wrench if self.repeat and state.time >= self.seconds else 0.0 * self.steps[0].wrench
-        )
+        remaining = state.time % self.seconds if self.repeat else state.time
+        later_round = self.repeat and state.time >= self.seconds
+        before = self.steps[-1].wrench if later_round else 0.0 * self.steps[0].wrench
         for step in self.steps:
-            if left < step.seconds:
-                share = left / step.seconds if step.ramp else 1.0
+            if remaining < step.seconds:
+                share = remaining / step.seconds if step.ramp else 1.0
                 return Demand(before + share * (step.wrench - before), brakes=step.brakes)
-            left -= step.seconds
+            remaining -= step.seconds
             before = step.wrench
         return Demand(stop=True)
 
 
-def load_program(path: str | PathLike[str], rig: Rig) -> Program:
-    r"""Return the program in a TOML file.
+class StepTable(SchemaTable):
+    """One ``[[steps]]`` entry."""
 
-    Parameters
-    ----------
-    path : path
-    rig : Rig
-        Wrenches and modules must fit it.
+    seconds: float = Field(gt=0.0, allow_inf_nan=False, description="the duration in s, a number")
+    wrench: list[float] = Field(description="what to render, a list of N, and of N·m after the forces")
+    ramp: bool = Field(False, description="true or false: whether to go there evenly")
+    brakes: list[str] = Field([], description="names of modules whose brake is on, a list")
+
+
+class ProgramFile(SchemaTable):
+    """A whole file."""
+
+    name: str = Field(min_length=1, description="a name in quotes")
+    repeat: bool = Field(False, description="true or false: whether to begin again at the end")
+    steps: list[StepTable] = Field(min_length=1, description="at least one [[steps]] table")
+
+
+def load_program(path: str | PathLike[str], rig: Rig) -> Program:
+    r"""Return the program in a TOML file, whose wrenches and modules must fit the rig.
 
     Raises
     ------
@@ -105,38 +115,14 @@ def load_program(path: str | PathLike[str], rig: Rig) -> Program:
     >>> load_program("push.toml", tl.load_rig("bartels2026-validation")).name
     'push'
     """
-    from tensionlab.support.validation import validate
-
     document = read_toml(path, "a program (*.toml)", HardwareError)
     file = validate(ProgramFile, document, HardwareError, path)
     steps = []
     for number, table in enumerate(file.steps, start=1):
-        here = f"{path}: step {number}"
-        if not 0.0 < table.seconds < math.inf:
-            raise HardwareError(f"{here}: seconds is {table.seconds:g}; give a time above 0")
-        step = ProgramStep(
-            table.seconds, np.array(table.wrench, dtype=np.float64), table.ramp, frozenset(table.brakes)
-        )
-        require_demand(Demand(step.wrench, brakes=step.brakes), rig, here)
+        step = ProgramStep(table.seconds, np.array(table.wrench), table.ramp, frozenset(table.brakes))
+        require_demand(Demand(step.wrench, brakes=step.brakes), rig, f"{path}: step {number}")
         steps.append(step)
     return Program(file.name, tuple(steps), file.repeat)
-
-
-class StepTable(SchemaTable):
-    """One ``[[steps]]`` entry."""
-
-    seconds: float = Field(description="how long it takes in s, a number")
-    wrench: list[float] = Field(description="what to render, a list of N, and of N·m after the forces")
-    ramp: bool = Field(False, description="true or false: whether to go there evenly")
-    brakes: list[str] = Field([], description="names of modules whose brake is on, a list")
-
-
-class ProgramFile(SchemaTable):
-    """A whole file."""
-
-    name: str = Field(min_length=1, description="a name in quotes")
-    repeat: bool = Field(False, description="true or false: whether to begin again at the end")
-    steps: list[StepTable] = Field(min_length=1, description="at least one [[steps]] table")
 
 
 def require_demand(demand: object, rig: Rig, here: str) -> Demand:
@@ -157,10 +143,9 @@ def require_demand(demand: object, rig: Rig, here: str) -> Demand:
         for name in (*demand.impedances, *demand.brakes):
             if name not in modules:
                 raise HardwareError(f'{here}: no module "{name}"; there are {", ".join(modules)}')
+            if name in demand.brakes and modules[name].brake is None:
+                raise HardwareError(f'{here}: module "{name}" has no brake')
         for name, spring in demand.impedances.items():
             if not np.isfinite(list(vars(spring).values())).all():
                 raise HardwareError(f'{here}: module "{name}": {spring}; all of it must be finite')
-        for name in demand.brakes:
-            if modules[name].brake is None:
-                raise HardwareError(f'{here}: module "{name}" has no brake')
     return demand

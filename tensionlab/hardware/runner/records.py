@@ -1,16 +1,20 @@
-"""Records that a run hands to its sinks: cycles, events, and its outcome."""
+"""Records that a run hands to its sinks: cycles, events, and the statistics of the whole."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Protocol
+from collections import Counter, deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
-from tensionlab.allocation import Allocation
+import numpy as np
+
+from tensionlab.allocation import Allocation, Status
 from tensionlab.demand import Demand, RigState
 from tensionlab.hardware.protocol.messages import Info
-from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.support.arrays import Floats, Integers
+from tensionlab.support.formatting import format_count, format_duration
+from tensionlab.support.table import STATUS_MARKS, Mark, Table
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,20 +28,20 @@ class Cycle:
     demand : Demand
         Its wrench with what the rig requires.
     solver_wrench : (n,) array
-        What of the desired wrench the solver is to render: all but what modules with an impedance, and lost ones
-        that have not released yet, pull.
+        Part of the demanded wrench for the solver: without that of modules with an impedance, and of lost ones
+        that have not released yet.
     allocation : Allocation
         What the solver chose, verified; with tension 0 in modules that do not take part.
     fallback_used : bool
-        Whether the run's own solver left the answer unproven, so that the exact solver gave this one.
+        Whether the exact solver gave the answer because the run's own left it unproven.
     commanded : (m,) array
         Set-points in N, after the limit on their change; NaN where none was sent.
     sequences : (m,) array of int
         Their sequence numbers; -1 where none was sent.
     start_delay : float
-        How long after its deadline the cycle began, in s.
+        Begin of the cycle after its deadline, in s.
     compute_time : float
-        What the host needed for it, in s.
+        Time that the host needed for the cycle, in s.
 
     Examples
     --------
@@ -69,9 +73,9 @@ class RunEvent:
 
     cycle: int  # number of the latest cycle; -1 before the first
     time: float  # begin of that cycle, in s since the run began
-    kind: str  # in a word
-    text: str  # in a sentence
-    module: str = ""  # name of the module; empty where it is none, or all
+    kind: str  # in one word
+    text: str  # in one sentence
+    module: str = ""  # name of the module; empty for none or all
 
 
 class RunSink(Protocol):
@@ -87,4 +91,138 @@ class RunSink(Protocol):
         """Take an event; from any thread."""
 
     def close(self, statistics: Statistics) -> None:
-        """Take how the run went; nothing comes after that."""
+        """Take the final statistics; nothing comes after that."""
+
+
+MAX_TIMES = 100_000  # number of latest cycles whose times are kept for percentiles
+DURATION_REACHED = "duration reached"
+DEMAND_STOPPED = "stopped by the demand"
+CTRL_C = "signal SIGINT"
+EMERGENCY_STOP = (
+    "emergency stop (from another terminal)"  # by `tensionlab estop`, or another sender of ESTOP_SIGNAL
+)
+STATUSES = tuple(sorted(Status))
+PERCENTILES = {"median": 50.0, "p99": 99.0, "max": 100.0}
+
+
+@dataclass
+class Statistics:
+    """Counts and times over the cycles of a run: updated while it runs, or recounted from its log."""
+
+    cycles: int = 0
+    missed: int = 0  # deadlines at which an earlier cycle was still in progress
+    fallback_used: int = 0  # cycles in which the exact solver gave the answer
+    slew_limited: int = 0  # cycles in which the limit on the change of set-points held
+    statuses: Counter[Status] = field(default_factory=Counter)  # of the allocations sent
+    # Cycles in which a module's latest telemetry was more than two of its periods old, by module.
+    late_telemetry: Counter[str] = field(default_factory=Counter)
+    # Lowest upper tension limit of each module whose limit was lowered because its winding got warm, in N.
+    derated: dict[str, float] = field(default_factory=dict)
+    lost: dict[str, str] = field(default_factory=dict)  # modules, and why
+    ended: str = ""  # by what
+    emergency: bool = False  # whether that was an emergency stop from elsewhere
+    unconfirmed: dict[str, str] = field(default_factory=dict)  # modules that did not confirm the stop, and why
+    start_delays: deque[float] = field(default_factory=lambda: deque(maxlen=MAX_TIMES))  # in s
+    compute_times: deque[float] = field(default_factory=lambda: deque(maxlen=MAX_TIMES))
+
+    def add(
+        self, status: int, start_delay: float, compute_time: float, *, fallback_used: bool, slew_limited: bool
+    ) -> None:
+        """Count a cycle; times in s."""
+        self.cycles += 1
+        self.fallback_used += fallback_used
+        self.slew_limited += slew_limited
+        self.statuses[STATUSES[status]] += 1
+        self.start_delays.append(start_delay)
+        self.compute_times.append(compute_time)
+
+    @property
+    def title(self) -> str:
+        """Number of cycles, and what ended them."""
+        return f"{self.cycles} cycles" + (f", finished: {self.ended}" if self.ended else "")
+
+    @property
+    def answers(self) -> str:
+        """Number of answers of each status, and of those by the fallback."""
+        counts = [f"{self.statuses[status]} {status.name}" for status in Status if self.statuses[status]]
+        if self.fallback_used:
+            counts.append(f"{self.fallback_used} by newton, as fallback of the solver")
+        return ", ".join(counts) or "none"
+
+    @property
+    def explained(self) -> str:
+        """The answers, with a remark on infeasible ones."""
+        why = "; NEAREST: what is desired is infeasible, and the nearest to it is rendered"
+        return self.answers + why * bool(self.statuses[Status.NEAREST])
+
+    def __repr__(self) -> str:
+        return f"<Statistics of {self.title}: {self.answers}, {self.missed} missed>"
+
+    def _repr_html_(self) -> str:
+        return self.table(self.title)._repr_html_()
+
+    def table(self, title: str) -> Table:
+        """Return counts and times, with a row for each status."""
+        answers: list[tuple[Mark | str, str]] = [
+            (STATUS_MARKS[status], format_count(self.statuses[status], "cycle"))
+            for status in STATUSES
+            if self.statuses[status]
+        ]
+        if self.fallback_used:
+            answers.append(("by newton, as fallback of the solver", format_count(self.fallback_used, "cycle")))
+        return Table(["", ""], [*answers, *self.rows()[1:]], title)
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return counts and times as pairs of a name and a text."""
+        words = "{} median, {} p99, {} max"
+        jitter, compute = (words.format(*map(format_duration, each)) for each in self.percentiles().values())
+        slewed = [("cycles that were slew-rate limited", str(self.slew_limited))] * bool(self.slew_limited)
+        return [
+            ("answers", self.explained),
+            ("start jitter", jitter),
+            ("compute time of a cycle", compute),
+            ("deadlines missed", str(self.missed)),
+            *slewed,
+            *(
+                (f"cycles with late telemetry of {name}", str(count))
+                for name, count in self.late_telemetry.items()
+            ),
+            *(
+                (f"derated: {name}", f"down to {upper:.2f} N, so that it did not get too hot")
+                for name, upper in self.derated.items()
+            ),
+            *((f"lost: {name}", why) for name, why in self.lost.items()),
+        ]
+
+    def percentiles(self) -> dict[str, tuple[float, ...]]:
+        """Return median, 99th percentile and largest delay and compute time, in s."""
+        return {"start_delay": percentiles(self.start_delays), "compute_time": percentiles(self.compute_times)}
+
+    def counts(self) -> dict[str, Any]:
+        """Return what can be recounted from a log, as plain numbers; times are zero before the first cycle."""
+        return {
+            "cycles": self.cycles,
+            "missed": self.missed,
+            "fallback_used": self.fallback_used,
+            "slew_limited": self.slew_limited,
+            "statuses": {status.name: self.statuses[status] for status in Status},
+            **{
+                f"{name}_s": dict(zip(PERCENTILES, np.nan_to_num(values).tolist(), strict=True))
+                for name, values in self.percentiles().items()
+            },
+        }
+
+    def summary(self) -> dict[str, Any]:
+        """Return all of it as plain numbers and texts."""
+        names = ("late_telemetry", "derated", "lost", "unconfirmed")
+        rest = {name: dict(getattr(self, name)) for name in names}
+        return {"ended": self.ended, "emergency": self.emergency, **self.counts(), **rest}
+
+
+def percentiles(values: Iterable[float]) -> tuple[float, ...]:
+    """Return median, 99th percentile and largest of the finite values; NaN where there is none."""
+    numbers = np.fromiter(values, dtype=np.float64)
+    numbers = numbers[np.isfinite(numbers)]
+    if not numbers.size:
+        return (np.nan,) * len(PERCENTILES)
+    return tuple(np.percentile(numbers, list(PERCENTILES.values())).tolist())

@@ -12,13 +12,12 @@ from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.simulation.world import World
 
-OnLoss = Literal["stop", "continue"]
-# Reaction to a lost module: end the run, or continue with the others.
+OnLoss = Literal["stop", "continue"]  # reaction to a lost module: end the run, or continue with the others
 ON_LOSS: tuple[OnLoss, ...] = get_args(OnLoss)
 MIN_TTL_S, MAX_TTL_S = 0.05, 2.0  # range that modules accept
-SET_POINTS_PER_TTL = 2  # set-points that must be due in the life of one
+SET_POINTS_PER_TTL = 2  # set-points that must be due within a time to live
 MAX_RATE_HZ = 10_000.0
-MIN_TELEMETRY_MS = 5  # period of telemetry that modules accept at least
+MIN_TELEMETRY_MS = 5  # shortest period of telemetry that modules accept
 
 
 @dataclass(frozen=True)
@@ -28,11 +27,11 @@ class RunSettings:
     Attributes
     ----------
     rate : float
-        Cycles a second.
+        Cycles per second.
     ttl : float
-        How long a set-point lives in a module, in s; a module that is silent for longer is lost.
+        Time to live of a set-point in a module, in s; a module that is silent for longer is lost.
     on_loss : {"stop", "continue"}
-        When a module is lost (fault, refused set-point, silence): all stop, or the others go on.
+        When a module is lost (fault, refused set-point, silence): stop all, or continue with the others.
     policy : str or None
         Policy for an infeasible wrench; the solver's own if None.
 
@@ -89,16 +88,11 @@ class Clock(Protocol):
         """Return the time."""
 
     def wait_until(self, when: float) -> None:
-        """Return at that time, or at once if it has been."""
+        """Return at that time, or at once if it has passed."""
 
 
 class RealClock:
-    """Monotonic clock of the system.
-
-    Parameters
-    ----------
-    clients : iterable of ModuleClient, optional
-        The simulated ones of this process advance while the clock is waited for.
+    """Monotonic clock of the system. Those of its clients that are simulated here advance while it is waited for.
 
     Examples
     --------
@@ -127,20 +121,14 @@ class RealClock:
             client.listen(max(end - client.link.clock(), 0.0))
 
 
-ROUNDING_S = 1e-9  # a wait that is shorter would never end on a clock that does not go on by itself
-# What paced modules fall behind beyond this, and not because this process computes, is time that does not pass in
-# them: on a busy machine they must not release because their own process got no time.
+ROUNDING_S = 1e-9  # a shorter wait would never end on a clock that advances only while it is waited for
+# Delay of paced modules beyond which time does not pass in them, unless this process computes: on a busy machine
+# they must not release because their own process got no time.
 MAX_BEHIND_S = 0.1
 
 
 class WorldClock:
-    """Clock of simulated modules, whose time passes while the run waits.
-
-    Parameters
-    ----------
-    world : World
-    paced : bool
-        Whether it keeps to real time.
+    """Clock of simulated modules, whose time passes while the run waits; if paced, it keeps to real time.
 
     Examples
     --------

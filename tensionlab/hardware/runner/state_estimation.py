@@ -1,8 +1,9 @@
-"""State of the rig in each cycle: telemetry, delays of set-points, pose and velocity from the cables."""
+"""State of the rig in each cycle: telemetry, delays of set-points, pose and velocity by checked cable lengths."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,10 @@ from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers
+
+Flags = NDArray[np.bool_]
+SEQUENCE_NUMBERS = 256  # set-point numbers wrap around here
+HISTORY_S = 5.0  # time for which times of set-points are kept
 
 
 class Observation(NamedTuple):
@@ -33,55 +38,33 @@ class Observation(NamedTuple):
 
 def observe(group: ModuleGroup) -> Observation:
     """Return the latest telemetry that has come by now."""
-    (lengths, speeds, tensions, ages, thermal), codes = group.observe()
-    states, faults, limiters, brakes, last_sequence = codes
+    (lengths, speeds, tensions, ages, thermal), (states, faults, limiters, brakes, last_sequence) = group.observe()
     return Observation(lengths, speeds, tensions, ages, states, faults, limiters, brakes, last_sequence, thermal)
 
 
-SEQUENCE_NUMBERS = 256  # set-point numbers wrap around here
-HISTORY_S = 5.0  # how far back times of set-points are kept
+def set_point_delays(count: int, rate: float) -> _native.SetPointDelays:
+    """Return a record of set-points, which tells the ages of those that modules report to follow.
 
-
-class SetPointDelays:
-    """Ages of the set-points that modules report to follow, by the times at which they were sent.
-
-    A number stands for many set-points at high rates. Which one it is follows from how many were sent since the
-    last report; of the first one that is reported, the newest is taken. `rate` is set-points a second.
+    At high rates, several set-points have the same number. The one it is follows from how many were sent since
+    the last report; of the first that is reported, the newest is taken. `rate` is set-points per second.
     """
-
-    def __init__(self, count: int, rate: float) -> None:
-        kept = SEQUENCE_NUMBERS * math.ceil(HISTORY_S * rate / SEQUENCE_NUMBERS)
-        self._native = _native.SetPointDelays(count, kept)
-
-    def send(self, sequences: Integers, now: float) -> None:
-        """Note numbers (m,) of set-points that were sent at a time in s; -1 where none was."""
-        self._native.send(sequences, now)
-
-    def delays(self, last_sequence: Integers, now: float) -> tuple[Floats, Floats]:
-        """Return how old the set-points are, in s, that modules report to follow by their numbers; -1: none yet.
-
-        Returned twice (m,): NaN where a module has not reported to follow one of these, and with the time since
-        the first was sent there.
-        """
-        return self._native.delays(last_sequence, now)
+    return _native.SetPointDelays(count, SEQUENCE_NUMBERS * math.ceil(HISTORY_S * rate / SEQUENCE_NUMBERS))
 
 
-MAX_STEPS = 3  # newton steps a cycle: between two cycles a platform moves a few mm
-MAX_SEARCH_STEPS = 30  # newton steps from home to wherever it is
-# Lengths are extrapolated by their speeds for so long at most: a hand may have turned round by then.
-MAX_EXTRAPOLATION_S = 0.1
-STEP_TOLERANCE = 1e-4  # a step this short, in m and rad, ends the search: what is left is its square
-MAX_SPEED_ERROR_M_S = 0.2  # root mean square of the speed errors above which a slack cable is being reeled in
-# Root mean square of the length errors above which the lengths belong to no pose near the last one.
-MAX_LENGTH_ERROR_M = 0.05
+MAX_STEPS = 3  # Newton steps per cycle: between two cycles a platform moves a few mm
+MAX_SEARCH_STEPS = 30  # Newton steps from home to any pose
+MAX_EXTRAPOLATION_S = 0.1  # longest extrapolation of lengths by their speeds: a hand may have turned round by then
+STEP_TOLERANCE = 1e-4  # a step this short, in m and rad, ends the search: the remaining error is its square
+MAX_SPEED_ERROR_M_S = 0.2  # rms of the speed errors above which a slack cable is being taken up
+MAX_LENGTH_ERROR_M = 0.05  # rms of the length errors above which the lengths belong to no pose near the last one
 
 
 class PoseTracker:
-    """Tracker of the platform from cycle to cycle by Gauss and Newton's method, from where it was.
+    """Tracker of the platform from cycle to cycle by the Gauss-Newton method, starting where it was.
 
-    The derivative of the lengths is the structure matrix, ``-W'``. What fewer lengths than unknowns leave open
-    stays as it was. `fits` is whether the latest lengths belong to the latest pose, within `MAX_LENGTH_ERROR_M`. A
-    `HardwareError` where lengths do not fix the pose: modules are attached to bodies, or are too few.
+    The derivative of the lengths is ``-W'``, by the structure matrix. What fewer lengths than unknowns leave open
+    stays as it was. `error` is the root mean square of the latest length errors in m; `worst` is the module with
+    the largest, `off`. A `HardwareError` refuses rigs whose lengths do not fix the pose.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -95,22 +78,24 @@ class PoseTracker:
                 f'rig "{rig.name}": {why}, so cable lengths do not tell where it is; give a tracker, or --at'
             )
         self._rig = rig
-        self.error = math.inf
-        self.worst, self.off = 0, 0.0
+        self.error, self.worst, self.off = math.inf, 0, 0.0
         self._structure: Floats = rig.structure_matrix(rig.home)
-        self._native = self._at_home()
+        self.native = self._at_home()
 
-    def search(self, lengths: Floats, known: NDArray[np.bool_]) -> tuple[Pose, Floats]:
-        """Return the same as `follow`, from the rig's home."""
-        self._native = self._at_home()
+    def _at_home(self) -> _native.PoseTracker:
+        rig = self._rig
+        attachments = rig.attachments if rig.n > rig.dimension else np.zeros((0, rig.dimension))
+        radii, axes = rig.pulleys or (np.zeros(0), np.zeros((0, rig.dimension)))
+        return _native.PoseTracker(rig.anchors, attachments, rig.home, radii, axes)
+
+    def search(self, lengths: Floats, known: Flags) -> tuple[Pose, Floats]:
+        """Return the same as `follow`, starting from the rig's home."""
+        self.native = self._at_home()
         return self.follow(lengths, known, MAX_SEARCH_STEPS)
 
-    def follow(self, lengths: Floats, known: NDArray[np.bool_], steps: int = MAX_STEPS) -> tuple[Pose, Floats]:
-        """Return the pose by the known ones of lengths (m,), and the structure matrix (n, m) there.
-
-        If these lengths do not fit (see `fits`), it is the pose that fits best.
-        """
-        position, rotation, self._structure, squares, self.worst, self.off = self._native.follow(
+    def follow(self, lengths: Floats, known: Flags, steps: int = MAX_STEPS) -> tuple[Pose, Floats]:
+        """Return the pose that fits the known ones of lengths (m,) best, and the structure matrix (n, m) there."""
+        position, rotation, self._structure, squares, self.worst, self.off = self.native.follow(
             lengths, known, steps, STEP_TOLERANCE
         )
         self.error = math.sqrt(squares / max(int(np.count_nonzero(known)), 1))
@@ -125,52 +110,131 @@ class PoseTracker:
         """Whether the latest lengths belong to the latest pose, within `MAX_LENGTH_ERROR_M`."""
         return bool(self.error <= MAX_LENGTH_ERROR_M)
 
-    def moves_as_one(self, speeds: Floats, known: NDArray[np.bool_]) -> bool:
+    def moves_as_one(self, speeds: Floats, known: Flags) -> bool:
         """Return whether cables with these speeds of paying out can all be taut, at the latest pose."""
-        errors = np.where(known, speeds + self._structure.T @ self.velocity(speeds, known), 0.0)
+        errors = np.where(known, speeds + self._structure.T @ self.native.velocity(speeds, known), 0.0)
         return bool(errors @ errors <= MAX_SPEED_ERROR_M_S**2 * np.count_nonzero(known))
 
-    def _at_home(self) -> _native.PoseTracker:
-        rig = self._rig
-        attachments = rig.attachments if rig.n > rig.dimension else np.zeros((0, rig.dimension))
-        radii, axes = rig.pulleys or (np.zeros(0), np.zeros((0, rig.dimension)))
-        return _native.PoseTracker(rig.anchors, attachments, rig.home, radii, axes)
 
-    def check(
-        self,
-        check: _native.LengthCheck,
-        lengths: Floats,
-        speeds: Floats,
-        tensions: Floats,
-        known: NDArray[np.bool_],
-        seconds: float,
-    ) -> tuple[float, float]:
-        """Return the largest doubt and creep in m of the lengths followed last."""
-        return check.update(self._native, lengths, speeds, tensions, known, seconds)
-
-    def protection(self, check: _native.LengthCheck, tensions: Floats) -> float:
-        """Return the largest change in N of the force of tensions (m,) in N by a bias that is not in doubt."""
-        return check.protection(self._native, tensions)
-
-    def velocity(self, speeds: Floats, known: NDArray[np.bool_]) -> Floats:
-        """Return the same as the function `velocity`, at the latest pose."""
-        return self._native.velocity(speeds, known)
-
-
-def at_one_time(lengths: Floats, speeds: Floats, ages: Floats) -> Floats:
+def synchronise(lengths: Floats, speeds: Floats, ages: Floats) -> Floats:
     """Return the lengths of cables now, by their lengths, speeds and ages, (m,) in m, m/s and s."""
     return _native.at_one_time(lengths, speeds, ages, MAX_EXTRAPOLATION_S)
 
 
-def any_reaches(numbers: Floats, thresholds: Floats) -> bool:
-    """Return whether any number (m,) is not below its threshold (m,); NaN is."""
-    return _native.any_reaches(numbers, thresholds)
+def any_exceeds(values: Floats, thresholds: Floats) -> bool:
+    """Return whether any value (m,) is at least its threshold (m,); NaN is not."""
+    return _native.any_reaches(values, thresholds)
 
 
-def velocity(structure: Floats, speeds: Floats, known: NDArray[np.bool_]) -> Floats:
-    """Return the twist (n,) that fits the cables' speeds of paying out best, ``-W' twist = speeds``.
-
-    The shortest one, where they leave some of it open.
-    """
+def velocity(structure: Floats, speeds: Floats, known: Flags) -> Floats:
+    """Return the shortest twist (n,) that fits the cables' speeds of paying out best, ``-W' twist = speeds``."""
     found = np.linalg.lstsq(structure.T * known[:, None], np.where(known, speeds, 0.0), rcond=1e-6)[0]
     return np.asarray(-found, dtype=np.float64)
+
+
+CHECK_PERIOD_S = 0.02  # shortest time between two checks of lengths; faster runs leave cycles out
+# Length that a cable's own speed may leave unexplained over 10 s; slack cables and late telemetry make 0.03.
+MAX_CREEP_M = 0.06
+# Protection level at which the force is limited. Away from singular poses it is 0.5 N at most. It is linear in the
+# drift, and residuals are averaged: of 200 drifts near singular poses, three changed the force by more than 1 N,
+# the largest by 1.05 N.
+MAX_PROTECTION_N = 0.55
+# Modules whose residual is above this share of the largest are named: with one cable to spare, all of them.
+SUSPECT_SHARE = 0.8
+CALIBRATE = "Look at its spool and encoder, and calibrate its length (`tensionlab module calibrate lengths`)"
+
+
+class LengthMonitor:
+    """Monitor of the cable lengths of a run: a length that drifts must not move the pose unnoticed.
+
+    With more cables than unknowns, each length is compared with what the others say (`_native.LengthCheck`): the
+    estimate of its bias, averaged over 0.25 s, is in doubt where such a bias would change the rendered force by
+    0.5 N, but not below 8 mm and always above 40 mm of residual. This is receiver autonomous integrity monitoring
+    (RAIM), as in satellite navigation: Parkinson and Axelrad 1988, "Autonomous GPS integrity monitoring using the
+    pseudorange residual", Navigation 35(2); Brown 1992, "A baseline GPS RAIM scheme and a note on the equivalence
+    of three RAIM methods", Navigation 39(3). The protection level is the largest change of the force by a bias
+    that is not in doubt; near singular poses it grows with the tensions, and the force is limited there. Each
+    length is also compared with its own speed, which needs no other cable.
+
+    What remains undetectable: without redundancy, a module whose length and speed drift together, or whose length
+    drifts by less than `MAX_CREEP_M` in 10 s; with it, two or more lengths that drift as a motion of the platform
+    would have them; and errors from before the run, as far as they fitted a pose. `note` is called once with the
+    text of an event that says what is not checked.
+    """
+
+    def __init__(self, rig: Rig, note: Callable[[str], None]) -> None:
+        self._rig, self._note = rig, note
+        self._native = _native.LengthCheck(rig.m)
+        self._checked_at = -np.inf
+        self._tracker: PoseTracker | None = None
+        self._noted = False
+
+    def check(
+        self, tracker: PoseTracker, lengths: Floats, speeds: Floats, tensions: Floats, active: Flags, now: float
+    ) -> None:
+        """Refuse lengths (m,) in m at a time in s that the tracker has followed and that do not belong together.
+
+        Speeds (m,) of paying out are in m/s and commanded tensions (m,) in N. A `HardwareError` names the modules
+        that may be wrong.
+        """
+        seconds = now - self._checked_at
+        if seconds < 0.999 * CHECK_PERIOD_S:
+            return
+        self._checked_at = now
+        doubt, creep = self._native.update(tracker.native, lengths, speeds, tensions, active, seconds)
+        if doubt > 1.0 or creep > MAX_CREEP_M:
+            raise HardwareError(self._reason(doubt > 1.0))
+        cables = int(np.count_nonzero(active))
+        self._tracker = tracker if cables > self._rig.n else None
+        if self._tracker is None:
+            self._note_once(
+                f"{cables} cables for {self._rig.n} unknowns do not check each other's lengths: a module that "
+                "drifts, and reports a speed that agrees, is not noticed"
+            )
+
+    def must_limit(self, tensions: Floats) -> bool:
+        """Return whether an unnoticed drift could change the force of tensions (m,) in N by too much."""
+        return self._tracker is not None and self._protection(tensions) > MAX_PROTECTION_N
+
+    def share(self, at_rest: Floats, tensions: Floats) -> float:
+        """Return the largest share of the way from tensions at rest to tensions (m,) in N that drifts allow.
+
+        Above 0.5 N the protection level is a convex function of the tensions, so it is at most `MAX_PROTECTION_N`
+        there, if it is at rest.
+        """
+        self._note_once(
+            "the pose is near a singular one, where a drifting length could change the force by more than 1 N "
+            "before it is noticed: the force is limited there"
+        )
+        low, high = self._protection(at_rest), self._protection(tensions)
+        return min((MAX_PROTECTION_N - low) / (high - low), 1.0) if low < min(MAX_PROTECTION_N, high) else 0.0
+
+    def _protection(self, tensions: Floats) -> float:
+        assert self._tracker is not None
+        return self._native.protection(self._tracker.native, tensions)
+
+    @property
+    def doubts(self) -> Floats:
+        """Estimates of the lengths' biases over their thresholds, (m,); above 1 a run stops."""
+        return self._native.doubts()[0]
+
+    def _reason(self, inconsistent: bool) -> str:
+        _, residuals, biases, creeps = self._native.doubts()
+        names = [module.name for module in self._rig.modules]
+        if not inconsistent:
+            worst = int(np.argmax(np.abs(creeps)))
+            return (
+                f'the cable length of module "{names[worst]}" has drifted by {1e3 * creeps[worst]:+.0f} mm that '
+                f"its speed does not explain. {CALIBRATE}"
+            )
+        suspects = ", or ".join(
+            f'that of module "{names[index]}" is {1e3 * abs(biases[index]):.0f} mm too '
+            f"{'long' if biases[index] > 0.0 else 'short'}"
+            for index in np.flatnonzero(residuals >= SUSPECT_SHARE * residuals.max())
+        )
+        return f"cable lengths have drifted apart: {suspects}. {CALIBRATE}"
+
+    def _note_once(self, text: str) -> None:
+        if not self._noted:
+            self._noted = True
+            self._note(text)

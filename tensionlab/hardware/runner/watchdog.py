@@ -13,22 +13,21 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import NamedTuple, Self
 
 from tensionlab import _native
 from tensionlab.errors import HardwareError
 from tensionlab.support.operating_system import ENDING_SIGNALS, ESTOP_SIGNAL, interrupt_main_thread
 
-# Period of the checks. Ticks are counted, and not time: a process that got no time at all has missed none.
-TICK_S = 0.02
-GRACE_S = 0.5  # how long the run's thread may take to leave what it was interrupted in
-NATIVE_GRACE_S = 2.0  # how much longer than a step Python may keep this thread waiting
-ENDING_S = 30.0  # how long stopping the modules and closing the log may take before the process ends without it
+TICK_S = 0.02  # period of the checks; ticks are counted, not time: a process that got no time at all missed none
+GRACE_S = 0.5  # time for the run's thread to leave what it was interrupted in
+NATIVE_GRACE_S = 2.0  # time beyond a step for which Python may keep this thread waiting
+ENDING_S = 30.0  # longest time to stop the modules and close the log before the process ends without it
 
 
 class TimedStep(NamedTuple):
-    """Step of the run's thread, and how long it may take in s."""
+    """Step of the run's thread, and its longest duration in s."""
 
     name: str
     seconds: float
@@ -38,7 +37,7 @@ class Watchdog:
     """Watchdog over steps of this thread; a context manager.
 
     In another thread, `interrupt` is called with the reason: it stops the modules at once and interrupts this one,
-    if it can. Where that did not help, `end` is, which ends the process.
+    if it can. Where that did not help, `end` is called, which ends the process.
     """
 
     def __init__(self, interrupt: Callable[[str], None], end: Callable[[str], None]) -> None:
@@ -57,9 +56,7 @@ class Watchdog:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Stop the watchdog."""
         self._closed.set()
         try:
@@ -113,7 +110,7 @@ STOPPING_SIGNALS = (*ENDING_SIGNALS, ESTOP_SIGNAL)  # signals that end a run, af
 
 
 class Interrupted(KeyboardInterrupt):
-    """End by a signal, whose number it has; the message is its name, or what has become of the modules."""
+    """End by a signal, by its number; the message is the signal's name, or how the modules were stopped."""
 
     def __init__(self, number: int, message: str = "") -> None:
         super().__init__(message or signal.Signals(number).name)
@@ -128,7 +125,7 @@ class Interrupts:
     """Handler that turns the first signal into `Interrupted`; those after it do not disturb the orderly end."""
 
     def __init__(self) -> None:
-        self._deaf = False
+        self._ignoring = False
         self._catching = False
         self._hung: Hung | None = None
 
@@ -149,7 +146,7 @@ class Interrupts:
 
     def ignore(self) -> None:
         """Let nothing interrupt from now on."""
-        self._deaf = True
+        self._ignoring = True
 
     def throw(self, hung: Hung) -> None:
         """Raise an error in the main thread, from another thread, even while it waits for the system."""
@@ -158,14 +155,14 @@ class Interrupts:
             interrupt_main_thread()
 
     def _take(self, number: int, frame: FrameType | None) -> None:
-        if not self._deaf:
-            self._deaf = True
+        if not self._ignoring:
+            self._ignoring = True
             raise Interrupted(number) if self._hung is None else self._hung
 
 
 @contextmanager
 def stopping(stop: Callable[[], None], stop_at_once: Callable[[], None]) -> Iterator[None]:
-    """Call `stop` in the end, whatever it is that ends this: also Ctrl-C, and signals that would end the program.
+    """Call `stop` in the end, also after errors, Ctrl-C, and signals that would end the program.
 
     ``tensionlab estop`` has `stop_at_once` called. Errors of stopping are raised only where there is no other; an
     `Interrupted` has them in its message.

@@ -302,7 +302,7 @@ STEPS = st.lists(
 class Derating:
     """As `guard.Derating`, of windings that hold no tension for ever."""
 
-    def require_taut(self, index, thermal):
+    def require_holding(self, index, thermal):
         if thermal >= 1.0:
             raise ModuleFault("too hot", "", Limit.THERMAL)
 

@@ -13,7 +13,6 @@ from tensionlab.hardware.runner.guard import (
     GuardedAllocator,
     Release,
     ReleasedModules,
-    derating_text,
     next_tensions,
 )
 from tensionlab.solvers.base import Status
@@ -212,18 +211,13 @@ def test_a_limit_that_is_whole_again_is_told_however_little_it_was_lowered():
 
 def test_a_spent_winding_that_cannot_hold_the_lower_limit_is_refused():
     hot = Derating(LIMITS, np.array([3.0, 0.3, 0.5, 3.0]), NAMES)
-    hot.require_taut(0, 1.0)
-    hot.require_taut(1, 0.99)
-    hot.require_taut(1, np.nan)
-    hot.require_taut(2, 1.0)
+    hot.require_holding(0, 1.0)
+    hot.require_holding(1, 0.99)
+    hot.require_holding(1, np.nan)
+    hot.require_holding(2, 1.0)
     with pytest.raises(ModuleFault, match=r'module "b" is too hot: it bears 0\.30 N') as caught:
-        hot.require_taut(1, 1.0)
+        hot.require_holding(1, 1.0)
     assert (caught.value.module, caught.value.code) == ("b", Limit.THERMAL)
-
-
-def test_a_limit_is_told_in_a_sentence():
-    assert derating_text(6.0, 6.0) == "pulls with up to 6 N again: its winding has cooled"
-    assert derating_text(5.95, 6.0).startswith("pulls with up to 5.95 N in place of 6 N")
 
 
 # Lost modules: what they still pull, by the course of a firmware that times out, or that is stopped

@@ -16,7 +16,6 @@ from tensionlab.hardware.runner.module_monitor import (
     Stall,
     require_following,
     require_plausible,
-    silence,
 )
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
@@ -129,16 +128,6 @@ def test_the_slower_of_the_two_clocks_counts():
         require_plausible("one", before, telemetry(1_020_000, 5.02, speed=1.0, length=1.5))
 
 
-def test_how_long_a_module_is_silent_or_repeats_itself_is_told():
-    heard = telemetry(1234)
-    silent = "has been silent for 0.26 s; has it power, is its link whole? A longer --ttl allows for more"
-    assert silence(SimpleNamespace(repeated=0, telemetry=heard), 0.26) == silent
-    assert silence(SimpleNamespace(repeated=3, telemetry=None), 0.26) == silent
-    assert silence(SimpleNamespace(repeated=3, telemetry=heard), 0.26).startswith(
-        "repeats what it said 0.26 s ago (3 times time_us 1234)"
-    )
-
-
 # Cycles that come late
 
 
@@ -206,7 +195,7 @@ class Watched:
     def send_tensions(self, tensions, chosen, brakes, ttl_ms):
         return np.full(3, -1), np.flatnonzero(chosen).tolist(), []
 
-    def require_taut(self, index, thermal):
+    def require_holding(self, index, thermal):
         if thermal >= 1.0:
             raise ModuleFault(f"{index} is too hot", "abc"[index], Limit.THERMAL)
 
@@ -225,6 +214,13 @@ def test_a_module_may_be_silent_for_as_long_as_set_points_live():
     np.testing.assert_array_equal(watched.monitor.active, [False, True, True])
     assert watched.clients[0].sent == [(Stop(),)], "it is told, should it hear"
     assert watched.cycle(ages=(9.0, 0.01, 0.01)) == [(0, LinkTimeout)], "and lost only once"
+
+
+def test_a_module_that_repeats_its_telemetry_is_told_from_a_silent_one():
+    watched = Watched("stop")
+    watched.clients[0].repeated, watched.clients[0].telemetry = 3, telemetry(1234)
+    with pytest.raises(LinkTimeout, match=r"repeats what it said 0\.26 s ago \(3 times time_us 1234\)"):
+        watched.cycle(ages=(0.26, 0.01, 0.01))
 
 
 def test_after_a_stall_a_module_has_the_time_of_it_more():

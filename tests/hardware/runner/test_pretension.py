@@ -7,7 +7,7 @@ import tensionlab as tl
 from tensionlab.demand import Demand, Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Calibration, State
-from tensionlab.hardware.runner.pretension import MISFIT_S, SHAKING_S, WINDOW_S, CableSpeeds, reel_in
+from tensionlab.hardware.runner.pretension import MISFIT_S, SHAKING_S, WINDOW_S, CableSpeeds, take_up_slack
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.runner.state_estimation import MAX_LENGTH_ERROR_M, Observation, PoseTracker
@@ -270,7 +270,7 @@ def reeled(lengths, speeds=0.0, expected=None):
         return Observation(lengths(now - began), zero + speeds, *[zero] * 8)
 
     tracker = PoseTracker(FOUR) if expected is None else None
-    reel_in(FOUR, cycle, np.ones(FOUR.m, dtype=bool), Clock(), tracker, expected)
+    take_up_slack(FOUR, cycle, np.ones(FOUR.m, dtype=bool), Clock(), tracker, expected)
     return now - began
 
 

@@ -64,8 +64,8 @@ def test_brakes_belong_to_a_step(rig, write):
     [
         ("", "program.toml: 2 problems:\n  name is missing"),
         ('name = "a"\nsteps = []', "program.toml: steps has 0 entries"),
-        ('name = "a"\n' + step(0.0), "program.toml: step 1: seconds is 0; give a time above 0"),
-        ('name = "a"\n' + step("inf"), "step 1: seconds is inf"),
+        ('name = "a"\n' + step(0.0), r"program.toml: steps\[0\]\.seconds is 0\.0; give more than 0"),
+        ('name = "a"\n' + step("inf"), r"steps\[0\]\.seconds is .*; give a finite number"),
         ('name = "a"\n' + step(wrench=(1.0, 2.0)), "step 1: wrench is .*this rig takes 3 components"),
         ('name = "a"\n' + step() + step(more='brakes = ["to"]'), 'step 2: no module "to"; there are floor-1'),
         ('name = "a"\n' + step(more="rammp = true"), 'rammp is an unknown key; did you mean "ramp"?'),

@@ -69,7 +69,9 @@ def test_the_velocity_is_that_of_the_lengths(name):
     tracker, known = PoseTracker(rig), rng.random(rig.m) < 0.6
     tracker.follow(rig.lengths(rig.home), np.ones(rig.m, dtype=bool))
     speeds = rng.normal(size=rig.m)
-    np.testing.assert_allclose(tracker.velocity(speeds, known), velocity(structure, speeds, known), atol=1e-8)
+    np.testing.assert_allclose(
+        tracker.native.velocity(speeds, known), velocity(structure, speeds, known), atol=1e-8
+    )
 
 
 def test_rigs_whose_lengths_do_not_tell_the_pose_are_refused():

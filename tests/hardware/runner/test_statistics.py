@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tensionlab.allocation import Status
-from tensionlab.hardware.runner.statistics import Statistics
+from tensionlab.hardware.runner.records import Statistics
 
 
 def test_a_good_run_is_told_in_few_lines():
