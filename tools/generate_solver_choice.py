@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from tensionlab.benchmark.report import table
-from tensionlab.benchmark.results import Results, summaries
+from tensionlab.benchmark.results import Results
 from tensionlab.solvers import make
 from tensionlab.support.formatting import format_duration, format_share
+from tensionlab.support.table import Column, Table
 
 
 class Choice(NamedTuple):
-    """What somebody wants of the tensions, and the solver for it."""
+    """What a user wants of the tensions, and the solver for it."""
 
     need: str
     solver: str
@@ -30,22 +29,22 @@ CHOICES = (
     Choice("rounded kinks, a soft edge", "slack"),
     Choice("a little error for less tension", "spidar"),
 )
-COLUMNS: dict[str, Callable[[Any], str]] = {
-    "renders": lambda line: format_share(line.solved_1e6),
-    "best if infeasible": lambda line: format_share(line.elsewhere),
-    "typical call": lambda line: format_duration(line.sgm_s),
-    "99.9 % within": lambda line: format_duration(line.p999_s),
+COLUMNS = {
+    "solved_1e6": Column("renders", format=format_share),
+    "elsewhere": Column("best if infeasible", format=format_share),
+    "sgm_s": Column("typical call", format=format_duration),
+    "p999_s": Column("99.9 % within", format=format_duration),
 }
 
 
 def choice(found: Results) -> str:
     """Return the table in Markdown."""
-    by_label = {line.label: line for line in summaries(found)}
+    summary = found.summary().set_index("label")
     rows = []
     for need, solver in CHOICES:
         policies = ", ".join(make(solver).policies) or "no promise"
-        rows.append([need, f"`{solver}`", policies, *(cell(by_label[solver]) for cell in COLUMNS.values())])
-    heads = ["you want", "solver", "infeasible wrenches", *COLUMNS]
+        rows.append([need, f"`{solver}`", policies, *summary.loc[solver, [*COLUMNS]]])
+    columns = ["you want", "solver", "infeasible wrenches", *COLUMNS.values()]
     processor = found.manifest["processor"]
     about = (
         "*Renders*: the share of feasible problems rendered to 1e-6 N; what a solver refuses (for "
@@ -53,4 +52,4 @@ def choice(found: Results) -> str:
         "problems, in sets with infeasible wrenches, whose error is the least possible one to 1e-6 N. "
         f"Times are of one call, verification included, on one thread of {processor}."
     )
-    return f"{table(heads, rows, left=3)}\n\n{about}"
+    return f"{Table(columns, rows).to_markdown()}\n\n{about}"

@@ -42,6 +42,15 @@ class Entry:
     missing: str = ""
     instance: Solver | None = field(default=None, compare=False, repr=False)
 
+    def key(self, problem_set: str) -> dict[str, str]:
+        """Return what identifies its results on a problem set."""
+        return {
+            "problem_set": problem_set,
+            "solver": self.solver,
+            "setting": self.setting,
+            "policy": self.policy or "",
+        }
+
     @property
     def comparable(self) -> bool:
         """Whether it has the objective of the problem sets, so that it should find the optimum."""

@@ -1,9 +1,7 @@
 """Evaluation of all entries on one problem set: first every answer is verified, then every call is timed.
 
 Problems come in blocks of a group, in a random order that visits all groups early, so that a slow entry, which
-runs out of its share of time, has still seen every group. Calls are timed in rounds: blocks, the entries in a
-block and its problems each in a new random order, so that all entries share the machine's slow moments. An entry's
-first call in a block is not timed: what the others left in the caches is not its fault.
+runs out of its share of time, has still seen every group. Calls are timed in turns, a block each.
 """
 
 from __future__ import annotations
@@ -12,38 +10,74 @@ import gc
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
-from tensionlab.benchmark import statistics
 from tensionlab.benchmark.entries import WRAPPERS, Driver, Entry, driver
 from tensionlab.benchmark.optimum import Optimum, excess_error, optimum
-from tensionlab.benchmark.problem_sets import ProblemSet, problem_of
-from tensionlab.benchmark.results import EntryResult, Evidence, SampledTrajectory, empty_evidence, summarise
+from tensionlab.benchmark.problem_sets import Group, ProblemSet, problem_of
+from tensionlab.benchmark.results import ACCURACIES
+from tensionlab.benchmark.timing import (
+    maximum,
+    quantile,
+    seconds,
+    shifted_geometric_mean,
+    take_turns,
+    without_collector,
+)
 from tensionlab.errors import TensionlabError
 from tensionlab.solvers import is_built_in
 from tensionlab.solvers.base import Answer, Policy, Problem, Status
 from tensionlab.support.arrays import Floats
 from tensionlab.verification import verify
 
-BLOCK = 20  # problems that an entry answers before it is the next one's turn
+BLOCK = 20  # problems in a turn of an entry
 BATCH = 10_000  # problems in a timed batch; a group is repeated until it has as many
 
 
-class SetResults(NamedTuple):
-    """The rows of one set, and for how many of its problems the optimum is verified, by policy."""
+@dataclass
+class Measurements:
+    """Measurements of one entry on P problems, R times each; NaN where there are none.
 
-    rows: list[EntryResult]
+    Attributes
+    ----------
+    values : dict of (P,) arrays
+        By the names in `results.QUANTITIES`, those of times apart; ``path_mm`` and ``tension.00``, ... of one
+        trajectory.
+    calls : (P, R, 4) array
+        Times in s: call, and its parts build, setup and solve.
+    """
+
+    values: dict[str, Floats]
+    calls: Floats
+    note: str = ""
+    batch_s: float = np.nan
+
+    def tension(self, cable: int) -> Floats:
+        """Return the array of the tensions of one cable."""
+        return self.values.setdefault(f"tension.{cable:02}", np.full(len(self.calls), np.nan))
+
+    def best_calls(self) -> Floats:
+        """Return the fastest call of each problem with its parts, (P, 4)."""
+        walls = np.where(np.isnan(self.calls[:, :, 0]), np.inf, self.calls[:, :, 0])
+        return np.asarray(np.take_along_axis(self.calls, walls.argmin(axis=1)[:, None, None], axis=1)[:, 0])
+
+
+class SetResults(NamedTuple):
+    """Rows of `results.Results` and of its measurements, and for how many problems the optimum is verified."""
+
+    rows: list[dict[str, Any]]
+    measurements: list[dict[str, Any]]
     verified: dict[Policy, int]
 
 
 class Repetitions(NamedTuple):
-    """How much time to spend: an entry's seconds in each set, or else on fewer problems; timed calls of each."""
+    """Time to spend: an entry's seconds in each set, or else on fewer problems; timed calls of each problem."""
 
     seconds: float
     repeats: int
@@ -54,6 +88,13 @@ class Block(NamedTuple):
 
     rows: NDArray[np.intp]
     problem: Problem
+
+
+class Path(NamedTuple):
+    """Trajectory whose tensions are kept: its rows among all problems of the set, and its group."""
+
+    rows: slice
+    group: Group
 
 
 def evaluate_set(
@@ -68,37 +109,85 @@ def evaluate_set(
     ``rng`` shuffles, and ``progress`` is called with the share that is done. Rows are in the order of the entries.
     """
     blocks = _blocks(problems, rng)
-    trajectories = all(group.path_mm is not None for group in problems.groups)
+    path = _most_redundant_path(problems)
     policies = {entry.compared_policy for entry in entries}
     best = {policy: [optimum(replace(block.problem, policy=policy)) for block in blocks] for policy in policies}
     scale = np.maximum(1.0, np.concatenate([np.linalg.norm(group.wrench, axis=1) for group in problems.groups]))
+    measured = {entry: no_measurements(scale, effort.repeats, entry.missing) for entry in entries}
     present = [entry for entry in entries if not entry.missing]
-    evidence = {each: empty_evidence(scale, effort.repeats) for each in present}
     answered: dict[Entry, tuple[Driver, list[Block]]] = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # backends warn of what is verified here
         for done, entry in enumerate(present):
             runs = driver(entry)
             gc.collect()
-            gc.freeze()  # what the others left is not searched for each
-            mine = evidence[entry]
             answered[entry] = (
                 runs,
-                _answers(runs, entry, blocks, best[entry.compared_policy], mine, effort, trajectories),
+                _answer(runs, entry, blocks, best[entry.compared_policy], measured[entry], effort, path),
             )
-            _along_trajectories(problems, mine)
             progress(0.4 * (done + 1) / len(present))
-        _time_calls(answered, evidence, effort.repeats, rng, lambda share: progress(0.4 + 0.5 * share))
+        _time_calls(answered, measured, effort.repeats, rng, lambda share: progress(0.4 + 0.5 * share))
         for done, entry in enumerate(present):
             if entry.instance is not None and entry.solver.partition(":")[0] not in WRAPPERS:
                 allocator = partial(Allocator, solver=entry.instance, policy=entry.policy)
-                evidence[entry].batch_s = _time_batch(allocator, answered[entry][1], effort.seconds / 4)
+                measured[entry].batch_s = _time_batch(allocator, answered[entry][1], effort.seconds / 4)
             progress(0.9 + 0.1 * (done + 1) / len(present))
-    absent = {each: replace(empty_evidence(scale, 1), note=each.missing) for each in entries if each.missing}
-    rows = [summarise(problems.name, each, (evidence | absent)[each]) for each in entries]
-    return SetResults(
-        rows, {policy: int(sum(each.verified.sum() for each in best[policy])) for policy in policies}
-    )
+    rows = [summarise(problems.name, entry, measured[entry]) for entry in entries]
+    tables = [
+        entry.key(problems.name)
+        | {
+            "problem": np.arange(len(scale)),
+            "call_s": measured[entry].best_calls()[:, 0],
+            **measured[entry].values,
+        }
+        for entry in present
+    ]
+    verified = {policy: int(sum(block.verified.sum() for block in best[policy])) for policy in policies}
+    return SetResults(rows, tables, verified)
+
+
+def no_measurements(scale: Floats, repeats: int, note: str = "") -> Measurements:
+    """Return measurements without values, for as many problems as there are scales."""
+    zeros = {name: np.zeros(len(scale)) for name in ("tried", "refused", "reachable", "proved", "iterations")}
+    empty = {name: np.full(len(scale), np.nan) for name in ("error", "violation", "gap")}
+    return Measurements({**zeros, **empty, "scale": scale}, np.full((len(scale), repeats, 4), np.nan), note)
+
+
+def summarise(problem_set: str, entry: Entry, measured: Measurements) -> dict[str, Any]:
+    """Return the row of `results.Results` of an entry on a problem set."""
+    values, best = measured.values, measured.best_calls()
+    call, build, setup, solve = best.T
+    tried = int(values["tried"].sum())
+    error = np.maximum(values["error"], values["violation"]) / values["scale"]
+    shares = {f"solved_1e{-np.log10(limit):.0f}": (error <= limit).sum() for limit in ACCURACIES}
+    return {
+        **entry.key(problem_set),
+        "objective": entry.objective,
+        "comparable": entry.comparable,
+        "note": measured.note,
+        "problems": len(best),
+        "tried": tried,
+        "refused": int(values["refused"].sum()),
+        "failed": int(((values["tried"] > values["refused"]) & np.isnan(values["error"])).sum()),
+        "proved": int(values["proved"].sum()),
+        **{name: float(count / tried) if tried else np.nan for name, count in shares.items()},
+        "error_max": maximum(values["error"]),
+        "violation_max": maximum(values["violation"]),
+        "gap_median": quantile(values["gap"], 0.5),
+        "gap_max": maximum(values["gap"]),
+        "sgm_s": shifted_geometric_mean(call),
+        "prebuilt_s": shifted_geometric_mean(call - build),
+        "median_s": quantile(call, 0.5),
+        "p99_s": quantile(call, 0.99),
+        "p999_s": quantile(call, 0.999),
+        "worst_s": maximum(call),
+        "jitter_s": maximum(measured.calls[:, :, 0]),
+        "build_s": quantile(build, 0.5),
+        "setup_s": quantile(setup, 0.5),
+        "solve_s": quantile(solve, 0.5),
+        "batch_s": measured.batch_s,
+        "iterations_max": int(values["iterations"].max(initial=0)),
+    }
 
 
 def _blocks(problems: ProblemSet, rng: np.random.Generator) -> list[Block]:
@@ -120,116 +209,108 @@ def _blocks(problems: ProblemSet, rng: np.random.Generator) -> list[Block]:
     return [block for _, block in sorted(dealt, key=lambda pair: pair[0])]
 
 
-def _answers(
+def _most_redundant_path(problems: ProblemSet) -> Path | None:
+    """Return the trajectory of most redundancy, where objectives differ most."""
+    paths, start = [], 0
+    for group in problems.groups:
+        if group.path_mm is not None:
+            paths.append(Path(slice(start, start + len(group.structure)), group))
+        start += len(group.structure)
+    return max(paths, key=lambda path: path.group.structure.shape[2] - path.group.structure.shape[1], default=None)
+
+
+def _answer(
     runs: Driver,
     entry: Entry,
     blocks: list[Block],
     best: list[Optimum],
-    evidence: Evidence,
+    measured: Measurements,
     effort: Repetitions,
-    consecutive: bool,
+    path: Path | None,
 ) -> list[Block]:
     """Verify the answers to as many blocks as the entry's share of time allows; return those to be timed.
 
-    Along a trajectory all answers are taken, because a figure has all of it; only the timing is spared.
+    Along trajectories all answers are taken, because a figure has all of one; only the timing is spared.
     """
     spent, answered = 0.0, []
     warm: set[tuple[int, ...]] = set()
     for block, target in zip(blocks, best, strict=True):
-        if spent > effort.seconds and not consecutive:
+        if spent > effort.seconds and path is None:
             break
-        evidence.tried[block.rows] = True
+        measured.values["tried"][block.rows] = 1.0
         try:
             if block.problem.structure.shape[1:] not in warm:  # cvxpy compiles each shape once
                 runs.call(block.problem, 0)
                 warm.add(block.problem.structure.shape[1:])
             began = time.perf_counter()
-            found = runs.answers(block.problem)
+            answer = runs.answers(block.problem)
             call = runs.call(block.problem, 0).call
         except Exception as error:
-            evidence.refused[block.rows] = True
+            measured.values["refused"][block.rows] = 1.0
             if isinstance(error, (TensionlabError, ValueError)):
-                evidence.note = evidence.note or f"refuses some: {str(error).partition('; ')[0]}"
+                measured.note = measured.note or f"refuses some: {str(error).partition('; ')[0]}"
             elif entry.instance is None or is_built_in(entry.solver):
                 raise
             else:  # the code of others may raise anything
-                evidence.note = evidence.note or f"breaks on some: {type(error).__name__}: {error}"
+                measured.note = measured.note or f"breaks on some: {type(error).__name__}: {error}"
             continue
         if spent <= effort.seconds:
             answered.append(block)
         spent += time.perf_counter() - began + call * (len(block.rows) + 1) * effort.repeats
-        _verify(replace(block.problem, policy=entry.compared_policy), found, entry, target, evidence, block.rows)
+        tensions = _verify(block, answer, entry, target, measured)
+        if path and path.rows.start <= block.rows[0] < path.rows.stop:
+            for cable, column in enumerate(tensions.T):
+                measured.tension(cable)[block.rows] = column
+    if path:
+        lengths = np.full(len(measured.calls), np.nan)
+        lengths[path.rows] = path.group.path_mm
+        measured.values["path_mm"] = lengths
     return answered
 
 
-def _verify(
-    problem: Problem, found: Answer, entry: Entry, best: Optimum, evidence: Evidence, rows: NDArray[np.intp]
-) -> None:
-    """Compare raw answers with the limits and the optimum, and verify the status of a built-in solver."""
-    raw = np.array(found.tensions)
+def _verify(block: Block, answer: Answer, entry: Entry, best: Optimum, measured: Measurements) -> Floats:
+    """Compare raw answers with limits and optimum, and verify those of a solver; return tensions inside limits."""
+    problem, rows, values = replace(block.problem, policy=entry.compared_policy), block.rows, measured.values
+    raw = np.array(answer.tensions)
     outside = np.maximum(problem.lower - raw, raw - problem.upper).max(axis=1)
-    evidence.violation[rows] = np.maximum(outside, 0.0)
     tensions = np.clip(raw, problem.lower, problem.upper)
-    evidence.error[rows] = np.maximum(excess_error(problem, best, tensions), 0.0)
     gap = np.abs(tensions - best.tensions).max(axis=1)
-    evidence.gap[rows] = np.where(best.verified, gap, np.nan)
-    evidence.reachable[rows] = best.reachable
-    evidence.iterations[rows] = found.iterations
+    values["violation"][rows] = np.maximum(outside, 0.0)
+    values["error"][rows] = np.maximum(excess_error(problem, best, tensions), 0.0)
+    values["gap"][rows] = np.where(best.verified, gap, np.nan)
+    values["reachable"][rows] = best.reachable
+    values["iterations"][rows] = answer.iterations
     if entry.setting == "proved":
         own = replace(problem, policy=entry.policy)
-        status = verify(own, replace(found, tensions=tensions)).status
-        evidence.proved[rows] = (status == Status.EXACT) | (status == Status.NEAREST)
-    evidence.tensions.update(zip(rows.tolist(), tensions, strict=True))
-
-
-def _along_trajectories(problems: ProblemSet, evidence: Evidence) -> None:
-    """Keep the tensions along the trajectory of most redundancy, where objectives differ most, for a figure."""
-    start, kept = 0, -1
-    for group in problems.groups:
-        rows = slice(start, start + len(group.structure))
-        start = rows.stop
-        n, m = group.structure.shape[1:]
-        if group.path_mm is not None and m - n > kept:
-            kept = m - n
-            nothing = np.full(m, np.nan)
-            tensions = np.array([evidence.tensions.get(row, nothing) for row in range(rows.start, rows.stop)])
-            evidence.trajectory = SampledTrajectory(group.path_mm, tensions, evidence.reachable[rows])
+        status = verify(own, replace(answer, tensions=tensions)).status
+        values["proved"][rows] = (status == Status.EXACT) | (status == Status.NEAREST)
+    return np.asarray(tensions)
 
 
 def _time_calls(
     answered: dict[Entry, tuple[Driver, list[Block]]],
-    evidence: dict[Entry, Evidence],
+    measured: dict[Entry, Measurements],
     repeats: int,
     rng: np.random.Generator,
     progress: Callable[[float], None],
 ) -> None:
-    """Time single calls of all entries in turn."""
-    queue: dict[int, tuple[Block, list[Entry]]] = {}
-    for entry, (_, blocks) in answered.items():
+    """Time single calls of all entries, in turns of a block."""
+    callers: dict[int, tuple[Block, dict[Entry, Callable[[int], tuple[float, ...]]]]] = {}
+    for entry, (runs, blocks) in answered.items():
         for block in blocks:
-            queue.setdefault(id(block), (block, []))[1].append(entry)
-    turns = list(queue.values())
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    try:
+            callers.setdefault(id(block), (block, {}))[1][entry] = partial(runs.call, block.problem)
+    turns = list(callers.values())
+    with without_collector():
         for repeat in range(repeats):
             for done, turn in enumerate(rng.permutation(len(turns))):
-                block, selected = turns[turn]
-                order = rng.permutation(len(block.rows)).tolist()
-                for entry_number in rng.permutation(len(selected)):
-                    runs, calls = answered[selected[entry_number]][0], evidence[selected[entry_number]].calls
-                    runs.call(block.problem, 0)
-                    for row in order:
-                        calls[block.rows[row], repeat] = runs.call(block.problem, row)
+                block, mine = turns[turn]
+                for entry, row, times in take_turns([(range(len(block.rows)), mine)], rng):
+                    measured[entry].calls[block.rows[row], repeat] = times
                 gc.collect()
                 progress((repeat + (done + 1) / len(turns)) / repeats)
-    finally:
-        gc.enable()
-        gc.unfreeze()
 
 
-def _time_batch(allocator: Callable[..., Allocator], blocks: list[Block], seconds: float) -> float:
+def _time_batch(allocator: Callable[..., Allocator], blocks: list[Block], budget_s: float) -> float:
     """Return the time of a problem in one large batch, in s, as the median of three.
 
     Problems of one shape are one batch, repeated until it has `BATCH` of them, or fewer for a slow solver.
@@ -240,18 +321,14 @@ def _time_batch(allocator: Callable[..., Allocator], blocks: list[Block], second
 
     def spend(arrays: list[Floats], size: int) -> float:
         structure, wrench, lower, upper = (array[np.arange(size) % len(array)] for array in arrays)
-        prepared = allocator((lower, upper))
-        began = time.perf_counter()
-        prepared(structure, wrench)
-        return time.perf_counter() - began
+        return seconds(allocator((lower, upper)), structure, wrench)
 
     total, count = 0.0, 0
     for parts in shapes.values():
-        names = ("structure", "wrench", "lower", "upper")
-        arrays = [np.concatenate([getattr(part, name) for part in parts]) for name in names]
+        arrays = [np.concatenate(column) for column in zip(*(part.arrays[:4] for part in parts), strict=True)]
         own = len(arrays[0])
-        affordable = int(own * seconds / len(shapes) / 3 / max(spend(arrays, own), 1e-9))
+        affordable = int(own * budget_s / len(shapes) / 3 / max(spend(arrays, own), 1e-9))
         size = min(BATCH, max(own, affordable))
-        total += statistics.quantile(np.array([spend(arrays, size) for _ in range(3)]), 0.5) * own / size
+        total += quantile(np.array([spend(arrays, size) for _ in range(3)]), 0.5) * own / size
         count += own
     return total / count if count else float("nan")

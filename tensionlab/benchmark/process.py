@@ -7,6 +7,7 @@ them already. Only instances of solvers are measured in the calling process, bec
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
 import os
 import subprocess
@@ -33,19 +34,10 @@ from tensionlab.support import provenance
 from tensionlab.support.files import writing
 from tensionlab.support.operating_system import OWN_GROUP
 
-ONE_THREAD = dict.fromkeys(
-    (
-        speed.THREADS,
-        "OMP_NUM_THREADS",
-        "OPENBLAS_NUM_THREADS",
-        "MKL_NUM_THREADS",
-        "NUMEXPR_NUM_THREADS",
-        "VECLIB_MAXIMUM_THREADS",
-        "RAYON_NUM_THREADS",
-    ),
-    "1",
-)
-"""Environment of the benchmark's process. The batches on all cores set the first one themselves."""
+# Environment of the benchmark's process. The batches on all cores set the first one themselves.
+ONE_THREAD = {speed.THREADS: "1"} | {
+    f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "RAYON")
+} | {"VECLIB_MAXIMUM_THREADS": "1"}  # fmt: skip
 BATCH_SHARE = 0.15  # about this share of the time goes to the batches
 
 
@@ -140,14 +132,14 @@ def run(
     quick : bool
         Spend 0.1 s on each solver and set, and not 3 s.
     out : path, optional
-        Folder for ``results.parquet`` and ``manifest.json``; made if it is not there.
+        Folder for the results; made if it is not there.
     progress : callable, optional
         Called with the share that is done.
 
     Returns
     -------
     Results
-        Shows itself in a notebook; `Results.plot` and `Results.to_pandas`.
+        Shows itself in a notebook; `tensionlab.plot` draws it.
 
     Raises
     ------
@@ -160,8 +152,8 @@ def run(
     --------
     >>> import tensionlab as tl
     >>> results = tl.benchmark.run([tl.solvers.Newton(), "closed-form"], ["edge"], count=12, quick=True)
-    >>> [(row.label, f"{row.solved_1e6:.0%}") for row in results.rows]
-    [('newton', '100%'), ('closed-form', '100%')]
+    >>> results.rows[["label", "solved_1e6"]].values.tolist()
+    [['newton', 1.0], ['closed-form', 1.0]]
     """
     what = plan(sets, solvers, count, seed, quick)
     with tempfile.TemporaryDirectory() as temporary:
@@ -214,15 +206,22 @@ def measure_here(
 ) -> Path:
     """Run a benchmark in this process, write results and manifest, and return their folder."""
     wall, processor = time.perf_counter(), time.process_time()
-    share = (1.0 - BATCH_SHARE) / len(what.sets)
-    rows: list[results.EntryResult] = []
-    sets = {}
     effort, rng = Repetitions(what.seconds, what.repeats), np.random.default_rng(what.seed)
+    rows: list[dict[str, Any]] = []
+    measurements: list[dict[str, Any]] = []
+    sets = {}
     for done, name in enumerate(what.sets):
         problems = find_problem_set(name, what.count, what.seed)
-        selected = entries(problems.reachable, what.solvers)
-        evaluation = evaluate_set(problems, selected, effort, rng, _within(progress, share * done, share))
+        share = (1.0 - BATCH_SHARE) / len(what.sets)
+        evaluation = evaluate_set(
+            problems,
+            entries(problems.reachable, what.solvers),
+            effort,
+            rng,
+            lambda part, start=done * share, share=share: progress(start + share * part),  # type: ignore[misc]
+        )
         rows += evaluation.rows
+        measurements += evaluation.measurements
         sets[name] = {
             "title": problems.title,
             "reachable": problems.reachable,
@@ -232,7 +231,14 @@ def measure_here(
             "checksum": checksum(problems),
         }
     busy = (time.process_time() - processor) / (time.perf_counter() - wall)
-    batch_rows, call_rows = _speed(what, progress)
+    batches, calls = [], []
+    if what.rounds:
+        cases = list(itertools.product(speed.SHAPES, (True, False)))
+        for done, (shape, reachable) in enumerate(cases, start=1):
+            batches.append(speed.time_batches(*shape, reachable, what.batch, what.rounds, what.seed))
+            progress(1.0 - BATCH_SHARE * (1.0 - 0.9 * done / len(cases)))
+        calls = [row for shape in speed.CALL_SHAPES for row in speed.time_calls(*shape, what.calls, what.seed)]
+        progress(1.0)
     manifest = provenance.manifest(call, what.seed)
     manifest["bench"] = {
         "sets": sets,
@@ -240,41 +246,25 @@ def measure_here(
         "instruction_set": speed.instruction_set(),
         "processor_share": busy,
         "threads": {name: os.environ.get(name) for name in ONE_THREAD},
-        "batches": [dataclasses.asdict(row) for row in batch_rows],
-        "calls": [dataclasses.asdict(row) for row in call_rows],
+        "batches": [dataclasses.asdict(row) for row in batches],
+        "calls": [dataclasses.asdict(row) for row in calls],
     }
+    found = results.Results(provenance.data_frame(rows), manifest, _one_table(measurements))
     try:
-        _write(folder, rows, manifest)
+        results.write(folder, found)
     except WriteError:
         folder = Path(tempfile.mkdtemp(prefix="tensionlab-bench-"))
-        _write(folder, rows, manifest)
+        results.write(folder, found)
     return folder
 
 
-def _write(folder: Path, rows: Sequence[results.EntryResult], manifest: dict[str, Any]) -> None:
-    results.write(folder / results.FILE, rows, manifest)
-    writing.write_text(folder / "manifest.json", json.dumps(manifest, indent=2) + "\n")
-
-
-def _speed(
-    what: BenchmarkPlan, progress: Callable[[float], None]
-) -> tuple[list[results.BatchRow], list[results.CallRow]]:
-    """Return the measurements of `tensionlab.benchmark.speed`, none if there are no rounds."""
-    if not what.rounds:
-        return [], []
-    cases = [(n, m, reachable) for n, m in speed.SHAPES for reachable in (True, False)]
-    found = []
-    for done, case in enumerate(cases):
-        found.append(speed.time_batches(*case, what.batch, what.rounds, what.seed))
-        progress(1.0 - BATCH_SHARE * (1.0 - 0.9 * (done + 1) / len(cases)))
-    calls = [row for shape in speed.CALL_SHAPES for row in speed.time_calls(*shape, what.calls, what.seed)]
-    progress(1.0)
-    return found, calls
-
-
-def _within(progress: Callable[[float], None], start: float, share: float) -> Callable[[float], None]:
-    """Return a callback that reports the progress of a part as progress of the whole."""
-    return lambda part: progress(start + share * part)
+def _one_table(parts: Sequence[dict[str, Any]]) -> Any:
+    """Return one data frame of the measurements of all entries; None if there are none."""
+    columns = {
+        name: np.concatenate([np.broadcast_to(part.get(name, np.nan), len(part["problem"])) for part in parts])
+        for name in dict.fromkeys(itertools.chain(*parts))
+    }
+    return provenance.data_frame(columns) if columns else None
 
 
 def main() -> None:

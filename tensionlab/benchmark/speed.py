@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import gc
-import itertools
 import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,8 @@ import numpy as np
 from tensionlab import _native
 from tensionlab.allocation import Allocator, allocate
 from tensionlab.benchmark import baselines
-from tensionlab.benchmark.results import BatchRow, CallRow
 from tensionlab.benchmark.rigs import structures
-from tensionlab.benchmark.statistics import quantile
+from tensionlab.benchmark.timing import quantile, seconds, take_turns, without_collector
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
 
@@ -28,6 +27,48 @@ THREADS = "TENSIONLAB_NUM_THREADS"  # environment variable with the number of th
 DAQP_CALLS = 1000  # problems that DAQP solves in each round
 BLOCK = 20  # single calls in a row before the next caller's turn
 PASSES = 3  # times that each caller gets each single problem
+
+
+@dataclass(frozen=True)
+class BatchRow:
+    """Seconds of a problem in a large batch, each the best of the rounds; NaN where DAQP is not installed.
+
+    In one `allocate` call, verification included, on one thread and on ``cores``; set-up and solve by DAQP's own
+    clock, without its Python wrapper; and in a Python loop over DAQP's own module, its arrays ready. ``gap_max``
+    is the largest difference of the tensions, in N; NaN where wrenches are infeasible, for which DAQP has none.
+    """
+
+    components: int
+    cables: int
+    count: int
+    reachable: bool
+    one_core_s: float
+    all_cores_s: float
+    cores: int
+    daqp_c_s: float
+    daqp_loop_s: float
+    gap_max: float
+
+    @property
+    def ratio(self) -> float:
+        """One core's time over DAQP's in C."""
+        return self.one_core_s / self.daqp_c_s
+
+
+@dataclass(frozen=True)
+class CallRow:
+    """Seconds of one call for one problem.
+
+    ``median_s`` and ``p999_s`` include the machine's interruptions, ``quiet_p999_s`` hardly: it is the 99.9 %
+    quantile of each problem's best time of `PASSES`.
+    """
+
+    components: int
+    cables: int
+    caller: str
+    median_s: float
+    p999_s: float
+    quiet_p999_s: float
 
 
 def instruction_set() -> str:
@@ -71,41 +112,29 @@ def time_batches(
         wrench = infeasible_wrenches(structure, wrench, seed)
     expected = Status.EXACT if reachable else Status.NEAREST
     cores = os.cpu_count() or 1
-    one_core: list[float] = []
-    all_cores: list[float] = []
-    in_c: list[float] = []
-    in_loop: list[float] = []
-    gap = 0.0
+    spent: dict[str, list[float]] = {"one_core_s": [], "all_cores_s": [], "daqp_c_s": [], "daqp_loop_s": []}
     daqp = daqp_loop(structure, wrench) if baselines.daqp_installed() else None
+    gap = 0.0 if reachable and daqp else np.nan
     for turn in range(rounds):
-        for threads, spent in ((1, one_core), (cores, all_cores)):
+        for threads, name in ((1, "one_core_s"), (cores, "all_cores_s")):
             with using_threads(threads):
                 began = time.perf_counter()
                 result = allocate(structure, wrench, (LOWER, UPPER))
-                spent.append((time.perf_counter() - began) / count)
+                spent[name].append((time.perf_counter() - began) / count)
         assert (result.status == expected).all()
         if daqp is None:
             continue
         rows = np.arange(turn * DAQP_CALLS, (turn + 1) * DAQP_CALLS) % count
         began = time.perf_counter()
         answers = daqp(rows)
-        in_loop.append((time.perf_counter() - began) / len(rows))
-        in_c.append(quantile(np.array([info["setup_time"] + info["solve_time"] for *_, info in answers]), 0.5))
+        spent["daqp_loop_s"].append((time.perf_counter() - began) / len(rows))
+        in_c = np.array([info["setup_time"] + info["solve_time"] for *_, info in answers])
+        spent["daqp_c_s"].append(quantile(in_c, 0.5))
         if reachable:
             found = np.array([tensions for tensions, *_ in answers])
             gap = max(gap, float(np.abs(found - result.tensions[rows]).max()))
-    return BatchRow(
-        components=components,
-        cables=cables,
-        count=count,
-        reachable=reachable,
-        one_core_s=min(one_core),
-        all_cores_s=min(all_cores),
-        cores=cores,
-        daqp_c_s=min(in_c, default=float("nan")),
-        daqp_loop_s=min(in_loop, default=float("nan")),
-        gap_max=gap if reachable and daqp else float("nan"),
-    )
+    times = {name: min(values, default=np.nan) for name, values in spent.items()}
+    return BatchRow(components, cables, count, reachable, cores=cores, gap_max=gap, **times)
 
 
 @contextmanager
@@ -158,21 +187,14 @@ def time_calls(components: int, cables: int, calls: int = 5000, seed: int = 0) -
         callers['qpsolvers.solve_qp(solver="daqp")'] = lambda row: baselines.solve_qp(
             structure[row], wrench[row], lower, upper, "daqp"
         )
-    names, rng = list(callers), np.random.default_rng(seed)
-    spent = {name: np.empty((PASSES, calls)) for name in names}
-    gc.collect()
-    gc.disable()
-    try:
-        for number, first in itertools.product(range(PASSES), range(0, calls, BLOCK)):
-            for name in rng.permutation(names):
-                call, times = callers[name], spent[name][number]
-                call(first)
-                for row in range(first, min(first + BLOCK, calls)):
-                    began = time.perf_counter()
-                    call(row)
-                    times[row] = time.perf_counter() - began
-    finally:
-        gc.enable()
+    rng = np.random.default_rng(seed)
+    spent = {name: np.empty((PASSES, calls)) for name in callers}
+    blocks = [range(first, min(first + BLOCK, calls)) for first in range(0, calls, BLOCK)]
+    timed = {name: partial(seconds, call) for name, call in callers.items()}
+    with without_collector():
+        for times in range(PASSES):
+            for name, row, spent_s in take_turns(((block, timed) for block in blocks), rng):
+                spent[name][times, row] = spent_s
     return [
         CallRow(components, cables, name, quantile(each, 0.5), quantile(each, 0.999), quantile(each.min(0), 0.999))
         for name, each in spent.items()

@@ -15,7 +15,7 @@ from tensionlab.allocation import allocate
 from tensionlab.benchmark import process, report
 from tensionlab.benchmark.problem_files import find_problem_set, qp_rows
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set
-from tensionlab.benchmark.results import Results, read, summaries
+from tensionlab.benchmark.results import Results, read
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.errors import InputError, WriteError
@@ -73,7 +73,15 @@ def bench(
     with output.if_interrupted(rest), output.ResultWriter(quiet=json) as writer:
         results = read(written)
         _write(results, out, writer)
-        _print(results, out, json)
+        if json:
+            output.print_json(
+                folder=str(out),
+                sets=results.sets,
+                entries=results.summary().to_dict("records"),
+                manifest={key: value for key, value in results.manifest.items() if key != "bench"},
+            )
+        else:
+            output.print_table(results.table())
     if written != out:
         raise WriteError(f"{out}: cannot be written; the results are in {written}")
 
@@ -94,20 +102,6 @@ def _write(results: Results, out: Path, writer: output.ResultWriter) -> None:
             if all(writer.write("", path, partial(save, figure)) for path in paths):
                 drawn.append(name)
     writer.write("report", out / "report.md", lambda path: write_text(path, report.report(results, drawn)))
-
-
-def _print(results: Results, out: Path, json: bool) -> None:
-    """Print a line for each entry."""
-    lines = summaries(results)
-    if json:
-        output.print_json(
-            folder=str(out),
-            sets=results.sets,
-            lines=[line._asdict() for line in lines],
-            manifest={key: value for key, value in results.manifest.items() if key != "bench"},
-        )
-        return
-    output.print_table(results.table())
 
 
 @problems.command("list")

@@ -31,11 +31,11 @@ def regressions(
             writer.write("report", out, lambda path: write_text(path, found.report()))
         if json:
             output.print_json(
-                regressed=bool(found.found),
+                regressed=bool(len(found.worse)),
                 drift=found.drift,
-                changes=[vars(each) | {"verdict": each.verdict} for each in found.changes],
+                changes=found.changes.to_dict("records"),
                 manifest=output.manifest(),
             )
         else:
-            output.print_table(found.table([each for each in found.changes if each.verdict]))
-    raise typer.Exit(1 if found.found else 0)
+            output.print_table(found.table(found.changes[found.changes["verdict"] != ""]))
+    raise typer.Exit(1 if len(found.worse) else 0)

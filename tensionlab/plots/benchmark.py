@@ -9,18 +9,19 @@ import numpy as np
 
 from tensionlab.benchmark.comparison import Comparison
 from tensionlab.benchmark.entries import WRAPPERS
-from tensionlab.benchmark.statistics import profile, quantile
+from tensionlab.benchmark.results import KEY
+from tensionlab.benchmark.timing import profile, quantile
 from tensionlab.errors import InputError
 from tensionlab.plots.style import add_legend, label_points, new_figure, one_panel, panel_legend
 from tensionlab.solvers import is_built_in
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tensionlab.benchmark.results import EntryResult, Results
-    from tensionlab.support.arrays import Floats
+    from tensionlab.benchmark.results import Results
 
 EXACT_N = 1e-6  # an answer with an error up to this is exact, as the interface verifies
 MIN_ERROR_N = 1e-16  # errors below are drawn here: rounding
@@ -54,7 +55,7 @@ def plot_pareto(results: Results | Comparison, *, ax: Axes) -> None: ...
 def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Figure | None:
     """Draw the time and the worst error of each solver, and which of them no other one surpasses in both.
 
-    Solvers that do not come with tensionlab are stars. Of a benchmark, which needs no evidence for single
+    Solvers that do not come with tensionlab are stars. Of a benchmark, which needs no measurements of single
     problems: across, the median call in the feasible sets, as the geometric mean over the sets; up, the largest
     error of all, of the wrench or the limits. Those that did not answer all problems are at the top. Of a
     comparison, each solver with its own policy: across, the median call; up, how much larger than the smallest of
@@ -75,21 +76,18 @@ def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Fig
     if isinstance(results, Comparison):
         up = "max error above the smallest of all (N)"
         return _plot_dots(_compared(results), "median time of a call (µs)", up, ax)
-    sets = _feasible_sets(results)
-    rows: dict[str, dict[str, EntryResult]] = {}
-    for row in results.rows:
-        if row.problem_set in sets and np.isfinite(row.median_s):
-            rows.setdefault(row.label, {}).setdefault(row.problem_set, row)
+    rows = results.rows[results.rows["problem_set"].isin(results.feasible_sets)]
+    rows = rows[np.isfinite(rows["median_s"])].drop_duplicates(["label", "problem_set"])
     dots = []
-    for label, each in rows.items():
-        if len(each) < len(sets):
+    for label, own in rows.groupby("label", sort=False):
+        if len(own) < len(results.feasible_sets):
             continue
-        answered = all(row.refused + row.failed == 0 for row in each.values())
-        error = max(max(row.error_max, row.violation_max) for row in each.values())
-        time = float(np.exp(np.mean([np.log(row.median_s) for row in each.values()])))
-        first = next(iter(each.values()))
-        name = short_name(label).partition(",")[0]
-        dots.append(Dot(name, kind(first.solver, first.setting), time, error if answered else np.inf))
+        answered = not (own["refused"] + own["failed"]).any()
+        error = float(own[["error_max", "violation_max"]].max(axis=None)) if answered else np.inf
+        time = float(np.exp(np.log(own["median_s"]).mean()))
+        first = own.iloc[0]
+        name = short_name(str(label)).partition(",")[0]
+        dots.append(Dot(name, kind(first["solver"], first["setting"]), time, error))
     if not dots:
         raise InputError("no answers in these results that could be drawn")
     return _plot_dots(dots, "typical time of a call (µs)", "max error of all answers (N)", ax)
@@ -198,7 +196,7 @@ def plot_profile(results: Results) -> Figure:
     Parameters
     ----------
     results : Results
-        With evidence for single problems: a run's own, not those that are committed.
+        With measurements of each problem: of a run, not the committed ones.
 
     Examples
     --------
@@ -207,19 +205,23 @@ def plot_profile(results: Results) -> Figure:
     >>> results = tl.benchmark.run([tl.solvers.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_profile(results)
     """
-    lines = _pooled(results)
-    labels = list(lines)
-    seconds = np.column_stack([lines[label].seconds for label in labels])
-    solved = np.column_stack([lines[label].error <= EXACT_N for label in labels])
+    table = _pooled(results)
+    seconds = table.pivot(index=["problem_set", "problem"], columns="label", values="call_s")
+    solved = table.assign(solved=_error(table) <= EXACT_N).pivot(
+        index=["problem_set", "problem"], columns="label", values="solved"
+    )
+    kinds = table.drop_duplicates("label").set_index("label")["kind"]
+    labels = list(kinds.index)
+    seconds, solved = seconds[labels].to_numpy(), solved[labels].to_numpy(dtype=bool)
     ratios = dict(zip(labels, profile(seconds, solved, np.isfinite(seconds)), strict=True))
-    panels = list(dict.fromkeys(lines[label].name for label in labels))
+    panels = list(dict.fromkeys(label.partition(",")[0] for label in labels))
 
     def draw(axes: Axes, name: str) -> None:
         for label, own in ratios.items():
             if not own.size:
                 continue
-            mine, newton = lines[label].name == name, lines[label].kind == "newton"
-            colour = LOOKS[lines[label].kind][1] if mine or newton else "#D8D8D8"
+            mine, newton = label.partition(",")[0] == name, kinds[label] == "newton"
+            colour = LOOKS[kinds[label]][1] if mine or newton else "#D8D8D8"
             width, front = (1.8, 3) if mine else (1.1, 2 if newton else 1)
             reached = own[np.isfinite(own)]
             x = np.concatenate([[1.0], reached, [MAX_RATIO]])
@@ -229,7 +231,7 @@ def plot_profile(results: Results) -> Figure:
 
     with new_figure((9.0, 0.9 + 1.75 * -(-len(panels) // COLUMNS))) as figure:
         _grid(figure, panels, draw, "time / fastest time", "share of problems")
-        add_kind_legend(figure, [lines[label].kind for label in labels], marked=False)
+        add_kind_legend(figure, list(kinds), marked=False)
     return figure
 
 
@@ -245,7 +247,7 @@ def plot_worst(results: Results, *, ax: Axes | None = None) -> Figure | None:
     Parameters
     ----------
     results : Results
-        With evidence for single problems: a run's own, not those that are committed.
+        With measurements of each problem: of a run, not the committed ones.
     ax : Axes, optional
         Panel of another figure to draw into.
 
@@ -256,25 +258,26 @@ def plot_worst(results: Results, *, ax: Axes | None = None) -> Figure | None:
     >>> results = tl.benchmark.run([tl.solvers.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_worst(results)
     """
-    lines = sorted(_pooled(results).values(), key=lambda line: quantile(line.seconds, 0.999))
-    with one_panel(ax, (7.5, 1.3 + 0.22 * len(lines))) as (figure, axes):
-        for place, line in enumerate(lines):
-            median, slow = (1e6 * quantile(line.seconds, share) for share in (0.5, 0.999))
-            worst = 1e6 * float(np.nanmax(line.seconds))
-            _, colour, marker = LOOKS[line.kind]
+    entries = list(_pooled(results).groupby(["label", "kind"], sort=False)["call_s"])
+    entries.sort(key=lambda entry: quantile(entry[1].to_numpy(), 0.999))
+    with one_panel(ax, (7.5, 1.3 + 0.22 * len(entries))) as (figure, axes):
+        for place, ((_, look), seconds) in enumerate(entries):
+            median, slow = (1e6 * quantile(seconds.to_numpy(), share) for share in (0.5, 0.999))
+            worst = 1e6 * seconds.max()
+            _, colour, marker = LOOKS[look]
             axes.plot([median, worst], [place, place], color=colour, linewidth=0.9)
             axes.plot(
                 [median, slow], [place, place], color=colour, linewidth=4.5, solid_capstyle="butt", alpha=0.45
             )
             axes.plot(median, place, marker=marker, color=colour, markersize=5.5)
             axes.plot(worst, place, marker="|", color=colour, markersize=8, markeredgewidth=1.6)
-        axes.set_yticks(range(len(lines)), [line.label for line in lines])
-        axes.set_ylim(len(lines) - 0.4, -0.6)
+        axes.set_yticks(range(len(entries)), [label for (label, _), _ in entries])
+        axes.set_ylim(len(entries) - 0.4, -0.6)
         axes.set(xscale="log", xlabel="time of a call (µs): median, 99.9 % (bar), worst (tick)")
         axes.tick_params(axis="y", length=0)
         axes.spines["left"].set_visible(False)
         axes.grid(axis="x")
-        add_kind_legend(figure, [line.kind for line in lines], ax=ax)
+        add_kind_legend(figure, [look for (_, look), _ in entries], ax=ax)
     return figure if ax is None else None
 
 
@@ -286,7 +289,7 @@ def plot_continuity(results: Results) -> Figure:
     Parameters
     ----------
     results : Results
-        With evidence for single problems: a run's own, not those that are committed.
+        With measurements of each problem: of a run, not the committed ones.
 
     Raises
     ------
@@ -300,22 +303,28 @@ def plot_continuity(results: Results) -> Figure:
     >>> results = tl.benchmark.run([tl.solvers.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_continuity(results)
     """
-    rows = [row for row in results.rows if row.path_mm and row.setting != "tight" and _drawable(row)]
-    if not rows:
+    table = results.each_problem()
+    cables = [name for name in table if name.startswith("tension.")]
+    wrapped = table["solver"].str.partition(":")[0].isin(WRAPPERS) & (table["setting"] == "proved")
+    if cables:
+        table = table[table["path_mm"].notna() & (table["setting"] != "tight") & ~wrapped]
+        answered = table[cables].notna().any(axis=1)
+        table = table[answered.groupby([table[name] for name in KEY]).transform("any")]
+    if not cables or table.empty:
         raise InputError("no trajectory in these results; measure the set `trajectory`")
-    alone = [row.policy is None or sum(other.label == row.label for other in rows) == 1 for row in rows]
-    names = [
-        short_name(row.label).removesuffix(", default") + ("" if single else f", {row.policy}")
-        for row, single in zip(rows, alone, strict=True)
-    ]
-    panels = dict(zip(names, rows, strict=True))
-    highest = max(float(np.nanmax(row.path_tensions)) for row in rows)
+    policies = table.groupby("label")["policy"].nunique()
+    panels = {
+        short_name(label).removesuffix(", default") + (f", {policy}" if policies[label] > 1 else ""): own
+        for (label, policy), own in table.groupby(["label", "policy"], sort=False)
+    }
+    highest = float(table[cables].max(axis=None))
 
     def draw(axes: Axes, name: str) -> None:
-        row = panels[name]
-        way, reachable = np.array(row.path_mm), np.array(row.path_reachable)
-        tensions = np.array(row.path_tensions).reshape(len(way), -1)
-        axes.fill_between(way, 0, 2 * highest, where=~reachable, color="#EEEEEE", linewidth=0, step="mid")
+        own = panels[name]
+        way, tensions = own["path_mm"].to_numpy(), own[cables].to_numpy()
+        axes.fill_between(
+            way, 0, 2 * highest, where=own["reachable"] == 0, color="#EEEEEE", linewidth=0, step="mid"
+        )
         axes.plot(way, tensions, linewidth=1.0)
         axes.set(xlim=(way[0], way[-1]), ylim=(0, 1.05 * highest))
         axes.set_title(name, fontsize=8.5)
@@ -329,45 +338,26 @@ def plot_continuity(results: Results) -> Figure:
     return figure
 
 
-def _drawable(row: EntryResult) -> bool:
-    """Return whether there are tensions along the trajectory that no other panel shows."""
-    alone = row.solver.partition(":")[0] not in WRAPPERS or row.setting != "proved"
-    return alone and bool(np.isfinite(row.path_tensions).any())
+def _pooled(results: Results) -> pandas.DataFrame:
+    """Return the measurements of the entries that took part in all feasible sets, with kinds and short names.
 
-
-class _Line:
-    """One entry over the problems of all feasible sets: times, errors, how often it had no answer."""
-
-    def __init__(self, rows: Sequence[EntryResult]) -> None:
-        first = rows[0]
-        self.label = short_name(first.label)
-        self.name = self.label.partition(",")[0]
-        self.kind = kind(first.solver, first.setting)
-        self.seconds: Floats = np.concatenate([np.array(row.call_s) for row in rows])
-        errors = [np.maximum(row.errors, row.violations) for row in rows]
-        self.error: Floats = np.concatenate(errors)
-        tried = sum(row.tried for row in rows)
-        self.missing = sum(row.refused + row.failed for row in rows) / max(1, tried)
-
-
-def _feasible_sets(results: Results) -> list[str]:
-    """Return the sets whose wrenches are all feasible; all sets if there is none."""
-    return [name for name, about in results.sets.items() if about["reachable"] == "all"] or list(results.sets)
-
-
-def _pooled(results: Results) -> dict[str, _Line]:
-    """Return the entries that answered anything in the feasible sets or, without any such set, in all."""
-    names = _feasible_sets(results)
-    rows: dict[str, dict[str, EntryResult]] = {}
-    for row in results.rows:
-        if row.problem_set in names and row.call_s:
-            rows.setdefault(short_name(row.label), {}).setdefault(row.problem_set, row)
-    there = {label: list(each.values()) for label, each in rows.items() if len(each) == len(names)}
-    lines = {label: _Line(each) for label, each in there.items()}
-    drawn = {label: line for label, line in lines.items() if np.isfinite(line.seconds).any()}
-    if not drawn:
+    Of a solver with several policies, those with its own, which is the first.
+    """
+    sets = results.feasible_sets
+    table = results.each_problem()
+    table = table[table["problem_set"].isin(sets)]
+    table = table[table["policy"] == table.groupby(["label", "problem_set"])["policy"].transform("first")]
+    entries = table.groupby("label", sort=False)
+    table = table[entries["call_s"].transform("any") & (entries["problem_set"].transform("nunique") == len(sets))]
+    if table.empty:
         raise InputError("no answers in these results that could be drawn")
-    return drawn
+    kinds = [kind(solver, setting) for solver, setting in zip(table["solver"], table["setting"], strict=True)]
+    return table.assign(kind=kinds, label=table["label"].map(short_name))
+
+
+def _error(table: pandas.DataFrame) -> pandas.Series:
+    """Return the larger of the error of the wrench and the violation of a limit; NaN without an answer."""
+    return table[["error", "violation"]].max(axis=1, skipna=False)
 
 
 def _grid(figure: Any, names: Sequence[str], draw: Callable[[Axes, str], None], across: str, up: str) -> None:

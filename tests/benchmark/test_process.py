@@ -7,26 +7,26 @@ from dataclasses import asdict, dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 
 import tensionlab as tl
 from tensionlab.benchmark import results
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, checksum, problem_set
 from tensionlab.benchmark.process import ONE_THREAD, BenchmarkPlan, main, measure, measure_here, plan
-from tensionlab.benchmark.results import EVIDENCE, read
-from tensionlab.errors import DataError, InputError, TensionlabError, UnknownSolver
-from tensionlab.support import provenance
+from tensionlab.benchmark.results import KEY, read
+from tensionlab.errors import InputError, TensionlabError, UnknownSolver
 
 
-def test_a_run_writes_one_table_with_its_manifest(bench_folder, bench_results):
-    assert {path.name for path in bench_folder.iterdir()} == {"results.parquet", "manifest.json"}
+def test_a_run_writes_tables_with_their_manifest(bench_folder, bench_results):
+    assert {path.name for path in bench_folder.iterdir()} == {
+        "results.parquet",
+        "measurements.parquet",
+        "manifest.json",
+    }
     manifest = bench_results.manifest
     assert json.loads((bench_folder / "manifest.json").read_text()) == manifest
-    assert manifest["seed"] == 3
-    assert manifest["call"] == "tensionlab bench --out 'a folder'"
+    assert (manifest["seed"], manifest["call"]) == (3, "tensionlab bench --out 'a folder'")
     assert manifest["versions"]["tensionlab"] == tl.__version__
-    assert manifest["processor"]
     assert list(bench_results.sets) == ["point", "unreachable", "trajectory"]
     assert 0 < manifest["bench"]["processor_share"] <= 1.1
 
@@ -37,56 +37,27 @@ def test_every_library_was_told_to_use_one_thread(bench_results):
     assert {"TENSIONLAB_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"} <= set(ONE_THREAD)
 
 
-def test_each_set_has_a_row_for_each_solver_and_setting(bench_results):
-    keys = {(row.problem_set, row.label, row.policy) for row in bench_results.rows}
-    assert len(keys) == len(bench_results.rows)
-    assert {label for name, label, _ in keys if name == "point"} == {
+def test_each_set_has_a_row_for_each_solver_setting_and_policy(bench_results):
+    rows = bench_results.rows
+    assert not rows.duplicated(KEY).any()
+    assert set(rows.loc[rows["problem_set"] == "point", "label"]) == {
         "newton", "closed-form", "qp:daqp", "daqp, default", "daqp, tight", "qpsolvers:osqp, default",
         "qpsolvers:osqp, tight", "cvxpy, default", "cvxpy, tight",
     }  # fmt: skip
-    assert ("unreachable", "newton", "direction") in keys
-    for row in bench_results.of_set("point"):
-        assert row.problems == bench_results.sets["point"]["problems"]
+    newton = rows[rows["solver"] == "newton"]
+    assert list(newton["policy"]) == ["force"] + 2 * ["force", "tension", "direction"]
+    assert (newton["proved"] == newton["problems"]).all()
+    assert (newton["tried"] == newton["problems"]).all()
+    assert (newton["solved_1e6"] == 1.0).all()
 
 
-def test_the_exact_solver_solves_and_proves_everything(bench_results):
-    own = [row for row in bench_results.rows if row.solver == "newton"]
-    assert len(own) == 7
-    assert all(row.proved == row.tried == row.problems for row in own)
-    assert all(row.solved_1e6 == 1.0 for row in own)
-
-
-def test_the_evidence_adds_up_to_the_summary(bench_results):
-    for row in bench_results.rows:
-        calls, errors = np.array(row.call_s), np.array(row.errors)
-        assert 0 < np.isfinite(calls).sum() <= row.tried
-        assert np.nanmax(calls) == row.worst_s
-        assert np.isfinite(errors).sum() == row.tried - row.refused - row.failed
-        assert np.isnan(row.error_max) == np.isnan(errors).all()
-        assert not (errors > row.error_max).any()
-
-
-def test_results_survive_the_disk_with_and_without_evidence(tmp_path, bench_results):
-    results.write(tmp_path / "all.parquet", bench_results.rows, bench_results.manifest)
-    results.write(tmp_path / "small.parquet", bench_results.rows, bench_results.manifest, evidence=False)
-    again = results.read(tmp_path / "all.parquet")
-
-    def text(rows):
-        return repr([vars(row) for row in rows])  # NaN is not equal to itself
-
-    assert text(again.rows) == text(bench_results.rows)
-    assert again.manifest == bench_results.manifest
-    small = results.read(tmp_path / "small.parquet")
-    assert text(small.rows) == text(replace(row, **{key: [] for key in EVIDENCE}) for row in again.rows)
-    assert not set(pq.read_schema(tmp_path / "small.parquet").names) & set(EVIDENCE)
-
-
-def test_what_is_no_result_is_refused_by_name(tmp_path):
-    other = tmp_path / "other.parquet"
-    provenance.write_parquet(other, [{"solver": "newton"}], provenance.manifest([]))
-    for path in (other, tmp_path / "nothing.parquet", tmp_path):
-        with pytest.raises(DataError, match="results of `tensionlab bench`"):
-            results.read(path)
+def test_the_measurements_add_up_to_the_rows(bench_results):
+    rows, by_entry = bench_results.rows.set_index(KEY), bench_results.measurements.groupby(KEY, sort=False)
+    errors = by_entry["error"]
+    assert (by_entry.size() == rows["problems"]).all()
+    assert (by_entry["call_s"].max() == rows["worst_s"]).all()
+    assert (errors.count() == rows["tried"] - rows["refused"] - rows["failed"]).all()
+    np.testing.assert_array_equal(errors.max(), rows["error_max"])
 
 
 def test_a_plan_covers_everything_unless_told_otherwise():
@@ -132,10 +103,10 @@ class Halves:
 def test_a_solver_of_ones_own_is_measured_and_its_mistakes_are_in_the_table(tmp_path):
     what = BenchmarkPlan(("edge",), (Halves(), "newton"), count=12, seconds=0.05, repeats=1, rounds=0)
     found = read(measure(what, tmp_path, [], lambda done: None))
-    own, exact = found.rows
-    assert (own.label, own.setting, exact.solved_1e6) == ("Halves", "proved", 1.0)
+    _, own = next(found.rows[:1].iterrows())
+    assert list(found.rows["label"]) == ["Halves", "newton"]
+    assert list(found.rows["solved_1e6"]) == [0.0, 1.0]
     assert found.manifest["bench"]["plan"]["solvers"] == ["Halves", "newton"]
-    assert own.solved_1e6 == 0.0
     np.testing.assert_array_less(0.1, own.error_max)  # half of what is needed renders half of it
     mistake = "the solver returned ndarray; return Answer(tensions, iterations)"
     assert (own.refused, own.note) == (2, f"breaks on some: TypeError: {mistake}")
@@ -147,7 +118,7 @@ def test_a_class_of_a_module_is_measured_in_the_process_of_its_own(tmp_path, mon
     monkeypatch.syspath_prepend(tmp_path)
     what = BenchmarkPlan(("edge",), ("mine:Mine",), count=6, seconds=0.01, repeats=1, rounds=0)
     found = read(measure(what, tmp_path / "out", [], lambda done: None))
-    assert [row.label for row in found.rows] == ["mine:Mine"]
+    assert list(found.rows["label"]) == ["mine:Mine"]
     assert found.manifest["bench"]["threads"] == ONE_THREAD
 
 

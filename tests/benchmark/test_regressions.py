@@ -1,35 +1,28 @@
 """What changed between two benchmarks is found, and what only the machine or rounding changed is not."""
 
-from dataclasses import replace
-
 import numpy as np
+import pandas as pd
 import pytest
 
 from tensionlab.benchmark.regressions import find_regressions
-from tensionlab.benchmark.results import EntryResult, Results, write
+from tensionlab.benchmark.results import QUANTITIES, TYPES, Results, write
 from tensionlab.errors import InputError
 
 PROBLEMS = 40
 NOISE = np.random.default_rng(3).normal(1.0, 0.02, (6, PROBLEMS))
 
 
-def row(solver, index, *, seconds=1e-5, errors=1e-12, setting="proved", problem_set="edge", **more):
-    """A solver whose calls take so long, with 2 % of noise."""
-    defaults = {"policy": None, "objective": "", "comparable": True, "note": "", "problems": PROBLEMS}
-    evidence = {
-        "tried": PROBLEMS,
-        "call_s": (seconds * NOISE[index]).tolist(),
-        "errors": np.broadcast_to(errors, PROBLEMS).tolist(),
-        "violations": [0.0] * PROBLEMS,
-        "scales": [1.0] * PROBLEMS,
-    }
-    return EntryResult(problem_set, solver, setting, **(defaults | evidence | more))
+def entry(solver, index, *, seconds=1e-5, error=1e-12, setting="proved", tried=1.0, scale=1.0):
+    """Measurements of a solver whose calls take this time, with 2 % of noise."""
+    key = {"problem_set": "edge", "solver": solver, "setting": setting, "policy": "", "problem": range(PROBLEMS)}
+    values = dict.fromkeys(QUANTITIES, 0.0) | {"tried": tried, "error": error, "scale": scale}
+    return pd.DataFrame(key | values | {"call_s": seconds * NOISE[index]})
 
 
-def run(*rows, checksum="same", busy=1.0):
-    """Results of a run with these rows, and three baselines."""
-    sets = {"edge": {"title": "t", "groups": [], "problems": PROBLEMS, "verified": {}, "checksum": checksum}}
-    bench = {"sets": sets, "batches": [], "calls": [], "processor_share": busy, "plan": {"count": PROBLEMS}}
+def made(*entries, checksum="same", busy=1.0):
+    """Results of a run with these measurements."""
+    sets = {"edge": {"reachable": "all", "problems": PROBLEMS, "checksum": checksum}}
+    bench = {"sets": sets, "batches": [], "calls": [], "processor_share": busy}
     manifest = {
         "date": "today",
         "git_commit": None,
@@ -38,136 +31,100 @@ def run(*rows, checksum="same", busy=1.0):
         "seed": 0,
         "bench": bench,
     }
-    return Results(rows, manifest)
+    rows = pd.DataFrame({name: pd.Series(dtype=kind) for name, kind in TYPES.items()})
+    return Results(rows, manifest, pd.concat(entries) if entries else None)
 
 
-def baselines(factor, start=3):
-    """Three baselines on a machine that is slower by a factor."""
+def baselines(*factors, start=3):
+    """Three baselines on a machine that is slower by these factors."""
     names = ("daqp", "cvxpy:plain", "qpsolvers:osqp")
-    return [row(name, start + i, seconds=factor * 2e-5, setting="default") for i, name in enumerate(names)]
+    return [
+        entry(name, start + i, seconds=factor * 2e-5, setting="default")
+        for i, (name, factor) in enumerate(zip(names, factors, strict=True))
+    ]
 
 
-def test_a_slower_solver_is_found_on_a_slower_machine():
-    old = run(row("newton", 0), row("dykstra", 1), *baselines(1.0))
-    new = run(row("newton", 1, seconds=1.5e-5), row("dykstra", 2, seconds=1.5e-5 * 1.5), *baselines(1.5, 2))
-    found = find_regressions(old, new)
-    assert found.drift["edge"] == pytest.approx(1.5, rel=0.05)
-    assert [change.solver for change in found.found] == ["dykstra"]
-    (change,) = found.found
-    assert change.ratio == pytest.approx(1.5, rel=0.05)
-    assert change.ratio_low < change.ratio < change.ratio_high
-    assert change.verdict == "slower"
+SAME = baselines(1.0, 1.0, 1.0)
 
 
-def test_a_faster_one_is_no_regression():
-    found = find_regressions(
-        run(row("newton", 0), *baselines(1.0)), run(row("newton", 1, seconds=5e-6), *baselines(1.0))
-    )
-    assert found.changes[0].verdict == "faster"
-    assert found.found == []
-
-
-def test_noise_is_no_regression():
-    found = find_regressions(
-        run(row("newton", 0), *baselines(1.0)), run(row("newton", 1, seconds=1.04e-5), *baselines(1.0))
-    )
-    assert [change.verdict for change in found.changes] == [""] * 4
-
-
-def test_baselines_that_differ_among_themselves_are_the_noise():
-    apart = [replace(each, call_s=[factor * s for s in each.call_s]) for factor, each in
-             zip((1.0, 1.4, 1.0), baselines(1.0), strict=True)]  # fmt: skip
-    found = find_regressions(run(row("newton", 0), *baselines(1.0)), run(row("newton", 1, seconds=1.3e-5), *apart))
-    assert not any(change.slower for change in found.changes)
+@pytest.mark.parametrize(
+    ("seconds", "others", "verdict"),
+    [
+        (1.5e-5, SAME, "slower"),
+        (5e-6, SAME, "faster"),
+        (1.04e-5, SAME, ""),
+        (1.5e-5, baselines(1.5, 1.5, 1.5, start=2), ""),
+        (2.25e-5, baselines(1.5, 1.5, 1.5, start=2), "slower"),
+        (1.3e-5, baselines(1.0, 1.4, 1.0), ""),  # baselines that differ among themselves are the noise
+    ],
+)
+def test_a_time_is_judged_by_what_the_baselines_show_of_the_machine(seconds, others, verdict):
+    found = find_regressions(made(entry("newton", 0), *SAME), made(entry("newton", 1, seconds=seconds), *others))
+    change = found.changes.iloc[0]
+    assert change["verdict"] == verdict
+    assert change["regressed"] == (verdict == "slower")
+    assert change["ratio_low"] < change["ratio"] < change["ratio_high"]
+    assert change["ratio"] * found.drift["edge"] == pytest.approx(seconds / 1e-5, rel=0.03)
 
 
 def test_on_a_busy_machine_times_are_not_judged_but_accuracy_is():
-    new = run(row("newton", 1, seconds=1e-3), row("dykstra", 2, errors=1e-2), *baselines(1.0), busy=0.4)
-    found = find_regressions(run(row("newton", 0), row("dykstra", 1), *baselines(1.0)), new)
+    new = made(entry("newton", 1, seconds=1e-3), entry("dykstra", 2, error=1e-2), *SAME, busy=0.4)
+    found = find_regressions(made(entry("newton", 0), entry("dykstra", 1), *SAME), new)
     assert not found.judged
-    assert [(change.solver, change.verdict) for change in found.found] == [("dykstra", "less accurate")]
+    assert found.worse[["solver", "verdict"]].values.tolist() == [["dykstra", "less accurate"]]
     assert "the machine was busy" in found.title
 
 
-def test_one_lost_problem_is_a_regression_and_rounding_is_none():
-    errors = np.full(PROBLEMS, 0.9e-9)
-    lost = errors.copy()
-    lost[7] = 2e-6
-    rounded = np.full(PROBLEMS, 1.1e-9)
-    old = run(row("newton", 0, errors=errors), row("dykstra", 1, errors=errors))
-    found = find_regressions(old, run(row("newton", 0, errors=lost), row("dykstra", 1, errors=rounded)))
-    assert [(change.lost, change.gained, change.verdict) for change in found.changes] == [
-        (1, 0, "less accurate"),
-        (0, 0, ""),
-    ]
-    assert [change.verdict for change in find_regressions(run(row("newton", 0, errors=lost)), old).changes] == [
-        "more accurate"
-    ]
+def changed(position, value, base=0.9e-9):
+    values = np.full(PROBLEMS, base)
+    values[position] = value
+    return values
 
 
-def test_no_answer_counts_as_lost_but_what_was_not_tried_does_not():
-    errors = np.full(PROBLEMS, 1e-12)
-    errors[:3] = np.nan
-    old = run(row("newton", 0))
-    assert find_regressions(old, run(row("newton", 0, errors=errors))).changes[0].lost == 3
-    assert find_regressions(old, run(row("newton", 0, errors=errors, tried=PROBLEMS - 3))).changes[0].lost == 0
-
-
-def test_the_accuracy_is_that_of_large_wrenches_where_they_are_large():
-    large = {"scales": [1e3] * PROBLEMS}
-    found = find_regressions(run(row("newton", 0, **large)), run(row("newton", 0, errors=5e-6, **large)))
-    assert found.changes[0].lost == 0
+@pytest.mark.parametrize(
+    ("old", "new", "lost", "gained"),
+    [
+        ({"error": 0.9e-9}, {"error": changed(7, 2e-6)}, 1, 0),
+        ({"error": changed(7, 2e-6)}, {"error": 0.9e-9}, 0, 1),
+        ({"error": 0.9e-9}, {"error": 1.1e-9}, 0, 0),  # rounding
+        ({}, {"error": changed(slice(3), np.nan)}, 3, 0),  # no answer
+        ({}, {"error": changed(slice(3), np.nan), "tried": changed(slice(3), 0.0, 1.0)}, 0, 0),  # not tried
+        ({"scale": 1e3}, {"scale": 1e3, "error": 5e-6}, 0, 0),  # accurate for a large wrench
+    ],
+)
+def test_one_lost_problem_is_a_regression_and_rounding_is_none(old, new, lost, gained):
+    change = find_regressions(made(entry("newton", 0, **old)), made(entry("newton", 0, **new))).changes.iloc[0]
+    assert (change["lost"], change["gained"]) == (lost, gained)
+    assert change["verdict"] == ("less accurate" if lost else "more accurate" if gained else "")
 
 
 @pytest.mark.parametrize(
     ("new", "message"),
     [
-        (run(row("newton", 0), checksum="other"), r"set edge: other problems \(old: seed 0, 40 problems; new"),
-        (run(row("newton", 0, scales=[])), "the new results have no evidence for single problems"),
-        (run(row("dykstra", 0)), "no entry on a problem set in common"),
+        (made(entry("newton", 0), checksum="other"), r"set edge: other problems \(old: seed 0, 40 problems; new"),
+        (made(), "no measurements of single problems"),
+        (made(entry("dykstra", 0)), "no entry on a problem set in common"),
     ],
 )
 def test_what_cannot_be_compared_is_refused(new, message):
     with pytest.raises(InputError, match=message):
-        find_regressions(run(row("newton", 0)), new)
+        find_regressions(made(entry("newton", 0)), new)
 
 
-def test_the_report_names_what_regressed_and_both_runs():
-    found = find_regressions(
-        run(row("newton", 0), *baselines(1.0)), run(row("newton", 1, seconds=2e-5), *baselines(1.0))
-    )
-    text = found.report()
-    assert text.startswith("# Regressions of a benchmark\n\n4 rows: 0 less accurate, 1 slower.")
-    assert text.count("| edge | newton |") == 2
-    assert "no commit" in text
-    assert "**the processors differ**" not in text
-    assert "newton" in found._repr_html_()
-    assert list(found.to_pandas()["verdict"]) == ["slower", "", "", ""]
-
-
-def test_the_command_says_what_became_worse_and_ends_with_1(run_command, tmp_path):
-    code, out, _ = run_command(row("newton", 1, seconds=2e-5), "--out", tmp_path / "report.md")
-    assert code == 1
-    assert "1 slower" in out
-    assert [line.split()[:2] for line in out.splitlines() if "newton" in line] == [["edge", "newton"]]
-    assert "daqp" not in out  # nothing changed there
-    assert (tmp_path / "report.md").read_text().startswith("# Regressions")
-
-
-def test_the_command_ends_with_0_where_nothing_became_worse(run_command):
-    code, out, _ = run_command(row("newton", 1), "--json")
-    assert code == 0
-    assert '"regressed": false' in out
-
-
-@pytest.fixture
-def run_command(run, tmp_path):
-    """Run `tensionlab regressions` on an old run and one with this row in place of newton's."""
-
-    def call(new, *words):
-        for name, first in (("old", row("newton", 0)), ("new", new)):
-            found = globals()["run"](first, *baselines(1.0))
-            write(tmp_path / f"{name}.parquet", found.rows, found.manifest)
-        return run("regressions", tmp_path / "old.parquet", tmp_path / "new.parquet", *words)
-
-    return call
+@pytest.mark.parametrize("factor", [1.0, 2.0])
+def test_the_command_writes_a_report_and_its_exit_status_tells_regressions(run, tmp_path, factor):
+    for name, seconds in (("old", 1e-5), ("new", factor * 1e-5)):
+        (tmp_path / name).mkdir()
+        write(tmp_path / name, made(entry("newton", 0, seconds=seconds), *SAME))
+    path = tmp_path / "report.md"
+    code, out, _ = run("regressions", tmp_path / "old", tmp_path / "new", "--out", path)
+    assert code == (factor > 1.0)
+    assert f"{code} slower" in out
+    assert [line.split()[:2] for line in out.splitlines() if line.startswith("edge")] == [
+        ["edge", "newton"]
+    ] * code
+    text = path.read_text()
+    assert text.startswith(f"# Regressions of a benchmark\n\n4 rows: 0 less accurate, {code} slower.")
+    assert text.count("| edge | newton |") == 1 + code
+    code, out, _ = run("regressions", tmp_path / "old", tmp_path / "new", "--json")
+    assert f'"regressed": {str(factor > 1.0).lower()}' in out

@@ -1,46 +1,121 @@
+"""Results of a benchmark: their summary, report and files."""
+
+import re
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
 
-from tensionlab.benchmark.entries import entries
-from tensionlab.benchmark.results import QUANTITIES, empty_evidence, solved, summarise
+from tensionlab.benchmark import results
+from tensionlab.benchmark.report import FIGURES, report
+from tensionlab.benchmark.results import ID, KEY, QUANTITIES, TYPES, Results
+from tensionlab.errors import DataError, InputError
+from tensionlab.support import provenance
 
 
-def test_a_problem_is_timed_by_the_best_of_its_repeats():
-    evidence = empty_evidence(np.ones(3), repeats=2)
-    evidence.tried[:2] = True
-    evidence.calls[0] = [[4e-6, 3e-6, 2e-6, 1e-6], [2e-6, 1e-6, 5e-7, 4e-7]]
-    evidence.calls[1] = [[1e-6, 5e-7, 3e-7, 2e-7], [9e-6, 8e-6, 7e-6, 6e-6]]
-    row = summarise("a", entries("all", ["daqp"])[0], evidence)
-    np.testing.assert_array_equal(row.call_s, [2e-6, 1e-6, np.nan])
-    assert (row.median_s, row.worst_s, row.jitter_s) == (1e-6, 2e-6, 9e-6)
-    assert 4e-7 < row.prebuilt_s < 1.1e-6 < row.sgm_s  # 1 and 0.5 µs, and 2 and 1 µs
-    # The parts are those of the same call.
-    assert (row.build_s, row.setup_s, row.solve_s) == (5e-7, 3e-7, 2e-7)
+def row(problem_set="a", solver="newton", setting="proved", policy="force", **values):
+    """A row of results in which everything was solved."""
+    empty = {name: "" if kind == "str" else np.nan if kind == "float" else 10 for name, kind in TYPES.items()}
+    times = {"sgm_s": 1e-5, "median_s": 1e-5, "p999_s": 2e-5, "worst_s": 3e-5}
+    key = dict(zip(KEY, (problem_set, solver, setting, policy), strict=True))
+    return empty | dict.fromkeys(["solved_1e3", "solved_1e6", "solved_1e9"], 1.0) | times | key | values
 
 
-def test_what_is_not_tried_is_not_in_the_shares():
-    evidence = empty_evidence(np.ones(4), repeats=1)
-    evidence.tried[:3] = True
-    evidence.error[:3], evidence.violation[:3] = [0.0, 1e-4, np.nan], 0.0
-    row = summarise("a", entries("all", ["newton"])[0], evidence)
-    assert (row.problems, row.tried, row.failed) == (4, 3, 1)
-    assert (row.solved_1e3, row.solved_1e6) == (pytest.approx(2 / 3), pytest.approx(1 / 3))
+def made(*rows, **reachable):
+    sets = {name: {"reachable": kind} for name, kind in reachable.items()}
+    return Results(pd.DataFrame(rows), {"bench": {"sets": sets, "batches": [], "calls": []}})
 
 
-def test_solved_means_the_wrench_and_the_limits():
-    errors, outside = np.array([1e-7, 1e-7, 1e-5, 1e-5, np.nan]), np.array([0.0, 1e-5, 0.0, 0.0, 0.0])
-    scale = np.array([1.0, 1.0, 1.0, 100.0, 1.0])
-    np.testing.assert_array_equal(solved(errors, outside, scale, 1e-6), [True, False, False, True, False])
+def test_a_summary_counts_each_set_once_and_only_the_own_policy():
+    summary = made(
+        row("a", solved_1e6=0.5, sgm_s=1e-5, p999_s=4e-5),
+        row("b", sgm_s=4e-5, p999_s=3e-5, gap_max=2.0),
+        row("c", solved_1e6=0.25, sgm_s=9.0, iterations_max=19),
+        row("c", policy="tension", solved_1e6=0.0),
+        a="all", b="all", c="none",
+    ).summary()  # fmt: skip
+    (line,) = summary.to_dict("records")
+    known = {"label": "newton", "solved_1e6": 0.75, "elsewhere": 0.25, "p999_s": 4e-5, "gap_max": 2.0}
+    assert {name: line[name] for name in known} == known
+    assert line["sgm_s"] == pytest.approx(2e-5)
+    assert line["iterations_max"] == 19
+
+
+def test_summaries_come_fastest_first_and_absent_ones_last():
+    gone = row(solver="qpsolvers:highs", setting="default", note="not installed", tried=0, sgm_s=np.nan)
+    found = made(gone, row(solver="dykstra", sgm_s=1.0), row(solver="newton", sgm_s=1e-6), a="all")
+    assert list(found.summary()["label"]) == ["newton", "dykstra", "qpsolvers:highs, default"]
+    assert [line[0] for line in found.table().rows] == ["newton", "dykstra"]
+    assert found.table().notes[-1] == "qpsolvers:highs, default: not installed"
+
+
+def test_the_report_says_what_how_and_where(bench_results):
+    text = report(bench_results)
+    manifest = bench_results.manifest
+    words = ["Seed 3", "`tensionlab bench --out 'a folder'`", "best of 2", "0.05 s for each set", "## Batches",
+             "m = 12", "| feasible |", "| infeasible |", '`qpsolvers.solve_qp(solver="daqp")`',
+             "**closed-form** †", "daqp, tight", manifest["processor"], manifest["platform"]]  # fmt: skip
+    words += [f"{name} {version}" for name, version in manifest["versions"].items()]
+    words += [f"## {name}\n\n{about['title'].capitalize()[:1]}" for name, about in bench_results.sets.items()]
+    words += [f"figures/{name}.png" for name in FIGURES]
+    assert [word for word in words if word not in text] == []
+    assert "nan" not in text.lower()
+    for block in re.findall(r"(?:^\|.*\n)+", text, flags=re.MULTILINE):
+        assert len({line.count("|") for line in block.splitlines()}) == 1, block
+
+
+def test_the_report_says_who_was_missing_or_refused_and_that_the_machine_was_busy(bench_results):
+    first = bench_results.rows.iloc[:1]
+    missing = first.assign(
+        solver="qpsolvers:highs", setting="default", note="not installed", tried=0, sgm_s=np.nan
+    )
+    picky = first.assign(solver="picky", note="refuses some: n + 2 cables at most", refused=7)
+    rows = pd.concat([bench_results.rows, missing, picky])
+    bench = bench_results.manifest["bench"]
+
+    def text(share):
+        manifest = bench_results.manifest | {"bench": bench | {"processor_share": share}}
+        return report(replace(bench_results, rows=rows, manifest=manifest))
+
+    assert "- qpsolvers:highs, default: not installed\n" in text(1.0)
+    assert f"- picky: refuses some: n + 2 cables at most (7 of {first['tried'].item()} problems)" in text(1.0)
+    assert "the machine was busy" in text(0.5)
+    assert "the machine was busy" not in text(0.97)
 
 
 def test_the_long_table_has_a_row_for_each_problem_and_quantity_of_an_entry(bench_results):
-    table = bench_results.problems()
-    keys = ["problem_set", "solver", "setting", "policy", "problem", "quantity"]
-    assert list(table) == [*keys, "value"]
-    assert not table.duplicated(keys).any()
-    assert set(table["quantity"]) == set(QUANTITIES)
-    table["policy"] = table["policy"].fillna("")
-    errors = table[table["quantity"] == "error"].groupby(keys[:4])["value"].max()
-    for row in bench_results.rows:
-        error = errors[row.problem_set, row.solver, row.setting, row.policy or ""]
-        np.testing.assert_equal(float(error), row.error_max)
+    table = bench_results.to_pandas()
+    assert list(table) == [*ID, "quantity", "value"]
+    assert not table.duplicated([*ID, "quantity"]).any()
+    quantities = set(table["quantity"])
+    assert quantities >= {*QUANTITIES, "path_mm", "tension.00"}
+    largest = table[table["quantity"] == "error"].groupby(KEY)["value"].max()
+    error_max = bench_results.rows.set_index(KEY)["error_max"].dropna()
+    pd.testing.assert_series_equal(largest.sort_index(), error_max.sort_index(), check_names=False)
+
+
+def test_results_survive_the_disk_with_and_without_measurements(tmp_path, bench_results):
+    results.write(tmp_path, bench_results)
+    again, small = results.read(tmp_path), results.read(tmp_path / results.FILE)
+    pd.testing.assert_frame_equal(again.rows, bench_results.rows)
+    pd.testing.assert_frame_equal(again.measurements, bench_results.measurements)
+    pd.testing.assert_frame_equal(small.rows, bench_results.rows)
+    assert again.manifest == small.manifest == bench_results.manifest
+    with pytest.raises(InputError, match="no measurements of single problems"):
+        small.to_pandas()
+
+
+def test_other_files_are_refused_by_name(tmp_path, bench_results):
+    rows, manifest = bench_results.rows.drop(columns="label"), bench_results.manifest
+    wrong = {
+        "other": ([{"solver": "newton"}], manifest),
+        "no-run": (dict(rows.items()), provenance.manifest([])),
+        "words": (dict(rows.assign(sgm_s="fast").items()), manifest),
+        "batches": (dict(rows.items()), manifest | {"bench": manifest["bench"] | {"batches": [{"cables": 8}]}}),
+    }
+    for name, (table, about) in wrong.items():
+        provenance.write_parquet(tmp_path / f"{name}.parquet", table, about)
+    for name in (*wrong, "nothing"):
+        with pytest.raises(DataError, match=name):
+            results.read(tmp_path / f"{name}.parquet")

@@ -31,7 +31,9 @@ def test_it_writes_table_report_figures_and_manifest(run, tmp_path):
                           "--seed", 4, "--quick", "--out", out)  # fmt: skip
     assert (code, err) == (0, "")
     names = ("continuity", "pareto", "profile", "worst")
-    assert {path.name for path in out.iterdir()} == {"results.parquet", "report.md", "manifest.json", "figures"}
+    assert {path.name for path in out.iterdir()} == {
+        "results.parquet", "measurements.parquet", "report.md", "manifest.json", "figures",
+    }  # fmt: skip
     assert sorted(path.name for path in (out / "figures").iterdir()) == sorted(
         f"{name}.{suffix}" for name in names for suffix in ("png", "pdf")
     )
@@ -72,8 +74,8 @@ def test_json_is_for_programs(run, tmp_path):
                         "--out", tmp_path, "--json")  # fmt: skip
     assert code == 0
     found = json.loads(said)
-    assert [line["label"] for line in found["lines"]] == ["newton", "closed-form"]
-    assert found["lines"][0]["solved_1e6"] == 1.0
+    assert [entry["label"] for entry in found["entries"]] == ["newton", "closed-form"]
+    assert found["entries"][0]["solved_1e6"] == 1.0
     assert found["sets"]["edge"]["reachable"] == "all"
     assert not (tmp_path / "figures" / "continuity.png").exists()
     linked = re.findall(r"!\[.*?\]\((.*?)\)", (tmp_path / "report.md").read_text(encoding="utf-8"))

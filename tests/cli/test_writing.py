@@ -59,7 +59,7 @@ RECIPES = {
     ("certify", "--out"): (PROOF, ".npz"),
     ("certify", "--plot"): (PROOF, ".png"),
     ("bench", "--out"): ("bench --set edge --solvers closed-form", ""),
-    ("regressions", "--out"): ("regressions bench.parquet bench.parquet", ".md"),
+    ("regressions", "--out"): ("regressions measured measured", ".md"),
     ("run", "--log"): (f"run {RIG} --seconds 0.3", ".mcap"),
     ("scenario", "--log"): (PLAYED, ".mcap"),
     ("scenario", "--plot"): (PLAYED, ".svg"),
@@ -156,7 +156,8 @@ def prepared(tmp_path_factory, bench_results):
     lengths = {module.name: column for module, column in zip(rig.modules, rig.lengths(places).T, strict=True)}
     (folder / "lengths.csv").write_text(table_text({**dict(zip("xyz", places.T, strict=True)), **lengths}))
     runs.logged(folder / "run.mcap", runs.four(), 20)
-    results.write(folder / "bench.parquet", bench_results.rows, bench_results.manifest)
+    (folder / "measured").mkdir()
+    results.write(folder / "measured", bench_results)
     return folder
 
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmark.results import EVIDENCE
 from tensionlab.errors import InputError
 from tensionlab.plots import plot_continuity, plot_pareto, plot_profile, plot_worst
 from tensionlab.plots.benchmark import EXACT_N, _compared, pareto_front
@@ -48,22 +48,26 @@ def test_what_is_shown_is_named(contents, draw, words):
 
 @each
 def test_the_same_results_make_the_same_figure_and_who_answered_nothing_is_left_out(contents, bench_results, draw):
-    nothing = {"call_s": [], "errors": [], "violations": [], "gaps": [], "path_mm": []}
-    nothing |= {"sgm_s": np.nan, "median_s": np.nan}
-    absent = [replace(row, solver="absent", **nothing) for row in bench_results.rows if row.label == "newton"]
-    assert absent
-    assert content_of(draw(replace(bench_results, rows=(*bench_results.rows, *absent)))) == contents(draw)
+    nothing = dict.fromkeys(["call_s", "error", "violation", "gap", "path_mm", "sgm_s", "median_s"], np.nan)
+
+    def with_absent(table):
+        newton = table[table["label"] == "newton"]
+        absent = newton.assign(solver="absent", **{name: nan for name, nan in nothing.items() if name in table})
+        return pd.concat([table, absent])
+
+    rows, measurements = with_absent(bench_results.rows), with_absent(bench_results.measurements)
+    assert content_of(draw(replace(bench_results, rows=rows, measurements=measurements))) == contents(draw)
 
 
-def test_the_pareto_plot_needs_no_evidence(contents, bench_results):
-    plain = tuple(replace(row, **{name: [] for name in EVIDENCE}) for row in bench_results.rows)
-    assert content_of(plot_pareto(replace(bench_results, rows=plain))) == contents(plot_pareto)
+def test_the_pareto_plot_needs_no_measurements_of_problems(contents, bench_results):
+    assert content_of(plot_pareto(replace(bench_results, measurements=None))) == contents(plot_pareto)
 
 
 def test_without_a_trajectory_there_is_no_picture_of_one(bench_results):
-    rows = tuple(bench_results.of_set("point"))
-    with pytest.raises(InputError, match="no trajectory"):
-        plot_continuity(replace(bench_results, rows=rows))
+    table = bench_results.measurements
+    for without in (table[table["problem_set"] == "point"], table.dropna(axis=1)):
+        with pytest.raises(InputError, match="no trajectory"):
+            plot_continuity(replace(bench_results, measurements=without))
 
 
 def test_the_front_is_who_nobody_surpasses_and_the_exact_are_equal():
@@ -72,9 +76,10 @@ def test_the_front_is_who_nobody_surpasses_and_the_exact_are_equal():
 
 
 def test_ones_own_solver_is_picked_out(bench_results):
-    own = [replace(row, solver="mine:Mine", median_s=2 * row.median_s) for row in bench_results.rows if
-           row.label == "newton"]  # fmt: skip
-    words = words_in(content_of(plot_pareto(replace(bench_results, rows=(*bench_results.rows, *own)))))
+    rows = bench_results.rows
+    newton = rows[rows["label"] == "newton"]
+    own = newton.assign(solver="mine:Mine", median_s=2 * newton["median_s"])
+    words = words_in(content_of(plot_pareto(replace(bench_results, rows=pd.concat([rows, own])))))
     assert "your own" in words
     assert "mine:Mine" in words
     assert "your own" not in words_in(content_of(plot_pareto(bench_results)))

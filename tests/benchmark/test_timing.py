@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tensionlab.benchmark.statistics import (
+from tensionlab.benchmark.timing import (
     maximum,
     profile,
     quantile,

@@ -1,13 +1,59 @@
-"""Statistics of many times and answers."""
+"""Timing of calls in turns, and statistics of many times."""
 
 from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.support.arrays import Floats
 
+Caller = TypeVar("Caller")
+Measured = TypeVar("Measured")
+
 SHIFT_S = 1e-6  # shift of the geometric mean, in s: a call of 0.1 µs counts hardly less than one of 0.2 µs
+
+
+def seconds(call: Callable[..., Any], *arguments: Any) -> float:
+    """Return the wall time of a call."""
+    began = time.perf_counter()
+    call(*arguments)
+    return time.perf_counter() - began
+
+
+@contextmanager
+def without_collector() -> Iterator[None]:
+    """Keep Python's garbage collector from running, and from searching what exists already."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+        gc.unfreeze()
+
+
+def take_turns(
+    turns: Iterable[tuple[Sequence[int], Mapping[Caller, Callable[[int], Measured]]]], rng: np.random.Generator
+) -> Iterator[tuple[Caller, int, Measured]]:
+    """Yield each caller, row and measurement of each turn: some rows, and the callers that measure a call for one.
+
+    In each turn the rows and the callers are shuffled, so that all callers share the machine's slow moments. The
+    first call of a caller in a turn is repeated and its first measurement dropped: it fills the caches.
+    """
+    for rows, callers in turns:
+        order, names = rng.permutation(np.asarray(rows)).tolist(), list(callers)
+        for place in rng.permutation(len(names)):
+            measure = callers[names[place]]
+            measure(order[0])
+            for row in order:
+                yield names[place], row, measure(row)
 
 
 def shifted_geometric_mean(seconds: Floats, shift: float = SHIFT_S) -> float:
