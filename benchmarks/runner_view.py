@@ -28,7 +28,7 @@ from tensionlab.hardware.runner.records import Statistics
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.model.files import load_rig
-from tensionlab.viewer.page_process import open_page
+from tensionlab.viewer.live import open_page
 from tools.site.browser import installed
 
 OPTIONS = (

@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.view_browser import Shown, shown
 from tensionlab.model.files import load_rig
 from tensionlab.support.arrays import Floats
-from tensionlab.viewer import volume
+from tensionlab.viewer import workspace
 from tensionlab.viewer.evaluation import evaluate
 from tensionlab.viewer.scene import draw
 from tensionlab.viewer.state import begin
@@ -152,15 +152,15 @@ def released(page: Shown, times: int) -> None:
 def server(name: str) -> None:
     """Time the parts of the server's work in this process, alone."""
     state = begin(load_rig(name))
-    box = volume.bounds(state.rig)
-    found, coarse = evaluate(state), volume.sweep(state, box, volume.COARSE, lambda: True)
+    box = workspace.bounds(state.rig)
+    found, coarse = evaluate(state), workspace.sweep(state, box, workspace.COARSE, lambda: True)
     assert coarse is not None
     parts: dict[str, tuple[int, Callable[[], object]]] = {
         "server: tensions, margin, available forces": (60, lambda: evaluate(state)),
         "server: arrays of the scene": (60, lambda: draw(state, found)),
-        "server: workspace of 30^3": (15, lambda: volume.sweep(state, box, volume.COARSE, lambda: True)),
-        "server: its surface": (15, lambda: volume.surface(coarse, 0.0)),
-        "server: workspace of 80^3": (3, lambda: volume.sweep(state, box, volume.FINE, lambda: True)),
+        "server: workspace of 30^3": (15, lambda: workspace.sweep(state, box, workspace.COARSE, lambda: True)),
+        "server: its surface": (15, lambda: workspace.surface(coarse, 0.0)),
+        "server: workspace of 80^3": (3, lambda: workspace.sweep(state, box, workspace.FINE, lambda: True)),
     }
     for what, (times, call) in parts.items():
         taken = []

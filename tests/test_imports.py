@@ -64,7 +64,7 @@ DOORS = {
     "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py", "viewer/gate.py"},
     "viser": {"viewer/gate.py"},
     "msgspec": {"viewer/gate.py"},
-    "skimage": {"viewer/volume.py"},
+    "skimage": {"support/surfaces.py"},
     "jinja2": {"viewer/html.py"},
     "pythonosc": {"haptics/bridge/osc.py"},
     "mcap": {"hardware/log/mcap_file.py"},

@@ -127,8 +127,7 @@ def view(
     events. Ctrl-C ends it.
     """
     from tensionlab.scenarios.scenery import read_scenery
-    from tensionlab.viewer.recorded import require_drawable
-    from tensionlab.viewer.replay import ReplayPage
+    from tensionlab.viewer.replay import ReplayPage, require_drawable
     from tensionlab.viewer.server import PageServer
 
     run = _read(path)

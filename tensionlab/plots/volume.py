@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import permutations, product
+from itertools import product
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -13,6 +13,7 @@ from tensionlab.plots.style import add_legend, new_figure, one_panel, panel_lege
 from tensionlab.plots.workspace import SLICE_LEGEND, Field, draw_shares, read_field, require_one, share_above
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREY, ORANGE
+from tensionlab.support.surfaces import level_surface
 
 ON_FRONT: dict[str, Any] = {"color": BLUE, "marker": "o", "linewidth": 1.4, "drawstyle": "steps-post"}
 # Looks of layouts that others beat, or do not.
@@ -26,44 +27,6 @@ if TYPE_CHECKING:
     from tensionlab.workspace.layout.results import LayoutSearch
     from tensionlab.workspace.layout.space import Space
     from tensionlab.workspace.poses import Grid
-
-
-def level_surface(values: Floats, axes: tuple[Floats, Floats, Floats], level: float) -> Floats:
-    """Return triangles (k, 3, 3), in m, around all that is above the level.
-
-    Each cell of the grid is cut into six tetrahedra, and each of those by a plane where its corners lie on
-    different sides of the level. The grid is taken to be below the level outside its borders, so that the
-    surface is closed.
-
-    Source: Doi and Koide, "An efficient method of triangulating equi-valued surfaces by using tetrahedral
-    cells", 1991. NaN counts as below the level; the coordinates along the axes are in m.
-    """
-    low = level - 1e-3 * (np.nanmax(values, initial=level) - level) - 1e-12
-    padded = np.pad(np.where(np.isfinite(values), values, low), 1, constant_values=low) - level
-    # Just outside the border, so that the surface closes there.
-    coordinates = [np.concatenate([axis[:1], axis, axis[-1:]]) for axis in axes]
-    steps = np.array([[(np.arange(3) < k)[list(order)] for k in range(4)] for order in permutations(range(3))])
-    cells = np.stack(np.meshgrid(*(np.arange(n - 1) for n in padded.shape), indexing="ij"), axis=-1).reshape(-1, 3)
-    tetrahedra = (cells[:, None, None, :] + steps.astype(int)).reshape(-1, 4, 3)
-    above = padded[tuple(np.moveaxis(tetrahedra, -1, 0))]
-    inside = (above > 0).sum(axis=1)
-    found = []
-    for count, ring in (
-        (1, [(0, 1), (0, 2), (0, 3)]),
-        (2, [(0, 2), (0, 3), (1, 3), (1, 2)]),
-        (3, [(0, 3), (1, 3), (2, 3)]),
-    ):
-        chosen = inside == count
-        order = np.argsort(-above[chosen], axis=1)
-        height = np.take_along_axis(above[chosen], order, axis=1)
-        index = np.take_along_axis(tetrahedra[chosen], order[..., None], axis=1)
-        points = np.stack([axis[index[..., i]] for i, axis in enumerate(coordinates)], axis=-1)
-        share = {(i, j): height[:, i] / (height[:, i] - height[:, j]) for i, j in ring}
-        corners = [points[:, i] + share[i, j][:, None] * (points[:, j] - points[:, i]) for i, j in ring]
-        found.append(np.stack(corners[:3], axis=1))
-        if count == 2:
-            found.append(np.stack([corners[0], corners[2], corners[3]], axis=1))
-    return np.concatenate(found)
 
 
 @overload
@@ -144,8 +107,8 @@ def draw_volume(axes: Any, field: Field, number: int, level: float) -> None:
         axis.set_major_locator(MaxNLocator(nbins=max(1, round(4 * share))))
     if field.yes_or_no and level == 0.0:
         level = 0.5  # half way: the border is somewhere between a pose that is in and one that is out
-    triangles = level_surface(field.values[number], tuple(field.axes.values()), level)  # type: ignore[arg-type]
-    if len(triangles):
+    if surface := level_surface(field.values[number], tuple(field.axes.values()), level):
+        triangles = surface[0][surface[1]]
         colours = _shaded(triangles, "xyz".index(field.up))
         axes.add_collection3d(Poly3DCollection(triangles, facecolors=colours, alpha=0.55))
     for anchor, end in zip(anchors, field.ends[number], strict=True):

@@ -12,9 +12,8 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE
 from tensionlab.viewer.drawing import RigDrawing, add_lines, as_rgb, set_lines, set_mesh
 from tensionlab.viewer.scene import ARROWS, DesignScene
-from tensionlab.viewer.snapping import outlines
-from tensionlab.viewer.state import HAND, DesignState
-from tensionlab.viewer.volume import Mesh
+from tensionlab.viewer.state import HAND, DesignState, outlines
+from tensionlab.viewer.workspace import Mesh
 
 if TYPE_CHECKING:
     import viser

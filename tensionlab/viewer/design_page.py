@@ -18,20 +18,18 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.named import is_path
 from tensionlab.viewer import state as edits
-from tensionlab.viewer import volume
 from tensionlab.viewer.design_drawing import TIP, DesignDrawing, Grab, rotation_of
+from tensionlab.viewer.design_files import SUFFIX, save
 from tensionlab.viewer.design_panel import DesignPanel
 from tensionlab.viewer.evaluation import evaluate
-from tensionlab.viewer.history import UNDONE, History
-from tensionlab.viewer.saving import RIG_SUFFIX, save
 from tensionlab.viewer.scene import draw, force_scale
 from tensionlab.viewer.server import PageServer
-from tensionlab.viewer.solver_study import compare
-from tensionlab.viewer.state import HAND, DesignState, Edit
-from tensionlab.viewer.workers import Latest, WorkspaceWorker
+from tensionlab.viewer.solver_comparison import compare
+from tensionlab.viewer.state import HAND, UNDOABLE, DesignState, Edit, History
+from tensionlab.viewer.workspace import Latest, Volume, WorkspaceWorker, surface
 
 # Attributes of a state that the comparison of solvers depends on.
-COMPARED_BY = (*UNDONE, "solver", "policy", "compared", "study", "selected")
+COMPARED_BY = (*UNDOABLE, "solver", "policy", "compared", "study", "selected")
 NOTICE_S = 8.0  # duration of a notice that something was done
 HEIGHT_PIXELS = 640  # height of the page in a notebook
 
@@ -79,7 +77,7 @@ class DesignPage:
         self._drawing = DesignDrawing(server.viser, self.state, self._grab, self._select)
         self._workspace = WorkspaceWorker(self._volume_found)
         self._solvers: Latest[DesignState] = Latest("solvers", self._compare)
-        file = source if is_path(source, RIG_SUFFIX) else f"{rig.name}{RIG_SUFFIX}"
+        file = source if is_path(source, SUFFIX) else f"{rig.name}{SUFFIX}"
         self._panel = DesignPanel(server.viser, self, rig, file, self._folder)
         self._thread = threading.Thread(target=self._work, name="view", daemon=True)
         self._show()
@@ -183,7 +181,7 @@ class DesignPage:
         with self.server.viser.atomic():
             self._drawing.show(draw(state, found), state)
             self._panel.show(state, found, problem)
-            if state.display == "off" and self._shown_volume:
+            if not state.show_workspace and self._shown_volume:
                 self._shown_volume = ()
                 self._drawing.show_workspace(None, None)
         self.server.viser.flush()
@@ -205,16 +203,16 @@ class DesignPage:
             self._panel.solvers.show(state, *found)
         self.server.viser.flush()
 
-    def _volume_found(self, evaluated: DesignState, found: volume.Volume, ghost: volume.Volume | None) -> None:
+    def _volume_found(self, found: Volume, ghost: Volume | None) -> None:
         """Show the workspace that another thread has evaluated, as the present state has it shown."""
         state = self.state
         shown = (found, ghost, state.level)
-        if state.display == "off" or shown == self._shown_volume:
+        if not state.show_workspace or shown == self._shown_volume:
             return
         self._shown_volume = shown
-        other = None if ghost is None else volume.surface(ghost, state.level)
+        other = None if ghost is None else surface(ghost, state.level)
         with self.server.viser.atomic():
-            self._drawing.show_workspace(volume.surface(found, state.level), other)
+            self._drawing.show_workspace(surface(found, state.level), other)
             self._panel.show_volume(state, found, ghost)
         self.server.viser.flush()
 

@@ -14,20 +14,24 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.module import Module
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import select_solvers
-from tensionlab.solvers.base import POLICIES
+from tensionlab.solvers.base import POLICIES, Status
 from tensionlab.support.arrays import Floats
-from tensionlab.support.files.named import is_path, list_names
-from tensionlab.viewer import design_words
+from tensionlab.support.colours import GREEN, RED
+from tensionlab.support.files.named import list_names
+from tensionlab.support.table import STATUS_MARKS
 from tensionlab.viewer import state as edits
+from tensionlab.viewer.design_files import snap_to_space
 from tensionlab.viewer.evaluation import StateEvaluation
-from tensionlab.viewer.html import render
-from tensionlab.viewer.saving import place_below
-from tensionlab.viewer.solver_panel import SolverPanel
-from tensionlab.viewer.state import DesignState, Edit
-from tensionlab.viewer.volume import COARSE, Volume
-from tensionlab.workspace.layout.task import LayoutTask, load_task
-from tensionlab.workspace.metrics import METRICS
+from tensionlab.viewer.html import norm, number, render, vector
+from tensionlab.viewer.scene import force_scale, tension_colours
+from tensionlab.viewer.server import entered, lay_out, pressed
+from tensionlab.viewer.solver_comparison import SolverPanel
+from tensionlab.viewer.state import DesignState, Edit, selected_module
+from tensionlab.viewer.workspace import COARSE, Volume
+from tensionlab.workspace.layout.task import LayoutTask
+from tensionlab.workspace.metrics import METRICS, find_metric
 from tensionlab.workspace.orientations import roll_pitch_yaw, roll_pitch_yaw_of
+from tensionlab.workspace.volume import describe_step
 
 if TYPE_CHECKING:
     import viser
@@ -35,9 +39,14 @@ if TYPE_CHECKING:
 NONE, AS_LOADED = "none", "as loaded"
 OWN_POLICY = "the solver's own"
 STEP_M, STEP_N, STEP_DEG = 0.01, 0.1, 1.0
-PANEL_PIXELS = 410.0
 LEVEL_STEPS = 50
-SPACE_SUFFIX = ".toml"
+POLICY_WORDS = {
+    "force": "the nearest wrench is rendered",
+    "tension": "the tensions nearest to equilibrium are taken",
+    "direction": "the longest wrench in the desired direction is rendered",
+}  # meaning of each policy where the desired wrench is infeasible
+AT_LIMIT_N = 1e-6
+Change = Callable[[DesignState, Any], DesignState]  # change of a state by what is entered in a field
 
 
 class PanelActions(Protocol):
@@ -56,16 +65,13 @@ class DesignPanel:
         """``file`` is where the rig is saved by default; spaces are read below ``folder``."""
         self._page, self._gui, self._rig, self._folder = page, server.gui, rig, folder
         self._shown: list[tuple[Any, Callable[[DesignState], Any]]] = []
-        self._dark = False
-        gui = self._gui
-        self._set_theme()
-        gui.main_panel.dock_right()
-        gui.main_panel.set_width(PANEL_PIXELS)
+        gui: Any = self._gui
+        lay_out(gui)
         self._status, self._problem, self._tensions = (gui.add_html("") for _ in range(3))
         both = gui.add_button_group("", ("Undo", "Redo"))
         pressed(both, lambda: page.undo() if both.value == "Undo" else page.redo())
-        triggered(gui.add_command("Undo", hotkey="Z", modifier="cmd/ctrl"), page.undo)
-        triggered(gui.add_command("Redo", hotkey="Y", modifier="cmd/ctrl"), page.redo)
+        for name, key, act in (("Undo", "Z", page.undo), ("Redo", "Y", page.redo)):
+            triggered(gui.add_command(name, hotkey=key, modifier="cmd/ctrl"), act)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Hand"):
             self._add_hand()
@@ -78,19 +84,9 @@ class DesignPanel:
         with tabs.add_tab("File"):
             self._add_file(file)
 
-    def _set_theme(self) -> None:
-        self._gui.configure_theme(
-            control_width="large", show_logo=False, show_share_button=False, dark_mode=self._dark
-        )
-
     # Each field has a function that reads its value from a state, None for nothing, and one that changes a state.
 
-    def _bind(
-        self,
-        field: Any,
-        read: Callable[[DesignState], Any],
-        change: Callable[[DesignState, Any], DesignState],
-    ) -> Any:
+    def _bind(self, field: Any, read: Callable[[DesignState], Any], change: Change) -> Any:
         """Show a part of the state in a field, and make what is entered there an edit; undo takes all back."""
         self._shown.append((field, read))
 
@@ -109,14 +105,14 @@ class DesignPanel:
     def _bind_module(
         self,
         field: Any,
-        read: Callable[[Module], Any],
+        read: Callable[[DesignState, Module], Any],
         change: Callable[[DesignState, str, Any], DesignState],
     ) -> Any:
         """Show a part of the selected module in a field."""
         return self._bind(
             field,
-            lambda state: read(edits.find(state, state.selected)) if has_module(state) else None,
-            lambda state, value: change(state, state.selected, value) if has_module(state) else state,
+            lambda state: read(state, module) if (module := selected_module(state)) else None,
+            lambda state, value: change(state, state.selected, value) if selected_module(state) else state,
         )
 
     def _vector(self, label: str, size: int, step: float) -> Any:
@@ -128,9 +124,8 @@ class DesignPanel:
 
     def _add_hand(self) -> None:
         gui, d, n = self._gui, self._rig.dimension, self._rig.n
-        self._position = self._bind(
-            self._vector("position m", d, STEP_M), lambda state: state.position, edits.move_hand
-        )
+        position = self._vector("position m", d, STEP_M)
+        self._position = self._bind(position, lambda state: state.position, edits.move_hand)
         if n > d:
             self._bind(self._vector("turned °", n - d, STEP_DEG), angles_deg, turn_by_degrees)
         self._bind(self._vector("force N", d, STEP_N), lambda s: s.wrench[:d], lambda s, v: set_part(s, v, 0))
@@ -143,13 +138,12 @@ class DesignPanel:
             lambda state: state.policy or OWN_POLICY,
             lambda state, name: replace(state, policy=None if name == OWN_POLICY else name),
         )
-        self._bind_attribute(gui.add_checkbox("available forces", True), "show_available")
 
     def _add_modules(self) -> None:
         gui, names = self._gui, tuple(module.name for module in self._rig.modules)
         self._selected = self._bind(
             gui.add_dropdown("module", (NONE, *names)),
-            lambda state: state.selected if has_module(state) else NONE,
+            lambda state: state.selected if selected_module(state) else NONE,
             lambda state, name: replace(state, selected="" if name == NONE else name),
         )
         with gui.add_folder(None) as self._own:
@@ -157,38 +151,33 @@ class DesignPanel:
         pressed(gui.add_button("Add a module"), lambda: self._page.edit(edits.add_module))
         self._grid = self._bind_attribute(gui.add_number("snap to grid m", 0.0, min=0.0, step=STEP_M), "grid_m")
         space: Any = gui.add_text("snap to space", "", hint="Name of a space, or its file: walls for modules")
-        self._space = entered(space, lambda: self._page.edit(with_space(space.value, self._folder)))
+        self._space = entered(space, lambda: self._page.edit(snap_to_space(space.value, self._folder)))
         self._walls = gui.add_html("")
         ghost: Any = gui.add_dropdown("compare with", (NONE, AS_LOADED, *list_names("rigs")))
-        entered(ghost, lambda: self._page.edit(self._with_ghost(ghost.value)))
+        entered(ghost, lambda: self._page.edit(self._compare_with(ghost.value)))
 
     def _add_selected_module(self) -> None:
-        gui, d = self._gui, self._rig.dimension
-        self._bind_module(gui.add_text("name", ""), lambda module: module.name, edits.rename)
-        self._bind(
+        gui, d, bind = self._gui, self._rig.dimension, self._bind_module
+        bind(gui.add_text("name", ""), lambda _, module: module.name, edits.rename)
+        bind(
             self._vector("anchor m", d, STEP_M),
-            anchor_in_world,
-            lambda s, at: edits.move_anchor(s, s.selected, at) if has_module(s) else s,
+            lambda state, module: state.anchors[state.names.index(module.name)],
+            edits.move_anchor,
         )
         if self._rig.n > d:
             attachment = self._vector("attachment m", d, STEP_M)
-            self._bind_module(attachment, lambda module: np.asarray(module.attachment), edits.move_attachment)
-        lower, upper = (gui.add_number(f"{end} limit N", 0.0, min=0.0, step=STEP_N) for end in ("lower", "upper"))
-        self._bind_module(
-            lower, lambda module: module.lower, lambda s, name, low: edits.relimit(s, name, low, upper.value)
-        )
-        self._bind_module(
-            upper, lambda module: module.upper, lambda s, name, high: edits.relimit(s, name, lower.value, high)
-        )
-        self._bind_module(gui.add_text("body frame", ""), lambda module: module.frame, edits.set_frame)
-        self._body = self._vector("body at m", d, STEP_M)
-        self._bind(self._body, body_position, move_body)
+            bind(attachment, lambda _, module: np.asarray(module.attachment), edits.move_attachment)
+        low, high = (gui.add_number(f"{end} limit N", 0.0, min=0.0, step=STEP_N) for end in ("lower", "upper"))
+        bind(low, lambda _, module: module.lower, lambda s, name, v: edits.set_limits(s, name, v, high.value))
+        bind(high, lambda _, module: module.upper, lambda s, name, v: edits.set_limits(s, name, low.value, v))
+        bind(gui.add_text("body frame", ""), lambda _, module: module.frame, edits.set_frame)
+        self._body = bind(self._vector("body at m", d, STEP_M), body_position, edits.move_body)
         remove = gui.add_button("Remove this module", color="gray")
-        pressed(remove, lambda: self._page.edit(remove_selected))
+        pressed(remove, lambda: self._page.edit(lambda state: edits.remove_module(state, state.selected)))
 
     def _add_workspace(self) -> None:
         gui = self._gui
-        self._display = self._bind_attribute(gui.add_dropdown("show", ("off", "surface")), "display")
+        self._bind_attribute(gui.add_checkbox("show", False), "show_workspace")
         names = [name for name in METRICS if name != "body-distance"]  # needs bodies
         self._bind_attribute(gui.add_dropdown("metric", names), "metric")
         level: Any = gui.add_slider("level", 0.0, 1.0, 0.01, 0.0)
@@ -202,31 +191,28 @@ class DesignPanel:
         pressed(home, lambda: page.edit(edits.set_home))
         self._file: Any = gui.add_text("file", file)
         pressed(gui.add_button("Save"), lambda: page.save(self._file.value))
-        self._bind_attribute(gui.add_checkbox("dark", False), "dark")
 
-    def _with_ghost(self, name: str) -> Edit:
+    def _compare_with(self, name: str) -> Edit:
         rig = None if name == NONE else self._rig if name == AS_LOADED else load_rig(name)
         return edits.set_fields(ghost=rig)
 
     def show(self, state: DesignState, found: StateEvaluation, problem: str) -> None:
         """Bring all fields up to date; a field whose entry was refused keeps it, to be corrected."""
-        self._status.content = design_words.status(state, found)
+        self._status.content = status_html(state, found)
         self._problem.content = render("design.problem", problem)
-        self._tensions.content = design_words.tensions(state, found)
+        self._tensions.content = tensions_html(state, found)
         if problem:
             return
-        names = (NONE, *(module.name for module in state.rig.modules))
+        names = (NONE, *state.names)
         if self._selected.options != names:
             self._selected.options = names
-        self._own.visible = has_module(state)
-        self._body.visible = body_position(state) is not None
+        module = selected_module(state)
+        self._own.visible = module is not None
+        self._body.visible = module is not None and module.frame in state.rig.frames
         for field, read in self._shown:
             if (value := read(state)) is not None:
                 field.value = shown_value(value)
-        self._walls.content = design_words.space(state.task)
-        if state.dark is not self._dark:
-            self._dark = state.dark
-            self._set_theme()
+        self._walls.content = walls_html(state.task)
 
     def show_volume(self, state: DesignState, volume: Volume, ghost: Volume | None) -> None:
         """Say what share of the box the workspace has, and let the level range over the values."""
@@ -238,27 +224,12 @@ class DesignPanel:
             self._level.max = round(math.ceil(high / step) * step, decimals)
             self._level.step = step
         self._level.value = float(state.level)
-        self._share.content = design_words.share(state, volume, ghost)
+        self._share.content = share_html(state, volume, ghost)
 
 
 def solver_names(rig: Rig) -> list[str]:
     """Return the names of the solvers that serve rigs of this size."""
     return list(dict.fromkeys(entry.name for entry in select_solvers(size=(rig.n, rig.m))[0]))
-
-
-def has_module(state: DesignState) -> bool:
-    """Return whether a module is selected."""
-    return state.selected in [module.name for module in state.rig.modules]
-
-
-def anchor_in_world(state: DesignState) -> Floats | None:
-    """Return the anchor of the selected module, (d,), in m; None without one."""
-    return state.anchors[state.rig.modules.index(edits.find(state, state.selected))] if has_module(state) else None
-
-
-def remove_selected(state: DesignState) -> DesignState:
-    """Remove the selected module, if there is one."""
-    return edits.remove_module(state, state.selected) if has_module(state) else state
 
 
 def angles_deg(state: DesignState) -> Floats | None:
@@ -281,30 +252,10 @@ def set_part(state: DesignState, part: Any, start: int) -> DesignState:
     return edits.set_wrench(state, wrench)
 
 
-def body_position(state: DesignState) -> Floats | None:
-    """Return where the body of the selected module is at rest, (d,), in m; None without one."""
-    frame = edits.find(state, state.selected).frame if has_module(state) else ""
+def body_position(state: DesignState, module: Module) -> Floats | None:
+    """Return where the body of a module is at rest, (d,), in m; None for a module in the world."""
+    frame = module.frame
     return np.asarray(state.rig.at_rest[frame].position) if frame in state.rig.frames else None
-
-
-def move_body(state: DesignState, place: Any) -> DesignState:
-    """Move the body of the selected module, if it is on one."""
-    if body_position(state) is None:
-        return state
-    return edits.move_frame(state, edits.find(state, state.selected).frame, place)
-
-
-def load_space(word: str, folder: Path) -> LayoutTask:
-    """Return the task of a space: one by its name, or of a file below a folder."""
-    name = word.strip()
-    return load_task(place_below(folder, name) if is_path(name, SPACE_SUFFIX) else name)
-
-
-def with_space(word: str, folder: Path) -> Edit:
-    """Return the edit that has anchors snap to a space's surfaces; to none until its name or file is complete."""
-    name = word.strip()
-    complete = name in list_names("spaces") or name.endswith(SPACE_SUFFIX)
-    return lambda state: replace(state, task=load_space(name, folder) if complete else None)
 
 
 def shown_value(value: Any) -> Any:
@@ -315,26 +266,6 @@ def shown_value(value: Any) -> Any:
     return tuple(rounded.tolist()) if len(rounded) > 1 else float(rounded[0])
 
 
-def entered(field: Any, act: Callable[[], None]) -> Any:
-    """Call a function when something is entered in a browser, but not when the page shows it there."""
-
-    async def changed(event: Any) -> None:
-        if event.client is not None:
-            act()
-
-    field.on_update(changed)
-    return field
-
-
-def pressed(button: Any, act: Callable[[], None]) -> None:
-    """Call a function when a button is pressed in a browser."""
-
-    async def pressed(event: Any) -> None:
-        act()
-
-    button.on_click(pressed)
-
-
 def triggered(command: Any, act: Callable[[], None]) -> None:
     """Call a function when a keyboard shortcut is pressed in a browser."""
 
@@ -342,3 +273,72 @@ def triggered(command: Any, act: Callable[[], None]) -> None:
         act()
 
     command.on_trigger(triggered)
+
+
+def status_html(state: DesignState, found: StateEvaluation) -> str:
+    """Return the status, the forces and the margin."""
+    if found.allocation is None:
+        return render("design.status", RED, "no answer", found.problem, [], 0.0)
+    word, colour, meaning = "EXACT", GREEN, "the desired force is rendered"
+    code = Status(int(found.allocation.status))
+    if code is Status.NEAREST:
+        word, colour = "NEAREST", RED
+        meaning = "certified infeasible: " + POLICY_WORDS.get(str(found.policy), "another wrench is rendered")
+        if found.policy == "direction" and np.isfinite(found.allocation.scale):
+            meaning += f", {100 * float(found.allocation.scale):.3g} % of it"
+    elif code is not Status.EXACT:
+        word, colour, meaning = code.name, RED, STATUS_MARKS[code].word
+    return render("design.status", colour, word, meaning, _lines(state, found), 1.0 / force_scale(state.rig))
+
+
+def _lines(state: DesignState, found: StateEvaluation) -> list[tuple[str, str, str]]:
+    """Return name, value and remark of each line about the wrench and the margin."""
+    assert found.allocation is not None
+    assert found.rendered is not None
+    d, has_torque = state.rig.dimension, state.rig.n > state.rig.dimension
+    lines = []
+    for name, part, unit in (("force", slice(0, d), "N"), ("torque", slice(d, None), "N·m"))[: 1 + has_torque]:
+        for which, wrench in (("desired", state.wrench), ("rendered", found.rendered)):
+            lines.append((f"{which} {name}", f"{norm(wrench[part])} {unit}", vector(wrench[part])))
+    remark = "N and N·m together" if has_torque else ""
+    lines.append(("error", f"{number(float(found.allocation.residual))} N", remark))
+    if found.certificate is not None:
+        proof = f"along {vector(found.certificate.direction)}; desired {number(found.certificate.desired)} N"
+        lines.append(("at most", f"{number(found.certificate.reach)} N", proof))
+    lines.append(("capacity margin", f"{found.margin:.3g} N", "at the hand"))
+    return lines
+
+
+def tensions_html(state: DesignState, found: StateEvaluation) -> str:
+    """Return each module's tension as a bar between zero and the largest limit."""
+    if found.allocation is None:
+        return ""
+    most, colours = float(state.rig.limits.upper.max()) or 1.0, tension_colours(state.rig, found)
+    lines = []
+    for module, tension, colour in zip(state.rig.modules, found.allocation.tensions, colours, strict=True):
+        limit = "lower limit" if tension <= module.lower + AT_LIMIT_N else ""
+        limit = "upper limit" if tension >= module.upper - AT_LIMIT_N else limit
+        lines.append((module, float(tension), colour, limit))
+    return render("design.tensions", lines, most)
+
+
+def share_html(state: DesignState, volume: Volume, ghost: Volume | None = None) -> str:
+    """Return the share of the box in which the metric is above the level."""
+    metric = find_metric(state.metric)
+    return render(
+        "design.share",
+        metric.title,
+        "" if metric.unit == "1" else f" {metric.unit}",
+        metric.description,
+        volume,
+        state.level,
+        describe_step(volume.axes),
+        ghost,
+    )
+
+
+def walls_html(task: LayoutTask | None) -> str:
+    """Return the walls of a space."""
+    if task is None:
+        return render("common.note", "With a space, anchors that are dragged stay on its walls.")
+    return render("common.note", f"{task.name}: {', '.join(surface.name for surface in task.space.surfaces)}")

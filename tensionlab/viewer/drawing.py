@@ -12,7 +12,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, RED, Colours, rgb
 from tensionlab.viewer.scene import Arrow, Lines, RigScene, size
-from tensionlab.viewer.volume import Mesh, bounds
+from tensionlab.viewer.workspace import Mesh, bounds
 
 if TYPE_CHECKING:
     import viser

@@ -70,7 +70,7 @@ class StateEvaluation:
     margin : float
         Capacity margin at the hand about what the rig requires, in N; NaN where a cable has no length.
     available : ForceSet or None
-        Forces that are available at the desired torque; None if not shown, or there are none.
+        Forces that are available at the desired torque; None if there are none.
     rendered : (n,) array or None
         Wrench that is rendered in addition to what the rig requires, in N and N·m; None without an allocation.
     certificate : Certificate or None
@@ -97,7 +97,7 @@ def evaluate(state: DesignState) -> StateEvaluation:
         margin = float(required_margin(rig, structure, rig.required, state.rotation))
     except TensionlabError as error:
         return StateEvaluation(None, None, float("nan"), problem=str(error))
-    available = force_set(structure, state, required) if state.show_available else None
+    available = force_set(structure, state, required)
     try:
         allocator = Allocator(rig.limits, state.solver, policy=state.policy)
         allocation = allocator(structure, state.wrench + required)

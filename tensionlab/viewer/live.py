@@ -1,34 +1,92 @@
 """The page of a run in progress, which another process has: what that process reports, and a stop button.
 
-``python -m tensionlab.viewer.live`` serves it for ``--view`` of a run (`tensionlab.viewer.page_process`): the
-run's process gives port and token of its publisher on stdin, and gets the page's address on stdout. Whatever
-happens to this process or to a browser, the run does not notice.
+``python -m tensionlab.viewer.live`` serves it for ``--view`` of a run: the run's process writes port and token of
+its publisher to stdin, and reads the address of the page from stdout. Whatever happens to this process or to a
+browser, the run does not notice.
 """
 
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 
-from tensionlab.errors import LogError, TensionlabError
+from tensionlab.errors import HardwareError, LogError, TensionlabError
+from tensionlab.hardware.client.emergency_stop import RELEASE_TIMEOUT_S, emergency_stop
+from tensionlab.hardware.client.shared_telemetry import publisher
 from tensionlab.hardware.runner.records import DEMAND_STOPPED, DURATION_REACHED
 from tensionlab.hardware.sharing import RunInfo, RunSnapshot, RunWatcher
 from tensionlab.scenarios.scenery import read_scenery
-from tensionlab.support.operating_system import lower_priority
-from tensionlab.viewer import run_words
+from tensionlab.support.formatting import format_count
+from tensionlab.support.operating_system import OWN_GROUP, kill_command, lower_priority, send_estop
 from tensionlab.viewer.html import render
-from tensionlab.viewer.run_page import RunDrawing, RunPage
+from tensionlab.viewer.run_page import RunDrawing, RunPage, events_html
 from tensionlab.viewer.run_scene import Instant
 from tensionlab.viewer.server import PageServer
-from tensionlab.viewer.stop import StopOutcome, stop_modules
 
 TEXT_PERIOD_S = 0.2  # period of texts, faster than they can be read; the scene follows each report
 SILENT_S = 3.0  # silence of the page's server after which browsers say so themselves
 # Time without a browser after which the page of a run that is over ends; one may be about to reload.
 LINGER_S = 10.0
+POLL_PERIOD_S = 0.02
+IN_PROCESS = "sim:"  # URL of a module that is simulated in the process of the run
+OVER = ("ended", "gone")  # conditions of a run whose simulated modules pull no more
+_started: list[subprocess.Popen[str]] = []  # which outlive the run
+
+
+@dataclass(frozen=True)
+class StopOutcome:
+    """Outcome of a stop: whether all modules have confirmed it, and a line on each that has not, or on all."""
+
+    confirmed: bool
+    lines: tuple[str, ...]
+
+
+def stop_modules(watcher: RunWatcher) -> StopOutcome:
+    """Stop the modules of a run by an emergency stop, and wait for what comes of it.
+
+    Modules that are simulated in the process of the run have no link of their own: that process is signalled
+    to stop them, and reports that it did to the watcher, which must be polled meanwhile.
+    """
+    info = watcher.info
+    if info is None:
+        return StopOutcome(False, ("which modules there are is not known yet",))
+    links = {name: url for name, url in info.links.items() if url != IN_PROCESS}
+    try:
+        outcomes = emergency_stop(links) if links else {}
+    except HardwareError as error:
+        return StopOutcome(False, (str(error),))
+    wrong = [f"{name}: {each.error}" for name, each in outcomes.items() if each.error]
+    if len(links) < len(info.links) and (problem := _stop_process(watcher, info.pid)):
+        wrong.append(problem)
+    if wrong:
+        others = sum(not each.error for each in outcomes.values())
+        return StopOutcome(False, (*wrong, f"confirmed by {format_count(others, 'module')}"))
+    return StopOutcome(True, (f"confirmed by {format_count(len(info.links), 'module')}",))
+
+
+def _stop_process(watcher: RunWatcher, pid: int) -> str:
+    """Tell a process to stop its simulated modules; return why that is not confirmed, empty if it is."""
+    if watcher.condition not in OVER:
+        try:
+            send_estop(pid)
+        except PermissionError as error:
+            return f"process {pid} cannot be signalled: {error.strerror}"
+    end = time.perf_counter() + RELEASE_TIMEOUT_S
+    while watcher.condition not in OVER:
+        if time.perf_counter() > end:
+            return (
+                f"process {pid} was signalled and has not reported that its modules stopped; "
+                f"end it ({kill_command(pid)}), and its simulated modules with it"
+            )
+        time.sleep(POLL_PERIOD_S)
+    unconfirmed = {} if watcher.report is None else watcher.report.unconfirmed
+    return "; ".join(f"{name}: {why}" for name, why in unconfirmed.items())
 
 
 class LivePage(RunPage):
@@ -112,7 +170,7 @@ class LivePage(RunPage):
         self._heading.content = render("run.renewed_heading", heading, self._beat, SILENT_S)
         if info is None or report is None:
             return
-        self._events.content = run_words.events(report)
+        self._events.content = events_html(report)
         if report.cycle is None:
             return
         instant = Instant.of(info.rig, report.cycle)
@@ -150,6 +208,34 @@ def live_heading(condition: str, age: float, info: RunInfo | None, report: RunSn
 def renewed(html: str, beat: int, *, fresh: bool) -> str:
     """Return HTML that browsers show faintly if it is not fresh, or not renewed for `SILENT_S`."""
     return render("run.renewed", html, beat, fresh, SILENT_S)
+
+
+def open_page() -> str:
+    """Start a process with the page of what this process will run, which opens a browser; return the address.
+
+    It ends by itself when the run has ended and no browser shows it any more.
+
+    Raises
+    ------
+    HardwareError
+        If the page cannot be served.
+    """
+    published = publisher()
+    if published is None:
+        raise HardwareError("there is no free UDP port at 127.0.0.1, over which the view would follow the run")
+    command = [sys.executable, "-P", "-m", "tensionlab.viewer.live"]  # -P: nothing of the working directory
+    page = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, **OWN_GROUP)
+    _started.append(page)
+    assert page.stdin is not None
+    assert page.stdout is not None
+    with suppress(OSError), page.stdin:  # if it has ended already, its answer says so
+        page.stdin.write(json.dumps({"port": published.port, "token": published.token}) + "\n")
+    with page.stdout:
+        line = page.stdout.readline()
+    answer = json.loads(line) if line else {"error": "its process has ended at once"}
+    if "error" in answer:
+        raise HardwareError(f"the view cannot be opened: {answer['error']}")
+    return str(answer["url"])
 
 
 def main() -> None:

@@ -4,26 +4,31 @@ from __future__ import annotations
 
 import math
 import time
-from collections import deque
-from collections.abc import Callable
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tensionlab.errors import LogError
 from tensionlab.hardware.log.reader import Run
+from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit
+from tensionlab.hardware.runner.cycle_table import COLUMNS
+from tensionlab.hardware.runner.records import Statistics
+from tensionlab.hardware.sharing import RunInfo, RunSnapshot
 from tensionlab.scenarios.scenery import Scenery
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
-from tensionlab.support.colours import FORCE_COLOURS, GREEN, GREY, ORANGE
+from tensionlab.support.colours import BLUE, FORCE_COLOURS, GREEN, GREY, ORANGE, PURPLE, RED
+from tensionlab.support.formatting import format_number
 from tensionlab.support.table import STATUS_MARKS
-from tensionlab.viewer import run_words
-from tensionlab.viewer.design_panel import entered, pressed
 from tensionlab.viewer.html import render
-from tensionlab.viewer.recorded import info_of, instant_at, report_at
-from tensionlab.viewer.run_marks import KINDS, marks
 from tensionlab.viewer.run_page import RunDrawing, RunPage
-from tensionlab.viewer.server import PageServer
+from tensionlab.viewer.run_scene import Instant
+from tensionlab.viewer.server import PageServer, entered, pressed
 
 SPEEDS = {f"{speed:g} x": speed for speed in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)}
 TEXT_PERIOD_S = 0.1  # period of texts while the run is played; the scene follows more often
@@ -32,6 +37,11 @@ TIMELINE_PIXELS, TIMELINE_SHARE = 660.0, 0.22
 STEP_S = 0.001  # step of the slider
 SAME_S = 1e-6  # largest difference of times that count as the same
 BINS = 400  # points of a curve in the timeline: about as many as it has pixels
+SHOWN_TIMES = 1000  # number of latest cycles over which times of the loop are shown
+# Kinds of marks, and their colours; "run" marks its end, and lost or derated modules.
+KINDS = {"phase": GREY, "run": BLUE, "status": ORANGE, "fault": RED, "limiter": PURPLE, "brake": GREEN}
+GAP_S = 0.25  # longest interruption within one spell of an event
+LISTED_MARKS = 14  # number of events around the time that is shown
 MIN_ERROR_N = 0.01  # largest difference between the desired and the demanded wrench that is not mentioned
 
 
@@ -166,7 +176,7 @@ class ReplayPage(RunPage):
         ticks = [((mark.time - playback.begin) / span, KINDS[mark.kind]) for mark in self._marks]
         now = (playback.time - playback.begin) / span
         self._timeline.content = render("run.timeline", *self._curves, ticks, now)
-        self._events.content = run_words.marks_around(self._marks, playback.time)
+        self._events.content = marks_html(self._marks, playback.time)
         self._slider.value = round(playback.time, 3)
         self.show_texts(self._info, report, instant, fresh=True)
 
@@ -211,3 +221,140 @@ def _path(time: Floats, share: Floats) -> str:
             words.append(f"{'L' if drawing else 'M'}{(index + 0.5) / BINS:.4f} {1.0 - 0.96 * largest[index]:.3f}")
         drawing = bool(largest[index] >= 0.0)
     return "".join(words)
+
+
+def require_drawable(run: Run, path: str | PathLike[str]) -> None:
+    """Refuse a run of which nothing can be drawn: LogError, naming the file."""
+    if not len(run):
+        raise LogError(f"{path}: the run ended before its first cycle; there is nothing to show")
+    if (np.diff(run.time) < 0.0).any():
+        raise LogError(f"{path}: its cycles are not in the order of time; the log is damaged")
+    placed = np.isfinite(run.position).all(axis=1) & np.isfinite(run.anchors).all(axis=(1, 2))
+    if not placed.all():
+        raise LogError(
+            f"{path}: in cycle {run.cycle[~placed][0]} it is not known where the hand and all anchors are; "
+            "there is nothing to draw"
+        )
+
+
+def info_of(run: Run) -> RunInfo:
+    """Return what did not change while the run lasted."""
+    setup = run.setup
+    call = str(run.manifest.get("call", ""))
+    return RunInfo(0, 0, call, run.rig, setup.solver, setup.rate, setup.ttl, setup.links, setup.scenery)
+
+
+def cycle_of(run: Run, index: int) -> dict[str, NDArray[Any]]:
+    """Return the cycle of an index, by the names of `CycleTable`."""
+    return {name: getattr(run, name)[index] for name in COLUMNS}
+
+
+def report_at(run: Run, index: int) -> RunSnapshot:
+    """Return the report of a run in progress after a cycle, by its index; NaN and 0 for what logs do not have."""
+    m, done = run.rig.m, index + 1
+    events = tuple(event for event in run.events if event.cycle <= run.cycle[index])
+    deadlines = np.round((run.time[[0, index]] - run.start_delay[[0, index]]) * run.setup.rate)
+    counts = np.bincount(run.status[:done], minlength=len(Status))
+    fallback = int(run.fallback_used[:done].sum())
+    statuses = Counter({status: int(counts[status]) for status in Status})
+    return RunSnapshot(
+        number=0,
+        over=False,
+        cycle=cycle_of(run, index),
+        bad_frames=np.zeros(m, np.int64),
+        currents=np.full(m, np.nan),
+        supplies=np.full(m, np.nan),
+        start_delays=run.start_delay[max(done - SHOWN_TIMES, 0) : done],
+        compute_times=run.compute_time[max(done - SHOWN_TIMES, 0) : done],
+        cycles=done,
+        missed=int(deadlines[1] - deadlines[0]) + 1 - done,
+        fallback_used=fallback,
+        answers=Statistics(statuses=statuses, fallback_used=fallback).answers,
+        lost={event.module: event.text for event in events if event.kind == "lost"},
+        unconfirmed={},
+        ended="",
+        emergency=False,
+        events=events,
+    )
+
+
+def instant_at(run: Run, index: int) -> Instant:
+    """Return the instant of the cycle of an index."""
+    return Instant.of(run.rig, cycle_of(run, index))
+
+
+@dataclass(frozen=True)
+class RunMark:
+    """Event at a time in s since the run began, of one of `KINDS`, in words."""
+
+    time: float
+    kind: str
+    text: str
+
+
+def marks(run: Run) -> tuple[RunMark, ...]:
+    """Return the events of a run in order of time; a lasting one at its begin, with its duration."""
+    found = [
+        *_noted(run),
+        *(mark for kind, text, flags in _flags(run) for mark in _spell_marks(run, kind, text, flags)),
+    ]
+    return tuple(sorted(found, key=lambda mark: mark.time))
+
+
+def _noted(run: Run) -> Iterator[RunMark]:
+    for event in run.events:
+        who = f"{event.module}: " if event.module else ""
+        if event.kind in ("phase", "brake"):
+            yield RunMark(event.time, event.kind, f"{who}{event.text}")
+        else:
+            yield RunMark(event.time, "run", f"{event.kind}: {who}{event.text}")
+
+
+def _flags(run: Run) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
+    """Yield kind, text and cycles (K,) of each event that the columns of a run show."""
+    for status in Status:
+        if status is not Status.EXACT:
+            yield "status", status.name, run.status == status
+    yield "status", "unproven: newton's answer was sent", run.fallback_used
+    for index, module in enumerate(run.rig.modules):
+        for fault in Fault:
+            yield "fault", f"{module.name}: {fault.name}", (run.faults[:, index] & fault) != 0
+        for limit in Limit:
+            if limit is not Limit.NONE:
+                yield "limiter", f"{module.name}: {limit.name}", run.limiters[:, index] == limit
+        yield "brake", f"{module.name}: brake commanded on", run.commanded_brakes[:, index]
+        yield "brake", f"{module.name}: brake closed", run.brake_states[:, index] == BrakeState.CLOSED
+
+
+def _spell_marks(run: Run, kind: str, text: str, flags: NDArray[np.bool_]) -> Iterator[RunMark]:
+    for first, last in spells(run.time, flags):
+        to_end = last == len(run) - 1
+        duration = (
+            "to the end" if to_end else f"for {format_number(float(run.time[last + 1] - run.time[first]))} s"
+        )
+        yield RunMark(float(run.time[first]), kind, f"{text}, {duration}")
+
+
+def spells(time: NDArray[np.float64], flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the first and the last index of each spell of flags (K,), over gaps shorter than `GAP_S`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.viewer.replay import spells
+    >>> spells(np.arange(6.0), np.array([False, True, True, False, False, True]))
+    [(1, 2), (5, 5)]
+    """
+    at = np.flatnonzero(flags)
+    if not len(at):
+        return []
+    breaks = np.flatnonzero((np.diff(at) > 1) & (time[at[1:]] - time[at[:-1] + 1] >= GAP_S))
+    firsts, lasts = at[np.append(0, breaks + 1)], at[np.append(breaks, len(at) - 1)]
+    return list(zip(firsts.tolist(), lasts.tolist(), strict=True))
+
+
+def marks_html(marks: Sequence[RunMark], time: float) -> str:
+    """Return the events of a log around a time, the latest before it marked."""
+    latest = sum(mark.time <= time + SAME_S for mark in marks) - 1
+    first = max(min(latest - LISTED_MARKS // 2, len(marks) - LISTED_MARKS), 0)
+    return render("run.events", marks[first : first + LISTED_MARKS], KINDS, latest - first)

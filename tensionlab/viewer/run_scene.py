@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,12 @@ from numpy.typing import NDArray
 from tensionlab.model.kinematics import in_space
 from tensionlab.model.pulleys import ARC_POINTS, ways
 from tensionlab.model.rig import Rig
+from tensionlab.scenarios.scenery import Scenery, ScenerySurface
+from tensionlab.scenarios.stick_figure import HEAD_M, StickFigure, stick_figure
 from tensionlab.support.arrays import Floats
-from tensionlab.support.colours import FORCE_COLOURS, GREY, RED, Colours, ramp, rgb
+from tensionlab.support.colours import FORCE_COLOURS, GREEN, GREY, RED, Colours, ramp, rgb
 from tensionlab.support.formatting import format_number
+from tensionlab.viewer.drawing import NO_LINE, as_rgb
 from tensionlab.viewer.scene import (
     Arrow,
     Lines,
@@ -153,3 +156,129 @@ def _arrows(rig: Rig, instant: Instant, hand: Floats) -> dict[str, Arrow]:
         name: Arrow(hand + steps[name] * across, hand + steps[name] * across + scale * force)
         for name, force in known.items()
     }
+
+
+SURFACE_COLOUR, PERSON_COLOUR = "#56B4E9", "#B8B8B8"
+ACTIVE_OPACITY, IDLE_OPACITY = 0.4, 0.08
+PLATE_M, THICKNESS_M = 0.5, 0.004  # sides and thickness of the plate that shows a plane, or the end of a reach
+LIMB_M = 0.03  # thickness of limbs
+
+
+class Solid(NamedTuple):
+    """Ball of a radius, or box with edges (3,), in m, at a centre (3,), turned by a quaternion (w, x, y, z)."""
+
+    centre: Floats
+    turn: Floats
+    radius: float = 0.0
+    edges: Floats | None = None
+
+
+def solid(surface: ScenerySurface, origin: Floats, middle: Floats) -> Solid:
+    """Return how a surface is drawn, given the origin of its frame and the middle of the script, (3,), in m.
+
+    A plane is a plate near the middle, and the end of a reach a plate on the side of the middle.
+    """
+    from scipy.spatial.transform import Rotation
+
+    point = origin + in_space(np.array(surface.point))
+    upright = np.array([1.0, 0.0, 0.0, 0.0])
+    if surface.kind == "ball":
+        return Solid(point, upright, radius=surface.size[0])
+    if surface.kind == "box":
+        return Solid(point, upright, edges=in_space(np.array(surface.size)))
+    if surface.kind == "plane":
+        normal = in_space(np.array(surface.normal))
+        normal = normal / np.linalg.norm(normal)
+        centre = middle - ((middle - point) @ normal) * normal
+    else:
+        towards = middle - point
+        distance = float(np.linalg.norm(towards))
+        normal = towards / distance if distance > 0.0 else np.array([1.0, 0.0, 0.0])
+        centre = point + surface.size[0] * normal
+    turn = Rotation.align_vectors([normal], [[0.0, 0.0, 1.0]])[0].as_quat(scalar_first=True)
+    return Solid(centre, turn, edges=np.array([PLATE_M, PLATE_M, THICKNESS_M]))
+
+
+def body_origins(rig: Rig, anchors: Floats) -> dict[str, Floats]:
+    """Return the origins of the body frames, (d,) in m, by anchors in the world (m, d), if none has turned."""
+    pairs = zip(rig.modules, anchors, strict=True)
+    return {module.frame: anchor - module.anchor for module, anchor in pairs if module.frame in rig.frames}
+
+
+def named_places(scenery: Scenery, rig: Rig, instant: Instant) -> dict[str, Floats]:
+    """Return where the held point and the bodies are, (3,), in m, by their names in the scenario."""
+    labels, bodies = scenery.labels or {}, body_origins(rig, instant.anchors)
+    places = {scenery.held_name(rig) or "hand": in_space(instant.hand)}
+    return places | {labels.get(name, name): in_space(place) for name, place in bodies.items()}
+
+
+def person(scenery: Scenery, rig: Rig, places: dict[str, Floats]) -> StickFigure | None:
+    """Return the person, with its parts where they are known to be; None if the scenario draws none."""
+    if scenery.stands is None:
+        return None
+    up = in_space(rig.upward) if rig.up is not None else np.array([0.0, 1.0, 0.0])
+    return stick_figure(in_space(np.array(scenery.stands)), up, list(places.items()))
+
+
+def solids(scenery: Scenery, rig: Rig, instant: Instant) -> list[Solid]:
+    """Return the surfaces of all phases, in their order."""
+    frame = scenery.seen_from
+    origin = in_space(np.zeros(rig.dimension) if frame is None else body_origins(rig, instant.anchors)[frame])
+    middle = in_space(np.array(scenery.middle))
+    return [solid(surface, origin, middle) for phase in scenery.phases for surface in phase.surfaces]
+
+
+def points_to_see(scenery: Scenery, rig: Rig, instant: Instant) -> Floats:
+    """Return points (k, 3) in m around a rig that a picture of its run should hold."""
+    figure = person(scenery, rig, named_places(scenery, rig, instant))
+    joints = [] if figure is None else [*figure.lines, figure.head[None]]
+    return np.concatenate(
+        [np.empty((0, 3)), *joints, *(each.centre[None] for each in solids(scenery, rig, instant))]
+    )
+
+
+class SceneryDrawing:
+    """Nodes of what is around the rig of a run; `show` brings them up to date."""
+
+    def __init__(self, scene: Any, scenery: Scenery, rig: Rig, instant: Instant) -> None:
+        self._scenery, self._rig = scenery, rig
+        self._surfaces = [_add_solid(scene, i, each) for i, each in enumerate(solids(scenery, rig, instant))]
+        self._person = scene.add_line_segments(
+            "/person", NO_LINE, as_rgb(PERSON_COLOUR), thickness=LIMB_M, thickness_units="world", visible=False
+        )
+        self._head = scene.add_icosphere("/head", HEAD_M, color=as_rgb(PERSON_COLOUR), visible=False)
+        count = len(named_places(scenery, rig, instant))
+        self._labels = [scene.add_label(f"/names/{i}", "", anchor="top-left") for i in range(count)]
+
+    def show(self, instant: Instant, *, fresh: bool) -> None:
+        """Bring all nodes up to date; where the instant is not fresh, no phase is in progress."""
+        active = self._scenery.active_phases(instant.time) if fresh else ()
+        places = named_places(self._scenery, self._rig, instant)
+        drawn = iter(zip(self._surfaces, solids(self._scenery, self._rig, instant), strict=True))
+        for phase in self._scenery.phases:
+            for surface, (node, placed) in zip(phase.surfaces, drawn, strict=False):
+                node.position, node.wxyz = placed.centre, placed.turn
+                colour = GREEN if surface.brakes else SURFACE_COLOUR
+                node.color = as_rgb(colour if phase in active else GREY)
+                node.opacity = ACTIVE_OPACITY if phase in active else IDLE_OPACITY
+        self._show_person(person(self._scenery, self._rig, places))
+        for node, (name, place) in zip(self._labels, places.items(), strict=True):
+            node.text, node.position = name, place
+
+    def _show_person(self, figure: StickFigure | None) -> None:
+        self._person.visible = self._head.visible = figure is not None
+        if figure is not None:
+            self._person.points = np.concatenate(
+                [np.stack([line[:-1], line[1:]], axis=1) for line in figure.lines]
+            )
+            self._head.position = figure.head
+
+
+def _add_solid(scene: Any, index: int, placed: Solid) -> Any:
+    look: dict[str, Any] = {
+        "color": as_rgb(GREY), "opacity": IDLE_OPACITY, "position": placed.centre, "wxyz": placed.turn,
+        "side": "double", "cast_shadow": False, "receive_shadow": False,
+    }  # fmt: skip
+    if placed.edges is None:
+        return scene.add_icosphere(f"/scenery/{index}", placed.radius, **look)
+    return scene.add_box(f"/scenery/{index}", dimensions=tuple(placed.edges), **look)

@@ -19,9 +19,8 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREY, ORANGE, PURPLE, Colours, ramp, rgb
 from tensionlab.support.formatting import format_number
 from tensionlab.viewer.evaluation import StateEvaluation
-from tensionlab.viewer.snapping import outlines
-from tensionlab.viewer.state import DesignState, of_ghost
-from tensionlab.viewer.volume import Mesh, bounds
+from tensionlab.viewer.state import DesignState, ghost_state, outlines
+from tensionlab.viewer.workspace import Mesh, bounds
 
 FORCE_SHARE = 0.25  # length of the arrow of the strongest tension, about, as a share of the size of the rig
 TIP_SHARE = 0.045  # least distance from the hand at which a force is grabbed, as a share of the size of the rig
@@ -183,10 +182,8 @@ def platform_lines(hand: Floats, ends: Floats) -> Lines:
 
 def _ghost(state: DesignState) -> Lines:
     """Return the cables of the other rig, from its anchors to the same hand."""
-    other = state.ghost
-    if other is None or other.dimension != state.rig.dimension:
-        return NO_LINES
-    return cable_lines(_cable_points(of_ghost(state, other)), np.tile(rgb(GREY), (other.m, 1)))
+    other = ghost_state(state)
+    return NO_LINES if other is None else cable_lines(_cable_points(other), np.tile(rgb(GREY), (other.rig.m, 1)))
 
 
 def _walls(state: DesignState) -> Lines:

@@ -10,12 +10,15 @@ import socket
 import tempfile
 import threading
 import webbrowser
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from tensionlab.errors import InputError
 from tensionlab.support.access import LOOPBACK
 from tensionlab.viewer.gate import Gate, start
 
+PANEL_PIXELS = 410.0
 _starting = threading.Lock()
 
 
@@ -73,6 +76,33 @@ class PageServer:
         self._forget_opened()
         with contextlib.redirect_stdout(io.StringIO()):  # viser says so
             self.viser.stop()
+
+
+def lay_out(gui: Any) -> None:
+    """Put the panel next to the picture, so that neither hides the other."""
+    gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+    gui.main_panel.dock_right()
+    gui.main_panel.set_width(PANEL_PIXELS)
+
+
+def entered(field: Any, act: Callable[[], None]) -> Any:
+    """Call a function when something is entered in a browser, but not when the page shows it there."""
+
+    async def changed(event: Any) -> None:
+        if event.client is not None:
+            act()
+
+    field.on_update(changed)
+    return field
+
+
+def pressed(button: Any, act: Callable[[], None]) -> None:
+    """Call a function when a button is pressed in a browser."""
+
+    async def pressed(event: Any) -> None:
+        act()
+
+    button.on_click(pressed)
 
 
 def _require_free(host: str, port: int) -> None:

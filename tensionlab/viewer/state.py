@@ -1,9 +1,10 @@
-"""The state of the design page, and its edits: pure functions from state to state."""
+"""The state of the design page and its edits: pure functions from state to state, and their undo."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -16,14 +17,13 @@ from tensionlab.model.pose import RestPose
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Policy
 from tensionlab.support.arrays import Floats, readonly_copy
-from tensionlab.viewer.snapping import nearest_on_surfaces
+from tensionlab.workspace.layout.space import Space
 from tensionlab.workspace.layout.task import LayoutTask
 
 HAND = "hand"  # name of the hand, or the platform, among the names of modules
-
 DECIMALS = 4  # decimals of coordinates in m and forces in N that are dragged
-
-Display = Literal["surface", "off"]
+UNDOABLE = ("rig", "position", "rotation", "wrench")  # attributes of a state that undo restores
+MAX_STEPS = 500
 Study = Literal["force in a circle", "force in all directions", "hand in a circle"]
 STUDIES: tuple[Study, ...] = get_args(Study)  # problems at which solvers are compared
 
@@ -35,11 +35,10 @@ class DesignState:
     Attributes
     ----------
     rig : Rig
-        As it is designed.
     position : (d,) array
-        Of the hand, or of the platform's reference point, in m.
+        Hand, or the platform's reference point, in m.
     rotation : (3, 3) array, number or None
-        Of the platform: a matrix in space, an angle in rad in the plane; None for a point.
+        Platform: a matrix in space, an angle in rad in the plane; None for a point.
     wrench : (n,) array
         Desired wrench, in N and N·m, in addition to what the rig requires.
     solver, policy : str, and a policy or None
@@ -47,25 +46,18 @@ class DesignState:
     compared : tuple of str
         Solvers that are compared with that one.
     study : str
-        Problems of their comparison, in addition to the desired wrench; one of `STUDIES`.
-    metric : str
-        Of the workspace, by its name in `tensionlab.workspace.METRICS`.
-    level : float
-        Of the metric, above which the workspace is drawn.
-    display : "surface" or "off"
-        How the workspace is drawn.
-    show_available : bool
-        Whether the forces that are available at the hand are drawn.
+        Problems of their comparison, one of `STUDIES`.
+    metric, level : str and float
+        The workspace is drawn where this metric of `tensionlab.workspace.METRICS` is above the level.
+    show_workspace : bool
     selected : str
-        Name of a module, `HAND`, or nothing: what the handle with arrows is at.
+        Module, `HAND` or nothing: where the handle with arrows is.
     grid_m : float
-        Step of the grid to which what is dragged snaps, in m; 0 for none.
+        Step of the grid to which dragged points snap, in m; 0 for none.
     task : LayoutTask or None
-        Of a space file: to its surfaces anchors snap, and for its target layouts are searched for.
+        Space to whose surfaces anchors snap.
     ghost : Rig or None
         Other rig that is drawn for comparison.
-    dark : bool
-        Whether the page is dark.
     """
 
     rig: Rig
@@ -78,13 +70,16 @@ class DesignState:
     study: Study = STUDIES[0]
     metric: str = "capacity-margin"
     level: float = 0.0
-    display: Display = "off"
-    show_available: bool = True
+    show_workspace: bool = False
     selected: str = ""
     grid_m: float = 0.0
     task: LayoutTask | None = None
     ghost: Rig | None = None
-    dark: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the modules."""
+        return tuple(module.name for module in self.rig.modules)
 
     @property
     def anchors(self) -> Floats:
@@ -101,7 +96,7 @@ class DesignState:
 
     @property
     def exerted(self) -> Floats:
-        """Wrench that the cables are to exert, (n,): the desired one, and what the rig requires."""
+        """Wrench that the cables exert, (n,): the desired one, and what the rig requires."""
         return self.wrench + self.rig.required.middle(self.rig, self.rotation)
 
 
@@ -128,39 +123,36 @@ def _upright(rig: Rig) -> Floats | None:
     return readonly_copy(np.zeros(())) if rig.dimension == 2 else readonly_copy(np.eye(3))
 
 
-def find(state: DesignState, name: str) -> Module:
-    """Return a module by its name.
+def selected_module(state: DesignState) -> Module | None:
+    """Return the selected module; None if something else, or nothing, is selected."""
+    return find(state, state.selected) if state.selected in state.names else None
 
-    Raises
-    ------
-    RigError
-        If there is none of that name.
-    """
+
+def find(state: DesignState, name: str) -> Module:
+    """Return a module by its name; RigError if there is none."""
     for module in state.rig.modules:
         if module.name == name:
             return module
-    names = ", ".join(module.name for module in state.rig.modules)
-    raise RigError(f'rig "{state.rig.name}" has no module "{name}"; it has {names}')
+    raise RigError(f'rig "{state.rig.name}" has no module "{name}"; it has {", ".join(state.names)}')
 
 
 def _replaced(state: DesignState, old: Module, **changes: Any) -> DesignState:
     """Return the state with some keys of a module changed."""
     new = replace(old, **changes)
-    modules = tuple(new if each is old else each for each in state.rig.modules)
-    return replace(state, rig=with_modules(state.rig, modules))
+    return _with_modules(state, tuple(new if each is old else each for each in state.rig.modules))
 
 
-def with_modules(rig: Rig, modules: tuple[Module, ...]) -> Rig:
-    """Return the rig with other modules, without the rest poses of frames that carry none of them."""
+def _with_modules(state: DesignState, modules: tuple[Module, ...]) -> DesignState:
+    """Return the state with other modules, without the rest poses of frames that carry none of them."""
     carried = {module.frame for module in modules}
-    return replace(rig, modules=modules, rest=tuple(each for each in rig.rest if each.name in carried))
+    rest = tuple(each for each in state.rig.rest if each.name in carried)
+    return replace(state, rig=replace(state.rig, modules=modules, rest=rest))
 
 
-def in_frame(rig: Rig, frame: str, place: ArrayLike) -> Floats:
-    """Return a place in the world, (d,), in the axes of a frame, which is where it is at rest."""
-    point = np.asarray(place, np.float64)
+def _in_frame(rig: Rig, frame: str, point: Floats) -> Floats:
+    """Return a place in the world, (d,), in the axes of a frame at rest."""
     at_rest = rig.at_rest.get(frame)
-    if at_rest is None:  # the world, or a frame that no module is on yet: at the origin
+    if at_rest is None:  # the world, or a frame without modules yet: at the origin
         return point
     offset: Floats = point - np.asarray(at_rest.position)
     if at_rest.rotation is None:
@@ -176,12 +168,37 @@ def snap(state: DesignState, place: ArrayLike) -> Floats:
     return np.asarray(np.round(point / state.grid_m) * state.grid_m + 0.0)
 
 
+def nearest_on_surfaces(space: Space, place: Floats) -> Floats:
+    """Return the point of the surfaces nearest to a place, (d,), in m; the place if none is in the world."""
+    found = [place]
+    for corner, edges in _surfaces(space):
+        # Of a rectangle or a box this is the nearest point, of a skew surface one that is near.
+        share = np.clip(np.linalg.lstsq(edges.T, place - corner, rcond=None)[0], 0.0, 1.0)
+        found.append(corner + share @ edges)
+    return min(found[1:] or found, key=lambda point: float(np.linalg.norm(point - place)))
+
+
+def outlines(space: Space) -> Floats:
+    """Return the edges of all surfaces as line segments (k, 2, d), in m."""
+    found: list[Floats] = []
+    for corner, edges in _surfaces(space):
+        corners = corner + np.array(list(product((0.0, 1.0), repeat=len(edges)))) @ edges
+        pairs = product(range(len(corners)), (1 << bit for bit in range(len(edges))))
+        found += [corners[[i, i | step]] for i, step in pairs if not i & step]
+    return np.stack(found) if found else np.empty((0, 2, space.dimension))
+
+
+def _surfaces(space: Space) -> list[tuple[Floats, Floats]]:
+    """Return corner (d,) and edges (k, d) of the surfaces in the world."""
+    return [(surface.corner, surface.edges) for surface in space.surfaces if surface.frame == WORLD]
+
+
 def move_anchor(state: DesignState, name: str, place: ArrayLike) -> DesignState:
     """Put an anchor at a place in the world, (d,), in m, or at the nearest point of the grid and the surfaces."""
     module, point = find(state, name), snap(state, place)
     if state.task is not None and state.task.space.dimension == state.rig.dimension:
         point = np.round(nearest_on_surfaces(state.task.space, point), DECIMALS) + 0.0
-    anchor = in_frame(state.rig, module.frame, point)
+    anchor = _in_frame(state.rig, module.frame, point)
     return state if np.array_equal(anchor, module.anchor) else _replaced(state, module, anchor=anchor)
 
 
@@ -190,7 +207,7 @@ def move_attachment(state: DesignState, name: str, place: ArrayLike) -> DesignSt
     return _replaced(state, find(state, name), attachment=np.asarray(place, np.float64))
 
 
-def relimit(state: DesignState, name: str, lower: float, upper: float) -> DesignState:
+def set_limits(state: DesignState, name: str, lower: float, upper: float) -> DesignState:
     """Give a module other tension limits, in N."""
     return _replaced(state, find(state, name), lower=float(lower), upper=float(upper))
 
@@ -203,23 +220,24 @@ def rename(state: DesignState, name: str, new: str) -> DesignState:
 
 def set_frame(state: DesignState, name: str, frame: str) -> DesignState:
     """Put a module on a body frame, or in the world, where it is; a new frame is at the origin of the world."""
-    module = find(state, name)
-    place = state.anchors[state.rig.modules.index(module)]
-    return _replaced(state, module, frame=frame or WORLD, anchor=in_frame(state.rig, frame or WORLD, place))
+    module, place = find(state, name), state.anchors[state.names.index(name)]
+    return _replaced(state, module, frame=frame or WORLD, anchor=_in_frame(state.rig, frame or WORLD, place))
 
 
-def move_frame(state: DesignState, name: str, position: ArrayLike) -> DesignState:
-    """Put a body frame, with its modules, elsewhere: its origin, (d,), in m."""
-    rest = {each.name: each for each in state.rig.rest}
-    turn = rest[name].rotation if name in rest else None
-    rest[name] = RestPose(name, np.asarray(position, np.float64), turn)
+def move_body(state: DesignState, name: str, position: ArrayLike) -> DesignState:
+    """Move the body of a module, with all modules on it, to a place, (d,), in m; a module in the world stays."""
+    frame, rest = find(state, name).frame, {each.name: each for each in state.rig.rest}
+    if frame not in state.rig.frames:
+        return state
+    rotation = rest[frame].rotation if frame in rest else None
+    rest[frame] = RestPose(frame, np.asarray(position, np.float64), rotation)
     return replace(state, rig=replace(state.rig, rest=tuple(rest.values())))
 
 
 def add_module(state: DesignState) -> DesignState:
     """Add a module above the hand, as far from it as the nearest one, with the limits of the first; select it."""
-    rig, taken = state.rig, {module.name for module in state.rig.modules}
-    number = next(i for i in range(1, rig.m + 2) if f"module {i}" not in taken)
+    rig = state.rig
+    number = next(i for i in range(1, rig.m + 2) if f"module {i}" not in state.names)
     away = float(np.linalg.norm(state.anchors - state.position, axis=1).min()) or 1.0
     up = rig.upward if rig.up is not None else np.eye(rig.dimension)[1]
     new = replace(
@@ -233,12 +251,12 @@ def add_module(state: DesignState) -> DesignState:
 
 
 def remove_module(state: DesignState, name: str) -> DesignState:
-    """Remove a module. RigError for the last one."""
-    gone = find(state, name)
+    """Remove a module; RigError for the last one."""
+    removed = find(state, name)
     if state.rig.m == 1:
         raise RigError(f'"{name}" is the only module of the rig; add another before it is removed')
-    rig = with_modules(state.rig, tuple(each for each in state.rig.modules if each is not gone))
-    return replace(state, rig=rig, selected="" if state.selected == name else state.selected)
+    others = tuple(each for each in state.rig.modules if each is not removed)
+    return replace(_with_modules(state, others), selected="" if state.selected == name else state.selected)
 
 
 def name_rig(state: DesignState, name: str) -> DesignState:
@@ -268,14 +286,67 @@ def set_wrench(state: DesignState, wrench: ArrayLike) -> DesignState:
     return replace(state, wrench=readonly_copy(np.asarray(wrench, np.float64)))
 
 
-def of_ghost(state: DesignState, ghost: Rig) -> DesignState:
-    """Return the state with another rig of as many dimensions, at the same place and turned alike if it can be."""
-    turns = ghost.n > ghost.dimension
-    rotation = state.rotation if turns and state.rotation is not None else _upright(ghost)
+def ghost_state(state: DesignState) -> DesignState | None:
+    """Return the state of the other rig, at the same place and turned alike if it can be; None without one."""
+    ghost = state.ghost
+    if ghost is None or ghost.dimension != state.rig.dimension:
+        return None
+    same = ghost.n > ghost.dimension and state.rotation is not None
     wrench = state.wrench if ghost.n == state.rig.n else readonly_copy(np.zeros(ghost.n))
-    return replace(state, rig=ghost, rotation=rotation, wrench=wrench)
+    return replace(state, rig=ghost, rotation=state.rotation if same else _upright(ghost), wrench=wrench)
 
 
 def set_fields(**changes: Any) -> Edit:
     """Return the edit that sets attributes of the state, such as ``solver`` or ``level``."""
     return lambda state: replace(state, **changes)
+
+
+class History:
+    """The present state, and those that undo and redo return to.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab.viewer import state
+    >>> past = state.History(state.begin(tl.load_rig("bartels2026-validation")))
+    >>> past.record(state.move_hand(past.present, [0.0, 0.5, 0.0]))
+    >>> past.undo()
+    >>> past.present.position
+    array([0. , 0.3, 0. ])
+    """
+
+    def __init__(self, state: DesignState) -> None:
+        self.present = state
+        self._before: list[DesignState] = []
+        self._after: list[DesignState] = []
+        self._step: object = None
+
+    def record(self, state: DesignState, step: object = None) -> None:
+        """Make a state the present one.
+
+        Edits with the same step that is not None are undone together, such as those of a drag. A change of none of
+        `UNDOABLE` is no step.
+        """
+        if any(getattr(state, name) is not getattr(self.present, name) for name in UNDOABLE):
+            if step is None or step is not self._step:
+                self._before = [*self._before, self.present][-MAX_STEPS:]
+            self._after.clear()
+            self._step = step
+        self.present = state
+
+    def undo(self) -> None:
+        """Return to the state before the last step, if there is one."""
+        self._go(self._before, self._after)
+
+    def redo(self) -> None:
+        """Return to the state that the last undo left, if there is one."""
+        self._go(self._after, self._before)
+
+    def _go(self, source: list[DesignState], target: list[DesignState]) -> None:
+        if source:
+            goal = source.pop()
+            target.append(self.present)
+            selected = self.present.selected if self.present.selected in (HAND, *goal.names) else ""
+            restored = {name: getattr(goal, name) for name in UNDOABLE}
+            self.present = replace(self.present, **restored, selected=selected)
+        self._step = None

@@ -16,7 +16,7 @@ from tensionlab.hardware.client.shared_telemetry import Publisher
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.world import World
-from tensionlab.viewer import page_process
+from tensionlab.viewer import live
 from tensionlab.viewer import state as edits
 
 RIG = "bartels2026-validation"
@@ -106,7 +106,7 @@ def test_a_page_that_cannot_be_opened_is_said_before_anything_pulls(words, run, 
     def fail():
         raise HardwareError("the view cannot be opened: it is raining")
 
-    monkeypatch.setattr(page_process, "open_page", fail)
+    monkeypatch.setattr(live, "open_page", fail)
     for reach in ("run.reach_modules", "serve.reach_modules", "scenario.simulate_modules"):
         monkeypatch.setattr(f"tensionlab.cli.{reach}", lambda *words, **options: pytest.fail("it was reached"))
     status, _, err = run(*words, "--view")
@@ -123,7 +123,7 @@ def test_a_page_whose_process_fails_is_an_error_with_its_reason(script, reason, 
     program = tmp_path / "python"
     program.write_text(f"#!/bin/sh\n{script}\n")
     program.chmod(0o700)
-    monkeypatch.setattr(page_process.sys, "executable", str(program))
+    monkeypatch.setattr(live.sys, "executable", str(program))
     with pytest.raises(HardwareError, match=f"the view cannot be opened: {reason}"):
-        page_process.open_page()
-    page_process._started.pop().wait()
+        live.open_page()
+    live._started.pop().wait()

@@ -161,4 +161,4 @@ def test_a_volume_of_yes_and_no_ends_half_way_between_poses(swept, monkeypatch):
     drawn = []
     monkeypatch.setattr(volume, "level_surface", lambda *words: drawn.append(level_surface(*words)) or drawn[-1])
     plot_volume(swept.assign({"capacity-margin": truth}).isel(rig=[0]))
-    assert abs(drawn[0]).max() == pytest.approx(0.15 + 0.15 / 2)
+    assert abs(drawn[0][0]).max() == pytest.approx(0.15 + 0.15 / 2)

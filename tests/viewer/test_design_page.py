@@ -11,8 +11,8 @@ from websockets.sync.client import connect
 import tensionlab as tl
 from tensionlab.errors import TensionlabError
 from tensionlab.viewer.design_drawing import Grab
+from tensionlab.viewer.design_files import snap_to_space
 from tensionlab.viewer.design_page import dragged, on_plane
-from tensionlab.viewer.design_panel import with_space
 from tensionlab.viewer.evaluation import evaluate
 from tensionlab.viewer.scene import draw, force_scale
 from tensionlab.viewer.state import HAND, begin
@@ -47,11 +47,11 @@ def saved(tab, name):
 
 def test_a_space_whose_name_is_half_written_is_none_yet(tmp_path):
     state = begin(tl.load_rig("bartels2026-validation"))
-    assert with_space("four-in-a-room", tmp_path)(state).task.name == "four-in-a-room"
+    assert snap_to_space("four-in-a-room", tmp_path)(state).task.name == "four-in-a-room"
     for word in ("", "four-in", "/tmp/spaces/my-ro"):
-        assert with_space(word, tmp_path)(state).task is None
+        assert snap_to_space(word, tmp_path)(state).task is None
     with pytest.raises(TensionlabError, match="my-room"):
-        with_space("my-room.toml", tmp_path)(state)
+        snap_to_space("my-room.toml", tmp_path)(state)
 
 
 @pytest.mark.slow
@@ -77,7 +77,6 @@ def test_a_rig_is_designed_with_the_mouse(tmp_path, monkeypatch):
             tab.press("Undo")
             changed(page, before)
         assert page.state.anchors[0].tolist() == anchor.tolist()
-        assert not page.history.can_undo
 
         # The arrow of the desired force follows its ball, out of the available forces and back in.
         far, near = (np.add(page.state.position, [0.0, up, 0.0]) for up in (0.45, 0.1))

@@ -8,7 +8,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.errors import LogError
 from tensionlab.hardware.log.reader import read_run
-from tensionlab.viewer.recorded import info_of, instant_at, report_at, require_drawable
+from tensionlab.viewer.replay import info_of, instant_at, report_at, require_drawable
 from tests.helpers import runs
 
 

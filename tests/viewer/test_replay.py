@@ -11,8 +11,7 @@ from tensionlab.solvers.base import Status
 from tensionlab.support.colours import GREEN, ORANGE
 from tensionlab.viewer import replay
 from tensionlab.viewer.html import render
-from tensionlab.viewer.replay import Playback, ReplayPage, curves, cycle_heading
-from tensionlab.viewer.run_marks import KINDS
+from tensionlab.viewer.replay import KINDS, Playback, ReplayPage, curves, cycle_heading
 from tensionlab.viewer.server import PageServer
 from tests.helpers import runs
 from tests.helpers.browsers import HANGS_S, chromium, needs_browser, until

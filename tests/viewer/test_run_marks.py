@@ -9,7 +9,7 @@ from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit
 from tensionlab.hardware.runner.records import RunEvent
 from tensionlab.solvers.base import Status
-from tensionlab.viewer.run_marks import GAP_S, KINDS, RunMark, marks, spells
+from tensionlab.viewer.replay import GAP_S, KINDS, RunMark, marks, spells
 from tests.helpers import runs
 
 

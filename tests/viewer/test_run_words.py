@@ -19,11 +19,10 @@ from tensionlab.hardware.simulation.world import World
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.scenery import scenery
 from tensionlab.support.colours import GREEN, ORANGE, RED
-from tensionlab.viewer import run_words
 from tensionlab.viewer.html import render
-from tensionlab.viewer.live import live_heading, renewed
+from tensionlab.viewer.live import StopOutcome, live_heading, renewed
+from tensionlab.viewer.run_page import events_html, forces_html, modules_html, times_html
 from tensionlab.viewer.run_scene import Instant
-from tensionlab.viewer.stop import StopOutcome
 from tests.helpers.runs import four
 
 INFO = RunInfo(0, 4711, "tensionlab run <floor>", four(), "newton", 50.0, 0.25, {})
@@ -54,7 +53,7 @@ def report(monkeypatch):
 
 
 def said(report):
-    return plain(run_words.modules(INFO, report, Instant.of(INFO.rig, report.cycle)))
+    return plain(modules_html(INFO, report, Instant.of(INFO.rig, report.cycle)))
 
 
 def test_a_run_is_live_while_it_is_and_says_who_is_lost(report):
@@ -105,14 +104,14 @@ def test_how_a_run_ended(report):
 
 def test_three_forces_and_their_error_are_told(report):
     instant = Instant.of(INFO.rig, report.cycle)
-    text = plain(run_words.forces(INFO.rig, instant))
+    text = plain(forces_html(INFO.rig, instant))
     assert text.startswith("■ desired 2.29 N (1, 2, 0.5) ■ commanded ")
     error = instant.measured - instant.desired
     assert f"measured − desired {np.linalg.norm(error):.3g} N" in text
     assert "arrows of forces: 1 m is 10 N" in text
     taut = replace(instant, desired=np.full(3, np.nan))
-    assert plain(run_words.forces(INFO.rig, taut)).startswith("■ desired – pretension only")
-    assert "measured − desired" not in run_words.forces(INFO.rig, taut)
+    assert plain(forces_html(INFO.rig, taut)).startswith("■ desired – pretension only")
+    assert "measured − desired" not in forces_html(INFO.rig, taut)
 
 
 def test_modules_have_tension_state_brake_limiter_link_and_faults(report):
@@ -133,7 +132,7 @@ def test_what_is_wrong_with_a_module_is_marked(report):
     assert "brake closed, commanded off · limited by thermal · link 80 ms" in text
     assert "link silent · slack" in text
     assert "3 damaged frames" in text
-    html = run_words.modules(INFO, found, Instant.of(INFO.rig, cycle))
+    html = modules_html(INFO, found, Instant.of(INFO.rig, cycle))
     for words in ("link 80 ms", "link silent", "slack", "fault: encoder"):
         assert f'<span style="color:{RED}">{words}</span>' in html
     assert f'<span style="color:{RED}">link 10 ms' not in html
@@ -141,7 +140,7 @@ def test_what_is_wrong_with_a_module_is_marked(report):
 
 def test_times_are_those_of_the_latest_cycles(report):
     starts, computes = np.linspace(0.0, 1e-3, 101), np.full(101, 2e-4)
-    text = plain(run_words.times(INFO, replace(report, missed=2, start_delays=starts, compute_times=computes)))
+    text = plain(times_html(INFO, replace(report, missed=2, start_delays=starts, compute_times=computes)))
     assert "loop latency 20 ms" in text
     assert "start jitter 500 µs median, 990 µs p99 compute time 200 µs median, 200 µs p99" in text
     assert "2 deadlines missed" in text
@@ -149,11 +148,11 @@ def test_times_are_those_of_the_latest_cycles(report):
 
 
 def test_events_are_told_the_newest_first(report):
-    text = plain(run_words.events(report))
+    text = plain(events_html(report))
     assert text.index("lost") < text.index("armed")
     odd = replace(report, events=(RunEvent(0, 0.5, "phase", "<b>draw</b>", ""),))
-    assert plain(run_words.events(odd)) == "0.50 s phase &lt;b&gt;draw&lt;/b&gt;"
-    assert plain(run_words.events(replace(report, events=()))) == "none yet"
+    assert plain(events_html(odd)) == "0.50 s phase &lt;b&gt;draw&lt;/b&gt;"
+    assert plain(events_html(replace(report, events=()))) == "none yet"
 
 
 def test_what_came_of_a_stop_is_told():

@@ -5,7 +5,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.errors import WriteError
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.saving import save
+from tensionlab.viewer.design_files import save
 from tensionlab.viewer.state import begin
 
 
@@ -31,7 +31,7 @@ def test_a_rig_that_cannot_work_is_not_saved(point, tmp_path):
 
 @pytest.mark.parametrize("path", ["", "rig.txt", "rig"])
 def test_a_file_of_another_kind_is_refused(point, path, tmp_path):
-    with pytest.raises(WriteError, match=r"ends in \.toml"):
+    with pytest.raises(WriteError, match=r"must end in \.toml"):
         save(point.rig, path, tmp_path)
 
 

@@ -13,8 +13,8 @@ from tensionlab.scenarios.play import play, simulate_modules
 from tensionlab.scenarios.scenery import ScenerySurface, scenery
 from tensionlab.support.colours import GREEN, GREY
 from tensionlab.viewer.drawing import as_rgb
-from tensionlab.viewer.recorded import instant_at
-from tensionlab.viewer.scenery import (
+from tensionlab.viewer.replay import instant_at
+from tensionlab.viewer.run_scene import (
     SceneryDrawing,
     body_origins,
     named_places,

@@ -7,8 +7,7 @@ import tensionlab as tl
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.design_drawing import Grab
 from tensionlab.viewer.design_page import dragged
-from tensionlab.viewer.snapping import nearest_on_surfaces, outlines
-from tensionlab.viewer.state import begin
+from tensionlab.viewer.state import begin, nearest_on_surfaces, outlines
 from tensionlab.workspace.layout.task import load_task
 
 # From -2 to 2 in x and z, from 0 to 2 in y.

@@ -5,7 +5,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.solver_study import answer, compare, problems
+from tensionlab.viewer.solver_comparison import answer, compare, problems
 from tensionlab.viewer.state import STUDIES, begin
 
 

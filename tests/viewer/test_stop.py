@@ -8,8 +8,8 @@ import pytest
 from tensionlab.errors import LinkError
 from tensionlab.hardware.client.emergency_stop import RELEASE_TIMEOUT_S, Outcome
 from tensionlab.support.operating_system import ESTOP_SIGNAL
-from tensionlab.viewer import stop
-from tensionlab.viewer.stop import stop_modules
+from tensionlab.viewer import live
+from tensionlab.viewer.live import stop_modules
 from tests.helpers.simulated_time import SimulatedTime
 
 PID = 4_000_000
@@ -39,7 +39,7 @@ def stopped(monkeypatch):
         found.links = links
         return {name: found.outcomes.get(name, Outcome(None)) for name in links}
 
-    monkeypatch.setattr(stop, "emergency_stop", emergency_stop)
+    monkeypatch.setattr(live, "emergency_stop", emergency_stop)
     return found
 
 
@@ -60,7 +60,7 @@ def test_whatever_is_in_the_way_of_stopping_is_said(monkeypatch):
     def refused(links):
         raise LinkError("/tmp: no folder for locks of modules")
 
-    monkeypatch.setattr(stop, "emergency_stop", refused)
+    monkeypatch.setattr(live, "emergency_stop", refused)
     outcome = stop_modules(Watched(LINKS))
     assert (outcome.confirmed, outcome.lines) == (False, ("/tmp: no folder for locks of modules",))
 
@@ -77,7 +77,7 @@ def test_a_process_is_told_to_stop_the_modules_that_it_simulates(monkeypatch, st
 def test_a_process_that_does_not_say_that_it_stopped_them_is_named(monkeypatch):
     run, passing = Watched(SIMULATED, after="stale"), SimulatedTime()
     monkeypatch.setattr(os, "kill", run.kill)
-    monkeypatch.setattr(stop, "time", passing)
+    monkeypatch.setattr(live, "time", passing)
     began = passing.perf_counter()
     outcome = stop_modules(run)
     assert passing.perf_counter() - began == pytest.approx(RELEASE_TIMEOUT_S, abs=0.1)

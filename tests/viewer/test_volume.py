@@ -6,7 +6,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.state import begin
-from tensionlab.viewer.volume import Volume, bounds, surface, sweep
+from tensionlab.viewer.workspace import Volume, bounds, surface, sweep
 
 
 def swept(state, count, wanted):
@@ -49,27 +49,8 @@ def ball(count):
     return Volume((axis, axis, axis), 1.0 - np.sqrt(x**2 + y**2 + z**2))
 
 
-def test_the_surface_is_where_the_level_is_and_faces_outwards():
-    mesh = surface(ball(40), 0.25)  # a ball of 0.75 m
-    assert np.linalg.norm(mesh.vertices, axis=1) == pytest.approx(0.75, abs=2e-3)
-    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
-    content = float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6
-    assert content == pytest.approx(4 / 3 * np.pi * 0.75**3, rel=0.01)
-
-
 def test_the_share_is_that_of_the_box():
     assert ball(60).share(0.25) == pytest.approx(4 / 3 * np.pi * 0.75**3 / 27.0, rel=0.01)
-
-
-def test_a_surface_closes_at_the_edge_of_the_box():
-    axis = np.linspace(0.0, 1.0, 5)
-    mesh = surface(Volume((axis, axis, axis), np.ones((5, 5, 5))), 0.0)
-    assert mesh.vertices.min(axis=0) == pytest.approx([0.0, 0.0, 0.0])
-    assert mesh.vertices.max(axis=0) == pytest.approx([1.0, 1.0, 1.0])
-
-
-def test_there_is_no_surface_above_all_values():
-    assert surface(ball(10), 2.0) is None
 
 
 def test_in_the_plane_the_region_is_filled():

@@ -2,11 +2,12 @@
 
 import threading
 
+import pytest
+
 import tensionlab as tl
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.state import begin
-from tensionlab.viewer.volume import COARSE, FINE
-from tensionlab.viewer.workers import Latest, WorkspaceWorker
+from tensionlab.viewer.workspace import COARSE, FINE, Latest, WorkspaceWorker, bounds
 
 HANGS_S = 600.0
 
@@ -17,69 +18,66 @@ class Found:
     def __init__(self):
         self.seen, self._more = [], threading.Condition()
 
-    def __call__(self, state, volume, ghost):
+    def __call__(self, volume, ghost):
         with self._more:
-            self.seen.append((state, len(volume.axes[0]), ghost))
+            self.seen.append((volume, ghost))
             self._more.notify_all()
+
+    @property
+    def counts(self):
+        return [len(volume.axes[0]) for volume, _ in self.seen]
 
     def until(self, met):
         with self._more:
-            assert self._more.wait_for(lambda: any(met(*each) for each in self.seen), HANGS_S)
+            assert self._more.wait_for(lambda: met(self), HANGS_S)
 
 
 def shown(name="bartels2026-validation", **changes):
-    return edits.set_fields(display="surface", **changes)(begin(tl.load_rig(name)))
+    return edits.set_fields(show_workspace=True, **changes)(begin(tl.load_rig(name)))
 
 
-def test_it_is_coarse_at_first_then_fine():
-    found = Found()
-    worker = WorkspaceWorker(found)
-    worker.submit(shown(metric="least-singular-value"), fine=True)
-    found.until(lambda state, count, ghost: count == FINE)
-    worker.close()
-    assert [count for _, count, _ in found.seen] == [COARSE, FINE]
+@pytest.fixture
+def found():
+    return Found()
 
 
-def test_while_something_is_dragged_it_stays_coarse():
-    found = Found()
-    worker = WorkspaceWorker(found)
-    start = shown("kntu-planar")
-    for step in range(5):
-        start = edits.move_anchor(start, "cable-1", start.anchors[0] + [0.01 * step, 0.0])
-        worker.submit(start, fine=False)
-    found.until(lambda state, count, ghost: state is start)
-    worker.close()
-    assert {count for _, count, _ in found.seen} == {COARSE}
+@pytest.fixture
+def worker(found):
+    made = WorkspaceWorker(found)
+    yield made
+    made.close()
 
 
-def test_another_force_leaves_the_workspace_as_it_is():
-    found = Found()
-    worker = WorkspaceWorker(found)
+def test_it_is_coarse_at_first_then_fine_and_another_force_leaves_it_so(worker, found):
     start = shown("kntu-planar")
     worker.submit(start, fine=True)
-    found.until(lambda state, count, ghost: count == FINE)
-    other = edits.set_wrench(start, [1.0, 0.0, 0.0])
-    worker.submit(other, fine=True)
-    found.until(lambda state, count, ghost: state is other and count == FINE)  # at once the fine one
-    worker.close()
-    assert [count for state, count, _ in found.seen if state is other] == [FINE]
+    found.until(lambda found: found.counts == [COARSE, FINE])
+    worker.submit(edits.set_wrench(start, [1.0, 0.0, 0.0]), fine=True)
+    found.until(lambda found: len(found.seen) == 3)
+    assert found.seen[2] == found.seen[1]  # at once
 
 
-def test_the_other_rig_has_its_workspace_in_the_same_box():
-    found = Found()
-    worker = WorkspaceWorker(found)
+def test_while_something_is_dragged_it_stays_coarse(worker, found):
+    state = shown("kntu-planar")
+    for step in range(5):
+        state = edits.move_anchor(state, "cable-1", state.anchors[0] + [0.01 * step, 0.0])
+        worker.submit(state, fine=False)
+    low = bounds(state.rig)[0]
+    found.until(lambda found: found.seen and found.seen[-1][0].axes[0][0] == low[0])
+    assert set(found.counts) == {COARSE}
+
+
+def test_the_other_rig_has_its_workspace_in_the_same_box(worker, found):
     worker.submit(shown("kntu-planar", ghost=tl.load_rig("kntu-planar")), fine=False)
-    found.until(lambda state, count, ghost: ghost is not None)
-    worker.close()
+    found.until(lambda found: found.seen and found.seen[-1][1] is not None)
+    volume, ghost = found.seen[-1]
+    assert ghost.axes[0].tolist() == volume.axes[0].tolist()
 
 
-def test_a_metric_that_a_rig_has_not_is_no_end():
-    found = Found()
-    worker = WorkspaceWorker(found)
+def test_a_metric_that_a_rig_has_not_is_no_end(worker, found):
     worker.submit(shown(metric="body-distance"), fine=False)
     worker.submit(shown(), fine=False)
-    found.until(lambda state, count, ghost: state.metric == "capacity-margin")
-    worker.close()
+    found.until(lambda found: found.seen)
 
 
 def test_what_is_at_work_learns_that_it_is_no_longer_wanted():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.viewer.volume import Volume
+from tensionlab.viewer.workspace import Volume
 from tensionlab.workspace import Objective
 from tensionlab.workspace.volume import describe_step, node_weights, weighted_share
 

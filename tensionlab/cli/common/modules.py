@@ -117,7 +117,7 @@ def reach_modules(rig: Rig, modules: str | None, motion: Motion | None) -> Reach
 
 def show_run() -> None:
     """Open a page in the browser that shows the run which this process is about to begin."""
-    from tensionlab.viewer.page_process import open_page
+    from tensionlab.viewer.live import open_page
 
     typer.echo(f"{open_page()} shows the run", err=True)
 

@@ -1,0 +1,228 @@
+"""Workspace of a state: a metric over a box and its surface at a level, evaluated on a thread."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.errors import TensionlabError
+from tensionlab.model.pose import place_anchors
+from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
+from tensionlab.support.surfaces import level_surface
+from tensionlab.viewer.state import DesignState, ghost_state
+from tensionlab.workspace.metrics import find_metric
+from tensionlab.workspace.poses import Grid
+from tensionlab.workspace.sweep.configurations import vary
+from tensionlab.workspace.sweep.executors import evaluate_on_threads
+from tensionlab.workspace.sweep.plan import Plan
+from tensionlab.workspace.volume import node_weights, weighted_share
+
+LOG = logging.getLogger(__name__)
+COARSE, FINE = 30, 80  # positions along each axis while something is dragged, and when it is released
+CHUNK = 8_192  # positions that are evaluated between checks whether the result is still wanted
+MIN_EDGE = 0.5  # shortest edge of the box, as a share of the longest one
+RANGE_QUANTILE = 0.995  # upper end of the range of values: some metrics grow without limit towards an anchor
+DEPENDS_ON = ("rig", "rotation", "metric", "ghost")  # attributes of a state that its workspace depends on
+Item = TypeVar("Item")
+
+
+@dataclass(frozen=True, eq=False)
+class Volume:
+    """Metric over a box around a rig.
+
+    Attributes
+    ----------
+    axes : tuple of d arrays
+        Coordinates along each axis, in m.
+    values : array
+        Metric at each position, one axis for each coordinate; NaN where it has no value.
+    """
+
+    axes: tuple[Floats, ...]
+    values: Floats
+
+    def share(self, level: float) -> float:
+        """Return the share of the box in which the metric is above a level; NaN does not count as above."""
+        return float(weighted_share(self.values > level, [node_weights(axis) for axis in self.axes]))
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Smallest finite value, and the quantile `RANGE_QUANTILE`; zeros if no value is finite."""
+        finite = self.values[np.isfinite(self.values)]
+        return (float(finite.min()), float(np.quantile(finite, RANGE_QUANTILE))) if finite.size else (0.0, 0.0)
+
+
+Volumes = tuple[Volume, Volume | None]  # workspace of a rig, and that of the other rig over the same box
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles in space: vertices (k, 3), in m, and faces (f, 3), seen anticlockwise from outside."""
+
+    vertices: Floats
+    faces: NDArray[np.int64]
+
+
+def bounds(rig: Rig, *more: Floats) -> tuple[Floats, Floats]:
+    """Return the corners, (d,), in m, of a box around the anchors, the home and further points (k, d) of a rig.
+
+    Where all of them are nearly in a plane, as on a ceiling, the box reaches beyond it on the side of home.
+    """
+    points = np.concatenate([place_anchors(rig.modules, rig.anchors, rig.at_rest), rig.home[None], *more])
+    low, high = points.min(axis=0), points.max(axis=0)
+    missing = np.maximum(MIN_EDGE * float((high - low).max()) - (high - low), 0.0)
+    below = np.where(rig.home - low < high - rig.home, 1.0, np.where(rig.home - low > high - rig.home, 0.0, 0.5))
+    return low - below * missing, high + (1.0 - below) * missing
+
+
+def sweep(
+    state: DesignState, box: tuple[Floats, Floats], resolution: int, wanted: Callable[[], bool]
+) -> Volume | None:
+    """Evaluate the metric of a state over a box; None as soon as it is no longer wanted.
+
+    The platform is turned as it is at the hand. SweepError if the metric refuses the rig.
+    """
+    rig = state.rig
+    axes = tuple(np.linspace(a, b, resolution) for a, b in zip(*box, strict=True))
+    rotations = None if state.rotation is None else state.rotation[None]
+    grid = Grid(axes[0], axes[1], axes[2] if len(axes) == 3 else None, rotations)
+    plan = Plan(vary(rig), grid, (find_metric(state.metric),), rig.at_rest, CHUNK)
+    plan.check(rig)
+    values = np.empty(plan.shape)
+    tasks = (plan.task(number) for number in range(math.prod(plan.tiles)))
+    for task, found in evaluate_on_threads(tasks):
+        values[task.block] = found[0]
+        if not wanted():
+            return None  # which closes the iterator, and with it the waiting tasks
+    return Volume(axes, values.reshape((resolution,) * rig.dimension))
+
+
+def surface(volume: Volume, level: float) -> Mesh | None:
+    """Return the surface around all that is above a level; in the plane the region, as squares; None if empty."""
+    if volume.values.ndim == 3:
+        found = level_surface(volume.values, volume.axes, level)
+        return None if found is None else Mesh(*found)
+    above = np.argwhere(volume.values > level)
+    if not len(above):
+        return None
+    half = [0.5 * (axis[1] - axis[0]) for axis in volume.axes]
+    middle = np.column_stack([axis[index] for axis, index in zip(volume.axes, above.T, strict=True)])
+    ring = middle[:, None] + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    corners = np.pad(ring.reshape(-1, 2), ((0, 0), (0, 1)))
+    faces = 4 * np.arange(len(above))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
+    return Mesh(corners, faces.reshape(-1, 3))
+
+
+class Latest(Generic[Item]):
+    """Worker on the newest of the submitted items, on a thread of its own.
+
+    ``work`` is called with it, and with a function that tells whether it still is the newest; it may return early
+    once that is False.
+
+    Examples
+    --------
+    >>> import threading
+    >>> from tensionlab.viewer.workspace import Latest
+    >>> done = threading.Event()
+    >>> worker = Latest("example", lambda number, wanted: done.set() if number == 3 else None)
+    >>> for number in range(4):
+    ...     worker.submit(number)
+    >>> done.wait()
+    True
+    >>> worker.close()
+    """
+
+    def __init__(self, name: str, work: Callable[[Item, Callable[[], bool]], None]) -> None:
+        self._name, self._work = name, work
+        self._wake = threading.Condition()
+        self._newest: list[Item] = []
+        self._open = True
+        self._thread = threading.Thread(target=self._run, name=f"view {name}", daemon=True)
+        self._thread.start()
+
+    def submit(self, item: Item) -> None:
+        """Work on an item instead of those before; from any thread."""
+        with self._wake:
+            self._newest = [item]
+            self._wake.notify_all()
+
+    def close(self) -> None:
+        """End the thread; its work is no longer wanted."""
+        with self._wake:
+            self._open = False
+            self._wake.notify_all()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            with self._wake:
+                self._wake.wait_for(lambda: self._newest or not self._open)
+                if not self._open:
+                    return
+                item, self._newest = self._newest[0], []
+            try:
+                self._work(item, lambda: self._open and not self._newest)
+            except Exception as error:  # the next item may succeed
+                LOG.warning("view %s: %s: %s", self._name, type(error).__name__, error)
+
+
+def same_workspace(one: DesignState | None, other: DesignState | None) -> bool:
+    """Return whether two states have the same workspace."""
+    return None not in (one, other) and all(getattr(one, name) is getattr(other, name) for name in DEPENDS_ON)
+
+
+class WorkspaceWorker:
+    """Evaluates the workspace of the state that was last submitted.
+
+    ``show`` is called with a coarse workspace, then with a fine one unless something is being dragged.
+    """
+
+    def __init__(self, show: Callable[[Volume, Volume | None], None]) -> None:
+        self._show = show
+        self._newest: DesignState | None = None
+        self._evaluated: DesignState | None = None
+        self._volumes: Volumes | None = None
+        self._worker = Latest("workspace", self._work)
+        self.close = self._worker.close
+
+    def submit(self, state: DesignState, *, fine: bool) -> None:
+        """Have the workspace of a state evaluated; a fine one only where ``fine``."""
+        self._newest = state
+        self._worker.submit((state, fine))
+
+    def _work(self, item: tuple[DesignState, bool], _: Callable[[], bool]) -> None:
+        state, fine = item
+        if not state.show_workspace:
+            return
+        if not same_workspace(self._evaluated, state):
+            self._volumes = self._evaluate(state, COARSE)
+            self._evaluated = None if self._volumes is None else state
+        if self._volumes is None:
+            return
+        self._show(*self._volumes)
+        if fine and len(self._volumes[0].axes[0]) < FINE and (better := self._evaluate(state, FINE)):
+            self._volumes = better
+            self._show(*better)
+
+    def _evaluate(self, state: DesignState, resolution: int) -> Volumes | None:
+        """Return the workspaces of a state and of the other rig; None if no longer wanted, or not defined."""
+        box, other = bounds(state.rig), ghost_state(state)
+
+        def wanted() -> bool:
+            return same_workspace(self._newest, state)  # a force or a colour may have changed meanwhile
+
+        try:
+            volume = sweep(state, box, resolution, wanted)
+            if volume is None:
+                return None
+            return volume, None if other is None else sweep(other, box, resolution, wanted)
+        except TensionlabError:  # a metric that one of the rigs does not have
+            return None
