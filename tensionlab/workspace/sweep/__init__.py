@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.errors import SweepError
@@ -109,14 +109,14 @@ def sweep(
     empty = empty_dataset(plan)
     store = MemoryStore(plan, empty) if out is None else ZarrStore(Path(out), plan, empty)
     with contextlib.closing(store):
-        missing = np.flatnonzero(~store.done).tolist()
-        if missing:
-            tasks = map(plan.task, missing)
+        if store.missing:
+            tasks = map(plan.task, store.missing)
             results = evaluate_on_threads(tasks) if scheduler is None else evaluate_on_cluster(scheduler, tasks)
-            for finished, (task, values) in enumerate(results, start=store.done.size - len(missing) + 1):
+            total = math.prod(plan.tiles)
+            for finished, (task, values) in enumerate(results, start=total - len(store.missing) + 1):
                 store.write(task, values)
                 if progress is not None:
-                    progress(finished / store.done.size)
+                    progress(finished / total)
         return store.dataset()
 
 

@@ -8,6 +8,7 @@ import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import chain
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 # Largest number of values of which the median is exact; of more, every second or third is taken, and so on.
 MEDIAN_SAMPLE = 4_000_000
-DONE = "done"  # name of the array of a store that tells which chunks are written
 
 
 def empty_dataset(plan: Plan) -> xarray.Dataset:
@@ -39,7 +39,7 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
     axes, poses = plan.configurations.labels(), plan.poses.labels()
     if "rig" in axes:
         del rigs["rig"]
-    names = Counter(chain(axes, rigs, demands, poses, (each.name for each in plan.metrics), [DONE]))
+    names = Counter(chain(axes, rigs, demands, poses, (each.name for each in plan.metrics)))
     if twice := [name for name, count in names.items() if count > 1]:
         raise SweepError(f'two axes or variables of the sweep are called "{twice[0]}"; rename one')
     if slashed := [name for name in names if "/" in name]:
@@ -157,6 +157,7 @@ def summary(swept: xarray.Dataset) -> pandas.DataFrame:
     >>> table[["rig", "poses", "missing"]].values.tolist()
     [['floor-3', 25, 0]]
     """
+    _require_complete(swept)
     dims = [str(dim) for dim in swept["kind"].dims]
     rows = []
     for name, index in zip(configuration_names(swept), np.ndindex(*swept["kind"].shape), strict=True):
@@ -210,6 +211,22 @@ def _statistics(values: xarray.DataArray) -> dict[str, float]:
         "above_zero": above,
     }
     return {"poses": values.size, "missing": values.size - count, **(found if count else nothing)}
+
+
+def _require_complete(swept: xarray.Dataset) -> None:
+    """Refuse a store that lacks chunks, which Zarr would read as NaN."""
+    store = Path(swept.encoding.get("source", ""))
+    if not (store.is_dir() and (store / "zarr.json").exists()):
+        return
+    import zarr
+
+    for name in map(str, swept.data_vars):
+        array: Any = zarr.open_array(store / name, mode="r")
+        if missing := array.nchunks - array.nchunks_initialized:
+            raise SweepError(
+                f"{store}: {missing:,} of {array.nchunks:,} chunks of {name} are missing; repeat the sweep "
+                "with the same out, which evaluates them"
+            )
 
 
 def _read(values: xarray.DataArray) -> Floats:

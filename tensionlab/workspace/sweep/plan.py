@@ -102,12 +102,10 @@ class Plan:
         """Return the part of every axis that is the chunk of a number; the last axis runs fastest."""
         return tuple(
             slice(i * part, min((i + 1) * part, length))
-            for i, part, length in zip(self.tile(number), self.chunks, self.shape, strict=True)
+            for i, part, length in zip(
+                map(int, np.unravel_index(number, self.tiles)), self.chunks, self.shape, strict=True
+            )
         )
-
-    def tile(self, number: int) -> tuple[int, ...]:
-        """Return the index of the chunk of a number along each axis."""
-        return tuple(int(i) for i in np.unravel_index(number, self.tiles))
 
     def task(self, number: int) -> ChunkTask:
         """Return the task that evaluates the chunk of a number."""

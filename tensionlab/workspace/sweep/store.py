@@ -1,28 +1,28 @@
 """Stores of a sweep's values: arrays in memory, or a Zarr store, in which an interrupted sweep is resumed.
 
-A Zarr store also has the array ``done``, a flag for each chunk, set once the values of all metrics are written.
-Every chunk carries a checksum (CRC-32C), which Zarr checks when it is read.
+A chunk is finished once every metric has its file, which Zarr writes whole or not at all. Each file carries a
+checksum (CRC-32C), which Zarr checks when it is read.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import shutil
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensionlab.errors import SweepError, optional_import
 from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files import writing
-from tensionlab.workspace.sweep.dataset import DONE, attributes
+from tensionlab.workspace.sweep.dataset import attributes
 from tensionlab.workspace.sweep.plan import ChunkTask, Plan
 
 if TYPE_CHECKING:
@@ -42,12 +42,12 @@ class MemoryStore:
                 f"the sweep has {math.prod(plan.shape):,} values of each metric, {size / 1e9:.1f} GB: "
                 "too much to keep in memory; give out, a folder DIR.zarr to write to"
             )
-        self.done: NDArray[np.bool_] = np.zeros(plan.tiles, bool)
+        self.missing: Sequence[int] = range(math.prod(plan.tiles))
         self._plan, self._empty = plan, empty
         self._values = np.empty((len(plan.metrics), *plan.shape))
 
     def write(self, task: ChunkTask, values: Floats) -> None:
-        """Keep the values of one chunk, (metrics, *shape of its block)."""
+        """Store the values of one chunk, (metrics, *shape of its block)."""
         self._values[(slice(None), *task.block)] = values
 
     def dataset(self) -> xarray.Dataset:
@@ -66,8 +66,9 @@ class MemoryStore:
 class ZarrStore:
     """Zarr store that a sweep is written to, resumed in, or opened from; one process at a time writes.
 
-    ``done`` tells which chunks it has. SweepError says what differs if the path holds something else, the store of
-    another sweep, a damaged one, or one that another process writes to.
+    ``missing`` are the numbers of the chunks that are not finished. SweepError says what differs if the path holds
+    something else, the store of another sweep, a damaged one, one that another process writes to, or one that the
+    disk has no space for.
     """
 
     def __init__(self, path: Path, plan: Plan, empty: xarray.Dataset) -> None:
@@ -76,30 +77,38 @@ class ZarrStore:
         self._path, self._plan = path, plan
         self._lock: BaseFileLock | None = None
         if not path.exists():
+            _require_space(path, plan, math.prod(plan.tiles))
             _create(path, plan, empty)
         with _explain_damage(path):
             _require_same(path, json.loads(empty.attrs["sweep"]))
-            self.done: NDArray[np.bool_] = np.asarray(zarr.open_group(path, mode="r")[DONE][...])
-        if self.done.all():
+            self.missing: Sequence[int] = self._find_missing()
+        if not self.missing:
             return
+        _require_space(path, plan, len(self.missing))
         self._lock = _lock(path)
         with _explain_damage(path):
             group: Any = zarr.open_group(path, mode="r+")
-            self._arrays, self._done = [group[each.name] for each in plan.metrics], group[DONE]
-            self.done = np.asarray(self._done[...])  # another process may have continued before the lock was free
+            every_chunk = {"write_empty_chunks": True}  # a chunk without a file is not finished
+            self._arrays = [group[each.name].with_config(every_chunk) for each in plan.metrics]
+            self.missing = self._find_missing()  # another process may have continued before the lock was free
+
+    def _find_missing(self) -> list[int]:
+        """Return the numbers of the chunks of which some metric has no file."""
+        folders = [self._path / each.name / "c" for each in self._plan.metrics]
+        keys = ("/".join(map(str, tile)) for tile in np.ndindex(*self._plan.tiles))
+        return [number for number, key in enumerate(keys) if not all((each / key).exists() for each in folders)]
 
     def write(self, task: ChunkTask, values: Floats) -> None:
-        """Write the values of one chunk, and then that it is done."""
+        """Write the values of one chunk."""
         for array, part in zip(self._arrays, values, strict=True):
             array[task.block] = part
-        self._done[self._plan.tile(task.number)] = True
 
     def dataset(self) -> xarray.Dataset:
         """Open the whole; values are read when they are needed."""
         with _explain_damage(self._path):
             data: xarray.Dataset = provenance.import_xarray().open_zarr(self._path, chunks=None)
         ordered = {each.name: data[each.name] for each in self._plan.metrics}  # a folder has them by the alphabet
-        return data.drop_vars([DONE, *ordered]).assign(ordered)
+        return data.drop_vars(list(ordered)).assign(ordered)
 
     def close(self) -> None:
         """Release the lock, so that others can write."""
@@ -110,6 +119,19 @@ class ZarrStore:
         self._lock = None
 
 
+def _require_space(path: Path, plan: Plan, chunks: int) -> None:
+    """Refuse a sweep whose remaining chunks may not fit on the disk; compressed ones are never much larger."""
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        raise SweepError(f"no folder {folder}; make it first")
+    needed, free = 8 * len(plan.metrics) * math.prod(plan.chunks) * chunks, shutil.disk_usage(folder).free
+    if needed > free:
+        raise SweepError(
+            f"{path}: the sweep may take {needed / 1e9:,.1f} GB, and {free / 1e9:,.1f} GB are free; give another "
+            "place, or fewer poses"
+        )
+
+
 def _create(path: Path, plan: Plan, empty: xarray.Dataset) -> None:
     """Make a store without values, under another name until it is whole."""
     import zarr
@@ -117,8 +139,6 @@ def _create(path: Path, plan: Plan, empty: xarray.Dataset) -> None:
     from zarr.errors import ZarrUserWarning
 
     folder = path.absolute().parent
-    if not folder.is_dir():
-        raise SweepError(f"no folder {folder}; make it first")
     codecs: Any = (ZstdCodec(level=0), Crc32cCodec())
     # Texts of variable length are the only ones that the format specifies.
     texts = {name: each.astype(object) for name, each in empty.coords.items() if each.dtype.kind == "U"}
@@ -129,15 +149,6 @@ def _create(path: Path, plan: Plan, empty: xarray.Dataset) -> None:
             encoding = {name: {"compressors": codecs} for name in labels.variables}
             labels.to_zarr(new, zarr_format=3, consolidated=False, encoding=encoding)
             group = zarr.open_group(new, mode="r+")
-            chunk_dims = [f"chunk_{dim}" for dim in plan.dims]
-            group.create_array(
-                DONE,
-                shape=plan.tiles,
-                chunks=plan.tiles,
-                dtype="bool",
-                compressors=codecs,
-                dimension_names=chunk_dims,
-            )
             for metric in plan.metrics:
                 group.create_array(
                     metric.name,

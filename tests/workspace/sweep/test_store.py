@@ -2,9 +2,11 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -47,7 +49,7 @@ def sweep(store, tally, seconds=0.0, **changed):
 
 
 def finished(store):
-    return int(zarr.open_group(store, mode="r")["done"][...].sum())
+    return zarr.open_group(store, mode="r")["tallied"].nchunks_initialized
 
 
 def stop(store, tally, count, inside=False):
@@ -174,7 +176,7 @@ def test_a_flipped_byte_in_values_is_found_when_they_are_read(store, tally):
         tl.workspace.summary(sweep(store, tally))
 
 
-@pytest.mark.parametrize("name", ["x/c/0", "done/c/0/0/0/0/0", "zarr.json"])
+@pytest.mark.parametrize("name", ["x/c/0", "zarr.json"])
 def test_damage_elsewhere_is_found_when_the_store_is_opened(store, tally, name):
     sweep(store, tally)
     if name.endswith("json"):
@@ -221,6 +223,38 @@ def test_a_path_that_holds_no_sweep_is_refused(store, tally, what):
     with pytest.raises(SweepError, match="is there and holds no sweep"):
         sweep(store, tally)
     assert store.exists()
+
+
+def test_a_chunk_without_a_file_is_evaluated_again_and_never_read_as_nan(store, tally):
+    data = sweep(store, tally).load()
+    (store / CHUNK_FILE).unlink()
+    with pytest.raises(
+        SweepError, match=rf"{re.escape(str(store))}: 1 of {COUNT} chunks of .* are missing; repeat"
+    ):
+        tl.workspace.summary(xr.open_zarr(store))
+    shares = []
+    xr.testing.assert_equal(sweep(store, tally, progress=shares.append).load(), data)
+    assert shares == [1.0]
+
+
+def test_chunks_without_values_are_finished_too(store):
+    """Zarr would leave them out."""
+    on_an_anchor = [[1.0, 0.5, 1.0], [0.0, 0.0, 0.0]]
+    shares = []
+    for _ in range(2):
+        data = tl.sweep(
+            tl.box_corners([2, 1, 2]), on_an_anchor, "tension-factor", out=store, chunk=1, progress=shares.append
+        )
+        assert data["tension-factor"].isnull().values.tolist() == [[True, False]]
+    assert shares == [0.5, 1.0]
+
+
+def test_a_sweep_that_the_disk_has_no_space_for_is_refused_before_any_work(store, tally, monkeypatch):
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(free=1_000))
+    with pytest.raises(SweepError, match="GB are free; give another place"):
+        sweep(store, tally)
+    assert read(tally) == []
+    assert not store.exists()
 
 
 def test_the_folder_must_be_there(tmp_path, tally):
