@@ -35,7 +35,7 @@ from tensionlab.workspace.structure_metrics import (
     wrench_closure,
 )
 from tensionlab.workspace.sweep.configurations import vary
-from tensionlab.workspace.sweep.dataset import summary
+from tensionlab.workspace.sweep.summary import summary
 from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Dataset of a sweep: coordinates of configurations, rigs and poses, attributes of metrics, and its summary."""
+"""Dataset of a sweep: coordinates of configurations, rigs and poses, attributes of metrics."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import chain
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,14 +19,9 @@ from tensionlab.support.arrays import Floats
 from tensionlab.workspace.metrics import Metric
 from tensionlab.workspace.poses import Label, label
 from tensionlab.workspace.sweep.plan import Plan
-from tensionlab.workspace.volume import equal_weights, node_weights, weighted_share
 
 if TYPE_CHECKING:
-    import pandas
     import xarray
-
-# Largest number of values of which the median is exact; of more, every second or third is taken, and so on.
-MEDIAN_SAMPLE = 4_000_000
 
 
 def empty_dataset(plan: Plan) -> xarray.Dataset:
@@ -135,102 +129,3 @@ def _digest(labels: Mapping[str, Label], texts: Sequence[str] = ()) -> str:
         digest.update(repr((name, dims, values.dtype, values.shape)).encode())
         digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
-
-
-def summary(swept: xarray.Dataset) -> pandas.DataFrame:
-    """Return a table with a row for each configuration and metric of a sweep.
-
-    Its columns are ``rig``, ``metric``, ``unit``, the number of ``poses`` and of those that are ``missing`` a
-    value, ``min``, ``median`` and ``max``, and in ``above_zero`` the share of the volume (of the poses of a list)
-    where the metric is above zero.
-
-    Parameters
-    ----------
-    swept : Dataset
-        From `tensionlab.sweep`.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> poses = tl.workspace.box([-0.2, 0.2], 0.3, [-0.2, 0.2], step=0.1)
-    >>> table = tl.workspace.summary(tl.sweep(tl.load_rig("floor-3"), poses, "capacity-margin"))
-    >>> table[["rig", "poses", "missing"]].values.tolist()
-    [['floor-3', 25, 0]]
-    """
-    _require_complete(swept)
-    dims = [str(dim) for dim in swept["kind"].dims]
-    rows = []
-    for name, index in zip(configuration_names(swept), np.ndindex(*swept["kind"].shape), strict=True):
-        part = swept.isel(dict(zip(dims, index, strict=True)))
-        for metric, values in part.data_vars.items():
-            rows.append({"rig": name, "metric": str(metric), "unit": str(values.units), **_statistics(values)})
-    return provenance.data_frame(rows)
-
-
-def configuration_names(swept: xarray.Dataset) -> list[str]:
-    """Return the name of each configuration: its rig, or the parameters that tell it from the others."""
-    dims = [str(dim) for dim in swept["kind"].dims]
-    if dims in (["rig"], []):
-        return [str(name) for name in np.atleast_1d(swept["rig"].to_numpy())]
-    several = [dim for dim in dims if swept.sizes[dim] > 1] or dims
-    labels = {dim: swept[dim].to_numpy() for dim in dims}
-    return [
-        ", ".join(f"{dim} {labels[dim][i]}" for dim, i in zip(dims, index, strict=True) if dim in several)
-        for index in np.ndindex(*swept["kind"].shape)
-    ]
-
-
-def _statistics(values: xarray.DataArray) -> dict[str, float]:
-    """Return the columns of a variable's part in the summary; a slab along the first axis is read at a time.
-
-    A pose without a value counts as one where the metric is not above zero.
-    """
-    weights = [
-        node_weights(values[dim].to_numpy()) if dim in ("x", "y", "z") else equal_weights(length)
-        for dim, length in values.sizes.items()
-    ]
-    first = values.encoding.get("chunks", values.shape)[-values.ndim]
-    stride = -(-values.size // MEDIAN_SAMPLE)
-    low, high, above, count, sample = np.inf, -np.inf, 0.0, 0, []
-    for start in range(0, values.shape[0], first):
-        slab = _read(values[start : start + first])
-        above += float(weighted_share(slab > 0, [weights[0][start : start + first], *weights[1:]]))
-        slab = slab[~np.isnan(slab)]
-        low, high, count = (
-            min(low, slab.min(initial=np.inf)),
-            max(high, slab.max(initial=-np.inf)),
-            count + slab.size,
-        )
-        sample.append(slab[::stride])
-    some = np.concatenate(sample)
-    nothing = {"min": np.nan, "median": np.nan, "max": np.nan, "above_zero": np.nan}
-    found = {
-        "min": float(low),
-        "median": float(np.median(some)) if count else 0,
-        "max": float(high),
-        "above_zero": above,
-    }
-    return {"poses": values.size, "missing": values.size - count, **(found if count else nothing)}
-
-
-def _require_complete(swept: xarray.Dataset) -> None:
-    """Refuse a store that lacks chunks, which Zarr would read as NaN."""
-    store = Path(swept.encoding.get("source", ""))
-    if not (store.is_dir() and (store / "zarr.json").exists()):
-        return
-    import zarr
-
-    for name in map(str, swept.data_vars):
-        array: Any = zarr.open_array(store / name, mode="r")
-        if missing := array.nchunks - array.nchunks_initialized:
-            raise SweepError(
-                f"{store}: {missing:,} of {array.nchunks:,} chunks of {name} are missing; repeat the sweep "
-                "with the same out, which evaluates them"
-            )
-
-
-def _read(values: xarray.DataArray) -> Floats:
-    try:
-        return np.asarray(values.values)
-    except (ValueError, OSError) as error:
-        raise SweepError(f"{values.name}: its values are damaged ({error}); delete the store") from None

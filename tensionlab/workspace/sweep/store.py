@@ -119,6 +119,22 @@ class ZarrStore:
         self._lock = None
 
 
+def require_complete(swept: xarray.Dataset) -> None:
+    """Refuse a store that lacks chunks, which Zarr would read as NaN."""
+    store = Path(swept.encoding.get("source", ""))
+    if not (store.is_dir() and (store / "zarr.json").exists()):
+        return
+    import zarr
+
+    for name in map(str, swept.data_vars):
+        array: Any = zarr.open_array(store / name, mode="r")
+        if missing := array.nchunks - array.nchunks_initialized:
+            raise SweepError(
+                f"{store}: {missing:,} of {array.nchunks:,} chunks of {name} are missing; repeat the sweep "
+                "with the same out, which evaluates them"
+            )
+
+
 def _require_space(path: Path, plan: Plan, chunks: int) -> None:
     """Refuse a sweep whose remaining chunks may not fit on the disk; compressed ones are never much larger."""
     folder = path.absolute().parent
