@@ -9,10 +9,8 @@ import typer
 
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import At, BodyFrames, Policy, RigArgument, Solver
-from tensionlab.cli.common.required import Gravity, with_requirement
+from tensionlab.cli.common.options import At, BodyFrames, Gravity, Policy, RigArgument, Solver
 from tensionlab.cli.common.verbs import Json
-from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
 from tensionlab.support.formatting import format_number, format_vector
@@ -30,9 +28,7 @@ LIMIT_TOLERANCE_N = 1e-9  # within which a tension counts as at its limit
 
 def allocate(
     rig: RigArgument,
-    wrench: Annotated[
-        str, typer.Option(metavar="FX FY ...", help="Desired wrench in N (and N·m).", show_default=False)
-    ],
+    wrench: Annotated[str, typer.Option(metavar="FX FY ...", help="Desired wrench in N (and N·m).")],
     gravity: Gravity = None,
     frames: BodyFrames = None,
     at: At = None,
@@ -50,7 +46,7 @@ def allocate(
 
     Where the rig's file or --gravity says so, they hold the weight as well.
     """
-    loaded = with_requirement(options.with_frames(load_rig(rig), frames), wrench, gravity)
+    loaded = options.load(rig, frames, wrench, gravity)
     options.check_solvers(loaded, [solver], policy)
     desired = loaded.required.middle(loaded).tolist()
     position = options.parse_position(at, loaded)
@@ -121,7 +117,7 @@ def _print(rig: Rig, position: Any, desired: list[float], result: Allocation, st
     console.print()
     components = (
         (name, one, round(other, 4) + 0.0, one - other)
-        for name, one, other in zip(output.components(rig), desired, result.wrench, strict=True)
+        for name, one, other in zip(options.wrench_components(rig), desired, result.wrench, strict=True)
     )
     columns = ["wrench", Column("desired", format=".4f"), Column("rendered", format=".4f"),
                Column("difference", format=format_number)]  # fmt: skip

@@ -32,16 +32,7 @@ COMPLETE_SETS = options.complete(lambda: PROBLEM_SETS)
 
 
 def bench(
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            "-o",
-            callback=options.output_folder(parents=True),
-            help="Folder for the results; made if it is not there.",
-            show_default=False,
-        ),
-    ],
+    out: Annotated[Path, options.writes_folder("Folder for the results; made if it is not there.", parents=True)],
     sets: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="A,B,...", help="Problem sets, also repeated; all if left out."),
@@ -119,9 +110,7 @@ def list_sets(json: Json = False) -> None:
 
 @problems.command()
 def show(
-    name: Annotated[
-        str, typer.Argument(metavar="SET", help="Name of a set.", autocompletion=COMPLETE_SETS, show_default=False)
-    ],
+    name: Annotated[str, typer.Argument(metavar="SET", help="Name of a set.", autocompletion=COMPLETE_SETS)],
     count: Count = 1000,
     seed: Seed = 0,
     json: Json = False,
@@ -154,9 +143,7 @@ def show(
 
 @problems.command()
 def export(
-    name: Annotated[
-        str, typer.Option("--set", help="Name of a set.", autocompletion=COMPLETE_SETS, show_default=False)
-    ],
+    name: Annotated[str, typer.Option("--set", help="Name of a set.", autocompletion=COMPLETE_SETS)],
     out: Annotated[Path, options.writes("The Parquet file to write.", ".parquet")],
     count: Count = 1000,
     seed: Seed = 0,

@@ -7,11 +7,19 @@ from pathlib import Path
 from typing import Annotated
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import BodyFrames, Plot
-from tensionlab.cli.common.region import Box, Rotations, Scheduler, Step, parse_orientations, parse_region
-from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
+from tensionlab.cli.common.options import (
+    BodyFrames,
+    Box,
+    Gravity,
+    Plot,
+    Required,
+    RigArgument,
+    Rotations,
+    Scheduler,
+    Step,
+    Wrench,
+)
 from tensionlab.cli.common.verbs import Json
-from tensionlab.model.files import load_rig
 from tensionlab.support.formatting import format_count
 from tensionlab.workspace.certification.certify import SUFFIX
 from tensionlab.workspace.certification.certify import certify as prove
@@ -23,7 +31,7 @@ NOTHING_KEPT = "nothing is kept; with --out NAME.npz, the same command resumes t
 
 
 def certify(
-    rig: options.RigArgument,
+    rig: RigArgument,
     box: Box = None,
     step: Step = None,
     rotations: Rotations = None,
@@ -44,8 +52,8 @@ def certify(
     The box is divided into cells, each of which is proved inside, in all orientations, proved outside, or left
     undecided. If nothing is required, wrench closure is proved.
     """
-    loaded = with_requirement(options.with_frames(load_rig(rig), frames), wrench, gravity, required)
-    region, steps = parse_region([loaded], box, step)
+    loaded = options.load(rig, frames, wrench, gravity, required)
+    region, steps = options.parse_region([loaded], box, step)
     resumed = NOTHING_KEPT if out is None else f"the same command resumes from {out}, if it is there"
     began = time.perf_counter()
     with output.if_interrupted(resumed), output.ResultWriter(quiet=json) as writer:
@@ -55,52 +63,46 @@ def certify(
                 region,
                 loaded.required if loaded.required else WRENCH_CLOSURE,
                 steps,
-                rotations=parse_orientations(loaded, rotations),
+                rotations=options.parse_orientations(loaded, rotations),
                 frames=loaded.at_rest,
                 out=out,
                 scheduler=scheduler,
                 progress=progress,
             )
         duration_s = time.perf_counter() - began
-        if plot is not None:
-            from tensionlab.plots import plot_certified, save_figure
-
-            writer.write("plot", plot, lambda path: save_figure(plot_certified(proved), path))
+        writer.draw(plot, "certified", proved)
         if json:
-            _print_json(proved, duration_s, out)
+            output.print_json(
+                rig=loaded.name,
+                required=proved.required,
+                unit=proved.unit,
+                region_volume=proved.region_volume,
+                volume=proved.volume,
+                share=proved.share,
+                cells={VERDICTS[verdict]: cells for verdict, (cells, _) in proved.tally().items()},
+                evaluations=proved.evaluations,
+                duration_s=duration_s,
+                out=out,
+                manifest=output.manifest(),
+            )
         else:
             _print(proved, duration_s, out)
 
 
-def _print_json(proved: CertifiedWorkspace, duration_s: float, out: Path | None) -> None:
-    output.print_json(
-        rig=proved.rig.name,
-        required=proved.required,
-        unit=proved.unit,
-        region_volume=proved.region_volume,
-        volume=proved.volume._asdict(),
-        share=proved.share._asdict(),
-        cells={VERDICTS[verdict]: cells for verdict, (cells, _) in proved.tally().items()},
-        evaluations=proved.evaluations,
-        duration_s=duration_s,
-        out=None if out is None else str(out),
-        manifest=output.manifest(),
-    )
-
-
 def _print(proved: CertifiedWorkspace, duration_s: float, out: Path | None) -> None:
-    """Print how many cells are proved, and between which bounds the workspace lies."""
+    """Print how many cells are proved, and the bounds of the workspace's volume."""
     cells = proved.subdivision
     axes = zip("xyz", cells.low, cells.low + cells.extent, strict=False)
-    title = ", ".join(f"{axis} {low:g} to {high:g} m" for axis, low, high in axes)
     table = proved.table()
-    table.title, table.notes = f"{proved.rig.name}, {proved.required}: {title}", []
+    table.title = f"{proved.rig.name}, {proved.required}: " + ", ".join(
+        f"{axis} {low:g} to {high:g} m" for axis, low, high in axes
+    )
+    table.notes = []
     output.print_table(table)
-    console = output.console()
-    console.print()
+    output.print_line()
     shares = Bounds(*(100 * each for each in proved.share)).describe()
-    console.print(f"workspace: {proved.volume.describe()} {proved.unit}, {shares} % of the box", soft_wrap=True)
+    output.print_line(f"workspace: {proved.volume.describe()} {proved.unit}, {shares} % of the box")
     finest = f"{format_count(proved.evaluations, 'cell')} down to {cells.edges(cells.levels).max():.3g} m"
-    console.print(f"looked at: {finest}, in {duration_s:.1f} s", style="dim", soft_wrap=True)
+    output.print_line(f"looked at: {finest}, in {duration_s:.1f} s", "dim")
     if out:
-        console.print(f"cells: {out}", soft_wrap=True)
+        output.print_line(f"cells: {out}")

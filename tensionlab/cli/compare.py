@@ -11,10 +11,18 @@ import typer
 from tensionlab.benchmark import comparison
 from tensionlab.benchmark.comparison import read_trajectory
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import At, BodyFrames, Plot, RigArgument, Rows
-from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
+from tensionlab.cli.common.options import (
+    At,
+    BodyFrames,
+    Gravity,
+    Plot,
+    Required,
+    RigArgument,
+    Rows,
+    Solvers,
+    Wrench,
+)
 from tensionlab.cli.common.verbs import Json
-from tensionlab.model.files import load_rig
 from tensionlab.support import provenance
 from tensionlab.support.table import WIDE, Table
 
@@ -50,10 +58,7 @@ def compare(
             "grid18 or circle:72.",
         ),
     ] = None,
-    solvers: Annotated[
-        list[str] | None,
-        typer.Option(metavar="A,B,...", help="Solvers, such as newton,qp:daqp, also repeated; all if left out."),
-    ] = None,
+    solvers: Solvers = None,
     policy: Annotated[
         str | None,
         typer.Option(
@@ -85,7 +90,7 @@ def compare(
     count, the grid is inferred). They are added to what is required: a wrench, the weight; the wrenches
     of a required list or the corners of a box are compared in their place, unless directions are given.
     """
-    loaded = with_requirement(options.with_frames(load_rig(rig), frames), wrench, gravity, required)
+    loaded = options.load(rig, frames, wrench, gravity, required)
     names = options.parse_names(solvers)
     options.check_solvers(loaded, names, policy)
     if trajectory and (at or directions or magnitude is not None):
@@ -105,14 +110,11 @@ def compare(
             policy=policy,  # type: ignore[arg-type]  # checked above
             progress=progress,
         )
-    rows = [dataclasses.asdict(row) for row in result.rows]
     manifest = output.manifest()
     with output.ResultWriter(quiet=json) as writer:
-        if plot:
-            from tensionlab.plots import plot_comparison, save_figure
-
-            writer.write("plot", plot, lambda path: save_figure(plot_comparison(result), path))
+        writer.draw(plot, "comparison", result)
         if out:
+            rows = [dataclasses.asdict(row) for row in result.rows]
             writer.write("rows", out, lambda path: provenance.write_table(path, rows, manifest))
         if json:
             output.print_json(
@@ -120,13 +122,13 @@ def compare(
                 position=result.position,
                 vectors=len(result.wrenches),
                 magnitude=result.magnitude,
-                rows=rows,
+                rows=result.rows,
                 left_out=result.missing,
                 failures=result.failures,
                 manifest=manifest,
             )
-            return
-        print_scores(result.table(), TRAJECTORY_LEGEND if trajectory else LEGEND)
+        else:
+            print_scores(result.table(), TRAJECTORY_LEGEND if trajectory else LEGEND)
 
 
 def print_scores(table: Table, legend: str) -> None:

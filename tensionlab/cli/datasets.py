@@ -32,7 +32,6 @@ def datasets(
         typer.Argument(
             help=f"Only this kind: {', '.join(stored.KINDS)}.",
             autocompletion=options.complete(lambda: stored.KINDS),
-            show_default=False,
         ),
     ] = None,
     json: Json = False,

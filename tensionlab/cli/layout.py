@@ -10,8 +10,7 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Plot
-from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
+from tensionlab.cli.common.options import Gravity, Plot, Required, Wrench
 from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.support.files import writing
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
@@ -57,7 +56,7 @@ def search(
     task = load_task(space)
     if seed is not None:
         task = task._replace(seed=seed)
-    rig = with_requirement(task.space.one_module, wrench, gravity, required)
+    rig = options.with_requirement(task.space.one_module, wrench, gravity, required)
     task = task._replace(space=replace(task.space, required=rig.required))
     counts = [count + len(task.space.fixed) for count in task.space.counts]
     files: dict[int, Path] = {}
@@ -73,10 +72,7 @@ def search(
             for each in found.layouts
             if files and writer.write_text(each.rig.name, files[each.rig.m], each.to_toml())
         ]
-        if plot:
-            from tensionlab.plots import plot_search, save_figure
-
-            writer.write("plot", plot, lambda path: save_figure(plot_search(task.space, task.target, found), path))
+        writer.draw(plot, "search", task.space, task.target, found)
         if json:
             output.print_json(
                 space=task.name,

@@ -11,7 +11,7 @@ import typer
 
 from tensionlab.benchmark import replay as replays
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Browser, PagePort, Rows
+from tensionlab.cli.common.options import Browser, PagePort, Rows, Solvers
 from tensionlab.cli.common.output import if_interrupted, open_page
 from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.cli.compare import STATUS_LEGEND, print_scores
@@ -22,7 +22,7 @@ from tensionlab.support import provenance
 from tensionlab.support.formatting import format_count, format_duration
 
 log = Verbs("Show, export, draw, play and replay logs of runs.")
-RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).", show_default=False)]
+RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).")]
 LEGEND = f"""\
 {STATUS_LEGEND}   fallback: unproven, so that newton's answer is counted
 error: desired minus rendered   angle: between the two forces   t: tensions
@@ -35,7 +35,7 @@ def info(path: RunFile, json: Json = False) -> None:
     run = _read(path)
     found = reader.report(run)
     if json:
-        output.print_json(**found.summary(), setup=dataclasses.asdict(run.setup), manifest=run.manifest)
+        output.print_json(**found.summary(), setup=run.setup, manifest=run.manifest)
     else:
         _print_info(found)
 
@@ -65,25 +65,18 @@ def plot(
     path: RunFile,
     file: Annotated[
         Path,
-        typer.Option(
-            "--plot", callback=options.picture_file, help="Draw to this file (png, pdf, svg).", show_default=False
-        ),
+        typer.Option("--plot", callback=options.picture_file, help="Draw to this file (png, pdf, svg)."),
     ],
 ) -> None:
     """Draw wrenches, tensions, statuses, limits and timing of a run."""
-    from tensionlab.plots import plot_run, save_figure
-
-    save_figure(plot_run(_read(path)), file)
-    typer.echo(f"plot: {file}")
+    with output.ResultWriter() as writer:
+        writer.draw(file, "run", _read(path))
 
 
 @log.command()
 def replay(
     path: RunFile,
-    solvers: Annotated[
-        list[str] | None,
-        typer.Option(metavar="A,B,...", help="Solvers, such as newton,qp:daqp, also repeated; all if left out."),
-    ] = None,
+    solvers: Solvers = None,
     out: Rows = None,
     json: Json = False,
 ) -> None:
@@ -98,20 +91,23 @@ def replay(
     options.check_solvers(run.rig, names, None)
     with output.progress(f"Replaying {path.name}") as progress:
         found = replays.replay(run, names, progress)
-    rows = [dataclasses.asdict(row) for row in found.rows]
     manifest = {**output.manifest(), "run": run.manifest}
     with output.ResultWriter(quiet=json) as writer:
         if out:
+            rows = [dataclasses.asdict(row) for row in found.rows]
             writer.write("rows", out, lambda file: provenance.write_table(file, rows, manifest))
         if json:
             output.print_json(
-                rig=run.rig.name, cycles=len(found.wrenches), rows=rows, left_out=found.missing, manifest=manifest
+                rig=run.rig.name,
+                cycles=len(found.wrenches),
+                rows=found.rows,
+                left_out=found.missing,
+                manifest=manifest,
             )
             return
         cycles = format_count(len(found.wrenches), "cycle")
-        title = f"{run.rig.name}, {format_count(run.rig.m, 'module')}: {cycles} of {path.name}"
         table = found.table()
-        table.title = title
+        table.title = f"{run.rig.name}, {format_count(run.rig.m, 'module')}: {cycles} of {path.name}"
         print_scores(table, LEGEND)
 
 
@@ -145,32 +141,30 @@ def _read(path: Path) -> reader.Run:
 
 
 def _print_info(found: reader.RunReport) -> None:
-    console = output.console()
     statistics = found.statistics
     policy = f", nearest in {found.policy}" if found.policy else ""
-    console.print(f"{found.rig}, {found.solver}{policy}", style="bold")
-    console.print(
+    output.print_line(f"{found.rig}, {found.solver}{policy}", "bold")
+    output.print_line(
         f"{statistics.cycles} cycles in {found.duration_s:.2f} s, {found.rate_hz:g} Hz desired, "
         f"{statistics.missed} missed"
     )
-    counts = (
-        ", ".join(f"{count} {name}" for name, count in statistics.counts()["statuses"].items() if count) or "none"
-    )
+    counts = statistics.counts()["statuses"].items()
+    answers = ", ".join(f"{count} {name}" for name, count in counts if count) or "none"
     fallback, slewed = statistics.fallback_used, statistics.slew_limited
-    console.print(f"answers: {counts}; {fallback} by newton as fallback, {slewed} slew-rate limited")
+    output.print_line(f"answers: {answers}; {fallback} by newton as fallback, {slewed} slew-rate limited")
     for name, times in zip(("start jitter", "compute time"), statistics.percentiles().values(), strict=True):
         written = ", ".join(format_duration(value) for value in times)
-        console.print(f"{name}: {written} (median, 99 %, max)")
+        output.print_line(f"{name}: {written} (median, 99 %, max)")
     if found.complete:
-        console.print(f"finished: {statistics.ended or 'the log does not say why'}")
+        output.print_line(f"finished: {statistics.ended or 'the log does not say why'}")
     else:
-        console.print("cut off: the log was never closed, so its last moments may be missing", style="bold")
-    console.print()
+        output.print_line("cut off: the log was never closed, so its last moments may be missing", "bold")
+    output.print_line()
     output.print_table(found.table())
     if found.events:
-        console.print()
-        for event in found.events[:MAX_EVENTS]:
-            who = f" {event.module}:" if event.module else ""
-            console.print(f"{event.time:9.3f} s  {event.kind}:{who} {event.text}", soft_wrap=True)
-        if len(found.events) > MAX_EVENTS:
-            console.print(f"and {len(found.events) - MAX_EVENTS} more events; --json has all", style="dim")
+        output.print_line()
+    for event in found.events[:MAX_EVENTS]:
+        who = f" {event.module}:" if event.module else ""
+        output.print_line(f"{event.time:9.3f} s  {event.kind}:{who} {event.text}")
+    if len(found.events) > MAX_EVENTS:
+        output.print_line(f"and {len(found.events) - MAX_EVENTS} more events; --json has all", "dim")

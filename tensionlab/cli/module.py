@@ -11,8 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.links import Links, ModulesFile, find_links
-from tensionlab.cli.common.modules import call_all, exit_if_failed, json_rows
+from tensionlab.cli.common.links import Links, ModulesFile, call_all, exit_if_failed, find_links, json_rows
 from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.cli.module_calibrate import calibrate
 from tensionlab.cli.module_monitor import monitor, ping
@@ -37,7 +36,6 @@ LinksAndParameters = Annotated[
     typer.Argument(
         metavar="URL|PARAMETER",
         help="Links to modules, or with --modules names of modules; and parameters.",
-        show_default=False,
     ),
 ]
 Save = Annotated[bool, typer.Option("--save", help="Store all parameters: they outlast the next start.")]

@@ -246,7 +246,7 @@ def anchors(
     path: RigArgument,
     measured: Annotated[
         Path,
-        typer.Argument(metavar="LENGTHS", help="CSV: a column of lengths for each module.", show_default=False),
+        typer.Argument(metavar="LENGTHS", help="CSV: a column of lengths for each module."),
     ],
     known: Annotated[
         bool, typer.Option("--known", help="The file's x, y, z (and rotation) are where the platform was.")

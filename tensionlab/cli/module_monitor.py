@@ -13,8 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from tensionlab.cli.common import output
-from tensionlab.cli.common.links import Links, ModulesFile, find_links
-from tensionlab.cli.common.modules import call_all, exit_if_failed, until_interrupted
+from tensionlab.cli.common.links import Links, ModulesFile, call_all, exit_if_failed, find_links
 from tensionlab.cli.common.verbs import Json
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
 from tensionlab.hardware.client.latency import RoundTrips, is_bluetooth, measure, safe_rates
@@ -94,7 +93,9 @@ def monitor(
         end = clock.now() + seconds
         shown = sys.stdout.isatty() and not json
         live = Live(output.styled(_telemetry_table(found, failed)), console=output.console(), auto_refresh=False)
-        interrupted = stack.enter_context(until_interrupted("nothing was changed; the same command watches again"))
+        interrupted = stack.enter_context(
+            output.until_interrupted("nothing was changed; the same command watches again")
+        )
         with live if shown else nullcontext():
             while found.keys() - failed.keys() and not interrupted() and clock.now() < end:
                 for watcher in watchers:
@@ -230,7 +231,7 @@ def ping(
     done = dict.fromkeys(urls, 0)
     ttls: dict[str, float] = {}
 
-    with until_interrupted("nothing was changed; the same command measures anew") as interrupted:
+    with output.until_interrupted("nothing was changed; the same command measures anew") as interrupted:
 
         def job(client: ModuleClient) -> RoundTrips:
             ttls[client.name] = 1e-3 * client.hello().ttl_ms

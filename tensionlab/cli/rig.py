@@ -8,13 +8,11 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import BodyFrames, Plot, RigArgument
-from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
+from tensionlab.cli.common.options import BodyFrames, Gravity, Plot, Required, RigArgument, Wrench
 from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.interop import caspr as caspr_models
 from tensionlab.interop.mjcf import rig_to_mjcf
 from tensionlab.model.files import load_rig, rig_to_toml, save_rig
-from tensionlab.model.rig import Rig
 from tensionlab.support.files import writing
 from tensionlab.support.table import findings_table
 from tensionlab.validation.rig_check import check_rig
@@ -25,10 +23,10 @@ rig = Verbs("Show, check, import and export rigs.")
 @rig.command()
 def show(path: RigArgument, frames: BodyFrames = None, plot: Plot = None, json: Json = False) -> None:
     """Show anchors, cable lengths at home and limits of a rig."""
-    loaded = options.with_frames(load_rig(path), frames)
+    loaded = options.load(path, frames)
     lengths = loaded.lengths(loaded.home, frames=loaded.at_rest)
     with output.ResultWriter(quiet=json) as writer:
-        _draw(loaded, plot, writer)
+        writer.draw(plot, "rig", loaded)
         if json:
             output.print_json(
                 rig=loaded.name,
@@ -44,14 +42,10 @@ def show(path: RigArgument, frames: BodyFrames = None, plot: Plot = None, json: 
                 ],
             )
         else:
-            _print(loaded)
-
-
-def _print(loaded: Rig) -> None:
-    table = loaded.table()
-    if loaded.source:
-        table.notes.append(f"Source: {loaded.source}")
-    output.print_table(table)
+            table = loaded.table()
+            if loaded.source:
+                table.notes.append(f"Source: {loaded.source}")
+            output.print_table(table)
 
 
 @rig.command()
@@ -68,11 +62,11 @@ def check(
 
     Checks rank, limits, what is required, balance and strength; exit status 1 where it cannot.
     """
-    loaded = with_requirement(options.with_frames(load_rig(path), frames), wrench, gravity, required)
+    loaded = options.load(path, frames, wrench, gravity, required)
     findings = check_rig(loaded)
     passed = all(finding.passed is not False for finding in findings)
     with output.ResultWriter(quiet=json) as writer:
-        _draw(loaded, plot, writer)
+        writer.draw(plot, "rig", loaded)
         if json:
             checks = [{"check": each.name, "passed": each.passed, "finding": each.text} for each in findings]
             output.print_json(rig=loaded.name, passed=passed, checks=checks)
@@ -87,7 +81,7 @@ def check(
 def import_(
     caspr: Annotated[
         tuple[Path, Path],
-        typer.Option(metavar="BODIES.xml CABLES.xml", help="The two files of a CASPR model.", show_default=False),
+        typer.Option(metavar="BODIES.xml CABLES.xml", help="The two files of a CASPR model."),
     ],
     cable_set: Annotated[
         str | None,
@@ -106,9 +100,8 @@ def import_(
         typer.echo(rig_to_toml(imported), nl=False)
         return
     save_rig(imported, out)
-    console = output.console()
-    console.print(imported.description)
-    console.print(f"rig: {out}, {imported.kind}, {imported.m} cables", soft_wrap=True)
+    output.print_line(imported.description)
+    output.print_line(f"rig: {out}, {imported.kind}, {imported.m} cables")
 
 
 @rig.command()
@@ -122,11 +115,4 @@ def export(
     """
     loaded = load_rig(path)
     writing.write_text(out, rig_to_mjcf(loaded))
-    output.console().print(f"model: {out}, {loaded.m} tendons", soft_wrap=True)
-
-
-def _draw(loaded: Rig, plot: Path | None, writer: output.ResultWriter) -> None:
-    if plot:
-        from tensionlab.plots import plot_rig, save_figure
-
-        writer.write("plot", plot, lambda path: save_figure(plot_rig(loaded), path))
+    output.print_line(f"model: {out}, {loaded.m} tendons")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,13 +11,12 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import begin_sinks, kept_of_run, reach_modules, show_run, tell_streams
 from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Policy, RigArgument, Solver, View
+from tensionlab.cli.common.runs import end_run, open_sinks, reach_modules, show_run
 from tensionlab.demand import Demand, DemandSource, Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Fault, Limit, State
 from tensionlab.hardware.runner.program import load_program
-from tensionlab.hardware.runner.records import CTRL_C
 from tensionlab.hardware.runner.runner import Runner, Tracker
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.model.files import load_rig
@@ -89,9 +88,9 @@ def run(
         show_run()
     group, clock, links = reach_modules(loaded, modules, tracker)
     failure: HardwareError | None = None
-    try:
+    with closing(group):
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
-        runner.sinks += begin_sinks(log, loaded, solver, settings, links, lsl)
+        runner.sinks += open_sinks(log, loaded, solver, settings, links, lsl)
         live = Live(
             get_renderable=lambda: live_table(runner),
             console=output.console(),
@@ -103,22 +102,11 @@ def run(
                 runner.run(seconds)
             except HardwareError as error:
                 failure = error
-    finally:
-        group.close()
-    statistics = runner.statistics
     if json:
-        output.print_json(statistics.summary())
+        output.print_json(runner.statistics.summary())
     else:
         print_summary(runner)
-    tell_streams(runner.sinks)
-    if failure is not None:
-        typer.echo(f"tensionlab: {failure}", err=True)
-    for name, why in statistics.unconfirmed.items():
-        typer.echo(f'tensionlab: module "{name}" did not confirm that it has stopped: {why}', err=True)
-    if failure is not None or statistics.emergency or statistics.unconfirmed or statistics.lost:
-        raise typer.Exit(1)
-    if statistics.ended == CTRL_C:
-        raise KeyboardInterrupt(kept_of_run(log))
+    end_run(runner.statistics, runner.sinks, log, failure)
 
 
 def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
@@ -131,7 +119,7 @@ def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
         return lambda state: Demand()
     wrench = np.array(options.parse_numbers("--force", force))
     if wrench.size != rig.dimension:
-        options.check_components("--force", wrench.tolist(), output.components(rig), rig.name)
+        options.check_components("--force", wrench.tolist(), options.wrench_components(rig), rig.name)
     constant = Demand(np.pad(wrench, (0, rig.n - wrench.size)))
     return lambda state: constant
 

@@ -10,16 +10,9 @@ import typer
 
 from tensionlab.allocation import Status
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import (
-    kept_of_run,
-    lsl_streams,
-    module_links,
-    print_required,
-    print_simulated,
-    show_run,
-    tell_streams,
-)
+from tensionlab.cli.common.links import links_of_rig
 from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Plot, Solver, View
+from tensionlab.cli.common.runs import end_run, lsl_streams, print_required, print_simulated, show_run
 from tensionlab.cli.common.verbs import Json
 from tensionlab.errors import HardwareError
 from tensionlab.haptics.bridge.client_state import ClientState
@@ -42,7 +35,6 @@ def scenario(
         typer.Argument(
             help="Name of a scenario, as `tensionlab scenario list` lists them, or file (TOML).",
             autocompletion=options.complete(lambda: (*SCENARIOS, LIST)),
-            show_default=False,
         ),
     ],
     rig: Annotated[
@@ -52,7 +44,6 @@ def scenario(
             autocompletion=options.complete(lambda: list_names("rigs")),
             help="Rig in place of the scenario's own: a name, as `tensionlab datasets rigs` lists them, or a file "
             "(TOML). One with another axis up is turned.",
-            show_default=False,
         ),
     ] = None,
     modules: Modules = None,
@@ -100,8 +91,7 @@ def scenario(
     with ExitStack() as opened, output.progress(loaded.title) as progress:
         if view:
             show_run()
-        reached = _reached(loaded, modules, osc, opened, paced=view or lsl)
-
+        reached = _reach(loaded, modules, osc, opened, paced=view or lsl)
         call = ["tensionlab", *sys.argv[1:]]
         try:
             streams = lsl_streams(loaded.rig, solver, loaded.rate, wanted=lsl)
@@ -109,38 +99,29 @@ def scenario(
         except HardwareError as error:
             output.print_error(str(error))
             raise typer.Exit(1) from None
-    tell_streams(streams)
-    statistics = played.statistics
-    interrupted = statistics.ended.startswith("signal") and not statistics.emergency
-    complete = seconds in (None, loaded.seconds) and not interrupted
+    complete = seconds in (None, loaded.seconds) and not played.statistics.ended.startswith("signal")
     rows = check_scenario(played) if complete and rig is None else ()
     found = check_directions(played.run)
     with output.ResultWriter(quiet=json) as writer:
-        if plot:
-            from tensionlab.plots import plot_scenario, save_figure
-
-            writer.write("plot", plot, lambda path: save_figure(plot_scenario(played, rows), path))
+        writer.draw(plot, "scenario", played, rows)
         if json:
             output.print_json(
                 scenario=loaded.name,
                 rig=loaded.rig.name,
                 turned=loaded.turned or None,
-                needs=[vars(each) for each in needs],
+                needs=needs,
                 checks=[{**row._asdict(), "met": row.met} for row in rows],
                 directions={"cycles": found.cycles, "within": found.within, **found.reasons},
                 delay=loop_delay(played),
-                run=statistics.summary(),
-                events=[vars(event) for event in played.run.events],
+                run=played.statistics.summary(),
+                events=played.run.events,
             )
         else:
             _print(played, rows, found)
             if loaded.name in EXPECTED and not rows:
                 where = "when a scenario is played as a whole" if not complete else "on the scenario's own rig"
                 typer.echo(f"Expected values are only compared {where}.")
-    if statistics.unconfirmed or statistics.lost or statistics.emergency:
-        raise typer.Exit(1)
-    if interrupted:
-        raise KeyboardInterrupt(kept_of_run(log))
+    end_run(played.statistics, streams, log)
     if found.reasons["unexplained"] or not all(row.met for row in rows):
         raise typer.Exit(1)
 
@@ -156,7 +137,7 @@ def _require_tracking(scenario: Scenario, modules: str | None, osc: int | None) 
         )
 
 
-def _reached(
+def _reach(
     scenario: Scenario, modules: str | None, osc: int | None, opened: ExitStack, *, paced: bool
 ) -> ScenarioModules:
     """Open the modules, to be closed with the rest, and what tracks hand and bodies.
@@ -168,7 +149,7 @@ def _reached(
         reached = simulate_modules(scenario, paced=paced)
         opened.callback(reached.group.close)
         return reached
-    links = module_links(scenario.rig, modules)
+    links = links_of_rig(scenario.rig, modules)
     client = tracker = None
     if osc is not None:
         client = ClientState(scenario.rig)
@@ -205,29 +186,28 @@ def _print_needs(scenario: Scenario, needs: list[Finding]) -> None:
     """Print what a scenario needs of its rig, and whether that has it."""
     print_required(scenario.rig)
     if scenario.turned:
-        output.console().print(scenario.turned, soft_wrap=True)
+        output.print_line(scenario.turned)
     output.print_table(findings_table(f'Can {scenario.rig.name} play "{scenario.name}"?', needs))
-    output.console().print()
+    output.print_line()
 
 
 def _print(played: ScenarioResult, rows: tuple[Check, ...], found: Directions) -> None:
-    """Print measured values beside expected ones, and where forces pointed."""
-    console = output.console()
+    """Print measured and expected values, and where forces pointed."""
     if rows:
         output.print_table(Checks(rows).table(f"{played.scenario.title}: {played.scenario.about}"))
-        console.print()
+        output.print_line()
     reasons = [f"{count} {reason}" for reason, count in found.reasons.items() if count]
     elsewhere = f"; elsewhere: {', '.join(reasons)}" if reasons else ""
-    console.print(
+    output.print_prose(
         f"Forces above 0.5 N in {found.cycles} of {len(played.run)} cycles: "
         f"{found.within} within 45 degrees of the desired ones{elsewhere}."
     )
-    console.print(f"Loop latency {1e3 * loop_delay(played):.0f} ms.")
+    output.print_prose(f"Loop latency {1e3 * loop_delay(played):.0f} ms.")
     statistics = played.statistics
     if set(statistics.statuses) - {Status.EXACT}:
-        console.print(f"Answers: {statistics.explained}.", soft_wrap=True)
+        output.print_line(f"Answers: {statistics.explained}.")
     if statistics.missed:
-        console.print(
+        output.print_prose(
             f"{statistics.missed} of {statistics.missed + statistics.cycles} deadlines missed: forces came late, "
             "or from an older position. Is the computer busy?"
         )

@@ -12,8 +12,8 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import begin_sinks, kept_of_run, reach_modules, show_run, tell_streams
 from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Solver, View
+from tensionlab.cli.common.runs import end_run, open_sinks, reach_modules, show_run
 from tensionlab.cli.run import print_summary
 from tensionlab.errors import InputError, TensionlabError
 from tensionlab.haptics.bridge.admission import PAGE_PATH, SCHEMA_PATH, Admission
@@ -28,7 +28,6 @@ from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects, Inner, 
 from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
 from tensionlab.hardware import Runner, RunSettings
 from tensionlab.hardware.protocol.codes import BrakeState, Limit
-from tensionlab.hardware.runner.records import CTRL_C
 from tensionlab.hardware.sharing import SharedRun
 from tensionlab.hardware.simulation.world import GuidedHand
 from tensionlab.model.files import load_rig
@@ -38,9 +37,9 @@ from tensionlab.scenarios.play import module_limits, needs_tracker, temporary_sl
 from tensionlab.scenarios.scenery import as_mapping
 from tensionlab.support.files.reading import read_text
 
-TOKEN_VARIABLE = "TENSIONLAB_BRIDGE_TOKEN"  # variable of the environment that may hold the token of clients
-# How fast tensions may change: the most that modules take. At the 60 N/s with which they come, a hand that is
-# pressed against a wall of 300 N/m shakes, even where the module renders it.
+TOKEN_VARIABLE = "TENSIONLAB_BRIDGE_TOKEN"  # environment variable that may hold the token of clients
+# How fast tensions may change: the most that modules take. At their default of 60 N/s, a hand that is pressed
+# against a wall of 300 N/m shakes, even where the module renders it.
 MAX_SLEW_RATE_N_PER_S = 300.0
 
 
@@ -62,7 +61,6 @@ def serve(
         typer.Option(
             callback=options.require_positive,
             help="Cycles per second.  [default: 50, or the scenario's]",
-            show_default=False,
         ),
     ] = None,
     seconds: Duration = None,
@@ -104,22 +102,13 @@ def serve(
     It sends poses and effects, and gets the state; the site's page on the bridge describes the messages. Without
     --modules, the simulated hand is where the client says it is. Ctrl-C ends it, and all modules are stopped.
     """
-    loaded, played = _loaded(rig, scenario)
-    standard = RunSettings() if played is None else RunSettings(played.rate, policy=played.policy)
-    settings = standard if rate is None else replace(standard, rate=rate)
-    client = ClientState(loaded)
+    loaded, played = _load(rig, scenario)
+    settings = RunSettings() if played is None else RunSettings(played.rate, policy=played.policy)
+    if rate is not None:
+        settings = replace(settings, rate=rate)
     options.check_solvers(loaded, [solver], settings.policy)
+    client = ClientState(loaded)
     follow = tracked_pose(client)
-    welcome = Welcome(
-        rig=loaded.name,
-        up=loaded.up,
-        modules=[module.name for module in loaded.modules],
-        upper=loaded.limits.upper.tolist(),
-        scenario=None if played is None else played.name,
-        bodies=[HAND, *loaded.frames],
-        rate=settings.rate,
-        timeout=FADE_DELAY_S + FADE_S,
-    )
     limits, brakes = ({int(each): each.name for each in kind} for kind in (Limit, BrakeState))
     events = RunEvents(loaded, limits, brakes, lambda: client.count)
 
@@ -127,16 +116,17 @@ def serve(
         typer.echo(f"{kind}: {line}", err=True)
         events.note(kind, line)
 
-    clients = LimitedReport(partial(report, "client"), client.clock)
-    admission = Admission(_token(token_file), tuple(page or ()), schema_text(loaded))
-    bridge = Bridge(client, welcome, events.state, host, port, admission, clients)
-    events.send = bridge.broadcast
-
     def note(kind: str, text: str) -> None:
         events.note(kind, text)
         runner.note(kind, text)
 
+    clients = LimitedReport(partial(report, "client"), client.clock)
+    admission = Admission(_token(token_file), tuple(page or ()), schema_text(loaded))
+    bridge = Bridge(client, _welcome(loaded, played, settings), events.state, host, port, admission, clients)
+    events.send = bridge.broadcast
     inner: Inner = FreeEffects(client) if played is None else ScenarioDemand(played, note, repeat=True)
+    scenery = {} if played is None else as_mapping(played, repeat=True)
+    failure: TensionlabError | None = None
     with ExitStack() as stack:
         with output.if_interrupted("before the run began; no module pulls"):
             stack.enter_context(bridge)
@@ -154,22 +144,20 @@ def serve(
             inner.renderer.limits = module_limits(loaded, group)
             demand = BridgedDemand(client, inner, events.take, events.note)
             tracker = follow if played is not None or needs_tracker(loaded) else None
-            scenery = {} if played is None else as_mapping(played, repeat=True)
-            sinks = begin_sinks(log, loaded, solver, settings, links, lsl, scenery)
+            sinks = open_sinks(log, loaded, solver, settings, links, lsl, scenery)
             sinks.append(SharedRun(loaded, solver, settings, group.clients, scenery))
             runner = Runner(loaded, group, solver, demand, settings, sinks=sinks, clock=clock, tracker=tracker)
-        failed = not _run(runner, seconds)
+        try:
+            runner.run(seconds)
+        except TensionlabError as error:  # also of an effect that the scenario's author wrote
+            failure = error
         events.note("ended", runner.statistics.ended)
     print_summary(runner)
-    tell_streams(runner.sinks)
-    if failed or runner.statistics.unconfirmed or runner.statistics.emergency:
-        raise typer.Exit(1)
-    if runner.statistics.ended == CTRL_C:
-        raise KeyboardInterrupt(kept_of_run(log))
+    end_run(runner.statistics, runner.sinks, log, failure)
 
 
-def _loaded(rig: str | None, scenario: str | None) -> tuple[Rig, Scenario | None]:
-    """Read the rig, and the scenario if one is to be played."""
+def _load(rig: str | None, scenario: str | None) -> tuple[Rig, Scenario | None]:
+    """Load the rig, and the scenario if one is to be played."""
     if scenario is not None:
         played = load_scenario(scenario, rig)
         if played.turned:
@@ -180,6 +168,19 @@ def _loaded(rig: str | None, scenario: str | None) -> tuple[Rig, Scenario | None
     return load_rig(rig), None
 
 
+def _welcome(rig: Rig, played: Scenario | None, settings: RunSettings) -> Welcome:
+    return Welcome(
+        rig=rig.name,
+        up=rig.up,
+        modules=[module.name for module in rig.modules],
+        upper=rig.limits.upper.tolist(),
+        scenario=None if played is None else played.name,
+        bodies=[HAND, *rig.frames],
+        rate=settings.rate,
+        timeout=FADE_DELAY_S + FADE_S,
+    )
+
+
 def _token(file: Path | None) -> str | None:
     """Return the token of clients: from a file or, without one, from the environment."""
     if file is None:
@@ -188,13 +189,3 @@ def _token(file: Path | None) -> str | None:
     if not token:
         raise typer.BadParameter(f"--token-file {file} is empty; put the token of clients into it")
     return token
-
-
-def _run(runner: Runner, seconds: float | None) -> bool:
-    """Run until the end, print what goes wrong, and return whether all went well."""
-    try:
-        runner.run(seconds)
-    except TensionlabError as error:  # also an effect of a scenario's own that fails
-        typer.echo(f"tensionlab: {error}", err=True)
-        return False
-    return True

@@ -10,8 +10,7 @@ from typing import Annotated
 
 import typer
 
-from tensionlab.cli.common import options
-from tensionlab.cli.common.modules import until_interrupted
+from tensionlab.cli.common import options, output
 from tensionlab.haptics.bridge.osc import OscTracker
 from tensionlab.hardware.client.modules_file import modules_to_toml
 from tensionlab.hardware.simulation import serve as serving
@@ -167,7 +166,9 @@ def simulate(
             writing.write_text(modules, text)
         ports.pop_all()  # from here on, they are closed by serve
         server = serving.Server(served, speed, watchers, math.inf if person is None else COMPLIANT_STEP_S)
-        with until_interrupted("the simulated modules are gone; the same command serves new ones") as interrupted:
+        with output.until_interrupted(
+            "the simulated modules are gone; the same command serves new ones"
+        ) as interrupted:
             typer.echo(text)
             serving.serve(server, interrupted)
 

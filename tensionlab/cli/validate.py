@@ -10,8 +10,10 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import module_links, print_simulated
+from tensionlab.cli.common.links import links_of_rig
 from tensionlab.cli.common.options import Modules, Solver
+from tensionlab.cli.common.runs import print_simulated
+from tensionlab.cli.common.verbs import Json
 from tensionlab.errors import HardwareError, LogError
 from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.model.files import load_rig
@@ -29,6 +31,7 @@ SIMULATED = "sim:"
 
 @output.if_interrupted("measured forces are kept in the folder, and the same command goes on with them")
 def validate(
+    out: Annotated[Path, options.writes_folder("Folder for measurements and report.")],
     rig: Annotated[
         str | None, options.rig_argument(", of a point in space; the published one if left out")
     ] = None,
@@ -53,26 +56,13 @@ def validate(
     hold: Annotated[
         float, typer.Option(help="How long each force is held, in s; the first 0.3 s are not averaged.")
     ] = 1.0,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="DIR",
-            callback=options.output_folder(),
-            help="Folder for measurements and report.",
-            show_default=False,
-        ),
-    ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+    json: Json = False,
 ) -> None:
     """Repeat the published validation and compare with it.
 
     Renders 182 forces one after another, and measures them. The same command continues a validation that was
     interrupted. Exit status 1 where it is not complete, or something went wrong with a module or the sensor.
     """
-    if out is None:
-        raise typer.BadParameter("--out is missing; name a folder for measurements and report")
     plan = _plan(rig, modules, sensor, solver, preset, seed, hold)
     total = len(plan.protocol.forces)
     if modules is None:
@@ -127,7 +117,7 @@ def _reached(
     plan: ValidationPlan, modules: str, sensor: str, opened: ExitStack
 ) -> tuple[ModuleGroup, ForceSensor]:
     """Open the links to modules and sensor, to be closed with the others."""
-    links = module_links(plan.rig, modules)
+    links = links_of_rig(plan.rig, modules)
     force_sensor = opened.enter_context(closing(open_sensor(sensor)))
     return opened.enter_context(closing(connect(plan.rig, links))), force_sensor
 

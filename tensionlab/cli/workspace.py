@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import BodyFrames
-from tensionlab.cli.common.region import Box, Rotations, Scheduler, Step, parse_orientations, parse_region
-from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
+from tensionlab.cli.common.options import BodyFrames, Box, Gravity, Required, Rotations, Scheduler, Step, Wrench
 from tensionlab.cli.common.verbs import Json
-from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.support.files.writing import unwritable
 from tensionlab.support.formatting import format_number, format_share
@@ -55,7 +51,7 @@ def workspace(
     rotations: Rotations = None,
     poses: Annotated[
         Path | None,
-        typer.Option(help="File of poses in place of a box (.csv, .parquet, .npz).", show_default=False),
+        typer.Option(help="File of poses in place of a box (.csv, .parquet, .npz)."),
     ] = None,
     metrics: Annotated[
         list[str] | None,
@@ -69,13 +65,8 @@ def workspace(
     frames: BodyFrames = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="DIR.zarr",
-            callback=options.output_folder(".zarr"),
-            help="Write all values to this folder. The same command resumes an interrupted sweep.",
-            show_default=False,
+        options.writes_folder(
+            "Write all values to this folder. The same command resumes an interrupted sweep.", ".zarr"
         ),
     ] = None,
     scheduler: Scheduler = None,
@@ -100,13 +91,17 @@ def workspace(
     there are rotations: then the table also says how much of the box is feasible in all of them, the total
     orientation workspace, which is drawn, and in one at least, the inclusive one.
     """
-    loaded = [options.with_frames(load_rig(path), frames) for path in rigs]
-    loaded = [with_requirement(rig, wrench, gravity, required) for rig in loaded]
+    loaded = [options.load(rig, frames, wrench, gravity, required) for rig in rigs]
     if poses is not None and (box or step or rotations):
         raise typer.BadParameter("--poses takes the place of --box, --step and --rotations; leave one out")
     if poses is not None and plot is not None:
         raise typer.BadParameter("--plot draws a box, not the poses of a file; leave one out")
-    where = read_poses(poses) if poses is not None else _box(loaded, box, step, rotations)
+    where: Grid | PoseList
+    if poses is not None:
+        where = read_poses(poses)
+    else:
+        ends, steps = options.parse_region(loaded, box, step)
+        where = box_of_poses(*ends, step=steps, rotations=options.parse_orientations(loaded[0], rotations))
     names = options.parse_names(metrics)
     if names is None:
         names = [*["wrench-feasible"][: any(rig.required for rig in loaded)], *DEFAULT_METRICS]
@@ -127,16 +122,11 @@ def workspace(
             table["total_above_zero"] = summary(total)["above_zero"]
             table["inclusive_above_zero"] = summary(inclusive)["above_zero"]
             drawn_data = total
-        if plot is not None:
-            from tensionlab import plots
-
-            drawn = names[0] if metrics else DRAWN_METRIC
-            draw: Callable[..., Any] = getattr(plots, f"plot_{view}")
-            writer.write("plot", plot, lambda path: plots.save_figure(draw(drawn_data, metric=drawn), path))
+        writer.draw(plot, view, drawn_data, metric=names[0] if metrics else DRAWN_METRIC)
         if json:
             output.print_json(
                 poses=int(table["poses"].iloc[0]),
-                out=None if out is None else str(out),
+                out=out,
                 rows=table.to_dict("records"),
                 manifest=json_text.loads(data.manifest),
             )
@@ -145,22 +135,15 @@ def workspace(
             _print_requirements(loaded)
 
 
-def _box(rigs: list[Rig], box: str | None, step: str | None, rotations: str | None) -> Grid:
-    """Return the poses of the sweep."""
-    ends, steps = parse_region(rigs, box, step)
-    return box_of_poses(*ends, step=steps, rotations=parse_orientations(rigs[0], rotations))
-
-
 def _print_requirements(rigs: list[Rig]) -> None:
     """Print what is required of each rig, and at which arm its torques count as forces."""
-    console = output.console()
     for rig in rigs:
         if rig.required:
-            console.print(f"required of {rig.name}: {rig.required.describe(rig)}", style="dim", soft_wrap=True)
+            output.print_line(f"required of {rig.name}: {rig.required.describe(rig)}", "dim")
         if rig.n > rig.dimension:
             text = f"torques of {rig.name} count as forces at {rig.characteristic_length:.3g} m in margins"
             own = rig.required.length is not None
-            console.print(f"{text}, {'as required' if own else ROOT_MEAN_SQUARE}", style="dim", soft_wrap=True)
+            output.print_line(f"{text}, {'as required' if own else ROOT_MEAN_SQUARE}", "dim")
 
 
 def _print(table: pandas.DataFrame, where: Grid | PoseList, out: Path | None) -> None:
@@ -193,16 +176,15 @@ def _print(table: pandas.DataFrame, where: Grid | PoseList, out: Path | None) ->
     step = describe_step(axes.values()) if isinstance(where, Grid) else ""
     title = f"{poses:,} poses{turns}{step and f', {step}'}: {region}"
     output.print_table(Table([*columns.values()], rows, title))
-    console = output.console()
-    console.print()
+    output.print_line()
     for name, metric in metrics.items():
         meaning = f" Above 0: {metric.above_zero}." if metric.above_zero else ""
-        console.print(f"{name}: {metric.description}{meaning}", style="dim")
+        output.print_prose(f"{name}: {metric.description}{meaning}", "dim")
     if step and any(metric.above_zero for metric in metrics.values()):
-        console.print(f"above 0: share of the volume, estimated from positions {step}", style="dim")
+        output.print_prose(f"above 0: share of the volume, estimated from positions {step}", "dim")
     if table["missing"].any():
-        console.print("no value: a cable has no length there, or a force is infeasible", style="dim")
+        output.print_prose("no value: a cable has no length there, or a force is infeasible", "dim")
     if poses > MEDIAN_SAMPLE:
-        console.print(f"median: of an even selection of {MEDIAN_SAMPLE:,} values at most", style="dim")
+        output.print_prose(f"median: of an even selection of {MEDIAN_SAMPLE:,} values at most", "dim")
     if out:
-        console.print(f"values: {out}", soft_wrap=True)
+        output.print_line(f"values: {out}")

@@ -43,7 +43,7 @@ class SimulatedServe:
             ("tensionlab.cli.serve.Bridge", partial(LoopBridge, self)),
             ("tensionlab.cli.serve.OscServer", partial(FedOscServer, self)),
             ("tensionlab.cli.serve.ClientState", self._client_state),
-            ("tensionlab.cli.common.modules.WorldClock", partial(LoopClock, self)),
+            ("tensionlab.cli.common.runs.WorldClock", partial(LoopClock, self)),
             ("websockets.sync.client.connect", self.connect),
         ):
             monkeypatch.setattr(place, part)

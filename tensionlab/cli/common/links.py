@@ -1,19 +1,27 @@
-"""Links to the modules that a verb is about, as its words and a modules file name them."""
+"""Links to modules, as a verb's words and a modules file name them, and what is done with all modules at once."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from tensionlab.cli.common.output import if_interrupted, print_error
+from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.links import URL_KINDS, require_known
 from tensionlab.hardware.client.locks import normalised
+from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.modules_file import load_modules
 
+if TYPE_CHECKING:
+    from tensionlab.model.rig import Rig
+
+Answer = TypeVar("Answer")
 Links = Annotated[
-    list[str] | None,
-    typer.Argument(metavar="URL", help="Links to modules; with --modules, names of modules.", show_default=False),
+    list[str] | None, typer.Argument(metavar="URL", help="Links to modules; with --modules, names of modules.")
 ]
 ModulesFile = Annotated[
     Path | None,
@@ -22,7 +30,7 @@ ModulesFile = Annotated[
 
 
 def find_links(words: list[str] | None, file: Path | None, *, look_up: bool = True) -> dict[str, str]:
-    """Return the URLs of the modules that are meant, by their names. Without a file, a URL is its own name.
+    """Return the URLs of the named modules, by their names. Without a file, a URL is its own name.
 
     Unless ``look_up`` is False, the names of hosts are looked up, to refuse two links to the same module.
     """
@@ -46,3 +54,55 @@ def find_links(words: list[str] | None, file: Path | None, *, look_up: bool = Tr
     if len(set(reached)) < len(reached):
         raise typer.BadParameter("two of these links reach the same module; give each once")
     return found
+
+
+def links_of_rig(rig: Rig, modules: str) -> dict[str, str]:
+    """Return the URL of each module of a rig, from the value of ``--modules``: a file, or links."""
+    if modules.endswith(".toml"):
+        return load_modules(modules)
+    urls = [url.strip() for url in modules.split(",") if url.strip()]
+    if len(urls) != rig.m:
+        names = ", ".join(module.name for module in rig.modules)
+        raise typer.BadParameter(
+            f"--modules has {len(urls)} links, {rig.name} has {rig.m} modules ({names}); give a link for each, "
+            "or a file that ends in .toml"
+        )
+    return {module.name: url for module, url in zip(rig.modules, urls, strict=True)}
+
+
+def call_all(
+    links: Mapping[str, str], job: Callable[[ModuleClient], Answer]
+) -> tuple[dict[str, Answer], dict[str, HardwareError]]:
+    """Carry out a job on all modules, each in a thread; return answers and errors by the modules' names."""
+
+    def call(name: str) -> Answer | HardwareError:
+        try:
+            with ModuleClient(name, links[name]) as client:
+                return job(client)
+        except HardwareError as error:
+            return error
+
+    unknown = "which modules did it is not known; `tensionlab module info` shows how they are"
+    with if_interrupted(unknown), ThreadPoolExecutor(len(links)) as threads:
+        found = dict(zip(links, threads.map(call, links), strict=True))
+    failed = {name: each for name, each in found.items() if isinstance(each, HardwareError)}
+    return {name: each for name, each in found.items() if not isinstance(each, HardwareError)}, failed
+
+
+def json_rows(
+    urls: Mapping[str, str], failed: Mapping[str, HardwareError], row: Callable[[str], dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Return what JSON has of each module: its name, its URL, a row of its own, and its error, or None."""
+    return [
+        {"module": name, "url": url, **row(name), "error": str(failed[name]) if name in failed else None}
+        for name, url in urls.items()
+    ]
+
+
+def exit_if_failed(failed: Mapping[str, HardwareError]) -> None:
+    """Print each error on a line, and leave with exit status 1 if there is one."""
+    for name, error in failed.items():
+        text = str(error)
+        print_error(text if name in text else f"module {name!r}: {text}")
+    if failed:
+        raise typer.Exit(1)

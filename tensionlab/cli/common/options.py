@@ -12,6 +12,7 @@ import numpy as np
 import typer
 
 from tensionlab.errors import WriteError
+from tensionlab.model.files import load_requirement, load_rig
 from tensionlab.model.pose import RestPose
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import every_solver, select_solvers
@@ -21,6 +22,7 @@ from tensionlab.support.files.named import list_names
 from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_count
 from tensionlab.support.provenance import TABLE_SUFFIXES
+from tensionlab.workspace.orientations import parse_rotations
 
 EXAMPLES = {
     "--wrench": "1 2 3 (in N)",
@@ -30,6 +32,7 @@ EXAMPLES = {
     "--box": "-1 1 0 2 -1 1 (in m)",
     "--step": "0.1 (in m)",
 }  # how the numbers of an option are written
+STEPS = 40  # number of steps along the longest edge of a box, if no step is given
 
 
 def parse_numbers(option: str, text: str) -> list[float]:
@@ -71,20 +74,70 @@ def require_positive(value: float | None) -> float | None:
     return value
 
 
-def with_frames(rig: Rig, frames: list[str] | None) -> Rig:
-    """Return the rig with body frames where ``--frame`` says; each is a name and numbers, with commas between."""
+def load(
+    name: str,
+    frames: list[str] | None = None,
+    wrench: str | None = None,
+    gravity: bool | None = None,
+    required: Path | None = None,
+) -> Rig:
+    """Load a rig, and place its body frames and have it require what the options say."""
+    rig = load_rig(name)
     rest = {each.name: each for each in rig.rest}
     for text in frames or []:
-        name, _, numbers = text.partition(",")
-        values, d = parse_numbers(f"--frame {name}", numbers), rig.dimension
+        body, _, numbers = text.partition(",")
+        values, d = parse_numbers(f"--frame {body}", numbers), rig.dimension
         turn = 3 if d == 3 else 1
         if len(values) not in (d, d + turn):
             raise typer.BadParameter(
-                f"--frame {name} has {format_count(len(values), 'number')}; {rig.name} needs {d} for the position "
-                f"in m, and {turn} more for a turn in rad, if it is turned"
+                f"--frame {body} has {format_count(len(values), 'number')}; {rig.name} needs {d} for the position "
+                f"in m, and {turn} more for a rotation in rad, if it is turned"
             )
-        rest[name] = RestPose(name, np.array(values[:d]), np.array(values[d:]) if values[d:] else None)
-    return replace(rig, rest=tuple(rest.values()))
+        rest[body] = RestPose(body, np.array(values[:d]), np.array(values[d:]) if values[d:] else None)
+    return with_requirement(replace(rig, rest=tuple(rest.values())), wrench, gravity, required)
+
+
+def with_requirement(rig: Rig, wrench: str | None, gravity: bool | None, required: Path | None = None) -> Rig:
+    """Return the rig with what the options require of it; refuse what does not suit it."""
+    found = rig.required if required is None else load_requirement(required)
+    if wrench is not None:
+        numbers = parse_numbers("--wrench", wrench)
+        check_components("--wrench", numbers, wrench_components(rig), rig.name)
+        found = replace(found, wrench=np.array(numbers))
+    return replace(rig, required=found if gravity is None else replace(found, gravity=gravity))
+
+
+def wrench_components(rig: Rig) -> list[str]:
+    """Return names and units of the components of a rig's wrench."""
+    axes = "xyz"[: rig.dimension]
+    torques = axes if rig.n == 6 else "z" if rig.n > rig.dimension else ""
+    return [f"F{axis} (N)" for axis in axes] + [f"M{axis} (N·m)" for axis in torques]
+
+
+def parse_region(rigs: list[Rig], box: str | None, step: str | None) -> tuple[Floats, Floats]:
+    """Return where the box starts and ends along each axis, (d, 2), and its step: one, or one for each axis."""
+    dimension = rigs[0].dimension
+    if box is None:
+        points = np.concatenate([[rig.home, *rig.anchors] for rig in rigs if rig.dimension == dimension])
+        ends = np.stack([points.min(axis=0), points.max(axis=0)], axis=-1)
+    else:
+        numbers = parse_numbers("--box", box)
+        if len(numbers) != 2 * dimension:
+            names = " ".join(f"{axis}0 {axis}1" for axis in "xyz"[:dimension])
+            raise typer.BadParameter(
+                f"--box has {format_count(len(numbers), 'number')}; {rigs[0].name} needs {2 * dimension}: {names}"
+            )
+        ends = np.array(numbers).reshape(dimension, 2)
+    if step is None:
+        return ends, np.array(float(np.ptp(ends, axis=1).max()) / STEPS or 1.0)
+    steps = np.array(parse_numbers("--step", step))
+    return ends, steps[0] if len(steps) == 1 else steps
+
+
+def parse_orientations(rig: Rig, rotations: str | None) -> Floats | None:
+    """Return the orientations at every position, if there are any."""
+    up = rig.upward if rig.up else np.eye(rig.dimension)[-1]
+    return None if rotations is None else parse_rotations(rotations, rig.dimension, up)
 
 
 def check_solvers(rig: Rig, names: list[str] | None, policy: str | None) -> None:
@@ -160,8 +213,13 @@ def log_file(path: Path) -> None:
 
 def writes(help_text: str, *suffixes: str, metavar: str = "FILE", names: Sequence[str] = ("--out", "-o")) -> Any:
     """Return an option that names a file to write, which is checked by `output_file`."""
+    return typer.Option(*names, metavar=metavar, callback=output_file(*suffixes), help=help_text)
+
+
+def writes_folder(help_text: str, suffix: str = "", *, parents: bool = False) -> Any:
+    """Return the option ``--out`` for a folder to write, which is checked by `output_folder`."""
     return typer.Option(
-        *names, metavar=metavar, callback=output_file(*suffixes), help=help_text, show_default=False
+        "--out", "-o", metavar=f"DIR{suffix}", callback=output_folder(suffix, parents=parents), help=help_text
     )
 
 
@@ -177,7 +235,6 @@ def stored_argument(kind: str, metavar: str, note: str = "") -> Any:
         metavar=metavar,
         help=f"Name of a {what}, as `tensionlab datasets {kind}` lists them, or file (TOML){note}.",
         autocompletion=complete(lambda: list_names(kind)),
-        show_default=False,
     )
 
 
@@ -195,7 +252,6 @@ BodyFrames = Annotated[
         metavar="NAME X Y Z [RX RY RZ]",
         help="Where a body frame is, in m, and how it is turned, axis times angle in rad; also repeated. Left "
         "out: where the file of the rig has it at rest, or the origin.",
-        show_default=False,
     ),
 ]
 Solver = Annotated[
@@ -203,6 +259,10 @@ Solver = Annotated[
     typer.Option(
         help="Name of a solver, as `tensionlab solvers` lists them.", autocompletion=complete(every_solver)
     ),
+]
+Solvers = Annotated[
+    list[str] | None,
+    typer.Option(metavar="A,B,...", help="Solvers, such as newton,qp:daqp, also repeated; all if left out."),
 ]
 Policy = Annotated[
     str | None,
@@ -240,7 +300,6 @@ Duration = Annotated[
     typer.Option(
         callback=require_positive,
         help="Duration in s; to the end, or until Ctrl-C, if left out.",
-        show_default=False,
     ),
 ]
 Modules = Annotated[
@@ -249,5 +308,53 @@ Modules = Annotated[
         metavar="FILE|URL,...",
         help="Modules file, or one link for each module, in the rig's order. Left out: modules simulated in this "
         "process.",
+    ),
+]
+Box = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X0 X1 Y0 Y1 Z0 Z1",
+        help="Box of positions in m; Z0 = Z1 is a plane. Left out: the box around all anchors and homes.",
+    ),
+]
+Step = Annotated[
+    str | None,
+    typer.Option(
+        metavar="STEP",
+        help="Distance between positions in m, of cells their longest edge: one, or one for each axis. "
+        f"Left out: {STEPS} steps along the longest edge of the box.",
+    ),
+]
+Rotations = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SET",
+        help="Orientations at every position of the box, in degrees: cone:10, how far the axis that points "
+        "up is tilted; rpy:-10..10,0,-30..30, roll, pitch and yaw about x, y and z; in the plane "
+        "angle:-30..30; each with :STEP, 5 if left out. Or a file (.csv): rx, ry, rz, axis times angle, rad.",
+    ),
+]
+Scheduler = Annotated[str | None, typer.Option(help="Evaluate on a Dask cluster, tcp://HOST:PORT.")]
+
+
+Wrench = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FX FY ...",
+        help="Wrench that the cables must exert, in N (and N·m); the middle of a set of them.",
+    ),
+]
+Gravity = Annotated[
+    bool | None,
+    typer.Option(
+        "--gravity/--no-gravity",
+        help="Whether the cables hold the platform's weight as well. Left out: as the file says.",
+    ),
+]
+Required = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="File of required wrenches (TOML): a box, a ball or a list. Left out: what the file itself says.",
     ),
 ]

@@ -1,12 +1,15 @@
-"""Output of the verbs: tables, JSON, numbers as text, progress, files, and messages on stderr."""
+"""Output of the verbs: tables, JSON, progress, files, messages on stderr, and what Ctrl-C leaves."""
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import json
 import math
+import signal
 import sys
 from collections.abc import Callable, Iterator
+from enum import Enum, Flag
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -16,12 +19,12 @@ from tensionlab.errors import InputError, WriteError
 from tensionlab.support import provenance
 from tensionlab.support.files import writing
 from tensionlab.support.formatting import one_line
+from tensionlab.support.operating_system import INTERRUPT_SIGNALS
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.text import Text
 
-    from tensionlab.model.rig import Rig
     from tensionlab.support.table import Table
     from tensionlab.viewer.server import PageServer
 
@@ -37,11 +40,28 @@ def print_error(text: str) -> None:
 
 @contextlib.contextmanager
 def if_interrupted(*words: str) -> Iterator[None]:
-    """Say what is kept, and how to go on, where Ctrl-C ends this context; after what was said inside it."""
+    """Say what is kept, and how to continue, where Ctrl-C ends this context; after what was said inside it."""
     try:
         yield
     except KeyboardInterrupt as error:
         raise KeyboardInterrupt("; ".join([*map(str, error.args), *words])) from None
+
+
+@contextlib.contextmanager
+def until_interrupted(kept: str) -> Iterator[Callable[[], bool]]:
+    """Let Ctrl-C or SIGTERM end the work in good order; yield a function that tells whether one has come.
+
+    At the end, a Ctrl-C is raised, with what is kept.
+    """
+    came: list[int] = []
+    before = [signal.signal(number, lambda number, _: came.append(number)) for number in INTERRUPT_SIGNALS]
+    try:
+        yield lambda: bool(came)
+    finally:
+        for number, handler in zip(INTERRUPT_SIGNALS, before, strict=True):
+            signal.signal(number, handler)
+    if signal.SIGINT in came:
+        raise KeyboardInterrupt(kept)
 
 
 def open_page(server: PageServer, shown: str, *, browser: bool) -> None:
@@ -59,10 +79,10 @@ def wait_for_enter(text: str) -> None:
 
 
 class ResultWriter:
-    """Writer of result files, which prints where they are after the results, which its block shows.
+    """Context that writes result files, and prints where they are after the results, which its block prints.
 
-    It raises `WriteError` for the first that could not be written. A quiet one prints nothing: stdout is JSON.
-    Where Ctrl-C ends its block, it says which files are there.
+    Leaving it raises the first `WriteError`. With ``quiet`` it prints nothing: stdout is JSON. After Ctrl-C the
+    message names the files that are written.
     """
 
     def __init__(self, *, quiet: bool = False) -> None:
@@ -96,7 +116,7 @@ class ResultWriter:
         return True
 
     def write_text(self, name: str, path: Path, text: str) -> bool:
-        """Write a text like `write`; what cannot be written is printed, so that it is not lost."""
+        """Write a text like `write`; print what cannot be written, so that it is not lost."""
         if self.write(name, path, lambda place: writing.write_text(place, text)):
             return True
         if not self._quiet:
@@ -104,12 +124,13 @@ class ResultWriter:
             self._failed[-1] = WriteError(f"{self._failed[-1]}; it is printed on stdout instead")
         return False
 
+    def draw(self, path: Path | None, kind: str, *results: Any, **options: Any) -> None:
+        """Draw results by the function ``plot_KIND`` of `tensionlab.plots`, if there is a path."""
+        if path is not None:
+            from tensionlab import plots
 
-def components(rig: Rig) -> list[str]:
-    """Return names and units of the components of a rig's wrench."""
-    axes = "xyz"[: rig.dimension]
-    torques = axes if rig.n == 6 else "z" if rig.n > rig.dimension else ""
-    return [f"F{axis} (N)" for axis in axes] + [f"M{axis} (N·m)" for axis in torques]
+            figure = getattr(plots, f"plot_{kind}")(*results, **options)
+            self.write("plot", path, lambda place: plots.save_figure(figure, place))
 
 
 def console(*, stderr: bool = False) -> Console:
@@ -150,22 +171,40 @@ def print_table(table: Table) -> None:
     console().print(styled(table), soft_wrap=True)
 
 
+def print_line(text: str = "", style: str = "") -> None:
+    """Print a text on one line, however narrow the terminal: paths can be copied from it."""
+    console().print(text, style=style, soft_wrap=True)
+
+
+def print_prose(text: str, style: str = "") -> None:
+    """Print a text in lines as wide as the terminal."""
+    console().print(text, style=style)
+
+
 def print_json(value: Any = None, **keys: Any) -> None:
     """Print a value, or keys with their values, as JSON and nothing else; NaN and infinity become null."""
     typer.echo(json.dumps(plain(keys or value), indent=2, ensure_ascii=False))
 
 
 def plain(value: Any) -> Any:
-    """Return the same in lists, dicts, strings, whole numbers and finite floats, as JSON has them."""
-    if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
+    """Return the same as JSON has it: fields by name, members of enumerations by name, finite floats."""
+    if isinstance(value, Flag):
+        return [each.name for each in value]
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, Path):
+        return str(value)
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if hasattr(value, "tolist"):  # NumPy's arrays and numbers
         return plain(value.tolist())
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    return value
+    if dataclasses.is_dataclass(value):
+        value = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+    if hasattr(value, "_asdict"):  # named tuples
+        value = value._asdict()
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    return [plain(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
 def manifest(seed: int | None = None) -> dict[str, Any]:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import typer
 
-from tensionlab.cli.common.modules import module_links, reach_modules
+from tensionlab.cli.common.links import links_of_rig
+from tensionlab.cli.common.runs import reach_modules
 from tensionlab.demand import Pose
 from tensionlab.hardware.runner.settings import RealClock
 from tensionlab.model.files import load_rig
@@ -48,13 +49,13 @@ def test_links_are_those_of_the_modules_in_the_rigs_order(capsys, monkeypatch, s
 
 def test_each_module_needs_a_link():
     with pytest.raises(typer.BadParameter, match=rf"has 2 links, .* has 4 modules \({', '.join(NAMES)}\)"):
-        module_links(RIG, "COM5,COM6")
+        links_of_rig(RIG, "COM5,COM6")
 
 
 def test_a_file_has_links_by_name(tmp_path):
     file = tmp_path / "modules.toml"
     file.write_text('[modules]\ntop = "COM5"\n', encoding="utf-8")
-    assert module_links(RIG, str(file)) == {"top": "COM5"}
+    assert links_of_rig(RIG, str(file)) == {"top": "COM5"}
 
 
 def test_run_says_that_it_pulls_with_simulated_modules(run, simulated_time):
