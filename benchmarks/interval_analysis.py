@@ -23,8 +23,7 @@ from benchmarks.certify import Case, cases
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace import capacity_margin, half_spaces
-from tensionlab.workspace.certification.result import Bounds
-from tensionlab.workspace.certification.subdivision import subdivide
+from tensionlab.workspace.certification.result import Bounds, subdivide
 
 CASES = ("published rig, 1 N", "published rig, 0.5 N", "two cables, a weight")
 CHUNK_CELLS = 20_000
@@ -65,8 +64,8 @@ def prove_by_intervals(case: Case, resolution: float) -> tuple[Bounds, int]:
         for start in range(0, len(places), CHUNK_CELLS):
             part = places[start : start + CHUNK_CELLS]
             verdict = judge(case, cells.centres(level, part), edges / 2)
-            inside += cells.cell_volume(level) * np.count_nonzero(verdict == 1)
-            outside += cells.cell_volume(level) * np.count_nonzero(verdict == -1)
+            inside += float(cells.cell_volume(level)) * np.count_nonzero(verdict == 1)
+            outside += float(cells.cell_volume(level)) * np.count_nonzero(verdict == -1)
             left.append(part[verdict == 0])
         looked += len(places)
         if level < cells.levels:

@@ -1,7 +1,7 @@
 """Workspace of a rig: metrics of structure matrices and tension limits, sweeps and layout search."""
 
 from tensionlab.workspace.certification.certify import certify
-from tensionlab.workspace.certification.result import Bounds, CertifiedWorkspace
+from tensionlab.workspace.certification.result import CertifiedWorkspace
 from tensionlab.workspace.interference import (
     Capsule,
     Clearance,
@@ -41,7 +41,6 @@ from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
 __all__ = [
     "METRICS",
     "Batch",
-    "Bounds",
     "Capsule",
     "CertifiedWorkspace",
     "Clearance",

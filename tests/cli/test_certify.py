@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-import tensionlab as tl
+from tensionlab.workspace.certification.result import Bounds
 
 PLANAR = Path(__file__).parents[2] / "datasets" / "rigs" / "kntu-planar.toml"
 
@@ -25,7 +25,7 @@ def test_a_workspace_is_proved_drawn_and_kept(run, tmp_path):
     low, high = report["volume"]["lower"], report["volume"]["upper"]
     assert 0 < low < 0.0967 < high  # as tests/workspace/certification has it
     assert report["share"]["lower"] == pytest.approx(low / report["region_volume"])
-    assert f"workspace: {tl.workspace.Bounds(low, high).describe()} m³" in out
+    assert f"workspace: {Bounds(low, high).describe()} m³" in out
     rows = {row[1]: row for row in map(str.split, out.splitlines()) if len(row) > 2}
     assert {verdict: int(rows[verdict][2].replace(",", "")) for verdict in report["cells"]} == report["cells"]
     assert f"{report['evaluations']:,} cells down to" in out

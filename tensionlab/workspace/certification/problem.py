@@ -1,9 +1,9 @@
-"""Statement to prove for cells of positions: a rig at some rotations, and its requirement."""
+"""Statement to prove of cells of positions: what a rig renders, and how far its cables are apart."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -15,13 +15,13 @@ from tensionlab.model import kinematics, pose
 from tensionlab.model.pose import Frames
 from tensionlab.model.requirement import Requirement, as_requirement
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats, check_size
-from tensionlab.workspace.certification.clearance import ClearanceProblem
+from tensionlab.support.arrays import Floats, Integers, check_size
+from tensionlab.workspace.interference import Capsule, body_pairs, body_segments, cable_pairs, closest
 
 # Required in place of wrenches: that some tensions above zero balance each other, whatever the limits.
 WRENCH_CLOSURE = "wrench-closure"
-
 MAX_ANGLE_RAD = 0.5  # largest angle about a rotation; beyond, the bounds are of no use
+ROUNDING = 1e-7  # error of a distance relative to the longest cable; the kernel has 1e-8 where segments cross
 
 Required = Requirement | ArrayLike | tuple[ArrayLike, float] | Literal["wrench-closure"] | None
 
@@ -33,8 +33,59 @@ class Verdicts(NamedTuple):
     shares: Floats
 
 
-@dataclass(frozen=True, eq=False)
-class CellProblem:
+class ClearanceProblem(NamedTuple):
+    """Pairs of cables, and of cables and bodies, that must be so far apart, in m.
+
+    Segments of bodies are (b, 2, d); radii are those of cables, zero, and bodies.
+    """
+
+    least: float
+    pairs: Integers
+    bodies: Floats
+    radii: Floats
+
+    def decide(
+        self, anchors: Floats, arms: Floats, angle: float, centres: Floats, half_edges: Floats
+    ) -> NDArray[np.int8]:
+        """Return 1 for cells (k) that are clear in all poses, -1 for those that are not in any, 0 for the others.
+
+        Anchors and arms are (rotations, m, d). The distance of two cables changes by no more than the platform
+        moves: points at the shares s and t of their lengths come closer by |s - t| of its shift at most, and by s
+        and t of what their attachments turn by.
+        """
+        reach = float(np.linalg.norm(half_edges)) + 2 * angle * float(np.linalg.norm(arms, axis=-1).max())
+        clear = np.ones(len(centres), np.int8)
+        for own_anchors, own_arms in zip(anchors, arms, strict=True):
+            ends = centres[:, None] + own_arms
+            cables = np.stack([np.broadcast_to(own_anchors, ends.shape), ends], axis=-2)
+            bodies = np.broadcast_to(self.bodies, (len(centres), *self.bodies.shape))
+            distance = closest(np.concatenate([cables, bodies], axis=-3), self.pairs, self.radii).distance
+            doubt = reach + ROUNDING * np.linalg.norm(own_anchors - ends, axis=-1).max(axis=-1)
+            verdict = np.where(distance - doubt >= self.least, 1, np.where(distance + doubt < self.least, -1, 0))
+            clear = np.minimum(clear, verdict.astype(np.int8))
+        return clear
+
+
+def clearance_problem(rig: Rig, least: float | None, bodies: Sequence[Capsule]) -> ClearanceProblem | None:
+    """Return which pairs must be apart, or None if no distance is required; see `body_distance` for errors."""
+    if least is None:
+        if bodies:
+            raise InputError("bodies are given without a clearance; give the distance in m that cables must keep")
+        return None
+    if not (np.isfinite(least) and least >= 0):
+        raise InputError(f"clearance is {least}; give a distance in m, 0 or more")
+    segments, radii = body_segments(bodies, rig.dimension)
+    if any(each.ndim != 3 for each in segments):
+        raise InputError("bodies: give one place for each body; it is the same all over the region")
+    return ClearanceProblem(
+        float(least),
+        np.concatenate([cable_pairs(rig), body_pairs(rig, bodies)]),
+        np.concatenate([np.zeros((0, 2, rig.dimension)), *segments]),
+        np.array([0.0] * rig.m + radii),
+    )
+
+
+class CellProblem(NamedTuple):
     """Rig at some rotations (k), all of which count, and what is required of it.
 
     Anchors and arms (k, m, d) are in world axes, in m; limits (m,) in N; wrenches (k, w, n), whose torques are
@@ -71,21 +122,8 @@ class CellProblem:
         return Verdicts(verdict, found)
 
     def _prove_wrenches(self, centres: Floats, half_edges: Floats, shares: bool) -> Verdicts:
-        verdict, found = _native.certify_cells(
-            self.anchors,
-            self.arms,
-            self.lower,
-            self.upper,
-            self.wrenches,
-            self.radius,
-            self.slack,
-            self.angle,
-            self.length,
-            self.closure,
-            np.ascontiguousarray(centres),
-            half_edges,
-            shares,
-        )
+        statement = self[:-1]  # all but the clearance
+        verdict, found = _native.certify_cells(*statement, np.ascontiguousarray(centres), half_edges, shares)
         return Verdicts(verdict, _whole(verdict) if found is None else found)
 
 
@@ -116,7 +154,6 @@ def cell_problem(
         raise InputError("frames: give one pose for each body frame; it is the same all over the region")
     given, matrices = _rotations(rotations, d)
     arms = kinematics.rotate(matrices, rig.attachments) if n > d else np.zeros((1, m, d))
-    shape = (len(arms), m, d)
     lower, upper, radius, slack, length = rig.limits.lower, rig.limits.upper, 0.0, 0.0, 1.0
     closure = isinstance(required, str)
     if isinstance(required, str):
@@ -138,18 +175,11 @@ def cell_problem(
             f'rig "{rig.name}" has {n} wrench components and {free} cables whose tension can change; give it '
             f"{n} or more"
         )
+    anchors, arms, lower, upper, wrenches = (
+        np.ascontiguousarray(each) for each in (np.broadcast_to(anchors, arms.shape), arms, lower, upper, wrenches)
+    )
     return CellProblem(
-        np.ascontiguousarray(np.broadcast_to(anchors, shape)),
-        np.ascontiguousarray(arms),
-        np.ascontiguousarray(lower),
-        np.ascontiguousarray(upper),
-        np.ascontiguousarray(wrenches),
-        float(radius),
-        float(slack),
-        float(angle),
-        float(length),
-        closure,
-        clearance,
+        anchors, arms, lower, upper, wrenches, radius, slack, float(angle), length, closure, clearance
     )
 
 

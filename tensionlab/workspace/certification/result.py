@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensionlab.errors import InputError
 from tensionlab.model import pose
 from tensionlab.model.rig import Rig
 from tensionlab.support import provenance
-from tensionlab.support.arrays import Floats, Integers
+from tensionlab.support.arrays import Floats, Integers, require_finite
 from tensionlab.support.colours import GREY
 from tensionlab.support.formatting import format_count, format_share
 from tensionlab.support.table import Column, Mark, Table, met_mark
-from tensionlab.workspace.certification.subdivision import Subdivision
 
 if TYPE_CHECKING:
     import xarray
@@ -29,19 +30,94 @@ MARKS = {
 }  # of each verdict
 UNITS = {1: "m", 2: "m²", 3: "m³"}  # unit of a volume, by the number of axes with an extent
 SUM_ROUNDING = 1e-12  # relative rounding error of sums of volumes
+# Cells along the shortest edge to begin with: fewer would make the finest much smaller than they need be.
+MIN_ROOTS = 4
+MAX_AXIS_CELLS = 2**30  # largest number of cells along one axis; more are taken for a mistaken resolution
+
+
+class Subdivision(NamedTuple):
+    """Box from ``low`` with edges ``extent`` (d,), in m, in cells (roots times 2^level) along each axis.
+
+    A cell is its level and its place along each axis. An axis without extent has one cell, which is never cut.
+    """
+
+    low: Floats
+    extent: Floats
+    roots: Integers
+    levels: int
+
+    @property
+    def dimension(self) -> int:
+        """Dimension of space: 2 or 3."""
+        return len(self.low)
+
+    @property
+    def volume(self) -> float:
+        """Volume of the box, in m to the power of the number of its axes that have an extent."""
+        return float(np.prod(self.extent[self.extent > 0]))
+
+    def edges(self, level: ArrayLike) -> Floats:
+        """Return the edges (..., d) of the cells of levels (...), in m."""
+        parts = self.roots * 2.0 ** np.asarray(level)[..., None]
+        return np.asarray(self.extent / np.where(self.extent > 0, parts, 1))
+
+    def centres(self, level: int, places: Integers) -> Floats:
+        """Return the centres (k, d) of cells, in m."""
+        return self.low + (places + 0.5) * self.edges(level)
+
+    def cell_volume(self, level: ArrayLike) -> Floats:
+        """Return the volume (...) of a cell of levels (...)."""
+        return np.asarray(np.prod(self.edges(level)[..., self.extent > 0], axis=-1))
+
+    def first(self) -> Integers:
+        """Return the places (k, d) of the cells of the first level."""
+        return np.indices(tuple(self.roots.tolist())).reshape(self.dimension, -1).T.astype(np.int64)
+
+    def children(self, places: Integers) -> Integers:
+        """Return the places of the cells that cells are cut into."""
+        cut = self.extent > 0
+        parts = np.array(list(product(*((0, 1) if each else (0,) for each in cut))))
+        doubled = places[:, None] * np.where(cut, 2, 1)
+        return np.asarray(doubled + parts).reshape(-1, self.dimension)
+
+    def place_of(self, level: int, position: Floats) -> Integers:
+        """Return the places (k, d) of the cells that hold positions (k, d) of the box."""
+        edges = self.edges(level)
+        along = (position - self.low) / np.where(edges > 0, edges, 1.0)
+        last = np.where(edges > 0, self.roots * 2**level, 1) - 1
+        return np.clip(np.floor(along), 0, last).astype(np.int64)
+
+
+def subdivide(region: ArrayLike, resolution: ArrayLike, dimension: int) -> Subdivision:
+    """Return the cells of a region (d, 2), in m, the finest of which have edges of the resolution at most.
+
+    InputError if the region or the resolution, one for all axes or one for each, makes no sense.
+    """
+    ends = require_finite("region", region, 2)
+    if ends.shape != (dimension, 2):
+        raise InputError(
+            f"region has shape {ends.shape}; give where it starts and ends along {'xyz'[:dimension]}, in m"
+        )
+    low, extent = ends[:, 0], ends[:, 1] - ends[:, 0]
+    if not (extent >= 0).all() or not (extent > 0).any():
+        axis = int(np.argmin(extent))
+        raise InputError(
+            f"region runs from {ends[axis, 0]:g} to {ends[axis, 1]:g} along {'xyz'[axis]}; give the lower end "
+            "first, and an extent along one axis at least"
+        )
+    steps = require_finite("resolution", resolution, 0)
+    if steps.shape not in ((), (dimension,)) or not (steps > 0).all():
+        raise InputError(f"resolution is {resolution!r}; give one length in m, or one for each axis, above zero")
+    counts = np.maximum(1, np.ceil(extent / steps * (1 - 1e-12)))
+    if not (counts <= MAX_AXIS_CELLS).all():
+        raise InputError(f"resolution is {resolution!r}; the region has {counts.max():.2g} of that along an axis")
+    levels = max(0, int(np.log2(counts[extent > 0].min() / MIN_ROOTS)))
+    roots = np.where(extent > 0, np.ceil(counts / 2**levels), 1).astype(np.int64)
+    return Subdivision(low, extent, roots, levels)
 
 
 class Bounds(NamedTuple):
-    """Two numbers between which a third lies for sure.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("kntu-planar")
-    >>> proved = tl.workspace.certify(rig, [[-0.9, 0.9], [-0.8, 0.8]], tl.Requirement(ball=5.0), 0.1)
-    >>> bool(proved.volume.lower <= proved.volume.upper)
-    True
-    """
+    """Two numbers between which a third lies for sure."""
 
     lower: float
     upper: float
@@ -63,7 +139,7 @@ class CertifiedWorkspace:
     Attributes
     ----------
     rig : Rig
-        Whose poses were looked at.
+        Rig whose poses were examined.
     anchors : (m, d) array
         Anchors in the world, in m.
     required : str
@@ -71,13 +147,13 @@ class CertifiedWorkspace:
     subdivision : Subdivision
         The region, and how it is cut into cells.
     level, place : (k,) and (k, d) arrays
-        Of each cell: how often the region's first cells were cut in two for it, and its place along each axis.
+        How often the region's first cells were cut in two for each cell, and its place along each axis.
     verdict : (k,) array
         1 inside, -1 outside, 0 undecided.
     shares : (k, 2) array
         Lower bounds of the share of a cell that is inside, and that is outside.
     evaluations : int
-        Cells that were looked at, each once for all rotations.
+        Number of cells that were examined, each once for all rotations.
 
     Examples
     --------
@@ -106,10 +182,8 @@ class CertifiedWorkspace:
 
     def table(self) -> Table:
         """Return the table of what is proved inside and outside, and what is undecided."""
-        rows = [
-            [MARKS[verdict], cells, volume, volume / self.region_volume]
-            for verdict, (cells, volume) in self.tally().items()
-        ]
+        whole = self.region_volume
+        rows = [[MARKS[key], cells, volume, volume / whole] for key, (cells, volume) in self.tally().items()]
         share = Column("share of the region", format=format_share)
         columns = ["proved", "cells", Column("volume", self.unit), share]
         return Table(columns, rows, self._title, [f"required: {self.required}"])
@@ -137,8 +211,7 @@ class CertifiedWorkspace:
     @property
     def cell_volumes(self) -> Floats:
         """Volume of each cell, (k,)."""
-        of_level = np.array([self.subdivision.cell_volume(level) for level in range(self.subdivision.levels + 1)])
-        return np.asarray(of_level[self.level])
+        return self.subdivision.cell_volume(self.level)
 
     @property
     def volume(self) -> Bounds:
@@ -161,9 +234,7 @@ class CertifiedWorkspace:
     @property
     def edges(self) -> Floats:
         """Edges of each cell, (k, d), in m."""
-        return np.stack([self.subdivision.edges(level) for level in range(self.subdivision.levels + 1)])[
-            self.level
-        ]
+        return self.subdivision.edges(self.level)
 
     @property
     def centres(self) -> Floats:
@@ -184,21 +255,18 @@ class CertifiedWorkspace:
             If the positions do not fit the rig.
         """
         given = pose.points(position, self.rig.dimension, "position")
-        points = given.reshape(-1, self.rig.dimension)
-        low, high = self.subdivision.low, self.subdivision.low + self.subdivision.extent
+        points, cells = given.reshape(-1, self.rig.dimension), self.subdivision
         found = np.zeros(len(points), np.int8)
-        within = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-        for level in np.unique(self.level):
+        within = np.flatnonzero(((points >= cells.low) & (points <= cells.low + cells.extent)).all(axis=1))
+        for level in map(int, np.unique(self.level)):
             own = np.flatnonzero(self.level == level)
-            size = np.where(self.subdivision.extent > 0, self.subdivision.roots * 2 ** int(level), 1)
-            keys = np.ravel_multi_index(tuple(self.place[own].T), tuple(size))
+            size = tuple(np.where(cells.extent > 0, cells.roots * 2**level, 1))
+            keys = np.ravel_multi_index(tuple(self.place[own].T), size)
+            wanted = np.ravel_multi_index(tuple(cells.place_of(level, points[within]).T), size)
             order = np.argsort(keys)
-            wanted = np.ravel_multi_index(
-                tuple(self.subdivision.place_of(int(level), points[within]).T), tuple(size)
-            )
-            where = np.searchsorted(keys, wanted, sorter=order).clip(max=len(own) - 1)
-            there = keys[order[where]] == wanted
-            found[within[there]] = self.verdict[own[order[where[there]]]]
+            where = order[np.searchsorted(keys, wanted, sorter=order).clip(max=len(own) - 1)]
+            there = keys[where] == wanted
+            found[within[there]] = self.verdict[own[where[there]]]
         return found.reshape(given.shape[:-1])[()]
 
     def to_xarray(self) -> xarray.Dataset:

@@ -3,7 +3,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import ShapeError
-from tensionlab.workspace import Bounds
+from tensionlab.workspace.certification.result import Bounds
 
 REGION = [(-0.9, 0.9), (-0.8, 0.8)]
 

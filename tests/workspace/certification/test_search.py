@@ -3,9 +3,9 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import DataError, InputError, WriteError
-from tensionlab.workspace.certification import search
+from tensionlab.workspace.certification import certify as search
 from tensionlab.workspace.certification.problem import CellProblem
-from tensionlab.workspace.certification.subdivision import subdivide
+from tensionlab.workspace.certification.result import subdivide
 
 REGION = [(-0.4, 0.4), (0.0, 1.6), (-0.4, 0.4)]
 BALL = ([0.0, 0.0, 0.0], 1.0)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tensionlab.workspace.certification.subdivision import subdivide
+from tensionlab.workspace.certification.result import subdivide
 
 
 @pytest.mark.parametrize("resolution", [0.3, 0.05, [0.1, 0.02, 0.3]])
