@@ -88,7 +88,7 @@ class ScenarioDemand:
         self._last = (state.time, pose)
         velocity = _velocity(pose.position, None if last is None else last.position, step)
         time = math.fmod(state.time, self._period)
-        hand = Motion(pose.position, velocity, time, step, float(np.min(state.ages)))
+        hand = Motion(pose.position, velocity, time, step)
         frame = self._scenario.seen_from
         if frame is None:
             return hand

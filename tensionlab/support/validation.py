@@ -148,7 +148,18 @@ def _explain(problem: ErrorDetails, kind: Any, values: object) -> str:
         given = f"has {len(value)} entries"
     expected = WANTED.get(type_of_error, f"another value ({problem['msg'][:1].lower()}{problem['msg'][1:]})")
     wanted = expected.format(**problem.get("ctx", {}))
+    bounds = _bounds(field) if type_of_error.startswith(("greater", "less")) else {}
+    if {"ge", "le"} <= set(bounds):
+        wanted = "{ge:g} to {le:g}".format(**bounds)
+    elif {"gt", "le"} <= set(bounds):
+        wanted = "more than {gt:g}, up to {le:g}".format(**bounds)
     return f"{subject} {given}; give {wanted}{f' ({meaning})' if meaning else ''}"
+
+
+def _bounds(field: FieldInfo | None) -> dict[str, float]:
+    """Return the bounds of a number, by their names in pydantic."""
+    marks = () if field is None else field.metadata
+    return {key: getattr(mark, key) for mark in marks for key in ("gt", "ge", "lt", "le") if hasattr(mark, key)}
 
 
 def _place(path: Sequence[str | int], values: object) -> str:

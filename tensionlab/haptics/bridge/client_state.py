@@ -45,14 +45,11 @@ class BodyMotion:
     position, velocity : (d,) arrays
         In m and m/s.
     rotation : (3, 3) array, (), an angle in the plane in rad, or None
-    age : float
-        Time since the latest frame that has it, in s.
     """
 
     position: Floats
     velocity: Floats
     rotation: Floats | None
-    age: float
 
 
 @dataclass
@@ -214,7 +211,7 @@ class ClientState:
             return None
         body, age = latest.frame.bodies[name], max(now - latest.time, 0.0)
         here = np.array(body.position)
-        still = BodyMotion(here, np.zeros_like(here), _rotation(body), age)
+        still = BodyMotion(here, np.zeros_like(here), _rotation(body))
         if before is None or name not in before.frame.bodies:
             return still
         there = np.array(before.frame.bodies[name].position)
@@ -225,7 +222,7 @@ class ClientState:
         velocity = (here - there) / apart
         if float(np.linalg.norm(velocity)) > MAX_HAND_SPEED_M_S:
             return still
-        return BodyMotion(there + share * (here - there), velocity, _rotation(body), age)
+        return BodyMotion(there + share * (here - there), velocity, _rotation(body))
 
 
 def _require_in_command(commander: Commander | None) -> None:

@@ -120,9 +120,9 @@ class FreeEffects:
         self._latest = state.time
         tracked = self._client.motion(HAND, self._client.clock())
         if tracked is not None:
-            return Motion(tracked.position, tracked.velocity, state.time, step, tracked.age)
+            return Motion(tracked.position, tracked.velocity, state.time, step)
         velocity = state.twist[: self._client.rig.dimension]
-        return Motion(state.pose.position, velocity, state.time, step, float(np.min(state.ages)))
+        return Motion(state.pose.position, velocity, state.time, step)
 
 
 def tracked_pose(client: ClientState) -> Callable[[float], Pose]:

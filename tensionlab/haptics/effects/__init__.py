@@ -1,7 +1,6 @@
 """Haptic effects: pure functions from how the hand moves to the force on it.
 
-contact: walls, magnets, friction, textures. shape: solids from distance fields. ambient: viscous damping, springs,
-water, vibrations. tools: weight, recoil, bow. effect: what all of them are.
+Defaults are choices of this project unless a docstring names a source.
 """
 
 from tensionlab.haptics.effects.ambient import Spring, Vibration, Viscous, Water

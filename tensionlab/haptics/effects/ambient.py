@@ -19,14 +19,11 @@ from tensionlab.support.arrays import Floats
 class Viscous:
     """Viscous damping: ``F = -b v``. Continuous; passive.
 
-    The defaults are choices of this project.
-
     Examples
     --------
     >>> import numpy as np
     >>> from tensionlab.haptics.effects import Viscous, Motion
-    >>> hand = Motion(np.zeros(3), np.array([0.5, 0.25, -0.5]))
-    >>> Viscous(damping=2.0).render(hand).force.round(3)
+    >>> Viscous(damping=2.0).render(Motion(np.zeros(3), np.array([0.5, 0.25, -0.5]))).force.round(3)
     array([-1. , -0.5,  1. ])
     """
 
@@ -42,21 +39,18 @@ class Viscous:
 class Spring:
     """Spring to a point: ``F = K (centre - p) - B v``. Continuous; passive.
 
-    The defaults are choices of this project.
-
     Examples
     --------
     >>> import numpy as np
     >>> from tensionlab.haptics.effects import Spring, Motion
-    >>> hand = Motion(np.array([0.0, 0.0, -0.01]), np.array([0.0, 0.0, 0.0]))
-    >>> Spring(stiffness=30.0).render(hand).force.round(3)
+    >>> Spring(stiffness=30.0).render(Motion(np.array([0.0, 0.0, -0.01]), np.zeros(3))).force.round(3)
     array([0. , 0. , 0.3])
     """
 
     centre: parameters.Point = ORIGIN
     """Point to which it pulls, in m."""
     stiffness: parameters.Stiffness = 30.0
-    """Stiffness K, in N/m: a link of 30 ms can bear the default."""
+    """Stiffness K, in N/m; the default is stable over a link of 30 ms."""
     damping: parameters.Damping = 0.0
     """Damping B, in N s/m."""
 
@@ -66,7 +60,7 @@ class Spring:
         return Rendered(self.stiffness * stretch - self.damping * motion.velocity)
 
     def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
-        """Return all of it, towards the centre; None at the centre, where there is no direction."""
+        """Return the spring and damper towards the centre; None at the centre, where there is no direction."""
         stretch = np.asarray(self.centre) - motion.position
         size = float(norm(stretch))
         if size == 0.0:
@@ -82,21 +76,17 @@ class Spring:
 
 @parameters.checked_dataclass(EffectError)
 class Water:
-    """Water: drag, and a lift.
+    """Water: linear and quadratic drag, and a lift.
 
-    ``F = s (-b v - c |v| v + F_b up)``, where s goes from 0 at the surface to 1 at a depth of ``mixing``, as a
-    smoothstep. Pushed by F_0, the hand comes to the speed ``(sqrt(b² + 4 c F_0) - b) / (2 c)``. Continuous.
-    Passive: the lift only depends on the depth. The quadratic drag is Newton's, the linear one is for a slow
-    hand.
-
-    The defaults are choices of this project.
+    ``F = s (-b v - c |v| v + F_b up)``, where s rises from 0 at the surface to 1 at a depth of ``mixing``, as a
+    smoothstep. Pushed by F_0, the hand reaches the speed ``(sqrt(b² + 4 c F_0) - b) / (2 c)``. Continuous.
+    Passive: the lift depends on the depth only.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Water, Motion
-    >>> hand = Motion(np.array([0.0, 0.0, -0.1]), np.array([0.5, 0.0, 0.0]))
-    >>> Water().render(hand).force.round(3)
+    >>> from tensionlab.haptics.effects import Motion, Water
+    >>> Water().render(Motion(np.array([0.0, 0.0, -0.1]), np.array([0.5, 0.0, 0.0]))).force.round(3)
     array([-1.75,  0.  ,  1.  ])
     """
 
@@ -109,7 +99,7 @@ class Water:
     lift: parameters.Force = 1.0
     """Lift F_b, in N."""
     mixing: parameters.Length = 0.02
-    """Depth from which on all of it is there, in m."""
+    """Depth at which drag and lift are complete, in m."""
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return drag and lift."""
@@ -121,20 +111,17 @@ class Water:
 
 @parameters.checked_dataclass(EffectError)
 class Vibration:
-    """Vibration: ``F = A sin(2 pi f t) axis``. Not passive: it works like a motor.
+    """Vibration: ``F = A sin(2 pi f t) axis``. Not passive: it does work, like a motor.
 
-    It runs on a module, whose cable pulls all the time with A more than its least tension, so that it never goes
-    slack. A host would need more than ten steps a period. A module changes its tension no faster than its slew, 60
-    N/s as it comes and up to 300: beyond ``A = slew/(2 pi f)``, 0.24 N at 40 Hz, less is rendered.
-
-    The defaults are choices of this project.
+    It runs on a module, whose cable pulls with A above its minimum tension, so that it never goes slack. A host
+    would need more than ten steps per period. A module's slew-rate limit, 60 N/s by default and up to 300, bounds
+    what is rendered: ``A = slew/(2 pi f)``, 0.24 N at 40 Hz.
 
     Examples
     --------
     >>> import numpy as np
     >>> from tensionlab.haptics.effects import Motion, Vibration
-    >>> hand = Motion(np.zeros(3), np.zeros(3), time=0.25 / 40.0)
-    >>> Vibration(amplitude=0.5, frequency=40.0).render(hand).force.round(3)
+    >>> Vibration(amplitude=0.5).render(Motion(np.zeros(3), np.zeros(3), time=0.25 / 40.0)).force.round(3)
     array([0. , 0. , 0.5])
     """
 
@@ -152,7 +139,7 @@ class Vibration:
         return Rendered(np.broadcast_to(force, np.broadcast_shapes(force.shape, motion.position.shape)))
 
     def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance:
-        """Return all of it."""
+        """Return the whole vibration."""
         return AxisImpedance(self._axis, amplitude=self.amplitude, frequency=self.frequency)
 
     def host_side(self, motion: Motion, memory: Memory = None) -> Rendered:

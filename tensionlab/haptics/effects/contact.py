@@ -46,7 +46,7 @@ class Plane:
         return normalized(np.asarray(self.normal, dtype=np.float64))
 
     def height(self, position: Floats) -> Floats:
-        """Return how far above it positions (..., d) are, in m; negative inside."""
+        """Return the height of positions (..., d) above it, in m; negative inside."""
         return dot(position - np.asarray(self.point), self.n)
 
 
@@ -55,18 +55,15 @@ class Wall:
     """Flat wall: a spring and a damper that only push.
 
     ``F = n max(0, K d - B n·v)`` where the penetration d > 0, else 0. Continuous in the position for a hand at
-    rest; one that comes in at the speed s meets a step of ``B s``. Passive. All of it runs on a module: over a
+    rest; a hand that enters at the speed s meets a step of ``B s``. Passive. All of it runs on a module: over a
     link of 20 ms only some 50 N/m are stable (Colgate and Schenkel 1994, "Passivity of a class of sampled-data
     systems").
-
-    The defaults are choices of this project.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Wall, Motion
-    >>> hand = Motion(np.array([0.0, 0.0, -0.01]), np.array([0.0, 0.0, 0.0]))
-    >>> Wall(stiffness=300.0).render(hand).force.round(3)
+    >>> from tensionlab.haptics.effects import Motion, Wall
+    >>> Wall(stiffness=300.0).render(Motion(np.array([0.0, 0.0, -0.01]), np.zeros(3))).force.round(3)
     array([0., 0., 3.])
     """
 
@@ -87,7 +84,7 @@ class Wall:
         return np.where(depth > 0.0, np.maximum(push, 0.0), 0.0)
 
     def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance:
-        """Return all of it, along the normal; the module's damper does not act on the way out."""
+        """Return the whole wall, along the normal; the module's damper does not act on the way out."""
         depth = -float(self.plane.height(motion.position))
         return AxisImpedance(self.plane.n, depth, self.stiffness, self.damping)
 
@@ -98,22 +95,19 @@ class Wall:
 
 @parameters.checked_dataclass(EffectError)
 class Magnet:
-    """Magnetic surface, which draws the hand near and holds it there.
+    """Magnetic surface, which attracts the hand and holds it.
 
-    At the distance h: towards the surface, ``K h`` for ``h < h_1``, else ``F_1 (h_max - h)/(h_max - h_1)``, and
-    nothing beyond h_max, with ``h_1 = F_max/K`` and ``F_1 = F_max``; where K is too small for that (capped, say),
-    ``h_1 = h_max/2`` and ``F_1 = K h_1``. Inside, ``K |h|`` pushes out: an addition of this project, as is that
-    the damping ``-b v`` fades with the force beyond h_1. Continuous. Passive. The profile is that of CHAI3D's
-    magnetic effect (Conti et al. 2003, "The CHAI libraries").
-
-    The defaults are choices of this project.
+    At the distance h it pulls with ``K h`` for ``h < h_1``, with ``F_1 (h_max - h)/(h_max - h_1)`` up to h_max,
+    and not beyond; ``h_1 = F_max/K`` and ``F_1 = F_max``, or ``h_1 = h_max/2`` and ``F_1 = K h_1`` where K is too
+    small for that. The profile is that of CHAI3D's magnetic effect (Conti et al. 2003, "The CHAI libraries").
+    Additions of this project: inside, ``K |h|`` pushes out; the damping ``-b v`` fades with the force beyond h_1.
+    Continuous. Passive.
 
     Examples
     --------
     >>> import numpy as np
     >>> from tensionlab.haptics.effects import Magnet, Motion
-    >>> hand = Motion(np.array([0.0, 0.0, 0.005]), np.array([0.0, 0.0, 0.0]))
-    >>> Magnet().render(hand).force[2].round(3)  # towards the surface
+    >>> Magnet().render(Motion(np.array([0.0, 0.0, 0.005]), np.zeros(3))).force[2].round(3)  # towards the surface
     np.float64(-1.5)
     """
 
@@ -129,7 +123,7 @@ class Magnet:
 
     @property
     def peak(self) -> float:
-        """Distance at which it pulls most, in m."""
+        """Distance of the largest pull, in m."""
         return min(self.max_force / self.stiffness, self.reach / 2)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
@@ -141,7 +135,7 @@ class Magnet:
         return Rendered(-pull[..., None] * self.plane.n - damping[..., None] * motion.velocity)
 
     def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
-        """Return the spring along the normal, from the hand's side; further away, the pull as it is now."""
+        """Return the spring along the normal, from the hand's side; further away, the current pull."""
         height = float(self.plane.height(motion.position))
         if height >= self.reach:
             return None
@@ -162,7 +156,7 @@ class Magnet:
 
 
 class Bristle(NamedTuple):
-    """Memory of friction: position of the step before, stretch z of the bristle, in m, and whether it slides."""
+    """Memory of friction: previous position, stretch z of the bristle, in m, and whether it slides."""
 
     position: Floats
     stretch: Floats
@@ -173,15 +167,13 @@ class Bristle(NamedTuple):
 class Friction:
     """Dry friction: a bristle that holds the hand, and gives way when pulled too hard.
 
-    The implicit return mapping (Kikuuwe, Takesue, Sano, Mochiyama and Fujimoto 2006, "Admittance and impedance
-    representations of friction based on implicit Euler integration"), for the way dp since the step before, of
-    length T: ``z* = z + dp``, ``f* = s0 z* + s1 (z* - z)/T``; if ``|f*| > F_c`` it slides, ``f = F_c f*/|f*|``
-    and ``z = (f + s1 z/T)/(s0 + s1/T)``, else it sticks, ``f = f*`` and ``z = z*``. The force on the hand is -f.
+    Implicit return mapping (Kikuuwe, Takesue, Sano, Mochiyama and Fujimoto 2006, "Admittance and impedance
+    representations of friction based on implicit Euler integration"), for a displacement dp in a step of length T:
+    ``z* = z + dp``, ``f* = s0 z* + s1 (z* - z)/T``; if ``|f*| > F_c`` it slides, ``f = F_c f*/|f*|`` and
+    ``z = (f + s1 z/T)/(s0 + s1/T)``, else it sticks, ``f = f*`` and ``z = z*``. The force on the hand is -f.
     F_c is ``mu_s F_n`` while it sticks and ``mu_d F_n`` while it slides. Passive, exactly so with the force at the
-    end of each step: ``f·dp >= s0/2 |z|²`` after, less that before. Jumps when it comes loose, by
-    ``(mu_s - mu_d) F_n``.
-
-    The defaults are choices of this project.
+    end of each step: ``f·dp`` is at least the increase of ``s0/2 |z|²``. Jumps by ``(mu_s - mu_d) F_n`` when it
+    begins to slide.
 
     Examples
     --------
@@ -190,12 +182,12 @@ class Friction:
     >>> friction, still = Friction(), np.zeros(3)
     >>> first = friction.render(Motion(np.zeros(3), still))
     >>> moved = Motion(np.array([1e-4, 0.0, 0.0]), still)
-    >>> float(friction.render(moved, first.memory).force[0].round(3))  # what it remembers goes in again
+    >>> float(friction.render(moved, first.memory).force[0].round(3))  # the memory is passed back in
     -0.24
     """
 
     load: parameters.Force = 1.0
-    """Force F_n that presses, in N, where nothing else does."""
+    """Normal force F_n, in N, of friction that is no part of a texture."""
     static: parameters.FrictionCoefficient = 0.5
     """Friction coefficient mu_s while it sticks."""
     dynamic: parameters.FrictionCoefficient = 0.35
@@ -210,11 +202,11 @@ class Friction:
             raise EffectError(f"dynamic is {self.dynamic}, above static, {self.static}; give dynamic <= static")
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Return the friction under its own load, in all directions."""
+        """Return the friction under its own load, in every direction."""
         return self.rub(motion, np.full(motion.position.shape[:-1], self.load), None, memory)
 
     def rub(self, motion: Motion, load: Floats, normal: Floats | None, memory: Memory = None) -> Rendered:
-        """Return the friction under a load (...) in N along a surface with a unit normal; None: every way."""
+        """Return the friction under a load (...) in N, along a surface with a normal or in every direction."""
         if not isinstance(memory, Bristle):
             still = np.zeros(motion.position.shape[:-1], dtype=np.bool_)
             memory = Bristle(motion.position, np.zeros_like(motion.position), still)
@@ -225,7 +217,7 @@ class Friction:
         size = norm(trial)
         limit = np.where(memory.sliding, self.dynamic, self.static) * load
         sliding = size > limit
-        # Once it gives way it resists with mu_d at once, not from the next step on.
+        # It resists with mu_d from the step in which it begins to slide.
         share = np.where(sliding, self.dynamic * load / np.where(size > 0.0, size, 1.0), 1.0)
         force = share[..., None] * trial
         slid = (force + rate * before) / (self.stiffness + rate)
@@ -241,14 +233,11 @@ def _tangential(vector: Floats, normal: Floats | None) -> Floats:
 class Ripples:
     """Even ripples across a surface under a load: the slope of their sides.
 
-    With x the way along the direction and F_n the load, ``-F_n (2 pi A/l) cos(2 pi x/l)`` for ripples of height A
-    and period l. It fades where they pass by faster than the loop can render: by a share from 1 at ``|v|/l =
-    rate/10`` to 0 at twice that, where the rate is one a step. In their valleys they hold a hand like a spring of
-    ``F_n (2 pi/l)² A``, 740 N/m for each newton with these defaults: where that is more than ``stiffness``, they
-    are so much lower. Clean textures want 5 to 10 kHz (Choi and Tan 2004, "Perceived instability of virtual haptic
-    texture").
-
-    The defaults are choices of this project.
+    With x along the direction and F_n the load, ``-F_n (2 pi A/l) cos(2 pi x/l)`` for ripples of height A and
+    period l. They fade where they pass faster than the loop can render: from 1 at ``|v|/l = rate/10`` to 0 at
+    twice that speed, where rate is the number of steps per second. A valley holds a hand like a spring of ``F_n (2
+    pi/l)² A``, 740 N/m per newton by default; above ``stiffness``, the height is reduced. Clean textures need 5 to
+    10 kHz (Choi and Tan 2004, "Perceived instability of virtual haptic texture").
 
     Examples
     --------
@@ -264,16 +253,16 @@ class Ripples:
     height: parameters.NonNegativeLength = 0.0003
     """Height A of the ripples, in m."""
     stiffness: parameters.Stiffness = 10_000.0
-    """Largest stiffness of a valley, in N/m: by default more than these ripples have up to 13 N."""
+    """Largest stiffness of a valley, in N/m; the default is reached under a load of 13 N."""
 
     def across(self, normal: Floats) -> Floats:
-        """Return the unit vector across them, along a surface with this normal (d,); zero where there is none."""
+        """Return the unit vector across them, along a surface with this normal (d,); zero if there is none."""
         direction = normalized(np.asarray(self.direction, dtype=np.float64))
         across = direction - (direction @ normal) * normal
         return normalized(across) if np.linalg.norm(across) > 1e-6 else np.zeros_like(across)
 
     def push(self, x: Floats, speed: Floats, load: Floats, step: float) -> Floats:
-        """Return their push along x (...), passing at a speed (...) in m/s under a load (...) in N."""
+        """Return their push at x (...), at a speed (...) in m/s under a load (...) in N."""
         wave = 2.0 * math.pi / self.period
         pressed = np.minimum(load * self.height, self.stiffness / wave**2)
         fade = np.clip(2.0 - 10.0 * np.abs(speed) / self.period * step, 0.0, 1.0)
@@ -282,18 +271,16 @@ class Ripples:
 
 @parameters.checked_dataclass(EffectError)
 class Texture:
-    """Rough surface: a wall, friction on it, and ripples across.
+    """Rough surface: a wall on a module; friction and ripples on the host.
 
     Continuous in the position for a hand at rest. Not passive: the load may be larger on the way down a ripple
-    than on the way up. A ripple gives at most ``2 A (F_n down - F_n up)`` that way, 0.6 mJ a newton. That the wall
-    runs on a module, and the rest on the host, is a choice of this project.
+    than on the way up, and the ripple then gives up to ``2 A (F_n down - F_n up)``, 0.6 mJ per newton.
 
     Examples
     --------
     >>> import numpy as np
     >>> from tensionlab.haptics.effects import Motion, Texture
-    >>> hand = Motion(np.array([0.0, 0.0, -0.01]), np.array([0.1, 0.0, 0.0]))
-    >>> Texture().render(hand).force.shape
+    >>> Texture().render(Motion(np.array([0.0, 0.0, -0.01]), np.array([0.1, 0.0, 0.0]))).force.shape
     (3,)
     """
 

@@ -1,44 +1,42 @@
 """Effects as pure functions: the motion of a hand in, the force on it out.
 
-Every effect is a frozen dataclass of its parameters. What it remembers from one step to the next (a bristle of
-friction, a proxy on a surface) it returns and is handed back: nothing is hidden, and the same motion gives the
-same force. All quantities are in SI units and world axes; d is the dimension of space.
+Every effect is a frozen dataclass of its parameters. Its memory from one step to the next (a bristle of friction,
+a proxy on a surface) is returned and passed back in: the same motion and memory give the same force. All
+quantities are in SI units and world axes; d is the dimension of space.
 
 A stiff or vibrating part of an effect cannot wait for a link (see `tensionlab.haptics.rendering.stability`):
-modules render it at their own rate. A `SplitEffect` says what happens along one axis there, and what is left for
-the host.
+modules render it at their own rate. A `SplitEffect` has an impedance along one axis for a module, and a remainder
+for the host.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol, TypeGuard, runtime_checkable
+from typing import NamedTuple, Protocol, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab.support.arrays import Floats
 
-# What an effect remembers: a NamedTuple of its own, such as `Bristle`; None before the first step, and where there
-# is nothing to remember. Given the memory of another kind of effect, an effect begins anew.
+# Memory of an effect: a NamedTuple of its own, such as `Bristle`; None before the first step and for effects
+# without one. Given the memory of another kind of effect, an effect starts afresh.
 Memory = tuple[object, ...] | None
-MAX_HAND_SPEED_M_S = 10.0  # hands are slower: a faster one was moved by its tracker
+MAX_HAND_SPEED_M_S = 10.0  # a faster hand was moved by its tracker
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motion of the hand, or of whatever the cables hold.
+    """Motion of the hand, or of what the cables hold.
 
     Attributes
     ----------
     position, velocity : (..., d) arrays
         In m and m/s.
     time : float or (...) array
-        In s, on the clock on which events (a shot, a grasp) have their times.
+        In s, on the clock of events such as a shot or a grasp.
     step : float
-        Time since the step before, in s.
-    age : float or (...) array
-        How old position and velocity are, in s.
+        Time since the previous step, in s.
 
     Examples
     --------
@@ -52,18 +50,12 @@ class Motion:
     velocity: Floats
     time: float | Floats = 0.0
     step: float = 0.001
-    age: float | Floats = 0.0
 
 
 class Rendered(NamedTuple):
-    """Force on the hand, with what an effect remembers for its next step.
+    """Force on the hand (..., d) in N, and the memory for the next step.
 
-    Attributes
-    ----------
-    force : (..., d) array
-        In N.
-    bypass_slew : bool or (...) array of bool
-        Whether this force is meant to jump, so that the slew limit has to stand aside.
+    ``bypass_slew`` (...) is true where the force is meant to jump, so that the slew limit does not apply.
 
     Examples
     --------
@@ -91,7 +83,7 @@ class Effect(Protocol):
     """
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Return the force on the hand, and what to remember."""
+        """Return the force on the hand, and the memory for the next step."""
         ...
 
 
@@ -107,7 +99,7 @@ class AxisImpedance:
     axis : (d,) array
         Unit vector along which it pushes the hand.
     compression : float
-        How far the hand is in now, against the axis, in m; negative before contact.
+        Penetration of the hand now, against the axis, in m; negative before contact.
     stiffness, damping : float
         In N/m and N s/m.
     feed_forward, amplitude, frequency : float
@@ -130,14 +122,13 @@ class AxisImpedance:
     frequency: float = 0.0
 
     def push(self, velocity: Floats) -> Floats:
-        """Return that force (d,) without the vibration, in N, for a hand with a velocity (d,)."""
+        """Return this force (d,) in N without the vibration, for a hand with a velocity (d,)."""
         size = self.feed_forward
         if self.compression > 0.0:
             size += self.stiffness * self.compression + self.damping * max(-float(self.axis @ velocity), 0.0)
         return size * self.axis
 
 
-@runtime_checkable
 class SplitEffect(Effect, Protocol):
     """Effect with a part for a module. Both methods take one motion, not a batch.
 
@@ -151,26 +142,21 @@ class SplitEffect(Effect, Protocol):
     """
 
     def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
-        """Return what a module has to render now; None where there is nothing."""
+        """Return the part for a module now; None if there is none."""
         ...
 
     def host_side(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Return what is left for the host while a module renders its part."""
+        """Return the remainder for the host while a module renders its part."""
         ...
 
 
 def is_split(effect: object) -> TypeGuard[SplitEffect]:
-    """Return what `isinstance` would, which takes 50 times as long for a protocol."""
+    """Return whether an effect has a part for a module; `isinstance` takes 50 times as long for a protocol."""
     return hasattr(effect, "module_side") and hasattr(effect, "host_side")
 
 
 def relative(motion: Motion, to: Motion) -> Motion:
-    """Return the motion of one hand as seen from another: for what is between the two, such as a bow.
-
-    Parameters
-    ----------
-    motion, to : Motion
-        Of the one hand and of the other.
+    """Return a motion relative to that of another hand, ``to``, for what is between the two, such as a bow.
 
     Examples
     --------

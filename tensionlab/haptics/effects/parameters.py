@@ -38,9 +38,9 @@ def checked_dataclass(error: type[TensionlabError]) -> Callable[[type[T]], type[
 
 @dataclasses.dataclass(frozen=True)
 class Vector:
-    """Mark of a parameter with one component for each axis of the rig.
+    """Mark of a parameter with one component per axis of the rig.
 
-    The default of one that is ``oriented`` holds where Z is up, and is turned for other rigs.
+    The default of an ``oriented`` one is stated for Z up, and turned for other rigs.
     """
 
     oriented: bool = False
@@ -108,14 +108,14 @@ def vectors(kind: Any) -> dict[str, Vector]:
 
 
 def list_names(kind: Any) -> list[str]:
-    """Return the names of a class's parameters that are lists, but no vectors."""
+    """Return the names of a class's parameters that are lists but not vectors."""
     known = vectors(kind)
     fields = getattr(kind, "__pydantic_fields__", {})
     return [name for name, info in fields.items() if get_origin(info.annotation) is tuple and name not in known]
 
 
 def require_dimension(parameters: object, dimension: int, where: str) -> None:
-    """Raise `EffectError` for vectors, also those of parts and of defaults, that are not of a rig's space."""
+    """Raise `EffectError` for a vector of another dimension than a rig's, also in parts and defaults."""
     for name, vector in _vector_values(parameters):
         if len(vector) != dimension:
             raise EffectError(

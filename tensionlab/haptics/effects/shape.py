@@ -21,16 +21,14 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.validation import TABLE, describe, validate
 
 Field = Callable[[Floats], tuple[Floats, Floats]]
-# Largest number of projections per step of the proxy; a slow hand needs two or three. The remaining way is left to
-# the next step.
-MAX_PROXY_STEPS = 10
-ON_SURFACE_M = 1e-6  # within this distance of the surface a proxy is on it; a step as short ends its way
-NEAR_SURFACE_M = 1e-3  # within this distance of the surface a proxy goes straight on, and only not in
+MAX_PROXY_STEPS = 10  # projections per step of the proxy; a slow hand needs two or three
+ON_SURFACE_M = 1e-6  # within this distance of the surface a proxy is on it; a step this short is the last
+NEAR_SURFACE_M = 1e-3  # within this distance of the surface a proxy goes straight on, but not inside
 
 
 @parameters.checked_dataclass(EffectError)
 class HalfSpace:
-    """All that is below a plane.
+    """Solid below a plane.
 
     Examples
     --------
@@ -50,7 +48,7 @@ class HalfSpace:
 
 @parameters.checked_dataclass(EffectError)
 class Sphere:
-    """Ball; in the plane, a disc. At its very centre, out is the last axis.
+    """Ball; in the plane, a disc. At the centre, the last axis points out.
 
     Examples
     --------
@@ -76,7 +74,7 @@ class Sphere:
 
 @parameters.checked_dataclass(EffectError)
 class Box:
-    """Box along the axes. Inside, out is through the nearest face; of equally near ones, the first axis's.
+    """Box along the axes. From inside, the way out is through the nearest face (ties: the first axis).
 
     Examples
     --------
@@ -138,10 +136,8 @@ def _parse_solid(value: object) -> object:
 class VirtualCoupling:
     """Spring and damper between the hand and a proxy: ``F = K_c (proxy - p) - B_c v``.
 
-    Whatever holds the proxy, the hand meets no more than K_c and B_c; so they alone decide whether it is stable
-    (Colgate, Stanley and Brown 1995, "Issues in the haptic display of tool use").
-
-    The defaults are choices of this project.
+    The hand meets K_c and B_c at most, so they alone decide about stability (Colgate, Stanley and Brown 1995,
+    "Issues in the haptic display of tool use").
 
     Examples
     --------
@@ -161,7 +157,7 @@ class VirtualCoupling:
 
 
 class Proxy(NamedTuple):
-    """Place of the proxy (..., d), whether it touches the surface (...), and the direction out there (..., d)."""
+    """Memory of a shape: its proxy's position (..., d), contact (...) and outward normal (..., d)."""
 
     position: Floats
     touching: NDArray[np.bool_]
@@ -173,19 +169,17 @@ class Shape:
     """Solid of any shape: a spring to a proxy that follows the hand but stays outside.
 
     ``F = K (proxy - p) - B v`` while the proxy touches, else 0. The proxy is a god-object (Zilles and Salisbury
-    1995, "A constraint-based god-object method for haptic display"): it goes towards the hand, at most as far at a
-    time as it is from the surface, and slides along where it would go in; so a hand that has gone through a thin
-    plate is still drawn back to the side where it came from. At first it is the point of the surface to which the
-    field leads. Continuous in the position of a hand at rest, but where a proxy slides off an edge. Passive: the
-    proxy only ever comes nearer to the hand by itself.
+    1995, "A constraint-based god-object method for haptic display"): it moves towards the hand, each time at most
+    by its distance from the surface, and slides along the surface; a hand pushed through a thin plate is drawn
+    back to the side it came from. It starts at the point of the surface to which the field leads. Continuous in
+    the position of a hand at rest, except where the proxy slides off an edge. Passive: by itself the proxy only
+    moves nearer to the hand.
 
     Examples
     --------
     >>> import numpy as np
     >>> from tensionlab.haptics.effects import Motion, Shape, Sphere
-    >>> ball = Shape(Sphere(radius=0.1))
-    >>> outside = ball.render(Motion(np.array([0.0, 0.0, 0.11]), np.zeros(3)))
-    >>> ball.render(Motion(np.array([0.0, 0.0, 0.09]), np.zeros(3)), outside.memory).force.round(3)
+    >>> Shape(Sphere(radius=0.1)).render(Motion(np.array([0.0, 0.0, 0.09]), np.zeros(3))).force.round(3)
     array([0., 0., 4.])
     """
 
@@ -195,7 +189,7 @@ class Shape:
     """Spring and damper, K and B."""
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Return the push towards the proxy, which is the memory."""
+        """Return the force towards the proxy, which is the memory."""
         proxy = self.follow(motion.position, memory)
         force = np.where(proxy.touching[..., None], self.coupling.force(motion, proxy.position), 0.0)
         return Rendered(force, proxy)
@@ -210,25 +204,22 @@ class Shape:
         return AxisImpedance(proxy.normal, depth, self.coupling.stiffness, self.coupling.damping)
 
     def host_side(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Return no force, but let the proxy go on."""
+        """Return no force, with the proxy moved on."""
         return Rendered(np.zeros_like(motion.position), self.follow(motion.position, memory))
 
     def follow(self, position: Floats, before: Memory = None) -> Proxy:
-        """Return the proxy of a hand at a position (..., d) in m.
-
-        Without one before, it begins where the hand is, or where the field leads out from there.
-        """
+        """Return the proxy of a hand at a position (..., d) in m; a new one starts there, or outside of it."""
         proxy = before.position if isinstance(before, Proxy) else self._outside(position)
         for _ in range(MAX_PROXY_STEPS):
             distance, normal = self.field(proxy)
             way = position - proxy
             inward = np.minimum(dot(way, normal) + distance, 0.0)
-            # At the surface: straight on, but not into it. Above it: no further than is surely free, which close
-            # to the surface is so little that the proxy of a hand that skims it would be left behind.
+            # At the surface: straight on, but not into it. Above: by the distance that is surely free, which close
+            # to the surface would be too short to keep up with a hand that skims it.
             free = way * np.minimum(1.0, distance / np.maximum(norm(way), ON_SURFACE_M))[..., None]
             step = np.where((distance <= NEAR_SURFACE_M)[..., None], way - inward[..., None] * normal, free)
             ahead = self._outside(proxy + step)
-            # In a corner it would go to and fro: it only ever comes nearer, by more than a hair.
+            # Only nearer, by more than rounding: in a corner it would oscillate.
             nearer = norm(position - ahead) < norm(way) - ON_SURFACE_M**2
             proxy = np.where(nearer[..., None], ahead, proxy)
             if not (nearer & (norm(step) > ON_SURFACE_M)).any():

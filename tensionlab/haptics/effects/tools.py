@@ -17,7 +17,7 @@ from tensionlab.support.files.reading import brief
 
 
 class WeightMotion(NamedTuple):
-    """Memory of a weight: the velocity of the step before, and the low-passed acceleration; (..., d) each."""
+    """Memory of a weight: previous velocity and low-passed acceleration, (..., d) each."""
 
     velocity: Floats
     acceleration: Floats
@@ -25,13 +25,10 @@ class WeightMotion(NamedTuple):
 
 @parameters.checked_dataclass(EffectError)
 class Weight:
-    """Mass in the hand: gravity, and its inertia, ``F = m (g - a)``.
+    """Mass in the hand: gravity and inertia, ``F = m (g - a)``.
 
-    a is the change of the velocity, low-passed (first order), each component clipped; then the whole rises from 0
-    to 1 after the grasp. Continuous for a hand whose velocity is. Gravity is passive; the inertia is not, since it
-    comes late.
-
-    The defaults are choices of this project.
+    a is the change of the velocity, low-passed (first order) and clipped by component; the force ramps up after
+    the grasp. Continuous if the hand's velocity is. Gravity is passive; the inertia, being late, is not.
 
     Examples
     --------
@@ -42,7 +39,7 @@ class Weight:
     """
 
     mass: parameters.Mass = 0.5
-    """Mass m, in kg: 0.61 kg weigh 6 N, the most of one module right below."""
+    """Mass m, in kg; 0.61 kg weigh 6 N, the limit of one module right below."""
     gravity: parameters.Gravity = (0.0, 0.0, -GRAVITY_M_S2)
     """Gravity g, in m/s²."""
     cutoff: parameters.Frequency = 10.0
@@ -50,12 +47,12 @@ class Weight:
     limit: parameters.Acceleration = 5.0
     """Limit of each component of the acceleration, in m/s²."""
     grasped: parameters.PastTime = -math.inf
-    """Time at which it was taken, in s, on the clock of the run; long ago if left out."""
+    """Time of the grasp, in s, on the clock of the run; long ago if left out."""
     ramp: parameters.Duration = 0.1
-    """Time in which its force then rises, in s."""
+    """Time in which the force then rises, in s."""
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Return the pull down, and against the acceleration."""
+        """Return gravity and inertia."""
         if not isinstance(memory, WeightMotion):
             memory = WeightMotion(motion.velocity, np.zeros_like(motion.velocity))
         now = (motion.velocity - memory.velocity) / motion.step
@@ -70,13 +67,10 @@ class Weight:
 class Recoil:
     """Shot: a kick that rises at once and fades.
 
-    After each shot ``F = F_p t/t_r`` up to t_r, then ``F_p exp(-(t - t_r)/tau)``, along the direction; what is
-    left of earlier shots adds to it. Its impulse is ``F_p (t_r/2 + tau)``, 0.34 N s: about a tenth of a real 9 mm
-    pistol. It rises faster than the common limit of 200 N/s, and bypasses it for five tau. But a module
-    has a limit of its own: at the 60 N/s with which it comes, 2.8 N and 0.23 N s are left of a shot; at 300 N/s,
-    its most, 4.6 N and 0.31 N s. Continuous. Not passive.
-
-    The defaults are choices of this project.
+    After each shot ``F = F_p t/t_r`` up to t_r, then ``F_p exp(-(t - t_r)/tau)``, along the direction; shots add
+    up. The impulse is ``F_p (t_r/2 + tau)``, 0.34 N s: about a tenth of a real 9 mm pistol. The force bypasses the
+    host's slew limit of 200 N/s for five tau. A module's own limit remains: at its default of 60 N/s, 2.8 N and
+    0.23 N s are left of a shot; at its largest, 300 N/s, 4.6 N and 0.31 N s. Continuous. Not passive.
 
     Examples
     --------
@@ -105,11 +99,6 @@ class Recoil:
                 f"shots are {brief(self.shots)}; give times in order, {1.0 / self.rate:g} s apart or more"
             )
 
-    @property
-    def impulse(self) -> float:
-        """Impulse of a shot, in N s."""
-        return self.peak * (self.rise / 2 + self.fade)
-
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the kick."""
         since = np.asarray(motion.time)[..., None] - np.asarray(self.shots)
@@ -126,19 +115,16 @@ class Recoil:
 
 @parameters.checked_dataclass(EffectError)
 class Bow:
-    """Bow, for the hand that draws it. The motion is that hand's, seen from the bow's.
+    """Bow, for the hand that draws it. The motion is that hand's, relative to the bow's.
 
     Drawn by ``x = max(0, |p| - brace)``, it pulls towards the bow's hand with ``F = min(F_max, F_0 + k x)``; a
-    compound bow lets off, ``F (1 - let_off s)``, where s goes as a smoothstep from 0 at ``valley x_d`` to 1 at
-    x_d. Its energy is the integral of F dx. Once loosed, F goes linearly to the slack tension within ``loose``,
-    and the string hums: with ``e = exp(-t/fade)``, at least ``slack + A e`` is pulled, and ``A e sin(2 pi f t)``
-    on top, so that the cable never goes slack. That pretension, 1.5 N at first, fades with the hum: held at 1.5 N,
-    it would never come down to the slack tension. The force bypasses the slew limit from the loose on, for five
-    fades; a module falls no faster than its own limit, 5.5 N in 92 ms at 60 N/s, in 18 ms at 300 N/s. Until the
-    loose it is continuous, and passive. At the bow's hand itself it pulls nowhere. On the other hand acts the
-    opposite.
-
-    The defaults are choices of this project.
+    compound bow lets off, ``F (1 - let_off s)``, where s is a smoothstep from 0 at ``valley x_d`` to 1 at x_d.
+    Its energy is the integral of F dx. After the release F falls linearly to the slack tension within ``loose``,
+    and the string hums: with ``e = exp(-t/fade)``, the pull is at least ``slack + A e``, plus
+    ``A e sin(2 pi f t)``, so that the cable never goes slack. From the release on, for five fades, the force
+    bypasses the slew limit; a module's own limit remains, 5.5 N in 92 ms at 60 N/s, in 18 ms at 300 N/s. Until the
+    release it is continuous and passive. At the bow's hand the force is zero. The opposite force acts on the other
+    hand.
 
     Examples
     --------
@@ -149,21 +135,21 @@ class Bow:
     """
 
     brace: parameters.NonNegativeLength = 0.20
-    """Distance of the string undrawn, in m."""
+    """Distance of the undrawn string, in m."""
     initial: parameters.Force = 1.0
-    """Pull F_0 at which the draw begins, in N."""
+    """Pull F_0 at the begin of the draw, in N."""
     stiffness: parameters.Stiffness = 8.3
     """Stiffness k, in N/m."""
     most: parameters.Force = 6.0
     """Largest pull F_max, in N."""
     draw_length: parameters.Length = 0.60
-    """Draw x_d, in m, where it is fully drawn, and a brake may lock."""
+    """Full draw x_d, in m, at which a brake may lock."""
     let_off: parameters.Share = 0.0
-    """Share of the pull that a compound bow takes back, 0.6 to 0.8."""
+    """Let-off of a compound bow, as a share of the pull, 0.6 to 0.8."""
     valley: parameters.Share = 0.75
     """Share of the draw length at which the let-off begins."""
     loosed: parameters.FutureTime = math.inf
-    """Time at which the string was released, in s, on the clock of the run; not yet if left out."""
+    """Time of the release, in s, on the clock of the run; not yet if left out."""
     slack: parameters.Force = 0.5
     """Tension after the release, in N."""
     loose: parameters.Duration = 0.010
@@ -173,25 +159,25 @@ class Bow:
     frequency: parameters.ModuleFrequency = 60.0
     """Frequency f of the hum, in Hz."""
     fade: parameters.Duration = 0.050
-    """Time constant with which the hum fades, in s."""
+    """Time constant of the hum's decay, in s."""
 
     def __post_init__(self) -> None:
         if self.valley == 1.0:
             raise EffectError("valley is 1; give a share below 1, so that it lets off before it is drawn")
 
     def draw(self, motion: Motion) -> Floats:
-        """Return how far it is drawn, in m."""
+        """Return the draw, in m."""
         return np.maximum(norm(motion.position) - self.brace, 0.0)
 
     def pull(self, draw: Floats) -> Floats:
-        """Return its pull when drawn that far, in N."""
+        """Return the pull at a draw in m, in N."""
         start = self.valley * self.draw_length
         off = smoothstep((draw - start) / (self.draw_length - start))
         pull: Floats = np.minimum(self.initial + self.stiffness * draw, self.most) * (1.0 - self.let_off * off)
         return pull
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Return the pull of the string's hand towards the bow's."""
+        """Return the pull towards the bow's hand."""
         since = np.asarray(motion.time) - self.loosed
         gone = np.where(since >= 0.0, 1.0, 0.0)
         late = np.maximum(since, 0.0)
@@ -203,7 +189,7 @@ class Bow:
         return Rendered(-pull[..., None] * normalized(motion.position), bypass_slew=bypass)
 
     def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
-        """Return the spring, up to the module's own limit; once loosed, the hum. With let-off it is host-side."""
+        """Return the spring, up to the module's own limit, or the hum after the release; None with let-off."""
         since = float(motion.time) - self.loosed
         if not motion.position.any() or (since < 0.0 and self.let_off > 0.0):
             return None
@@ -215,5 +201,5 @@ class Bow:
         return AxisImpedance(axis, feed_forward=self.slack + hum, amplitude=hum, frequency=self.frequency)
 
     def host_side(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Return no force, but whether it may jump."""
+        """Return no force, and whether it may jump."""
         return Rendered(np.zeros_like(motion.position), bypass_slew=self.render(motion).bypass_slew)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import Motion, Spring, Vibration, Viscous, Water
 from tests.helpers.motions import at
 
@@ -54,17 +53,3 @@ def test_vibration_is_a_sine_along_its_axis():
     force = Vibration(axis=(0.0, 3.0, 4.0)).render(motion).force
     assert force @ [0.0, 0.6, 0.8] == pytest.approx(np.sin(2 * np.pi * 40 * time))
     assert np.linalg.norm(np.cross(force, [0.0, 0.6, 0.8]), axis=1) == pytest.approx(0.0, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("make", "says"),
-    [
-        (lambda: Water(mixing=0.0), "Water: mixing"),
-        (lambda: Viscous(damping=-1.0), "Viscous: damping"),
-        (lambda: Vibration(frequency=0.0), "Vibration: frequency"),
-        (lambda: Spring(centre=(0.0, float("nan"), 0.0)), "Spring: centre"),
-    ],
-)
-def test_nonsense_is_refused_by_name(make, says):
-    with pytest.raises(EffectError, match=says):
-        make()

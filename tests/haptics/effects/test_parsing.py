@@ -2,24 +2,18 @@
 
 import dataclasses
 import math
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import pytest
 
 from tensionlab.errors import EffectError
-from tensionlab.haptics.effects import EFFECTS, SOLIDS, Box, Plane, Sphere, Wall
+from tensionlab.haptics.effects import SOLIDS, Plane, Wall
 from tensionlab.haptics.effects.parsing import parse_effect
 from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import ring_plus_top
 
 RIG = dataclasses.replace(ring_plus_top(1.0), up="z")
 FLAT = load_rig(Path(__file__).parents[3] / "datasets" / "rigs" / "kntu-planar.toml")
-
-
-@pytest.mark.parametrize("kind", EFFECTS)
-def test_every_effect_has_its_defaults(kind):
-    assert parse_effect("mine", {"kind": kind}, RIG) == EFFECTS[kind]()
 
 
 def test_parameters_reach_the_parts_of_an_effect():
@@ -32,44 +26,26 @@ def test_a_shape_is_of_any_solid(kind):
     assert isinstance(parse_effect("it", {"kind": "shaped", "field": {"kind": kind}}, RIG).field, SOLIDS[kind])
 
 
-def test_a_solid_has_its_parameters():
-    ball = parse_effect("ball", {"kind": "shaped", "field": {"centre": [0, 0, 1], "radius": 0.08}}, RIG)
-    assert ball.field == Sphere(centre=(0.0, 0.0, 1.0), radius=0.08)
-    box = parse_effect("box", {"kind": "shaped", "field": {"kind": "box", "size": [0.1, 0.2, 0.3]}}, RIG)
-    assert box.field == Box(size=(0.1, 0.2, 0.3))
-
-
 @pytest.mark.parametrize(
     ("given", "said"),
     [
         ({"kind": "wal"}, "kind is 'wal'; give one of wall,"),
         ({"kind": "wall", "stifness": 1}, 'stifness is an unknown key; did you mean "stiffness"?'),
-        ({"kind": "wall", "stiffness": -1}, "stiffness is -1"),
         ({"kind": "wall", "plane": {"poin": [0, 0, 0]}}, 'plane.poin is an unknown key; did you mean "point"?'),
         ({"kind": "shaped", "field": {"kind": "cone"}}, "field: kind is 'cone'; give one of sphere,"),
         ({"kind": "shaped", "field": {"radius": -1}}, "field: radius is -1"),
         ({"kind": "shaped", "field": {"size": [1, 1, 1]}}, "field: size is an unknown key; the keys here"),
-        ({"kind": "shaped", "field": 3}, "field"),
         (3, "is 3; give a table"),
         ({"kind": []}, "kind is []"),
-        ({"kind": {}}, "kind is {}"),
-        ({"kind": "shaped", "field": {"kind": []}}, "field: kind is []"),
         ({"kind": "wall", "stiffness": "100"}, "stiffness is '100'; give a number (Stiffness K"),
-        ({"kind": "wall", "stiffness": True}, "stiffness is True; give a number (Stiffness K"),
-        ({"kind": "wall", "stiffness": 1e308}, "stiffness is 1e+308; give 1e+06 or less"),
+        ({"kind": "wall", "stiffness": 1e308}, "stiffness is 1e+308; give 0 to 1e+06 (Stiffness K"),
         ({"kind": "wall", "plane": {"point": [0, 0]}}, "plane.point is (0.0, 0.0); give 3 components"),
         ({"kind": "wall", "plane": {"normal": [1e-300, 0, 0]}}, "plane.normal: (1e-300, 0.0, 0.0)"),
-        ({"kind": "magnetic", "plane": {"point": [0, 0]}}, "plane.point"),
         ({"kind": "spring", "centre": [0, 0]}, "centre is (0.0, 0.0)"),
         ({"kind": "spring", "centre": [0, 0, 1e308]}, "centre[2] is 1e+308"),
-        ({"kind": "vibrating", "axis": [0, 1]}, "axis is (0.0, 1.0)"),
-        ({"kind": "vibrating", "frequency": 501}, "frequency is 501; give 500 or less"),
-        ({"kind": "water", "surface": {"point": [0, 0]}}, "surface.point is (0.0, 0.0)"),
-        ({"kind": "weight", "gravity": [0, -9.81]}, "gravity is (0.0, -9.81)"),
+        ({"kind": "vibrating", "frequency": 501}, "frequency is 501; give 0.001 to 500"),
         ({"kind": "weight", "grasped": math.nan}, "grasped is nan"),
-        ({"kind": "weight", "mass": 1e308}, "mass is 1e+308; give 100 or less (Mass m, in kg"),
-        ({"kind": "recoil", "direction": [1, 0]}, "direction is (1.0, 0.0)"),
-        ({"kind": "recoil", "peak": 1e308}, "peak is 1e+308"),
+        ({"kind": "weight", "mass": 1e308}, "mass is 1e+308; give 0 to 100 (Mass m, in kg"),
         ({"kind": "recoil", "shots": [0.1 * each for each in range(8500)]}, "8500 entries; give 100 at most"),
         ({"kind": "textured", "ripples": {"period": 1e-300}}, "ripples.period is 1e-300"),
         ({"kind": "textured", "ripples": {"direction": [1, 0]}}, "give both as many components"),
@@ -112,6 +88,15 @@ def test_directions_that_are_left_out_turn_with_what_is_up(up):
     assert rig.upward @ ripples == 0.0
 
 
+def test_directions_of_a_texture_are_compared_after_their_defaults_turned():
+    """With Y up, ripples along Z lie on the floor, and ripples along Y do not."""
+    rig = dataclasses.replace(RIG, up="y")
+    level = {"kind": "textured", "ripples": {"direction": [0, 0, 1]}}
+    assert parse_effect("it", level, rig).wall.plane.normal == (0.0, 1.0, 0.0)
+    with pytest.raises(EffectError, match=r"effect 'it': direction .* is along the wall's normal"):
+        parse_effect("it", {"kind": "textured", "ripples": {"direction": [0, 1, 0]}}, rig)
+
+
 def test_a_rig_that_does_not_say_what_is_up_has_no_weights():
     rig = dataclasses.replace(RIG, up=None)
     with pytest.raises(EffectError, match=r"effect 'it': rig .* key \"up\" is missing; give gravity"):
@@ -124,10 +109,3 @@ def test_in_the_plane_vectors_have_two_components_also_those_left_out():
     assert parse_effect("floor", {"kind": "wall", "plane": flat}, FLAT) == Wall(Plane((0.0, 0.0), (0.0, 1.0)))
     with pytest.raises(EffectError, match=r"'floor': plane.point is \(0.0, 0.0, 0.0\); give 2 components"):
         parse_effect("floor", {"kind": "wall"}, FLAT)
-
-
-@pytest.mark.parametrize("kind", [*EFFECTS.values(), *SOLIDS.values()])
-def test_every_parameter_has_a_range_or_is_a_part_that_has(kind):
-    for each in fields(kind):
-        part = each.name == "field" or is_dataclass(getattr(kind(), each.name))
-        assert part or kind.__pydantic_fields__[each.name].description, each.name

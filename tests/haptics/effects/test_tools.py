@@ -41,8 +41,7 @@ def test_a_shot_has_its_impulse():
     time = np.linspace(-0.1, 2.0, 210_001)
     force = kick(Recoil(shots=(0.0,)), time).force
     assert np.trapezoid(-force[:, 1], time) == pytest.approx(0.34, abs=0.005)
-    assert Recoil().impulse == pytest.approx(5.5 * (0.0025 + 0.06))
-    assert np.trapezoid(-force[:, 1], time) == pytest.approx(Recoil().impulse, rel=1e-5)
+    assert np.trapezoid(-force[:, 1], time) == pytest.approx(5.5 * (0.0025 + 0.06), rel=1e-5)
     assert -force[:, 1].min() == pytest.approx(5.5)
     assert time[np.argmin(force[:, 1])] == pytest.approx(0.005)
 
@@ -125,17 +124,3 @@ def test_a_bow_is_between_two_hands():
     assert seen.velocity == pytest.approx([0.0, 2.0, 0.0])
     assert Bow().render(seen).force == pytest.approx([0.0, 1.0 + 8.3 * 0.4, 0.0])
     assert not Bow().render(at(0.0, 0.0, 0.0)).force.any()
-
-
-@pytest.mark.parametrize(
-    ("make", "says"),
-    [
-        (lambda: Weight(mass=-1.0), "Weight: mass"),
-        (lambda: Bow(let_off=1.5), "Bow: let_off"),
-        (lambda: Bow(valley=1.0), "Bow: valley"),
-        (lambda: Recoil(rise=0.0), "Recoil: rise"),
-    ],
-)
-def test_nonsense_is_refused_by_name(make, says):
-    with pytest.raises(EffectError, match=says):
-        make()

@@ -10,13 +10,13 @@ from tensionlab.haptics.effects import (
     Motion,
     Ripples,
     Shape,
-    SplitEffect,
     Spring,
     Texture,
     Vibration,
     Viscous,
     Wall,
 )
+from tensionlab.haptics.effects.effect import is_split
 from tensionlab.haptics.rendering.assignment import (
     MAX_APPROACH_M,
     CableState,
@@ -42,7 +42,7 @@ def test_a_module_and_the_host_render_together_what_the_effect_is(effect, height
     """With a cable right along the axis, for a hand at rest."""
     motion = at(0.0, 0.0, height)
     wanted = effect.render(motion).force
-    assert isinstance(effect, SplitEffect)
+    assert is_split(effect)
     part = effect.module_side(motion)
     left = effect.host_side(motion).force
     assert left == pytest.approx(0.0)
