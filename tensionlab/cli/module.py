@@ -1,4 +1,4 @@
-"""``tensionlab module`` and ``tensionlab estop``: find, show, set up and stop modules."""
+"""``tensionlab module``: find, show, set up and stop modules."""
 
 from __future__ import annotations
 
@@ -58,9 +58,10 @@ def discover(
     given; ports in use are only listed. With links, those are tried instead. Exit status 1 if no module was
     found.
     """
-    urls = ports(everything=everything) if not links and modules is None else None
-    if urls is None:
+    if links or modules is not None:
         urls = {url: name if name != url else "" for name, url in find_links(links, modules).items()}
+    else:
+        urls = ports(everything=everything)
     found = find_all(urls)
     if json:
         output.print_json(
@@ -76,15 +77,15 @@ def discover(
             ]
         )
     elif not found:
-        output.console().print("no port looks like a module's; --all tries every serial port")
+        output.print_line("no port looks like a module's; --all tries every serial port")
     else:
         rows = []
         for each in found:
-            if each.info is None:
-                rows.append((each.url, each.about, "", "", each.problem))
-            else:
+            known = ("", "", each.problem)
+            if each.info is not None:
                 state = each.info.state.name.lower() + ("" if each.info.calibrated else ", not calibrated")
-                rows.append((each.url, each.about, f"{each.info.serial_number:08x}", firmware(each.info), state))
+                known = (f"{each.info.serial_number:08x}", firmware(each.info), state)
+            rows.append((each.url, each.about, *known))
         output.print_table(Table(["link", "port", "serial number", "firm- ware", "state"], rows))
     if not any(each.info or each.in_use for each in found):
         raise typer.Exit(1)
@@ -101,11 +102,12 @@ def info(links: Links = None, modules: ModulesFile = None, json: Json = False) -
     elif answers:
         rows = []
         for name, each in answers.items():
-            versions = (f"{each.serial_number:08x}", firmware(each))
-            states = (each.state.name.lower(), each.calibrated, each.length_known, each.reset_reason.name.lower())
-            tensions = f"{each.tension_lower:g} to {each.tension_upper:g}"
-            drive = (each.newton_per_ampere, 1e3 * each.spool_radius)
-            rows.append((name, *versions, *states, each.ttl_ms, tensions, *drive))
+            rows.append(
+                (name, f"{each.serial_number:08x}", firmware(each), each.state.name.lower(), each.calibrated,
+                 each.length_known, each.reset_reason.name.lower(), each.ttl_ms,
+                 f"{each.tension_lower:g} to {each.tension_upper:g}", each.newton_per_ampere,
+                 1e3 * each.spool_radius)
+            )  # fmt: skip
         output.print_table(Table(INFO, rows))
     exit_if_failed(failed)
 
@@ -145,7 +147,7 @@ def estop_these(links: Links = None, modules: ModulesFile = None, json: Json = F
 
 @module.command()
 def clear(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
-    """Have modules leave fault or emergency stop. Refused while what caused a fault is still there."""
+    """Clear a fault or an emergency stop. Refused while the cause of a fault is still there."""
     _command(find_links(links, modules), Clear(), json)
 
 
@@ -162,9 +164,8 @@ def _command(urls: Mapping[str, str], command: Message, json: bool) -> None:
 
     states, failed = call_all(urls, send)
     if json:
-        names = {name: None if state is None else state.name for name, state in states.items()}
         output.print_json(
-            json_rows(urls, failed, lambda name: {"confirmed": name in names, "state": names.get(name)})
+            json_rows(urls, failed, lambda name: {"confirmed": name in states, "state": states.get(name)})
         )
     else:
         for name, state in states.items():
@@ -174,17 +175,16 @@ def _command(urls: Mapping[str, str], command: Message, json: bool) -> None:
 
 
 def _plain(info: Info) -> dict[str, Any]:
-    """Return what a module reports of itself as JSON has it: codes by their names."""
-    names = {"state": info.state.name, "reset_reason": info.reset_reason.name, "firmware": firmware(info)}
-    return {**asdict(info), **names}
+    """Return a module's description as JSON has it."""
+    return {**asdict(info), "firmware": firmware(info)}
 
 
 @config.command()
 def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Show parameters, such as slew or ttl; all of them if none is named."""
-    named, these = _parameters(words, modules, lambda word: word in PARAMETERS)
+    named, others = _split(words, modules, lambda word: word in PARAMETERS)
     named = named or list(PARAMETERS)
-    links = find_links(these, modules)
+    links = find_links(others, modules)
     answers, failed = call_all(links, parameter_file.parameters)
     if json:
         output.print_json(
@@ -199,34 +199,32 @@ def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Jso
              PARAMETER_DESCRIPTIONS[each] if len(answers) == 1 else ""]
             for each in named
         ]  # fmt: skip
-        output.print_table(
-            Table(["parameter", *(Column(name, format=plain) for name in answers), "unit", "what it is"], rows)
-        )
+        columns = ["parameter", *(Column(name, format=plain) for name in answers), "unit", "what it is"]
+        output.print_table(Table(columns, rows))
     exit_if_failed(failed)
 
 
 @config.command(name="set")
 def set_(words: LinksAndParameters = None, modules: ModulesFile = None, save: Save = False) -> None:
     """Change parameters, such as slew=50 ttl=200, until the next start, or for good with --save."""
-    settings, these = _parameters(words, modules, lambda word: "=" in word)
-    pairs = [word.partition("=") for word in settings]
-    if not pairs:
+    settings, others = _split(words, modules, lambda word: "=" in word)
+    if not settings:
         raise typer.BadParameter("no parameters; write them like slew=50")
     values: dict[str, float] = {}
-    for name, _, value in pairs:
+    for name, _, value in (word.partition("=") for word in settings):
         try:
             values[name] = float(value)
         except ValueError:
             raise typer.BadParameter(f"{name}={value}: give a number, such as {name}=50") from None
     parameter_file.checked(values, "set")
-    links = find_links(these, modules)
+    links = find_links(others, modules)
     _change(links, lambda client: parameter_file.change(client, values, "set"), save)
 
 
-def _parameters(
+def _split(
     words: list[str] | None, modules: Path | None, is_parameter: Callable[[str], bool]
 ) -> tuple[list[str], list[str]]:
-    """Return the words about parameters, and the others; what names a module in the file is none of the former."""
+    """Return the words about parameters, and the others. The name of a module in the file is not a parameter."""
     names = load_modules(modules) if modules is not None else {}
     found = [word for word in words or () if word not in names and is_parameter(word)]
     return found, [word for word in words or () if word not in found]
@@ -251,18 +249,17 @@ def dump(
     if folder is not None and modules is None:
         raise typer.BadParameter("--folder needs --modules FILE, whose names the files get")
     texts, failed = call_all(urls, parameter_file.dump)
-    if folder is None:
-        for text in texts.values():
-            typer.echo(text, nl=False)
-    else:
-        make_folder(folder)
-        with output.ResultWriter() as writer:
+    with output.ResultWriter() as writer:
+        if folder is None:
+            for text in texts.values():
+                typer.echo(text, nl=False)
+        else:
+            make_folder(folder)
             for name, text in texts.items():
                 file = parameter_file.file_of(folder, name)
                 if writer.write("", file, partial(write_text, text=text)):
                     typer.echo(file)
-            exit_if_failed(failed)
-    exit_if_failed(failed)
+        exit_if_failed(failed)
 
 
 @config.command()

@@ -38,9 +38,10 @@ Url = Annotated[
 ModulesOfRig = Annotated[
     Path, typer.Option("--modules", metavar="FILE", help="Modules file (TOML): the link to each module.")
 ]
-# Torque constant of `sim:` divided by the data sheet's, so that there is something to find.
-SIMULATED_CONSTANT = 1.1
-LARGEST_UNCERTAINTY = 0.05  # share of a gain: one that is less certain is not written to a module
+SIMULATED_CONSTANT = (
+    1.1  # torque constant of `sim:` divided by the data sheet's, so that there is an error to find
+)
+LARGEST_UNCERTAINTY = 0.05  # share of a gain: a less certain one is not written to a module
 
 
 @calibrate.command()
@@ -58,12 +59,8 @@ def gain(
     staircase: Annotated[
         Path | None, typer.Option(metavar="CSV", help="What the module measured meanwhile: from `staircase`.")
     ] = None,
-    lag: Annotated[
-        float | None,
-        typer.Option(metavar="S", help="How far the sensor's clock is ahead, in s; estimated if left out."),
-    ] = None,
     write: Annotated[
-        bool, typer.Option("--write", help="Write the N/A to the module, and have it saved.")
+        bool, typer.Option("--write", help="Write the N/A to the module, and save it there.")
     ] = False,
     json: Json = False,
 ) -> None:
@@ -80,66 +77,74 @@ def gain(
     for each in mass or []:
         if not 0.0 < each < 100.0:
             raise typer.BadParameter(f"--mass {each:g}: give kg, above 0 and below 100")
-    measured = _sensor_balances(sensor, staircase, lag) if sensor and staircase else []
-    with _client(url) as client:
+    recorded: list[Balance] = []
+    if sensor and staircase:
+        record, (time, force) = measurement.load_staircase(staircase), measurement.load_sensor(sensor)
+        recorded = measurement.balances(record, time, force, measurement.lag(record, time, force))
+    with _open(url) as client:
         before = client.hello().newton_per_ampere
         if mass:
             found = gain_from_weights(_weigh_all(client, mass, repeat), before)
         else:
-            found = gain_from_sensor(measured, before)
-        certain = found.gain.half_width <= LARGEST_UNCERTAINTY * found.gain.value
-        if write and certain:
+            found = gain_from_sensor(recorded, before)
+        uncertainty = found.gain.half_width / found.gain.value
+        written = write and uncertainty <= LARGEST_UNCERTAINTY
+        if written:
             client.calibrate(Calibration.NEWTON_PER_AMPERE, found.gain.value)
             client.save()
     if json:
-        output.print_json(_gain_json(url, found, written=write and certain))
+        output.print_json(
+            url=url,
+            newton_per_ampere_before=found.believed,
+            newton_per_ampere=found.gain,
+            friction=found.friction,
+            zero=found.zero,
+            error_before=found.before,
+            error_after=found.after,
+            balances=found.balances,
+            written=written,
+        )
     else:
         _print_gain(url, found)
-        if write and certain:
-            typer.echo(
+        if written:
+            output.print_line(
                 "\nWritten and saved. Saving may make a module forget its cable's length: calibrate that next."
             )
-    if write and not certain:
-        typer.echo(
-            f"not written: N/A is only certain to {100 * found.gain.half_width / found.gain.value:.1f} %; take "
-            "masses that differ more, or more repeats",
-            err=True,
-        )
+    if write and not written:
+        certain = f"N/A is only certain to {100 * uncertainty:.1f} %"
+        output.print_error(f"not written: {certain}; take masses that differ more, or more repeats")
         raise typer.Exit(1)
 
 
 @calibrate.command()
 @output.if_interrupted(output.NOTHING_KEPT)
 def staircase(
-    url: Url,
-    out: Annotated[Path, options.writes("Write to this file.", ".csv", metavar="CSV")],
+    url: Url, out: Annotated[Path, options.writes("Write to this file.", ".csv", metavar="CSV")]
 ) -> None:
     """Pull at a force sensor in steps, for `gain`.
 
     Up and down, recording what the module measures. Tie the cable to the sensor, start the sensor's recording,
     run this, and stop the recording; then ``gain URL --sensor FILE --staircase CSV``.
     """
-    with _client(url) as client, output.progress("staircase") as progress:
+    with _open(url) as client, output.progress("staircase") as progress:
         record = measurement.climb(client, progress)
     with output.ResultWriter() as writer:
-        writer.write_text(
-            f"{record.time[-1]:.0f} s, up to {record.tension.max():.2f} N", out, table_text(vars(record))
-        )
+        done = f"{record.time[-1]:.0f} s, up to {record.tension.max():.2f} N"
+        writer.write_text(done, out, table_text(vars(record)))
 
 
-def _client(url: str) -> ModuleClient:
-    """Reach a module; behind ``sim:`` hangs a mass."""
+def _open(url: str) -> ModuleClient:
+    """Open a module; on the cable of ``sim:`` hangs a mass."""
     if url != "sim:":
         return ModuleClient(url, url)
     constant = SIMULATED_CONSTANT * PLANT["torque_constant"].standard
-    typer.echo(
-        f"Simulated: a module with {constant / PLANT['radius'].standard:.4g} N/A and a mass on its cable.",
-        err=True,
-    )
+    gain = constant / PLANT["radius"].standard
+    typer.echo(f"Simulated: a module with {gain:.4g} N/A and a mass on its cable.", err=True)
     return ModuleClient("sim", SimulatedLink(HangingMass(0.1, plant={"torque_constant": constant})))
 
 
 def _weigh_all(client: ModuleClient, masses: list[float], repeat: int) -> list[Balance]:
+    """Have each mass hung on the cable, and lift it."""
     balances = []
     for mass in masses:
         if isinstance(client.link, SimulatedLink) and isinstance(client.link.module, HangingMass):
@@ -151,41 +156,19 @@ def _weigh_all(client: ModuleClient, masses: list[float], repeat: int) -> list[B
     return balances
 
 
-def _sensor_balances(sensor: Path, staircase: Path, ahead: float | None) -> list[Balance]:
-    taken = measurement.load_staircase(staircase)
-    time, force = measurement.load_sensor(sensor)
-    return measurement.balances(
-        taken, time, force, measurement.lag(taken, time, force) if ahead is None else ahead
-    )
-
-
-def _gain_json(url: str, found: GainEstimate, *, written: bool) -> dict[str, object]:
-    numbers = {"newton_per_ampere": found.gain, "friction": found.friction, "zero": found.zero}
-    return {
-        "url": url,
-        "newton_per_ampere_before": found.believed,
-        **{name: None if each is None else vars(each) for name, each in numbers.items()},
-        "error_before": found.before,
-        "error_after": found.after,
-        "balances": [vars(each) for each in found.balances],
-        "written": written,
-    }
-
-
 def _print_gain(url: str, found: GainEstimate) -> None:
-    numbers = [
-        ("tension for each ampere, N/A", found.believed, found.gain, 4),
-        ("friction and cogging, N", None, found.friction, 3),
-    ]
-    if found.zero is not None:
-        numbers.append(("current at zero tension, A", None, found.zero, 4))
     rows = [
         (name, before, round(each.value, digits), f"{each.lower:.{digits}f} to {each.upper:.{digits}f}")
-        for name, before, each, digits in numbers
+        for name, before, each, digits in (
+            ("tension for each ampere, N/A", found.believed, found.gain, 4),
+            ("friction and cogging, N", None, found.friction, 3),
+            ("current at zero tension, A", None, found.zero, 4),
+        )
+        if each is not None
     ]
     rows.append(("error of tension (rms), N", round(found.before, 3), round(found.after, 3), ""))
-    title = f"{len(found.balances)} balances at {url}"
-    output.print_table(Table(["", "before", "now", Column("interval", "95 %")], rows, title))
+    columns = ["", "before", "now", Column("interval", "95 %")]
+    output.print_table(Table(columns, rows, f"{len(found.balances)} balances at {url}"))
 
 
 @calibrate.command()
@@ -207,10 +190,15 @@ def lengths(path: RigArgument, modules: ModulesOfRig, json: Json = False) -> Non
     if json:
         changed = [{"name": name, "before": old, "length": new} for name, old, new in changes]
         output.print_json(rig=rig.name, modules=changed)
-        return
-    rows = [(name, old, new, 1e3 * (new - old)) for name, old, new in changes]
-    columns = ["module", Column("before", "m", ".4f"), Column("now", "m", ".4f"), Column("change", "mm", "+.1f")]
-    output.print_table(Table(columns, rows, f"{rig.name} at home"))
+    else:
+        columns = [
+            "module",
+            Column("before", "m", ".4f"),
+            Column("now", "m", ".4f"),
+            Column("change", "mm", "+.1f"),
+        ]
+        rows = [(name, old, new, 1e3 * (new - old)) for name, old, new in changes]
+        output.print_table(Table(columns, rows, f"{rig.name} at home"))
 
 
 @calibrate.command()
@@ -219,8 +207,8 @@ def record(
     path: RigArgument,
     modules: ModulesOfRig,
     out: Annotated[Path, options.writes("Write the lengths to this file.", ".csv", metavar="CSV")],
-    poses: Annotated[int, typer.Option(help="End after so many poses.", min=1)] = 30,
-    seconds: Annotated[float, typer.Option(help="End after that time at the latest.", min=1.0)] = 300.0,
+    poses: Annotated[int, typer.Option(help="End after this number of poses.", min=1)] = 30,
+    seconds: Annotated[float, typer.Option(help="End after this time at the latest, in s.", min=1.0)] = 300.0,
 ) -> None:
     """Record cable lengths at poses, for `anchors`.
 
@@ -228,15 +216,13 @@ def record(
     workspace. The result is for `anchors`; columns x, y and z may be added to it.
     """
     rig = load_rig(path)
+
+    def report(count: int) -> None:
+        typer.echo(f"pose {count}", err=True)
+
     with _group(rig, modules) as group:
-        measured = length_calibration.record_lengths(
-            group,
-            rig,
-            RealClock(group.clients),
-            poses,
-            seconds,
-            lambda count: typer.echo(f"pose {count}", err=True),
-        )
+        clock = RealClock(group.clients)
+        measured = length_calibration.record_lengths(group, rig, clock, poses, seconds, report)
     with output.ResultWriter() as writer:
         writer.write_text(f"{len(measured)} poses", out, table_text(length_calibration.columns(rig, measured)))
 
@@ -244,10 +230,7 @@ def record(
 @calibrate.command()
 def anchors(
     path: RigArgument,
-    measured: Annotated[
-        Path,
-        typer.Argument(metavar="LENGTHS", help="CSV: a column of lengths for each module."),
-    ],
+    measured: Annotated[Path, typer.Argument(metavar="LENGTHS", help="CSV: a column of lengths for each module.")],
     known: Annotated[
         bool, typer.Option("--known", help="The file's x, y, z (and rotation) are where the platform was.")
     ] = False,
@@ -276,37 +259,46 @@ def anchors(
         "after": found.sigma,
         "held_out": calibration.held_out_misfit(rig, values, found.poses, known=known, offsets=offsets),
     }
-    how = f"anchors calibrated from {len(values)} {'known' if known else 'unknown'} poses ({measured.name})"
+    how = f"{len(values)} {'known' if known else 'unknown'} poses"
     with output.ResultWriter(quiet=json) as writer:
-        written = out and writer.write_text("rig", out, rig_to_toml(calibration.calibrated_rig(rig, found, how)))
+        if out is not None:
+            source = f"anchors calibrated from {how} ({measured.name})"
+            if not writer.write_text("rig", out, rig_to_toml(calibration.calibrated_rig(rig, found, source))):
+                out = None
         if json:
+            columns = {"nominal": rig.anchors, "anchor": found.anchors, "deviation": found.deviations,
+                       "interval": found.intervals}  # fmt: skip
             output.print_json(
                 rig=rig.name,
-                poses=len(found.residuals),
+                poses=len(values),
                 known=known,
                 freedom=found.freedom,
                 length_deviation=found.sigma,
                 misfit=misfits,
                 modules=[
-                    {
-                        "name": module.name,
-                        "nominal": module.anchor,
-                        "anchor": found.anchors[j],
-                        "deviation": found.deviations[j],
-                        "interval": found.intervals[j],
-                        "length_offset": found.offsets[j] if offsets else None,
-                    }
+                    {"name": module.name}
+                    | {name: column[j] for name, column in columns.items()}
+                    | {"length_offset": found.offsets[j] if offsets else None}
                     for j, module in enumerate(rig.modules)
                 ],
-                written=str(out) if written else None,
+                written=out,
             )
         else:
-            _print_anchors(rig, found, misfits, known=known, offsets=offsets)
+            _print_anchors(rig, found, f"{rig.name}: anchors from {how} (± 95 %)", offsets=offsets)
+            before, after, held = (
+                "–" if math.isnan(each) else f"{1e3 * each:.2f} mm" for each in misfits.values()
+            )
+            output.print_line(
+                f"\nError of the lengths: {before} before, {after} now, {held} at poses that were held out "
+                f"({'rms' if known else 'rms, beyond what the poses take up'})."
+            )
+            if not known:
+                output.print_line(
+                    "The rig's place and rotation are kept as in the rig file: lengths cannot show them."
+                )
 
 
-def _print_anchors(
-    rig: Rig, found: AnchorEstimate, misfits: dict[str, float], *, known: bool, offsets: bool
-) -> None:
+def _print_anchors(rig: Rig, found: AnchorEstimate, title: str, *, offsets: bool) -> None:
     moved = np.linalg.norm(found.anchors - rig.anchors, axis=1)
     rows = []
     for j, module in enumerate(rig.modules):
@@ -314,24 +306,10 @@ def _print_anchors(
             f"{x:.4f} ± {'–' if math.isnan(width) else f'{width:.4f}'}"
             for x, width in zip(found.anchors[j], found.intervals[j], strict=True)
         ]
-        error = 1e3 * found.offsets[j] if offsets else None
-        rows.append((module.name, *places, 1e3 * moved[j], error))
+        rows.append((module.name, *places, 1e3 * moved[j], 1e3 * found.offsets[j] if offsets else None))
     axes = [Column(axis, "m") for axis in "xyz"[: rig.dimension]]
     columns = ["module", *axes, Column("moved", "mm", ".1f"), Column("length error", "mm", "+.1f")]
-    title = f"{rig.name}: anchors from {len(found.residuals)} {'known' if known else 'unknown'} poses (± 95 %)"
     output.print_table(Table(columns, rows, title))
-    before, after, held = (
-        "–" if math.isnan(misfits[key]) else f"{1e3 * misfits[key]:.2f} mm"
-        for key in ("before", "after", "held_out")
-    )
-    how = "rms" if known else "rms, beyond what the poses take up"
-    console = output.console()
-    console.print(
-        f"\nError of the lengths: {before} before, {after} now, {held} at poses that were held out ({how}).",
-        soft_wrap=True,
-    )
-    if not known:
-        console.print("The rig's place and rotation are kept as in the rig file: lengths cannot show them.")
 
 
 def _group(rig: Rig, modules: Path) -> closing[ModuleGroup]:

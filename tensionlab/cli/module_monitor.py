@@ -7,7 +7,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, nullcontext
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 import typer
@@ -35,32 +35,30 @@ TELEMETRY = ("module", "state", Column("tension", "N", ".2f"), Column("current",
              Column("heat", "%", ".0f"), Column("supply", "V", ".1f"), Column("age", "ms", ".0f"),
              "damaged", "lost")  # fmt: skip
 # Columns of `ping`.
-TRIPS = ("module", "pings", "lost", *(Column(name, "ms", format_number) for name in ("p50", "p95", "p99", "max")),
+PERCENTILES = {"p50": 50.0, "p95": 95.0, "p99": 99.0, "max": 100.0}
+TRIPS = ("module", "pings", "lost", *(Column(name, "ms", format_number) for name in PERCENTILES),
          Column("TTL", "ms", ".0f"), Column("safe rate", "Hz"), Column("clock", "s"))  # fmt: skip
-PERCENTILES = (50.0, 95.0, 99.0, 100.0)
 
 
 class WatchedModule:
-    """Module that another process has, as far as that one publishes it; to `monitor`, the same as a client."""
+    """Module that another process has, as that one publishes it; `monitor` uses it like a client."""
 
     def __init__(self, url: str, process: Holder) -> None:
         self.url, self.name, self.process = url, url, process
-        self._report: Report | None = None
+        self._report = Report(url, url, None, math.inf, 0)
         self._came = time.perf_counter()
 
     def take(self, report: Report) -> None:
-        """Take what the process says of the module now."""
+        """Take the latest report of the process on the module."""
         self.name, self._report, self._came = report.name, report, time.perf_counter()
 
     def check(self) -> None:
-        """Raise a `LinkError` where the process has ended, or given the module up."""
+        """Raise a `LinkError` where the process has ended, or released the module."""
         if time.perf_counter() - self._came > SILENCE_S and holder(self.url) != self.process:
             raise LinkError(f"{self.process} has ended or released it; start the monitor again to reach it")
 
     def report(self) -> Report:
         """Return the latest report; its age is that of now."""
-        if self._report is None:
-            return Report(self.url, self.name, None, math.inf, 0)
         return replace(self._report, age=self._report.age + time.perf_counter() - self._came)
 
 
@@ -76,7 +74,7 @@ def monitor(
     """Show the telemetry of modules in a live table, also of those in a run.
 
     Nothing is changed, nothing pulls. Modules that another process uses, such as ``tensionlab run``, are shown as
-    that one hears them, which does not slow it down. Without links and file: all modules that processes of yours
+    that one receives them, which does not slow it down. Without links and file: all modules that your processes
     use on this computer. In a file or a pipe only the last table is printed. Exit status 1 where a link broke or
     could not be opened, or the other process has ended.
     """
@@ -87,15 +85,20 @@ def monitor(
         output.print_error("None of your tensionlab processes holds a module; name the modules to watch.")
         raise typer.Exit(1)
     with ExitStack() as stack:
-        found, failed = _connect(urls, stack)
-        watchers = _watchers(found, stack)
+        found, failed = _connect(urls)
+        for each in found.values():
+            if isinstance(each, ModuleClient):
+                stack.callback(each.close)
+        processes = {each.process for each in found.values() if isinstance(each, WatchedModule)}
+        watchers = [Watcher(process.port, process.token) for process in processes if process.port is not None]
+        for watcher in watchers:
+            stack.callback(watcher.close)
         clock = RealClock(each for each in found.values() if isinstance(each, ModuleClient))
         end = clock.now() + seconds
         shown = sys.stdout.isatty() and not json
         live = Live(output.styled(_telemetry_table(found, failed)), console=output.console(), auto_refresh=False)
-        interrupted = stack.enter_context(
-            output.until_interrupted("nothing was changed; the same command watches again")
-        )
+        kept = "nothing was changed; the same command watches again"
+        interrupted = stack.enter_context(output.until_interrupted(kept))
         with live if shown else nullcontext():
             while found.keys() - failed.keys() and not interrupted() and clock.now() < end:
                 for watcher in watchers:
@@ -114,8 +117,8 @@ def monitor(
         exit_if_failed(failed)
 
 
-def _connect(links: dict[str, str], stack: ExitStack) -> tuple[Monitored, dict[str, HardwareError]]:
-    """Open all modules that are free and have them report; they are closed with the stack."""
+def _connect(links: dict[str, str]) -> tuple[Monitored, dict[str, HardwareError]]:
+    """Open all modules that no other process has, and have them report; return them and all errors."""
     failed: dict[str, HardwareError] = {}
 
     def connect(name: str) -> ModuleClient | WatchedModule | None:
@@ -132,24 +135,11 @@ def _connect(links: dict[str, str], stack: ExitStack) -> tuple[Monitored, dict[s
 
     with ThreadPoolExecutor(len(links)) as threads:
         reached = dict(zip(links, threads.map(connect, links), strict=True))
-    found = {name: each for name, each in reached.items() if each is not None}
-    for each in found.values():
-        if isinstance(each, ModuleClient):
-            stack.callback(each.close)
-    return found, failed
-
-
-def _watchers(found: Monitored, stack: ExitStack) -> list[Watcher]:
-    """Return a watcher of each other process; they are closed with the stack."""
-    processes = {each.process for each in found.values() if isinstance(each, WatchedModule)}
-    watchers = [Watcher(process.port, process.token) for process in processes if process.port is not None]
-    for watcher in watchers:
-        stack.callback(watcher.close)
-    return watchers
+    return {name: each for name, each in reached.items() if each is not None}, failed
 
 
 def _check(name: str, each: ModuleClient | WatchedModule, failed: dict[str, HardwareError]) -> None:
-    """Take note of a link that broke; whether the module has released its cable is in the table."""
+    """Keep the error of a link that broke. A fault of the module is in the table."""
     try:
         each.check()
     except LinkError as error:
@@ -184,28 +174,19 @@ def _telemetry_table(found: Monitored, failed: dict[str, HardwareError]) -> Tabl
         )  # fmt: skip
     notes = [f"{limit.name.lower()}: {DESCRIPTIONS[Limit][limit.name]}" for limit in sorted(limits - {Limit.NONE})]
     notes += [f"{fault.name.lower()}: {DESCRIPTIONS[Fault][fault.name]}" for fault in faults if fault.name]
-    notes += [f"as {user} hears them: {', '.join(names)}" for user, names in users.items()]
+    notes += [f"as {user} receives them: {', '.join(names)}" for user, names in users.items()]
     return Table(TELEMETRY, rows, notes=[note.replace("`", "") for note in notes])
 
 
 def _telemetry_json(url: str, each: ModuleClient | WatchedModule) -> dict[str, Any]:
-    """Return the last telemetry as JSON has it: codes by their names."""
     report = each.report()
-    telemetry: dict[str, Any] | None = None
-    if (message := report.telemetry) is not None:
-        telemetry = asdict(message) | {
-            "state": message.state.name,
-            "faults": [fault.name for fault in message.faults],
-            "limit": message.limit.name,
-            "brake": message.brake.name,
-        }
     return {
         "module": report.name,
         "url": url,
         "process": each.process.pid if isinstance(each, WatchedModule) else None,
-        "age": None if telemetry is None else report.age,
+        "age": None if report.telemetry is None else report.age,
         "bad_frames_here": report.bad_frames,
-        "telemetry": telemetry,
+        "telemetry": report.telemetry,
     }
 
 
@@ -219,8 +200,8 @@ def ping(
 
     Shows how long messages take to modules and back, and which cycle rates are safe with that. A set-point must
     outlive the wait for the next. At the lowest safe rate, three set-points are sent within the module's time to
-    live (TTL), less the 99th percentile of the time to the module (half of the trip); more, where so many pings
-    are lost that all three could be. The highest is 100 Hz over Bluetooth and 1000 Hz over anything else. All
+    live (TTL), less the 99th percentile of the time to the module (half of the trip); more, where pings are lost
+    often enough that all three could be. The highest is 100 Hz over Bluetooth and 1000 Hz over anything else. All
     modules are measured at the same time. Ctrl-C ends it early. Exit status 1 where a module does not answer, or
     no rate is safe.
 
@@ -236,12 +217,12 @@ def ping(
         def job(client: ModuleClient) -> RoundTrips:
             ttls[client.name] = 1e-3 * client.hello().ttl_ms
 
-            def go_on(now: int) -> bool:
+            def report(now: int) -> bool:
                 done[client.name] = now
                 progress(min(done.values()) / count)
                 return not interrupted()
 
-            return measure(client, count, go_on)
+            return measure(client, count, report)
 
         with output.progress("pinging") as progress:
             trips, failed = call_all(urls, job)
@@ -249,11 +230,9 @@ def ping(
             name: safe_rates(each, ttls[name], bluetooth=is_bluetooth(urls[name])) for name, each in trips.items()
         }
         if json:
-            output.print_json(
-                [_trips_json(name, urls[name], trips[name], rates[name], ttls[name]) for name in trips]
-            )
+            output.print_json([_trips_json(urls, name, trips[name], rates[name], ttls[name]) for name in trips])
         elif trips:
-            _print_trips(trips, rates, ttls)
+            output.print_table(_trips_table(trips, rates, ttls))
         for name, safe in rates.items():
             if safe is None:
                 output.print_error(
@@ -265,28 +244,27 @@ def ping(
             raise typer.Exit(1)
 
 
-def _print_trips(
+def _trips_table(
     trips: dict[str, RoundTrips], rates: dict[str, tuple[float, float] | None], ttls: dict[str, float]
-) -> None:
-    """Print the times of each module's link, and the rates that are safe with them."""
+) -> Table:
     rows = []
     for name, each in trips.items():
-        times = [1e3 * each.percentile(share) for share in PERCENTILES]
+        times = [1e3 * each.percentile(share) for share in PERCENTILES.values()]
         rate = "none" if (safe := rates[name]) is None else f"{safe[0]:.0f} to {safe[1]:.0f}"
         clock = f"{each.offset:.4f} ± {each.offset_error:.4f}" if each.times else None
-        pings = len(each.times) + each.lost
-        rows.append((name, pings, each.lost, *times, 1e3 * ttls[name], rate, clock))
-    output.print_table(Table(TRIPS, rows))
+        rows.append((name, len(each.times) + each.lost, each.lost, *times, 1e3 * ttls[name], rate, clock))
+    return Table(TRIPS, rows)
 
 
-def _trips_json(name: str, url: str, trips: RoundTrips, rate: tuple[float, float] | None, ttl: float) -> Any:
-    names = ("p50", "p95", "p99", "max")
+def _trips_json(
+    urls: dict[str, str], name: str, trips: RoundTrips, rate: tuple[float, float] | None, ttl: float
+) -> dict[str, Any]:
     return {
         "module": name,
-        "url": url,
+        "url": urls[name],
         "pings": len(trips.times) + trips.lost,
         "lost": trips.lost,
-        "seconds": {each: trips.percentile(share) for each, share in zip(names, PERCENTILES, strict=True)},
+        "seconds": {key: trips.percentile(share) for key, share in PERCENTILES.items()},
         "ttl": ttl,
         "safe_rate": rate,
         "clock_offset": trips.offset,

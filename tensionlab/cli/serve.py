@@ -13,7 +13,7 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Solver, View
-from tensionlab.cli.common.runs import end_run, open_sinks, reach_modules, show_run
+from tensionlab.cli.common.runs import end_run, load_rig_or_scenario, open_sinks, reach_modules, show_run
 from tensionlab.cli.run import print_summary
 from tensionlab.errors import InputError, TensionlabError
 from tensionlab.haptics.bridge.admission import PAGE_PATH, SCHEMA_PATH, Admission
@@ -30,9 +30,8 @@ from tensionlab.hardware import Runner, RunSettings
 from tensionlab.hardware.protocol.codes import BrakeState, Limit
 from tensionlab.hardware.sharing import SharedRun
 from tensionlab.hardware.simulation.world import GuidedHand
-from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-from tensionlab.scenarios import SCENARIOS, Scenario, ScenarioDemand, load_scenario
+from tensionlab.scenarios import SCENARIOS, Scenario, ScenarioDemand
 from tensionlab.scenarios.play import module_limits, needs_tracker, temporary_slew
 from tensionlab.scenarios.scenery import as_mapping
 from tensionlab.support.files.reading import read_text
@@ -102,7 +101,9 @@ def serve(
     It sends poses and effects, and gets the state; the site's page on the bridge describes the messages. Without
     --modules, the simulated hand is where the client says it is. Ctrl-C ends it, and all modules are stopped.
     """
-    loaded, played = _load(rig, scenario)
+    loaded, played = load_rig_or_scenario(rig, scenario)
+    if loaded is None:
+        raise typer.BadParameter("give a rig, or --scenario NAME, which has a rig of its own")
     settings = RunSettings() if played is None else RunSettings(played.rate, policy=played.policy)
     if rate is not None:
         settings = replace(settings, rate=rate)
@@ -130,12 +131,10 @@ def serve(
     with ExitStack() as stack:
         with output.if_interrupted("before the run began; no module pulls"):
             stack.enter_context(bridge)
-            typer.echo(f"{bridge.url}/command takes frames, {bridge.url}/events tells what happens")
+            _print_addresses(bridge.url)
             if osc is not None:
                 door = stack.enter_context(OscServer(client, osc_host, osc, partial(report, "refused")))
                 typer.echo(f"OSC at UDP port {door.port}")
-            page_url = bridge.url.replace("ws:", "http:")
-            typer.echo(f"{page_url}{PAGE_PATH} shows the state, {page_url}{SCHEMA_PATH} has the messages' schema")
             if view:
                 show_run()
             group, clock, links = reach_modules(loaded, modules, GuidedHand(follow))
@@ -156,16 +155,10 @@ def serve(
     end_run(runner.statistics, runner.sinks, log, failure)
 
 
-def _load(rig: str | None, scenario: str | None) -> tuple[Rig, Scenario | None]:
-    """Load the rig, and the scenario if one is to be played."""
-    if scenario is not None:
-        played = load_scenario(scenario, rig)
-        if played.turned:
-            typer.echo(played.turned, err=True)
-        return played.rig, played
-    if rig is None:
-        raise typer.BadParameter("give a rig, or --scenario NAME, which has a rig of its own")
-    return load_rig(rig), None
+def _print_addresses(url: str) -> None:
+    page = url.replace("ws:", "http:")
+    typer.echo(f"{url}/command takes frames, {url}/events tells what happens")
+    typer.echo(f"{page}{PAGE_PATH} shows the state, {page}{SCHEMA_PATH} has the messages' schema")
 
 
 def _welcome(rig: Rig, played: Scenario | None, settings: RunSettings) -> Welcome:

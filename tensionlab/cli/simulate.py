@@ -11,18 +11,25 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
+from tensionlab.cli.common.runs import load_rig_or_scenario
 from tensionlab.haptics.bridge.osc import OscTracker
 from tensionlab.hardware.client.modules_file import modules_to_toml
 from tensionlab.hardware.simulation import serve as serving
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.simulated_module import SimulatedModule
 from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S, simulated_module
-from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-from tensionlab.scenarios import SCENARIOS, Scenario, load_scenario
+from tensionlab.scenarios import SCENARIOS, Scenario
 from tensionlab.scenarios.person import PersonSimulation
 from tensionlab.support.files import writing
-from tensionlab.validation.error_model import PRESETS, RigErrors, draw_errors, require_point, true_plants, true_rig
+from tensionlab.validation.error_model import (
+    RigErrors,
+    draw_errors,
+    find_preset,
+    require_point,
+    true_plants,
+    true_rig,
+)
 from tensionlab.validation.simulated_sensor import SensorServer
 
 SINGLE_MODULE = "module"  # name of a module that belongs to no rig
@@ -106,17 +113,15 @@ def simulate(
 ) -> None:
     """Simulate the modules of a rig, with their firmware.
 
-    Serves one module for each cable until Ctrl-C. The end of each cable stays at the rig's home, or is
-    where a simulated person holds it (--scenario). The person begins when all modules are
-    armed, and goes back to the start when all have been stopped; ``tensionlab scenario NAME --modules FILE --osc
-    PORT`` plays with it.
+    Serves one module for each cable until Ctrl-C. The end of each cable stays at the rig's home, or is where a
+    simulated person holds it (--scenario). The person begins when all modules are armed, and returns to the start
+    when all have been stopped; ``tensionlab scenario NAME --modules FILE --osc PORT`` plays with it.
 
     Prints a modules file, and an empty line after it: names and links, for --modules. A module takes one
     client at a time, and refuses others.
     """
     if not 0.0 < speed <= MAX_SPEED:
         raise typer.BadParameter(f"--speed is above 0 and at most {MAX_SPEED:g}; got {speed:g}")
-    conditions = Conditions(1e-3 * latency_ms, 1e-3 * jitter_ms, 0.01 * drop_pct, 0.01 * corrupt_pct)
     if scenario is not None and (only or sensor_port is not None):
         raise typer.BadParameter(
             "--scenario takes all modules of its rig, and a person holds their cables: leave out --only and "
@@ -126,19 +131,14 @@ def simulate(
         raise typer.BadParameter("--sensor-port takes a rig with all its modules")
     if tracker is not None and scenario is None:
         raise typer.BadParameter("--tracker sends the positions of a scenario: give --scenario NAME as well")
-    loaded = None if rig is None else load_rig(rig)
-    loaded_scenario = None if scenario is None else load_scenario(scenario, rig)
-    if loaded_scenario is not None:
-        loaded = loaded_scenario.rig
-        if loaded_scenario.turned:
-            typer.echo(loaded_scenario.turned, err=True)
+    conditions = Conditions(1e-3 * latency_ms, 1e-3 * jitter_ms, 0.01 * drop_pct, 0.01 * corrupt_pct)
+    loaded, played = load_rig_or_scenario(rig, scenario)
     errors = None if loaded is None or sensor_port is None else _errors(loaded, preset, seed)
     with ExitStack() as opened:
-        person = None if loaded_scenario is None else _person(loaded_scenario, tracker, opened)
+        person = None if played is None else _person(played, tracker, opened)
         far_ends: FarEnds = {} if person is None else person.far_ends
         simulated = _modules(loaded, seed, config_file, far_ends, errors)
-        chosen = _chosen(only, list(simulated))
-        faults = _faults(fault or [], list(simulated))
+        chosen, faults = _chosen(only, list(simulated)), _faults(fault or [], list(simulated))
         served = [
             serving.ServedModule(
                 module,
@@ -164,11 +164,10 @@ def simulate(
             watchers.append(SensorServer(loaded, errors, seed, sensor).take)
         if modules is not None:
             writing.write_text(modules, text)
-        ports.pop_all()  # from here on, they are closed by serve
+        ports.pop_all()  # from here on, `serve` closes them
         server = serving.Server(served, speed, watchers, math.inf if person is None else COMPLIANT_STEP_S)
-        with output.until_interrupted(
-            "the simulated modules are gone; the same command serves new ones"
-        ) as interrupted:
+        kept = "the simulated modules have ended; the same command serves new ones"
+        with output.until_interrupted(kept) as interrupted:
             typer.echo(text)
             serving.serve(server, interrupted)
 
@@ -201,27 +200,24 @@ def _modules(
             simulated[each.name] = (module, file)
     for module, file in simulated.values():
         if file is not None and file.exists() and not module.loaded:
-            typer.echo(f"{file}: not the settings of a module; it starts with standard ones", err=True)
+            typer.echo(f"{file}: not the settings of a module; it starts with its defaults", err=True)
     return simulated
 
 
 def _person(scenario: Scenario, tracker: str | None, opened: ExitStack) -> PersonSimulation:
-    """Return who holds the cables, and is tracked, if that is wanted."""
+    """Return the simulated person that holds the cables, tracked if that is wanted."""
     if tracker is None:
         return PersonSimulation(scenario.person, scenario.rig)
     host, _, port = tracker.rpartition(":")
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise typer.BadParameter(f"--tracker is HOST:PORT, such as 127.0.0.1:9000; got {tracker!r}")
-    track = opened.enter_context(OscTracker(host, int(port))).send
-    return PersonSimulation(scenario.person, scenario.rig, track)
+    return PersonSimulation(scenario.person, scenario.rig, opened.enter_context(OscTracker(host, int(port))).send)
 
 
 def _errors(rig: Rig, preset: str, seed: int) -> RigErrors:
     """Return the errors of the rig that a force sensor holds."""
-    if preset not in PRESETS:
-        raise typer.BadParameter(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
     require_point(rig)
-    return draw_errors(PRESETS[preset], rig.m, seed)
+    return draw_errors(find_preset(preset), rig.m, seed)
 
 
 def _chosen(only: list[str] | None, names: list[str]) -> list[str]:

@@ -20,7 +20,7 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import ring_plus_top
 from tensionlab.validation import report as reports
 from tensionlab.validation.data_tables import write_recording
-from tensionlab.validation.error_model import PRESETS, require_point
+from tensionlab.validation.error_model import find_preset, require_point
 from tensionlab.validation.protocol import Protocol
 from tensionlab.validation.sensors import ForceSensor, open_sensor
 from tensionlab.validation.session import ValidationPlan
@@ -104,8 +104,8 @@ def _plan(
         )
     if modules is not None and preset is not None:
         raise typer.BadParameter("--preset is for modules of this process; those of --modules are as they are")
-    if preset is not None and preset not in PRESETS:
-        raise typer.BadParameter(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
+    if preset is not None:
+        find_preset(preset)
     loaded = ring_plus_top(1.0) if rig is None else load_rig(rig)
     require_point(loaded)
     options.check_solvers(loaded, [solver], None)

@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tensionlab.errors import RigError
+from tensionlab.errors import InputError, RigError
 from tensionlab.hardware.simulation.world import plant_of
 from tensionlab.model.kinematics import exponential
 from tensionlab.model.rig import Rig
@@ -58,6 +58,13 @@ PRESETS = {
         gain=1.28, gain_spread=0.08, bias=0.12, position=0.025, tilt=3.0, play=0.10, noise=0.03
     ),
 }  # no errors; and errors of a size that makes a rig like the published one
+
+
+def find_preset(name: str) -> ErrorModel:
+    """Return one of `PRESETS`; raise `InputError` if there is none of that name."""
+    if name not in PRESETS:
+        raise InputError(f"no preset {name!r}; there are {', '.join(PRESETS)}")
+    return PRESETS[name]
 
 
 @dataclass(frozen=True, eq=False)

@@ -324,7 +324,7 @@ def test_monitor_shows_modules_of_another_process_as_that_one_hears_them(run, mo
         ["my", name, "running", "2.50", "0.75", "1.250", "-0.50"] for name in OTHERS
     ]
     assert lines[3].split()[-2:] == ["10", "4"]
-    assert lines[-1] == "as process 4711 (tensionlab run floor) hears them: my left, my right"
+    assert lines[-1] == "as process 4711 (tensionlab run floor) receives them: my left, my right"
     status, out, _ = run("module", "monitor", "--seconds", "0.6", "--json", OTHERS["right"])
     [found] = json.loads(out)
     assert (found["module"], found["url"], found["process"]) == ("my right", OTHERS["right"], 4711)

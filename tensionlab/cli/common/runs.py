@@ -17,7 +17,19 @@ from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.runner.records import CTRL_C, RunSink, Statistics
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings, WorldClock
 from tensionlab.hardware.simulation.world import Motion, World
+from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
+from tensionlab.scenarios import Scenario, load_scenario
+
+
+def load_rig_or_scenario(rig: str | None, scenario: str | None) -> tuple[Rig | None, Scenario | None]:
+    """Load a rig, or a scenario with its rig or the one named; None if it is not named."""
+    if scenario is None:
+        return None if rig is None else load_rig(rig), None
+    played = load_scenario(scenario, rig)
+    if played.turned:
+        typer.echo(played.turned, err=True)
+    return played.rig, played
 
 
 class ReachedModules(NamedTuple):
