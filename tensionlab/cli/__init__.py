@@ -1,9 +1,9 @@
-"""The command ``tensionlab``: its verbs, and how a command ends.
+"""The command ``tensionlab``: its verbs, and its exit status.
 
-Exit status 0: done. 1: the answer is no, or something went wrong with a module. 2: bad input, or a file or stdout
-that cannot be written, with one line on stderr that says what to do. 130: ended by Ctrl-C, with one line on stderr
-that says what is kept and how to go on. 141: whoever reads stdout has gone. A verb is imported when it is used, so
-that ``--help`` stays quick.
+0: done. 1: the answer is no, or something went wrong with a module. 2: bad input, or a file or stdout that cannot
+be written, with one line on stderr that says what to do. 130: ended by Ctrl-C, with one line on stderr that says
+what is kept and how to continue. 141: the reader of stdout has gone. A verb is imported when it is used, so that
+``--help`` stays quick.
 """
 
 from __future__ import annotations
@@ -31,14 +31,13 @@ from tensionlab.support.operating_system import reader_has_gone
 if TYPE_CHECKING:
     from typing import TextIO
 
-BAD_INPUT = 2  # exit status where input is bad, or a file or stdout cannot be written
-INTERRUPTED = 130  # exit status after Ctrl-C: 128 + SIGINT, as a shell has it
-STDOUT_CLOSED = 141  # exit status where whoever reads stdout has gone: 128 + SIGPIPE
+BAD_INPUT, INTERRUPTED, STDOUT_CLOSED = 2, 130, 141  # the latter two as shells have it: 128 + SIGINT or SIGPIPE
 PROGRAM = "tensionlab"
-# Variable of the environment in which a shell asks how an unfinished command may go on.
-COMPLETION_VARIABLE = f"_{PROGRAM.upper()}_COMPLETE"
+COMPLETION_VARIABLE = (
+    f"_{PROGRAM.upper()}_COMPLETE"  # set by a shell that asks how an unfinished command continues
+)
 NUMBER_OPTIONS = ("--at", "--force", "--wrench", "--reference", "--box", "--step", "--frame")
-# Numbers, with a unit as well: whoever reads them says that it is left out.
+# Numbers, also with a unit: the message on it then says how to write them.
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*([a-z°]{1,3}|N·m)?,?|[-+]?(nan|inf),?", re.IGNORECASE)
 PARSER_WORDS = {
     r"^Invalid value for '([^']+)'.*?: ": r"\1: ",
@@ -51,24 +50,18 @@ PARSER_WORDS = {
     r"Input should be a valid integer.*": "give a whole number",
     r"Input should be a valid number.*": "give a number",
     r"Input should be ": "it must be ",
-}  # what the parser's messages say, and what they say here
-PRINTERS = {"click", "typer", "rich"}  # packages that write to stdout. All else that writes names its file.
+}  # messages of the parser, and ours
+PRINTERS = {"click", "typer", "rich"}  # packages that write to stdout; errors of all other writers name a file
 ClickException: type[Any] = typer.BadParameter.__mro__[2]  # later versions of typer bring a click of their own
 
 VERBS = {
     "compare": ("compare", "Compare solvers on one set of forces, or along a trajectory."),
     "allocate": ("allocate", "Choose the cable tensions that render one wrench."),
-    "solvers": (
-        "solvers",
-        "List the solvers, with what each minimises, its policies for infeasible wrenches, and its source.",
-    ),
+    "solvers": ("solvers", "List the solvers, with what each minimises, its policies, and its source."),
     "workspace": ("workspace", "Evaluate where, and how well, rigs can pull."),
     "certify": ("certify", "Prove where a rig renders what is required."),
     "bench": ("bench", "Benchmark all solvers and baselines."),
-    "regressions": (
-        "regressions",
-        "Tell which solvers became slower or less accurate from one benchmark to another.",
-    ),
+    "regressions": ("bench", "Tell which solvers became slower or less accurate from one benchmark to another."),
     "run": ("run", "Render forces on the modules of a rig."),
     "scenario": ("scenario", "Play a haptic scenario and check its forces."),
     "serve": ("serve", "Let a game engine drive a rig over a WebSocket."),
@@ -87,7 +80,7 @@ VERBS = {
 
 
 class AllVerbs(TyperGroup):
-    """All verbs, each imported when it is used."""
+    """Group of all verbs, each imported when it is used."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
@@ -98,12 +91,12 @@ class AllVerbs(TyperGroup):
         if name not in VERBS:
             return None
         verb = getattr(import_module(f"tensionlab.cli.{VERBS[name][0]}"), name)
-        alone = Verbs()
+        group = Verbs()
         if isinstance(verb, typer.Typer):
-            alone.add_typer(verb, name=name)
+            group.add_typer(verb, name=name)
         else:
-            alone.command(name)(verb)
-        return typer.main.get_group(alone).commands[name]
+            group.command(name)(verb)
+        return typer.main.get_group(group).commands[name]
 
     def format_commands(self, context: Any, formatter: Any) -> None:
         """Write the verbs, without importing them."""
@@ -142,15 +135,15 @@ def options(
         ),
     ] = False,
 ) -> None:
-    """Take the options that come before the verb."""
+    """Read the options before the verb."""
 
 
 def join_numbers(words: Sequence[str]) -> list[str]:
     """Join the numbers after ``--at`` and the like to one word, and return all words.
 
-    ``--at 0 -0.1 0.3`` becomes ``--at 0,-0.1,0.3``: the parser knows neither how many components a rig has
-    nor that ``-0.1`` is a number and not an option. What is no number but has one after it is joined, too: the
-    name in ``--frame hip 0 0 1``, and ``one`` in ``--wrench one 0 0``, which whoever reads the numbers refuses.
+    ``--at 0 -0.1 0.3`` becomes ``--at 0,-0.1,0.3``: the parser knows neither how many components a rig has nor
+    that ``-0.1`` is a number and not an option. A word that is not a number is joined where one follows: the name
+    in ``--frame hip 0 0 1``, and ``one`` in ``--wrench one 0 0``, which is refused later.
     """
     joined: list[str] = []
     start: int | None = None
@@ -170,9 +163,9 @@ def join_numbers(words: Sequence[str]) -> list[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line, and leave through `SystemExit`; what goes wrong is one line on stderr.
+    """Run the command line, and leave through `SystemExit`, after one line on stderr if something went wrong.
 
-    Errors that are a defect of this program, such as a `TypeError`, are let through with their traceback.
+    An error that is a defect of this program, such as a `TypeError`, keeps its traceback.
     """
     words = sys.argv[1:] if arguments is None else arguments
     if COMPLETION_VARIABLE in os.environ:
@@ -182,7 +175,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         from tensionlab.plots.style import import_matplotlib
 
         import_matplotlib()
-    status = _status(join_numbers(words))
+    status = _run(join_numbers(words))
     try:
         sys.stdout.flush()
     except OSError as error:
@@ -191,12 +184,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _invoke(words: Sequence[str]) -> None:
-    """Carry out the verb; errors are let through, which the parser's own way of running it would not do."""
+    """Carry out the verb, without the parser's own handling of errors."""
     with typer.main.get_command(app).make_context(PROGRAM, list(words)) as context:
         context.command.invoke(context)
 
 
-def _status(words: Sequence[str]) -> int:
+def _run(words: Sequence[str]) -> int:
     """Carry out the verb, print what goes wrong, and return the exit status."""
     try:
         _invoke(words)
@@ -222,7 +215,7 @@ def _status(words: Sequence[str]) -> int:
 
 
 def _parser_refused(error: Any) -> int:
-    """Print what the parser refused: the option, what is wrong with it, and where to read how it is called."""
+    """Print what the parser refused: the option, the problem, and where to read about it."""
     if type(error).__name__ == "NoArgsIsHelpError":
         with suppress(OSError):
             error.show()
@@ -230,14 +223,14 @@ def _parser_refused(error: Any) -> int:
     text: str = error.format_message().rstrip(".")
     for theirs, ours in PARSER_WORDS.items():
         text = re.sub(theirs, ours, text)
-    told = error.ctx is None or (isinstance(error, typer.BadParameter) and not text.endswith("is missing"))
-    after = "" if text.endswith("?") else ";"
-    print_error(text if told else f"{text}{after} see `{error.ctx.command_path} -h`")
+    complete = error.ctx is None or (isinstance(error, typer.BadParameter) and not text.endswith("is missing"))
+    end = "" if text.endswith("?") else ";"
+    print_error(text if complete else f"{text}{end} see `{error.ctx.command_path} -h`")
     return BAD_INPUT
 
 
 def _system_refused(error: OSError) -> int:
-    """Print what the system refused; it may be that nobody reads stdout."""
+    """Print what the system refused, which may be to write to stdout."""
     innermost = traceback.extract_tb(error.__traceback__)[-1].filename
     if error.filename is None and PRINTERS & set(Path(innermost).parts):
         return _without_stdout(error)
@@ -247,11 +240,11 @@ def _system_refused(error: OSError) -> int:
 
 
 def _without_stdout(error: OSError) -> int:
-    """Throw away what stdout does not take, lest the interpreter tries again at its end."""
+    """Discard what stdout does not take: the interpreter would try again at its end."""
     with suppress(OSError, ValueError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, sys.stdout.fileno())
+        os.close(null)
     if reader_has_gone(error):
         return STDOUT_CLOSED
     print_error(f"stdout cannot be written ({error.strerror or error})")
@@ -259,14 +252,14 @@ def _without_stdout(error: OSError) -> int:
 
 
 def _where(error: BaseException) -> str:
-    """Return where in the code an error came up, for who wants to report it."""
+    """Return the place in the code where an error was raised, for a report of it."""
     frames = traceback.extract_tb(error.__traceback__)
     frame = next((each for each in reversed(frames) if "tensionlab" in each.filename), frames[-1])
     return f"{type(error).__name__} at {Path(frame.filename).name}:{frame.lineno}"
 
 
 def _open_streams() -> None:
-    """Have stdout and stderr, even where they were closed, and write all characters, even where they are ASCII."""
+    """Open stdout and stderr where they are closed, and let ASCII ones write all characters."""
     for name in ("stdout", "stderr"):
         stream: TextIO | None = getattr(sys, name)
         if stream is None:

@@ -50,12 +50,7 @@ def allocate(
     options.check_solvers(loaded, [solver], policy)
     desired = loaded.required.middle(loaded).tolist()
     position = options.parse_position(at, loaded)
-    allocator = Allocator(
-        loaded.limits,
-        solver,
-        _reference(loaded, reference),
-        policy,  # type: ignore[arg-type]  # checked above
-    )
+    allocator = Allocator(loaded.limits, solver, _reference(loaded, reference), policy)  # type: ignore[arg-type]  # checked
     result = allocator(loaded.structure_matrix(position, frames=loaded.at_rest), desired)
     status = Status(int(result.status))
     if json:
@@ -73,13 +68,18 @@ def allocate(
             failure=result.failures.get(0),
         )
     else:
-        _print(loaded, position, desired, result, _status_text(status, allocator.policy, float(result.scale)))
+        _print(loaded, position, desired, result)
+        unit = "N" if loaded.n == loaded.dimension else "(N and N·m together)"
+        text = _status_text(status, allocator.policy, float(result.scale))
+        output.print_line(f"\nerror {format_number(float(result.residual))} {unit}, {text}")
+        if reason := result.failures.get(0):
+            output.print_line(reason)
     raise typer.Exit(0 if status is Status.EXACT else 1)
 
 
 def _status_text(status: Status, policy: str | None, scale: float) -> str:
     text = STATUS_TEXTS[status.name].format(policy=policy)
-    if status.name != "NEAREST" or policy != "direction":
+    if status is not Status.NEAREST or policy != "direction":
         return text
     if math.isnan(scale):
         return text + "; no part of it keeps the direction, so this is the nearest in force"
@@ -98,8 +98,8 @@ def _reference(rig: Rig, text: str | None) -> str | list[float] | None:
     return tensions
 
 
-def _print(rig: Rig, position: Any, desired: list[float], result: Allocation, status: str) -> None:
-    """Print the tensions beside their limits, then the wrench, then the status."""
+def _print(rig: Rig, position: Any, desired: list[float], result: Allocation) -> None:
+    """Print the tensions with their limits, then the desired and the rendered wrench."""
     rows = []
     for module, tension in zip(rig.modules, result.tensions, strict=True):
         at = ""
@@ -113,8 +113,7 @@ def _print(rig: Rig, position: Any, desired: list[float], result: Allocation, st
         title += f", its weight of {rig.platform.mass:g} kg held as well"
     columns = ["module", Column("tension", "N", ".4f"), Column("lower", "N"), Column("upper", "N"), ""]
     output.print_table(Table(columns, rows, title))
-    console = output.console()
-    console.print()
+    output.print_line()
     components = (
         (name, one, round(other, 4) + 0.0, one - other)
         for name, one, other in zip(options.wrench_components(rig), desired, result.wrench, strict=True)
@@ -122,7 +121,3 @@ def _print(rig: Rig, position: Any, desired: list[float], result: Allocation, st
     columns = ["wrench", Column("desired", format=".4f"), Column("rendered", format=".4f"),
                Column("difference", format=format_number)]  # fmt: skip
     output.print_table(Table(columns, components))
-    unit = "N" if rig.n == rig.dimension else "(N and N·m together)"
-    console.print(f"\nerror {format_number(float(result.residual))} {unit}, {status}", soft_wrap=True)
-    if reason := result.failures.get(0):
-        console.print(reason, soft_wrap=True)

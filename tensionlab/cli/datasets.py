@@ -45,7 +45,7 @@ def datasets(
     kinds = [each if index == 0 or each != rows[index - 1][0] else "" for index, (each, *_) in enumerate(rows)]
     shown = [(each, *row[1:]) for each, row in zip(kinds, rows, strict=True)]
     output.print_table(Table(["kind", "name", "what it is"], shown))
-    output.console().print(f"\n{LEGEND}", style="dim")
+    output.print_prose(f"\n{LEGEND}", "dim")
 
 
 def _title(kind: str, name: str) -> str:

@@ -83,33 +83,28 @@ def search(
             )
         else:
             _print(found, task.name)
-    if found.best.score <= 0:
+    if problem := _shortfall(found):
         output.print_error(
-            f"no layout was found that holds {_aim(found)}: the worst margin is {found.best.worst:.4g} N; give "
-            "more modules (counts), higher limits or a smaller target, or search longer (generations, starts)"
-        )
-        raise typer.Exit(1)
-    proved, force = found.best.proved, found.objective.force or 0.0
-    if proved is not None and not proved >= force:
-        held = f"{proved:.4g} N is, {force - proved:.2g} N less" if proved >= 0 else "no force is"
-        output.print_error(
-            f"{force:g} N in every direction is not proved everywhere in the target: of {found.best.rig.name} "
-            f"{held}; give more modules (counts), higher limits or a smaller target, or search longer "
+            f"{problem}; give more modules (counts), higher limits or a smaller target, or search longer "
             "(generations, starts)"
         )
         raise typer.Exit(1)
 
 
-def _aim(found: LayoutSearch) -> str:
-    """Return in a few words what a layout has to hold, at the least."""
-    required = found.best.rig.required
-    held = required.describe(found.best.rig) if required else "a force in every direction"
-    force = found.objective.force
-    return (
-        f"{held} everywhere in the target"
-        if force is None
-        else f"{held} with {force:g} N in every direction anywhere"
-    )
+def _shortfall(found: LayoutSearch) -> str:
+    """Return what the best layout does not hold, or does not hold provably; an empty text if it holds all."""
+    best, force = found.best, found.objective.force
+    if best.score <= 0:
+        held = best.rig.required.describe(best.rig) if best.rig.required else "a force in every direction"
+        where = (
+            f"with {force:g} N in every direction anywhere" if force is not None else "everywhere in the target"
+        )
+        return f"no layout was found that holds {held} {where}: the worst margin is {best.worst:.4g} N"
+    force = force or 0.0
+    if best.proved is None or best.proved >= force:
+        return ""
+    held = f"{best.proved:.4g} N is, {force - best.proved:.2g} N less" if best.proved >= 0 else "no force is"
+    return f"{force:g} N in every direction is not proved everywhere in the target: of {best.rig.name} {held}"
 
 
 def _plain(found: Layout, on_front: bool) -> dict[str, object]:
@@ -127,12 +122,11 @@ def _plain(found: Layout, on_front: bool) -> dict[str, object]:
 
 
 def _print(found: LayoutSearch, name: str) -> None:
-    """Print what each number of modules gains, and where the modules of the best layout stand."""
-    console = output.console()
+    """Print what each number of modules gains, and where the modules of the best layout are."""
     if len(found.layouts) > 1:
-        console.print(name)
+        output.print_line(name)
         output.print_table(found.table())
-        console.print()
+        output.print_line()
     best = found.best
     table = best.table()
     table.title = f"{best.rig.name} {found.objective.rendered(best.score, best.rig)}"
@@ -141,4 +135,4 @@ def _print(found: LayoutSearch, name: str) -> None:
         if each.proved is not None:
             about = f" about {each.rig.required.describe(each.rig)}" if each.rig.required else ""
             held = "nothing" if np.isnan(each.proved) else f"{each.proved:.4g} N in every direction{about}"
-            console.print(f"{each.rig.name}: proved everywhere in the target: {held}", soft_wrap=True)
+            output.print_line(f"{each.rig.name}: proved everywhere in the target: {held}")

@@ -64,8 +64,7 @@ def export(
 def plot(
     path: RunFile,
     file: Annotated[
-        Path,
-        typer.Option("--plot", callback=options.picture_file, help="Draw to this file (png, pdf, svg)."),
+        Path, typer.Option("--plot", callback=options.picture_file, help="Draw to this file (png, pdf, svg).")
     ],
 ) -> None:
     """Draw wrenches, tensions, statuses, limits and timing of a run."""
@@ -74,12 +73,7 @@ def plot(
 
 
 @log.command()
-def replay(
-    path: RunFile,
-    solvers: Solvers = None,
-    out: Rows = None,
-    json: Json = False,
-) -> None:
+def replay(path: RunFile, solvers: Solvers = None, out: Rows = None, json: Json = False) -> None:
     """Compare other solvers on the desired wrenches of a run.
 
     At its poses and with its modules. The first row is the run as it was. The others show what each solver would
@@ -112,11 +106,7 @@ def replay(
 
 
 @log.command()
-def view(
-    path: RunFile,
-    port: PagePort = 0,
-    browser: Browser = True,
-) -> None:
+def view(path: RunFile, port: PagePort = 0, browser: Browser = True) -> None:
     """Play a run in the browser.
 
     The rig as it was at each time, with cables by tension, forces, brakes and modules, and its

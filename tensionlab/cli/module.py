@@ -34,8 +34,7 @@ config = Verbs("Get and set the parameters of modules. The modules must be idle.
 LinksAndParameters = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="URL|PARAMETER",
-        help="Links to modules, or with --modules names of modules; and parameters.",
+        metavar="URL|PARAMETER", help="Links to modules, or with --modules names of modules; and parameters."
     ),
 ]
 Save = Annotated[bool, typer.Option("--save", help="Store all parameters: they outlast the next start.")]

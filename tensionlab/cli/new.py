@@ -37,4 +37,4 @@ def new(
     require_name(out.stem, str(out), "name", "give the file a name")
     writing.require_new(out, f"the {kind}")
     writing.write_text(out, text.replace(f"my-{kind}.toml", str(out)).replace(f"my-{kind}", out.stem))
-    output.console().print(f"{kind}: {out}; its first lines say how to use it", soft_wrap=True)
+    output.print_line(f"{kind}: {out}; its first lines say how to use it")

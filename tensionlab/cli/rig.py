@@ -80,8 +80,7 @@ def check(
 @rig.command("import")
 def import_(
     caspr: Annotated[
-        tuple[Path, Path],
-        typer.Option(metavar="BODIES.xml CABLES.xml", help="The two files of a CASPR model."),
+        tuple[Path, Path], typer.Option(metavar="BODIES.xml CABLES.xml", help="The two files of a CASPR model.")
     ],
     cable_set: Annotated[
         str | None,

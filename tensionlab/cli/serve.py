@@ -58,8 +58,7 @@ def serve(
     rate: Annotated[
         float | None,
         typer.Option(
-            callback=options.require_positive,
-            help="Cycles per second.  [default: 50, or the scenario's]",
+            callback=options.require_positive, help="Cycles per second.  [default: 50, or the scenario's]"
         ),
     ] = None,
     seconds: Duration = None,

@@ -16,23 +16,21 @@ SOURCE = re.compile(r"(?:Sources?:\s|References\n-+\n)(.+?)(?:\n\s*\n|\Z)", re.D
 
 
 def solvers(json: Json = False) -> None:
-    """List the solvers, with what each minimises, its policies for infeasible wrenches, and its source."""
+    """List the solvers, with what each minimises, its policies, and its source.
+
+    A policy says which tensions replace those of an infeasible wrench.
+    """
     broken = {name: str(found) for name, found in find_plugins().items() if not isinstance(found, type)}
     entries: list[dict[str, Any]] = []
     for name, installed in every_solver().items():
-        if name in broken:
-            continue
-        solver = make(name)
-        found = SOURCE.search(inspect.getdoc(type(solver)) or "")
-        entries.append(
-            {
-                "solver": name,
-                "policy": list(solver.policies),
-                "objective": solver.objective,
-                "source": " ".join(found[1].split()) if found else "",
-                "installed": installed,
-            }
-        )
+        if name not in broken:
+            solver = make(name)
+            found = SOURCE.search(inspect.getdoc(type(solver)) or "")
+            source = " ".join(found[1].split()) if found else ""
+            entries.append(
+                {"solver": name, "policy": list(solver.policies), "objective": solver.objective,
+                 "source": source, "installed": installed}
+            )  # fmt: skip
     if json:
         output.print_json(solvers=entries, broken=broken)
         return
@@ -51,12 +49,12 @@ def solvers(json: Json = False) -> None:
     output.print_table(Table(columns, rows))
     console = output.console()
     console.print()
-    families: dict[str, str] = {}
+    sources: dict[str, str] = {}
     for entry in entries:
-        families.setdefault(entry["solver"].partition(":")[0], entry["source"])
-    for family, source in families.items():
+        sources.setdefault(entry["solver"].partition(":")[0], entry["source"])
+    for family, source in sources.items():
         if source:
             console.print(Text.assemble((family, "bold"), f": {source}"))
-    console.print('\nTo install all of them: pip install "tensionlab[solvers,reference]"', style="dim")
+    output.print_prose('\nTo install all of them: pip install "tensionlab[solvers,reference]"', "dim")
     for fault in broken.values():
-        console.print(f"Left out: {fault}", style="red", soft_wrap=True)
+        output.print_line(f"Left out: {fault}", "red")

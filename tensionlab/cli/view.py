@@ -30,8 +30,7 @@ def view(
     port: PagePort = 0,
     browser: Browser = True,
     host: Annotated[
-        str,
-        typer.Option(help="Address to listen at. Browsers need the token that the page's address has."),
+        str, typer.Option(help="Address to listen at. Browsers need the token that the page's address has.")
     ] = "127.0.0.1",
 ) -> None:
     """Design a rig in the browser, or watch a run there.

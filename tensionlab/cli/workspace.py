@@ -50,8 +50,7 @@ def workspace(
     step: Step = None,
     rotations: Rotations = None,
     poses: Annotated[
-        Path | None,
-        typer.Option(help="File of poses in place of a box (.csv, .parquet, .npz)."),
+        Path | None, typer.Option(help="File of poses in place of a box (.csv, .parquet, .npz).")
     ] = None,
     metrics: Annotated[
         list[str] | None,

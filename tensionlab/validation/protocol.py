@@ -181,13 +181,7 @@ def measure(
 
 
 def _measurement(
-    number: int,
-    desired: Floats,
-    average: Floats,
-    samples: Floats,
-    rested: float,
-    latest: Cycle,
-    rig: Rig,
+    number: int, desired: Floats, average: Floats, samples: Floats, rested: float, latest: Cycle, rig: Rig
 ) -> Measurement:
     free = (Limit.NONE, Limit.LOWER, Limit.UPPER, Limit.IDLE)
     limits = zip(rig.modules, latest.state.limiters.tolist(), strict=True)

@@ -68,21 +68,13 @@ def test_compare_as_a_program_prints_a_whole_table_in_a_pipe():
     assert max(map(len, lines)) <= 120
     assert "…" not in done.stdout
     rows = [line.split() for line in lines if line.startswith(("newton", "pseudoinverse"))]
-    assert [row[:3] for row in rows] == [
-        ["newton", "any", "182"],
-        ["pseudoinverse", "–", "0"],
-    ]
+    assert [row[:3] for row in rows] == [["newton", "any", "182"], ["pseudoinverse", "–", "0"]]
     assert "certified infeasible" in done.stdout
 
 
 def test_the_widest_table_fits_120_columns(run):
     code, out, _ = run(
-        "compare",
-        RIGS / "ipanema-1.toml",
-        "--solvers",
-        "newton,pseudoinverse:reference",
-        "--magnitude",
-        "400",
+        "compare", RIGS / "ipanema-1.toml", "--solvers", "newton,pseudoinverse:reference", "--magnitude", "400"
     )
     assert code == 0
     assert "…" not in out

@@ -185,10 +185,7 @@ def test_monitor_says_when_a_module_is_gone(call, modules, urls, simulated_time)
 @pytest.mark.parametrize(
     ("number", "ended"),
     [
-        (
-            signal.SIGINT,
-            (130, "tensionlab: interrupted: nothing was changed; the same command watches again\n"),
-        ),
+        (signal.SIGINT, (130, "tensionlab: interrupted: nothing was changed; the same command watches again\n")),
         (signal.SIGTERM, (0, "")),
     ],
 )

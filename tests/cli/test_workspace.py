@@ -148,10 +148,7 @@ def test_a_picture_of_the_first_metric(run, tmp_path, view, word):
         ([CUBE, "--metric", ","], "no metric is named; give one at least"),
         ([CUBE, "--gravity"], 'key "gravity" is true, but cube-8 does not know its weight'),
         ([CUBE, "--wrench", 1, 0], "--wrench has 2 components; cube-8 needs 3: Fx (N), Fy (N), Fz (N)"),
-        (
-            [CUBE, "--required", "none.toml"],
-            "none.toml: no such file; give the path of a file of required",
-        ),
+        ([CUBE, "--required", "none.toml"], "none.toml: no such file; give the path of a file of required"),
     ],
 )
 def test_bad_input_ends_with_2_and_says_what_to_do(run, words, error):

@@ -9,11 +9,7 @@ import pytest
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.solvers.base import Status
 from tensionlab.support import provenance
-from tensionlab.validation.data_tables import (
-    ENTRIES,
-    read_recording,
-    write_recording,
-)
+from tensionlab.validation.data_tables import ENTRIES, read_recording, write_recording
 from tests.helpers.recorded import MODULES, made_up
 
 DATASETS = Path(__file__).parents[2] / "datasets"

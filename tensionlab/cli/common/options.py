@@ -297,10 +297,7 @@ View = Annotated[
 ]
 Duration = Annotated[
     float | None,
-    typer.Option(
-        callback=require_positive,
-        help="Duration in s; to the end, or until Ctrl-C, if left out.",
-    ),
+    typer.Option(callback=require_positive, help="Duration in s; to the end, or until Ctrl-C, if left out."),
 ]
 Modules = Annotated[
     str | None,
@@ -340,8 +337,7 @@ Scheduler = Annotated[str | None, typer.Option(help="Evaluate on a Dask cluster,
 Wrench = Annotated[
     str | None,
     typer.Option(
-        metavar="FX FY ...",
-        help="Wrench that the cables must exert, in N (and N·m); the middle of a set of them.",
+        metavar="FX FY ...", help="Wrench that the cables must exert, in N (and N·m); the middle of a set of them."
     ),
 ]
 Gravity = Annotated[
