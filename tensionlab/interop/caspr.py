@@ -51,10 +51,10 @@ class Element:
 
     def only(self, tag: str) -> Element:
         """Get the child of which there must be one."""
-        found = list(self.all(tag))
-        if len(found) != 1:
-            self.fail(f"has {len(found) or 'no'} elements <{tag}>; give it one")
-        return found[0]
+        elements = list(self.all(tag))
+        if len(elements) != 1:
+            self.fail(f"has {len(elements) or 'no'} elements <{tag}>; give it one")
+        return elements[0]
 
     def number(self, tag: str) -> float:
         """Read the number in the child of a tag."""
@@ -108,10 +108,10 @@ def read_xml(path: str | PathLike[str], root: str) -> Element:
         parser.Parse(data, True)
     except (expat.ExpatError, LookupError, ValueError) as error:  # the last two for encodings
         raise RigError(f"{path}: not well-formed XML: {error}; correct that line") from None
-    found = top.children[0]  # well-formed XML has just one
-    if found.tag != root:
-        found.fail(f"the root element must be <{root}>; give the file that has it")
-    return found
+    element = top.children[0]  # well-formed XML has just one
+    if element.tag != root:
+        element.fail(f"the root element must be <{root}>; give the file that has it")
+    return element
 
 
 class _Joint(NamedTuple):
@@ -217,7 +217,7 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
 def _choose(root: Element, wanted: str | None) -> Element:
     """Find a set of cables, or the default one."""
     name = root.attribute("default_cable_set") if wanted is None else wanted
-    sets = {each.attribute("id"): each for each in root.all("cable_set")}
+    sets = {element.attribute("id"): element for element in root.all("cable_set")}
     if name not in sets:
         root.fail(f"has no <cable_set> with the id {name!r}; the ids are {', '.join(sets) or 'none'}")
     return sets[name]

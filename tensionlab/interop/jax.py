@@ -65,18 +65,18 @@ def allocate(
     if isinstance(reference, str) and reference not in words:
         raise InputError(f"reference {reference!r} is unknown; give tensions, 'lower' or 'middle'")
     near = words[reference] if isinstance(reference, str) else 0.0 if reference is None else reference
-    matrices, *vectors = (jnp.asarray(each) for each in (structure, wrench, lower, upper, near))
+    matrices, *vectors = (jnp.asarray(array) for array in (structure, wrench, lower, upper, near))
     n, m = matrices.shape[-2:]
-    leading = jnp.broadcast_shapes(matrices.shape[:-2], *(each.shape[:-1] for each in vectors))
+    leading = jnp.broadcast_shapes(matrices.shape[:-2], *(array.shape[:-1] for array in vectors))
     dtype = jnp.result_type(float, matrices, *vectors)
     inner = ((n, m), (n,), (m,), (m,), (m,))
     spread = [
-        jnp.broadcast_to(each.astype(dtype), (*leading, *own))
-        for each, own in zip((matrices, *vectors), inner, strict=True)
+        jnp.broadcast_to(array.astype(dtype), (*leading, *own))
+        for array, own in zip((matrices, *vectors), inner, strict=True)
     ]
     weights = None if wrench_weights is None else tuple(np.asarray(wrench_weights, dtype=float).tolist())
-    found: jax.Array = _function(policy, weights)(*spread)
-    return found
+    tensions: jax.Array = _function(policy, weights)(*spread)
+    return tensions
 
 
 @cache
@@ -84,7 +84,7 @@ def _function(policy: Policy | None, weights: tuple[float, ...] | None) -> Any:
     import jax
 
     def solved(arrays: tuple[Any, ...]) -> AllocationJacobian:
-        structure, wrench, lower, upper, reference = (np.asarray(each, dtype=np.float64) for each in arrays)
+        structure, wrench, lower, upper, reference = (np.asarray(array, dtype=np.float64) for array in arrays)
         return allocation_jacobian(
             structure, wrench, (lower, upper), reference=reference, policy=policy, wrench_weights=weights
         )
@@ -94,8 +94,8 @@ def _function(policy: Policy | None, weights: tuple[float, ...] | None) -> Any:
 
     def gradients(*arrays: Any) -> Any:
         *given, cotangent = arrays
-        found = solved(tuple(given)).pull_back(np.asarray(cotangent, dtype=np.float64))
-        return tuple(each.astype(cotangent.dtype) for each in found)
+        pulled_back = solved(tuple(given)).pull_back(np.asarray(cotangent, dtype=np.float64))
+        return tuple(gradient.astype(cotangent.dtype) for gradient in pulled_back)
 
     def like(array: Any) -> Any:
         return jax.ShapeDtypeStruct(array.shape, array.dtype)

@@ -172,7 +172,7 @@ class LslStreams:
     def close(self, statistics: Statistics) -> None:
         """End the streams, when inlets have had time for the last samples."""
         outlets = (self._forces, self._tensions, self._pose, self._markers)
-        if self.error is None and any(each.have_consumers() for each in outlets):
+        if self.error is None and any(outlet.have_consumers() for outlet in outlets):
             time.sleep(LAST_SAMPLES_S)
         with self._sending:
             del self._forces, self._tensions, self._pose, self._markers  # pylsl ends a stream with its outlet

@@ -182,7 +182,9 @@ class TendonAllocator:
         drawn = [
             _pulls(model, name, actuator) for name, actuator in zip(self._tendons, self._actuators, strict=True)
         ]
-        self._newton_per_control, self.lower, self.upper = (np.array(each) for each in zip(*drawn, strict=True))
+        self._newton_per_control, self.lower, self.upper = (
+            np.array(values) for values in zip(*drawn, strict=True)
+        )
         self._allocate = Allocator((self.lower, self.upper), solver, reference, policy, wrench_weights)
 
     def __call__(self, data: Any, wrench: ArrayLike) -> Allocation:
@@ -191,10 +193,10 @@ class TendonAllocator:
         Where the status is FAILED there are none, and the controls stay as they are.
         """
         structure = structure_matrix(self._model, data, self._tendons, self._body)
-        found = self._allocate(structure, wrench)
-        if np.isfinite(found.tensions).all():
-            data.ctrl[self._actuators] = found.tensions / self._newton_per_control
-        return found
+        allocation = self._allocate(structure, wrench)
+        if np.isfinite(allocation.tensions).all():
+            data.ctrl[self._actuators] = allocation.tensions / self._newton_per_control
+        return allocation
 
 
 class RigBody:
@@ -370,12 +372,12 @@ def _tendon_jacobian(mujoco: ModuleType, model: Any, data: Any) -> Floats:
     if layout is data and not mujoco.mj_isSparse(model):
         dense: Floats = np.array(data.ten_J, dtype=np.float64).reshape(model.ntendon, model.nv)
         return dense
-    found = np.zeros((model.ntendon, model.nv))
+    jacobian = np.zeros((model.ntendon, model.nv))
     counts, starts = np.ravel(layout.ten_J_rownnz), np.ravel(layout.ten_J_rowadr)
     columns, values = np.ravel(layout.ten_J_colind), np.ravel(data.ten_J)
     for row, (count, start) in enumerate(zip(counts, starts, strict=True)):
-        found[row, columns[start : start + count]] = values[start : start + count]
-    return found
+        jacobian[row, columns[start : start + count]] = values[start : start + count]
+    return jacobian
 
 
 def _actuator(mujoco: ModuleType, model: Any, tendon: str) -> int:
@@ -383,12 +385,12 @@ def _actuator(mujoco: ModuleType, model: Any, tendon: str) -> int:
     here = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (
         model.actuator_trnid[:, 0] == _number(model, "tendon", tendon)
     )
-    found = np.flatnonzero(here).tolist()
-    names = ", ".join(repr(model.actuator(index).name) for index in found)
-    if len(found) != 1:
-        many = f"has {len(found)} actuators, {names}" if found else "has no actuator"
+    actuators = np.flatnonzero(here).tolist()
+    names = ", ".join(repr(model.actuator(index).name) for index in actuators)
+    if len(actuators) != 1:
+        many = f"has {len(actuators)} actuators, {names}" if actuators else "has no actuator"
         raise InputError(f'tendon {tendon!r} {many}; give it one, such as <motor tendon="{tendon}" gear="-1"/>')
-    (index,) = found
+    (index,) = actuators
     plain = (
         model.actuator_gaintype[index] == mujoco.mjtGain.mjGAIN_FIXED
         and model.actuator_biastype[index] == mujoco.mjtBias.mjBIAS_NONE

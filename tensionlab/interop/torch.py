@@ -70,8 +70,8 @@ def allocate(
         raise InputError(f"reference {reference!r} is unknown; give tensions, 'lower' or 'middle'")
     near = words[reference] if isinstance(reference, str) else 0.0 if reference is None else reference
     tensors = map(tensor, (structure, wrench, lower, upper, near))
-    found: torch.Tensor = _function().apply(*tensors, policy, wrench_weights)
-    return found
+    tensions: torch.Tensor = _function().apply(*tensors, policy, wrench_weights)
+    return tensions
 
 
 @cache
@@ -83,7 +83,7 @@ def _function() -> Any:
         def forward(ctx: Any, *given: Any) -> Any:
             *tensors, policy, weights = given
             structure, wrench, lower, upper, reference = (
-                each.detach().to("cpu", torch.float64).numpy() for each in tensors
+                tensor.detach().to("cpu", torch.float64).numpy() for tensor in tensors
             )
             ctx.jacobian = allocation_jacobian(
                 structure,
@@ -93,7 +93,7 @@ def _function() -> Any:
                 policy=policy,
                 wrench_weights=None if weights is None else np.asarray(weights),
             )
-            ctx.like = [(each.shape, each.dtype, each.device) for each in tensors]
+            ctx.like = [(tensor.shape, tensor.dtype, tensor.device) for tensor in tensors]
             first = tensors[0]
             dtype = first.dtype if first.dtype.is_floating_point else torch.get_default_dtype()
             return torch.tensor(ctx.jacobian.allocation.tensions, dtype=dtype, device=first.device)
