@@ -16,7 +16,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 from urllib.parse import quote, urlencode, urlsplit
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from tensionlab.errors import optional_import
 from tensionlab.support.access import Header, knows_token, loaded_by_other_page, names_this_machine
@@ -37,8 +37,7 @@ HEADERS = {
 """Headers of every page: it loads nothing from elsewhere, and its address goes nowhere."""
 PAGE_PATH, STOP_PATH = "/", "/stop"
 MAX_MESSAGE_BYTES = 1 << 14  # longest message of a browser
-# Browsers at a time, and connections without a request; beyond, the oldest of those is closed.
-MAX_CLIENTS, MAX_WAITING = 32, 256
+MAX_WAITING = 256  # connections without a request; beyond, the oldest is closed, so that the stop is reached
 MAX_TEXT = 1000  # longest text that a browser may enter, in characters
 STOP_BUTTON = (
     '<div style="position:fixed;left:16px;bottom:16px;z-index:100000;font:bold 18px sans-serif">'
@@ -52,125 +51,38 @@ STOP_BUTTON = (
 QUIET = logging.getLogger(f"{__name__}.connections")
 QUIET.setLevel(logging.CRITICAL)  # a caller that is no browser leaves no traceback
 
-# Messages that a browser may send
+
+def _model(name: str, fields: dict[str, Any]) -> type[BaseModel]:
+    """Return a model of messages that have these fields, and no others."""
+    definitions: Any = {field: (kind, ...) for field, kind in fields.items()}
+    return create_model(name, __config__=ConfigDict(extra="forbid", strict=True), **definitions)
 
 
 Number = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False)]
 Pixels = Annotated[int, Field(ge=0, le=100_000)]
 Text = Annotated[str, Field(max_length=MAX_TEXT)]
-Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
-Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
-Point = Annotated[list[Number], Field(min_length=2, max_length=2)]
-
-
-class BrowserMessage(BaseModel):
-    """BrowserMessage of a browser; a subclass has the fields of viser's message of its type."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-    def concerns(self, server: viser.ViserServer) -> bool:
-        """Tell whether the message is about something that is on the page."""
-        return True
-
-
-class FieldValue(BaseModel):
-    """The one attribute of an element that a browser may set."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
-    value: bool | Number | Text | Annotated[list[Number], Field(max_length=3)]
-
-
-class GuiUpdate(BrowserMessage):
-    """Value entered in a field, or press of a button."""
-
-    type: Literal["GuiUpdateMessage"]
-    uuid: Text
-    updates: FieldValue
-
-    def concerns(self, server: viser.ViserServer) -> bool:
-        """Tell whether the element is there and can have the value."""
-        element = server.gui._gui_input_handle_from_uuid.get(self.uuid)
-        return element is not None and can_have(element, self.updates.value)
-
-
-class Shortcut(BrowserMessage):
-    """Keyboard shortcut."""
-
-    type: Literal["CommandTriggerMessage"]
-    uuid: Text
-
-
-class CameraUpdate(BrowserMessage):
-    """Camera of a browser."""
-
-    type: Literal["ViewerCameraMessage"]
-    wxyz: Quaternion
-    position: Vector
-    fov: Number
-    near: Number
-    far: Number
-    image_height: Pixels
-    image_width: Pixels
-    look_at: Vector
-    up_direction: Vector
-
-
-class NodeMessage(BrowserMessage):
-    """BrowserMessage about a node of the scene, by its name."""
-
-    name: Text
-    owner: Literal[""] = ""
-
-    def concerns(self, server: viser.ViserServer) -> bool:
-        """Tell whether there is a node of that name."""
-        return self.name in server.scene._handle_from_node_name
-
-
-class NodeClick(NodeMessage):
-    """Click on a node."""
-
-    type: Literal["SceneNodeClickMessage"]
-    instance_index: int | None
-    ray_origin: Vector
-    ray_direction: Vector
-    screen_pos: Point
-    modifier: Text | None
-
-
-class NodeDrag(NodeMessage):
-    """Drag of a node."""
-
-    type: Literal["SceneNodeDragMessage"]
-    phase: Literal["start", "update", "end"]
-    instance_index: int | None
-    start_position: Vector
-    start_screen_pos: Point
-    end_position: Vector
-    end_screen_pos: Point
-    button: Literal["left", "middle", "right"]
-    modifier: Text | None
-
-
-class HandleDrag(NodeMessage):
-    """Begin or end of a drag of the handle with arrows."""
-
-    type: Literal["TransformControlsDragStartMessage", "TransformControlsDragEndMessage"]
-
-
-class HandlePose(NodeMessage):
-    """Pose of the handle with arrows."""
-
-    type: Literal["TransformControlsUpdateMessage"]
-    wxyz: Quaternion
-    position: Vector
-
-
-MESSAGES: TypeAdapter[BrowserMessage] = TypeAdapter(
-    Annotated[
-        GuiUpdate | Shortcut | CameraUpdate | NodeClick | NodeDrag | HandleDrag | HandlePose,
-        Field(discriminator="type"),
-    ]
-)
+Point, Vector, Quaternion = (Annotated[list[Number], Field(min_length=k, max_length=k)] for k in (2, 3, 4))
+Value = bool | Number | Text | Annotated[list[Number], Field(max_length=3)]
+NODE = {"name": Text, "owner": Text}
+PICK = NODE | {"instance_index": int | None, "modifier": Text | None}
+FIELDS: dict[str, dict[str, Any]] = {
+    "GuiUpdateMessage": {"uuid": Text, "updates": _model("Updates", {"value": Value})},
+    "CommandTriggerMessage": {"uuid": Text},
+    "ViewerCameraMessage": {
+        "wxyz": Quaternion,
+        **dict.fromkeys(("position", "look_at", "up_direction"), Vector),
+        **dict.fromkeys(("fov", "near", "far"), Number),
+        **dict.fromkeys(("image_height", "image_width"), Pixels),
+    },
+    "SceneNodeClickMessage": PICK | {"ray_origin": Vector, "ray_direction": Vector, "screen_pos": Point},
+    "SceneNodeDragMessage": PICK
+    | {"phase": Literal["start", "update", "end"], "button": Literal["left", "middle", "right"]}
+    | {"start_position": Vector, "start_screen_pos": Point, "end_position": Vector, "end_screen_pos": Point},
+    "TransformControlsDragStartMessage": NODE,
+    "TransformControlsDragEndMessage": NODE,
+    "TransformControlsUpdateMessage": NODE | {"wxyz": Quaternion, "position": Vector},
+}  # of the messages that a browser may send, by viser's names for them
+MESSAGES = {name: _model(name, fields) for name, fields in FIELDS.items()}
 
 
 def can_have(element: Any, value: bool | float | str | list[float]) -> bool:
@@ -189,33 +101,15 @@ def can_have(element: Any, value: bool | float | str | list[float]) -> bool:
     return (low is None or low <= value) and (high is None or value <= high)
 
 
-# Who may connect
-
-
 @dataclass
 class Gate:
-    """Rules by which requests and messages pass.
+    """Rules by which requests and messages pass."""
 
-    Attributes
-    ----------
-    token : str
-        What a request must have, for the page, the stop and the WebSocket alike.
-    local : bool
-        Whether the page is for this machine alone, and so must be called by this machine's own name.
-    stop : callable or None
-        What a request for `STOP_PATH` calls: it returns whether all has stopped, and what to say.
-    server : viser.ViserServer or None
-        What messages are for, once it runs.
-    waiting, clients : dict and set of ServerConnection
-        Connections without a request yet, the oldest first; and those of browsers.
-    """
-
-    token: str
-    local: bool = True
-    stop: Callable[[], tuple[bool, str]] | None = None
-    server: viser.ViserServer | None = None
-    waiting: dict[ServerConnection, None] = field(default_factory=dict)
-    clients: set[ServerConnection] = field(default_factory=set)
+    token: str  # needed for the page, the stop and the WebSocket alike
+    local: bool = True  # whether the page is for this machine alone, and must be called by its own name
+    stop: Callable[[], tuple[bool, str]] | None = None  # returns whether all has stopped, and what to say
+    server: viser.ViserServer | None = None  # once it runs
+    waiting: dict[ServerConnection, None] = field(default_factory=dict)  # without a request yet, the oldest first
 
     def refuse(self, target: str, header: Header) -> str | None:
         """Return why a request is refused; None if it is not. ``target`` is its path and query."""
@@ -246,9 +140,6 @@ class Gate:
             del request.headers["Accept-Encoding"]  # so that the button can be put into the page
         response = page(connection, request)
         if response is None:
-            if len(self.clients) >= MAX_CLIENTS:
-                return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_CLIENTS} browsers are here\n")
-            self.clients.add(connection)
             return None
         if forwarded := self.forward(request.path, header):
             response = connection.respond(HTTPStatus.SEE_OTHER, "")
@@ -271,20 +162,7 @@ class Gate:
         socket = f"ws://{''.join(header('Host'))}/?token={quote(self.token)}"
         return f"{PAGE_PATH}?{urlencode({'token': self.token, 'websocket': socket})}"
 
-    def came(self, connection: ServerConnection) -> None:
-        """Note a new connection; close the oldest one without a request if there are too many."""
-        self.waiting[connection] = None
-        if len(self.waiting) > MAX_WAITING:
-            oldest = next(iter(self.waiting))
-            del self.waiting[oldest]
-            oldest.transport.abort()
-
-    def left(self, connection: ServerConnection) -> None:
-        """Forget a connection."""
-        self.waiting.pop(connection, None)
-        self.clients.discard(connection)
-
-    def admitted(self, raw: object) -> bytes | None:
+    def admit(self, raw: object) -> bytes | None:
         """Return a message as viser gets it; None if it does not pass.
 
         It is written anew, so that viser cannot read it otherwise than it was read here.
@@ -294,10 +172,16 @@ class Gate:
         import msgspec
 
         try:
-            message = MESSAGES.validate_python(msgspec.msgpack.decode(raw))
-        except (ValueError, RecursionError):
+            fields = msgspec.msgpack.decode(raw, type=dict[str, Any])
+            name = fields.pop("type", "")
+            message: Any = MESSAGES[name].model_validate(fields)
+        except (ValueError, RecursionError, KeyError, TypeError):
             return None
-        return msgspec.msgpack.encode(message.model_dump()) if message.concerns(self.server) else None
+        if name == "GuiUpdateMessage":
+            element = self.server.gui._gui_input_handle_from_uuid.get(message.uuid)
+            if element is None or not can_have(element, message.updates.value):
+                return None
+        return msgspec.msgpack.encode({"type": name} | message.model_dump())
 
 
 def start(host: str, port: int, gate: Gate) -> viser.ViserServer:
@@ -330,16 +214,20 @@ def _gated(gate: Gate) -> Iterator[list[Gate]]:
 
         def connection_made(self, transport: asyncio.BaseTransport) -> None:
             super().connection_made(transport)
-            gate.came(self)
+            gate.waiting[self] = None
+            if len(gate.waiting) > MAX_WAITING:
+                oldest = next(iter(gate.waiting))
+                del gate.waiting[oldest]
+                oldest.transport.abort()
 
         def connection_lost(self, exc: Exception | None) -> None:
-            gate.left(self)
+            gate.waiting.pop(self, None)
             super().connection_lost(exc)
 
         async def recv(self, decode: bool | None = None) -> Any:
             while True:
-                if (admitted := gate.admitted(await super().recv(decode))) is not None:
-                    return admitted
+                if (message := gate.admit(await super().recv(decode))) is not None:
+                    return message
 
     def serve(*words: Any, process_request: Callable[..., Response | None], **options: Any) -> Any:
         gated.append(gate)
