@@ -15,7 +15,7 @@ from benchmarks.processes import process
 from tensionlab.model.files import load_rig
 from tensionlab.model.kinematics import in_space
 from tensionlab.support.arrays import Floats
-from tensionlab.viewer.drawing import place_camera
+from tensionlab.viewer.scene import place_camera
 from tensionlab.viewer.state import begin
 from tools.site.browser import installed
 

@@ -20,8 +20,9 @@ from benchmarks.view_browser import Shown, shown
 from tensionlab.model.files import load_rig
 from tensionlab.support.arrays import Floats
 from tensionlab.viewer import workspace
+from tensionlab.viewer.design_scene import draw
 from tensionlab.viewer.evaluation import evaluate
-from tensionlab.viewer.scene import draw
+from tensionlab.viewer.scene import bounds
 from tensionlab.viewer.state import begin
 from tools.site.browser import installed
 
@@ -152,7 +153,7 @@ def released(page: Shown, times: int) -> None:
 def server(name: str) -> None:
     """Time the parts of the server's work in this process, alone."""
     state = begin(load_rig(name))
-    box = workspace.bounds(state.rig)
+    box = bounds(state.rig)
     found, coarse = evaluate(state), workspace.sweep(state, box, workspace.COARSE, lambda: True)
     assert coarse is not None
     parts: dict[str, tuple[int, Callable[[], object]]] = {

@@ -5,42 +5,36 @@ from __future__ import annotations
 import atexit
 import sys
 import threading
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 
 import numpy as np
 
-from tensionlab.errors import TensionlabError
+from tensionlab.errors import RigError, TensionlabError, WriteError
+from tensionlab.model.files import save_rig
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.support.files.named import is_path
+from tensionlab.support.files import writing
+from tensionlab.support.files.named import is_path, list_names
+from tensionlab.validation.rig_check import check_rig
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.design_drawing import TIP, DesignDrawing, Grab, rotation_of
-from tensionlab.viewer.design_files import SUFFIX, save
 from tensionlab.viewer.design_panel import DesignPanel
+from tensionlab.viewer.design_scene import TIP, DesignDrawing, Grab, draw, rotation_of
 from tensionlab.viewer.evaluation import evaluate
-from tensionlab.viewer.scene import draw, force_scale
+from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.server import PageServer
 from tensionlab.viewer.solver_comparison import compare
 from tensionlab.viewer.state import HAND, UNDOABLE, DesignState, Edit, History
 from tensionlab.viewer.workspace import Latest, Volume, WorkspaceWorker, surface
+from tensionlab.workspace.layout.task import LayoutTask, load_task
 
 # Attributes of a state that the comparison of solvers depends on.
 COMPARED_BY = (*UNDOABLE, "solver", "policy", "compared", "study", "selected")
+SUFFIX = ".toml"  # of files of rigs and spaces
 NOTICE_S = 8.0  # duration of a notice that something was done
 HEIGHT_PIXELS = 640  # height of the page in a notebook
-
-
-@dataclass(frozen=True)
-class EditRequest:
-    """Edit to be made; one that is followed by another with the same key before its turn is left out."""
-
-    edit: Edit
-    step: object = None
-    key: object = None
 
 
 class DesignPage:
@@ -54,12 +48,6 @@ class DesignPage:
     ----------
     server : PageServer
     history : History
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> page = tl.view(tl.load_rig("bartels2026-validation"))  # doctest: +SKIP
-    >>> tl.save_rig(page.rig, "designed.toml")  # doctest: +SKIP
     """
 
     def __init__(self, rig: Rig, server: PageServer, source: str = "") -> None:
@@ -67,7 +55,7 @@ class DesignPage:
         self.server = server
         self.history = History(edits.begin(rig))
         self._folder = Path.cwd()
-        self._queue: deque[EditRequest | Callable[[], object]] = deque()
+        self._queue: list[tuple[object, Callable[[], object]]] = []
         self._wake = threading.Condition()
         self._open = True
         self._step: object = None
@@ -78,7 +66,7 @@ class DesignPage:
         self._workspace = WorkspaceWorker(self._volume_found)
         self._solvers: Latest[DesignState] = Latest("solvers", self._compare)
         file = source if is_path(source, SUFFIX) else f"{rig.name}{SUFFIX}"
-        self._panel = DesignPanel(server.viser, self, rig, file, self._folder)
+        self._panel = DesignPanel(server.viser, self, rig, file)
         self._thread = threading.Thread(target=self._work, name="view", daemon=True)
         self._show()
         self._thread.start()
@@ -108,8 +96,11 @@ class DesignPage:
         )
 
     def edit(self, change: Edit, step: object = None, key: object = None) -> None:
-        """Have an edit made, in its turn; from any thread."""
-        self._put(EditRequest(change, step, key))
+        """Have an edit made, in its turn; from any thread.
+
+        One that is followed by another with the same step and key before its turn is left out.
+        """
+        self._put(lambda: self.history.record(change(self.state), step), None if key is None else (key, step))
 
     def undo(self) -> None:
         """Have the last step undone."""
@@ -123,11 +114,15 @@ class DesignPage:
         """Have the rig saved, if it can work."""
 
         def act() -> None:
-            place = save(self.rig, path, self._folder)
+            place = save_below(self._folder, self.rig, path)
             for client in self.server.viser.get_clients().values():
                 client.add_notification("Saved", str(place), auto_close_seconds=NOTICE_S)
 
         self._put(act)
+
+    def snap_to_space(self, word: str) -> None:
+        """Have anchors snap to the surfaces of a space, by its name or its file."""
+        self.edit(lambda state: replace(state, task=load_space(word, self._folder)))
 
     def close(self) -> None:
         """Close the page; the rig stays as it was designed."""
@@ -140,15 +135,11 @@ class DesignPage:
         self._solvers.close()
         self.server.close()
 
-    def _put(self, request: EditRequest | Callable[[], object]) -> None:
+    def _put(self, act: Callable[[], object], key: object = None) -> None:
         with self._wake:
-            last = self._queue[-1] if self._queue else None
-            if (
-                isinstance(request, EditRequest) and isinstance(last, EditRequest) and request.key is not None
-                and request.key == last.key and request.step is last.step
-            ):  # fmt: skip
+            if key is not None and self._queue and self._queue[-1][0] == key:
                 self._queue.pop()
-            self._queue.append(request)
+            self._queue.append((key, act))
             self._wake.notify_all()
 
     def _work(self) -> None:
@@ -157,15 +148,11 @@ class DesignPage:
                 self._wake.wait_for(lambda: self._queue or not self._open)
                 if not self._open:
                     return
-                waiting = list(self._queue)
-                self._queue.clear()
+                waiting, self._queue = self._queue, []
             before, problem = self.state, ""
-            for request in waiting:
+            for _, act in waiting:
                 try:
-                    if isinstance(request, EditRequest):
-                        self.history.record(request.edit(self.state), request.step)
-                    else:
-                        request()
+                    act()
                 except Exception as error:  # whatever it is, the page must survive it
                     problem = described(error)
             try:
@@ -292,3 +279,49 @@ def on_plane(eye: Floats, through: Floats) -> Floats:
     if abs(ray[2]) < 1e-9 * float(np.linalg.norm(ray)):
         return through
     return np.asarray(eye - eye[2] / ray[2] * ray)
+
+
+def place_below(folder: Path, path: str) -> Path:
+    """Return the place of a path that a browser gives, which must lie below a folder.
+
+    Raises
+    ------
+    WriteError
+        If it lies elsewhere; symbolic links are followed.
+    """
+    try:
+        place = (folder / path.strip()).resolve()
+        inside = place.is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError) as error:  # a null character, or a loop of links
+        raise WriteError(f"{path!r} is no path of a file ({error})") from None
+    if not inside:
+        raise WriteError(f"{path}: the page was started in {folder}, and uses files below it only; name one there")
+    return place
+
+
+def save_below(folder: Path, rig: Rig, path: str) -> Path:
+    """Write a rig to a TOML file below a folder, unless ``rig check`` says that it cannot work.
+
+    Raises
+    ------
+    RigError
+        With the findings of the checks that failed.
+    WriteError
+        If the file cannot be written, or lies elsewhere.
+    """
+    place = place_below(folder, path)
+    writing.require_writable(place, (SUFFIX,))
+    failed = [check for check in check_rig(rig) if check.passed is False]
+    if failed:
+        findings = "; ".join(f"{check.name}: {check.text}" for check in failed)
+        raise RigError(f"{rig.name} cannot work at home, so it is not saved. {findings}")
+    save_rig(rig, place)
+    return place
+
+
+def load_space(word: str, folder: Path) -> LayoutTask | None:
+    """Return a space by its name or its file below a folder; None until that is complete."""
+    name = word.strip()
+    if name not in list_names("spaces") and not name.endswith(SUFFIX):
+        return None
+    return load_task(place_below(folder, name) if is_path(name, SUFFIX) else name)

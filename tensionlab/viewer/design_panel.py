@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -20,10 +19,10 @@ from tensionlab.support.colours import GREEN, RED
 from tensionlab.support.files.named import list_names
 from tensionlab.support.table import STATUS_MARKS
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.design_files import snap_to_space
+from tensionlab.viewer.design_scene import tension_colours
 from tensionlab.viewer.evaluation import StateEvaluation
 from tensionlab.viewer.html import norm, number, render, vector
-from tensionlab.viewer.scene import force_scale, tension_colours
+from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.server import entered, lay_out, pressed
 from tensionlab.viewer.solver_comparison import SolverPanel
 from tensionlab.viewer.state import DesignState, Edit, selected_module
@@ -56,14 +55,15 @@ class PanelActions(Protocol):
     def undo(self) -> None: ...  # noqa: D102
     def redo(self) -> None: ...  # noqa: D102
     def save(self, path: str) -> None: ...  # noqa: D102
+    def snap_to_space(self, word: str) -> None: ...  # noqa: D102
 
 
 class DesignPanel:
     """Fields of the design page; `show` brings them up to date."""
 
-    def __init__(self, server: viser.ViserServer, page: PanelActions, rig: Rig, file: str, folder: Path) -> None:
-        """``file`` is where the rig is saved by default; spaces are read below ``folder``."""
-        self._page, self._gui, self._rig, self._folder = page, server.gui, rig, folder
+    def __init__(self, server: viser.ViserServer, page: PanelActions, rig: Rig, file: str) -> None:
+        """``file`` is where the rig is saved by default."""
+        self._page, self._gui, self._rig = page, server.gui, rig
         self._shown: list[tuple[Any, Callable[[DesignState], Any]]] = []
         gui: Any = self._gui
         lay_out(gui)
@@ -151,7 +151,7 @@ class DesignPanel:
         pressed(gui.add_button("Add a module"), lambda: self._page.edit(edits.add_module))
         self._grid = self._bind_attribute(gui.add_number("snap to grid m", 0.0, min=0.0, step=STEP_M), "grid_m")
         space: Any = gui.add_text("snap to space", "", hint="Name of a space, or its file: walls for modules")
-        self._space = entered(space, lambda: self._page.edit(snap_to_space(space.value, self._folder)))
+        self._space = entered(space, lambda: self._page.snap_to_space(space.value))
         self._walls = gui.add_html("")
         ghost: Any = gui.add_dropdown("compare with", (NONE, AS_LOADED, *list_names("rigs")))
         entered(ghost, lambda: self._page.edit(self._compare_with(ghost.value)))

@@ -21,71 +21,33 @@ COPLANAR = 1e-6  # largest difference of the equations of faces in one plane
 
 @dataclass(frozen=True)
 class ForceSet:
-    """Forces that are available at the hand in addition to what the rig requires, as a polytope, in N.
+    """Forces that are available at the hand in addition to what the rig requires, as a polytope."""
 
-    Attributes
-    ----------
-    corners : (k, d) array
-        Vertices, in N.
-    faces : (f, 3) array of int
-        Triangles between them, seen anticlockwise from outside; in the plane they fill the polygon.
-    edges : (e, 2) array of int
-        Edges.
-    """
-
-    corners: Floats
-    faces: NDArray[np.int64]
-    edges: NDArray[np.int64]
+    corners: Floats  # (k, d), in N
+    faces: NDArray[np.int64]  # triangles (f, 3), anticlockwise from outside; in the plane they fill the polygon
+    edges: NDArray[np.int64]  # (e, 2)
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """Proof that a force is infeasible: along a direction, available forces reach less far than it.
+    """Proof that a force is infeasible: along a direction, available forces reach less far than it."""
 
-    Attributes
-    ----------
-    direction : (d,) array
-        Unit vector of force.
-    reach : float
-        Largest ``direction @ force`` of the available forces at the desired torque, or more, in N.
-    desired : float
-        ``direction @ force`` of the desired force, in N, which is larger.
-    """
-
-    direction: Floats
-    reach: float
-    desired: float
+    direction: Floats  # unit vector of force, (d,)
+    reach: float  # at least the largest ``direction @ force`` available at the desired torque, in N
+    desired: float  # ``direction @ force`` of the desired force, in N, which is larger
 
 
 @dataclass(frozen=True)
 class StateEvaluation:
-    """Answers for one state.
+    """Answers for one state."""
 
-    Attributes
-    ----------
-    allocation : Allocation or None
-        Tensions for the desired wrench and what the rig requires; None where ``problem`` says why.
-    policy : str or None
-        Policy that the solver honours where the wrench is infeasible.
-    margin : float
-        Capacity margin at the hand about what the rig requires, in N; NaN where a cable has no length.
-    available : ForceSet or None
-        Forces that are available at the desired torque; None if there are none.
-    rendered : (n,) array or None
-        Wrench that is rendered in addition to what the rig requires, in N and N·m; None without an allocation.
-    certificate : Certificate or None
-        Where the desired force is certified infeasible; None if it is not, or the torque alone is.
-    problem : str
-        Why there is no allocation; empty if there is one.
-    """
-
-    allocation: Allocation | None
-    policy: Policy | None
-    margin: float
-    available: ForceSet | None = None
-    rendered: Floats | None = None
-    certificate: Certificate | None = None
-    problem: str = ""
+    allocation: Allocation | None  # for the desired and the required wrench; None where `problem` says why
+    policy: Policy | None  # that the solver honours where the wrench is infeasible
+    margin: float  # capacity margin at the hand about what the rig requires, in N; NaN if a cable has no length
+    available: ForceSet | None = None  # at the desired torque; None if there are none
+    rendered: Floats | None = None  # wrench in addition to what the rig requires, (n,), in N and N·m
+    certificate: Certificate | None = None  # that the desired force is infeasible; None without one
+    problem: str = ""  # why there is no allocation
 
 
 def evaluate(state: DesignState) -> StateEvaluation:

@@ -47,29 +47,12 @@ MIN_ERROR_N = 0.01  # largest difference between the desired and the demanded wr
 
 @dataclass(frozen=True)
 class Playback:
-    """Time of a run that is shown, and how it passes.
-
-    Attributes
-    ----------
-    begin, end : float
-        Times of the first and the last cycle, in s since the run began.
-    time : float
-        Time that is shown.
-    speed : float
-        Speed of playing, in times of the run's own.
-    playing : bool
-
-    Examples
-    --------
-    >>> from tensionlab.viewer.replay import Playback
-    >>> Playback(0.0, 10.0, speed=2.0).play().advance(1.5).time
-    3.0
-    """
+    """Time of a run that is shown, and how it passes; times are in s since the run began."""
 
     begin: float
     end: float
     time: float = 0.0
-    speed: float = 1.0
+    speed: float = 1.0  # of playing, in times of the run's own
     playing: bool = False
 
     def seek(self, time: float) -> Playback:

@@ -16,10 +16,9 @@ from tensionlab.scenarios.scenery import Scenery
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, FORCE_COLOURS
 from tensionlab.support.formatting import format_count, format_number
-from tensionlab.viewer.drawing import RigDrawing
 from tensionlab.viewer.html import norm, render, vector
 from tensionlab.viewer.run_scene import ENLARGED, Instant, SceneryDrawing, draw_instant, points_to_see
-from tensionlab.viewer.scene import force_scale
+from tensionlab.viewer.scene import RigDrawing, force_scale
 from tensionlab.viewer.server import PageServer, lay_out
 
 SHOWN_EVENTS = 20  # number of latest events that are shown of a run in progress

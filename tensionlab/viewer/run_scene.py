@@ -17,11 +17,12 @@ from tensionlab.scenarios.stick_figure import HEAD_M, StickFigure, stick_figure
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import FORCE_COLOURS, GREEN, GREY, RED, Colours, ramp, rgb
 from tensionlab.support.formatting import format_number
-from tensionlab.viewer.drawing import NO_LINE, as_rgb
 from tensionlab.viewer.scene import (
+    NO_LINE,
     Arrow,
     Lines,
     RigScene,
+    as_rgb,
     cable_lines,
     force_scale,
     module_colours,
@@ -38,34 +39,16 @@ DASHES = 24  # dashes along a cable that is slack, or whose module is lost
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """Data of a run in one cycle.
+    """Data of a run in one cycle."""
 
-    Attributes
-    ----------
-    time : float
-        Time since the run began, in s.
-    hand : (d,) array
-        The point, or the platform's reference point, in m.
-    anchors, ends : (m, d) arrays
-        Ends of the cables, at the modules and at the platform, in m.
-    tensions : (m,) array
-        Measured tensions in N; before the first telemetry, those sent.
-    set_points : (m,) array
-        Tensions sent, in N; NaN where none was.
-    active : (m,) array of bool
-        Modules that take part.
-    desired, commanded, measured : (n,) arrays
-        Wrenches in N and N·m; `desired` is NaN where none is.
-    """
-
-    time: float
-    hand: Floats
-    anchors: Floats
-    ends: Floats
-    tensions: Floats
-    set_points: Floats
-    active: NDArray[np.bool_]
-    desired: Floats
+    time: float  # since the run began, in s
+    hand: Floats  # the point, or the platform's reference point, (d,), in m
+    anchors: Floats  # ends of the cables at the modules, (m, d), in m
+    ends: Floats  # and at the platform
+    tensions: Floats  # measured, (m,), in N; before the first telemetry, those sent
+    set_points: Floats  # sent, (m,), in N; NaN where none was
+    active: NDArray[np.bool_]  # modules that take part, (m,)
+    desired: Floats  # wrenches (n,), in N and N·m; NaN where none is desired
     commanded: Floats
     measured: Floats
 

@@ -1,33 +1,47 @@
-"""The scene of a state as arrays: cables coloured by tension, arrows, the available forces, labels.
+"""The scene of both pages: a rig with its tensions and forces, as arrays and as nodes of viser that follow them.
 
-Everything is in space and in m; a rig in the plane lies in the plane z = 0. Forces are drawn to one scale, so that
-the arrow of a force ends inside the set of available forces if and only if it is available.
+Everything is in space and in m; a rig in the plane lies in the plane z = 0.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensionlab.model.kinematics import in_space
-from tensionlab.model.pulleys import ways
+from tensionlab.model.pose import place_anchors
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
-from tensionlab.support.colours import BLUE, GREY, ORANGE, PURPLE, Colours, ramp, rgb
-from tensionlab.support.formatting import format_number
-from tensionlab.viewer.evaluation import StateEvaluation
-from tensionlab.viewer.state import DesignState, ghost_state, outlines
-from tensionlab.viewer.workspace import Mesh, bounds
+from tensionlab.support.colours import BLUE, GREY, ORANGE, RED, Colours, rgb
 
+if TYPE_CHECKING:
+    import viser
+
+MIN_EDGE = 0.5  # shortest edge of the box around a rig, as a share of the longest one
 FORCE_SHARE = 0.25  # length of the arrow of the strongest tension, about, as a share of the size of the rig
-TIP_SHARE = 0.045  # least distance from the hand at which a force is grabbed, as a share of the size of the rig
-ARROWS = {"desired": ORANGE, "rendered": BLUE, "error": GREY, "certificate": PURPLE}  # colour of each arrow
 SLACK_N = 1e-9
-# Half of the edge of the plane of a certificate, as a share of the arrow of the strongest tension.
-PLANE_SHARE = 0.7
+ANCHOR_SHARE, HAND_SHARE = 0.012, 0.015  # radii of the balls at modules and hand, as shares of the size of the rig
+ARROW_SHARES = {
+    "shaft_radius": 0.004,
+    "head_radius": 0.010,
+    "head_length": 0.03,
+}  # of arrows
+FIELD_OF_VIEW_RAD = 0.7
+CABLE_PIXELS, THIN_PIXELS = 3.0, 1.5
+NO_LINE = np.zeros((1, 2, 3))
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles in space: vertices (k, 3), in m, and faces (f, 3), seen anticlockwise from outside."""
+
+    vertices: Floats
+    faces: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -48,87 +62,27 @@ class Arrow:
 
 @dataclass(frozen=True, eq=False)
 class RigScene:
-    """A rig with its tensions and forces, as it is drawn while it is designed and while it runs.
+    """A rig with its tensions and forces, as it is drawn while it is designed and while it runs."""
 
-    Attributes
-    ----------
-    cables, platform : Lines
-        Cables by tension, and arms of the platform.
-    anchors, colours : (m, 3) arrays
-        Where the modules are, in m, and their colours.
-    hand : (3,) array
-        The point, or the platform's reference point, in m.
-    labels : tuple of str
-        Name and tension of each module.
-    arrows : dict of str to Arrow
-        Forces by name.
+    cables: Lines  # by tension
+    platform: Lines  # its arms
+    anchors: Floats  # modules, (m, 3), in m
+    colours: Colours  # of the modules, (m, 3)
+    hand: Floats  # the point, or the platform's reference point, (3,), in m
+    labels: tuple[str, ...]  # name and tension of each module
+    arrows: dict[str, Arrow]  # forces by name
+
+
+def bounds(rig: Rig, *more: Floats) -> tuple[Floats, Floats]:
+    """Return the corners, (d,), in m, of a box around the anchors, the home and further points (k, d) of a rig.
+
+    Where all of them are nearly in a plane, as on a ceiling, the box reaches beyond it on the side of home.
     """
-
-    cables: Lines
-    platform: Lines
-    anchors: Floats
-    colours: Colours
-    hand: Floats
-    labels: tuple[str, ...]
-    arrows: dict[str, Arrow]
-
-
-@dataclass(frozen=True, eq=False)
-class DesignScene:
-    """All that is drawn of a state except the workspace.
-
-    Attributes
-    ----------
-    rig : RigScene
-        The rig, with arrows of `ARROWS`.
-    tip : (3,) array
-        Where the arrow of the desired force is grabbed.
-    ghost, walls, edges : Lines
-        The other rig, the surfaces of the space, and the edges of the available forces.
-    available : Mesh or None
-        Forces that are available at the hand.
-    plane : Mesh or None
-        Plane beyond which the desired force is certified to be.
-    """
-
-    rig: RigScene
-    tip: Floats
-    ghost: Lines
-    walls: Lines
-    edges: Lines
-    available: Mesh | None
-    plane: Mesh | None
-
-
-def draw(state: DesignState, found: StateEvaluation) -> DesignScene:
-    """Return what is drawn of a state and its evaluation."""
-    anchors, ends, hand = (in_space(points) for points in (state.anchors, state.attachments, state.position))
-    scale = force_scale(state.rig)
-    force = in_space(state.wrench[: state.rig.dimension])
-    available, edges = _available(found, hand, scale)
-    arrows = _arrows(state, found, hand, scale)
-    certificate = _certificate(state, found, hand, scale)
-    if certificate is not None:
-        arrows["certificate"] = certificate[0]
-    rig = RigScene(
-        cables=cable_lines(_cable_points(state), tension_colours(state.rig, found)),
-        platform=platform_lines(hand, ends),
-        anchors=anchors,
-        colours=module_colours(state.rig),
-        hand=hand,
-        labels=_labels(state, found),
-        arrows=arrows,
-    )
-    plane = None if certificate is None else certificate[1]
-    tip = _tip(hand, scale * force, size(state.rig))
-    return DesignScene(rig, tip, _ghost(state), _walls(state), edges, available, plane)
-
-
-def _tip(hand: Floats, force: Floats, reach: float) -> Floats:
-    """Return where the arrow of the desired force is grabbed: at its end, or near the hand if it is short."""
-    if float(np.linalg.norm(force)) >= TIP_SHARE * reach:
-        return np.asarray(hand + force)
-    return np.asarray(hand + TIP_SHARE * reach * np.array([0.8, 0.6, 0.0]))
+    points = np.concatenate([place_anchors(rig.modules, rig.anchors, rig.at_rest), rig.home[None], *more])
+    low, high = points.min(axis=0), points.max(axis=0)
+    missing = np.maximum(MIN_EDGE * float((high - low).max()) - (high - low), 0.0)
+    below = np.where(rig.home - low < high - rig.home, 1.0, np.where(rig.home - low > high - rig.home, 0.0, 0.5))
+    return low - below * missing, high + (1.0 - below) * missing
 
 
 def size(rig: Rig) -> float:
@@ -144,12 +98,6 @@ def force_scale(rig: Rig) -> float:
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-12))
 
 
-def tension_colours(rig: Rig, found: StateEvaluation) -> Colours:
-    """Return the colour of each cable, (m, 3), by where its tension is between its limits; grey without one."""
-    tensions = np.full(rig.m, np.nan) if found.allocation is None else found.allocation.tensions
-    return ramp(tensions, rig.limits.lower, rig.limits.upper)
-
-
 def module_colours(rig: Rig) -> Colours:
     """Return the colour of each module, (m, 3), which tells those on bodies from those in the world."""
     bodies = np.array([module.frame in rig.frames for module in rig.modules])
@@ -160,10 +108,6 @@ def cable_lines(points: Floats, colours: Colours) -> Lines:
     """Return the lines of cables through points (k, m, 3) from their attachments on, with colours (m, 3)."""
     pieces = np.stack([points[:-1], points[1:]], axis=2).reshape(-1, 2, 3)
     return Lines(pieces, np.tile(colours, (len(points) - 1, 1)))
-
-
-def _cable_points(state: DesignState) -> Floats:
-    return in_space(ways(state.attachments, state.anchors, state.rig.pulleys_in_world(state.rig.at_rest)))
 
 
 def plain_lines(points: Floats, colour: str) -> Lines:
@@ -180,63 +124,153 @@ def platform_lines(hand: Floats, ends: Floats) -> Lines:
     return plain_lines(np.stack([np.broadcast_to(hand, apart.shape), apart], axis=1), GREY)
 
 
-def _ghost(state: DesignState) -> Lines:
-    """Return the cables of the other rig, from its anchors to the same hand."""
-    other = ghost_state(state)
-    return NO_LINES if other is None else cable_lines(_cable_points(other), np.tile(rgb(GREY), (other.rig.m, 1)))
+class RigDrawing:
+    """Nodes of a rig; `show` brings them up to date in place.
+
+    Attributes
+    ----------
+    hand : node
+        The ball at the hand.
+    reach : float
+        Size of the rig when `look_at` was last called, in m.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        colours: Mapping[str, str],
+        on_new_module: Callable[[Any, int], None] = lambda ball, index: None,
+    ) -> None:
+        """``colours`` are those of the arrows; ``on_new_module`` gets the ball of each module that is added."""
+        self._server, self._on_new_module = server, on_new_module
+        self._scene = scene = server.scene
+        self.reach = 1.0
+        scene.world_axes.visible = False
+        self._cables = add_lines(scene, "cables", CABLE_PIXELS)
+        self._platform = add_lines(scene, "platform")
+        self._arrows = {
+            name: scene.add_arrows(f"/arrows/{name}", NO_LINE, linear(rgb(colour)), visible=False)
+            for name, colour in colours.items()
+        }
+        self.hand = scene.add_icosphere("/hand", color=as_rgb(RED), cast_shadow=False)
+        self._balls: list[Any] = []
+        self._labels: list[Any] = []
+
+    def look_at(self, rig: Rig, *points: Floats, covered: float = 0.0) -> None:
+        """Point the camera at the rig, put the floor below it, and have all sizes suit it.
+
+        ``points`` are arrays (k, d) to show as well; ``covered`` is the share of the picture, from below,
+        in which nothing is seen.
+        """
+        place_camera(self._server, rig, *points, covered=covered)
+        _add_floor(self._scene, rig, *points)  # replaces the one before
+        self.reach = size(rig)
+
+    def show(self, scene: RigScene) -> None:
+        """Bring all nodes up to date."""
+        set_lines(self._cables, scene.cables)
+        set_lines(self._platform, scene.platform)
+        for name, node in self._arrows.items():
+            set_arrow(node, scene.arrows.get(name), self.reach)
+        self.hand.position, self.hand.radius = scene.hand, HAND_SHARE * self.reach
+        self._match_modules(len(scene.anchors))
+        for ball, label, place, colour, text in zip(
+            self._balls, self._labels, scene.anchors, scene.colours, scene.labels, strict=True
+        ):
+            ball.position = label.position = place
+            ball.color, ball.radius = tuple(colour.tolist()), ANCHOR_SHARE * self.reach
+            label.text = text
+
+    def _match_modules(self, count: int) -> None:
+        while len(self._balls) > count:
+            self._balls.pop().remove()
+            self._labels.pop().remove()
+        for i in range(len(self._balls), count):
+            ball = self._scene.add_icosphere(f"/anchors/{i}", color=as_rgb(BLUE), cast_shadow=False)
+            self._balls.append(ball)
+            self._labels.append(self._scene.add_label(f"/labels/{i}", "", anchor="bottom-left"))
+            self._on_new_module(ball, i)
 
 
-def _walls(state: DesignState) -> Lines:
-    """Return the edges of the surfaces to which anchors snap."""
-    return NO_LINES if state.task is None else plain_lines(in_space(outlines(state.task.space)), GREY)
+def place_camera(server: viser.ViserServer, rig: Rig, *points: Floats, covered: float = 0.0) -> None:
+    """Point the camera of browsers at the whole rig, its vertical axis upright; a rig in the plane from the front.
+
+    ``points`` and ``covered`` are as in `RigDrawing.look_at`.
+    """
+    low, high = (in_space(corner) for corner in bounds(rig, *points))
+    middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    up = in_space(rig.upward) if rig.up is not None else np.array([0.0, 1.0, 0.0])
+    server.scene.set_up_direction(tuple(up))
+    if rig.dimension == 2:
+        away = np.array([0.0, 0.0, 1.0])
+    else:
+        away = 1.15 * np.roll(np.abs(up), 1) + 0.85 * np.roll(np.abs(up), 2) + 0.55 * up
+    camera = server.initial_camera
+    camera.fov = FIELD_OF_VIEW_RAD
+    distance = radius / np.sin(FIELD_OF_VIEW_RAD / 2) / (1.0 - covered)
+    away = away / np.linalg.norm(away)
+    upwards = up - (up @ away) * away
+    middle = middle - covered * distance * np.tan(FIELD_OF_VIEW_RAD / 2) * upwards / np.linalg.norm(upwards)
+    camera.position, camera.look_at, camera.up = middle + distance * away, middle, up
 
 
-def _labels(state: DesignState, found: StateEvaluation) -> tuple[str, ...]:
-    names = tuple(module.name for module in state.rig.modules)
-    if found.allocation is None:
-        return names
-    return tuple(
-        f"{name} · {format_number(tension)} N"
-        for name, tension in zip(names, found.allocation.tensions, strict=True)
+def _add_floor(scene: Any, rig: Rig, *points: Floats) -> None:
+    """Add a grid at the lowest point of the rig and of arrays (k, d); behind a rig in the plane."""
+    low, high = (in_space(corner) for corner in bounds(rig, *points))
+    reach = float((high - low).max())
+    section = 10.0 ** np.floor(np.log10(reach))
+    middle = (low + high) / 2
+    if rig.dimension == 2:
+        plane, middle[2] = "xy", -0.02 * reach
+    else:
+        axis = "xyz".index(rig.vertical)
+        plane = "xyz".replace("xyz"[axis], "")
+        middle[axis] = high[axis] if (rig.up or "").startswith("-") else low[axis]
+    scene.add_grid(
+        "/floor", 3.0 * reach, 3.0 * reach, plane=plane, position=middle, cell_size=section / 5,
+        section_size=section, cell_color=(150, 150, 150), section_color=(120, 120, 120), cell_thickness=0.6,
+        section_thickness=1.0, fade_distance=8.0 * reach, shadow_opacity=0.0,
+    )  # fmt: skip
+
+
+def as_rgb(colour: str) -> tuple[int, int, int]:
+    """Return a colour such as "#0072B2" as viser takes it."""
+    red, green, blue = rgb(colour).tolist()
+    return red, green, blue
+
+
+def linear(colours: Colours) -> Colours:
+    """Return colours as viser takes those of lines and arrows: linear, where all other colours are sRGB."""
+    share = colours / 255.0
+    light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return np.asarray(np.round(255.0 * light), np.uint8)
+
+
+def add_lines(scene: Any, name: str, pixels: float = THIN_PIXELS) -> Any:
+    """Add lines, hidden until `set_lines` shows them."""
+    return scene.add_line_segments(
+        f"/{name}", NO_LINE, (0, 0, 0), thickness=pixels, thickness_units="screen", visible=False
     )
 
 
-def _arrows(state: DesignState, found: StateEvaluation, hand: Floats, scale: float) -> dict[str, Arrow]:
-    """Return the desired force, and where it is not rendered, the rendered one and the error."""
-    d = state.rig.dimension
-    desired = hand + scale * in_space(state.wrench[:d])
-    arrows = {"desired": Arrow(hand, desired)}
-    if found.allocation is not None and found.rendered is not None and found.allocation.status != Status.EXACT:
-        rendered = hand + scale * in_space(found.rendered[:d])
-        if np.isfinite(rendered).all():
-            arrows |= {"rendered": Arrow(hand, rendered), "error": Arrow(rendered, desired)}
-    return arrows
+def set_lines(node: Any, lines: Lines) -> None:
+    """Show lines in a node; none hide it."""
+    if len(lines.points):
+        node.points, node.colors = lines.points, np.repeat(linear(lines.colours)[:, None], 2, axis=1)
+    node.visible = bool(len(lines.points))
 
 
-def _available(found: StateEvaluation, hand: Floats, scale: float) -> tuple[Mesh | None, Lines]:
-    """Return the faces and edges of the available forces, to scale around the hand."""
-    if found.available is None:
-        return None, NO_LINES
-    corners = hand + scale * in_space(found.available.corners)
-    return Mesh(corners, found.available.faces), plain_lines(corners[found.available.edges], BLUE)
+def set_arrow(node: Any, arrow: Arrow | None, reach: float) -> None:
+    """Show an arrow in a node, in sizes that suit the size of a rig; one without a length hides it."""
+    node.visible = arrow is not None and float(np.linalg.norm(arrow.end - arrow.start)) > 0.0
+    if arrow is not None and node.visible:
+        node.points = np.stack([arrow.start, arrow.end])[None]
+        for name, share in ARROW_SHARES.items():
+            setattr(node, name, share * reach)
 
 
-def _certificate(
-    state: DesignState, found: StateEvaluation, hand: Floats, scale: float
-) -> tuple[Arrow, Mesh] | None:
-    """Return the direction that certifies the desired force infeasible, and the plane across it.
-
-    The plane touches the set of available forces, and the desired force is beyond it.
-    """
-    certificate = found.certificate
-    if certificate is None:
-        return None
-    along, d = in_space(certificate.direction), state.rig.dimension
-    foot = hand + scale * (in_space(state.wrench[:d]) + (certificate.reach - certificate.desired) * along)
-    reach = PLANE_SHARE * scale * float(state.rig.limits.upper.max())
-    across = reach * np.linalg.svd(along[None])[2][1:]
-    if d == 2:  # from the front it shows as a line
-        across = reach * np.stack([np.cross(along, [0.0, 0.0, 1.0]), 0.03 * along])
-    ring = foot + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ across
-    start = foot + across[0]  # at the edge, clear of the other arrows
-    return Arrow(start, start + reach * along), Mesh(ring, np.array([[0, 1, 2], [0, 2, 3]]))
+def set_mesh(node: Any, mesh: Mesh | None) -> None:
+    """Show a mesh in a node; none hides it."""
+    node.visible = mesh is not None and len(mesh.faces) > 0
+    if mesh is not None and node.visible:
+        node.vertices, node.faces = mesh.vertices, mesh.faces

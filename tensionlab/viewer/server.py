@@ -23,17 +23,7 @@ _starting = threading.Lock()
 
 
 class PageServer:
-    """Running server of a page.
-
-    Attributes
-    ----------
-    viser : viser.ViserServer
-        What draws.
-    gate : Gate
-        Who may connect, and what a browser may send.
-    url : str
-        Address of the page, with the token.
-    """
+    """Server of a page, ``viser``, behind its ``gate``; ``url`` is its address with the token."""
 
     def __init__(self, host: str = "127.0.0.1", port: int = 0) -> None:
         """Listen at an address; a free port is taken where it is 0.

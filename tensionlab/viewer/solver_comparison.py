@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,21 +44,11 @@ Bind = Callable[[Any, Callable[[DesignState], Any], Callable[[DesignState, Any],
 
 @dataclass(frozen=True)
 class StudyProblems:
-    """Forces at places, one after another.
+    """Forces at places, one after another; the torque is the desired one of the state."""
 
-    Attributes
-    ----------
-    along : (k,) array
-        Position of each in the study: an angle in degrees, or its number.
-    positions : (k, d) array
-        Places of the hand, in m.
-    forces : (k, d) array
-        Desired forces, in N; the torque is the desired one of the state.
-    """
-
-    along: Floats
-    positions: Floats
-    forces: Floats
+    along: Floats  # place of each in the study, (k,): an angle in degrees, or its number
+    positions: Floats  # of the hand, (k, d), in m
+    forces: Floats  # desired, (k, d), in N
 
 
 @dataclass(frozen=True)
@@ -151,7 +142,7 @@ class SolverPanel:
         self._gui, self._tab = gui, tab
         with gui.add_folder("compare with", expand_by_default=False):
             for name in solvers:
-                bind(gui.add_checkbox(name, False), _is_compared(name), _compare(name))
+                bind(gui.add_checkbox(name, False), partial(_is_compared, name), partial(_set_compared, name))
         bind(
             gui.add_dropdown("at", STUDIES),
             lambda state: state.study,
@@ -194,15 +185,10 @@ class SolverPanel:
             )  # fmt: skip
 
 
-def _is_compared(name: str) -> Callable[[DesignState], bool]:
-    return lambda state: name in state.compared
+def _is_compared(name: str, state: DesignState) -> bool:
+    return name in state.compared
 
 
-def _compare(name: str) -> Callable[[DesignState, bool], DesignState]:
-    """Return the change that compares a solver, or no longer."""
-
-    def change(state: DesignState, compared: bool) -> DesignState:
-        others = tuple(each for each in state.compared if each != name)
-        return replace(state, compared=(*others, name) if compared else others)
-
-    return change
+def _set_compared(name: str, state: DesignState, compared: bool) -> DesignState:
+    others = tuple(other for other in state.compared if other != name)
+    return replace(state, compared=(*others, name) if compared else others)

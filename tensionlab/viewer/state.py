@@ -30,51 +30,23 @@ STUDIES: tuple[Study, ...] = get_args(Study)  # problems at which solvers are co
 
 @dataclass(frozen=True, eq=False)
 class DesignState:
-    """Everything that a person can change on the design page.
-
-    Attributes
-    ----------
-    rig : Rig
-    position : (d,) array
-        Hand, or the platform's reference point, in m.
-    rotation : (3, 3) array, number or None
-        Platform: a matrix in space, an angle in rad in the plane; None for a point.
-    wrench : (n,) array
-        Desired wrench, in N and N·m, in addition to what the rig requires.
-    solver, policy : str, and a policy or None
-        As `tensionlab.allocate` takes them.
-    compared : tuple of str
-        Solvers that are compared with that one.
-    study : str
-        Problems of their comparison, one of `STUDIES`.
-    metric, level : str and float
-        The workspace is drawn where this metric of `tensionlab.workspace.METRICS` is above the level.
-    show_workspace : bool
-    selected : str
-        Module, `HAND` or nothing: where the handle with arrows is.
-    grid_m : float
-        Step of the grid to which dragged points snap, in m; 0 for none.
-    task : LayoutTask or None
-        Space to whose surfaces anchors snap.
-    ghost : Rig or None
-        Other rig that is drawn for comparison.
-    """
+    """Everything that a person can change on the design page."""
 
     rig: Rig
-    position: Floats
-    rotation: Floats | None
-    wrench: Floats
-    solver: str = "newton"
+    position: Floats  # hand, or the platform's reference point, (d,), in m
+    rotation: Floats | None  # platform: (3, 3) in space, an angle in rad in the plane; None for a point
+    wrench: Floats  # desired, (n,), in N and N·m, in addition to what the rig requires
+    solver: str = "newton"  # as `tensionlab.allocate` takes it
     policy: Policy | None = None
-    compared: tuple[str, ...] = ()
-    study: Study = STUDIES[0]
-    metric: str = "capacity-margin"
-    level: float = 0.0
+    compared: tuple[str, ...] = ()  # solvers that are compared with that one
+    study: Study = STUDIES[0]  # problems of their comparison
+    metric: str = "capacity-margin"  # of `tensionlab.workspace.METRICS`
+    level: float = 0.0  # the workspace is drawn where the metric is above it
     show_workspace: bool = False
-    selected: str = ""
-    grid_m: float = 0.0
-    task: LayoutTask | None = None
-    ghost: Rig | None = None
+    selected: str = ""  # module, `HAND` or nothing: where the handle with arrows is
+    grid_m: float = 0.0  # step of the grid to which dragged points snap; 0 for none
+    task: LayoutTask | None = None  # space to whose surfaces anchors snap
+    ghost: Rig | None = None  # other rig, drawn for comparison
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -104,16 +76,7 @@ Edit = Callable[[DesignState], DesignState]  # a change of the state; RigError f
 
 
 def begin(rig: Rig) -> DesignState:
-    """Return the state in which a rig is first shown: the hand at home, no force desired.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab.viewer import state
-    >>> shown = state.begin(tl.load_rig("bartels2026-validation"))
-    >>> state.move_anchor(shown, "floor-1", [1.0, 0.0, 0.0]).rig.modules[0].anchor
-    array([1., 0., 0.])
-    """
+    """Return the state in which a rig is first shown: the hand at home, no force desired."""
     return DesignState(rig=rig, position=rig.home, rotation=_upright(rig), wrench=readonly_copy(np.zeros(rig.n)))
 
 
@@ -190,7 +153,7 @@ def outlines(space: Space) -> Floats:
 
 def _surfaces(space: Space) -> list[tuple[Floats, Floats]]:
     """Return corner (d,) and edges (k, d) of the surfaces in the world."""
-    return [(surface.corner, surface.edges) for surface in space.surfaces if surface.frame == WORLD]
+    return [(each.corner, each.edges) for each in space.surfaces if each.frame == WORLD]
 
 
 def move_anchor(state: DesignState, name: str, place: ArrayLike) -> DesignState:
@@ -302,18 +265,7 @@ def set_fields(**changes: Any) -> Edit:
 
 
 class History:
-    """The present state, and those that undo and redo return to.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab.viewer import state
-    >>> past = state.History(state.begin(tl.load_rig("bartels2026-validation")))
-    >>> past.record(state.move_hand(past.present, [0.0, 0.5, 0.0]))
-    >>> past.undo()
-    >>> past.present.position
-    array([0. , 0.3, 0. ])
-    """
+    """The present state, and those that undo and redo return to."""
 
     def __init__(self, state: DesignState) -> None:
         self.present = state

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensionlab.errors import TensionlabError
-from tensionlab.model.pose import place_anchors
-from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.surfaces import level_surface
+from tensionlab.viewer.scene import Mesh, bounds
 from tensionlab.viewer.state import DesignState, ghost_state
 from tensionlab.workspace.metrics import find_metric
 from tensionlab.workspace.poses import Grid
@@ -28,7 +26,6 @@ from tensionlab.workspace.volume import node_weights, weighted_share
 LOG = logging.getLogger(__name__)
 COARSE, FINE = 30, 80  # positions along each axis while something is dragged, and when it is released
 CHUNK = 8_192  # positions that are evaluated between checks whether the result is still wanted
-MIN_EDGE = 0.5  # shortest edge of the box, as a share of the longest one
 RANGE_QUANTILE = 0.995  # upper end of the range of values: some metrics grow without limit towards an anchor
 DEPENDS_ON = ("rig", "rotation", "metric", "ghost")  # attributes of a state that its workspace depends on
 Item = TypeVar("Item")
@@ -36,18 +33,10 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, eq=False)
 class Volume:
-    """Metric over a box around a rig.
+    """Metric over a box around a rig."""
 
-    Attributes
-    ----------
-    axes : tuple of d arrays
-        Coordinates along each axis, in m.
-    values : array
-        Metric at each position, one axis for each coordinate; NaN where it has no value.
-    """
-
-    axes: tuple[Floats, ...]
-    values: Floats
+    axes: tuple[Floats, ...]  # coordinates along each axis, in m
+    values: Floats  # at each position, one axis for each coordinate; NaN where there is none
 
     def share(self, level: float) -> float:
         """Return the share of the box in which the metric is above a level; NaN does not count as above."""
@@ -61,26 +50,6 @@ class Volume:
 
 
 Volumes = tuple[Volume, Volume | None]  # workspace of a rig, and that of the other rig over the same box
-
-
-@dataclass(frozen=True)
-class Mesh:
-    """Triangles in space: vertices (k, 3), in m, and faces (f, 3), seen anticlockwise from outside."""
-
-    vertices: Floats
-    faces: NDArray[np.int64]
-
-
-def bounds(rig: Rig, *more: Floats) -> tuple[Floats, Floats]:
-    """Return the corners, (d,), in m, of a box around the anchors, the home and further points (k, d) of a rig.
-
-    Where all of them are nearly in a plane, as on a ceiling, the box reaches beyond it on the side of home.
-    """
-    points = np.concatenate([place_anchors(rig.modules, rig.anchors, rig.at_rest), rig.home[None], *more])
-    low, high = points.min(axis=0), points.max(axis=0)
-    missing = np.maximum(MIN_EDGE * float((high - low).max()) - (high - low), 0.0)
-    below = np.where(rig.home - low < high - rig.home, 1.0, np.where(rig.home - low > high - rig.home, 0.0, 0.5))
-    return low - below * missing, high + (1.0 - below) * missing
 
 
 def sweep(
@@ -126,18 +95,6 @@ class Latest(Generic[Item]):
 
     ``work`` is called with it, and with a function that tells whether it still is the newest; it may return early
     once that is False.
-
-    Examples
-    --------
-    >>> import threading
-    >>> from tensionlab.viewer.workspace import Latest
-    >>> done = threading.Event()
-    >>> worker = Latest("example", lambda number, wanted: done.set() if number == 3 else None)
-    >>> for number in range(4):
-    ...     worker.submit(number)
-    >>> done.wait()
-    True
-    >>> worker.close()
     """
 
     def __init__(self, name: str, work: Callable[[Item, Callable[[], bool]], None]) -> None:

@@ -21,8 +21,8 @@ from tensionlab.model.kinematics import exponential
 from tensionlab.model.pose import place_anchors, place_axes, to_module_frames
 from tensionlab.model.pulleys import arcs, ways
 from tensionlab.viewer import run_scene
+from tensionlab.viewer.design_scene import draw
 from tensionlab.viewer.evaluation import evaluate
-from tensionlab.viewer.scene import draw
 from tensionlab.viewer.state import begin
 from tensionlab.workspace import Capsule, Grid, body_distance, rig_margin_gradient
 from tests.helpers.examples import many

@@ -10,11 +10,10 @@ from websockets.sync.client import connect
 
 import tensionlab as tl
 from tensionlab.errors import TensionlabError
-from tensionlab.viewer.design_drawing import Grab
-from tensionlab.viewer.design_files import snap_to_space
-from tensionlab.viewer.design_page import dragged, on_plane
+from tensionlab.viewer.design_page import dragged, load_space, on_plane
+from tensionlab.viewer.design_scene import Grab, draw
 from tensionlab.viewer.evaluation import evaluate
-from tensionlab.viewer.scene import draw, force_scale
+from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.state import HAND, begin
 from tests.helpers.browsers import HANGS_S, VISER, Tab, chromium, needs_browser, served, until
 
@@ -46,12 +45,11 @@ def saved(tab, name):
 
 
 def test_a_space_whose_name_is_half_written_is_none_yet(tmp_path):
-    state = begin(tl.load_rig("bartels2026-validation"))
-    assert snap_to_space("four-in-a-room", tmp_path)(state).task.name == "four-in-a-room"
+    assert load_space("four-in-a-room", tmp_path).name == "four-in-a-room"
     for word in ("", "four-in", "/tmp/spaces/my-ro"):
-        assert snap_to_space(word, tmp_path)(state).task is None
+        assert load_space(word, tmp_path) is None
     with pytest.raises(TensionlabError, match="my-room"):
-        snap_to_space("my-room.toml", tmp_path)(state)
+        load_space("my-room.toml", tmp_path)
 
 
 @pytest.mark.slow

@@ -8,9 +8,10 @@ import tensionlab as tl
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.design_panel import share_html, status_html, tensions_html
 from tensionlab.viewer.evaluation import evaluate
+from tensionlab.viewer.scene import bounds
 from tensionlab.viewer.solver_comparison import compare, solver_table
 from tensionlab.viewer.state import begin
-from tensionlab.viewer.workspace import bounds, sweep
+from tensionlab.viewer.workspace import sweep
 
 
 @pytest.fixture

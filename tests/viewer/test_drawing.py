@@ -7,10 +7,9 @@ import numpy as np
 import tensionlab as tl
 from tensionlab.support.colours import FORCE_COLOURS, rgb
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.design_drawing import DesignDrawing
-from tensionlab.viewer.drawing import RigDrawing, linear
+from tensionlab.viewer.design_scene import ARROWS, DesignDrawing, draw
 from tensionlab.viewer.evaluation import evaluate
-from tensionlab.viewer.scene import ARROWS, draw
+from tensionlab.viewer.scene import RigDrawing, linear
 from tensionlab.viewer.state import begin
 
 RIG = tl.load_rig("bartels2026-validation")

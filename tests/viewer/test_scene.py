@@ -6,8 +6,9 @@ import pytest
 import tensionlab as tl
 from tensionlab.support.colours import rgb
 from tensionlab.viewer import state as edits
+from tensionlab.viewer.design_scene import draw, tension_colours
 from tensionlab.viewer.evaluation import evaluate
-from tensionlab.viewer.scene import draw, force_scale, tension_colours
+from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.state import begin
 
 

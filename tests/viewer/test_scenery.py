@@ -12,7 +12,6 @@ from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.play import play, simulate_modules
 from tensionlab.scenarios.scenery import ScenerySurface, scenery
 from tensionlab.support.colours import GREEN, GREY
-from tensionlab.viewer.drawing import as_rgb
 from tensionlab.viewer.replay import instant_at
 from tensionlab.viewer.run_scene import (
     SceneryDrawing,
@@ -23,6 +22,7 @@ from tensionlab.viewer.run_scene import (
     solid,
     solids,
 )
+from tensionlab.viewer.scene import as_rgb
 
 MIDDLE = np.array([0.3, 0.4, 1.2])
 

@@ -5,8 +5,8 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.design_drawing import Grab
 from tensionlab.viewer.design_page import dragged
+from tensionlab.viewer.design_scene import Grab
 from tensionlab.viewer.state import begin, nearest_on_surfaces, outlines
 from tensionlab.workspace.layout.task import load_task
 

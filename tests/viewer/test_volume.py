@@ -5,8 +5,9 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.viewer import state as edits
+from tensionlab.viewer.scene import bounds
 from tensionlab.viewer.state import begin
-from tensionlab.viewer.workspace import Volume, bounds, surface, sweep
+from tensionlab.viewer.workspace import Volume, surface, sweep
 
 
 def swept(state, count, wanted):

@@ -6,8 +6,9 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.viewer import state as edits
+from tensionlab.viewer.scene import bounds
 from tensionlab.viewer.state import begin
-from tensionlab.viewer.workspace import COARSE, FINE, Latest, WorkspaceWorker, bounds
+from tensionlab.viewer.workspace import COARSE, FINE, Latest, WorkspaceWorker
 
 HANGS_S = 600.0
 
