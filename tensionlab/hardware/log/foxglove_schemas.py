@@ -1,7 +1,7 @@
 """JSON schemas of the messages that viewers of robots draw and plot, with the names that Foxglove published.
 
-Source: https://docs.foxglove.dev/docs/sdk/schemas. Every field of the messages is here, also of primitives that no
-run draws; all are required but the numbers of a joint.
+Source: https://docs.foxglove.dev/docs/sdk/schemas. Primitives that no run draws are left out; every field of the
+others is here and required, but for the numbers of a joint.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ def message(title: str, optional: Collection[str] = (), /, **properties: dict[st
     return {"title": title, "type": "object", "properties": properties, "required": required}
 
 
-def several(items: dict[str, Any]) -> dict[str, Any]:
+def list_of(items: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a list."""
     return {"type": "array", "items": items}
 
 
 def choice(title: str, *names: str) -> dict[str, Any]:
-    """Return the schema of a number that stands for one of these names, from 0."""
+    """Return the schema of a number that is the index of one of these names."""
     return {"title": title, "oneOf": [{"title": name, "const": number} for number, name in enumerate(names)]}
 
 
@@ -51,29 +51,17 @@ PRIMITIVES = {
         head_diameter=NUMBER,
         color=COLOR,
     ),
-    "cubes": message("foxglove.CubePrimitive", pose=POSE, size=VECTOR, color=COLOR),
     "spheres": message("foxglove.SpherePrimitive", pose=POSE, size=VECTOR, color=COLOR),
-    "cylinders": message(
-        "foxglove.CylinderPrimitive", pose=POSE, size=VECTOR, bottom_scale=NUMBER, top_scale=NUMBER, color=COLOR
-    ),
     "lines": message(
         "foxglove.LinePrimitive",
         type=choice("foxglove.LineType", *LINE_TYPES),
         pose=POSE,
         thickness=NUMBER,
         scale_invariant=FLAG,
-        points=several(POINT),
+        points=list_of(POINT),
         color=COLOR,
-        colors=several(COLOR),
-        indices=several(INDEX),
-    ),
-    "triangles": message(
-        "foxglove.TriangleListPrimitive",
-        pose=POSE,
-        points=several(POINT),
-        color=COLOR,
-        colors=several(COLOR),
-        indices=several(INDEX),
+        colors=list_of(COLOR),
+        indices=list_of(INDEX),
     ),
     "texts": message(
         "foxglove.TextPrimitive",
@@ -84,20 +72,10 @@ PRIMITIVES = {
         color=COLOR,
         text=TEXT,
     ),
-    "models": message(
-        "foxglove.ModelPrimitive",
-        pose=POSE,
-        scale=VECTOR,
-        color=COLOR,
-        override_color=FLAG,
-        url=TEXT,
-        media_type=TEXT,
-        data={"type": "string", "contentEncoding": "base64"},
-    ),
 }  # what an entity of a scene may have; the names are its fields
 SCENE_UPDATE = message(
     "foxglove.SceneUpdate",
-    deletions=several(
+    deletions=list_of(
         message(
             "foxglove.SceneEntityDeletion",
             timestamp=TIME,
@@ -105,7 +83,7 @@ SCENE_UPDATE = message(
             id=TEXT,
         )
     ),
-    entities=several(
+    entities=list_of(
         message(
             "foxglove.SceneEntity",
             timestamp=TIME,
@@ -113,14 +91,14 @@ SCENE_UPDATE = message(
             id=TEXT,
             lifetime=DURATION,
             frame_locked=FLAG,
-            metadata=several(message("foxglove.KeyValuePair", key=TEXT, value=TEXT)),
-            **{name: several(primitive) for name, primitive in PRIMITIVES.items()},
+            metadata=list_of(message("foxglove.KeyValuePair", key=TEXT, value=TEXT)),
+            **{name: list_of(primitive) for name, primitive in PRIMITIVES.items()},
         )
     ),
 )
 FRAME_TRANSFORMS = message(
     "foxglove.FrameTransforms",
-    transforms=several(
+    transforms=list_of(
         message(
             "foxglove.FrameTransform",
             timestamp=TIME,
@@ -135,5 +113,5 @@ JOINT_NUMBERS = dict.fromkeys(("position", "velocity", "acceleration", "effort")
 JOINT_STATES = message(
     "foxglove.JointStates",
     timestamp=TIME,
-    joints=several(message("foxglove.JointState", JOINT_NUMBERS, name=TEXT, **JOINT_NUMBERS)),
+    joints=list_of(message("foxglove.JointState", JOINT_NUMBERS, name=TEXT, **JOINT_NUMBERS)),
 )

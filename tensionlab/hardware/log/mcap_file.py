@@ -13,18 +13,17 @@ from tensionlab.errors import LogError, optional_import
 from tensionlab.support.files import writing
 from tensionlab.support.files.reading import parse_json, require_unpackable
 
-PROFILE = "tensionlab-run-1"  # mark in a file's header of the log of a run, and of its version
-# Largest unpacked chunk: its messages take many times the memory. Chunks of a log have a megabyte.
-MAX_CHUNK_BYTES = 16_000_000
-PROGRESS_MESSAGES = 1000  # messages read between two calls of `progress`
+PROFILE = "tensionlab-run-1"  # mark of a log and its version in the header of a file
+MAX_CHUNK_BYTES = 16_000_000  # largest unpacked chunk: its messages take many times the memory; logs have 1 MB
+PROGRESS_MESSAGES = 1000  # number of messages read between two calls of `progress`
 
 
 class McapWriter:
     """Writer of a log: metadata, attachments, then messages in JSON, whose schemas are given by channel.
 
     Messages are gathered in chunks, compressed, and indexed at the end, so that Foxglove can seek in a long run. A
-    chunk ends with `flush`; what came after the last one is lost where the process is killed. A `WriteError`
-    if there is something in the file already; an `OSError`, here and in all methods, if the system can't write.
+    chunk ends with `flush`; what follows the last one is lost if the process is killed. A `WriteError` if there is
+    something in the file already; an `OSError`, here and in all methods, if the system can't write.
     """
 
     def __init__(self, path: Path, schemas: Mapping[str, Mapping[str, Any]]) -> None:
@@ -48,11 +47,11 @@ class McapWriter:
         self._writer.add_attachment(0, 0, name, media_type, content)
 
     def message(self, topic: str, time_ns: int, written_ns: int, content: bytes) -> None:
-        """Add a message of a channel: when it holds, and when it was handed over, in ns since 1970."""
+        """Add a message of a channel: the time of its content, and of its handing over, in ns since 1970."""
         self._writer.add_message(self._channels[topic], time_ns, content, written_ns)
 
     def flush(self) -> None:
-        """Hand all that was added to the system."""
+        """Write all that was added to the file."""
         self._writer.flush()
 
     def finish(self) -> None:
@@ -67,16 +66,12 @@ class McapWriter:
 
 
 class Record(NamedTuple):
-    """Record of a log: "metadata" (a dict), "attachment" or "message" (bytes); complete logs have an "end".
-
-    ``name`` is that of the metadata or the attachment, or the message's channel; ``time_ns`` is when a message
-    holds, in ns since 1970.
-    """
+    """Record of a log: "metadata" (a dict), "attachment" or "message" (bytes); complete logs have an "end"."""
 
     kind: str
-    name: str
+    name: str  # of the metadata or the attachment; channel of a message
     content: Any
-    time_ns: int = 0
+    time_ns: int = 0  # time of a message's content, in ns since 1970
 
 
 class _UnpackedLogError(LogError):
@@ -98,8 +93,8 @@ class _Bounded:
 def read_records(path: Path, progress: Callable[[float], None] | None = None) -> Iterator[Record]:
     """Yield the records of a log that are whole, up to the first that is not.
 
-    ``progress`` is called now and then with the share of the file that has been read. A `LogError` if it can't be
-    read, or is no log of a run.
+    ``progress`` is called with the share of the file that has been read. A `LogError` if it can't be read, or is
+    no log of a run.
     """
     with optional_import("hardware", "the log of a run"):
         from mcap.records import Attachment, Channel, Footer, Header, Message, Metadata

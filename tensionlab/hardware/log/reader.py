@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from itertools import product
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,31 +39,13 @@ if TYPE_CHECKING:
     import xarray
 
 
-BLOCK_CYCLES = 1000  # cycles that become arrays at a time: as text and lists they take many times the memory
-
-MAX_EVENTS = 12  # events that are shown below a table; JSON has all
+BLOCK_CYCLES = 1000  # number of cycles decoded at a time: as text and lists they take many times the memory
+MAX_EVENTS = 12  # number of events shown below a table; JSON has all
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Run(CycleTable):
-    """Run read from its log: arrays over its K cycles, as in `CycleTable`, and what was around them.
-
-    Attributes
-    ----------
-    rig : Rig
-    manifest : mapping
-        Where the run came from: `tensionlab.support.provenance.manifest`.
-    setup : RunSetup
-    modules : mapping of str to mapping
-        Of each module, by its name, the fields of `protocol.Info`.
-    summary : mapping
-        `Statistics.summary` at the end; empty if the run did not come so far.
-    events : tuple of RunEvent
-    began : float
-        When the run's time was 0, by the host's clock, in s since 1970; NaN if there is no cycle.
-    complete : bool
-        Whether the log was closed. If not, the process was killed or the disk was full, and the last cycles may be
-        missing.
+    """Run read from its log: arrays over its K cycles, as in `CycleTable`, and the rest of the log.
 
     Examples
     --------
@@ -82,13 +66,13 @@ class Run(CycleTable):
     """
 
     rig: Rig
-    manifest: Mapping[str, Any]
+    manifest: Mapping[str, Any]  # origin of the run: `tensionlab.support.provenance.manifest`
     setup: RunSetup
-    modules: Mapping[str, Mapping[str, Any]]
-    summary: Mapping[str, Any]
+    modules: Mapping[str, Mapping[str, Any]]  # fields of `protocol.Info` by the name of the module
+    summary: Mapping[str, Any]  # `Statistics.summary` at the end; empty in a log that was cut off
     events: tuple[RunEvent, ...]
-    began: float
-    complete: bool
+    began: float  # s since 1970 at the run's time 0, by the host's clock; NaN if there is no cycle
+    complete: bool  # whether the log was closed; if not, the last cycles may be missing
 
     def __len__(self) -> int:
         """Count the cycles."""
@@ -97,15 +81,8 @@ class Run(CycleTable):
     @property
     def allocation(self) -> Allocation:
         """Allocations of all cycles. Why a backend failed is not kept."""
-        return Allocation(
-            tensions=self.chosen,
-            wrench=self.rendered,
-            residual=self.residual,
-            status=self.status,
-            scale=self.scale,
-            iterations=self.iterations,
-            separation=self.separation,
-        )
+        names = ("residual", "status", "scale", "iterations", "separation")
+        return Allocation(self.chosen, self.rendered, **{name: getattr(self, name) for name in names})
 
     def __repr__(self) -> str:
         return f"<Run of {self.rig.name} by {self.setup.solver}: {len(self)} cycles at {self.setup.rate:g} Hz>"
@@ -114,49 +91,42 @@ class Run(CycleTable):
         return report(self)._repr_html_()
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return a row for each cycle, with the columns of `flat_columns`, such as ``chosen.floor-1``.
-
-        MissingDependency if pandas is not installed.
-        """
+        """Return a row for each cycle, with the columns of `flat_columns`, such as ``chosen.floor-1``."""
         return provenance.data_frame(flat_columns(self)).set_index("cycle")
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the run as a dataset with names, units and labels.
 
         Every column is a variable with the dimension ``cycle`` and its own, and has ``units`` and a ``long_name``.
-        The attributes have what was around the cycles: ``rig`` in TOML; ``manifest``, ``setup``, ``modules``,
-        ``summary`` and ``events`` in JSON; ``began``, in s since 1970; ``complete``, 1 or 0.
-
-        Raises
-        ------
-        MissingDependency
-            If xarray is not installed.
+        The attributes have the rest of the log: ``rig`` in TOML; ``manifest``, ``setup``, ``modules``, ``summary``
+        and ``events`` in JSON; ``began``, in s since 1970; ``complete``, 1 or 0.
         """
-        lower, upper = np.array(self.setup.lower), np.array(self.setup.upper)
+        table: dict[str, Any] = {
+            name: (("cycle", *dims), getattr(self, name), {"units": unit, "long_name": meaning})
+            for name, (_, unit, meaning, dims) in COLUMNS.items()
+        }
         limits = {
-            "lower": ("module", lower, {"units": "N", "long_name": "min tension that the solver may choose"}),
-            "upper": ("module", upper, {"units": "N", "long_name": "max tension that the solver may choose"}),
-        }
-        table = {
             name: (
-                ("cycle", *column.dims),
-                getattr(self, name),
-                {"units": column.unit, "long_name": column.meaning},
+                "module",
+                np.array(getattr(self.setup, name)),
+                {"units": "N", "long_name": f"{name} limit of the tension that the solver may choose"},
             )
-            for name, column in COLUMNS.items()
+            for name in ("lower", "upper")
         }
-        coordinates = {"cycle": table.pop("cycle"), "time": table.pop("time"), **limits}
+        documents = {
+            "manifest": dict(self.manifest),
+            "setup": asdict(self.setup),
+            "modules": dict(self.modules),
+            "summary": dict(self.summary),
+            "events": [asdict(event) for event in self.events],
+        }
         dataset: xarray.Dataset = provenance.import_xarray().Dataset(
             table,
-            {**dimension_labels(self.rig), **coordinates},
+            {**dimension_labels(self.rig), "cycle": table.pop("cycle"), "time": table.pop("time"), **limits},
             {
                 "title": f"tensionlab run: {self.rig.name}, {self.setup.solver}",
                 "rig": rig_to_toml(self.rig),
-                "manifest": json.dumps(dict(self.manifest)),
-                "setup": json.dumps(asdict(self.setup)),
-                "modules": json.dumps(dict(self.modules)),
-                "summary": json.dumps(dict(self.summary)),
-                "events": json.dumps([asdict(event) for event in self.events]),
+                **{name: json.dumps(document) for name, document in documents.items()},
                 "began": self.began,
                 "complete": int(self.complete),
             },
@@ -176,7 +146,7 @@ def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | N
     Raises
     ------
     LogError
-        If it can't be read, is no log of a run, or was cut before the run began.
+        If the file can't be read, is no log of a run, or was cut off before the run began.
 
     Examples
     --------
@@ -225,13 +195,17 @@ def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | N
     if rig is None or not {"manifest", "setup"} <= metadata.keys():
         raise LogError(f"{path}: the log was cut off before the run began; there is nothing in it")
     blocks.append(_decoded(path, rows, rig))
-    table = {name: np.concatenate([block[name] for block in blocks]) for name in cycle_table.COLUMNS}
+    table = {name: np.concatenate([block[name] for block in blocks]) for name in COLUMNS}
+    modules = metadata.get("modules", {})
+    for name, info in modules.items():
+        if not isinstance(info, dict):
+            raise LogError(f"{path}: module {brief(name)} is {brief(info)}; the log is damaged")
     return Run(
         **table,
         rig=rig,
         manifest=metadata["manifest"],
         setup=_setup(path, metadata["setup"], rig),
-        modules=_modules(path, metadata.get("modules", {})),
+        modules=modules,
         summary=metadata.get("summary", {}),
         events=tuple(events),
         began=np.nan if first_ns is None else 1e-9 * first_ns - float(table["time"][0]),
@@ -249,7 +223,6 @@ def _decoded(path: Path, rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]
 
 
 def _setup(path: Path, values: Mapping[str, Any], rig: Rig) -> RunSetup:
-    """Return a setup from JSON, which knows no tuples."""
     given = {key: tuple(each) if isinstance(each, list) else each for key, each in values.items()}
     (setup,) = from_mappings([given], RunSetup, f"{path}: setup", LogError)
     if not 0.0 < setup.rate < MAX_MAGNITUDE:
@@ -257,13 +230,6 @@ def _setup(path: Path, values: Mapping[str, Any], rig: Rig) -> RunSetup:
     if not len(setup.lower) == len(setup.upper) == rig.m:
         raise LogError(f"{path}: setup: has {len(setup.lower)} tension limits for {rig.m} modules; it is damaged")
     return setup
-
-
-def _modules(path: Path, values: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
-    for name, info in values.items():
-        if not isinstance(info, dict):
-            raise LogError(f"{path}: module {brief(name)} is {brief(info)}; the log is damaged")
-    return values
 
 
 def dimension_labels(rig: Rig) -> dict[str, list[str]]:
@@ -280,22 +246,21 @@ def dimension_labels(rig: Rig) -> dict[str, list[str]]:
 
 
 def flat_columns(run: Run) -> dict[str, NDArray[Any]]:
-    """Return a run as columns of one number a cycle: ``chosen.floor-1``, ``structure.Fx.floor-1``, ..."""
+    """Return a run as columns of one number per cycle: ``chosen.floor-1``, ``structure.Fx.floor-1``, ..."""
     labels = dimension_labels(run.rig)
-    found = {}
-    for name, column in COLUMNS.items():
-        names = [labels[dim] for dim in column.dims]
-        for index in np.ndindex(*map(len, names)):
-            words = (each[at] for each, at in zip(names, index, strict=True))
-            found[".".join([name, *words])] = getattr(run, name)[:, *index]
-    return found
+    return {
+        ".".join((name, *entry)): values
+        for name, column in COLUMNS.items()
+        for entry, values in zip(
+            product(*(labels[dim] for dim in column.dims)),
+            getattr(run, name).reshape(len(run), math.prod(len(labels[dim]) for dim in column.dims)).T,
+            strict=True,
+        )
+    }
 
 
 def write_netcdf(run: Run, path: str | PathLike[str]) -> None:
-    """Write the dataset of a run to a NetCDF file (version 3, 64-bit offsets), which nearly everything reads.
-
-    That version knows no 64-bit integers and no truth values: they become 32-bit integers and bytes.
-    """
+    """Write the dataset of a run to a NetCDF file of version 3: integers have 32 bits, truth values are bytes."""
     writing.write_bytes(path, bytes(run.to_xarray().to_netcdf(engine="scipy")))
 
 
@@ -304,18 +269,18 @@ class ModuleReport:
     """One module in a run."""
 
     name: str
-    link: str  # where it was reached
+    link: str
     commanded_min_n: float  # of its set-points; NaN if none was sent
     commanded_mean_n: float
     commanded_max_n: float
     limiters: dict[str, float]  # share of the cycles in which each held the tension back, if any
-    faults: list[str]  # that it ever reported
+    faults: list[str]  # all that it reported
     telemetry_age_s: dict[str, float]  # median, 99th percentile and largest
-    lost_at_s: float | None  # since when it did not take part any more
+    lost_at_s: float | None  # time from which it did not take part any more
 
     @property
     def limited_by(self) -> str:
-        """What limited it in which share of the cycles, its faults, and when it was lost."""
+        """Limiters with the share of the cycles, faults, and the time at which it was lost."""
         limits = [
             f"{name.lower()} {f'{100 * share:.0f} %' if share >= 0.005 else '<1 %'}"
             for name, share in self.limiters.items()
@@ -326,14 +291,14 @@ class ModuleReport:
 
 @dataclass(frozen=True)
 class RunReport:
-    """How a run went, as far as its log goes."""
+    """Report of a run, as far as its log goes."""
 
     rig: str
     solver: str
     policy: str | None
-    rate_hz: float  # desired cycles
+    rate_hz: float  # desired cycles per second
     duration_s: float  # from the first cycle to the last
-    statistics: Statistics  # recounted from the cycles; what ended the run is empty if the log does not say
+    statistics: Statistics  # recounted from the cycles; `ended` is empty if the log does not say
     complete: bool  # whether the log was closed
     modules: tuple[ModuleReport, ...]
     events: tuple[RunEvent, ...]
@@ -381,7 +346,7 @@ class RunReport:
 
 
 def report(run: Run) -> RunReport:
-    """Return how a run went."""
+    """Return the report of a run."""
     return RunReport(
         rig=run.rig.name,
         solver=run.setup.solver,
@@ -396,7 +361,7 @@ def report(run: Run) -> RunReport:
 
 
 def recount(run: Run) -> Statistics:
-    """Return the statistics of a run by its cycles, whether or not the runner came to write its own."""
+    """Return the statistics of a run by its cycles, whether or not the runner wrote its own."""
     deadlines = np.round((run.time - run.start_delay) * run.setup.rate)
     missed = int(deadlines[-1] - deadlines[0]) + 1 - len(run) if len(run) else 0
     changed = np.isfinite(run.commanded) & (abs(run.commanded - run.chosen) > 0.0)
@@ -414,21 +379,22 @@ def _module(run: Run, index: int) -> ModuleReport:
     commanded = run.commanded[:, index]
     commanded = commanded[np.isfinite(commanded)]
     gone = np.flatnonzero(~run.active[:, index])
+    limiters, names = (
+        np.unique(run.limiters[:, index], return_counts=True),
+        {int(each): each.name for each in Limit},
+    )
     return ModuleReport(
         name=name,
         link=run.setup.links.get(name, ""),
         commanded_min_n=float(commanded.min()) if commanded.size else np.nan,
         commanded_mean_n=float(commanded.mean()) if commanded.size else np.nan,
         commanded_max_n=float(commanded.max()) if commanded.size else np.nan,
-        limiters=_shares(run.limiters[:, index]),
+        limiters={
+            names.get(number, f"limiter {number}"): count / len(run)
+            for number, count in zip(*(each.tolist() for each in limiters), strict=True)
+            if number != Limit.NONE
+        },
         faults=[str(fault.name) for fault in Fault if (run.faults[:, index] & fault).any()],
         telemetry_age_s=dict(zip(PERCENTILES, percentiles(run.ages[:, index]), strict=True)),
         lost_at_s=float(run.time[gone[0]]) if gone.size else None,
     )
-
-
-def _shares(limiters: NDArray[np.int64]) -> dict[str, float]:
-    numbers, counts = np.unique(limiters, return_counts=True)
-    pairs = zip(numbers.tolist(), (counts / max(len(limiters), 1)).tolist(), strict=True)
-    names = {int(limit): limit.name for limit in Limit}
-    return {names.get(number, f"limiter {number}"): share for number, share in pairs if number != Limit.NONE}

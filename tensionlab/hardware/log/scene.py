@@ -23,8 +23,8 @@ from tensionlab.hardware.log.foxglove_schemas import (
     TEXT,
     TIME,
     VECTOR,
+    list_of,
     message,
-    several,
 )
 from tensionlab.hardware.runner.cycle_table import anchors_in_world, desired_wrench, rotation_matrix
 from tensionlab.hardware.runner.records import Cycle
@@ -38,14 +38,14 @@ from tensionlab.support.colours import BLUE, FORCE_COLOURS, GREY, ORANGE, RED, C
 
 RATE_HZ = 30.0  # a screen shows no more
 DIGITS = 6  # decimals of positions, in m, and of other numbers of the scene
-UPRIGHT = "upright"  # the frame whose z axis points up, as viewers want it: the world's may be another
-PLATFORM = "platform"  # the frame of the platform, or of the hand
+UPRIGHT = "upright"  # frame whose z axis points up, as viewers expect it: the world's may be another
+PLATFORM = "platform"  # frame of the platform, or of the hand
 MARGINS = message(
     "tensionlab.Margins",
     ("smallest",),
     timestamp=TIME,
     smallest=NUMBER | {"description": "the smallest of them (N)"},
-    cables=several(
+    cables=list_of(
         message(
             "tensionlab.Margin",
             ("margin",),
@@ -55,7 +55,7 @@ MARGINS = message(
     ),
 )
 FORCES = message("tensionlab.Forces", tuple(FORCE_COLOURS), timestamp=TIME, **dict.fromkeys(FORCE_COLOURS, VECTOR))
-# Schema of each channel. Numbers that are not known are left out; what stands still is written as it changes.
+# Schema of each channel. Numbers that are not known are left out; what rests is written as it changes.
 CHANNELS = {
     "transforms": FRAME_TRANSFORMS,
     "scene/modules": SCENE_UPDATE,
@@ -70,7 +70,7 @@ STRONGEST_SHARE = 0.5  # length of the arrow of the largest tension, as a share 
 # Diameters of drawn parts, as shares of the rig's size.
 ANCHOR_SHARE, HAND_SHARE, SHAFT_SHARE, HEAD_SHARE = 0.025, 0.03, 0.008, 0.02
 # Offset of force arrows from the hand, as a share of the rig's size, so that equal forces are all visible.
-APART_SHARE = {"desired": 0.0, "commanded": 0.012, "measured": -0.012}
+OFFSET_SHARE = {"desired": 0.0, "commanded": 0.012, "measured": -0.012}
 MAX_HEAD_SHARE = 0.3  # longest head of an arrow, as a share of its length
 CABLE_PIXELS, ARM_PIXELS = 3.0, 2.0
 LABEL_PIXELS = 12.0
@@ -80,12 +80,7 @@ Json = dict[str, Any]
 
 
 class SceneEncoder:
-    """Encoder of a run's cycles into messages of `CHANNELS`; of those between two pictures it makes none.
-
-    Parameters
-    ----------
-    rig : Rig
-    """
+    """Encoder of a run's cycles into messages of `CHANNELS`; cycles between two pictures are left out."""
 
     def __init__(self, rig: Rig) -> None:
         places = np.vstack([place_anchors(rig.modules, rig.anchors, rig.at_rest), rig.home])
@@ -93,10 +88,11 @@ class SceneEncoder:
         self._names = [module.name for module in rig.modules]
         self._size = float(np.ptp(places, axis=0).max()) or 1.0
         self._scale = STRONGEST_SHARE * self._size / max(float(rig.limits.upper.max()), 1e-9)
-        upright = _upright(rig)
+        up = rig.up or ("y" if rig.dimension == 2 else "z")
+        upright = turn_axes(upward(up, 3), upward("z", 3))
         self._up, self._upright = upright[2], _quaternion(upright)
-        riding = np.array([module.frame != WORLD for module in rig.modules])
-        self._colours = np.where(riding[:, None], rgb(ORANGE), rgb(BLUE))
+        on_body = np.array([module.frame != WORLD for module in rig.modules])
+        self._colours = np.where(on_body[:, None], rgb(ORANGE), rgb(BLUE))
         self._drawn_active: NDArray[np.bool_] | None = None
         self._next = -math.inf
 
@@ -150,14 +146,22 @@ class SceneEncoder:
     def _modules(self, anchors: Floats, active: NDArray[np.bool_]) -> Json:
         """Return a sphere and a name for each module: orange on bodies, red where it is lost, blue else."""
         colours = np.where(active[:, None], self._colours, rgb(RED))
-        places = _vectors(anchors)
-        diameter = ANCHOR_SHARE * self._size
-        return {
-            "spheres": [
-                _sphere(place, diameter, color) for place, color in zip(places, _colors(colours), strict=True)
-            ],
-            "texts": [_text(place, name) for place, name in zip(places, self._names, strict=True)],
-        }
+        spheres = [
+            _sphere(place, ANCHOR_SHARE * self._size, color)
+            for place, color in zip(_vectors(anchors), _colors(colours), strict=True)
+        ]
+        texts = [
+            {
+                "pose": sphere["pose"],
+                "billboard": True,
+                "font_size": LABEL_PIXELS,
+                "scale_invariant": True,
+                "color": _color(rgb(GREY)),
+                "text": name,
+            }
+            for sphere, name in zip(spheres, self._names, strict=True)
+        ]
+        return {"spheres": spheres, "texts": texts}
 
     def _platform(self) -> Json:
         """Return the hand, and arms to the attachments, in the platform's own frame."""
@@ -185,12 +189,16 @@ class SceneEncoder:
         if not known:
             return {"arrows": []}
         hand, along = in_space(cycle.state.pose.position), next(iter(known.values()))
-        aside = np.cross(along, self._up)
-        if float(np.linalg.norm(aside)) < 0.1 * float(np.linalg.norm(along)):
-            aside = np.cross(along, np.roll(self._up, 1))
-        aside *= self._size / float(np.linalg.norm(aside))
-        starts = {name: hand + APART_SHARE[name] * aside for name in known}
-        return {"arrows": [self._arrow(starts[name], force, FORCE_COLOURS[name]) for name, force in known.items()]}
+        across = np.cross(along, self._up)
+        if float(np.linalg.norm(across)) < 0.1 * float(np.linalg.norm(along)):
+            across = np.cross(along, np.roll(self._up, 1))
+        across *= self._size / float(np.linalg.norm(across))
+        return {
+            "arrows": [
+                self._arrow(hand + OFFSET_SHARE[name] * across, force, FORCE_COLOURS[name])
+                for name, force in known.items()
+            ]
+        }
 
     def _arrow(self, start: Floats, force: Floats, colour: str) -> Json:
         strength = float(np.linalg.norm(force))
@@ -209,9 +217,10 @@ class SceneEncoder:
         """Return lengths, speeds of paying out and measured tensions of the cables, as of sliding joints."""
         state = cycle.state
         numbers = np.stack([state.lengths, state.speeds, state.tensions], axis=1).tolist()
+        keys = ("position", "velocity", "effort")
         return [
-            {"name": name, **_known({"position": length, "velocity": speed, "effort": tension})}
-            for name, (length, speed, tension) in zip(self._names, numbers, strict=True)
+            {"name": name, **_known(dict(zip(keys, row, strict=True)))}
+            for name, row in zip(self._names, numbers, strict=True)
         ]
 
     def _margins(self, cycle: Cycle) -> dict[str, Any]:
@@ -230,12 +239,6 @@ def _json(content: Json) -> bytes:
 
 def _known(numbers: dict[str, float]) -> dict[str, float]:
     return {name: number for name, number in numbers.items() if math.isfinite(number)}
-
-
-def _upright(rig: Rig) -> Floats:
-    """Return the rotation (3, 3) from the world to z up; y is up in a plane that does not say."""
-    up = rig.up or ("y" if rig.dimension == 2 else "z")
-    return turn_axes(upward(up, 3), upward("z", 3))
 
 
 def _vectors(points: Floats) -> list[Json]:
@@ -258,9 +261,8 @@ def _quaternion(rotation: Floats) -> Json:
     """Return the unit quaternion of a rotation: a matrix (3, 3), or an angle in the plane."""
     from scipy.spatial.transform import Rotation
 
-    found = (
-        Rotation.from_rotvec([0.0, 0.0, float(rotation)]) if rotation.ndim == 0 else Rotation.from_matrix(rotation)
-    )
+    planar = rotation.ndim == 0
+    found = Rotation.from_euler("z", float(rotation)) if planar else Rotation.from_matrix(rotation)
     return dict(zip("xyzw", found.as_quat().tolist(), strict=True))
 
 
@@ -301,17 +303,6 @@ def _sphere(place: Json, diameter: float, color: Json) -> Json:
     size = round(diameter, DIGITS)
     pose = {"position": place, "orientation": NO_TURN}
     return {"pose": pose, "size": {"x": size, "y": size, "z": size}, "color": color}
-
-
-def _text(place: Json, text: str) -> Json:
-    return {
-        "pose": {"position": place, "orientation": NO_TURN},
-        "billboard": True,
-        "font_size": LABEL_PIXELS,
-        "scale_invariant": True,
-        "color": _color(rgb(GREY)),
-        "text": text,
-    }
 
 
 def _lines(ends: Floats, colours: Colours, pixels: float) -> Json:

@@ -26,11 +26,11 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.files.reading import as_path
 
 FLUSH_S = 0.2  # records are flushed after this time, and then outlive the process
-MAX_BACKLOG = 20_000  # cycles and events that may wait for a slow disk; at 1 kHz, 20 s
-# After each cycle, while more wait, and after each message of the scene, the writer leaves the interpreter to the
-# control loop for that time.
+MAX_BACKLOG = 20_000  # number of cycles and events that may wait for a slow disk; at 1 kHz, 20 s
+# Pause of the writer in favour of the control loop: after each cycle while more wait, and after each message of
+# the scene; none while more than `MAX_YIELDING` wait, as a loop that never sleeps would leave it too little time.
 YIELD_S = 50e-6
-MAX_YIELDING = 200  # no longer while more wait: a loop that never sleeps would leave it too little time
+MAX_YIELDING = 200
 CLOSE_TIMEOUT_S = 10.0  # longest time to write pending records when the run ends
 
 EVENT_SCHEMA = {
@@ -50,15 +50,15 @@ EVENT_SCHEMA = {
 class RunSetup:
     """Setup of a run; rate, ttl and on_loss are as in `RunSettings`."""
 
-    solver: str  # its name in `tensionlab.SOLVERS`; of one that was given as an instance, that of its class
-    parameters: Mapping[str, Any]  # the solver's hyper-parameters
+    solver: str  # its name in `tensionlab.SOLVERS`; for an instance, the name of its class
+    parameters: Mapping[str, Any]  # hyper-parameters of the solver
     policy: Policy | None  # its policy for infeasible wrenches
     rate: float
     ttl: float
     on_loss: str
-    lower: tuple[float, ...]  # tension limits that the solver kept to, in N
+    lower: tuple[float, ...]  # tension limits of the solver, in N
     upper: tuple[float, ...]
-    links: Mapping[str, str]  # where each module was reached, by its name
+    links: Mapping[str, str]  # link to each module, by its name
     scenery: Mapping[str, Any] = field(default_factory=dict)  # what pages draw around the rig
 
 
@@ -86,11 +86,11 @@ def setup_of(
 
 
 class RunLog:
-    """Log of a run. A thread does the writing, so that no cycle waits for a disk.
+    """Log of a run, written by a thread, so that no cycle waits for a disk.
 
-    Every cycle is with the system within `FLUSH_S` seconds, and so in the file even if the process is killed.
-    Close the log: only then has it an index, and counts as complete. Viewers such as Foxglove show the run as a
-    moving scene, by messages that are written between the cycles some 30 times a second.
+    Every cycle is in the file within `FLUSH_S` seconds, even if the process is killed then. Close the log: only
+    then has it an index, and counts as complete. Viewers such as Foxglove show the run as a moving scene, by
+    messages that are written between the cycles some 30 times a second.
 
     Parameters
     ----------
@@ -98,13 +98,12 @@ class RunLog:
         An MCAP file (``.mcap``): new, or empty.
     rig : Rig
     manifest : mapping
-        Where the run comes from: `tensionlab.support.provenance.manifest`.
+        Origin of the run: `tensionlab.support.provenance.manifest`.
     solver : str or Solver
         As in `tensionlab.allocate`.
     settings : RunSettings
-        Rate, policy and so on.
     links : mapping of str to str
-        Where each module is reached, by its name.
+        Link to each module, by its name.
     scenery : mapping, optional
         What pages draw around the rig, as plain values (`tensionlab.scenarios.scenery`).
 
@@ -154,16 +153,15 @@ class RunLog:
         self._begin_ns: int | None = None
         self._time = 0.0
         self._scene = SceneEncoder(rig)
-        self._file = self._opened(manifest, setup)
+        self._file = self._open(manifest, setup)
         self._thread = threading.Thread(target=self._run, name=f"log {self.path.name}", daemon=True)
         self._thread.start()
 
-    def _opened(self, manifest: Mapping[str, Any], setup: RunSetup) -> McapWriter:
+    def _open(self, manifest: Mapping[str, Any], setup: RunSetup) -> McapWriter:
         """Begin the file with what is known before the run; leave none behind where that fails."""
+        schemas = {"cycle": cycle_table.schema(self._rig), "event": EVENT_SCHEMA, **CHANNELS}
         try:
-            file = McapWriter(
-                self.path, {"cycle": cycle_table.schema(self._rig), "event": EVENT_SCHEMA, **CHANNELS}
-            )
+            file = McapWriter(self.path, schemas)
             try:
                 file.attachment("rig.toml", "application/toml", rig_to_toml(self._rig).encode())
                 file.metadata("manifest", manifest)
@@ -180,12 +178,9 @@ class RunLog:
         return file
 
     def write(self, cycle: Cycle) -> None:
-        """Keep a cycle. Its arrays must not change any more.
+        """Keep a cycle, whose arrays must not change any more.
 
-        Raises
-        ------
-        LogError
-            If an earlier one could not be written: the disk is full, or does not keep up.
+        A `LogError` if an earlier one could not be written: the disk is full, or does not keep up.
         """
         if self._begin_ns is None:
             self._begin_ns = time.time_ns() - int(1e9 * cycle.state.time)
@@ -201,13 +196,7 @@ class RunLog:
         self._put("modules", {name: asdict(info) for name, info in infos.items()})
 
     def close(self, statistics: Statistics | None = None) -> None:
-        """Write what is left, how the run went, and the index.
-
-        Raises
-        ------
-        LogError
-            If not all of it could be written.
-        """
+        """Write what is queued, the summary, and the index; a `LogError` if not all of it could be written."""
         if self._thread.is_alive():
             self._summary = {} if statistics is None else statistics.summary()
             self._queue.put(None)

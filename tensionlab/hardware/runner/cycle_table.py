@@ -1,4 +1,4 @@
-"""Columns of a run: values of each cycle, and their JSON."""
+"""Columns of a run, and their JSON: one description of each drives the log's writer, its readers and watchers."""
 
 # ruff: noqa: RUF009 - `column` is `dataclasses.field`
 from __future__ import annotations
@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import astuple, dataclass, field, fields
 from enum import IntEnum, IntFlag
 from operator import attrgetter
-from typing import Any, NamedTuple, get_args, get_type_hints
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +24,17 @@ from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers
 
 IMPEDANCE = tuple(each.name for each in fields(Impedance))  # the numbers of an impedance, in their order
 Flags = NDArray[np.bool_]
-INFINITIES = ((b"NaN", b"null"), (b"-Infinity", b"null"), (b"Infinity", b"null"))
+Statuses = NDArray[np.int8]
+DTYPES: dict[Any, type[np.generic]] = {
+    Floats: np.float64,
+    Integers: np.int64,
+    Flags: np.bool_,
+    Statuses: np.int8,
+}  # by the annotation of a column
 
 
 def rotation_matrix(cycle: Cycle, rig: Rig) -> Floats:
-    """Return the rotation of the platform as a matrix, whichever way `Rig.structure_matrix` takes it."""
+    """Return the rotation of the platform as a matrix."""
     rotation = cycle.state.pose.rotation
     if rotation is None:
         return np.eye(rig.dimension)
@@ -57,7 +63,7 @@ def impedance_rows(cycle: Cycle, rig: Rig) -> list[tuple[float, ...]]:
 
 
 def anchors_in_world(cycle: Cycle, rig: Rig) -> Floats:
-    """Return the anchors in the world: those on bodies are where the bodies are."""
+    """Return the anchors in the world, those on bodies by the bodies' poses."""
     return place_anchors(rig.modules, rig.anchors, cycle.state.pose.frames)
 
 
@@ -67,33 +73,30 @@ def brakes_on(cycle: Cycle, rig: Rig) -> list[bool]:
 
 
 def codes(kind: type[IntEnum | IntFlag]) -> str:
-    """Return the numbers of an enumeration with their names, as text."""
+    """Return the numbers of an enumeration with their names."""
     return ", ".join(f"{member.value} {member.name}" for member in kind)
 
 
 class RunColumn(NamedTuple):
-    """Where a column of a run comes from, its unit and meaning, and its dimensions after the first, the cycle."""
+    """Column of a run."""
 
-    source: str | Callable[[Cycle, Rig], Any]
+    source: str | Callable[[Cycle, Rig], Any]  # attribute of the cycle, or a function of it and the rig
     unit: str
     meaning: str
-    dims: tuple[str, ...]
+    dims: tuple[str, ...]  # axes after the first, which is the cycle
 
 
 def column(source: str | Callable[[Cycle, Rig], Any], unit: str, meaning: str, *dims: str) -> Any:
-    """Return a field of `CycleTable`; ``dims`` are its axes after the first, which is the cycle.
-
-    Its values come from an attribute of the `Cycle`, or from a function of the cycle and the rig.
-    """
+    """Return a field of `CycleTable`, described by a `RunColumn`."""
     return field(metadata={"column": RunColumn(source, unit, meaning, dims)})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CycleTable:
-    """Cycles of a run, K of them, as arrays whose first axis is the cycle.
+    """K cycles of a run as arrays whose first axis is the cycle.
 
-    NaN stands for what was not there: telemetry before the first, a demand without a wrench, modules without an
-    impedance, set-points that were not sent.
+    NaN marks missing numbers: telemetry before the first, a demand without a wrench, modules without an impedance,
+    set-points that were not sent.
     """
 
     cycle: Integers = column("state.cycle", "1", "number of the cycle")
@@ -149,9 +152,7 @@ class CycleTable:
         "allocation.wrench", "N or N m", "wrench that the chosen tensions exert", "component"
     )
     residual: Floats = column("allocation.residual", "N", "norm of the solver's wrench minus the rendered one")
-    status: NDArray[np.int8] = column(
-        "allocation.status", "1", f"what is verified about the choice: {codes(Status)}"
-    )
+    status: Statuses = column("allocation.status", "1", f"what is verified about the choice: {codes(Status)}")
     scale: Floats = column(
         "allocation.scale", "1", "share of the wrench that is rendered, by the direction policy"
     )
@@ -166,19 +167,8 @@ class CycleTable:
     compute_time: Floats = column("compute_time", "s", "time that the host needed for the cycle")
 
 
-# All columns, by name.
 COLUMNS: dict[str, RunColumn] = {each.name: each.metadata["column"] for each in fields(CycleTable)}
-
-
-def _dtype(hint: Any) -> np.dtype[Any]:
-    """Return the type of an ``NDArray``: its last argument, which is a dtype up to NumPy 2.4."""
-    inner = get_args(hint)[-1]
-    dtype: np.dtype[Any] = np.dtype((get_args(inner) or (inner,))[0])
-    return dtype
-
-
-# Type of each column.
-TYPES: dict[str, np.dtype[Any]] = {name: _dtype(hint) for name, hint in get_type_hints(CycleTable).items()}
+TYPES = {name: np.dtype(DTYPES[hint]) for name, hint in get_type_hints(CycleTable).items()}
 
 
 def _values(name: str) -> Callable[[Cycle, Rig], Any]:
@@ -189,7 +179,7 @@ def _values(name: str) -> Callable[[Cycle, Rig], Any]:
     return lambda cycle, rig: get(cycle)
 
 
-VALUES = {name: _values(name) for name in COLUMNS}  # the value of each column, of a cycle and the rig
+VALUES = {name: _values(name) for name in COLUMNS}  # function of a cycle and the rig for each column
 
 
 def sizes(rig: Rig) -> dict[str, int]:
@@ -202,7 +192,7 @@ def schema(rig: Rig) -> dict[str, Any]:
     """Return the JSON schema of a cycle.
 
     Foxglove reads schemas of numbers and of plain lists only. So arrays of more dimensions are written row by
-    row, and only words say that null stands for NaN and infinity.
+    row, and only the descriptions tell that NaN and infinity are written as null.
     """
     length = sizes(rig)
     properties: dict[str, Any] = {}
@@ -219,21 +209,21 @@ def schema(rig: Rig) -> dict[str, Any]:
 
 
 def encode(cycle: Cycle, rig: Rig) -> bytes:
-    """Return a cycle in JSON, which knows neither NaN nor infinity: they are null."""
+    """Return a cycle in JSON, with null for NaN and infinity."""
     row = {}
     for name, value in VALUES.items():
         array = np.asarray(value(cycle, rig), dtype=TYPES[name])
         row[name] = (array.ravel() if COLUMNS[name].dims else array).tolist()
     text = json.dumps(row, separators=(",", ":")).encode()
-    for word, null in INFINITIES:  # no name of a column looks like these, and there is no other text
-        text = text.replace(word, null)
+    for word in (b"NaN", b"-Infinity", b"Infinity"):  # in no name of a column, and there is no other text
+        text = text.replace(word, b"null")
     return text
 
 
 def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
     """Return the columns of cycles in JSON.
 
-    What is no cycle of this rig is a KeyError, TypeError, ValueError, OverflowError or RecursionError.
+    A KeyError, TypeError, ValueError, OverflowError or RecursionError if one is no cycle of this rig.
     """
     parsed = [json.loads(row) for row in rows]
     length = sizes(rig)

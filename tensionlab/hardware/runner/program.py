@@ -99,7 +99,7 @@ class ProgramFile(SchemaTable):
 
 
 def load_program(path: str | PathLike[str], rig: Rig) -> Program:
-    r"""Return the program in a TOML file, whose wrenches and modules must fit the rig.
+    r"""Return the program in the TOML file at a path, whose wrenches and modules must fit the rig.
 
     Raises
     ------
