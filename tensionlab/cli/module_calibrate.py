@@ -95,7 +95,7 @@ def gain(
     if json:
         output.print_json(
             url=url,
-            newton_per_ampere_before=found.believed,
+            newton_per_ampere_before=found.previous_gain,
             newton_per_ampere=found.gain,
             friction=found.friction,
             zero=found.zero,
@@ -160,7 +160,7 @@ def _print_gain(url: str, found: GainEstimate) -> None:
     rows = [
         (name, before, round(each.value, digits), f"{each.lower:.{digits}f} to {each.upper:.{digits}f}")
         for name, before, each, digits in (
-            ("tension for each ampere, N/A", found.believed, found.gain, 4),
+            ("tension for each ampere, N/A", found.previous_gain, found.gain, 4),
             ("friction and cogging, N", None, found.friction, 3),
             ("current at zero tension, A", None, found.zero, 4),
         )
@@ -255,9 +255,9 @@ def anchors(
         raise typer.BadParameter(f"--known: {measured} has no columns x, y (and z) of the poses")
     found = calibration.calibrate_anchors(rig, values, poses, known=known, offsets=offsets)
     misfits = {
-        "before": calibration.nominal_misfit(rig, values, found.poses, known=known),
+        "before": calibration.nominal_error(rig, values, found.poses, known=known),
         "after": found.sigma,
-        "held_out": calibration.held_out_misfit(rig, values, found.poses, known=known, offsets=offsets),
+        "held_out": calibration.held_out_error(rig, values, found.poses, known=known, offsets=offsets),
     }
     how = f"{len(values)} {'known' if known else 'unknown'} poses"
     with output.ResultWriter(quiet=json) as writer:

@@ -12,8 +12,7 @@ import tensionlab as tl
 from tensionlab.demand import Demand
 from tensionlab.errors import InputError, RigError
 from tensionlab.hardware import Runner, RunSettings, World, WorldClock
-from tensionlab.hardware.calibration.anchor_fit import Poses
-from tensionlab.hardware.calibration.anchors import calibrate_anchors
+from tensionlab.hardware.calibration.anchors import Poses, calibrate_anchors
 from tensionlab.hardware.log.scene import SceneEncoder
 from tensionlab.hardware.runner.cycle_table import VALUES
 from tensionlab.hardware.runner.state_estimation import PoseTracker

@@ -1,13 +1,13 @@
 """Calibration of the anchors of a rig from the lengths of its cables.
 
 At known poses each cable is by itself: its anchor is where its lengths meet (multilateration). At unknown ones a
-rig with more cables than freedoms calibrates itself: each pose brings m lengths and n unknowns, and what is left
-over speaks of the anchors. See Borgstrom et al. 2009, "NIMS-PL: A Cable-Driven Robot With Self-Calibration
-Capabilities", IEEE Transactions on Robotics 25(5); Jin et al. 2018, Sensors 18(7); and for the idea in use,
-Hangprinter's auto-calibration. What lengths alone cannot tell is taken from the nominal rig: where the rig stands
-and how it is turned (the result is moved so that its anchors are closest to the nominal ones), and its mirror
-image. An error of all lengths in the same proportion, such as a wrong spool radius, cannot be seen either: the rig
-is found larger by as much.
+rig with more cables than degrees of freedom calibrates itself: each pose brings m lengths and n unknowns, and the
+remaining equations determine the anchors. See Borgstrom et al. 2009, "NIMS-PL: A Cable-Driven Robot With
+Self-Calibration Capabilities", IEEE Transactions on Robotics 25(5); Jin et al. 2018, Sensors 18(7); and for the
+idea in use, Hangprinter's auto-calibration. What lengths alone cannot tell is taken from the nominal rig: its
+place and rotation (the result is moved so that its anchors are closest to the nominal ones), and its mirror image.
+An error of all lengths in the same proportion, such as a wrong spool radius, cannot be seen: it makes the rig
+larger.
 
 Poses are eliminated (variable projection, Golub and Pereyra 1973, in Kaufman's approximation): for given anchors
 forward kinematics finds them, and each Gauss-Newton step is taken in what the poses cannot explain.
@@ -19,36 +19,68 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensionlab.errors import CalibrationError
-from tensionlab.hardware.calibration.anchor_fit import AnchorProblem, Poses, advice, best_fit
 from tensionlab.hardware.calibration.gain import quantile
-from tensionlab.model.kinematics import fit_rotation
+from tensionlab.model import kinematics
+from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats
+from tensionlab.support.arrays import Floats, Integers
 
-# A motion of the anchors that changes lengths by less than this share of what the strongest does goes unseen.
-WEAK = 1e-5
-# So does an anchor uncertain by more than this share of the longest cable: the fit is not linear over such a span.
-VAGUE = 0.1
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Poses of the platform.
+
+    `position` (K, d) is of the reference point, in m; `rotation` (K, d, d) is platform to world, None for a point.
+    """
+
+    position: Floats
+    rotation: Floats | None
+
+    @classmethod
+    def at(cls, rig: Rig, position: Floats, rotation: Floats | None = None) -> Poses:
+        """Return poses of a rig; not turned if no rotation is given."""
+        if not KINDS[rig.kind].has_orientation:
+            return cls(position, None)
+        if rotation is None:
+            rotation = np.tile(np.eye(rig.dimension), (len(position), 1, 1))
+        return cls(position, rotation)
+
+    def arms(self, rig: Rig) -> Floats | None:
+        """Return vectors from reference point to attachments, in world axes, (K, m, d); None for a point."""
+        return None if self.rotation is None else kinematics.rotate(self.rotation, rig.attachments)
+
+    def take(self, index: Integers) -> Poses:
+        """Return some of the poses."""
+        return Poses(self.position[index], None if self.rotation is None else self.rotation[index])
+
+    def replaced(self, where: NDArray[np.bool_], other: Poses) -> Poses:
+        """Return these poses with others in place of some; ``where`` is (K,)."""
+        position = np.where(where[:, None], other.position, self.position)
+        if self.rotation is None or other.rotation is None:
+            return Poses(position, None)
+        return Poses(position, np.where(where[:, None, None], other.rotation, self.rotation))
+
+
+def rotations(angles: Floats) -> Floats:
+    """Return rotations by an axis times an angle (K, 3), or by angles in the plane (K, 1), in rad."""
+    if angles.shape[-1] == 3:
+        return kinematics.exponential(angles)
+    return kinematics.planar_rotation(angles[..., 0])
 
 
 @dataclass(frozen=True, eq=False)
 class AnchorEstimate:
-    """Anchors (m, d) estimated from cable lengths, in m in world axes, with their uncertainty.
+    """Anchors estimated from cable lengths, with their uncertainty, which is NaN without a degree of freedom."""
 
-    `offsets` (m,) is what each measured length is too long by, in m, zeros if not fitted. `covariance` (p, p), in
-    m², is of the anchors, row by row, and then of offsets that are fitted. `sigma` is the standard deviation of
-    one measured length, in m. Both are NaN without a degree of `freedom`: lengths less all that was fitted to
-    them. `residuals` (K, m) are measured less modelled lengths, in m.
-    """
-
-    anchors: Floats
-    offsets: Floats
-    covariance: Floats
-    sigma: float
-    freedom: int
-    residuals: Floats
+    anchors: Floats  # (m, d) in m in world axes
+    offsets: Floats  # (m,) excess of each measured length in m; zeros if not fitted
+    covariance: Floats  # (p, p) in m² of the anchors, row by row, and then of offsets that are fitted
+    sigma: float  # standard deviation of one measured length, in m
+    freedom: int  # number of lengths minus all that was fitted to them
+    residuals: Floats  # (K, m) measured minus modelled lengths in m
     poses: Poses
 
     @property
@@ -62,12 +94,89 @@ class AnchorEstimate:
         return quantile(self.freedom) * self.deviations
 
 
+@dataclass(frozen=True, eq=False)
+class AnchorProblem:
+    """Lengths to be fitted, by shared parameters (anchors row by row, and offsets if there are any) and poses."""
+
+    rig: Rig
+    lengths: Floats
+    known: bool
+    offsets: bool
+
+    @property
+    def gauge(self) -> int:
+        """Number of combinations of anchors that no length depends on: rigid motions, at unknown poses."""
+        d = self.rig.dimension
+        return 0 if self.known else d * (d + 1) // 2
+
+    @property
+    def spare(self) -> int:
+        """Number of lengths of one pose that remain to determine anchors."""
+        return self.rig.m - (0 if self.known else self.rig.n)
+
+    @property
+    def size(self) -> int:
+        """Number of shared parameters."""
+        return self.rig.m * (self.rig.dimension + self.offsets)
+
+    def split(self, shared: Floats) -> tuple[Floats, Floats]:
+        """Return anchors and offsets."""
+        m, d = self.rig.m, self.rig.dimension
+        return shared[: m * d].reshape(m, d), shared[m * d :] if self.offsets else np.zeros(m)
+
+    def fit_poses(self, shared: Floats, poses: Poses) -> Poses:
+        """Return the poses that fit the lengths best, near these; known ones as they are."""
+        if self.known:
+            return poses
+        anchors, offsets = self.split(shared)
+        position, rotation, _, _ = kinematics.solve_pose(
+            np.broadcast_to(anchors, (len(self.lengths), *anchors.shape)),
+            self.rig.attachments if KINDS[self.rig.kind].has_orientation else None,
+            self.lengths - offsets,
+            poses.position,
+            poses.rotation,
+            self.rig.pulleys,
+        )
+        return Poses(position, rotation)
+
+    def residuals(self, shared: Floats, poses: Poses) -> Floats:
+        """Return measured minus modelled lengths, (K, m)."""
+        anchors, offsets = self.split(shared)
+        modelled, _ = kinematics.cables(anchors, poses.position, poses.arms(self.rig), self.rig.pulleys)
+        return self.lengths - offsets - modelled
+
+    def squares(self, shared: Floats, poses: Poses) -> Floats:
+        """Return the sum of squared residuals of each pose, (K,)."""
+        return np.asarray(np.sum(self.residuals(shared, poses) ** 2, axis=1))
+
+    def jacobian(self, shared: Floats, poses: Poses) -> Floats:
+        """Return the derivatives of the lengths by shared parameters, (K m, p), less what the poses take up."""
+        anchors, _ = self.split(shared)
+        arms = poses.arms(self.rig)
+        _, directions = kinematics.cables(anchors, poses.position, arms, self.rig.pulleys)
+        count, m, d = directions.shape
+        rows = np.zeros((count, m, self.size))
+        for j in range(m):
+            rows[:, j, j * d : (j + 1) * d] = directions[:, j]
+            if self.offsets:
+                rows[:, j, m * d + j] = 1.0
+        if not self.known:
+            q, _ = np.linalg.qr(np.swapaxes(kinematics.structure_matrix(directions, arms), -1, -2))
+            rows -= q @ (np.swapaxes(q, -1, -2) @ rows)
+        return rows.reshape(-1, self.size)
+
+    def length_error(self, shared: Floats, poses: Poses) -> float:
+        """Return the root mean square error of the lengths that poses do not explain, in m."""
+        squares = self.squares(shared, self.fit_poses(shared, poses))
+        return math.sqrt(float(squares.sum()) / (len(squares) * self.spare))
+
+
 def calibrate_anchors(
     rig: Rig, lengths: Floats, poses: Poses | None = None, *, known: bool = False, offsets: bool = False
 ) -> AnchorEstimate:
     """Estimate the anchors of a rig from measured cable lengths (K, m) in m, a row for each pose.
 
-    The nominal rig gives attachments, a first guess of the anchors, and which of all equal answers is meant. Poses
+    The nominal rig gives attachments, a first guess of the anchors, and the choice among all equal answers. Poses
     that are not `known` are sought from those given, or from the rig's home. For a platform, rough ones are worth
     having: from the home of a rig with crossed cables (CoGiRo) the search often ends near the best answer, which
     then fits some tenths worse and shows no other sign. With `offsets`, a constant error of each cable's length is
@@ -76,7 +185,7 @@ def calibrate_anchors(
     Raises
     ------
     CalibrationError
-        Too few poses, or such that not all anchors can be seen; the message says which to add.
+        Too few poses, or such that not all anchors can be seen.
     """
     if rig.frames:
         raise CalibrationError(
@@ -95,18 +204,18 @@ def calibrate_anchors(
     problem = AnchorProblem(rig, lengths, known, offsets)
     _require_enough(problem)
     shared = np.concatenate([rig.anchors.ravel(), np.zeros(rig.m * offsets)])
-    shared, poses = best_fit(problem, shared, poses)
+    shared, poses = _fit(problem, shared, poses)
     if not known:
         shared, poses = _onto_nominal(problem, shared, poses)
-    return _judged(problem, shared, poses)
+    return _with_uncertainty(problem, shared, poses)
 
 
 def _require_enough(problem: AnchorProblem) -> None:
     rig, count = problem.rig, len(problem.lengths)
     if problem.spare <= 0:
         raise CalibrationError(
-            f'rig "{rig.name}" has {rig.m} cables for {rig.n} freedoms: lengths at unknown poses say nothing '
-            "about the anchors; measure at known poses, or add modules"
+            f'rig "{rig.name}" has {rig.m} cables for {rig.n} degrees of freedom: lengths at unknown poses say '
+            "nothing about the anchors; measure at known poses, or add modules"
         )
     unknown = problem.size - problem.gauge
     least = math.ceil(unknown / problem.spare)
@@ -118,12 +227,76 @@ def _require_enough(problem: AnchorProblem) -> None:
         )
 
 
+ITERATION_LIMIT = 200
+FIRST_DAMPING = 1e-3
+STEP_TOLERANCE = 1e-10  # the fit ends where the next step would be shorter than this share of the longest cable
+RESTARTS = 3  # number of times poses are sought again from those of their neighbours
+LEAST_GAIN = 0.999  # ratio of the squared residuals after and before above which this ends
+TRIMMED = 0.7  # share of the poses that anchors are fitted to at first then
+NEIGHBOURS = 4  # number of neighbours that each pose tries
+
+
+def _fit(problem: AnchorProblem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
+    """Return the shared parameters and poses, near these, that fit the lengths best by least squares.
+
+    Forward kinematics has many answers, and a pose on a wrong branch pulls all anchors with it. So anchors are
+    fitted again without the poses that fit worst, and those are sought again from their neighbours.
+    """
+    shared, poses = _descend(problem, shared, problem.fit_poses(shared, poses))
+    for _ in range(0 if problem.known else RESTARTS):
+        squares = problem.squares(shared, poses)
+        best = np.argsort(squares)[: max(round(TRIMMED * len(squares)), 2)]
+        trial, _ = _descend(replace(problem, lengths=problem.lengths[best]), shared, poses.take(best))
+        reseeded = _reseed_from_neighbours(problem, trial, problem.fit_poses(trial, poses))
+        trial, trial_poses = _descend(problem, trial, reseeded)
+        if float(problem.squares(trial, trial_poses).sum()) > LEAST_GAIN * float(squares.sum()):
+            break
+        shared, poses = trial, trial_poses
+    return shared, poses
+
+
+def _descend(problem: AnchorProblem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
+    """Minimise over the shared parameters by Levenberg-Marquardt."""
+    error = problem.residuals(shared, poses)
+    damping, longest = FIRST_DAMPING, float(problem.lengths.max())
+    for _ in range(ITERATION_LIMIT):
+        rows = problem.jacobian(shared, poses)
+        # Rigid motions change nothing: with the damping as a ridge, steps leave them alone.
+        ridge = math.sqrt(damping * float(np.mean(rows**2)) * len(rows)) * np.eye(problem.size)
+        values = np.append(error.ravel(), np.zeros(problem.size))
+        step = np.linalg.lstsq(np.vstack([rows, ridge]), values, rcond=None)[0]
+        trial = shared + step
+        trial_poses = problem.fit_poses(trial, poses)
+        trial_error = problem.residuals(trial, trial_poses)
+        better = float(np.sum(trial_error**2)) < float(np.sum(error**2))
+        if better:
+            shared, poses, error = trial, trial_poses, trial_error
+        damping = max(damping / 10.0, 1e-14) if better else damping * 10.0
+        if float(np.abs(step).max()) <= STEP_TOLERANCE * longest or damping > 1e8:
+            break
+    return shared, poses
+
+
+def _reseed_from_neighbours(problem: AnchorProblem, shared: Floats, poses: Poses) -> Poses:
+    """Solve each pose again from neighbours that fit well, and return the better ones."""
+    squares = problem.squares(shared, poses)
+    good = np.argsort(squares)[: max(len(squares) // 2, 1)]
+    apart = np.linalg.norm(problem.lengths[:, None] - problem.lengths[None, good], axis=-1)
+    nearest = good[np.argsort(apart, axis=1)[:, :NEIGHBOURS]]
+    for start in (poses.take(column) for column in nearest.T):
+        trial = problem.fit_poses(shared, start)
+        trial_squares = problem.squares(shared, trial)
+        better = trial_squares < squares
+        poses, squares = poses.replaced(better, trial), np.where(better, trial_squares, squares)
+    return poses
+
+
 def _onto_nominal(problem: AnchorProblem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
     """Move the rig as one so that its anchors are closest to the nominal ones (Kabsch 1976), without mirroring."""
     anchors, offsets = problem.split(shared)
     nominal = problem.rig.anchors
     here, there = anchors.mean(axis=0), nominal.mean(axis=0)
-    turn = fit_rotation(anchors, nominal - there)
+    turn = kinematics.fit_rotation(anchors, nominal - there)
     moved = (anchors - here) @ turn.T + there
     rotation = None if poses.rotation is None else turn @ poses.rotation
     return (
@@ -132,26 +305,29 @@ def _onto_nominal(problem: AnchorProblem, shared: Floats, poses: Poses) -> tuple
     )
 
 
-def _judged(problem: AnchorProblem, shared: Floats, poses: Poses) -> AnchorEstimate:
+# A motion of the anchors that changes lengths by less than this share of what the strongest does goes unseen.
+WEAK = 1e-5
+# So does an anchor uncertain by more than this share of the longest cable: the fit is not linear over such a span.
+VAGUE = 0.1
+
+
+def _with_uncertainty(problem: AnchorProblem, shared: Floats, poses: Poses) -> AnchorEstimate:
     """Return the estimate with its uncertainty; raise if poses do not determine all anchors."""
     anchors, offsets = problem.split(shared)
-    rows = problem.jacobian(shared, poses).reshape(-1, problem.size)
     # The gauge: the anchors do not move as one with respect to the nominal rig.
     held = _rigid_motions(problem.rig.anchors, problem.size)[:, : problem.gauge]
     free = np.linalg.svd(held, full_matrices=True)[0][:, held.shape[1] :]
-    _, strength, vt = np.linalg.svd(rows @ free, full_matrices=False)
+    _, strength, vt = np.linalg.svd(problem.jacobian(shared, poses) @ free, full_matrices=False)
     error = problem.residuals(shared, poses)
     freedom = len(error) * problem.spare - (problem.size - problem.gauge)
     sigma = math.sqrt(float(np.sum(error**2)) / freedom) if freedom > 0 else math.nan
-    unseen = strength[-1] < WEAK * strength[0]
-    if unseen or sigma / strength[-1] > VAGUE * problem.lengths.max():
-        names = [module.name for module in problem.rig.modules]
-        weak = free @ vt[-1]
-        moved = np.linalg.norm(problem.split(weak)[0], axis=1)
-        worst = [names[j] for j in np.argsort(-moved) if moved[j] > 0.3 * moved.max()]
+    if strength[-1] < WEAK * strength[0] or sigma / strength[-1] > VAGUE * problem.lengths.max():
+        moved = np.linalg.norm(problem.split(free @ vt[-1])[0], axis=1)
+        unseen = [problem.rig.modules[j].name for j in np.argsort(-moved) if moved[j] > 0.3 * moved.max()]
+        turned = ", and turned differently" if KINDS[problem.rig.kind].has_orientation else ""
         raise CalibrationError(
-            f"these poses do not tell where the anchors of {', '.join(worst)} are: they could move and "
-            f"hardly change a length. Add poses such as {advice(problem, shared, weak)}"
+            f"these poses do not tell where the anchors of {', '.join(unseen)} are: they could move and hardly "
+            f"change a length. Add poses all over the workspace, in no common plane or line{turned}"
         )
     root = free @ vt.T / strength
     return AnchorEstimate(anchors, offsets, sigma**2 * (root @ root.T), sigma, freedom, error, poses)
@@ -167,8 +343,7 @@ def _rigid_motions(anchors: Floats, size: int) -> Floats:
             turn[i, j], turn[j, i] = 1.0, -1.0
             motions.append(anchors @ turn.T)
     columns = np.zeros((size, len(motions)))
-    for index, motion in enumerate(motions):
-        columns[: m * d, index] = motion.ravel()
+    columns[: m * d] = np.reshape(motions, (len(motions), m * d)).T
     return columns
 
 
@@ -177,20 +352,19 @@ def calibrated_rig(rig: Rig, found: AnchorEstimate, how: str) -> Rig:
     modules = tuple(
         replace(module, anchor=anchor) for module, anchor in zip(rig.modules, found.anchors, strict=True)
     )
-    source = f"{rig.source}; {how}" if rig.source else how
-    return replace(rig, modules=modules, source=source)
+    return replace(rig, modules=modules, source=f"{rig.source}; {how}" if rig.source else how)
 
 
 FOLDS = 5
 
 
-def nominal_misfit(rig: Rig, lengths: Floats, poses: Poses, *, known: bool) -> float:
-    """Return the misfit of lengths to the nominal rig, in m, as `AnchorProblem.misfit`."""
-    return AnchorProblem(rig, lengths, known, False).misfit(rig.anchors.ravel(), poses)
+def nominal_error(rig: Rig, lengths: Floats, poses: Poses, *, known: bool) -> float:
+    """Return the error of lengths on the nominal rig, in m, as `AnchorProblem.length_error`."""
+    return AnchorProblem(rig, lengths, known, False).length_error(rig.anchors.ravel(), poses)
 
 
-def held_out_misfit(rig: Rig, lengths: Floats, poses: Poses, *, known: bool, offsets: bool) -> float:
-    """Return the misfit of lengths to a rig that was calibrated without them, in m.
+def held_out_error(rig: Rig, lengths: Floats, poses: Poses, *, known: bool, offsets: bool) -> float:
+    """Return the error of lengths on a rig that was calibrated without them, in m.
 
     Cross-validation: each fifth of the poses is left out once. NaN where too few poses remain to calibrate with.
     Arguments as those of `calibrate_anchors`.
@@ -198,13 +372,14 @@ def held_out_misfit(rig: Rig, lengths: Floats, poses: Poses, *, known: bool, off
     squares = []
     for fold in range(FOLDS):
         out = np.arange(len(lengths)) % FOLDS == fold
+        remaining = poses.take(np.flatnonzero(~out))
         try:
-            found = calibrate_anchors(
-                rig, lengths[~out], poses.take(np.flatnonzero(~out)), known=known, offsets=offsets
-            )
+            found = calibrate_anchors(rig, lengths[~out], remaining, known=known, offsets=offsets)
         except CalibrationError:
             return math.nan
         shared = np.append(found.anchors, found.offsets)
-        left = AnchorProblem(rig, lengths[out], known, offsets)
-        squares.append(left.misfit(shared, poses.take(np.flatnonzero(out))) ** 2 * int(out.sum()))
+        error = AnchorProblem(rig, lengths[out], known, offsets).length_error(
+            shared, poses.take(np.flatnonzero(out))
+        )
+        squares.append(error**2 * int(out.sum()))
     return math.sqrt(sum(squares) / len(lengths))

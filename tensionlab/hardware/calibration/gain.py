@@ -23,7 +23,7 @@ CONFIDENCE = 0.95  # level of all intervals here
 
 @dataclass(frozen=True)
 class Estimate:
-    """Number with the interval that holds the true one with 95 % confidence; NaN where it is not known."""
+    """Number with its 95 % confidence interval; NaN where it is not known."""
 
     value: float
     lower: float
@@ -53,15 +53,12 @@ def quantile(freedom: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class LinearFit:
-    """Coefficients (p,) of a linear least-squares fit, with `covariance` (p, p) from the residuals (k,).
+    """Linear least-squares fit."""
 
-    `freedom` is rows less coefficients; without any, the covariance is NaN.
-    """
-
-    coefficients: Floats
-    covariance: Floats
-    freedom: int
-    residuals: Floats
+    coefficients: Floats  # (p,)
+    covariance: Floats  # (p, p) by the residuals; NaN without a degree of freedom
+    freedom: int  # number of rows minus coefficients
+    residuals: Floats  # (k,)
 
 
 def fit(rows: Floats, values: Floats) -> LinearFit:
@@ -74,7 +71,7 @@ def fit(rows: Floats, values: Floats) -> LinearFit:
     return LinearFit(coefficients, covariance, freedom, residuals)
 
 
-def ratio(found: LinearFit, top: int, bottom: int) -> Estimate:
+def _ratio(found: LinearFit, top: int, bottom: int) -> Estimate:
     """Return the estimate of the quotient of two coefficients, by the delta method."""
     a, b = found.coefficients[top], found.coefficients[bottom]
     gradient = np.zeros(len(found.coefficients))
@@ -88,36 +85,27 @@ STANDARD_GRAVITY_M_S2 = 9.80665  # the true one differs by up to 0.4 % over the 
 
 @dataclass(frozen=True)
 class Balance:
-    """Force in N at the cable's far end, by a weight or a sensor, and the current in A that goes with it.
+    """Force at the cable's far end, by a weight or a sensor, and the motor current that balances it."""
 
-    The direction is 1 while the cable is being reeled in, -1 while it pays out.
-    """
-
-    force: float
-    current: float
-    direction: int
+    force: float  # N
+    current: float  # A
+    direction: int  # 1 while the cable is being reeled in, -1 while it pays out
 
 
 @dataclass(frozen=True)
 class GainEstimate:
-    """Estimate of a module's tension per ampere, in N/A.
+    """Estimate of a module's tension per ampere."""
 
-    `friction`, in N at the cable, is what it takes to set it in motion, cogging included. `zero` is the current in
-    A that pulls with nothing; None with a single weight, where it is taken to be 0. `believed` is what the module
-    has taken for its N/A until now. `before` and `after` are root mean square errors of the tension that the
-    currents stand for, in N, friction not counted: as the module believed, and as found.
-    """
-
-    gain: Estimate
-    friction: Estimate
-    zero: Estimate | None
-    believed: float
-    before: float
-    after: float
+    gain: Estimate  # N/A
+    friction: Estimate  # N at the cable to set it in motion, cogging included
+    zero: Estimate | None  # current in A without a tension; None with a single weight, where it is taken to be 0
+    previous_gain: float  # N/A of the module until now
+    before: float  # rms error of the tension by the currents and the previous gain, in N, friction not counted
+    after: float  # the same by the gain and zero found
     balances: tuple[Balance, ...]
 
 
-def gain_from_weights(balances: Sequence[Balance], believed: float) -> GainEstimate:
+def gain_from_weights(balances: Sequence[Balance], previous_gain: float) -> GainEstimate:
     """Estimate N/A, friction and zero from the currents that weights needed.
 
     The weights are known better than the currents, so currents are fitted: ``I = w / k ± f / k + I0``. A
@@ -133,10 +121,10 @@ def gain_from_weights(balances: Sequence[Balance], believed: float) -> GainEstim
         )
     zero = around(fitted.coefficients[2], math.sqrt(fitted.covariance[2, 2]), fitted.freedom) if several else None
     gain = Estimate(1.0 / slope.value, 1.0 / slope.upper, 1.0 / slope.lower)
-    return _estimate(balances, gain, ratio(fitted, 1, 0), zero, believed)
+    return _estimate(balances, gain, _ratio(fitted, 1, 0), zero, previous_gain)
 
 
-def gain_from_sensor(balances: Sequence[Balance], believed: float) -> GainEstimate:
+def gain_from_sensor(balances: Sequence[Balance], previous_gain: float) -> GainEstimate:
     """Estimate N/A, friction and zero from the forces that a sensor measured at some currents.
 
     Forces are fitted: ``F = k I - f direction - k I0``. A zero of the sensor itself shows as one of the current.
@@ -152,14 +140,13 @@ def gain_from_sensor(balances: Sequence[Balance], believed: float) -> GainEstima
             "together, and is pulling positive?"
         )
     friction = around(fitted.coefficients[1], deviations[1], fitted.freedom)
-    return _estimate(balances, gain, friction, ratio(fitted, 2, 0), believed)
+    return _estimate(balances, gain, friction, _ratio(fitted, 2, 0), previous_gain)
 
 
 def _columns(balances: Sequence[Balance]) -> tuple[Floats, Floats, Floats]:
-    force, current, direction = (
-        np.array([getattr(each, name) for each in balances], dtype=np.float64)
-        for name in ("force", "current", "direction")
-    )
+    force, current, direction = np.array(
+        [(each.force, each.current, each.direction) for each in balances], dtype=np.float64
+    ).T
     if len(balances) < 4 or not np.ptp(direction):
         raise CalibrationError(
             f"{len(balances)} balances in {len(set(direction))} direction(s) are not enough; measure at least "
@@ -169,15 +156,10 @@ def _columns(balances: Sequence[Balance]) -> tuple[Floats, Floats, Floats]:
 
 
 def _estimate(
-    balances: Sequence[Balance], gain: Estimate, friction: Estimate, zero: Estimate | None, believed: float
+    balances: Sequence[Balance], gain: Estimate, friction: Estimate, zero: Estimate | None, previous_gain: float
 ) -> GainEstimate:
     force, current, direction = _columns(balances)
-    pulled = force + friction.value * direction
-    after = gain.value * (current - (zero.value if zero else 0.0)) - pulled
-    return GainEstimate(
-        gain, friction, zero, believed, _rms(believed * current - pulled), _rms(after), tuple(balances)
-    )
-
-
-def _rms(errors: Floats) -> float:
-    return math.sqrt(float(np.mean(errors**2)))
+    tension = force + friction.value * direction
+    modelled = previous_gain * current, gain.value * (current - (zero.value if zero else 0.0))
+    before, after = (math.sqrt(float(np.mean((each - tension) ** 2))) for each in modelled)
+    return GainEstimate(gain, friction, zero, previous_gain, before, after, tuple(balances))

@@ -33,22 +33,21 @@ LIMITER_ADVICE = {
     Limit.THERMAL: "its winding's budget is spent; let it cool, and pull less",
     Limit.SPEED: "its cable reels in too fast; is there nothing on it?",
     Limit.LENGTH: "its cable is as short or as long as it may be; move the module, or calibrate its length",
-}
-"""Limiters that keep a module from the commanded tension, and what to do about them."""
+}  # limiters that keep a module from the commanded tension, and what to do about them
 # Rate of the set-point in N/s: first to find where the mass moves, then to weigh it.
 SEARCH_N_S, RAMP_N_S = 0.5, 0.1
 # Cable lengths in m: lifted off the ground; surely moving; moving by more than a tooth of cogging.
 LIFT_M, MOVED_M, STARTED_M = 0.01, 0.003, 0.0005
-MAX_WEIGHT_RATIO = 2.0  # how many times its weight a mass may seem to need: no N/A is farther off
-DAMPING_NS_M = 1.0  # n s/m, by which the host calms a mass
-STILL_M, STILL_S = 0.0003, 0.2  # at rest: no more than this length for this time
-REST_TIMEOUT_S = 5.0  # how long a mass may take to come to rest, in s
-MIN_MOVING_SAMPLES = 4  # telemetry of a cable on its way that it takes to find its start
-TREND_S = 0.5  # time before it moves, in s, whose currents are taken
+MAX_WEIGHT_RATIO = 2.0  # largest ratio of the set-point to the weight: no N/A is farther off
+DAMPING_NS_M = 1.0  # damping of a mass by the host, in N·s/m
+STILL_M, STILL_S = 0.0003, 0.2  # a mass that moves no further in this time is at rest
+REST_TIMEOUT_S = 5.0  # longest time for a mass to come to rest
+MIN_MOVING_SAMPLES = 4  # number of telemetry samples of a moving cable to find its start
+TREND_S = 0.5  # time before the start over which the current is fitted
 
 
 class Puller:
-    """Armed module, what it said of itself, and its telemetry since `forget`, or since it was armed."""
+    """Armed module, its description, and its telemetry since it was armed or `heard` was cleared."""
 
     def __init__(self, client: ModuleClient, info: Info) -> None:
         self.client = client
@@ -59,10 +58,6 @@ class Puller:
         """Store telemetry."""
         if isinstance(heard.message, Telemetry):
             self.heard.append(heard.message)
-
-    def forget(self) -> None:
-        """Discard the telemetry up to now."""
-        self.heard.clear()
 
     def hold(self, tension: float) -> Telemetry:
         """Pull with a tension for a period, and return the telemetry at its end; refuse a module that cannot."""
@@ -84,10 +79,10 @@ class Puller:
 
 @contextmanager
 def pulling(client: ModuleClient) -> Iterator[Puller]:
-    """Arm a module, and stop it at the end, also if that is an error.
+    """Arm a module, and stop it at the end, also after an error.
 
-    A module whose N/A was never calibrated refuses to be armed; for as long as this lasts it is taken for
-    calibrated. A `HardwareError` says if it could not be told that it is not.
+    A module whose N/A was never calibrated refuses to be armed; meanwhile it is marked as calibrated. A
+    `HardwareError` if that could not be undone.
     """
     info = client.hello()
     if info.state is not State.IDLE:
@@ -111,26 +106,21 @@ def pulling(client: ModuleClient) -> Iterator[Puller]:
         with suppress(HardwareError):
             client.telemetry_every(0)
             client.wait(0.3)  # until nothing pulls any more
-        if not info.calibrated and (armable := _mark_uncalibrated(client)):
-            if ended is None:
-                raise HardwareError(armable)
-            ended.args = (f"{ended}. And {armable}",)
-
-
-def _mark_uncalibrated(client: ModuleClient) -> str:
-    """Make a module refuse to be armed again; return what to do if it does not, or an empty string."""
-    try:
-        client.command(SetParameter(PARAMETERS["calibrated"].index, 0.0), PATIENT_TIMEOUTS_S)
-    except HardwareError as error:
-        return (
-            f'module "{client.name}" counts as calibrated though its N/A was never measured, and can be armed: '
-            f"switch it off and on before anything else ({error})"
-        )
-    return ""
+        if not info.calibrated:  # it is to refuse to be armed again
+            try:
+                client.command(SetParameter(PARAMETERS["calibrated"].index, 0.0), PATIENT_TIMEOUTS_S)
+            except HardwareError as error:
+                armable = (
+                    f'module "{client.name}" counts as calibrated though its N/A was never measured, and can be '
+                    f"armed: switch it off and on before anything else ({error})"
+                )
+                if ended is None:
+                    raise HardwareError(armable) from None
+                ended.args = (f"{ended}. And {armable}",)
 
 
 def _arm(client: ModuleClient, tension: float) -> None:
-    """Arm a module. Where the answer is lost, it may have timed out before the next one comes: then once more."""
+    """Arm a module, several times if answers are lost and it times out before the next one comes."""
     for _ in range(ARM_TRIES):
         client.arm()
         client.set_tension(tension)
@@ -161,38 +151,38 @@ def weigh(
     with pulling(client) as puller:
         lower = puller.info.tension_lower
         ramp = partial(_ramp, puller, min(puller.info.tension_upper, MAX_WEIGHT_RATIO * weight))
-        _calm(puller, lower)  # reels in what is slack
+        _settle(puller, lower)  # takes up slack
         ground = puller.heard[-1].length
         lifted = ramp(lower, SEARCH_N_S, LIFT_M, DAMPING_NS_M)
         lowered = ramp(lifted, -SEARCH_N_S, MOVED_M, DAMPING_NS_M)
-        _calm(puller, (lifted + lowered) / 2.0)
+        _settle(puller, (lifted + lowered) / 2.0)
         # Once more: the first time, the cable also stretched.
         lifted = ramp((lifted + lowered) / 2.0, SEARCH_N_S, LIFT_M, DAMPING_NS_M)
         middle = (lifted + lowered) / 2.0
         for turn in range(repeats):
             for direction in (-1, 1):
-                _calm(puller, middle)
+                _settle(puller, middle)
                 if puller.heard[-1].length > ground - 2.0 * MOVED_M:
                     ramp(middle, SEARCH_N_S, LIFT_M, DAMPING_NS_M)
-                    _calm(puller, middle)
+                    _settle(puller, middle)
                 ramp(middle, direction * RAMP_N_S, MOVED_M)
                 balances.append(Balance(weight, _current_at_start(puller, direction), direction))
                 if progress:
                     progress((2 * turn + (direction + 3) / 2) / (2 * repeats))
-        _calm(puller, middle)
+        _settle(puller, middle)
         _let_down(puller, middle)
     return balances
 
 
 def _require_weight(client: ModuleClient, mass: float) -> None:
-    """Refuse what the module can surely not hold, before it tries."""
+    """Refuse a mass that the module can surely not hold."""
     info = client.hello()
     weight = mass * STANDARD_GRAVITY_M_S2
     most = min(info.tension_upper, client.parameter("current_continuous") * info.newton_per_ampere)
     if not info.tension_lower < weight < most:
         lower, upper = info.tension_lower / STANDARD_GRAVITY_M_S2, most / STANDARD_GRAVITY_M_S2
         raise CalibrationError(
-            f'module "{client.name}" can go on pulling with {info.tension_lower:.2g} to {most:.2g} N, so '
+            f'module "{client.name}" can pull continuously with {info.tension_lower:.2g} to {most:.2g} N, so '
             f"{mass:g} kg is too {'light' if weight <= info.tension_lower else 'heavy'}: hang a mass of "
             f"{1.3 * lower:.2f} to {0.9 * upper:.2f} kg on it"
         )
@@ -201,7 +191,7 @@ def _require_weight(client: ModuleClient, mass: float) -> None:
 def _ramp(puller: Puller, most: float, tension: float, rate: float, way: float, damping: float = 0.0) -> float:
     """Change the set-point, up to `most`, until the cable has moved so far; return that at which it started."""
     info, direction = puller.info, 1.0 if rate > 0.0 else -1.0
-    puller.forget()
+    puller.heard.clear()
     telemetry = puller.hold(tension)
     started, turned = None, direction * telemetry.length
     while (moved := turned - direction * telemetry.length) < way:
@@ -209,19 +199,19 @@ def _ramp(puller: Puller, most: float, tension: float, rate: float, way: float, 
             started = tension
         tension += rate * PERIOD_S
         if not info.tension_lower <= tension <= most:
-            what, why = ("reel in", "heavier") if rate > 0.0 else ("pay out", "lighter")
+            verb, mass = ("reel in", "heavier") if rate > 0.0 else ("pay out", "lighter")
             raise CalibrationError(
-                f'module "{puller.client.name}": at {tension:.2f} N its cable does not {what} yet; is the mass '
-                f"{why} than was said, or not free to move by 5 cm?"
+                f'module "{puller.client.name}": at {tension:.2f} N its cable does not {verb} yet; is the mass '
+                f"{mass} than was said, or not free to move by 5 cm?"
             )
         telemetry = puller.hold(max(tension + damping * telemetry.speed, info.tension_lower))
         turned = max(turned, direction * telemetry.length)  # it may still be on its way back
     return tension if started is None else started
 
 
-def _calm(puller: Puller, tension: float) -> None:
-    """Hold the mass with what friction needs no help for, until it is at rest."""
-    puller.forget()
+def _settle(puller: Puller, tension: float) -> None:
+    """Hold the mass, with damping, until it is at rest."""
+    puller.heard.clear()
     telemetry = puller.hold(tension)
     for _ in range(round(REST_TIMEOUT_S / PERIOD_S)):
         telemetry = puller.hold(max(tension + DAMPING_NS_M * telemetry.speed, puller.info.tension_lower))
@@ -264,8 +254,8 @@ def _current_at_start(puller: Puller, direction: int) -> float:
 
 
 LEVELS = 8
-DWELL_S = 1.5  # how long each step is held, in s; what it shows is taken from its second half
-RATE_N_S = 1.0  # from step to step, in N/s: slow, so that the cable does not ring over its friction
+DWELL_S = 1.5  # duration of each step; its second half counts
+RATE_N_S = 1.0  # from step to step: slow, so that the cable does not ring over its friction
 MAX_SHARE = 0.9  # highest step, as a share of the winding's continuous rating
 LAG_STEP_S = 0.02  # spacing of the lags that are tried
 MIN_CORRELATION = 0.95  # least correlation of force and current for the two to be the same staircase
@@ -277,8 +267,8 @@ class Staircase:
 
     time: Floats  # of the host, in s since the start
     current: Floats  # in A
-    tension: Floats  # that the module made its motor pull with, in N
-    step: Floats  # its number, from 0; -1 on the way between two
+    tension: Floats  # of the motor, by the module, in N
+    step: Floats  # number of the step, from 0; -1 on the way between two
     direction: Floats  # 1 where it was reached from below, -1 from above
 
 
@@ -331,7 +321,8 @@ def lag(record: Staircase, time: Floats, force: Floats) -> float:
     """Return the lead of the sensor's clock over the host's, in s, at which force and current agree best."""
     spare = 0.2 * (record.time[-1] - record.time[0])
     lags = np.arange(time[0] - record.time[0] - spare, time[-1] - record.time[-1] + spare, LAG_STEP_S)
-    agreement = [_correlation(record.current, np.interp(record.time + each, time, force)) for each in lags]
+    sensed = [np.interp(record.time + each, time, force) for each in lags]
+    agreement = [float(np.corrcoef(record.current, each)[0, 1]) if np.ptp(each) else -1.0 for each in sensed]
     if not agreement or max(agreement) < MIN_CORRELATION:
         best = f"agree by {max(agreement):.2f} at best" if agreement else "do not overlap"
         raise CalibrationError(
@@ -354,15 +345,6 @@ def balances(record: Staircase, time: Floats, force: Floats, ahead: float) -> li
                 f"the sensor recorded nothing from {start:.2f} to {end:.2f} s, which is step {step:.0f}; start it "
                 "before the staircase, and stop it after"
             )
-        found.append(
-            Balance(
-                float(force[within].mean()), float(record.current[late].mean()), int(record.direction[late[0]])
-            )
-        )
+        means = float(force[within].mean()), float(record.current[late].mean())
+        found.append(Balance(*means, int(record.direction[late[0]])))
     return found
-
-
-def _correlation(one: Floats, other: Floats) -> float:
-    if np.ptp(other) == 0.0:
-        return -1.0
-    return float(np.corrcoef(one, other)[0, 1])

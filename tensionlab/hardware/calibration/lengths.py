@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from tensionlab.errors import CalibrationError, HardwareError
-from tensionlab.hardware.calibration.anchor_fit import Poses, rotations
+from tensionlab.hardware.calibration.anchors import Poses, rotations
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import Calibration
-from tensionlab.hardware.protocol.messages import Telemetry
 from tensionlab.hardware.runner.pretension import MAX_PRETENSION_S, REST_M_S, CableSpeeds
 from tensionlab.hardware.runner.settings import Clock
 from tensionlab.hardware.runner.watchdog import stopping
-from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.tables import read_table
 
-PERIOD_S = 0.02
-# Shortest time cables are tightened before their length is set, and time a module takes to release, in
-# s.
-TAUT_S, LOOSE_S = 1.0, 0.5
-# A pose: no cable moves by more than the first (m) for the second (s); it differs by the third from each pose.
+PERIOD_S, TELEMETRY_MS = 0.02, 20
+MAX_AGE_S = 0.5  # age of telemetry beyond which a module is silent
+TAUT_S = 1.0  # shortest time for which cables are tightened before their length is set
+RELEASE_S = 0.5  # time that a module takes to release
+# A pose is recorded when no cable has moved by more than the first for the second, and one by the third since.
 STILL_M, STILL_S, APART_M = 0.001, 0.4, 0.03
-AXES = "xyz"
 # Columns of a rotation: in the plane an angle, in space an axis times an angle, in rad.
-TURNS = {1: ("angle",), 3: ("rx", "ry", "rz")}
+ROTATION_COLUMNS = {1: ("angle",), 3: ("rx", "ry", "rz")}
 
 
 def zero_lengths(group: ModuleGroup, rig: Rig, clock: Clock) -> Floats:
@@ -37,14 +34,13 @@ def zero_lengths(group: ModuleGroup, rig: Rig, clock: Clock) -> Floats:
     Cables are pulled tight first. A module forgets its length at SAVE and when it restarts. The lengths before are
     (m,) in m; NaN where a module knew none. After an error all modules are stopped.
     """
-    group.prepare(rig, 20)
+    group.prepare(rig, TELEMETRY_MS)
     before = np.full(rig.m, np.nan)
-
     average, began, resting = CableSpeeds(), clock.now(), False
 
     def look() -> bool:
         nonlocal resting
-        before[:] = [each.length for each in _telemetry(group)]
+        before[:] = _lengths(group)
         speeds = average.take(clock.now(), before.copy())
         resting = speeds is not None and bool((speeds > -REST_M_S).all())
         return not resting or clock.now() - began < TAUT_S
@@ -56,7 +52,7 @@ def zero_lengths(group: ModuleGroup, rig: Rig, clock: Clock) -> Floats:
             "free, and hold the platform still"
         )
     known = [info.length_known for info in group.infos]
-    clock.wait_until(clock.now() + LOOSE_S)
+    clock.wait_until(clock.now() + RELEASE_S)
     for client, length in zip(group.clients, rig.lengths(rig.home, frames=rig.at_rest), strict=True):
         client.calibrate(Calibration.LENGTH, float(length))
     return np.where(known, before, np.nan)
@@ -70,19 +66,19 @@ def record_lengths(
     seconds: float,
     found: Callable[[int], None] | None = None,
 ) -> Floats:
-    """Record the cable lengths (K, m) in m of ``poses`` poses, wherever a person holds the platform still.
+    """Record the cable lengths (K, m) in m at ``poses`` poses at which a person holds the platform still.
 
     The modules pull with the rig's lower limits, so that the cables are tight. A pose counts when all cables have
     been still for a while, and have other lengths than at each pose before: then `found` is called with the number
     of poses. It ends after `seconds` at the latest; after an error all modules are stopped.
     """
-    group.prepare(rig, 20)
+    group.prepare(rig, TELEMETRY_MS)
     group.require_lengths()
     rows: list[Floats] = []
     window: list[Floats] = []
 
     def look() -> bool:
-        window.append(np.array([each.length for each in _telemetry(group)]))
+        window.append(_lengths(group))
         del window[: -round(STILL_S / PERIOD_S)]
         if len(window) < round(STILL_S / PERIOD_S) or np.ptp(window, axis=0).max() > STILL_M:
             return True
@@ -124,18 +120,18 @@ def _raise(failed: Mapping[str, HardwareError]) -> None:
         raise error
 
 
-def _telemetry(group: ModuleGroup) -> Sequence[Telemetry]:
-    reports = []
+def _lengths(group: ModuleGroup) -> Floats:
+    lengths = []
     for client in group.clients:
         heard = client.telemetry
-        if heard is None or client.link.clock() - heard.time > 0.5:
+        if heard is None or client.link.clock() - heard.time > MAX_AGE_S:
             raise HardwareError(f'module "{client.name}" sends no telemetry')
-        reports.append(heard.message)
-    return reports
+        lengths.append(heard.message.length)
+    return np.array(lengths)
 
 
 def columns(rig: Rig, lengths: Floats) -> dict[str, Floats]:
-    """Return a table of lengths, a column a module, as `load_lengths` reads them."""
+    """Return a table of lengths with a column for each module, as `load_lengths` reads them."""
     return {module.name: lengths[:, index] for index, module in enumerate(rig.modules)}
 
 
@@ -147,18 +143,15 @@ def load_lengths(path: str | Path, rig: Rig) -> tuple[Floats, Poses | None]:
     in rad.
     """
     names = [module.name for module in rig.modules]
-    axes, turns = tuple(AXES[: rig.dimension]), TURNS.get(rig.n - rig.dimension, ())
+    axes, turns = tuple("xyz"[: rig.dimension]), ROTATION_COLUMNS.get(rig.n - rig.dimension, ())
     table = read_table(path, names, (*axes, *turns), error=CalibrationError)
     lengths = np.column_stack([table[name] for name in names])
-    if not any(name in table for name in (*axes, *turns)):
+    given = set(table) - set(names)
+    if not given:
         return lengths, None
-    for group in (axes, turns):
-        there = [name for name in group if name in table]
-        if (there and len(there) < len(group)) or not all(axis in table for axis in axes):
-            raise CalibrationError(
-                f"{path}: a pose has the columns {', '.join((*axes, *turns))}; give all, or none"
-            )
+    if given not in (set(axes), {*axes, *turns}):
+        raise CalibrationError(f"{path}: a pose has the columns {', '.join((*axes, *turns))}; give all, or none")
     position = np.column_stack([table[axis] for axis in axes])
-    if not turns or turns[0] not in table or not KINDS[rig.kind].has_orientation:
+    if not turns or turns[0] not in table:
         return lengths, Poses.at(rig, position)
     return lengths, Poses.at(rig, position, rotations(np.column_stack([table[turn] for turn in turns])))

@@ -1,6 +1,5 @@
 """Anchors from cable lengths: planted ones come back, and the intervals hold what they promise."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,12 +7,13 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import CalibrationError
-from tensionlab.hardware.calibration.anchor_fit import Poses, rotations
 from tensionlab.hardware.calibration.anchors import (
+    Poses,
     calibrate_anchors,
     calibrated_rig,
-    held_out_misfit,
-    nominal_misfit,
+    held_out_error,
+    nominal_error,
+    rotations,
 )
 from tensionlab.hardware.calibration.gain import quantile
 from tensionlab.model.files import load_rig
@@ -132,12 +132,12 @@ def test_lengths_at_poses_it_never_saw_fit_better_than_before(known):
     rng = np.random.default_rng(5)
     true, poses = displaced(POINT, rng), sampled(POINT, 30, rng)
     measured = lengths_at(true, poses) + rng.normal(0.0, NOISE, (30, POINT.m))
-    before = nominal_misfit(POINT, measured, poses, known=known)
-    after = held_out_misfit(POINT, measured, poses, known=known, offsets=False)
+    before = nominal_error(POINT, measured, poses, known=known)
+    after = held_out_error(POINT, measured, poses, known=known, offsets=False)
     assert after == pytest.approx(NOISE, rel=0.4)
     assert before > 4.0 * after
     longer = measured + 0.01 * np.arange(POINT.m)
-    assert held_out_misfit(POINT, longer, poses, known=known, offsets=True) == pytest.approx(NOISE, rel=0.4)
+    assert held_out_error(POINT, longer, poses, known=known, offsets=True) == pytest.approx(NOISE, rel=0.4)
     # And the positions that the rig finds from lengths are those it was at.
     rig = calibrated_rig(POINT, calibrate_anchors(POINT, measured, poses, known=True), "here")
     new = sampled(POINT, 50, rng)
@@ -185,30 +185,17 @@ def test_too_few_poses_say_how_many_it_takes():
 def test_poses_in_a_plane_do_not_tell_how_far_anchors_are_off_it(noise):
     rng = np.random.default_rng(0)
     poses = sampled(CUBE, 20, rng)
-    flat = replace(poses, position=poses.position * [1.0, 1.0, 0.0] + [0.0, 0.0, CUBE.anchors[:, 2].mean()])
-    flat.position[:, 2] = CUBE.anchors[0, 2]  # in the plane of the first anchors
+    flat = replace(poses, position=poses.position * [1.0, 1.0, 0.0] + [0.0, 0.0, CUBE.anchors[0, 2]])
     measured = lengths_at(CUBE, flat) + rng.normal(0.0, 1.0, (20, 8)) * noise
-    with pytest.raises(
-        CalibrationError, match=r"do not tell where the anchors of .* Add poses such as \("
-    ) as caught:
+    with pytest.raises(CalibrationError, match=r"where the anchors of .*, in no common plane or line$"):
         calibrate_anchors(CUBE, measured, flat, known=True)
-    # Doing as it says helps.
-    advised = re.findall(r"\(([-\d., e]+)\) m", str(caught.value))
-    places = [[float(x) for x in place.split(",")] for place in advised]
-    more = Poses.at(CUBE, np.vstack([flat.position, *[[place] * 3 for place in places]]))
-    measured = lengths_at(CUBE, more) + rng.normal(0.0, 1.0, (len(more.position), 8)) * noise
-    found = calibrate_anchors(CUBE, measured, more, known=True)
-    np.testing.assert_allclose(found.anchors, CUBE.anchors, atol=1e-9 if noise == 0.0 else 0.01)
 
 
-def test_poses_of_one_orientation_do_not_tell_and_turned_ones_among_the_anchors_are_advised():
+def test_poses_of_one_orientation_do_not_tell_the_anchors_of_a_platform():
     far = replace(PLANAR, modules=tuple(replace(m, anchor=np.add(m.anchor, [5.0, -3.0])) for m in PLANAR.modules))
     poses = Poses.at(far, sampled(far, 20, np.random.default_rng(0)).position)
-    with pytest.raises(CalibrationError, match=r"Add poses such as .* m turned by \(-?0.3\) rad") as caught:
+    with pytest.raises(CalibrationError, match=r"Add poses .* and turned differently"):
         calibrate_anchors(far, lengths_at(far, poses))
-    places = np.array([place.split(", ") for place in re.findall(r"\(([-\d., ]+)\) m", str(caught.value))], float)
-    assert len(places) == 3
-    assert np.all((far.anchors.min(axis=0) <= places) & (places <= far.anchors.max(axis=0)))
 
 
 def test_one_pose_many_times_is_one_pose():

@@ -10,7 +10,7 @@ from tensionlab.demand import Pose
 from tensionlab.errors import CalibrationError, HardwareError, LinkError
 from tensionlab.hardware.calibration.anchors import calibrate_anchors
 from tensionlab.hardware.calibration.lengths import (
-    LOOSE_S,
+    RELEASE_S,
     TAUT_S,
     columns,
     load_lengths,
@@ -51,7 +51,7 @@ def test_lengths_at_home_are_told_to_all_modules(held):
     world, group = held
     world.advance(3.0)
     before = zero_lengths(group, RIG, WorldClock(world))
-    assert 3.0 + TAUT_S + LOOSE_S <= world.time < 3.2 + TAUT_S + LOOSE_S
+    assert 3.0 + TAUT_S + RELEASE_S <= world.time < 3.2 + TAUT_S + RELEASE_S
     np.testing.assert_allclose(before, RIG.lengths(RIG.home), atol=2e-3)
     assert all(module.sample.state is State.IDLE for module in world.modules)
     for client, length in zip(group.clients, RIG.lengths(RIG.home), strict=True):
