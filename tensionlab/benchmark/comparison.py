@@ -4,29 +4,32 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import time
-from collections.abc import Callable, Sequence
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab.allocation import Allocation, Allocator
-from tensionlab.benchmark.guarded import guarded
-from tensionlab.errors import DataError, InputError, ShapeError
+from tensionlab.benchmark.timing import seconds, take_turns
+from tensionlab.errors import DataError, InputError, MissingDependency, ShapeError
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig
-from tensionlab.solvers import Selected, Solver, select_solvers
-from tensionlab.solvers.base import POLICIES, Policy, Status
+from tensionlab.solvers import SOLVERS, Selected, Solver, select_solvers
+from tensionlab.solvers.base import POLICIES, Answer, Policy, Problem, Status
 from tensionlab.support import provenance
 from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers, Limits, angles
 from tensionlab.support.arrays import require_finite as as_finite
 from tensionlab.support.files.tables import read_table
 from tensionlab.support.formatting import format_count, format_duration, format_number, format_vector, one_line
 from tensionlab.support.table import Column, Table
+from tensionlab.verification import require_answer
 from tensionlab.workspace.poses import ROTATION_COLUMNS, PoseList, poses_from_columns
 
 if TYPE_CHECKING:
@@ -48,8 +51,6 @@ class Score:
     ----------
     exact, nearest_count, unproven, failed : int
         Number of wrenches by verified status.
-    fallback_used : int
-        Of a recorded run: number of unproven answers of its solver, replaced by the exact solver's.
     residual_mean, residual_max : float
         Norm of desired minus rendered wrench, in N.
     angle_mean_deg, angle_max_deg : float
@@ -65,6 +66,8 @@ class Score:
         policy, over the feasible wrenches alone.
     call_median_s, call_p99_s, batch_s : float
         Time of an `Allocator` call for one wrench, verification included, and per wrench in one call for all.
+    fallback_used : int
+        Of a recorded run: number of unproven answers of its solver, replaced by the exact solver's.
     """
 
     solver: str
@@ -73,7 +76,6 @@ class Score:
     nearest_count: int
     unproven: int
     failed: int
-    fallback_used: int
     residual_mean: float
     residual_max: float
     angle_mean_deg: float
@@ -83,46 +85,39 @@ class Score:
     step_max: float
     iterations_max: float
     gap_max: float
-    call_median_s: float
-    call_p99_s: float
-    batch_s: float
+    call_median_s: float = np.nan
+    call_p99_s: float = np.nan
+    batch_s: float = np.nan
+    fallback_used: int = 0
 
 
-STATUSES = {
+COLUMNS = {
     "solver": Column("solver"),
     "policy": Column("policy"),
     "exact": Column("exact"),
     "nearest_count": Column("near"),
     "unproven": Column("unproven"),
     "failed": Column("fail", wide=True),
-}  # first columns of each table of solvers, by the attribute of `Score`
-TIMES = {
-    "call_median_s": Column("call median", format=format_duration),
-    "call_p99_s": Column("call p99", format=format_duration, wide=True),
-    "batch_s": Column("batch each", format=format_duration),
-}
-COLUMNS = {
-    **STATUSES,
     "residual_mean": Column("error mean", "N", format_number, wide=True),
     "residual_max": Column("error max", "N", format_number),
     "angle_mean_deg": Column("angle mean", "°", format_number, wide=True),
     "angle_max_deg": Column("angle max", "°", format_number),
     "tension_sq_mean": Column("mean t²", "N²", format_number, wide=True),
-    "gap_max": Column("gap max", "N", format_number, wide=True),
-    **TIMES,
-}  # columns of a comparison at one position
-ALONG = {
-    **STATUSES,
-    "residual_mean": Column("error mean", "N", format_number, wide=True),
-    "residual_max": Column("error max", "N", format_number),
-    "angle_max_deg": Column("angle max", "°", format_number),
-    "tension_sq_mean": Column("mean t²", "N²", format_number),
     "tension_max": Column("t max", "N", format_number, wide=True),
     "step_max": Column("step max", "N", format_number),
     "iterations_max": Column("iter max", wide=True),
+    "gap_max": Column("gap max", "N", format_number, wide=True),
+    "call_median_s": Column("call median", format=format_duration),
+    "call_p99_s": Column("call p99", format=format_duration, wide=True),
+    "batch_s": Column("batch each", format=format_duration),
+    "fallback_used": Column("fall- back", wide=True),
+}  # columns of tables of solvers, by the field of `Score`
+# Columns that a table leaves out: at one position, along a trajectory, of a recorded run.
+LEFT_OUT = {
+    "position": ("tension_max", "step_max", "iterations_max", "fallback_used"),
+    "trajectory": ("angle_mean_deg", "gap_max", "fallback_used"),
+    "recorded": ("angle_mean_deg", "gap_max", "call_median_s", "call_p99_s", "batch_s"),
 }
-TRAJECTORY_COLUMNS = {**ALONG, **TIMES}  # columns of a comparison along a trajectory
-REPLAY_COLUMNS = {**ALONG, "fallback_used": Column("fall- back", wide=True)}  # columns of a replayed run
 
 
 @dataclass(frozen=True)
@@ -186,10 +181,10 @@ class Comparison:
 
     def table(self) -> Table:
         """Return a row for each solver and policy; notes say why some solvers are left out or failed."""
-        columns = COLUMNS if self.consecutive is None else TRAJECTORY_COLUMNS
+        kind = "position" if self.consecutive is None else "recorded" if self.recorded else "trajectory"
+        columns = {name: column for name, column in COLUMNS.items() if name not in LEFT_OUT[kind]}
         rows = merge_policies(self.rows[self.recorded :])
         if self.recorded:
-            columns = REPLAY_COLUMNS
             rows.insert(0, dataclasses.replace(self.rows[0], solver=f"the run: {self.rows[0].solver}"))
         cells = ([getattr(row, name) for name in columns] for row in rows)
         notes = [f"left out: {name}, {reason}" for name, reason in self.missing.items()]
@@ -212,31 +207,25 @@ class Comparison:
         the number of iterations, and the tension of each module in N. MissingDependency if pandas is not
         installed.
         """
-        forces = self.wrenches[:, : self.rig.dimension]
-        values: dict[str, list[Any]] = {"status": [], "residual": [], "angle_deg": [], "iterations": []}
-        for found in self.allocations:
-            values["status"].append(found.status)
-            values["residual"].append(found.residual)
-            values["angle_deg"].append(angles(forces, found.wrench[:, : self.rig.dimension]))
-            values["iterations"].append(found.iterations)
-            for module, own in zip(self.rig.modules, found.tensions.T, strict=True):
-                values.setdefault(f"tension.{module.name}", []).append(own)
-        runs, problems = len(self.rows), len(self.wrenches)
-        each = {
+        answers, problems, d = self.allocations, len(self.wrenches), self.rig.dimension
+        columns = {
             name: np.repeat([getattr(row, name) for row in self.rows], problems) for name in ("solver", "policy")
         }
-        long = {name: np.tile(column, len(values)) for name, column in each.items()}
-        long["problem"] = np.tile(np.arange(problems), runs * len(values))
-        long["quantity"] = np.repeat(list(values), runs * problems)
-        long["value"] = np.ravel(list(values.values()))
-        return provenance.data_frame(long)
+        columns |= {
+            "problem": np.tile(np.arange(problems), len(answers)),
+            "status": np.concatenate([found.status for found in answers]),
+            "residual": np.concatenate([found.residual for found in answers]),
+            "angle_deg": np.concatenate([angles(self.wrenches[:, :d], found.wrench[:, :d]) for found in answers]),
+            "iterations": np.concatenate([found.iterations for found in answers]),
+        }
+        tensions = np.concatenate([found.tensions for found in answers])
+        for module, own in zip(self.rig.modules, tensions.T, strict=True):
+            columns[f"tension.{module.name}"] = own
+        return provenance.data_frame(columns).melt(["solver", "policy", "problem"], var_name="quantity")
 
 
 def merge_policies(rows: Sequence[Score]) -> list[Score]:
-    """Return the rows with one, of policy "any", for a solver whose answers are all exact under each of several.
-
-    Policies differ in what they do with an infeasible wrench: those rows differ in times alone.
-    """
+    """Return the rows with one, of policy "any", for a solver whose answers are all exact under each policy."""
     merged: list[Score] = []
     for _, group in itertools.groupby(rows, key=lambda row: row.solver):
         same = list(group)
@@ -304,19 +293,11 @@ def compare(
 
     Examples
     --------
-    >>> import numpy as np
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation-0.3m")
     >>> result = tl.compare(rig, solvers=[tl.solvers.Dykstra(iteration_limit=50), "newton"], policy="tension")
     >>> [(row.solver, row.exact, row.nearest_count) for row in result.rows]
     [('dykstra(iteration_limit=50)', 2, 27), ('newton', 153, 29)]
-
-    Along a trajectory of one's own:
-
-    >>> path = rig.home + np.linspace(0.0, 0.1, 50)[:, None] * [1.0, 0.0, 0.0]
-    >>> result = tl.compare(rig, [0.0, 0.0, 1.0], poses=path, solvers=["newton"], policy="force")
-    >>> [(row.solver, row.exact, round(row.step_max, 2)) for row in result.rows]
-    [('newton', 22, 0.11)]
     """
     runs, missing = select_solvers(solvers, policy, (rig.n, rig.m))
     if wrenches is not None or poses is not None:
@@ -330,10 +311,10 @@ def compare(
         desired, magnitude = _directed(rig, directions, magnitude)
         consecutive = None
     problems = Problems(structure, desired, rig.limits, rig.dimension, consecutive)
-    timed = _time_solvers(problems, runs, progress or (lambda _: None))
-    rows = score_solvers(problems, runs, timed.allocations)
-    rows = [dataclasses.replace(row, **times) for row, times in zip(rows, timed.times, strict=True)]
-    return Comparison(rig, place, structure, desired, tuple(rows), tuple(timed.allocations), missing, magnitude,
+    allocations, times = _time_solvers(problems, runs, progress or (lambda _: None))
+    rows = score_solvers(problems, runs, allocations)
+    rows = [dataclasses.replace(row, **measured) for row, measured in zip(rows, times, strict=True)]
+    return Comparison(rig, place, structure, desired, tuple(rows), tuple(allocations), missing, magnitude,
                       consecutive)  # fmt: skip
 
 
@@ -353,17 +334,12 @@ def _along(
     else:
         if position is not None:
             raise InputError("poses and position are both given; leave one out")
-        place, rotation = (
-            poses if isinstance(poses, PoseList) else PoseList(as_finite("poses", poses, 2))
-        ).arrays()
+        listed = poses if isinstance(poses, PoseList) else PoseList(as_finite("poses", poses, 2))
+        place, rotation = listed.arrays()
     if len(given) not in (1, len(place)):
         raise ShapeError(f"{len(given)} wrenches for {len(place)} poses; give as many, or one")
-    structure = rig.structure_matrix(place, rotation, rig.at_rest)
-    return (
-        place,
-        structure,
-        np.broadcast_to(given + rig.required.middle(rig, rotation), (len(place), rig.n)).copy(),
-    )
+    desired = np.broadcast_to(given + rig.required.middle(rig, rotation), (len(place), rig.n)).copy()
+    return place, rig.structure_matrix(place, rotation, rig.at_rest), desired
 
 
 def _directed(
@@ -420,52 +396,46 @@ class Problems(NamedTuple):
         return self.structure if self.structure.ndim == 2 else self.structure[index], self.wrenches[index]
 
 
-class TimedAnswers(NamedTuple):
-    """Answers of each run to all problems, and its fields of `Score` that are times."""
-
-    allocations: list[Allocation]
-    times: list[dict[str, Any]]
-
-
-def _time_solvers(problems: Problems, runs: Sequence[Selected], progress: Callable[[float], None]) -> TimedAnswers:
-    """Solve all problems by each solver, then time calls for one and for all, the solvers in turns."""
+def _time_solvers(
+    problems: Problems, runs: Sequence[Selected], progress: Callable[[float], None]
+) -> tuple[list[Allocation], list[dict[str, Any]]]:
+    """Return the answers of each run, and the fields of `Score` that are times: of all at once, and one by one."""
     count = len(problems.wrenches)
     allocators = [Allocator(problems.limits, guarded(solver), policy=policy) for _, policy, solver in runs]
     chosen = np.unique(np.linspace(0, count - 1, min(count, MAX_TIMED_CALLS)).astype(int))
     steps = len(runs) + len(chosen)
-
-    def seconds(allocator: Allocator, structure: Floats, wrench: Floats) -> float:
-        start = time.perf_counter()
-        allocator(structure, wrench)
-        return time.perf_counter() - start
-
     allocations, batch = [], []
     for done, allocator in enumerate(allocators, start=1):
         # The answers themselves are the warm-up: what is timed is always a repeated call.
         allocations.append(allocator(problems.structure, problems.wrenches))
         batch.append([seconds(allocator, problems.structure, problems.wrenches)])
         progress(done / steps)
-    calls = np.full((len(chosen), len(runs)), np.nan)
-    for turn, first in enumerate(range(0, len(chosen), CALLS_PER_TURN)):
-        last = min(first + CALLS_PER_TURN, len(chosen))
-        for column, allocator in enumerate(allocators):
-            if np.nansum(calls[:, column]) > MAX_TIMED_S:
-                continue
-            if turn < TIMED_BATCHES and batch[column][0] < QUICK_BATCH_S:
-                batch[column].append(seconds(allocator, problems.structure, problems.wrenches))
-            allocator(*problems.one(chosen[first]))  # fills the caches with its own data
-            for call in range(first, last):
-                calls[call, column] = seconds(allocator, *problems.one(chosen[call]))
-        progress((len(runs) + last) / steps)
+    calls = np.full((len(runs), len(chosen)), np.nan)
+
+    def time_call(run: int, call: int) -> float:
+        return seconds(allocators[run], *problems.one(chosen[call]))
+
+    def turns() -> Iterator[tuple[range, dict[int, Callable[[int], float]]]]:
+        for turn, first in enumerate(range(0, len(chosen), CALLS_PER_TURN)):
+            timed = [run for run in range(len(runs)) if np.nansum(calls[run]) <= MAX_TIMED_S]
+            for run in timed if turn < TIMED_BATCHES else ():
+                if batch[run][0] < QUICK_BATCH_S:
+                    batch[run].append(seconds(allocators[run], problems.structure, problems.wrenches))
+            last = min(first + CALLS_PER_TURN, len(chosen))
+            yield range(first, last), {run: partial(time_call, run) for run in timed}
+            progress((len(runs) + last) / steps)
+
+    for run, call, spent in take_turns(turns(), np.random.default_rng(0)):
+        calls[run, call] = spent
     times = [
         {
             "call_median_s": float(np.nanmedian(own)),
             "call_p99_s": float(np.nanquantile(own, 0.99)),
             "batch_s": float(np.median(batches)) / count,
         }
-        for own, batches in zip(calls.T, batch, strict=True)
+        for own, batches in zip(calls, batch, strict=True)
     ]
-    return TimedAnswers(allocations, times)
+    return allocations, times
 
 
 def score_solvers(problems: Problems, runs: Sequence[Selected], allocations: Sequence[Allocation]) -> list[Score]:
@@ -495,7 +465,6 @@ def _score(
         nearest_count=counts[Status.NEAREST],
         unproven=counts[Status.UNPROVEN],
         failed=counts[Status.FAILED],
-        fallback_used=0,
         residual_mean=_finite(np.mean, found.residual),
         residual_max=_finite(np.max, found.residual),
         angle_mean_deg=_finite(np.mean, angle),
@@ -505,9 +474,6 @@ def _score(
         step_max=_finite(np.max, steps),
         iterations_max=_finite(np.max, found.iterations),
         gap_max=_finite(np.max, gaps[optimum.status == Status.EXACT] if policy is None else gaps),
-        call_median_s=np.nan,
-        call_p99_s=np.nan,
-        batch_s=np.nan,
     )
 
 
@@ -515,3 +481,49 @@ def _finite(statistic: Callable[[Any], Any], values: Floats | Integers) -> float
     """Return a statistic of the finite entries; NaN where there is none."""
     values = values[np.isfinite(values)]
     return float(statistic(values)) if values.size else np.nan
+
+
+def guarded(solver: Solver) -> Solver:
+    """Return the solver; unless it comes with tensionlab, its exceptions are failures of the problems."""
+    return solver if type(solver) in SOLVERS.values() else cast(Solver, _Guarded(solver, solver.policies))
+
+
+@dataclass(frozen=True)
+class _Guarded:
+    """Solver whose exceptions and invalid answers are failures of the problems that cause them."""
+
+    solver: Solver
+    policies: tuple[Policy, ...]
+
+    @property
+    def objective(self) -> str:
+        return self.solver.objective
+
+    def solve(self, problem: Problem) -> Answer:
+        """Solve the batch; where that breaks, one problem at a time."""
+        try:
+            return require_answer(problem, self.solver.solve(problem))
+        except MissingDependency:
+            raise
+        except Exception as error:  # the code of others may raise anything
+            if len(problem) <= 1:
+                return self._failure(problem, error)
+        parts = [self.solve(problem.take(np.array([row]))) for row in range(len(problem))]
+        directions = [part.separation for part in parts if part.separation is not None]
+        return Answer(
+            tensions=np.concatenate([part.tensions for part in parts]),
+            iterations=np.concatenate([part.iterations for part in parts]),
+            separation=np.concatenate(directions) if len(directions) == len(parts) else None,
+            failures={row: reason for row, part in enumerate(parts) for reason in part.failures.values()},
+        )
+
+    def _failure(self, problem: Problem, error: Exception) -> Answer:
+        nothing = np.full(problem.lower.shape, np.nan)
+        reasons = dict.fromkeys(range(len(problem)), f"{type(error).__name__}: {error}{self._place(error)}")
+        return Answer(nothing, np.zeros(len(problem), dtype=np.int64), failures=reasons)
+
+    def _place(self, error: Exception) -> str:
+        """Return the last line of the solver's own file that ran, in brackets; nothing where none did."""
+        own = getattr(sys.modules.get(type(self.solver).__module__), "__file__", None)
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == own]
+        return f" ({Path(own).name}:{lines[-1]})" if own and lines else ""

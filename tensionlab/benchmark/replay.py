@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocation, Allocator
-from tensionlab.benchmark.comparison import Comparison, Problems, score_solvers
-from tensionlab.benchmark.guarded import guarded
+from tensionlab.benchmark.comparison import Comparison, Problems, guarded, score_solvers
 from tensionlab.hardware.log.reader import Run
 from tensionlab.solvers import Selected, Solver, make, select_solvers
 from tensionlab.solvers.base import Policy
