@@ -66,15 +66,12 @@ class Baseline(Protocol):
 
     def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
         """Put one problem, (n, m), (n,), (m,), (m,), into the form that the library takes."""
-        ...
 
     def run(self, program: Any) -> Any:
         """Solve it; return the library's result, or the exception that it raised."""
-        ...
 
     def read(self, program: Any, result: Any) -> Reply:
         """Read the reply out of the result of `run`."""
-        ...
 
 
 def make_baseline(name: str, tolerance: Tolerance = "default") -> Baseline:
@@ -128,13 +125,11 @@ class DirectDaqp:
         return self.solve(*program, **TIGHT["daqp"]) if self.tolerance == "tight" else self.solve(*program)
 
     def read(self, program: Any, result: Any) -> Reply:
-        """Read tensions, iterations and times out of DAQP's answer."""
+        """Read DAQP's result."""
         solution, _, flag, info = result
         tensions = finite_tensions(solution, len(program[1]))
         failure = "" if tensions is not None else f"gave no finite tensions (exit flag {flag})"
-        return Reply(
-            tensions, int(info["iterations"]), float(info["setup_time"]), float(info["solve_time"]), failure
-        )
+        return Reply(tensions, int(info["iterations"]), info["setup_time"], info["solve_time"], failure)
 
 
 @dataclass(frozen=True)
@@ -174,19 +169,16 @@ class PlainProgram:
             return error
 
     def read(self, program: Any, result: Any) -> Reply:
-        """Read tensions, iterations and times out of a solution."""
+        """Read a solution of qpsolvers."""
         if isinstance(result, Exception):
             return Reply(None, failure=f"{type(result).__name__}: {result}")
         tensions = finite_tensions(result.x, len(program.q))
-        extras, unit = result.extras, CLOCK.get(self.backend, 1.0)
-        info = extras.get("info")
-        return Reply(
-            tensions,
-            iterations=int(info.iter) if info else int(extras.get("iterations", [0])[0]),
-            setup_s=unit * info.setup_time if info else NAN,
-            solve_s=unit * info.solve_time if info else extras.get("solve_time", NAN),
-            failure="" if tensions is not None else "gave no finite tensions",
-        )
+        failure = "" if tensions is not None else "gave no finite tensions"
+        info, unit = result.extras.get("info"), CLOCK.get(self.backend, 1.0)
+        if info:
+            return Reply(tensions, int(info.iter), unit * info.setup_time, unit * info.solve_time, failure)
+        iterations = int(result.extras.get("iterations", [0])[0])
+        return Reply(tensions, iterations, solve_s=result.extras.get("solve_time", NAN), failure=failure)
 
 
 @dataclass(frozen=True)
@@ -211,7 +203,7 @@ class PlainConvex:
         return program
 
     def run(self, program: CompiledPrograms) -> Any:
-        """Solve it."""
+        """Solve a program of `build`."""
         from cvxpy.error import SolverError
 
         options = {"solver": "CLARABEL", **SETTINGS["CLARABEL"]} if self.tolerance == "tight" else {}
@@ -221,18 +213,12 @@ class PlainConvex:
             return error
 
     def read(self, program: CompiledPrograms, result: Any) -> Reply:
-        """Read tensions, iterations and times out of a program that was solved."""
+        """Read the variables of the program."""
         if isinstance(result, Exception):
             return Reply(None, failure=f"{type(result).__name__}: {result}")
-        closest = program.closest
-        tensions, stats = finite_tensions(program.t.value, program.t.size), closest.solver_stats
-        return Reply(
-            tensions,
-            iterations=stats.num_iters or 0,
-            setup_s=stats.setup_time or NAN,
-            solve_s=stats.solve_time or NAN,
-            failure="" if tensions is not None else f"gave no tensions ({closest.status})",
-        )
+        tensions, stats = finite_tensions(program.t.value, program.t.size), program.closest.solver_stats
+        failure = "" if tensions is not None else f"gave no tensions ({program.closest.status})"
+        return Reply(tensions, stats.num_iters or 0, stats.setup_time or NAN, stats.solve_time or NAN, failure)
 
 
 def solve_qp(structure: Floats, wrench: Floats, lower: Floats, upper: Floats, backend: str) -> Floats | None:

@@ -253,9 +253,8 @@ def compare(
     magnitude in many directions are compared at one position. Both are added to what the rig requires, such as
     the weight of its platform; a set of required wrenches is compared at its corners unless directions are given.
 
-    Every answer comes from an `Allocator`. Where a solver of yours raises an exception, the wrench counts as
-    failed, and `Comparison.failures` has the reason. ``gap_max`` refers to newton's answer for the same policy.
-    Solvers are timed in turns of a few calls, so that a slow moment of the machine affects all of them.
+    Where a solver of yours raises an exception, the wrench counts as failed, and `Comparison.failures` has the
+    reason. Solvers are timed in turns of a few calls, so that a slow moment of the machine affects all of them.
 
     Parameters
     ----------

@@ -11,10 +11,12 @@ import numpy as np
 
 from tensionlab.allocation import Allocator
 from tensionlab.benchmark.baselines import BASELINES, TIGHT, Baseline, make_baseline
+from tensionlab.benchmark.timing import seconds
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers import every_solver, make, name_solvers
 from tensionlab.solvers.base import POLICIES, Answer, Policy, Problem, Solver
 from tensionlab.solvers.least_squares import Newton
+from tensionlab.support.arrays import Floats
 from tensionlab.verification import require_answer
 
 Setting = Literal["proved", "default", "tight"]
@@ -23,7 +25,6 @@ LEAST_SQUARES = Newton.objective  # the objective of all problem sets
 WRAPPERS = ("qp", "cvxpy")
 # Wrappers that run by default where wrenches may be infeasible.
 POLICY_WRAPPERS = ("qp:clarabel", "qp:daqp", "cvxpy")
-NAN = float("nan")
 
 
 @dataclass(frozen=True)
@@ -111,9 +112,9 @@ class CallTimes(NamedTuple):
     """Times of one call, in s: wall time, the part of it that builds a baseline's program, and by its clock."""
 
     call: float
-    build: float = NAN
-    setup: float = NAN
-    solve: float = NAN
+    build: float = np.nan
+    setup: float = np.nan
+    solve: float = np.nan
 
 
 class Driver(Protocol):
@@ -148,17 +149,12 @@ class _Interface:
         return require_answer(problem, self.solver.solve(problem))
 
     def call(self, problem: Problem, row: int) -> CallTimes:
-        structure, wrench = problem.structure[row], problem.wrench[row]
-        lower, upper = problem.lower[row], problem.upper[row]
+        structure, wrench, lower, upper = _one(problem, row)
         key = (len(wrench), lower.tobytes(), upper.tobytes())
-        allocator = self.prepared.get(key)
-        if allocator is None:
-            allocator = Allocator((lower, upper), self.solver, policy=self.policy)
-            allocator(structure, wrench)
-            self.prepared[key] = allocator
-        began = time.perf_counter()
-        allocator(structure, wrench)
-        return CallTimes(time.perf_counter() - began)
+        if key not in self.prepared:
+            self.prepared[key] = Allocator((lower, upper), self.solver, policy=self.policy)
+            self.prepared[key](structure, wrench)
+        return CallTimes(seconds(self.prepared[key], structure, wrench))
 
 
 @dataclass
@@ -168,18 +164,16 @@ class _Baseline:
     solver: Baseline
 
     def answers(self, problem: Problem) -> Answer:
-        tensions = np.full(problem.lower.shape, np.nan)
-        iterations = np.zeros(len(problem), dtype=np.int64)
-        failures: dict[int, str] = {}
+        answer = Answer(np.full(problem.lower.shape, np.nan), np.zeros(len(problem), dtype=np.int64))
         for row in range(len(problem)):
             program = self.solver.build(*_one(problem, row))
             reply = self.solver.read(program, self.solver.run(program))
-            iterations[row] = reply.iterations
+            answer.iterations[row] = reply.iterations
             if reply.tensions is None:
-                failures[row] = reply.failure
+                answer.failures[row] = reply.failure
             else:
-                tensions[row] = reply.tensions
-        return Answer(tensions, iterations, failures=failures)
+                answer.tensions[row] = reply.tensions
+        return answer
 
     def call(self, problem: Problem, row: int) -> CallTimes:
         arrays = _one(problem, row)
@@ -192,7 +186,6 @@ class _Baseline:
         return CallTimes(ended - began, built - began, reply.setup_s, reply.solve_s)
 
 
-def _one(problem: Problem, row: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _one(problem: Problem, row: int) -> list[Floats]:
     """Copy structure, wrench and limits of one problem, as some backends refuse read-only arrays."""
-    arrays = (problem.structure[row], problem.wrench[row], problem.lower[row], problem.upper[row])
-    return tuple(np.array(array) for array in arrays)  # type: ignore[return-value]
+    return [np.array(array[row]) for array in problem.arrays[:4]]

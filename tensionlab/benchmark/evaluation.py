@@ -10,7 +10,7 @@ import gc
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tensionlab.allocation import Allocator
 from tensionlab.benchmark.entries import WRAPPERS, Driver, Entry, driver
 from tensionlab.benchmark.optimum import Optimum, excess_error, optimum
-from tensionlab.benchmark.problem_sets import Group, ProblemSet, problem_of
+from tensionlab.benchmark.problem_sets import ProblemSet, problem_of
 from tensionlab.benchmark.results import ACCURACIES
 from tensionlab.benchmark.timing import (
     maximum,
@@ -40,6 +40,20 @@ BLOCK = 20  # problems in a turn of an entry
 BATCH = 10_000  # problems in a timed batch; a group is repeated until it has as many
 
 
+class Repetitions(NamedTuple):
+    """Time to spend: an entry's seconds in each set, or else on fewer problems; timed calls of each problem."""
+
+    seconds: float
+    repeats: int
+
+
+class Block(NamedTuple):
+    """Some problems of one group: their rows among all problems of the set, and the problems themselves."""
+
+    rows: NDArray[np.intp]
+    problem: Problem
+
+
 @dataclass
 class Measurements:
     """Measurements of one entry on P problems, R times each; NaN where there are none.
@@ -51,16 +65,16 @@ class Measurements:
         trajectory.
     calls : (P, R, 4) array
         Times in s: call, and its parts build, setup and solve.
+    timed : list of Block
+        Problems that were answered within the entry's share of time.
     """
 
+    entry: Entry
     values: dict[str, Floats]
     calls: Floats
+    timed: list[Block] = field(default_factory=list)
     note: str = ""
     batch_s: float = np.nan
-
-    def tension(self, cable: int) -> Floats:
-        """Return the array of the tensions of one cable."""
-        return self.values.setdefault(f"tension.{cable:02}", np.full(len(self.calls), np.nan))
 
     def best_calls(self) -> Floats:
         """Return the fastest call of each problem with its parts, (P, 4)."""
@@ -76,27 +90,6 @@ class SetResults(NamedTuple):
     verified: dict[Policy, int]
 
 
-class Repetitions(NamedTuple):
-    """Time to spend: an entry's seconds in each set, or else on fewer problems; timed calls of each problem."""
-
-    seconds: float
-    repeats: int
-
-
-class Block(NamedTuple):
-    """Some problems of one group: their rows among all problems of the set, and the problems themselves."""
-
-    rows: NDArray[np.intp]
-    problem: Problem
-
-
-class Path(NamedTuple):
-    """Trajectory whose tensions are kept: its rows among all problems of the set, and its group."""
-
-    rows: slice
-    group: Group
-
-
 def evaluate_set(
     problems: ProblemSet,
     entries: Sequence[Entry],
@@ -109,53 +102,46 @@ def evaluate_set(
     ``rng`` shuffles, and ``progress`` is called with the share that is done. Rows are in the order of the entries.
     """
     blocks = _blocks(problems, rng)
-    path = _most_redundant_path(problems)
     policies = {entry.compared_policy for entry in entries}
     best = {policy: [optimum(replace(block.problem, policy=policy)) for block in blocks] for policy in policies}
     scale = np.maximum(1.0, np.concatenate([np.linalg.norm(group.wrench, axis=1) for group in problems.groups]))
-    measured = {entry: no_measurements(scale, effort.repeats, entry.missing) for entry in entries}
-    present = [entry for entry in entries if not entry.missing]
-    answered: dict[Entry, tuple[Driver, list[Block]]] = {}
+    path = _path_lengths(problems)
+    measured = [no_measurements(entry, scale, effort.repeats, path) for entry in entries]
+    present = [(each, driver(each.entry)) for each in measured if not each.entry.missing]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # backends warn of what is verified here
-        for done, entry in enumerate(present):
-            runs = driver(entry)
+        for done, (each, runs) in enumerate(present, start=1):
             gc.collect()
-            answered[entry] = (
-                runs,
-                _answer(runs, entry, blocks, best[entry.compared_policy], measured[entry], effort, path),
-            )
-            progress(0.4 * (done + 1) / len(present))
-        _time_calls(answered, measured, effort.repeats, rng, lambda share: progress(0.4 + 0.5 * share))
-        for done, entry in enumerate(present):
+            _answer(each, runs, blocks, best[each.entry.compared_policy], effort)
+            progress(0.4 * done / len(present))
+        _time_calls(present, effort.repeats, rng, lambda share: progress(0.4 + 0.5 * share))
+        for done, (each, _) in enumerate(present, start=1):
+            entry = each.entry
             if entry.instance is not None and entry.solver.partition(":")[0] not in WRAPPERS:
                 allocator = partial(Allocator, solver=entry.instance, policy=entry.policy)
-                measured[entry].batch_s = _time_batch(allocator, answered[entry][1], effort.seconds / 4)
-            progress(0.9 + 0.1 * (done + 1) / len(present))
-    rows = [summarise(problems.name, entry, measured[entry]) for entry in entries]
+                each.batch_s = _time_batch(allocator, each.timed, effort.seconds / 4)
+            progress(0.9 + 0.1 * done / len(present))
     tables = [
-        entry.key(problems.name)
-        | {
-            "problem": np.arange(len(scale)),
-            "call_s": measured[entry].best_calls()[:, 0],
-            **measured[entry].values,
-        }
-        for entry in present
+        each.entry.key(problems.name)
+        | {"problem": np.arange(len(scale)), "call_s": each.best_calls()[:, 0]}
+        | each.values
+        for each, _ in present
     ]
     verified = {policy: int(sum(block.verified.sum() for block in best[policy])) for policy in policies}
-    return SetResults(rows, tables, verified)
+    return SetResults([summarise(problems.name, each) for each in measured], tables, verified)
 
 
-def no_measurements(scale: Floats, repeats: int, note: str = "") -> Measurements:
+def no_measurements(entry: Entry, scale: Floats, repeats: int, path_mm: Floats | None = None) -> Measurements:
     """Return measurements without values, for as many problems as there are scales."""
     zeros = {name: np.zeros(len(scale)) for name in ("tried", "refused", "reachable", "proved", "iterations")}
     empty = {name: np.full(len(scale), np.nan) for name in ("error", "violation", "gap")}
-    return Measurements({**zeros, **empty, "scale": scale}, np.full((len(scale), repeats, 4), np.nan), note)
+    values = {**zeros, **empty, "scale": scale} | ({} if path_mm is None else {"path_mm": path_mm})
+    return Measurements(entry, values, np.full((len(scale), repeats, 4), np.nan), note=entry.missing)
 
 
-def summarise(problem_set: str, entry: Entry, measured: Measurements) -> dict[str, Any]:
-    """Return the row of `results.Results` of an entry on a problem set."""
-    values, best = measured.values, measured.best_calls()
+def summarise(problem_set: str, measured: Measurements) -> dict[str, Any]:
+    """Return the row of `results.Results` of one entry on a problem set."""
+    entry, values, best = measured.entry, measured.values, measured.best_calls()
     call, build, setup, solve = best.T
     tried = int(values["tried"].sum())
     error = np.maximum(values["error"], values["violation"]) / values["scale"]
@@ -209,35 +195,36 @@ def _blocks(problems: ProblemSet, rng: np.random.Generator) -> list[Block]:
     return [block for _, block in sorted(dealt, key=lambda pair: pair[0])]
 
 
-def _most_redundant_path(problems: ProblemSet) -> Path | None:
-    """Return the trajectory of most redundancy, where objectives differ most."""
-    paths, start = [], 0
-    for group in problems.groups:
-        if group.path_mm is not None:
-            paths.append(Path(slice(start, start + len(group.structure)), group))
-        start += len(group.structure)
-    return max(paths, key=lambda path: path.group.structure.shape[2] - path.group.structure.shape[1], default=None)
+def _path_lengths(problems: ProblemSet) -> Floats | None:
+    """Return the length of the path so far, (P,) in mm, of the trajectory of most redundancy; NaN elsewhere.
+
+    There objectives differ most. None if there is no trajectory.
+    """
+    redundancy = [
+        -1 if group.path_mm is None else group.structure.shape[2] - group.structure.shape[1]
+        for group in problems.groups
+    ]
+    drawn = int(np.argmax(redundancy))
+    if problems.groups[drawn].path_mm is None:
+        return None
+    lengths = [np.full(len(group.structure), np.nan) for group in problems.groups]
+    lengths[drawn] = np.asarray(problems.groups[drawn].path_mm, dtype=np.float64)
+    return np.concatenate(lengths)
 
 
 def _answer(
-    runs: Driver,
-    entry: Entry,
-    blocks: list[Block],
-    best: list[Optimum],
-    measured: Measurements,
-    effort: Repetitions,
-    path: Path | None,
-) -> list[Block]:
-    """Verify the answers to as many blocks as the entry's share of time allows; return those to be timed.
+    measured: Measurements, runs: Driver, blocks: list[Block], best: list[Optimum], effort: Repetitions
+) -> None:
+    """Verify the answers to as many blocks as the entry's share of time allows, and note those to be timed.
 
     Along trajectories all answers are taken, because a figure has all of one; only the timing is spared.
     """
-    spent, answered = 0.0, []
+    entry, values, spent = measured.entry, measured.values, 0.0
     warm: set[tuple[int, ...]] = set()
     for block, target in zip(blocks, best, strict=True):
-        if spent > effort.seconds and path is None:
+        if spent > effort.seconds and "path_mm" not in values:
             break
-        measured.values["tried"][block.rows] = 1.0
+        values["tried"][block.rows] = 1.0
         try:
             if block.problem.structure.shape[1:] not in warm:  # cvxpy compiles each shape once
                 runs.call(block.problem, 0)
@@ -246,7 +233,7 @@ def _answer(
             answer = runs.answers(block.problem)
             call = runs.call(block.problem, 0).call
         except Exception as error:
-            measured.values["refused"][block.rows] = 1.0
+            values["refused"][block.rows] = 1.0
             if isinstance(error, (TensionlabError, ValueError)):
                 measured.note = measured.note or f"refuses some: {str(error).partition('; ')[0]}"
             elif entry.instance is None or is_built_in(entry.solver):
@@ -255,22 +242,15 @@ def _answer(
                 measured.note = measured.note or f"breaks on some: {type(error).__name__}: {error}"
             continue
         if spent <= effort.seconds:
-            answered.append(block)
+            measured.timed.append(block)
         spent += time.perf_counter() - began + call * (len(block.rows) + 1) * effort.repeats
-        tensions = _verify(block, answer, entry, target, measured)
-        if path and path.rows.start <= block.rows[0] < path.rows.stop:
-            for cable, column in enumerate(tensions.T):
-                measured.tension(cable)[block.rows] = column
-    if path:
-        lengths = np.full(len(measured.calls), np.nan)
-        lengths[path.rows] = path.group.path_mm
-        measured.values["path_mm"] = lengths
-    return answered
+        _verify(measured, block, answer, target)
 
 
-def _verify(block: Block, answer: Answer, entry: Entry, best: Optimum, measured: Measurements) -> Floats:
-    """Compare raw answers with limits and optimum, and verify those of a solver; return tensions inside limits."""
-    problem, rows, values = replace(block.problem, policy=entry.compared_policy), block.rows, measured.values
+def _verify(measured: Measurements, block: Block, answer: Answer, best: Optimum) -> None:
+    """Compare raw answers with limits and optimum, and verify those of a solver."""
+    entry, rows, values = measured.entry, block.rows, measured.values
+    problem = replace(block.problem, policy=entry.compared_policy)
     raw = np.array(answer.tensions)
     outside = np.maximum(problem.lower - raw, raw - problem.upper).max(axis=1)
     tensions = np.clip(raw, problem.lower, problem.upper)
@@ -284,28 +264,30 @@ def _verify(block: Block, answer: Answer, entry: Entry, best: Optimum, measured:
         own = replace(problem, policy=entry.policy)
         status = verify(own, replace(answer, tensions=tensions)).status
         values["proved"][rows] = (status == Status.EXACT) | (status == Status.NEAREST)
-    return np.asarray(tensions)
+    if "path_mm" in values and np.isfinite(values["path_mm"][rows[0]]):
+        for cable, column in enumerate(tensions.T):
+            nothing = np.full(len(values["path_mm"]), np.nan)
+            values.setdefault(f"tension.{cable:02}", nothing)[rows] = column
 
 
 def _time_calls(
-    answered: dict[Entry, tuple[Driver, list[Block]]],
-    measured: dict[Entry, Measurements],
+    present: Sequence[tuple[Measurements, Driver]],
     repeats: int,
     rng: np.random.Generator,
     progress: Callable[[float], None],
 ) -> None:
     """Time single calls of all entries, in turns of a block."""
-    callers: dict[int, tuple[Block, dict[Entry, Callable[[int], tuple[float, ...]]]]] = {}
-    for entry, (runs, blocks) in answered.items():
-        for block in blocks:
-            callers.setdefault(id(block), (block, {}))[1][entry] = partial(runs.call, block.problem)
+    callers: dict[int, tuple[Block, dict[int, Callable[[int], tuple[float, ...]]]]] = {}
+    for number, (measured, runs) in enumerate(present):
+        for block in measured.timed:
+            callers.setdefault(id(block), (block, {}))[1][number] = partial(runs.call, block.problem)
     turns = list(callers.values())
     with without_collector():
         for repeat in range(repeats):
             for done, turn in enumerate(rng.permutation(len(turns))):
                 block, mine = turns[turn]
-                for entry, row, times in take_turns([(range(len(block.rows)), mine)], rng):
-                    measured[entry].calls[block.rows[row], repeat] = times
+                for number, row, times in take_turns([(range(len(block.rows)), mine)], rng):
+                    present[number][0].calls[block.rows[row], repeat] = times
                 gc.collect()
                 progress((repeat + (done + 1) / len(turns)) / repeats)
 

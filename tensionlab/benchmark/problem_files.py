@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -105,16 +105,16 @@ def read_problem_set(path: str | PathLike[str], count: int | None = None) -> Pro
     groups = [_group(f"{path}: {label}", label, rows, share) for label, rows in found.items()]
     kept = f"{len(programs) - left_out.total()} of {len(programs)} quadratic programs"
     title = f"{kept}; left out: {reasons}" if reasons else kept
-    return ProblemSet(str(path), title, tuple(groups), _reachable(groups))
+    feasible = np.concatenate([optimum(problem_of(group, "force")).reachable for group in groups])
+    return ProblemSet(
+        str(path), title, tuple(groups), "all" if feasible.all() else "mixed" if feasible.any() else "none"
+    )
 
 
 def _in_folder(folder: Path) -> Iterator[StoredProgram]:
     """Yield the programs in the NPZ files of a folder, or of its folder ``data``."""
-    for place in (folder, folder / "data"):
-        if files := sorted(place.glob("*.npz")):
-            for file in files:
-                yield StoredProgram(str(file), read_npz(file, KIND, DataError, absent=KEYS))
-            return
+    for file in sorted(folder.glob("*.npz")) or sorted(folder.glob("data/*.npz")):
+        yield StoredProgram(str(file), read_npz(file, KIND, DataError, absent=KEYS))
 
 
 def _in_parquet(path: str | PathLike[str]) -> Iterator[StoredProgram]:
@@ -122,21 +122,21 @@ def _in_parquet(path: str | PathLike[str]) -> Iterator[StoredProgram]:
     if as_path(path).suffix == ".npz":
         raise DataError(f"{path}: one program; give the folder that it is in")
     for number, row in enumerate(read_parquet(path, KIND, DataError).columns.to_pylist(), start=1):
-        where = f"{path}: row {number}"
-        arrays = {key: _numbers(row[key], f"{where}: {key}") for key in KEYS if row.get(key) is not None}
-        label, length = row.get("group"), row.get("path_mm")
-        yield StoredProgram(where, arrays, None if label is None else str(label), length)
-
-
-def _numbers(values: Any, where: str) -> Floats:
-    try:
-        return np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise DataError(f"{where} is no list of numbers; give a matrix row by row in one list") from None
+        where, arrays = f"{path}: row {number}", {}
+        for key in KEYS:
+            try:
+                if row.get(key) is not None:
+                    arrays[key] = np.array(row[key], dtype=np.float64)
+            except (TypeError, ValueError):
+                raise DataError(
+                    f"{where}: {key} is no list of numbers; give a matrix row by row in one list"
+                ) from None
+        label = row.get("group")
+        yield StoredProgram(where, arrays, None if label is None else str(label), row.get("path_mm"))
 
 
 def _allocation(program: StoredProgram) -> tuple[Floats, Floats, Floats, Floats] | str:
-    """Return structure, wrench and limits of a program; why it is no problem of tension allocation, if it is none.
+    """Return structure, wrench and limits of a program, or why it is no problem of tension allocation.
 
     DataError if its arrays do not fit each other.
     """
@@ -147,38 +147,28 @@ def _allocation(program: StoredProgram) -> tuple[Floats, Floats, Floats, Floats]
         return "no equations"
     lower, upper, wrench = (arrays[key].ravel() for key in ("lb", "ub", "b"))
     n, m = wrench.size, lower.size
-    weights = arrays.get("P", np.eye(m))
-    linear = arrays.get("q", np.zeros(m)).ravel()
-    for name, array, size in (
-        ("ub", upper, m),
-        ("q", linear, m),
-        ("P", weights, m * m),
-        ("A", arrays["A"], n * m),
-    ):
-        if array.size != size:
+    arrays = {"P": np.eye(m), "q": np.zeros(m), **arrays}
+    for name, size in {"ub": m, "q": m, "P": m * m, "A": n * m}.items():
+        if arrays[name].size != size:
             fits = f"with {m} in lb and {n} in b it must have {size}"
-            raise DataError(f"{where}: {name} has {array.size} entries; {fits}")
-    diagonal = np.diag(weights := weights.reshape(m, m))
+            raise DataError(f"{where}: {name} has {arrays[name].size} entries; {fits}")
+    weights = arrays["P"].reshape(m, m)
+    diagonal, linear = np.diag(weights), arrays["q"].ravel()
     if "G" in arrays:
         return "inequalities"
     if not np.array_equal(weights, np.diag(diagonal)):
         return "P not diagonal"
     if not (diagonal > 0.0).all():
         return "P not positive"
-    if not (np.isfinite(lower).all() and np.isfinite(upper).all()):
+    if not np.isfinite([lower, upper]).all():
         return "an unbounded variable"
     try:
         check_size(n, m)
     except ShapeError:
         return "too many variables or equations"
     root, equations = np.sqrt(diagonal), arrays["A"].reshape(n, m)
-    offset = linear / root
-    found = (
-        equations / root,
-        wrench + equations @ (linear / diagonal),
-        root * lower + offset,
-        root * upper + offset,
-    )
+    offset, rendered = linear / root, wrench + equations @ (linear / diagonal)
+    found = equations / root, rendered, root * lower + offset, root * upper + offset
     if not all(np.isfinite(each).all() for each in found) or (lower > upper).any():
         raise DataError(f"{where}: A, b and q must be finite, and lb nowhere above ub")
     return found
@@ -196,12 +186,6 @@ def _group(where: str, label: str, rows: Sequence[Any], share: float) -> Group:
     return Group(label, structure, wrench, lower, upper, path)
 
 
-def _reachable(groups: Sequence[Group]) -> Literal["all", "none", "mixed"]:
-    """Return which of the wrenches can be rendered, as the exact solver proves."""
-    flags = np.concatenate([optimum(problem_of(group, "force")).reachable for group in groups])
-    return "all" if flags.all() else "mixed" if flags.any() else "none"
-
-
 def qp_rows(problems: ProblemSet) -> list[dict[str, Any]]:
     """Return the problems of a set as rows of quadratic programs, for benchmarks of QP solvers.
 
@@ -212,23 +196,22 @@ def qp_rows(problems: ProblemSet) -> list[dict[str, Any]]:
     """
     rows: list[dict[str, Any]] = []
     for group in problems.groups:
-        size, _, m = group.structure.shape
-        lower, upper = (np.broadcast_to(each, (size, m)) for each in (group.lower, group.upper))
-        identity, zeros = np.eye(m).ravel(), np.zeros(m)
+        problem = problem_of(group)
+        m = problem.structure.shape[2]
         rows += [
             {
                 "name": f"{problems.name}/{group.label}/{row}",
-                "P": identity,
-                "q": zeros,
+                "P": np.eye(m).ravel(),
+                "q": np.zeros(m),
                 "G": None,
                 "h": None,
-                "A": group.structure[row].ravel(),
-                "b": group.wrench[row],
-                "lb": lower[row],
-                "ub": upper[row],
+                "A": problem.structure[row].ravel(),
+                "b": problem.wrench[row],
+                "lb": problem.lower[row],
+                "ub": problem.upper[row],
                 "group": group.label,
                 "path_mm": None if group.path_mm is None else float(group.path_mm[row]),
             }
-            for row in range(size)
+            for row in range(len(problem))
         ]
     return rows

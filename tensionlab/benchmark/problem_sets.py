@@ -114,7 +114,6 @@ def _published(count: int, seed: int) -> ProblemSet:
 
 
 def _point(count: int, seed: int) -> ProblemSet:
-    """Return wrenches of random tensions."""
     drawn = streams("point", [(3, m) for m in range(3, 13)], count, seed)
     groups = tuple(_rendered(stream, stream.rigs()) for stream in drawn)
     return ProblemSet("point", "random point rigs with 3 to 12 cables: the everyday problem", groups, "all")
@@ -147,7 +146,6 @@ def _unreachable(count: int, seed: int) -> ProblemSet:
 
 
 def _near_singular(count: int, seed: int) -> ProblemSet:
-    """Return wrenches of random tensions, on rigs of a given condition."""
     groups = []
     for stream in streams("near-singular", [(3, 3), (3, 4), (3, 8), (6, 8)], count, seed):
         structure = near_singular(stream.rng, stream.n, stream.m, stream.log_uniform(CONDITION))
@@ -157,7 +155,6 @@ def _near_singular(count: int, seed: int) -> ProblemSet:
 
 
 def _robots(count: int, seed: int) -> ProblemSet:
-    """Return wrenches at random poses of the robots in the folder of rigs."""
     groups = []
     rigs = [load_rig(name) for name in ("ipanema-1", "ipanema-2", "cogiro", "spidar-g6x4")]
     for rig, stream in zip(rigs, streams("robots", [(rig.n, rig.m) for rig in rigs], count, seed), strict=True):
@@ -188,7 +185,6 @@ def _trajectory(count: int, seed: int) -> ProblemSet:
 
 
 def _mixed_limits(count: int, seed: int) -> ProblemSet:
-    """Return wrenches of random tensions, where one cable is stronger than the others."""
     groups = []
     for stream in streams("mixed-limits", [(3, 4), (3, 6), (3, 8), (6, 8)], count, seed):
         strong = np.arange(stream.m) == stream.rng.integers(stream.m, size=(stream.size, 1))

@@ -1,4 +1,4 @@
-"""One benchmark from plan to results, in a process of its own (`main`) whose libraries use one thread.
+"""A benchmark from plan to results, in a process of its own (`main`) whose libraries use one thread.
 
 Numerical libraries read how many threads they may use when they are loaded, and the calling process has loaded
 them already. Only instances of solvers are measured in the calling process, because no other has them.
@@ -45,10 +45,10 @@ BATCH_SHARE = 0.15  # about this share of the time goes to the batches
 class BenchmarkPlan:
     """Problem sets, entries and effort of a benchmark.
 
-    ``sets`` are as in `find_problem_set`, ``solvers`` as in `tensionlab.benchmark.entries.entries`; ``count``
-    problems in each set; the seed of problems and shuffles; ``seconds`` and ``repeats`` as in `Repetitions`.
-    ``batch``, ``rounds`` and ``calls`` are the problems in a batch, rounds, and single calls of
-    `tensionlab.benchmark.speed`; with no rounds they are left out.
+    ``sets`` are as in `find_problem_set`, ``solvers`` as in `entries`; ``count`` problems in each set; ``seconds``
+    for an entry in each set, or else fewer problems; ``repeats`` timed calls of each problem. ``batch``,
+    ``rounds`` and ``calls`` are the problems in a batch, rounds, and single calls of `tensionlab.benchmark.speed`;
+    without rounds they are left out.
     """
 
     sets: tuple[str, ...]
@@ -62,7 +62,6 @@ class BenchmarkPlan:
     calls: int = 5000
 
     def __post_init__(self) -> None:
-        """Check the plan before any work."""
         if not self.sets:
             raise InputError(f"no problem set is named; choose one of {', '.join(PROBLEM_SETS)}")
         for name in self.sets:
@@ -76,9 +75,8 @@ class BenchmarkPlan:
 
     @property
     def record(self) -> dict[str, Any]:
-        """The same in words and numbers."""
-        names = None if self.solvers is None else list(name_solvers(self.solvers))
-        return {**vars(self), "solvers": names}
+        """The plan as JSON has it, with the names of solvers."""
+        return {**vars(self), "solvers": None if self.solvers is None else list(name_solvers(self.solvers))}
 
 
 def plan(
@@ -96,9 +94,7 @@ def plan(
     chosen = None if solvers is None else tuple(solvers) if name_solvers(solvers) else ()
     rounds = 0 if chosen is not None else 3 if quick else 7
     if quick:
-        return BenchmarkPlan(
-            names, chosen, count or 60, seed, 0.1, repeats=2, batch=20_000, rounds=rounds, calls=1000
-        )
+        return BenchmarkPlan(names, chosen, count or 60, seed, 0.1, 2, batch=20_000, rounds=rounds, calls=1000)
     return BenchmarkPlan(names, chosen, count or 1000, seed, rounds=rounds)
 
 
@@ -115,7 +111,7 @@ def run(
     """Measure accuracy, speed and the worst case of solvers on sets of problems.
 
     Names are measured in a process of its own, whose libraries use one thread; as soon as one solver is an
-    instance, all are measured in this process, with the threads that it has. ``"module:Class"`` is a name.
+    instance, all are measured in this process, with the threads that it has.
 
     Parameters
     ----------
@@ -123,23 +119,18 @@ def run(
         Names, as ``tensionlab solvers`` lists them, ``"module:Class"``, baselines, such as "daqp" or
         "qpsolvers:osqp", and instances; left out: all solvers and baselines by name.
     sets : sequence of str, optional
-        Names, as ``tensionlab problems list`` has them, and files or folders of problems, as
+        Names, as ``tensionlab problems list`` has them, and paths, as
         `tensionlab.benchmark.problem_files.read_problem_set` reads; left out: all by name.
     count : int, optional
-        Problems in each set; 1000 if left out, or 60 if quick.
+        Problems in each set; left out: 1000, or 60 if quick.
     seed : int
-        Of the problems and their order.
+        Seed of the problems and their order.
     quick : bool
         Spend 0.1 s on each solver and set, and not 3 s.
     out : path, optional
         Folder for the results; made if it is not there.
     progress : callable, optional
         Called with the share that is done.
-
-    Returns
-    -------
-    Results
-        Shows itself in a notebook; `tensionlab.plot` draws it.
 
     Raises
     ------
@@ -164,9 +155,8 @@ def run(
 def measure(what: BenchmarkPlan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
     """Run a benchmark in a process of its own, and return the folder with its results.
 
-    `results.FILE` and ``manifest.json`` go to the folder, which is made if it is not there; if they cannot be
-    written there in the end, to a temporary one. The call is the command line, for the manifest. A plan with
-    instances of solvers is measured in this process.
+    If they cannot be written to the given folder in the end, a temporary one. ``call`` is the command line, for
+    the manifest. A plan with instances of solvers is measured in this process.
     """
     writing.require_folder(folder, parents=True)
     writing.make_folder(folder)
@@ -271,22 +261,19 @@ def main() -> None:
     """Run the benchmark of the first argument; print JSON lines: shares done, then the folder or the error."""
     order = json.loads(sys.argv[1])
     sys.path += [each for each in order["path"] if each not in sys.path]  # last, so that no library is replaced
-    what = order["plan"]
-    for key in ("sets", "solvers"):
-        what[key] = None if what[key] is None else tuple(what[key])
+    what: dict[str, Any] = {
+        key: tuple(value) if isinstance(value, list) else value for key, value in order["plan"].items()
+    }
     # Backends print to stdout as well; only messages may reach the process that reads it.
     # A reader that has closed the pipe is no error, nor when the file is closed.
     with suppress(BrokenPipeError), os.fdopen(os.dup(1), "w") as messages:
         os.dup2(2, 1)
 
-        def send(key: str, value: object) -> None:
-            print(json.dumps({key: value}), file=messages, flush=True)
+        def send(**message: object) -> None:
+            print(json.dumps(message), file=messages, flush=True)
 
         try:
-            folder = Path(order["folder"])
-            send(
-                "folder",
-                str(measure_here(BenchmarkPlan(**what), folder, order["call"], lambda done: send("share", done))),
-            )
+            plan, folder = BenchmarkPlan(**what), Path(order["folder"])
+            send(folder=str(measure_here(plan, folder, order["call"], lambda done: send(share=done))))
         except TensionlabError as error:
-            send("error", str(error))
+            send(error=str(error))

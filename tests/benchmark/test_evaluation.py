@@ -173,11 +173,11 @@ def test_a_slow_entry_sees_some_of_every_group_in_its_time():
 
 
 def test_a_problem_is_timed_by_the_best_of_its_repeats():
-    measurements = no_measurements(np.ones(3), repeats=2)
+    measurements = no_measurements(entries("all", ["daqp"])[0], np.ones(3), repeats=2)
     measurements.values["tried"][:2] = 1.0
     measurements.calls[0] = [[4e-6, 3e-6, 2e-6, 1e-6], [2e-6, 1e-6, 5e-7, 4e-7]]
     measurements.calls[1] = [[1e-6, 5e-7, 3e-7, 2e-7], [9e-6, 8e-6, 7e-6, 6e-6]]
-    row = SimpleNamespace(**summarise("a", entries("all", ["daqp"])[0], measurements))
+    row = SimpleNamespace(**summarise("a", measurements))
     assert (row.median_s, row.worst_s, row.jitter_s) == (1e-6, 2e-6, 9e-6)
     assert 4e-7 < row.prebuilt_s < 1.1e-6 < row.sgm_s  # 1 and 0.5 µs, and 2 and 1 µs
     # The parts are those of the same call.
@@ -185,11 +185,12 @@ def test_a_problem_is_timed_by_the_best_of_its_repeats():
 
 
 def test_solved_means_the_wrench_and_the_limits_of_what_was_tried():
-    measurements = no_measurements(np.array([1.0, 1.0, 1.0, 100.0, 1.0, 1.0]), repeats=1)
+    scale = np.array([1.0, 1.0, 1.0, 100.0, 1.0, 1.0])
+    measurements = no_measurements(entries("all", ["newton"])[0], scale, repeats=1)
     measurements.values["tried"][:5] = 1.0
     measurements.values["error"][:] = [1e-7, 1e-7, 1e-5, 1e-5, np.nan, np.nan]
     measurements.values["violation"][:] = [0.0, 1e-5, 0.0, 0.0, 0.0, np.nan]
-    row = summarise("a", entries("all", ["newton"])[0], measurements)
+    row = summarise("a", measurements)
     assert (row["problems"], row["tried"], row["failed"]) == (6, 5, 1)
     assert (row["solved_1e3"], row["solved_1e6"], row["solved_1e9"]) == (0.8, 0.4, 0.0)
 
