@@ -129,7 +129,7 @@ def _print(found: LayoutSearch, name: str) -> None:
         output.print_line()
     best = found.best
     table = best.table()
-    table.title = f"{best.rig.name} {found.objective.rendered(best.score, best.rig)}"
+    table.title = f"{best.rig.name} {found.objective.describe(best.rig, best.score)}"
     output.print_table(table)
     for each in found.layouts:
         if each.proved is not None:

@@ -41,9 +41,9 @@ class Objective:
 
     force: float | None = None
     weights: Floats | None = field(default=None, repr=False, compare=False)
-    """Share of the target that each of its points stands for; None: equal ones."""
+    """Weight of each point of the target; None: equal ones."""
     step: str = field(default="", repr=False, compare=False)
-    """How far apart its points are, in words."""
+    """How far apart the points are, in words."""
 
     def __post_init__(self) -> None:
         if self.force is not None and not (np.isfinite(self.force) and self.force > 0):
@@ -97,20 +97,16 @@ class Objective:
         """Return the mean (...) of values (..., P) over the target."""
         return np.asarray(values.mean(axis=-1) if self.weights is None else values @ self.weights)
 
-    def describe(self, rig: Rig) -> str:
-        """Return in a few words what the score of a rig is."""
+    def describe(self, rig: Rig, score: float | None = None) -> str:
+        """Return in words what the score of a rig is, or what a rig with a score renders, after its name."""
         about = f" about {rig.required.describe(rig)}" if rig.required else ""
-        if self.force is None:
-            return f"the maximum force in N in every direction{about}, everywhere in the target"
         points = f" (points {self.step})" if self.step else ""
-        return f"the share of the target{points} with {self.force:g} N in every direction{about}"
-
-    def rendered(self, score: float, rig: Rig) -> str:
-        """Return in words what a rig with a score renders, after its name."""
-        about = f" about {rig.required.describe(rig)}" if rig.required else ""
+        if score is None and self.force is None:
+            return f"the maximum force in N in every direction{about}, everywhere in the target"
+        if score is None:
+            return f"the share of the target{points} with {self.force:g} N in every direction{about}"
         if self.force is None:
             return f"renders {max(score, 0.0):.4g} N in every direction{about} throughout the target"
-        points = f" (points {self.step})" if self.step else ""
         return f"renders {self.force:g} N in every direction{about} in {format_share(score)} of the target{points}"
 
 

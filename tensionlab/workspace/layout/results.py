@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
-from tensionlab.support import provenance
 from tensionlab.support.formatting import format_range
 from tensionlab.support.table import Column, Table
 from tensionlab.workspace.layout.objective import Objective
-
-if TYPE_CHECKING:
-    import pandas
 
 
 @dataclass(frozen=True)
@@ -23,19 +18,14 @@ class Layout:
     Examples
     --------
     >>> import tensionlab as tl
-    >>> space = tl.workspace.Space(tl.workspace.room([3.0, 2.4, 4.0]), counts=(4,))
-    >>> hand = tl.workspace.box([-0.2, 0.2], [1.0, 1.4], [-0.2, 0.2], step=0.2)
-    >>> objective = tl.workspace.Objective()
-    >>> found = tl.workspace.search_layout(space, hand, objective, generations=2, starts=1)
-    >>> layout = found.best
-    >>> layout.rig.m, len(layout.contributions)
-    (4, 4)
+    >>> tl.workspace.Layout(tl.load_rig("floor-3"), score=1.2, worst=1.2, contributions=(1.2, 0.9, 1.1))
+    <Layout of floor-3: 3 modules, score 1.2, worst margin 1.2 N>
     """
 
     rig: Rig
-    """With the modules that were put, in the order of their surfaces, and the fixed ones last."""
+    """Rig with the modules that were placed, in the order of their surfaces, and the fixed ones last."""
     score: float
-    """Of the objective: a share, or a margin in N."""
+    """Score by the objective: a share, or a margin in N."""
     worst: float
     """Force in N that is feasible in every direction everywhere in the target; below zero where none is."""
     contributions: tuple[float, ...]
@@ -80,12 +70,9 @@ class LayoutSearch:
     Examples
     --------
     >>> import tensionlab as tl
-    >>> space = tl.workspace.Space(tl.workspace.room([3.0, 2.4, 4.0]), counts=(4,))
-    >>> hand = tl.workspace.box([-0.2, 0.2], [1.0, 1.4], [-0.2, 0.2], step=0.2)
-    >>> objective = tl.workspace.Objective()
-    >>> found = tl.workspace.search_layout(space, hand, objective, generations=2, starts=1)
-    >>> [layout.rig.m for layout in found.layouts]
-    [4]
+    >>> found = [tl.workspace.Layout(tl.load_rig(name), 1.2, 1.2, ()) for name in ("floor-3", "cube-8")]
+    >>> tl.workspace.LayoutSearch(tl.workspace.Objective(), tuple(found)).best.rig.name
+    'floor-3'
     """
 
     objective: Objective
@@ -107,15 +94,6 @@ class LayoutSearch:
     def describe(self) -> str:
         """Return in a few words what the score is."""
         return self.objective.describe(self.best.rig)
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """Return a row for each number of modules; MissingDependency if pandas is not installed."""
-        return provenance.data_frame(
-            [
-                {"modules": each.rig.m, "score": each.score, "worst": each.worst, "on_front": each in self.front}
-                for each in self.layouts
-            ]
-        )
 
     @property
     def front(self) -> tuple[Layout, ...]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,24 +12,25 @@ from numpy.typing import ArrayLike
 from tensionlab.errors import InputError, ShapeError
 from tensionlab.model import pose
 from tensionlab.model.module import Module, TensionLimits
+from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
+from tensionlab.workspace.certification.certify import certify as prove
 from tensionlab.workspace.layout.objective import Objective, target_margins, target_slopes
-from tensionlab.workspace.layout.proof import most_proved
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.space import Placement, Space
 from tensionlab.workspace.poses import Grid
 
 POPULATION_FACTOR = 10  # layouts in a generation, for each number that describes one
-INITIAL_STEP = 0.1
-MAX_STEP = 0.3
-MIN_STEP = 1e-4  # how far a module may move in one step, as a share of an edge
+INITIAL_STEP, MIN_STEP, MAX_STEP = 0.1, 1e-4, 0.3  # trust region: how far a module may move, as a share of an edge
 MAX_STEPS = 80  # 30 are usual
-MIN_GAIN = 1e-9
-CLOUD_POINTS = 100  # to surround small targets with
-CLOUD_RADIUS_M = 1e-3  # from the target
-DECIMALS = 6  # coordinates of the layouts found are rounded to micrometres
-# From blunt to sharp: how closely shares are followed. Blunt ones lead further, sharp ones count right.
-SHARPNESS = (1.0, 0.1, 0.01)
+MIN_GAIN = 1e-9  # of the objective, for a step to be kept
+CLOUD_POINTS = 100  # points that surround a small target
+CLOUD_RADIUS_M = 1e-3  # distance of the cloud from the target
+DECIMALS = 6  # coordinates are rounded to micrometres
+SHARPNESS = (1.0, 0.1, 0.01)  # how closely shares are followed: blunt ones lead further, sharp ones count right
+PROOF_CELLS = 64  # finest cells of a proof along the longest edge
+BISECTIONS = 8  # of a force, which find it to less than half a percent
+MAX_PROVED = 5  # layouts that are proved; later ones are worse
 
 Progress = Callable[[float], None]
 
@@ -310,7 +312,7 @@ def evaluate(space: Space, target: Floats, objective: Objective, places: Placeme
         )
         lost.append(max(score, 0.0) - max(without, 0.0))  # no force is less than none
     rig = space.rig(name, modules, target.mean(axis=0).round(DECIMALS) + 0.0)
-    rig = replace(rig, description=f"A layout found by search: it {objective.rendered(score, rig)}.")
+    rig = replace(rig, description=f"A layout found by search: it {objective.describe(rig, score)}.")
     return Layout(rig, score, float(found.min()), tuple(lost))
 
 
@@ -328,3 +330,45 @@ def _modules(space: Space, places: Placement) -> list[Module]:
         anchor = (surface.corner + along[: len(surface.edges)] @ surface.edges).round(DECIMALS) + 0.0
         modules.append(Module(name, anchor, *space.limits, frame=surface.frame, **space.hardware))
     return modules
+
+
+def proved_force(rig: Rig, target: Floats, most: float) -> float:
+    """Return the force in N, up to the most, that is proved of all positions in the box around a target (P, d).
+
+    In every direction about what is required of the rig. NaN if not even that is proved, without a force.
+    """
+    region = np.stack([target.min(axis=0), target.max(axis=0)], axis=1)
+    edge = float(np.ptp(region, axis=1).max())
+
+    def proved(force: float) -> bool:
+        required = replace(rig.required, ball=rig.required.ball + force)
+        return prove(rig, region, required, edge / PROOF_CELLS).proved
+
+    if not most >= 0 or (edge and not proved(0.0)):
+        return float("nan")
+    if not edge or proved(most):  # a single position is what the search itself looks at
+        return most
+    low, high = 0.0, most
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if proved(middle) else (low, middle)
+    return low
+
+
+def most_proved(layouts: Iterable[Layout], target: Floats, force: float | None) -> Layout:
+    """Return the layout of which the most is proved, up to a force, if one is given.
+
+    Layouts come the best first. Those are left out that have no more, at the points of the target, than is proved
+    of one before them.
+    """
+    found: list[Layout] = []
+    for layout in islice(layouts, MAX_PROVED):
+        most = layout.worst if force is None else min(force, layout.worst)
+        if all(most > _held(each) for each in found):
+            found.append(replace(layout, proved=proved_force(layout.rig, target, most)))
+    return max(found, key=_held)
+
+
+def _held(layout: Layout) -> float:
+    """Return the force that is proved of a layout, below any other if none is."""
+    return -np.inf if layout.proved is None or np.isnan(layout.proved) else layout.proved

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, Literal, NamedTuple
@@ -15,10 +15,10 @@ from tensionlab.errors import RigError
 from tensionlab.model import pose
 from tensionlab.model.layouts import LIMITS
 from tensionlab.model.module import WORLD, Module, Platform, TensionLimits, require_name, vector
-from tensionlab.model.pose import CoordinateFrame, RestPose
+from tensionlab.model.pose import RestPose
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats, Integers, as_floats
+from tensionlab.support.arrays import Floats, Integers, as_floats, readonly_copy
 from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_range, format_vector
 from tensionlab.support.validation import raises
@@ -30,21 +30,20 @@ GENE_BORDER = 0.15  # share of an edge's genes that stands for each of its two e
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Rail, rectangle or box on which modules may be put.
+    """Rail, rectangle or box on which modules may be put: ``corner + x @ edges``, every entry of x from 0 to 1.
 
-    All points ``corner + x @ edges`` with every entry of x from 0 to 1. RigError names the surface and the wrong
-    key; for edges that do not span k dimensions, too.
+    RigError names the surface and the wrong key, also for edges that do not span k dimensions.
 
     Attributes
     ----------
     name : str
-        Modules are named after it.
+        Name that its modules have, too, with a number.
     corner : (d,) read-only array
-        In the axes of ``frame``, in m.
+        Where all edges start, in the axes of ``frame``, in m.
     edges : (k, d) read-only array
         One to d vectors from the corner, in m: one is a rail, two are a rectangle, three a box.
     frame : str
-        "world", or the name of a body frame that carries the modules.
+        "world", or the name of a body frame to which the modules are attached.
 
     Examples
     --------
@@ -67,18 +66,13 @@ class Surface:
         require_name(self.name, "surface", "name", "give every surface a name")
         here = f'surface "{self.name}"'
         corner = vector(self.corner, here, "corner")
-        try:
-            edges = as_floats("edges", self.edges).copy()
-        except (TypeError, ValueError):
-            edges = np.empty(0)
-        d = corner.size
+        edges, d = readonly_copy(as_floats("edges", self.edges)), corner.size
         if d not in (2, 3) or edges.ndim != 2 or edges.shape[1] != d or not 1 <= len(edges) <= d:
             raise RigError(
                 f'{here}: key "edges" must list 1 to {d} vectors of {d} coordinates in m, as "corner" has'
             )
         if not np.isfinite(edges).all() or np.linalg.matrix_rank(edges) < len(edges):
             raise RigError(f'{here}: key "edges" has edges that are zero, parallel or not finite; correct them')
-        edges.setflags(write=False)
         object.__setattr__(self, "corner", corner)
         object.__setattr__(self, "edges", edges)
 
@@ -86,15 +80,14 @@ class Surface:
 def room(size: Sequence[float], centre: Sequence[float] | None = None) -> tuple[Surface, ...]:
     """Return the surfaces of a room: floor, ceiling and four walls; Y is up.
 
-    Its ``size`` is width along X, height along Y and depth along Z, in m. Without ``centre``, the middle of its
-    floor is the origin. RigError if the size is not three positive numbers.
+    RigError if the size is not three positive numbers.
 
     Parameters
     ----------
     size : (width, height, depth)
-        In m.
+        Along X, Y and Z, in m.
     centre : (3,) array, optional
-        In m.
+        Middle of the room, in m; left out, the middle of its floor is the origin.
 
     Examples
     --------
@@ -151,15 +144,11 @@ class Space:
         Tension limits of the modules that are put, in N.
     hardware : mapping of str to float
         What else they have, as in `Module`: ``brake``, ``newton_per_ampere``, ``spool_radius``.
-    up : str or None
-        Axis of the world that points up, for the rigs that are found, as in `Rig`.
-    platform : Platform or None
-        Mass of what the hand holds, for the rigs that are found.
-    required : Requirement
-        What the cables must exert everywhere in the target, about which layouts have their margins.
     fixed : tuple of Module
         Modules that stay where they are.
-    frames : mapping of name to Frame
+    up, platform, required
+        As in `Rig`, of the rigs that are found; margins are about the required wrenches.
+    rest : tuple of RestPose
         Poses of the body frames while the hand is in the target.
 
     Examples
@@ -174,7 +163,7 @@ class Space:
     counts: Annotated[tuple[PositiveInt, ...], Field(min_length=1)]
     limits: tuple[Tension, Tension] = LIMITS
     fixed: tuple[InstanceOf[Module], ...] = ()
-    frames: InstanceOf[Mapping[str, CoordinateFrame]] = field(default_factory=dict)
+    rest: tuple[InstanceOf[RestPose], ...] = ()
     hardware: dict[Hardware, Any] = field(default_factory=dict)
     up: str | None = None
     platform: InstanceOf[Platform] | None = None
@@ -191,14 +180,11 @@ class Space:
         if repeated := sorted({name for name in names if names.count(name) > 1}):
             raise RigError(f'surface "{repeated[0]}": its name is used twice; give each its own')
         d = self.dimension
-        for what, name, size in [
-            *(("surface", surface.name, surface.corner.size) for surface in self.surfaces),
-            *(("module", module.name, module.anchor.size) for module in self.fixed),
-        ]:
+        sizes = {f'surface "{surface.name}"': surface.corner.size for surface in self.surfaces}
+        sizes |= {f'module "{module.name}"': module.anchor.size for module in self.fixed}
+        for what, size in sizes.items():
             if size != d:
-                raise RigError(
-                    f'{what} "{name}": has {size} coordinates and surface "{names[0]}" {d}; give both {d}'
-                )
+                raise RigError(f'{what}: has {size} coordinates and surface "{names[0]}" {d}; give both {d}')
         for module in self.fixed:
             if module.pulley_radius is not None:
                 raise RigError(f'module "{module.name}": its pulley cannot be part of a search; leave it out')
@@ -207,8 +193,7 @@ class Space:
         lower, upper = self.limits
         if lower > upper:
             raise RigError(f"limits is {lower} to {upper}; give 0 <= lower <= upper, both in N")
-        _ = self.one_module  # refuses what no module and no rig has
-        _ = self.placed  # refuses frames that are missing
+        _ = self.one_module, self.placed  # refuse what no rig has, and frames that are missing
 
     @property
     def dimension(self) -> int:
@@ -226,8 +211,9 @@ class Space:
             for k in range(d)
         ]
         fixed = [(module.anchor, module.frame) for module in self.fixed]
-        riders = [Module("rider", point, 0.0, 0.0, frame=frame) for point, frame in corners + ends + fixed]
-        points = pose.place_anchors(riders, np.stack([rider.anchor for rider in riders]), self.frames)
+        modules = [Module("any", point, 0.0, 0.0, frame=frame) for point, frame in corners + ends + fixed]
+        frames = {each.name: each.frame for each in self.rest}
+        points = pose.place_anchors(modules, np.stack([each.anchor for each in modules]), frames)
         return SurfaceGeometry(
             corners=points[:count],
             edges=points[count : count * (1 + d)].reshape(count, d, d) - points[:count, None],
@@ -246,7 +232,8 @@ class Space:
         return self.required.at(self.one_module)
 
     def rig(self, name: str, modules: Sequence[Module], home: Floats) -> Rig:
-        """Return a rig with these modules, and with what the space says of all that are found in it."""
+        """Return a rig with these modules, and with what the space says of all its rigs."""
+        used = {module.frame for module in modules}
         return Rig(
             name,
             kind="point" if self.dimension == 3 else "planar-point",
@@ -255,23 +242,9 @@ class Space:
             platform=self.platform,
             up=self.up,
             required=self.required,
-            rest=self._rest(modules),
+            rest=tuple(each for each in self.rest if each.name in used),
             source="tensionlab layout search",
         )
-
-    def _rest(self, modules: Sequence[Module]) -> tuple[RestPose, ...]:
-        """Return where the body frames of modules are while the hand is in the target."""
-        from scipy.spatial.transform import Rotation
-
-        found = []
-        for name in dict.fromkeys(module.frame for module in modules if module.frame != WORLD):
-            frame = pose.frame_of(self.frames[name])
-            turn = None
-            if frame.rotation is not None:
-                given = np.asarray(frame.rotation, np.float64)
-                turn = np.atleast_1d(given) if self.dimension == 2 else Rotation.from_matrix(given).as_rotvec()
-            found.append(RestPose(name, np.asarray(frame.position, np.float64), turn))
-        return tuple(found)
 
     def decode(self, genes: Floats) -> Placement:
         """Return the places that genes (..., k, d + 1), from 0 to 1, stand for.

@@ -136,10 +136,13 @@ def load_task(path: str | PathLike[str]) -> LayoutTask:
     document = read_toml(path, "a space file (*.toml)", RigError)
     try:
         table = validate(SpaceFile, document, RigError)
+        target = box(**table.target.model_dump())
+        if (count := math.prod(target.shape)) > MAX_POSES:
+            raise RigError(f'[target]: key "step" gives {count:,} positions; give one for {MAX_POSES:,} at most')
         return LayoutTask(
             name=table.name,
             space=_space(table),
-            target=_target(table.target),
+            target=target,
             objective=Objective(table.objective.force),
             **table.search.model_dump(),
         )
@@ -162,20 +165,9 @@ def _space(table: SpaceFile) -> Space:
         counts=tuple(table.counts),
         limits=(table.limits.lower, table.limits.upper),
         fixed=tuple(Module(**{**limits, **each.model_dump(exclude_none=True)}) for each in table.modules),
-        frames={each.name: RestPose(**each.model_dump()).frame for each in table.frames},
+        rest=tuple(RestPose(**each.model_dump()) for each in table.frames),
         hardware={key: limits[key] for key in get_args(Hardware) if key in limits},
         up=table.up if table.room is None else ROOM_UP,
         platform=None if table.platform is None else Platform(**table.platform.model_dump()),
         required=requirement(table.required.model_dump(), "[required]: "),
     )
-
-
-def _target(table: TargetTable) -> Grid:
-    intervals = {"x": table.x, "y": table.y} | ({} if table.z is None else {"z": table.z})
-    try:
-        grid = box(**{key: tuple(ends) for key, ends in intervals.items()}, step=table.step)
-    except (InputError, ShapeError) as error:
-        raise RigError(f"[target]: {error}") from None
-    if (count := math.prod(grid.shape)) > MAX_POSES:
-        raise RigError(f'[target]: key "step" gives {count:,} positions; give one for {MAX_POSES:,} at most')
-    return grid

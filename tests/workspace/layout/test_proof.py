@@ -7,7 +7,7 @@ import numpy as np
 import tensionlab as tl
 from tensionlab.model.requirement import Requirement
 from tensionlab.workspace import Layout, Objective, Space, Surface, box, room, search_layout
-from tensionlab.workspace.layout.proof import most_proved, proved_force
+from tensionlab.workspace.layout.search import most_proved, proved_force
 
 RIG = tl.load_rig("bartels2026-validation")
 TARGET = box((-0.1, 0.1), (0.2, 0.4), (-0.1, 0.1), step=0.2)

@@ -141,13 +141,12 @@ def test_modules_on_a_body_keep_the_axes_of_the_body():
     """Only a box on the hip and two fixed modules: the searched module ends up in the box, in the hip's axes."""
     belt = Surface("belt", [-0.1, 0, 0], [[0.2, 0, 0], [0, 0.1, 0], [0, 0, 0.05]], frame="hip")
     fixed = tuple(Module(f"f{i}", anchor, *LIMITS) for i, anchor in enumerate(np.eye(3)))
-    frames = {"hip": ([-1.0, -1.0, -1.0], None)}
-    space = Space((belt,), (1,), LIMITS, fixed=fixed, frames=frames)
+    space = Space((belt,), (1,), LIMITS, fixed=fixed, rest=(tl.RestPose("hip", [-1.0, -1.0, -1.0]),))
     found = search_layout(space, [[0, 0, 0]], Objective(), generations=3, starts=2).best
     module = found.rig.modules[0]
     assert (module.name, module.frame) == ("belt 1", "hip")
     assert ((module.anchor >= [-0.1, 0, 0]) & (module.anchor <= [0.1, 0.1, 0.05])).all()
-    margin = capacity_margin(found.rig.structure_matrix([0, 0, 0], frames=frames), found.rig.limits)
+    margin = capacity_margin(found.rig.structure_matrix([0, 0, 0], frames=found.rig.at_rest), found.rig.limits)
     assert found.score == pytest.approx(margin, abs=1e-12)
     # The best is on the diagonal, opposite to the three others: (x, y, z) all equal in the world.
     placed = module.anchor - 1.0
@@ -298,12 +297,9 @@ def test_who_watches_a_search_can_end_it():
 
 
 def test_bodies_are_at_rest_in_the_rig_where_the_space_has_them():
-    turn = tl.workspace.roll_pitch_yaw(0.1, 0.2, 0.3)[0]
-    hip = tl.CoordinateFrame([0.0, 0.9, -0.3], turn)
+    rest = (tl.RestPose("hip", [0.0, 0.9, -0.3], [0.1, 0.2, 0.3]),)
     belt = Surface("belt", [-0.2, 0.0, 0.0], [[0.4, 0.0, 0.0]], frame="hip")
-    space = Space((*room([2, 2, 2]), belt), (5,), LIMITS, frames={"hip": hip})
-    on_belt = Placement(np.array([6, 0, 1, 2, 3]), np.full((5, 3), 0.4))
-    rig = search.evaluate(space, np.array([[0.0, 1.0, 0.0]]), Objective(), on_belt, "five").rig
-    assert rig.frames == ("hip",)
-    np.testing.assert_allclose(rig.at_rest["hip"].position, hip.position)
-    np.testing.assert_allclose(rig.at_rest["hip"].rotation, turn, atol=1e-12)
+    space = Space((*room([2, 2, 2]), belt), (5,), LIMITS, rest=rest)
+    for first, found in ((6, rest), (5, ())):
+        places = Placement(np.array([first, 0, 1, 2, 3]), np.full((5, 3), 0.4))
+        assert search.evaluate(space, np.array([[0.0, 1.0, 0.0]]), Objective(), places, "five").rig.rest == found

@@ -3,6 +3,7 @@ import pytest
 
 from tensionlab.errors import RigError
 from tensionlab.model.module import Module
+from tensionlab.model.pose import RestPose
 from tensionlab.workspace.layout.space import Placement, Space, Surface, room
 
 CUBE = Space(room([2, 2, 2], centre=[0, 0, 0]), (4,), limits=(1.0, 5.0))
@@ -31,9 +32,8 @@ def test_a_room_has_six_faces_that_bound_it():
 def test_surfaces_on_bodies_are_placed_where_the_bodies_are():
     """A hip that is turned by 90 degrees about Y and stands at x = 5: its x axis points along -Z of the world."""
     belt = Surface("belt", [0, 0, 0.1], [[0.3, 0, 0]], frame="hip")
-    turn = [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]
     worn = Module("worn", [0.2, 0, 0], 1, 2, frame="hip")
-    space = Space((FLOOR, belt), (1,), fixed=(worn,), frames={"hip": ([5, 1, 0], turn)})
+    space = Space((FLOOR, belt), (1,), fixed=(worn,), rest=(RestPose("hip", [5, 1, 0], [0, np.pi / 2, 0]),))
     np.testing.assert_allclose(space.placed.corners, [[-1, 0, -1], [5.1, 1, 0]], atol=1e-15)
     np.testing.assert_allclose(space.placed.edges[1], [[0, 0, -0.3], [0, 0, 0], [0, 0, 0]], atol=1e-15)
     np.testing.assert_allclose(space.placed.edges[0], [[2, 0, 0], [0, 0, 2], [0, 0, 0]], atol=1e-15)
@@ -65,7 +65,7 @@ def test_surfaces_on_bodies_are_placed_where_the_bodies_are():
         (lambda: Space((FLOOR,), (4,), fixed=(Module("m", [0, 0], 1, 2),)), 'module "m": has 2 coordinates'),
         (lambda: Space((FLOOR,), (4,), limits=(3, 2)), 'limits is 3.0 to 2.0'),
         (lambda: Space((Surface("s", [0, 0, 0], [[1, 0, 0]], "hip"),), (4,)), '"hip", which is missing'),
-        (lambda: Space((FLOOR,), (4,), frames={"hip": [0, 0, 0]}), 'is attached to the frame "hip"'),
+        (lambda: Space((FLOOR,), (4,), rest=(RestPose("hip", [0, 0, 0]),)), 'is attached to the frame "hip"'),
     ],
 )  # fmt: skip
 def test_a_space_that_is_none_is_refused(make, message):
