@@ -4,70 +4,53 @@ from tensionlab.workspace.certification.certify import certify
 from tensionlab.workspace.certification.result import CertifiedWorkspace
 from tensionlab.workspace.interference import (
     Capsule,
-    Clearance,
     body_distance,
     cable_distance,
-    cable_pairs,
-    segment_distance,
 )
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.search import search_layout
 from tensionlab.workspace.layout.space import Space, Surface, room
 from tensionlab.workspace.margin import (
-    MarginGradient,
-    RigMarginGradient,
     capacity_margin,
     margin_gradient,
     rig_margin_gradient,
 )
-from tensionlab.workspace.metrics import METRICS, Batch, Metric, metric
+from tensionlab.workspace.metrics import METRICS, Metric, metric
 from tensionlab.workspace.orientations import cone, roll_pitch_yaw
 from tensionlab.workspace.poses import Grid, PoseList, box, polyline, read_poses
 from tensionlab.workspace.structure_metrics import (
-    SquaredTension,
-    condition_number,
     feasible_direction_fraction,
     isotropic_force,
-    least_singular_value,
     squared_tension,
     tension_factor,
     wrench_closure,
 )
 from tensionlab.workspace.sweep.configurations import vary
 from tensionlab.workspace.sweep.summary import summary
-from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
+from tensionlab.workspace.wrench_set import half_spaces, vertices
 
 __all__ = [
     "METRICS",
-    "Batch",
     "Capsule",
     "CertifiedWorkspace",
-    "Clearance",
     "Grid",
-    "HalfSpaces",
     "Layout",
     "LayoutSearch",
-    "MarginGradient",
     "Metric",
     "Objective",
     "PoseList",
-    "RigMarginGradient",
     "Space",
-    "SquaredTension",
     "Surface",
     "body_distance",
     "box",
     "cable_distance",
-    "cable_pairs",
     "capacity_margin",
     "certify",
-    "condition_number",
     "cone",
     "feasible_direction_fraction",
     "half_spaces",
     "isotropic_force",
-    "least_singular_value",
     "margin_gradient",
     "metric",
     "polyline",
@@ -76,7 +59,6 @@ __all__ = [
     "roll_pitch_yaw",
     "room",
     "search_layout",
-    "segment_distance",
     "squared_tension",
     "summary",
     "tension_factor",

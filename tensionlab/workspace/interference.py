@@ -27,8 +27,6 @@ class Capsule(NamedTuple):
     >>> import tensionlab as tl
     >>> torso = tl.workspace.Capsule([0.0, 0.9, -0.3], [0.0, 1.4, -0.3], radius=0.2)
     >>> head = tl.workspace.Capsule([0.0, 1.6, -0.3], radius=0.12)
-    >>> head.end is None
-    True
     """
 
     start: ArrayLike
@@ -41,15 +39,6 @@ class Clearance(NamedTuple):
 
     Below zero where a cable enters a body, infinite where there is no pair to measure. The pair are indices of two
     modules, or of a module and a body; -1 where there is none.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> head = tl.workspace.Capsule([0.0, 1.2, -0.3], radius=0.12)
-    >>> clearance = tl.workspace.body_distance(rig, [head], rig.home)
-    >>> f"{clearance.distance:.2f} m", clearance.pair.tolist()
-    ('0.18 m', [3, 0])
     """
 
     distance: Floats
@@ -69,14 +58,12 @@ def cable_distance(
     and Otis, "Geometric determination of the interference-free constant-orientation workspace of parallel
     cable-driven mechanisms", 2010.
 
-    Poses and errors are as in `Rig.structure_matrix`; leading axes broadcast.
-
     Parameters
     ----------
     rig : Rig
-        Whose cables are measured.
+        Rig whose cables are measured.
     position, rotation, frames
-        As in `Rig.structure_matrix`.
+        Poses and errors as in `Rig.structure_matrix`; leading axes broadcast.
 
     Examples
     --------
@@ -90,32 +77,13 @@ def cable_distance(
 
 
 def cable_pairs(rig: Rig) -> Integers:
-    """Return the pairs of cables that share neither attachment nor anchor, (k, 2), the smaller index first.
-
-    Parameters
-    ----------
-    rig : Rig
-        Whose cables are paired.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> tl.workspace.cable_pairs(tl.load_rig("ipanema-1")).shape
-    (24, 2)
-    >>> tl.workspace.cable_pairs(tl.load_rig("bartels2026-validation")).shape  # all meet in the point
-    (0, 2)
-    """
-    return np.array(
-        [
-            (i, j)
-            for i, j in combinations(range(rig.m), 2)
-            if not np.array_equal(rig.attachments[i], rig.attachments[j])
-            and not (
-                rig.modules[i].frame == rig.modules[j].frame and np.array_equal(rig.anchors[i], rig.anchors[j])
-            )
-        ],
-        dtype=np.int64,
-    ).reshape(-1, 2)
+    """Return the pairs of cables that share neither attachment nor anchor, (k, 2), the smaller index first."""
+    anchors = [(module.frame, *module.anchor) for module in rig.modules]
+    ends = list(zip(map(tuple, rig.attachments), anchors, strict=True))
+    apart = [
+        (i, j) for i, j in combinations(range(rig.m), 2) if ends[i][0] != ends[j][0] and ends[i][1] != ends[j][1]
+    ]
+    return np.array(apart, dtype=np.int64).reshape(-1, 2)
 
 
 def body_distance(
@@ -128,20 +96,16 @@ def body_distance(
     """Return the minimum distance from a cable to a body, such as the user's head or torso.
 
     Every cable against every body, along the whole cable. What the cables hold is close to them by design: end the
-    forearm of a user short of the attachments. Source: as `cable_distance`.
-
-    Poses are as in `Rig.structure_matrix`; leading axes broadcast. The pair are the indices of a module and of a
-    body. ShapeError for a body with other coordinates than the rig, InputError for a negative radius, or more
-    cables and bodies than the kernel serves.
+    forearm of a user short of the attachments. The pair are the indices of a module and of a body. ShapeError for
+    a body with other coordinates than the rig, InputError for a negative radius, or more cables and bodies than
+    the kernel serves.
 
     Parameters
     ----------
-    rig : Rig
-        Whose cables are measured.
+    rig, position, rotation, frames
+        Parameters, errors and source as in `cable_distance`.
     bodies : sequence of Capsule
-        In the world.
-    position, rotation, frames
-        As in `Rig.structure_matrix`.
+        Bodies in the world.
 
     Examples
     --------
@@ -159,36 +123,6 @@ def body_distance(
     everything = [np.broadcast_to(s, (*shape, *s.shape[-3:])) for s in (cables, *segments)]
     found = closest(np.concatenate(everything, axis=-3), body_pairs(rig, bodies), np.array([0.0] * rig.m + radii))
     return found._replace(pair=np.where(found.pair < 0, -1, found.pair - [0, rig.m]))
-
-
-def segment_distance(start: ArrayLike, end: ArrayLike, start2: ArrayLike, end2: ArrayLike) -> Floats:
-    """Return the distance (...) between two segments from their ends (..., d), in m, d = 2 or 3.
-
-    Exact for parallel, crossing, touching and zero-length segments, to about 1e-8 of their length where they
-    cross, and to rounding elsewhere. ShapeError if the ends don't broadcast, or hold NaN or infinity.
-
-    Source: Lumelsky, "On fast computation of distance between line segments", 1985.
-
-    Parameters
-    ----------
-    start, end : (..., d) arrays
-        Ends of the first segment, in m.
-    start2, end2 : (..., d) arrays
-        Ends of the second.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> float(tl.workspace.segment_distance([0.0, 0.0], [1.0, 0.0], [0.0, 2.0], [1.0, 2.0]))
-    2.0
-    """
-    given = {"start": start, "end": end, "start2": start2, "end2": end2}
-    d = np.shape(start)[-1] if np.shape(start)[-1:] in ((2,), (3,)) else 3
-    ends = {name: pose.points(values, d, name) for name, values in given.items()}
-    common_axes({name: values.shape[:-1] for name, values in ends.items()})
-    stacked = np.stack(np.broadcast_arrays(*ends.values()), axis=-2)
-    segments = stacked.reshape(*stacked.shape[:-2], 2, 2, d)
-    return closest(segments, np.array([[0, 1]]), np.zeros(2)).distance
 
 
 def _cables(rig: Rig, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None) -> Floats:

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from tensionlab.allocation import RANK_TOLERANCE
 from tensionlab.errors import InputError, SweepError
 from tensionlab.model.directions import circle, fibonacci
 from tensionlab.model.pose import Frames
@@ -31,16 +32,7 @@ class Batch:
     """B poses of one rig at which no cable has length zero, and their structure matrices (B, n, m).
 
     Position (B, d), in m, rotation and frames are as in `Rig.structure_matrix`; ``required`` is what the cables
-    must exert at all of them.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> def height(batch):
-    ...     return batch.position[:, 1]
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> tl.sweep(rig, [rig.home], tl.workspace.Metric("height", height, unit="m"))["height"].values
-    array([[0.3]])
+    must exert at all of them. Functions of a `Metric` take it.
     """
 
     rig: Rig
@@ -157,19 +149,8 @@ def _feasible_direction_fraction(batch: Batch, magnitude: float = 1.0, count: in
     Without torque, in directions that cover the circle or sphere evenly, on top of the required wrench.
     """
     directions = circle(count) if batch.rig.dimension == 2 else fibonacci(count)
-    return structure_metrics.feasible_direction_fraction(
-        batch.structure, batch.rig.limits, directions, magnitude, batch.wrench
-    )
-
-
-def _least_singular_value(batch: Batch) -> Floats:
-    """Wrench in the weakest direction for a unit of tension: the structure matrix's minimum singular value."""
-    return structure_metrics.least_singular_value(batch.structure)
-
-
-def _condition_number(batch: Batch) -> Floats:
-    """Ratio of the strongest to the weakest direction: 1 is even, infinite lost."""
-    return structure_metrics.condition_number(batch.structure)
+    given = batch.structure, batch.rig.limits, directions, magnitude, batch.wrench
+    return structure_metrics.feasible_direction_fraction(*given)
 
 
 def _squared_tension(batch: Batch, over: str = "mean", magnitude: float = 1.0, count: int = 200) -> Floats:
@@ -177,10 +158,23 @@ def _squared_tension(batch: Batch, over: str = "mean", magnitude: float = 1.0, c
     if over not in ("mean", "worst"):
         raise InputError(f"squared-tension: over is {over!r}; give mean or worst")
     directions = circle(count) if batch.rig.dimension == 2 else fibonacci(count)
-    found = structure_metrics.squared_tension(
-        batch.structure, batch.rig.limits, directions, magnitude, batch.wrench
-    )
-    return found.mean if over == "mean" else found.worst
+    given = batch.structure, batch.rig.limits, directions, magnitude, batch.wrench
+    found: Floats = getattr(structure_metrics.squared_tension(*given), over)
+    return found
+
+
+def _least_singular_value(batch: Batch) -> Floats:
+    """Wrench in the weakest direction for a unit of tension: the structure matrix's minimum singular value."""
+    _, n, m = batch.structure.shape
+    return np.asarray(np.linalg.svd(batch.structure, compute_uv=False)[:, -1] * (m >= n))
+
+
+def _condition_number(batch: Batch) -> Floats:
+    """Ratio of the strongest to the weakest direction: 1 is even, infinite lost."""
+    _, n, m = batch.structure.shape
+    sigma = np.linalg.svd(batch.structure, compute_uv=False)
+    regular = (sigma[:, -1] > RANK_TOLERANCE * sigma[:, 0]) & (m >= n)
+    return np.asarray(np.divide(sigma[:, 0], sigma[:, -1], out=np.full(len(sigma), np.inf), where=regular))
 
 
 def _cable_distance(batch: Batch) -> Floats:
@@ -198,7 +192,6 @@ def _body_distance(batch: Batch, *, bodies: tuple[Capsule, ...] = ()) -> Floats:
     return interference.body_distance(batch.rig, bodies, batch.position, batch.rotation, batch.frames).distance
 
 
-# Metrics by name.
 METRICS: dict[str, Metric] = {
     metric.name: metric
     for metric in (

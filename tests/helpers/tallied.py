@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tensionlab.workspace import Batch, Metric
+from tensionlab.workspace.metrics import Batch, Metric
 
 
 def tallied(file: Path | str, seconds: float = 0.0, gate: Path | str = "", held_after: int = 0) -> Metric:

@@ -1,3 +1,6 @@
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from tensionlab.errors import SweepError
@@ -9,6 +12,15 @@ def test_every_metric_has_a_description_and_a_title(name):
     assert metric(name) == METRICS[name]
     assert metric(name).description.endswith(".")
     assert metric(name).title
+
+
+def test_singular_values():
+    W = np.array([[[3.0, 0.0, 0.0], [0.0, 2.0, 0.0]], [[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]], np.zeros((2, 3))])
+    cases = {"least-singular-value": ([2, 0, 0], 0.0), "condition-number": ([1.5, np.inf, np.inf], np.inf)}
+    for name, (expected, lost) in cases.items():
+        np.testing.assert_allclose(metric(name).evaluate(SimpleNamespace(structure=W)), expected, atol=1e-15)
+        one = SimpleNamespace(structure=W[:1].swapaxes(1, 2))  # fewer cables than components
+        assert metric(name).evaluate(one).tolist() == [lost]
 
 
 @pytest.mark.parametrize(

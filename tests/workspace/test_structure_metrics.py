@@ -138,15 +138,6 @@ def test_dimension_counts_components():
         tl.workspace.isotropic_force(np.eye(3), (0.0, 1.0), 4)
 
 
-def test_singular_values():
-    W = np.array([[[3.0, 0.0, 0.0], [0.0, 2.0, 0.0]], [[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]])
-    np.testing.assert_allclose(tl.workspace.least_singular_value(W), [2.0, 0.0], atol=1e-15)
-    np.testing.assert_allclose(tl.workspace.condition_number(W), [1.5, np.inf])
-    assert tl.workspace.least_singular_value(W[0].T) == 0
-    assert tl.workspace.condition_number(W[0].T) == np.inf
-    assert tl.workspace.condition_number(np.zeros((2, 3))) == np.inf
-
-
 CROSS = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
 AROUND = np.array([[np.cos(a), np.sin(a)] for a in np.radians(np.arange(0.5, 360.0))])  # 360 directions of a plane
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from typing import Any, Protocol, TypeVar
 
@@ -13,11 +13,11 @@ from tensionlab.support.files.reading import brief
 from tensionlab.support.operating_system import processors
 
 CHUNKS_PER_WORKER = 2  # under way at once, so that no worker waits and memory is bounded
-CLUSTER_TIMEOUT_S = 10  # longest time until a scheduler answers, in s
+CLUSTER_TIMEOUT_S = 10  # longest time until a scheduler answers
 
 
 class ExecutorTask(Protocol):
-    """Part of the work, with all that it takes to do it: small enough to send to another machine."""
+    """Part of the work, with all that it takes: small enough to send to another machine."""
 
     def evaluate(self) -> Any:
         """Do it, and return what was found."""
@@ -31,76 +31,65 @@ def evaluate_on_threads(tasks: Iterable[AnyTask]) -> Iterator[tuple[AnyTask, Any
 
     Threads serve: kernels and NumPy's loops run without the interpreter's lock.
     """
-    waiting = iter(tasks)
-    running: dict[Future[Any], AnyTask] = {}
-    with ThreadPoolExecutor(threads := thread_count()) as pool:
-        try:
-            while True:
-                for task in itertools.islice(waiting, CHUNKS_PER_WORKER * threads - len(running)):
-                    running[pool.submit(task.evaluate)] = task
-                if not running:
-                    return
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    yield running.pop(future), future.result()
-        finally:
-            for future in running:
-                future.cancel()
-
-
-def thread_count() -> int:
-    """Return how many threads evaluate chunks: ``TENSIONLAB_NUM_THREADS``, or one on each processor."""
     setting = os.environ.get("TENSIONLAB_NUM_THREADS", "")
-    return int(setting) if setting.isdecimal() and int(setting) else processors()
+    threads = int(setting) if setting.isdecimal() and int(setting) else processors()
+    with ThreadPoolExecutor(threads) as pool:
+        yield from _evaluate(tasks, threads, lambda task: pool.submit(task.evaluate))
 
 
 def evaluate_on_cluster(address: str, tasks: Iterable[AnyTask]) -> Iterator[tuple[AnyTask, Any]]:
     """Evaluate tasks on an existing Dask cluster; yields as they finish.
 
-    Where a worker dies, the scheduler gives its tasks to another. Workers need tensionlab installed, and no file
-    of this machine: a task holds all that it needs. SweepError if the scheduler does not answer, has no workers,
-    is lost, or lost too many workers.
+    Where a worker dies, the scheduler gives its tasks to another. Workers need tensionlab, and no file of this
+    machine. SweepError if the scheduler does not answer, has no workers, is lost, or lost too many workers.
     """
     with optional_import("cluster", "a cluster"):
-        from distributed import Client, KilledWorker, as_completed
+        from distributed import Client, KilledWorker
         from distributed.comm import CommClosedError
         from distributed.protocol import pickle
     try:
         client = Client(address, timeout=CLUSTER_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError, RuntimeError) as error:
-        raise _no_answer(address, error) from None
+        why = " ".join(str(error).split())
+        raise SweepError(
+            f"scheduler {brief(address)} does not answer ({why:.100}); give one that runs, as tcp://host:port"
+        ) from None
     with client:
         workers = sum(client.nthreads().values())
         if not workers:
             raise SweepError(f"scheduler {address!r} has no workers; start some with: dask worker {address}")
-        waiting = iter(tasks)
-        known: dict[str, AnyTask] = {}
-
-        def submit(count: int) -> list[Any]:
-            futures = []
-            for task in itertools.islice(waiting, count):
-                futures.append(client.submit(_evaluate, pickle.dumps(task), pure=False))
-                known[futures[-1].key] = task
-            return futures
-
-        running = as_completed(submit(CHUNKS_PER_WORKER * workers), loop=client.loop)
+        pool = client.get_executor(pure=False)
         try:
-            for future in running:
-                running.update(submit(1))
-                yield known.pop(future.key), pickle.loads(future.result())
+            for task, found in _evaluate(
+                tasks, workers, lambda task: pool.submit(_evaluate_pickled, pickle.dumps(task))
+            ):
+                yield task, pickle.loads(found)
         except (KilledWorker, CancelledError, CommClosedError) as error:
             raise SweepError(f"scheduler {address!r} gave up: {error}; with out, the same call resumes") from error
 
 
-def _evaluate(task: bytes) -> bytes:
-    """Evaluate a task. It and its answer travel as bytes: arrays beside a message would come without alignment."""
+def _evaluate(
+    tasks: Iterable[AnyTask], workers: int, submit: Callable[[AnyTask], Future[Any]]
+) -> Iterator[tuple[AnyTask, Any]]:
+    """Yield tasks and their results as they finish, a few under way at a time."""
+    waiting = iter(tasks)
+    running: dict[Future[Any], AnyTask] = {}
+    try:
+        while True:
+            for task in itertools.islice(waiting, CHUNKS_PER_WORKER * workers - len(running)):
+                running[submit(task)] = task
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                yield running.pop(future), future.result()
+    finally:
+        for future in running:
+            future.cancel()
+
+
+def _evaluate_pickled(task: bytes) -> bytes:
+    """Evaluate a task, sent as bytes as is its answer: Dask would send arrays without alignment."""
     from distributed.protocol import pickle
 
     answer: bytes = pickle.dumps(pickle.loads(task).evaluate())
     return answer
-
-
-def _no_answer(address: str, error: Exception) -> SweepError:
-    why = " ".join(str(error).split())
-    return SweepError(
-        f"scheduler {brief(address)} does not answer ({why:.100}); give one that runs, as tcp://host:port"
-    )
