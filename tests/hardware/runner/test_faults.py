@@ -1,4 +1,4 @@
-"""What can go wrong in a run, and that it leaves all tensions at the taut minimum or off within ttl and a cycle.
+"""What can go wrong in a run, and that all tensions are then at the minimum or off within ttl and a cycle.
 
 In lockstep, where time is exact; `test_fault_processes.py` has what takes real processes.
 """
@@ -38,7 +38,7 @@ def rehearsal(published_rig):
 
 
 def assert_let_go(rehearsal):
-    """All tensions are at the taut minimum, or off, at ttl and a cycle after the trouble, and stay so."""
+    """All tensions are at the minimum tension, or off, at ttl and a cycle after the trouble, and stay so."""
     end = rehearsal.trouble_at + TTL + CYCLE
     assert rehearsal.world.time <= end
     assert rehearsal.let_pass(end) <= TAUT + 1e-6
@@ -110,7 +110,7 @@ def test_a_module_that_gets_warm_is_asked_for_less_before_it_has_to_pull_less(re
     assert not (limits == Limit.THERMAL).any()  # the host is always before the module
     uppers = np.array([state.upper_now[3] for state in rehearsal.cycles])
     assert np.abs(np.diff(uppers)).max() <= 0.11  # no jump that a hand would feel
-    assert uppers[-1] >= 2.85  # what its winding stands for ever, 3 N, less the margin
+    assert uppers[-1] >= 2.85  # its winding's continuous rating, 3 N, less the margin
     if force > 3.0:
         assert statistics.derated["top"] < 3.6
         assert runner.latest.allocation.status == Status.NEAREST
@@ -119,7 +119,7 @@ def test_a_module_that_gets_warm_is_asked_for_less_before_it_has_to_pull_less(re
 
 
 def test_a_module_too_hot_to_hold_its_cable_taut_is_lost(rehearsal):
-    """Its winding stands 0.3 A for ever here, 0.9 N, and the rig wants 1.5 N at least."""
+    """The continuous rating of its winding is 0.3 A here, 0.9 N, and the rig wants 1.5 N at least."""
     rig = rehearsal.rig
     taut = [tl.Module(each.name, each.anchor, 1.5, 6.0) for each in rig.modules]
     rehearsal = Rehearsal(tl.Rig(rig.name, rig.kind, taut, rig.home), trouble_at=1e9)
@@ -129,21 +129,6 @@ def test_a_module_too_hot_to_hold_its_cable_taut_is_lost(rehearsal):
     with pytest.raises(ModuleFault, match=r"is too hot: it bears 0\.90 N continuously, less than its lower"):
         rehearsal.runner(rehearsal.demand(np.zeros(3))).run(300.0)
     rehearsal.trouble_at = rehearsal.world.time
-    assert_let_go(rehearsal)
-
-
-def test_nan_from_the_demand(rehearsal):
-    wrong = Demand(np.array([0.0, np.nan, 0.0]))
-    with pytest.raises(
-        HardwareError, match=r"demand of cycle 2[56]: wrench is \[0.0, nan, 0.0\]; all of it must be"
-    ):
-        rehearsal.runner(rehearsal.demand(trouble=lambda: wrong)).run(2.0)
-    assert_let_go(rehearsal)
-
-
-def test_a_demand_that_raises(rehearsal):
-    with pytest.raises(ZeroDivisionError):
-        rehearsal.runner(rehearsal.demand(trouble=lambda: 1 / 0)).run(2.0)
     assert_let_go(rehearsal)
 
 
@@ -160,12 +145,25 @@ class Raises:
         return tl.solvers.make("newton").solve(problem)
 
 
-def test_a_solver_that_raises(rehearsal):
-    broken = []
-    runner = rehearsal.runner(rehearsal.demand(trouble=lambda: broken.append(1)), solver=Raises(broken))
-    with pytest.raises(RuntimeError, match="no idea"):
+BROKEN = []
+NAN = r"demand of cycle 2[56]: wrench is \[0.0, nan, 0.0\]; all of it must be finite"
+
+
+@pytest.mark.parametrize(
+    ("trouble", "error", "said"),
+    [
+        (lambda: Demand(np.array([0.0, np.nan, 0.0])), HardwareError, NAN),
+        (lambda: 1 / 0, ZeroDivisionError, "division by zero"),
+        (lambda: BROKEN.append(1), RuntimeError, "no idea"),
+    ],
+    ids=["NaN from the demand", "a demand that raises", "a solver that raises"],
+)
+def test_an_error_of_the_demand_or_the_solver_stops_all(rehearsal, trouble, error, said):
+    BROKEN.clear()
+    runner = rehearsal.runner(rehearsal.demand(trouble=trouble), solver=Raises(BROKEN))
+    with pytest.raises(error, match=said) as caught:
         runner.run(2.0)
-    assert runner.statistics.ended == "RuntimeError: no idea"
+    assert runner.statistics.ended == f"{error.__name__}: {caught.value}"
     assert_let_go(rehearsal)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import tensionlab as tl
 from tensionlab.demand import Demand, Impedance, Pose
@@ -82,31 +83,24 @@ def test_the_force_follows_a_hand_that_moves(rig):
 
 def test_a_platform_is_found_with_its_rotation():
     rig = tl.load_rig("datasets/rigs/ipanema-1.toml")
-    limited = tl.Rig(
-        rig.name,
-        rig.kind,
-        [tl.Module(each.name, each.anchor, 0.5, 6.0, each.attachment) for each in rig.modules],
-        rig.home,
-    )
+    modules = [tl.Module(each.name, each.anchor, 0.5, 6.0, each.attachment) for each in rig.modules]
+    rig = tl.Rig(rig.name, rig.kind, modules, rig.home)
 
     def motion(time):
-        angle = 0.1 * time
-        turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
+        turn = Rotation.from_euler("z", 0.1 * time).as_matrix()
         return Pose(rig.home + np.array([0.1, 0.05, -0.02]) * time, turn)
 
-    world = World(limited, motion)
-    true = []
+    world, true = World(rig, motion), []
 
     def demand(state):
         true.append(world.pose)
         return Demand()
 
-    runner = run(world, limited, demand, 1.0)
-    pose = runner.latest.state.pose
-    np.testing.assert_allclose(pose.position, true[-1].position, atol=2e-3)
+    state = run(world, rig, demand, 1.0).latest.state
+    np.testing.assert_allclose(state.pose.position, true[-1].position, atol=2e-3)
     # Cables stretch by 0.13 mm, and those of this rig hardly resist a turn about the vertical.
-    np.testing.assert_allclose(pose.rotation, true[-1].rotation, atol=6e-3)
-    np.testing.assert_allclose(runner.latest.state.twist[:3], [0.1, 0.05, -0.02], atol=0.02)
+    np.testing.assert_allclose(state.pose.rotation, true[-1].rotation, atol=6e-3)
+    np.testing.assert_allclose(state.twist[:3], [0.1, 0.05, -0.02], atol=0.02)
 
 
 @pytest.mark.parametrize("solver", ["newton", "closed-form", "safe"])
@@ -137,18 +131,13 @@ def test_an_unproved_answer_is_never_sent(rig):
 
 
 def test_set_points_change_no_faster_than_the_modules_allow(rig):
-    forces = iter([np.array([0.0, 0.0, 3.0]), np.array([0.0, 0.0, -3.0])] * 100)
-    cycles = []
+    cycles, world = [], World(rig)
 
     def demand(state):
-        if runner_of:
-            cycles.append(runner_of[0].latest)
-        return Demand(next(forces))
+        cycles.append(runner.latest)
+        return Demand(np.array([0.0, 0.0, 3.0 if state.cycle % 2 else -3.0]))
 
-    runner_of = []
-    world = World(rig)
-    runner = Runner(rig, world.group(), "newton", demand, RunSettings(), clock=WorldClock(world))
-    runner_of.append(runner)
+    runner = Runner(rig, world.group(), "newton", demand, clock=WorldClock(world))
     runner.run(1.0)
     sent = np.array([cycle.commanded for cycle in cycles[1:]])
     assert np.abs(np.diff(sent, axis=0)).max() <= 60.0 / 50.0 + 1e-9
@@ -173,31 +162,28 @@ def test_modules_with_an_impedance_render_it_and_the_others_share_the_wrench(rig
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.02])
-def test_it_knows_how_late_it_hears_what_it_asked_for(rig, latency):
-    delays = []
-    world = World(rig)
-    group = world.group(Conditions(latency))
+def test_it_knows_the_latency_of_its_loop(rig, latency):
+    delays, world = [], World(rig)
 
     def demand(state):
         delays.append(state.delays)
         return Demand(np.array([0.0, np.sin(9.0 * state.time), 0.0]))
 
-    Runner(rig, group, "newton", demand, RunSettings(), clock=WorldClock(world)).run(1.0)
+    Runner(rig, world.group(Conditions(latency)), "newton", demand, clock=WorldClock(world)).run(1.0)
     settled = np.array(delays[20:])
     assert (settled > 2 * latency).all()
     assert (settled <= 2 * latency + 3.1 / 50.0).all()  # what is on its way moves on once a cycle
 
 
-def test_before_the_first_set_point_it_does_not_know_how_late_it_hears(rig):
-    """With a tracker, nothing is sent before the first cycle where no cable is slack."""
-    delays = []
-    place = Pose(rig.home)
+def test_a_tracker_takes_the_place_of_the_lengths_and_nothing_is_sent_before_the_first_cycle(rig):
+    delays, place = [], Pose(rig.home + np.array([0.01, 0.0, 0.0]))
 
     def demand(state):
         delays.append(state.delays)
-        return Demand()
+        return Demand(np.array([0, 0, 1.0]))
 
-    run(World(rig), rig, demand, tracker=lambda time: place)
+    runner = run(World(rig), rig, demand, tracker=lambda time: place)
+    np.testing.assert_array_equal(runner.latest.state.structure, rig.structure_matrix(place.position))
     assert np.isnan(delays[0]).all()
     assert np.isfinite(delays[5]).all()
 
@@ -215,12 +201,6 @@ def test_brakes_are_laid_on(rig):
     assert runner.statistics.ended == "stopped by the demand"
 
 
-def test_a_tracker_takes_the_place_of_the_lengths(rig):
-    place = Pose(rig.home + np.array([0.1, 0.0, 0.0]))
-    runner = run(World(rig), rig, lambda state: Demand(np.array([0, 0, 1.0])), tracker=lambda time: place)
-    np.testing.assert_array_equal(runner.latest.state.structure, rig.structure_matrix(place.position))
-
-
 def test_a_rig_on_a_body_needs_a_tracker():
     rig = tl.load_rig("datasets/rigs/body-mounted.toml")
     world = World(rig)
@@ -233,34 +213,24 @@ def test_a_rig_on_a_body_needs_a_tracker():
     np.testing.assert_allclose(runner.latest.allocation.wrench, force, atol=1e-6)
 
 
-def test_modules_that_do_not_fit_are_refused_before_any_is_armed(rig):
-    world = World(rig)
-    strong = tl.Rig(
-        rig.name, rig.kind, [tl.Module(each.name, each.anchor, 0.5, 9.0) for each in rig.modules], rig.home
-    )
-    with pytest.raises(HardwareError, match=r'"floor-1" pulls with 0\.5 to 6 N, but the rig wants 0\.5 to 9 N'):
-        run(world, strong, lambda state: Demand())
-    group = world.group()
-    group.clients[2].arm()
-    with pytest.raises(LinkError, match=r'module "floor-3" is (ARMED|RUNNING): somebody else has it armed'):
-        run(world, rig, lambda state: Demand())
-    assert {module.sample.state for module in world.modules[:2]} == {State.IDLE}
+def test_modules_that_cannot_run_are_refused_before_any_is_armed(rig):
+    def refused(error, message, prepare=lambda client: None, wanted=rig):
+        world = World(rig)
+        prepare(world.group().clients[1])
+        with pytest.raises(error, match=message):
+            run(world, wanted, lambda state: Demand())
+        assert {module.sample.state for module in (world.modules[0], *world.modules[2:])} == {State.IDLE}
 
+    def forget_length(client):
+        client.set_parameter("spool_radius", 0.02)  # turns no longer tell the length
+        client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
 
-def test_a_module_in_emergency_stop_is_refused(rig):
-    world = World(rig)
-    world.group().clients[0].estop()
-    with pytest.raises(ModuleFault, match='module "floor-1" is in ESTOP: find out why, then'):
-        run(world, rig, lambda state: Demand())
-
-
-def test_unknown_lengths_are_refused(rig):
-    world = World(rig)
-    client = world.group().clients[1]
-    client.set_parameter("spool_radius", 0.02)  # turns no longer tell the length
-    client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
-    with pytest.raises(HardwareError, match="cable lengths of floor-2 are not known"):
-        run(world, rig, lambda state: Demand())
+    modules = [tl.Module(each.name, each.anchor, 0.5, 9.0) for each in rig.modules]
+    strong = tl.Rig(rig.name, rig.kind, modules, rig.home)
+    refused(HardwareError, r'"floor-1" pulls with 0\.5 to 6 N, but the rig wants 0\.5 to 9 N', wanted=strong)
+    refused(LinkError, '"floor-2" is (ARMED|RUNNING): somebody else has it armed', lambda client: client.arm())
+    refused(ModuleFault, '"floor-2" is in ESTOP: find out why, then', lambda client: client.estop())
+    refused(HardwareError, "cable lengths of floor-2 are not known", forget_length)
 
 
 def round_trip(rig, radius=0.2, period=4.0):

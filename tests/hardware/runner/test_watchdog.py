@@ -2,6 +2,7 @@
 
 import signal
 import threading
+from contextlib import nullcontext
 from functools import partial
 
 import pytest
@@ -84,32 +85,23 @@ def test_a_step_may_take_its_time_and_not_a_tick_more(watched):
     assert "(watchdog.py:" in why, "where this thread is"
 
 
-def test_a_step_that_follows_has_its_own_time(watched):
-    assert watched(16, {5: ("cycle 2", 0.1), 10: ("cycle 3", 0.1)})[0] == []
-    [(_, tick, why)], _ = watched(17, {5: ("cycle 2", 0.1), 10: ("cycle 3", 0.1)})
+def test_each_step_has_its_own_time_and_between_steps_nothing_is_late(watched):
+    steps = {5: ("cycle 2", 0.1), 10: ("cycle 2", 0.1)}
+    assert watched(16, steps)[0] == []
+    [(_, tick, why)], _ = watched(17, steps)
     assert tick == 17
-    assert why.startswith("cycle 3 ")
-
-
-def test_the_same_step_once_more_is_another_one(watched):
-    assert watched(10, {5: ("cycle 1", 0.1)})[0] == []
-
-
-def test_between_steps_nothing_is_late(watched):
+    assert why.startswith("cycle 2 ")
     assert watched(500, {3: None})[0] == []
     assert watched(500, first=None)[0] == []
 
 
-def test_one_that_was_interrupted_and_leaves_in_time_is_not_ended(watched):
+def test_what_does_not_leave_after_an_interruption_is_ended_once_and_for_the_same_reason(watched):
     said, _ = watched(7 + GRACE_TICKS - 1)
     assert [what for what, _, _ in said] == ["interrupt"]
-
-
-def test_one_that_does_not_leave_is_ended_once_and_for_the_same_reason(watched):
     said, kicks = watched(10_000)
     assert [(what, tick) for what, tick, _ in said] == [("interrupt", 7), ("end", 7 + GRACE_TICKS)]
     assert said[0][2] == said[1][2]
-    assert kicks[-1] == 30.0, "what stops the modules, and closes the log, has that long"
+    assert kicks[-1] == 30.0, "time to stop the modules and close the log"
 
 
 def test_the_native_one_waits_longer_than_this_one_at_each_tick(watched):
@@ -129,13 +121,6 @@ def test_its_threads_end_with_the_context():
     native.close()
     assert not dog._thread.is_alive()
     assert dog._native[-1] == "closed"
-
-
-def test_a_thread_that_has_ended_is_nowhere():
-    dog = Watchdog(lambda why: None, lambda why: None)
-    dog._native.close()
-    dog._watched = -1
-    assert dog._place() == ""
 
 
 # Signals
@@ -161,13 +146,6 @@ def test_an_orderly_end_is_not_interrupted():
         interrupts.ignore()
         signal.raise_signal(signal.SIGTERM)
         interrupts.throw(Hung("too late"))
-
-
-def test_handlers_are_put_back_after_an_error_too():
-    before = signal.getsignal(signal.SIGTERM)
-    with pytest.raises(ZeroDivisionError), Interrupts().caught((signal.SIGTERM,)):
-        raise ZeroDivisionError
-    assert signal.getsignal(signal.SIGTERM) is before
 
 
 def test_another_thread_throws_an_error_into_this_one_that_no_except_of_exceptions_catches():
@@ -228,35 +206,20 @@ def test_a_signal_says_how_the_modules_were_stopped(number, outcome):
         signal.raise_signal(number)
 
 
-def test_modules_are_stopped_at_the_end_and_after_any_error():
+@pytest.mark.parametrize("error", [None, ZeroDivisionError])
+@pytest.mark.parametrize("refused", [None, HardwareError("not confirmed")])
+def test_modules_are_stopped_at_the_end_whatever_it_is_and_no_signal_disturbs_that(error, refused):
     calls = []
-    with stopping(lambda: calls.append("stop"), lambda: calls.append("at once")):
+
+    def stop():
+        signal.raise_signal(signal.SIGTERM)
+        calls.append("stop")
+        if refused:
+            raise refused
+
+    expected = error or (HardwareError if refused else None)
+    with pytest.raises(expected) if expected else nullcontext(), stopping(stop, lambda: calls.append("at once")):
         assert calls == []
+        if error:
+            raise error
     assert calls == ["stop"]
-    with (
-        pytest.raises(ZeroDivisionError),
-        stopping(lambda: calls.append("stop"), lambda: calls.append("at once")),
-    ):
-        raise ZeroDivisionError
-    assert calls == ["stop", "stop"]
-
-
-def test_an_error_of_stopping_is_raised_where_there_is_no_other_and_no_signal_disturbs_it():
-    def stop():
-        signal.raise_signal(signal.SIGTERM)
-        raise HardwareError("not confirmed")
-
-    with pytest.raises(HardwareError, match="not confirmed"), stopping(stop, stop):
-        pass
-
-
-def test_no_signal_disturbs_the_stop_after_an_error():
-    calls = []
-
-    def stop():
-        signal.raise_signal(signal.SIGTERM)
-        calls.append("stopped")
-
-    with pytest.raises(ZeroDivisionError), stopping(stop, stop):
-        raise ZeroDivisionError
-    assert calls == ["stopped"]
