@@ -40,15 +40,22 @@ def hand(time):
 
 
 @pytest.fixture
-def held():
-    world = World(RIG)
-    group = world.group()
-    yield world, group
-    group.close()
+def world_of():
+    """Return a function that makes a world with a motion of the hand, and its group."""
+    groups = []
+
+    def make(motion=None):
+        world = World(RIG) if motion is None else World(RIG, motion)
+        groups.append(world.group())
+        return world, groups[-1]
+
+    yield make
+    for group in groups:
+        group.close()
 
 
-def test_lengths_at_home_are_told_to_all_modules(held):
-    world, group = held
+def test_lengths_at_home_are_set_in_all_modules(world_of):
+    world, group = world_of()
     world.advance(3.0)
     before = zero_lengths(group, RIG, WorldClock(world))
     assert 3.0 + TAUT_S + RELEASE_S <= world.time < 3.2 + TAUT_S + RELEASE_S
@@ -60,73 +67,48 @@ def test_lengths_at_home_are_told_to_all_modules(held):
         assert client.telemetry.message.length == pytest.approx(length, abs=1e-4)
 
 
-def test_poses_are_where_the_hand_stays():
-    world = World(RIG, hand)
-    group = world.group()
-    try:
-        seen = []
-        measured = record_lengths(group, RIG, WorldClock(world), len(PLACES), 60.0, seen.append)
-    finally:
-        group.close()
-    assert seen == list(range(1, len(PLACES) + 1))
-    np.testing.assert_allclose(measured, RIG.lengths(PLACES), atol=1e-3)
+@pytest.mark.parametrize("count", [2, len(PLACES)])
+def test_poses_are_recorded_where_the_hand_stays_until_there_are_enough(world_of, count):
+    seen, (world, group) = [], world_of(hand)
+    measured = record_lengths(group, RIG, WorldClock(world), count, 60.0, seen.append)
+    assert seen == list(range(1, count + 1))
+    np.testing.assert_allclose(measured, RIG.lengths(PLACES[:count]), atol=1e-3)
     assert all(module.sample.state is State.IDLE for module in world.modules)
-    found = calibrate_anchors(RIG, measured)
-    assert np.abs(found.anchors - RIG.anchors).max() < 0.01
+    if count == len(PLACES):
+        assert np.abs(calibrate_anchors(RIG, measured).anchors - RIG.anchors).max() < 0.01
 
 
-def test_it_ends_with_the_last_of_the_poses_that_were_asked_for():
-    world = World(RIG, hand)
-    group = world.group()
-    try:
-        assert record_lengths(group, RIG, WorldClock(world), 2, 60.0).shape == (2, RIG.m)
-    finally:
-        group.close()
-
-
-def test_a_hand_that_never_stays_gives_no_pose():
-    world = World(RIG, lambda time: Pose(RIG.home + 0.05 * np.sin(6.0 * time) * np.array([0.0, 1.0, 0.0])))
-    group = world.group()
-    try:
-        with pytest.raises(CalibrationError, match="never still"):
-            record_lengths(group, RIG, WorldClock(world), 5, 2.0)
-    finally:
-        group.close()
+def test_a_hand_that_never_stays_gives_no_pose(world_of):
+    world, group = world_of(lambda time: Pose(RIG.home + 0.05 * np.sin(6.0 * time) * np.array([0.0, 1.0, 0.0])))
+    with pytest.raises(CalibrationError, match="never still"):
+        record_lengths(group, RIG, WorldClock(world), 5, 2.0)
     assert all(module.sample.state is State.IDLE for module in world.modules)
 
 
-def test_modules_that_do_not_know_their_lengths_are_not_recorded(held):
-    world, group = held
+def test_modules_in_use_or_without_a_length_are_left_alone(world_of):
+    world, group = world_of()
     group.clients[1].set_parameter("spool_radius", 0.02)  # which makes it forget
     with pytest.raises(HardwareError, match="cable lengths of floor-2 are not known"):
         record_lengths(group, RIG, WorldClock(world), 5, 2.0)
-
-
-def test_modules_in_use_are_left_alone(held):
-    world, group = held
+    world, group = world_of()
     group.clients[0].arm()
     with pytest.raises(LinkError, match="somebody else has it armed"):
         zero_lengths(group, RIG, WorldClock(world))
 
 
-def test_whatever_goes_wrong_all_modules_are_stopped(held):
-    world, group = held
-
-    def interrupt(count):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        record_lengths(group, RIG, WorldClock(world), 5, 5.0, interrupt)
-    assert all(module.sample.state is State.IDLE for module in world.modules)
-    with pytest.raises(KeyboardInterrupt):
-        record_lengths(group, RIG, WorldClock(world), 5, 5.0, lambda count: signal.raise_signal(ESTOP_SIGNAL))
-    assert all(module.sample.state is State.ESTOP for module in world.modules)
-    for client in group.clients:
-        client.clear()
-    world.modules[2].damage("encoder")
-    with pytest.raises(HardwareError):
-        record_lengths(group, RIG, WorldClock(world), 5, 5.0)
-    assert all(module.sample.state in (State.IDLE, State.FAULT) for module in world.modules)
+@pytest.mark.parametrize(
+    ("trouble", "error", "states"),
+    [
+        (lambda world: signal.raise_signal(signal.SIGINT), KeyboardInterrupt, {State.IDLE}),
+        (lambda world: signal.raise_signal(ESTOP_SIGNAL), KeyboardInterrupt, {State.ESTOP}),
+        (lambda world: world.modules[2].damage("encoder"), HardwareError, {State.IDLE, State.FAULT}),
+    ],
+)
+def test_whatever_goes_wrong_all_modules_are_stopped(world_of, trouble, error, states):
+    world, group = world_of()
+    with pytest.raises(error):
+        record_lengths(group, RIG, WorldClock(world), 5, 5.0, lambda count: trouble(world))
+    assert {module.sample.state for module in world.modules} == states
 
 
 def test_lengths_come_back_from_a_file_with_poses_and_without(tmp_path):

@@ -61,71 +61,60 @@ def open_log(path):
     return runs.new_log(path, runs.four())
 
 
-def test_a_file_with_something_in_it_is_refused(tmp_path):
+def test_only_a_new_or_an_empty_file_is_taken(tmp_path):
     file = tmp_path / "run.mcap"
     file.write_text("precious")
-    with pytest.raises(LogError, match=r"run\.mcap: there is something already; name a new file"):
-        open_log(file)
+    for path, said in (
+        (file, r"run\.mcap: there is something already; name a new file"),
+        (tmp_path, "there is something already"),
+        ("/dev/full", "/dev/full: there is something already"),
+        (tmp_path / "none" / "run.mcap", r"none/run\.mcap: no folder .*none; make it first"),
+    ):
+        with pytest.raises(LogError, match=said):
+            open_log(path)
     assert file.read_text() == "precious"
-    with pytest.raises(LogError, match="there is something already"):
-        open_log(tmp_path)
-
-
-def test_an_empty_file_is_taken(tmp_path):
-    file = tmp_path / "run.mcap"
-    file.touch()
+    file.write_text("")
     open_log(file).close()
     assert read_run(file).complete
 
 
-def test_a_folder_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(LogError, match=r"none/run\.mcap: no folder .*none; make it first"):
-        open_log(tmp_path / "none" / "run.mcap")
+@pytest.fixture
+def limit_file_size():
+    """Return a function that sets the largest size of a file of this process, which acts as a full disk."""
+    resource = pytest.importorskip("resource", reason="limits of a process act as a full disk")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 @pytest.mark.parametrize("probe", [writing.PROBE_BYTES, 10])  # too much, and what fits where the rest does not
-def test_a_full_disk_is_noticed_before_the_run_starts_and_leaves_no_file(tmp_path, probe, monkeypatch):
+def test_a_full_disk_is_noticed_before_the_run_starts_and_leaves_no_file(
+    tmp_path, probe, monkeypatch, limit_file_size
+):
     monkeypatch.setattr(writing, "PROBE_BYTES", probe)
-    resource = pytest.importorskip("resource", reason="limits of a process stand for the disk's")
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
-    try:
-        with pytest.raises(LogError, match=r"run\.mcap: .*cannot be written \(File too large\); free"):
-            open_log(tmp_path / "run.mcap")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    limit_file_size(100)
+    with pytest.raises(LogError, match=r"run\.mcap: .*cannot be written \(File too large\); free"):
+        open_log(tmp_path / "run.mcap")
     assert not list(tmp_path.iterdir())
 
 
-def test_a_device_is_refused():
-    with pytest.raises(LogError, match="/dev/full: there is something already"):
-        open_log("/dev/full")
-
-
-def test_a_disk_that_fills_up_stops_the_writing_with_its_reason(tmp_path, monkeypatch):
+def test_a_disk_that_fills_up_stops_the_writing_with_its_reason(tmp_path, monkeypatch, limit_file_size):
     monkeypatch.setattr(writer, "MAX_BACKLOG", 1_000_000)
-    resource = pytest.importorskip("resource", reason="limits of a process stand for the disk's")
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    file, written = tmp_path / "run.mcap", 0
-    log = open_log(file)
+    log, written = open_log(tmp_path / "run.mcap"), []
 
-    def go_on():
-        nonlocal written
+    def write_on():
         for cycle in runs.cycles(runs.four(), 1_000_000):
             log.write(cycle)
-            written += 1
+            written.append(cycle.state.cycle)
 
-    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, before[1]))
-    try:
-        with pytest.raises(LogError, match=r"run\.mcap: .*cannot be written \(File too large\); free the disk or"):
-            go_on()
-        with pytest.raises(LogError, match="File too large"):
-            log.close()
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    run = read_run(file)
+    limit_file_size(200_000)
+    with pytest.raises(LogError, match=r"run\.mcap: .*cannot be written \(File too large\); free the disk or"):
+        write_on()
+    with pytest.raises(LogError, match="File too large"):
+        log.close()
+    run = read_run(tmp_path / "run.mcap")
     assert not run.complete
-    assert 20 < len(run) <= written
+    assert 20 < len(run) <= len(written)
 
 
 @pytest.mark.realtime  # processes that are killed with -9
@@ -188,7 +177,6 @@ def test_a_cycle_waits_no_longer_because_more_follow(tmp_path, monkeypatch):
     more.release(5)
     log.close()
     assert kept[0] > 50
-    print(max(waited), kept)
     assert max(waited) <= writer.FLUSH_S + 7 * 0.02
 
 
@@ -209,15 +197,7 @@ def test_a_disk_that_does_not_keep_up_is_an_error(tmp_path, monkeypatch):
         log.close()
 
 
-def test_a_log_that_is_closed_takes_nothing_more(tmp_path):
-    log = open_log(tmp_path / "run.mcap")
-    log.close()
-    log.close()
-    with pytest.raises(LogError, match="is closed"):
-        log.note(RunEvent(-1, 0.0, "late", "too late"))
-
-
-def test_events_may_come_from_any_thread(tmp_path):
+def test_events_come_from_any_thread_until_the_log_is_closed(tmp_path):
     log = open_log(tmp_path / "run.mcap")
     threads = [
         threading.Thread(target=log.note, args=(RunEvent(-1, 0.0, "fault", str(i), "x- y+"),)) for i in range(20)
@@ -227,6 +207,9 @@ def test_events_may_come_from_any_thread(tmp_path):
     for thread in threads:
         thread.join()
     log.close()
+    log.close()
+    with pytest.raises(LogError, match="is closed"):
+        log.note(RunEvent(-1, 0.0, "late", "too late"))
     events = read_run(tmp_path / "run.mcap").events
     assert sorted(int(event.text) for event in events) == list(range(20))
     assert {event.module for event in events} == {"x- y+"}
