@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tensionlab.errors import CalibrationError
 from tensionlab.hardware.calibration.anchors import (
@@ -50,16 +51,11 @@ def lengths_at(rig, poses):
 
 def onto(anchors, nominal):
     """Moved and turned as one onto the nominal anchors: what unknown poses can tell."""
-    from scipy.spatial.transform import Rotation
-
-    here, there = anchors.mean(axis=0), nominal.mean(axis=0)
-    if anchors.shape[1] == 3:
-        turn = Rotation.align_vectors(nominal - there, anchors - here)[0].as_matrix()
-    else:
-        a, b = anchors - here, nominal - there
-        angle = np.arctan2(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a * b))
-        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return (anchors - here) @ turn.T + there
+    padded = [np.pad(each - each.mean(axis=0), ((0, 0), (0, 3 - each.shape[1]))) for each in (nominal, anchors)]
+    if anchors.shape[1] == 2:  # two points off the plane keep the rotation in it
+        padded = [np.vstack([each, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]]) for each in padded]
+    turn = Rotation.align_vectors(*padded)[0].as_matrix()[: anchors.shape[1], : anchors.shape[1]]
+    return (anchors - anchors.mean(axis=0)) @ turn.T + nominal.mean(axis=0)
 
 
 @pytest.mark.parametrize("offsets", [False, True])
@@ -160,12 +156,12 @@ def test_the_error_of_all_lengths_by_the_same_share_makes_a_larger_rig():
 
 def test_a_calibrated_rig_says_how_and_keeps_the_rest():
     poses = sampled(POINT, 10, np.random.default_rng(0))
-    found = calibrate_anchors(POINT, lengths_at(POINT, poses), poses, known=True)
-    rig = calibrated_rig(POINT, found, "anchors calibrated")
-    assert rig.source == POINT.source + "; anchors calibrated"
-    assert (rig.name, rig.description) == (POINT.name, POINT.description)
+    rig = calibrated_rig(
+        POINT, calibrate_anchors(POINT, lengths_at(POINT, poses), poses, known=True), "calibrated"
+    )
     np.testing.assert_allclose(rig.anchors, POINT.anchors, atol=1e-9)
-    np.testing.assert_array_equal(rig.limits.upper, POINT.limits.upper)
+    modules = tuple(replace(m, anchor=a.anchor) for m, a in zip(rig.modules, POINT.modules, strict=True))
+    assert replace(rig, modules=modules) == replace(POINT, source=POINT.source + "; calibrated")
 
 
 # What cannot be told
@@ -206,23 +202,20 @@ def test_one_pose_many_times_is_one_pose():
         calibrate_anchors(POINT, measured)
 
 
-def test_a_rig_without_a_cable_to_spare_needs_known_poses():
-    rig = load_rig(RIGS / "floor-3.toml")
-    poses = sampled(rig, 30, np.random.default_rng(0))
-    with pytest.raises(CalibrationError, match="measure at known poses, or add modules"):
-        calibrate_anchors(rig, np.full((30, rig.m), 0.5))
-    assert poses.position.shape == (30, 3)
-
-
-def test_anchors_on_a_body_and_bad_lengths_are_refused():
-    body = load_rig(RIGS / "body-mounted.toml")
-    with pytest.raises(CalibrationError, match="only fixed anchors"):
-        calibrate_anchors(body, np.ones((30, body.m)))
-    for wrong in (np.ones((30, 3)), np.full((30, 4), np.nan), np.zeros((30, 4))):
-        with pytest.raises(CalibrationError, match="finite lengths above 0 m"):
-            calibrate_anchors(POINT, wrong)
-    with pytest.raises(CalibrationError, match="known poses were announced"):
-        calibrate_anchors(POINT, np.ones((30, 4)), known=True)
+@pytest.mark.parametrize(
+    ("name", "lengths", "known", "message"),
+    [
+        ("floor-3", np.full((30, 3), 0.5), False, "measure at known poses, or add modules"),
+        ("body-mounted", np.ones((30, 4)), False, "only fixed anchors"),
+        ("bartels2026-validation", np.ones((30, 3)), False, "finite lengths above 0 m"),
+        ("bartels2026-validation", np.full((30, 4), np.nan), False, "finite lengths above 0 m"),
+        ("bartels2026-validation", np.zeros((30, 4)), False, "finite lengths above 0 m"),
+        ("bartels2026-validation", np.ones((30, 4)), True, "known poses were announced"),
+    ],
+)
+def test_rigs_and_lengths_that_cannot_be_calibrated_are_refused(name, lengths, known, message):
+    with pytest.raises(CalibrationError, match=message):
+        calibrate_anchors(load_rig(RIGS / f"{name}.toml"), lengths, known=known)
 
 
 def test_a_single_degree_of_freedom_has_wide_intervals():
