@@ -8,8 +8,10 @@ cable's tension follows the motor's pull with a play of the dry friction, to eit
 equals the protocol on stepped modules, and is some thousand times faster, but leaves out the rests that these take
 where windings get hot: with solvers that pull harder than they must, and in small triangles.
 
-Calibration is held out: a model of the rig is fitted to what half of the vectors showed, all vectors are commanded
-again by that model, and the other half is counted.
+Three models of the force of tensions t, from fewest to most parameters: one gain for all cables, g W t; a gain and
+a bias for each, W (g t + b), with the nominal structure matrix W; and any linear map, A t + c, which also takes up
+wrong positions and a leaning sensor. Calibration is held out: a model of the rig is fitted to what half of the
+vectors showed, all vectors are commanded again by that model, and the other half is counted.
 """
 
 from __future__ import annotations
@@ -35,9 +37,8 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.provenance import manifest, write_parquet
 from tensionlab.validation.error_model import PRESETS, ErrorModel, RigErrors, draw_errors, true_rig
 from tensionlab.validation.protocol import AXIS_FORCES, ZERO_S, Protocol
-from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
-from tensionlab.validation.simulated_sensor import DriftNoise
-from tensionlab.validation.statistics import ALIGNMENTS, MAX_ANGLE_DEG, MODELS, deviations
+from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT, DriftNoise
+from tensionlab.validation.statistics import ALIGNMENTS, MAX_ANGLE_DEG, deviations, fit_cables
 
 Trial = dict[str, Any]  # validation of one simulated rig: a row of the table
 PAPER_LIKE = PRESETS["paper-like"]
@@ -114,6 +115,38 @@ def mean_noise(deviation: float, seed: int, protocol: Protocol) -> Floats:
     samples = DriftNoise(deviation, seed).take(2 * zero + round(SAMPLE_RATE_HZ * ARMING_S) + count * hold)
     held = samples[-count * hold :].reshape(count, hold, 3)[:, settle:]
     return np.asarray(held.mean(axis=1) - samples[zero : 2 * zero].mean(axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class ForceModel:
+    """Force of tensions: ``map @ tensions + offset``, with a map (3, m) for the structure matrix, and N."""
+
+    map: Floats
+    offset: Floats
+
+
+def fit_gain(structure: Floats, tensions: Floats, forces: Floats) -> ForceModel:
+    """Fit a common gain to forces (K, 3) of tensions (K, m)."""
+    nominal = (tensions @ structure.T).ravel()
+    gain = float(nominal @ forces.ravel() / (nominal @ nominal))
+    return ForceModel(gain * structure, np.zeros(3))
+
+
+def fit_gains_and_biases(structure: Floats, tensions: Floats, forces: Floats) -> ForceModel:
+    """Fit a gain and a bias of each cable."""
+    found = fit_cables(structure, tensions, forces).coefficients
+    m = structure.shape[1]
+    return ForceModel(structure * found[:m], found[m:])
+
+
+def fit_linear_map(structure: Floats, tensions: Floats, forces: Floats) -> ForceModel:
+    """Fit any linear map; the structure matrix plays no part."""
+    rows = np.column_stack([tensions, np.ones(len(tensions))])
+    found = np.linalg.lstsq(rows, forces, rcond=None)[0]
+    return ForceModel(np.ascontiguousarray(found[:-1].T), found[-1])
+
+
+MODELS = {"one gain": fit_gain, "gain and bias": fit_gains_and_biases, "linear map": fit_linear_map}
 
 
 def study_solvers(rig: Rig) -> dict[str, str | Solver]:

@@ -30,7 +30,7 @@ from tensionlab.validation.error_model import (
     true_plants,
     true_rig,
 )
-from tensionlab.validation.simulated_sensor import SensorServer
+from tensionlab.validation.sensors import SensorServer
 
 SINGLE_MODULE = "module"  # name of a module that belongs to no rig
 MAX_SPEED = 1000.0

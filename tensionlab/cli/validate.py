@@ -21,10 +21,9 @@ from tensionlab.model.layouts import ring_plus_top
 from tensionlab.validation import report as reports
 from tensionlab.validation.data_tables import write_recording
 from tensionlab.validation.error_model import find_preset, require_point
-from tensionlab.validation.protocol import Protocol
+from tensionlab.validation.protocol import Protocol, ValidationPlan
+from tensionlab.validation.protocol import validate as measure
 from tensionlab.validation.sensors import ForceSensor, open_sensor
-from tensionlab.validation.session import ValidationPlan
-from tensionlab.validation.session import validate as measure
 
 SIMULATED = "sim:"
 

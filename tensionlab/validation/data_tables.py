@@ -6,13 +6,13 @@ describes the columns.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.solvers.base import Status
@@ -21,6 +21,7 @@ from tensionlab.support.arrays import Floats, Integers
 from tensionlab.support.files.reading import as_path, brief, read_toml
 from tensionlab.support.files.tables import read_parquet
 from tensionlab.support.table import Table
+from tensionlab.support.validation import validate
 
 if TYPE_CHECKING:
     import pandas
@@ -29,17 +30,33 @@ AXES = "xyz"
 FORCES = ("desired", "rendered", "measured")
 # Columns with one value for each force, and their types.
 FORCE_COLUMNS = {"spread": float, "status": str, "fallback_used": bool, "samples": int, "limited_modules": str}
-ENTRIES = {
-    "simulated": bool,
-    "rig": str,
-    "modules": list,
-    "solver": str,
-    "sensor": str,
-    "alignment": str,
-    "rotations": dict,
-    "rate": float,
-    "hold": float,
-}  # entries of a recording's manifest, and their types
+Row = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
+
+
+class RecordingEntries(BaseModel):
+    """Entries under ``recording`` in a recording's manifest; there may be others.
+
+    The rotations lead from the sensor's axes to the rig's, by the method of alignment, of which ``alignment`` was
+    applied. The rate is the sensor's, in Hz; each force was held for ``hold`` s.
+    """
+
+    model_config = ConfigDict(extra="allow", strict=True)
+
+    simulated: bool
+    rig: str
+    modules: list[str]
+    solver: str
+    sensor: str
+    alignment: str
+    rotations: dict[str, Annotated[list[Row], Field(min_length=3, max_length=3)]]
+    rate: FiniteFloat
+    hold: FiniteFloat
+
+    @model_validator(mode="after")
+    def _applied(self) -> Self:
+        if self.alignment not in self.rotations:
+            raise ValueError(f'there is no rotation "{self.alignment:.40}", which was applied')
+        return self
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +84,7 @@ class Recording:
     limited_modules : (K,) array of str
         Modules at a limit of their own, with spaces between.
     manifest : dict
-        That of `provenance.manifest`, and under ``recording`` the entries of `ENTRIES`: whether it is simulated,
-        the rig and its modules by name, the solver, the sensor, the rotations from the sensor's axes to the rig's
-        by method (3 x 3) and which of them was applied (``alignment``), the sensor's rate in Hz, the hold in s.
+        That of `provenance.manifest`, and `RecordingEntries` under ``recording``.
     """
 
     desired: Floats
@@ -84,9 +99,8 @@ class Recording:
     manifest: dict[str, Any]
 
     def __post_init__(self) -> None:
-        about = _checked_entries(self.manifest)
-        count, modules = len(self.desired), len(about["modules"])
-        shapes: dict[str, tuple[int, ...]] = {"tensions": (count, modules)}
+        count, entries = len(self.desired), _entries(self.manifest)
+        shapes: dict[str, tuple[int, ...]] = {"tensions": (count, len(entries.modules))}
         shapes |= dict.fromkeys(FORCES, (count, 3)) | dict.fromkeys(FORCE_COLUMNS, (count,))
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
@@ -114,10 +128,10 @@ class Recording:
     @property
     def title(self) -> str:
         """Rig, kind, number and size of the forces, and solver."""
-        about = self.manifest["recording"]
+        entries = self.manifest["recording"]
         kind = "simulated" if self.simulated else "measured"
         force = float(np.linalg.norm(self.desired, axis=1).mean())
-        return f"{about['rig']}, {kind}: {len(self.desired)} forces of {force:.3g} N, solver {about['solver']}"
+        return f"{entries['rig']}, {kind}: {len(self.desired)} forces of {force:.3g} N, solver {entries['solver']}"
 
     @property
     def simulated(self) -> bool:
@@ -131,9 +145,8 @@ class Recording:
 
     def in_sensor_axes(self) -> Floats:
         """Return the measured forces in the sensor's own axes: (K, 3) array in N."""
-        about = self.manifest["recording"]
-        rotation: Floats = np.array(about["rotations"][about["alignment"]], dtype=np.float64)
-        return self.measured @ rotation
+        entries = _entries(self.manifest)
+        return np.asarray(self.measured @ np.array(entries.rotations[entries.alignment]))
 
 
 def write_recording(path: str | Path, recording: Recording) -> None:
@@ -145,15 +158,11 @@ def write_recording(path: str | Path, recording: Recording) -> None:
 
 
 def read_recording(path: str | Path) -> Recording:
-    """Read a recording; raise `DataError`, which says what column or entry is missing, if there is none."""
+    """Read a recording; raise `DataError`, which names the column or entry that is missing or wrong."""
     table = read_parquet(path, "a recording of forces (*.parquet)", DataError)
-    try:
-        about = _checked_entries(table.manifest)
-    except DataError as error:
-        raise DataError(f"{path}: {error}") from None
     arrays: dict[str, Any] = {
-        name: np.column_stack([table.numbers(f"{name}.{part}", DataError) for part in each])
-        for name, each in _parts(about["modules"]).items()
+        name: np.column_stack([table.numbers(f"{name}.{part}", DataError) for part in parts])
+        for name, parts in _parts(_entries(table.manifest, f"{path}: ").modules).items()
     }
     arrays |= {
         name: np.array(table.values(name, kind, DataError), dtype=kind) for name, kind in FORCE_COLUMNS.items()
@@ -161,33 +170,14 @@ def read_recording(path: str | Path) -> Recording:
     if unknown := set(arrays["status"]) - set(Status.__members__):
         raise DataError(f"{path}: status is {brief(min(unknown))}; there are {', '.join(Status.__members__)}")
     arrays["status"] = np.array([Status[name] for name in arrays["status"]], dtype=np.int64)
-    try:
-        return Recording(**arrays, manifest=table.manifest)
-    except ShapeError as error:
-        raise DataError(f"{path}: {error}") from None
+    return Recording(**arrays, manifest=table.manifest)
 
 
-def _checked_entries(manifest: Mapping[str, Any]) -> Mapping[str, Any]:
+def _entries(manifest: dict[str, Any], source: str = "") -> RecordingEntries:
     """Return what a manifest says of a recording, checked."""
-    about = manifest.get("recording")
-    if not isinstance(about, Mapping):
-        raise DataError('the manifest of a recording has no entry "recording"')
-    for name, kind in ENTRIES.items():
-        value = about.get(name)
-        if not isinstance(value, kind) and not (kind is float and isinstance(value, int)):
-            raise DataError(f'the manifest of a recording needs recording["{name}"], a {kind.__name__}')
-    if not all(isinstance(each, str) for each in about["modules"]):
-        raise DataError("the manifest of a recording names modules by something that is no text")
-    for name, rotation in about["rotations"].items():
-        try:
-            sound = np.isfinite(matrix := np.array(rotation, dtype=np.float64)).all() and matrix.shape == (3, 3)
-        except (TypeError, ValueError):
-            sound = False
-        if not sound:
-            raise DataError(f'the recording\'s rotation "{name:.40}" is no matrix of 3 x 3 numbers')
-    if about["alignment"] not in about["rotations"]:
-        raise DataError(f'the recording has no rotation "{about["alignment"]:.40}", which was applied')
-    return about
+    if "recording" not in manifest:
+        raise DataError(f'{source}the manifest of a recording has no entry "recording"')
+    return validate(RecordingEntries, manifest["recording"], DataError, f"{source}manifest of the recording")
 
 
 def _parts(modules: list[str]) -> dict[str, list[str]]:
@@ -208,6 +198,8 @@ class Value:
     ``reading`` is how we read it where the publication leaves room.
     """
 
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
     value: float
     unit: str
     meaning: str
@@ -218,6 +210,8 @@ class Value:
 class Published:
     """Protocol and results of a publication: values by name, and the source of them all."""
 
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
     source: str
     protocol: dict[str, Value]
     results: dict[str, Value]
@@ -226,22 +220,11 @@ class Published:
         return f"<Published: {len(self.protocol)} values of the protocol, {len(self.results)} results>"
 
     def _repr_html_(self) -> str:
-        rows = [
-            [name, each.value, each.unit, each.meaning]
-            for part in (self.protocol, self.results)
-            for name, each in part.items()
-        ]
+        values = self.protocol | self.results
+        rows = [[name, each.value, each.unit, each.meaning] for name, each in values.items()]
         return Table(["name", "value", "unit", "meaning"], rows, self.source)._repr_html_()
 
 
 def read_published(path: str | Path) -> Published:
     """Read published values; raise `DataError`, which says what is missing or unknown, if there are none."""
-    tables = read_toml(path, "published values (*.toml)", DataError)
-    try:
-        parts = {
-            part: {name: Value(**entry) for name, entry in tables[part].items()}
-            for part in ("protocol", "results")
-        }
-        return Published(source=tables["source"], **parts)
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise DataError(f"{path}: no published values ({type(error).__name__}: {error})") from None
+    return validate(Published, read_toml(path, "published values (*.toml)", DataError), DataError, path)

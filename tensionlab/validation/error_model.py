@@ -3,19 +3,18 @@
 Each error has one physical meaning, and acts in one place:
 
 - **gain**: the motor's torque constant, against the N/A in the module's parameters. In the plant.
-- **play**: dry friction between motor and cable. A tension stops short of its set-point by so much, on the side
+- **play**: dry friction between motor and cable. A tension stops short of its set-point by the play, on the side
   that it came from, and does not follow smaller changes. In the plant.
-- **bias**: a tension that the motor makes on top while it is driven, as with a zero of the current sensor that is
-  off (0.12 N are 0.04 A). Zeroing the force sensor with all motors off does not take it away. Where the cable
+- **bias**: an additional tension that the motor makes while it is driven, as with a wrong zero of the current
+  sensor (0.12 N are 0.04 A). Zeroing the force sensor with all motors off does not take it away. Where the cable
   meets the sensor.
 - **position**: where anchors and sensor really are. The host works with the nominal rig.
 - **tilt**: the force sensor leans, about the two level axes. In the sensor.
-- **noise**: the sensor's reading drifts, by so much per axis, and slowly: white noise of that size at 1 kHz would
-  average to 0.001 N in a second and not matter. In the sensor.
+- **noise**: the sensor's reading drifts slowly, on each axis: white noise of that size at 1 kHz would average to
+  0.001 N in a second and not matter. In the sensor.
 
-What else the simulated hardware has by default and no publication gives (cogging of the motor) is left out. Its
-cables are damped critically: a spool that rings passes its dry friction again and again and stops anywhere within
-it, which is no play.
+Cogging of the motor, which no publication gives, is left out. Cables are damped critically: a spool that rings
+passes its dry friction again and again and stops anywhere within it, which is not a play.
 """
 
 from __future__ import annotations

@@ -1,47 +1,60 @@
-"""Published protocol: zero the sensor, then hold one force after another, and average what it shows.
+"""Published protocol: zero the sensor, then hold one force after another, and average the sensor's samples.
 
+A validation runs from the first force to the last in one session or several: a journal keeps each measurement.
 Everything that pulls does so through the `Runner`. The first three forces are along the axes: they show how the
 sensor is turned.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import allocate
 from tensionlab.demand import Demand, Pose, RigState
-from tensionlab.errors import HardwareError, InputError
+from tensionlab.errors import HardwareError, InputError, LogError, WriteError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import Limit
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.hardware.runner.records import DEMAND_STOPPED, Cycle
 from tensionlab.hardware.runner.runner import Runner
-from tensionlab.hardware.runner.settings import Clock, RunSettings
+from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings
 from tensionlab.hardware.simulation.world import newton_per_ampere
 from tensionlab.model.directions import grid18
+from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Solver, Status
 from tensionlab.support.arrays import Floats
-from tensionlab.validation.sensors import ForceSensor
+from tensionlab.support.files import writing
+from tensionlab.support.files.reading import brief, parse_json, read_text
+from tensionlab.support.files.tables import MAX_FILE_BYTES, from_mappings
+from tensionlab.validation.error_model import PRESETS, draw_errors, require_point
+from tensionlab.validation.sensors import ForceSensor, simulated_setup
 
+NO_LIMIT = (Limit.NONE, Limit.LOWER, Limit.UPPER, Limit.IDLE)  # limiters that are not a module's own
 CONTINUOUS_CURRENT_A = PARAMETERS["current_continuous"].standard  # continuous rating of a winding's current
 AXIS_FORCES = 3  # number of forces along the axes, which come first
 ZERO_S = 1.0  # time for which the sensor is averaged with all motors off
-# Shares of a winding's budget: when modules are to rest before a force that needs more current than they bear for
-# ever, and until when. 6 N take 0.17 of it in a second, and are to be had up to 0.7.
+# Shares of a winding's heat budget: above the first, modules rest before a force that needs more than the
+# continuous current, until the second. 6 N take 0.17 of the budget in a second, and can be rendered up to 0.7.
 HOT, COOL = 0.5, 0.4
 EARLY_S = 1e-6  # time by which a cycle may begin too early
+JOURNAL_FILE = "measurements.jsonl"
+FORMAT = "tensionlab validation 2"
 
 
 @dataclass(frozen=True, eq=False)
 class Protocol:
     """Directions (K, 3) that are commanded one after another, with forces of one size in N.
 
-    Each is held for some s, of which the first, while tensions move, are left out of the average.
+    Each is held for ``hold`` s, of which the first ``settle`` s, while tensions move, are not averaged.
     """
 
     hold: float = 1.0
@@ -66,10 +79,10 @@ class Protocol:
 class Measurement:
     """Measurement of one force, ``number`` being its row of `Protocol.forces`.
 
-    In N: the desired force, that of the commanded tensions by the nominal rig, what the sensor showed in its own
+    In N: the desired force, that of the commanded tensions by the nominal rig, the sensor's average in its own
     axes less its zero, and the tensions. The status, a name of `Status`, is that of the solver's answer; with
     ``fallback_used`` it was unproven, so that the exact solver's was sent. ``spread`` is the samples' standard
-    deviation in N along the axis where it is largest, ``rested`` the s for which modules had to cool before.
+    deviation in N along the axis where it is largest, ``rested`` the time in s for which modules cooled before.
     ``limited_modules`` were at a limit of their own.
     """
 
@@ -89,9 +102,9 @@ class Measurement:
 class ForceSequence:
     """Demand source that holds one force after another, from the row ``first`` of `Protocol.forces` on.
 
-    Before a force that needs more than the continuous rating of a winding (where ``heating`` says so), modules
-    rest at their lower limits until all are cool enough. ``on_held`` receives of each force that has been held its
-    number, the samples (K, 3), and the time for which modules had to rest before it, in s.
+    Before a force that needs more than the continuous rating of a winding (``heating``), modules rest at their
+    lower limits until all are cool enough. ``on_held`` receives the number of each force that was held, its
+    samples (K, 3), and the time for which modules rested before it, in s.
     """
 
     def __init__(
@@ -109,7 +122,7 @@ class ForceSequence:
         self._demands = [Demand(force) for force in protocol.forces]
 
     def __call__(self, state: RigState) -> Demand:
-        """Return the demand of this cycle; drop what the sensor showed while tensions moved."""
+        """Return the demand of this cycle; drop the samples of the time in which tensions moved."""
         now = state.time + EARLY_S
         heat = float(np.nanmax(state.thermal, initial=0.0))
         if self._resting:
@@ -134,7 +147,7 @@ class ForceSequence:
 
 
 def measure_zero(sensor: ForceSensor, clock: Clock, modules: ModuleGroup) -> Floats:
-    """Return what the sensor shows while nothing pulls, (3,) in N; raise `HardwareError` if it shows nothing."""
+    """Return the sensor's average while nothing pulls, (3,) in N; raise `HardwareError` if it sends nothing."""
     modules.stop()
     clock.wait_until(clock.now() + ZERO_S)
     sensor.take()
@@ -152,7 +165,7 @@ def measure(
     on_measured: Callable[[Measurement], None],
     first: int = 0,
 ) -> bool:
-    """Go through the protocol, from the row ``first`` of its forces on; each measurement is handed on at once.
+    """Go through the protocol, from the row ``first`` of its forces on, and hand each measurement on at once.
 
     Return whether all forces were held: a signal, such as Ctrl-C, may end it before. Raise `HardwareError` of the
     modules, as from `Runner.run`, or of the sensor.
@@ -164,7 +177,7 @@ def measure(
     def held(number: int, samples: Floats, rested: float) -> None:
         assert runner.latest is not None
         average = _average(samples, f"of force {number + 1} of {len(forces)}") - offset
-        on_measured(_measurement(number, forces[number], average, samples, rested, runner.latest, rig))
+        on_measured(_measurement(rig, runner.latest, number, forces[number], average, samples, rested))
 
     chosen = allocate(rig.structure_matrix(rig.home, frames=rig.at_rest), forces, rig.limits, solver=solver)
     continuous = [CONTINUOUS_CURRENT_A * newton_per_ampere(module) for module in rig.modules]
@@ -181,22 +194,21 @@ def measure(
 
 
 def _measurement(
-    number: int, desired: Floats, average: Floats, samples: Floats, rested: float, latest: Cycle, rig: Rig
+    rig: Rig, cycle: Cycle, number: int, desired: Floats, average: Floats, samples: Floats, rested: float
 ) -> Measurement:
-    free = (Limit.NONE, Limit.LOWER, Limit.UPPER, Limit.IDLE)
-    limits = zip(rig.modules, latest.state.limiters.tolist(), strict=True)
+    limiters = zip(rig.modules, cycle.state.limiters.tolist(), strict=True)
     return Measurement(
         number=number,
         desired=tuple(desired.tolist()),
-        rendered=tuple(latest.allocation.wrench.tolist()),
+        rendered=tuple(cycle.allocation.wrench.tolist()),
         measured=tuple(average.tolist()),
-        tensions=tuple(latest.commanded.tolist()),
-        status=Status(int(latest.allocation.status)).name,
-        fallback_used=latest.fallback_used,
+        tensions=tuple(cycle.commanded.tolist()),
+        status=Status(int(cycle.allocation.status)).name,
+        fallback_used=cycle.fallback_used,
         samples=len(samples),
         spread=float(samples.std(axis=0).max()),
         rested=rested,
-        limited_modules=tuple(module.name for module, limit in limits if limit not in free),
+        limited_modules=tuple(module.name for module, limiter in limiters if limiter not in NO_LIMIT),
     )
 
 
@@ -204,3 +216,149 @@ def _average(samples: Floats, when: str) -> Floats:
     if not len(samples):
         raise HardwareError(f"the force sensor showed nothing {when}; is it on, and does it send by itself?")
     return np.asarray(samples.mean(axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class ValidationPlan:
+    """Nominal rig, solver and protocol of a validation.
+
+    The preset, a key of `PRESETS`, has the errors of the simulated rig; None for real modules, or those of another
+    process. The seed is that of the errors and of the noise.
+    """
+
+    rig: Rig
+    solver: str
+    protocol: Protocol
+    preset: str | None = None
+    seed: int = 0
+
+    def setup(self, *, simulated: bool) -> dict[str, Any]:
+        """Return what must be the same in all sessions; ``simulated`` tells whether the sensor is."""
+        return {
+            "rig": rig_to_toml(self.rig),
+            "solver": self.solver,
+            "hold": self.protocol.hold,
+            "settle": self.protocol.settle,
+            "force": self.protocol.force,
+            "directions": self.protocol.directions.tolist(),
+            "simulated": simulated,
+            "preset": self.preset,
+            "seed": self.seed if self.preset is not None else None,
+        }
+
+
+class Journal:
+    """File of JSON lines from which an interrupted validation continues: the setup, and then each measurement.
+
+    Measurements are read from the file if it exists; its setup must not differ. Measurements are in the order of
+    their numbers, without a gap. `LogError` names a file that is of another validation, is damaged, or can't be
+    read or written.
+    """
+
+    def __init__(self, path: Path, setup: Mapping[str, Any]) -> None:
+        self.path = path
+        self.measurements: list[Measurement] = []
+        head = {"format": FORMAT, **setup}
+        try:
+            text = (
+                read_text(path, "the journal of a validation", LogError, MAX_FILE_BYTES) if path.exists() else ""
+            )
+            whole = text[: text.rfind("\n") + 1]  # a process that was killed may have left half a line
+            if whole:
+                found, self.measurements = _parse(path, whole)
+                _require_same(path, found, head)
+            else:
+                whole = json.dumps(head) + "\n"
+            if whole != text:
+                writing.write_text(path, whole)
+        except WriteError as error:
+            raise LogError(str(error)) from None
+        except OSError as error:
+            raise LogError(f"{path}: cannot be used ({error}); name another folder") from None
+
+    def add(self, measurement: Measurement) -> None:
+        """Store a measurement on the disk, unless it is stored already."""
+        if measurement.number < len(self.measurements):
+            return
+        assert measurement.number == len(self.measurements)
+        self.measurements.append(measurement)
+        try:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(asdict(measurement)) + "\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise LogError(f"{self.path}: cannot be written ({error.strerror}); free disk space") from None
+
+
+def _parse(path: Path, text: str) -> tuple[dict[str, Any], list[Measurement]]:
+    """Return the setup and the measurements of a journal."""
+    measurements: list[Measurement] = []
+    head: dict[str, Any] = {}
+    for number, line in enumerate(text.splitlines()):
+        here = f"{path}, line {number + 1}"
+        content = parse_json(line, here, LogError)
+        if not isinstance(content, dict):
+            raise LogError(f"{here}: is {brief(content)}; it is damaged, name another folder")
+        if number == 0:
+            head = content
+            continue
+        values = {key: tuple(value) if isinstance(value, list) else value for key, value in content.items()}
+        measurements += from_mappings([values], Measurement, here, LogError)
+        if measurements[-1].number != number - 1:
+            due = f"force {measurements[-1].number} where {number - 1} is due"
+            raise LogError(f"{here}: damaged ({due}); name another folder")
+    return head, measurements
+
+
+def _require_same(path: Path, found: Mapping[str, Any], head: Mapping[str, Any]) -> None:
+    other = [key for key in {**head, **found} if found.get(key) != head.get(key)]
+    if other:
+        raise LogError(
+            f"{path} is of a validation with other {', '.join(other):.100}; continue with the same, "
+            "or name another folder"
+        )
+
+
+def validate(
+    plan: ValidationPlan,
+    folder: Path,
+    opened: tuple[ModuleGroup, ForceSensor] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[dict[str, Any], list[Measurement]]:
+    """Measure all remaining forces; return the setup and the measurements, fewer if a signal ended it.
+
+    A simulated rig is deterministic, and repeats all forces without recording the first ones again: friction
+    remembers, so that each force depends a little on those before. Real modules repeat the last force, and
+    continue from there.
+
+    The folder keeps the measurements. ``opened`` are real modules and their sensor, or those of another process;
+    without them, they are simulated in this process. ``progress`` receives the share of forces measured. Raises
+    `RigError` if the rig does not hold a point in space, and `HardwareError` for an error of modules, sensor or
+    journal.
+    """
+    require_point(plan.rig)
+    writing.make_folder(folder)
+    setup = plan.setup(simulated=opened is None or opened[1].simulated)
+    journal = Journal(folder / JOURNAL_FILE, setup)
+    total = len(plan.protocol.forces)
+    before = len(journal.measurements)
+    if before == total:
+        return setup, journal.measurements
+
+    def keep(measurement: Measurement) -> None:
+        journal.add(measurement)
+        if progress is not None:
+            progress((measurement.number + 1) / total)
+
+    if opened is None:
+        assert plan.preset is not None
+        errors = draw_errors(PRESETS[plan.preset], plan.rig.m, plan.seed)
+        modules, clock, sensor = simulated_setup(plan.rig, errors, plan.seed)
+        measure(plan.rig, modules, clock, sensor, plan.solver, plan.protocol, keep)
+        modules.close()
+    else:
+        group, real_sensor = opened
+        real_time, first = RealClock(group.clients), max(before - 1, 0)
+        measure(plan.rig, group, real_time, real_sensor, plan.solver, plan.protocol, keep, first)
+    return setup, journal.measurements

@@ -1,9 +1,10 @@
-"""Report of a validation: measured and published numbers, line by line, as text, JSON, Markdown and LaTeX."""
+"""Report of a validation: measured and published numbers, as text, JSON, Markdown and LaTeX."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,12 +17,19 @@ from tensionlab.support.table import Column, Table
 from tensionlab.validation.data_tables import Recording
 from tensionlab.validation.protocol import AXIS_FORCES, Measurement
 from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
-from tensionlab.validation.statistics import ALIGNMENTS, ForceScore, Interval, rotation_angle, score
+from tensionlab.validation.statistics import (
+    ALIGNMENTS,
+    DeviationSummary,
+    ForceScore,
+    Interval,
+    rotation_angle,
+    score,
+)
 
 if TYPE_CHECKING:
     import pandas
 
-TILTED_DEG = 1.0  # difference of the two ways to align above which the report speaks of tilt
+TILTED_DEG = 1.0  # difference of the two alignments above which the report mentions tilt
 SOURCE = "Bartels et al. 2026, arXiv 2603.08054"
 READING = (
     '"Magnitude error" is not defined in the publication. Read as the length of the error vector, |F - F0|, its '
@@ -37,7 +45,7 @@ GRID = (
 
 @dataclass(frozen=True, eq=False)
 class AlignedForces:
-    """Measured forces, (K, 3) in N, in the devices' axes, after one way to align the sensor.
+    """Measured forces (K, 3), in N, in the devices' axes after one alignment of the sensor.
 
     ``angle`` is that of the rotation (3, 3), in degrees.
     """
@@ -54,7 +62,7 @@ class AlignedForces:
 
 @dataclass(frozen=True, eq=False)
 class ValidationResult:
-    """Measurements of a complete validation, the axes first, aligned in the ways of `ALIGNMENTS`.
+    """Measurements of a complete validation, the axes first, and the forces by each of `ALIGNMENTS`.
 
     The setup is `ValidationPlan.setup`; desired forces (K, 3) are without the axes, in N.
     """
@@ -110,7 +118,7 @@ class ValidationResult:
 
     @property
     def tilt(self) -> float:
-        """Angle between the two ways to align, in degrees, which stays in the published way."""
+        """Angle between the two alignments, in degrees, which the published one leaves in the errors."""
         return rotation_angle(self.aligned["kabsch"].rotation @ self.aligned["paper"].rotation.T)
 
     @property
@@ -119,14 +127,13 @@ class ValidationResult:
         return sum(each.rested for each in self.measurements)
 
     @property
-    def limited_modules(self) -> dict[str, int]:
+    def limited_modules(self) -> Counter[str]:
         """Number of forces at which a module was at a limit of its own, by its name."""
-        names = [name for each in self.measurements for name in each.limited_modules]
-        return {name: names.count(name) for name in dict.fromkeys(names)}
+        return Counter(name for each in self.measurements for name in each.limited_modules)
 
 
 def evaluate(setup: Mapping[str, Any], measurements: Sequence[Measurement]) -> ValidationResult:
-    """Return the result of a complete validation; it is aligned by what the nominal rig renders on the axes."""
+    """Return the result of a complete validation, aligned by what the nominal rig renders on the axes."""
     measured = np.array([each.measured for each in measurements]) @ UPRIGHT.T
     rendered = np.array([each.rendered for each in measurements])
     desired = np.array([each.desired for each in measurements])[AXIS_FORCES:]
@@ -184,26 +191,26 @@ class ComparisonLine(NamedTuple):
 def comparison_lines(result: ValidationResult) -> list[ComparisonLine]:
     """Return the numbers that are compared, of forces aligned as published."""
     found = result.aligned["paper"].score
+
+    def compare(name: str, unit: str, published: float, summary: DeviationSummary) -> ComparisonLine:
+        return ComparisonLine(name, unit, published, summary.mean, summary.weighted, summary.maximum)
+
     within = Interval(100.0 * found.within, float("nan"), float("nan"))
-    angle, magnitude, scalar, vector = (
-        (each.mean, each.weighted, each.maximum)
-        for each in (found.angle, found.magnitude, found.magnitude_error, found.vector)
-    )
     return [
-        ComparisonLine("mean angle error", "degrees", 14.0, *angle),
+        compare("mean angle error", "degrees", 14.0, found.angle),
         ComparisonLine("vectors within 45 degrees", "%", 100.0, within, None, None),
-        ComparisonLine("mean magnitude", "N", 1.84, *magnitude),
-        ComparisonLine('"magnitude error", as | |F| - |F0| |', "N", 0.58, *scalar),
-        ComparisonLine('"magnitude error", as |F - F0|', "N", 0.58, *vector),
+        compare("mean magnitude", "N", 1.84, found.magnitude),
+        compare('"magnitude error", as | |F| - |F0| |', "N", 0.58, found.magnitude_error),
+        compare('"magnitude error", as |F - F0|', "N", 0.58, found.vector),
     ]
 
 
 def remarks(result: ValidationResult) -> list[str]:
-    """Return what must be known to read the numbers, a sentence or two each."""
+    """Return the remarks that the numbers need, a sentence or two each."""
     setup = result.setup
     count = len(result.desired)
     window = f"from {setup['settle']:g} to {setup['hold']:g} s of each force"
-    found = [READING, GRID, f"Averages are {window}: what comes before is left out, while tensions move."]
+    found = [READING, GRID, f"Averages are {window}: tensions still move before."]
     if setup["simulated"]:
         which = f"preset {setup['preset']}, seed {setup['seed']}" if setup["preset"] else "in another process"
         found.insert(0, f"These modules are simulated: {which}.")
@@ -214,7 +221,7 @@ def remarks(result: ValidationResult) -> list[str]:
     if result.fallback_used:
         found.append(
             f"In {result.fallback_used} of {count} forces {setup['solver']} left its answer unproven, so that "
-            "newton's was sent: these numbers are not all its own."
+            "newton's was sent: not all of these numbers are its own."
         )
     if result.tilt > TILTED_DEG:
         found.append(
@@ -231,7 +238,7 @@ def remarks(result: ValidationResult) -> list[str]:
 def as_json(result: ValidationResult, manifest: Mapping[str, Any]) -> dict[str, Any]:
     """Return the whole report, for programs."""
     return {
-        "manifest": dict(manifest),
+        "manifest": manifest,
         "simulated": result.setup["simulated"],
         "setup": {key: value for key, value in result.setup.items() if key != "directions"},
         "vectors": len(result.desired),
@@ -239,13 +246,9 @@ def as_json(result: ValidationResult, manifest: Mapping[str, Any]) -> dict[str, 
         "fallback_used": result.fallback_used,
         "rested": result.rested,
         "source": SOURCE,
-        "comparison": [
-            line._asdict()
-            | {"measured": line.measured._asdict(), "weighted": line.weighted and line.weighted._asdict()}
-            for line in comparison_lines(result)
-        ],
+        "comparison": comparison_lines(result),
         "alignments": {
-            name: {"rotation": each.rotation.tolist(), "degrees": each.angle, "score": asdict(each.score)}
+            name: {"rotation": each.rotation, "degrees": each.angle, "score": each.score}
             for name, each in result.aligned.items()
         },
         "remarks": remarks(result),

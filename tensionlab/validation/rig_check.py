@@ -20,30 +20,26 @@ from tensionlab.workspace.margin import required_margin
 from tensionlab.workspace.structure_metrics import feasibility_tolerance
 from tensionlab.workspace.wrench_set import half_spaces
 
-# Tensions that balance only with a larger ratio between the cables do not count as balancing.
-MAX_TENSION_RATIO = 1e4
-# Likely lengths of the longest cable. Stadium cameras and telescopes have longer ones, few other rigs.
-LIKELY_LENGTHS_M = (0.01, 100.0)
-ALONG_FACET = 1e-12  # share of a unit vector along a facet's normal below which it does not lead to that facet
-# Period and delay of the loop whose stiffness is shown: the runner's default rate, and one more cycle.
-CYCLE_S, LATENCY_S = 1.0 / 50.0, 0.02
+MAX_TENSION_RATIO = 1e4  # tensions that balance only with a larger ratio between cables do not count
+LIKELY_LENGTHS_M = (0.01, 100.0)  # of the longest cable; only stadium cameras and telescopes have longer ones
+ALONG_FACET = 1e-12  # share of a unit vector along a facet's normal below which it is parallel to the facet
+CYCLE_S, LATENCY_S = 1.0 / 50.0, 0.02  # period and delay of the loop for walls: the runner's default rate
 HEAD_FORCE_N = ImpactCap().force  # largest force of all cables together on a head
 
 
 def check_rig(rig: Rig) -> list[Finding]:
-    """Check whether a rig can work at its home, with body frames at the origin of the world.
+    """Check whether a rig can work at its home, with body frames at rest.
 
-    Findings are the rank of the structure matrix; limits that leave room; lengths, where their unit may be wrong;
-    weight, where it is known; what the rig requires, if anything; balance, that is the zero wrench inside the
-    limits; strength, the largest force and torque that the rig renders in its weakest direction, beside what it
-    requires, or its weight where that closes it; how stiff walls may be, where the rig holds a point; and body
-    frames.
+    Findings: rank of the structure matrix; limits that leave room; lengths, where their unit may be wrong; weight
+    and requirement, where there are any; balance, that is the zero wrench inside the limits; strength, the largest
+    force and torque in the weakest direction, in addition to what is required, or to the weight where that closes
+    the wrench set; stiffness of walls, where the rig holds a point; and body frames.
     """
     structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
     findings = [_rank(structure), _limits(rig), *_scale(rig)]
     held = False
     if rig.weight is not None:
-        findings.append(_weight(rig, structure, rig.weight))
+        findings.append(_weight(rig, structure))
         held = findings[-1].passed is True
     met = True
     if rig.required:
@@ -52,8 +48,8 @@ def check_rig(rig: Rig) -> list[Finding]:
     balanced = bool(allocate(structure, np.zeros(rig.n), rig.limits).status == Status.EXACT)
     findings.append(_balance(structure, balanced, held or (met and bool(rig.required))))
     if met and (balanced or held or rig.required):
-        beside = rig.required if rig.required or balanced else Requirement(gravity=True)
-        findings.append(_strength(rig, structure, beside))
+        offset = rig.required if rig.required or balanced else Requirement(gravity=True)
+        findings.append(_strength(rig, structure, offset))
     if rig.n == rig.dimension:
         findings.append(_walls(rig, structure))
     if rig.frames:
@@ -73,7 +69,7 @@ def _rank(structure: Floats) -> Finding:
 
 
 def _scale(rig: Rig) -> list[Finding]:
-    """Question cables that are so long or so short that their unit may be another."""
+    """Note that the unit of coordinates may be wrong, where cables are very long or very short."""
     longest = float(rig.lengths(rig.home, frames=rig.at_rest).max())
     if LIKELY_LENGTHS_M[0] <= longest <= LIKELY_LENGTHS_M[1]:
         return []
@@ -98,10 +94,11 @@ def _limits(rig: Rig) -> Finding:
     return Finding("limits", True, text)
 
 
-def _weight(rig: Rig, structure: Floats, weight: Floats) -> Finding:
-    """Check that the cables can hold the platform's weight still at home."""
+def _weight(rig: Rig, structure: Floats) -> Finding:
+    """Check that the cables can hold the platform's weight at home."""
     assert rig.platform is not None
-    found = allocate(structure, -weight, rig.limits)
+    assert rig.weight is not None
+    found = allocate(structure, -rig.weight, rig.limits)
     if found.status == Status.EXACT:
         tensions = f"{found.tensions.min():.3g} to {found.tensions.max():.3g} N"
         return Finding("weight", True, f"{rig.platform.mass:g} kg are held at home, with tensions of {tensions}")
@@ -121,7 +118,7 @@ def _required(rig: Rig, structure: Floats) -> Finding:
 
 
 def _balance(structure: Floats, balanced: bool, held: bool) -> Finding:
-    """Check that the cables can hold the platform still with no outside force; not needed where weight pulls."""
+    """Check that the cables can balance with no outside force; not needed where weight pulls."""
     if balanced:
         return Finding("balance", True, "the cables hold each other at home, within their limits")
     n, m = structure.shape
@@ -133,34 +130,33 @@ def _balance(structure: Floats, balanced: bool, held: bool) -> Finding:
     return Finding("balance", None if held else False, text)
 
 
-def _strength(rig: Rig, structure: Floats, beside: Requirement) -> Finding:
-    """Check the force, and the torque, that the rig renders alone in its weakest direction."""
+def _strength(rig: Rig, structure: Floats, offset: Requirement) -> Finding:
+    """Check the force and the torque that the rig renders in its weakest direction, in addition to the offset."""
     normals, offsets = half_spaces(structure, rig.limits)
-    room = offsets - normals @ beside.middle(rig)
+    room = offsets - normals @ offset.middle(rig)
     forces = directions.grid18() if rig.dimension == 3 else directions.circle()
     strength = _reach(room, normals[:, : rig.dimension], forces)
     weakest = int(np.argmax(strength <= strength.min() * (1 + 1e-9)))  # the first of those equal but for rounding
-    where = ", ".join(f"{part:.2f}" for part in forces[weakest] + 0.0)
+    where = ", ".join(f"{part:.2f}" for part in forces[weakest].round(2) + 0.0)
     text = f"{strength[weakest]:.3g} N in its weakest of {len(forces)} directions, ({where})"
     text += f"; {strength.max():.3g} N in its strongest"
     if rig.n > rig.dimension:
         torques = directions.grid18() if rig.dimension == 3 else np.array([[1.0], [-1.0]])
         twist = _reach(room, normals[:, rig.dimension :], torques)
         text += f"; torque {twist.min():.3g} to {twist.max():.3g} N·m"
-    if beside:
-        text += f"; beside {beside.describe(rig)}"
+    if offset:
+        text += f"; in addition to {offset.describe(rig)}"
     return Finding("strength", bool(strength[weakest] > 0), text)
 
 
 def _walls(rig: Rig, structure: Floats) -> Finding:
-    """Say how stiff a wall may be that pushes along an axis: modules along it render it, elsewhere the host."""
+    """Note how stiff a wall may be along each axis: a module along it renders it, elsewhere the host."""
     host = f"{stiffness_cap(LATENCY_S, CYCLE_S, HAND_DAMPING):.0f} N/m by the host"
     loop = f"{1.0 / CYCLE_S:g} cycles/s, {1e3 * LATENCY_S:g} ms late"
     modules = []
     for axis, name in enumerate("xyz"[: rig.dimension]):
-        for sign in "+-":
-            cosine = float((structure[axis] if sign == "+" else -structure[axis]).max())
-            if cosine >= MIN_COSINE:
+        for sign, row in (("+", structure[axis]), ("-", -structure[axis])):
+            if (cosine := float(row.max())) >= MIN_COSINE:
                 modules.append(f"{STANDARD_LIMITS.stiffness * cosine**2:.0f} N/m towards {sign}{name}")
     if not modules:
         return Finding("walls", True, f"as stiff as {host} ({loop}): no cable is along an axis")
@@ -169,7 +165,7 @@ def _walls(rig: Rig, structure: Floats) -> Finding:
 
 
 def _reach(room: Floats, normals: Floats, vectors: Floats) -> Floats:
-    """Return how far it is in each direction (K,) to the first facet, with so much room (k,) along its normal."""
+    """Return the distance in each direction (K,) to the first facet, given the room (k,) along each normal."""
     along = vectors @ normals.T
     ahead = along > ALONG_FACET
     nearest = np.min(np.where(ahead, room, np.inf) / np.where(ahead, along, 1.0), axis=1)

@@ -1,4 +1,4 @@
-"""Force sensors: their interface, their lines of text, and sensors behind a file or a TCP port.
+"""Force sensors: their interface, their lines of text, sensors behind a file or a TCP port, and simulated ones.
 
 Lines are ATI's CSV, other tables, or bare numbers. ATI's demo programs write a start time, the sample rate, units
 and counts per unit, each in a line of its own, then a line that names the columns (``Fx``, ``Fy``, ``Fz`` among
@@ -14,25 +14,36 @@ import csv
 import math
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensionlab.errors import HardwareError, LinkError
+from tensionlab.hardware.client.group import ModuleGroup
+from tensionlab.hardware.runner.settings import WorldClock
+from tensionlab.hardware.simulation.serve import TcpPort
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule, Trace
+from tensionlab.hardware.simulation.world import World
+from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import as_path, brief
+from tensionlab.validation.error_model import RigErrors, require_point, true_plants, true_rig
 
 # From the sensor's axes, Z up, to the devices', Y up: a turn by -90 degrees about X.
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 SAMPLE_RATE_HZ = 1000
+STEPS_PER_SAMPLE = round(1.0 / SAMPLE_RATE_HZ / STEP_S)  # steps of the firmware
+CORRELATION_TIME_S = 1.0  # of the simulated drift
+BLOCK_SAMPLES = 1000  # samples at a time, so that no power of the decay leaves the range of floats
 FORCE_COLUMNS = ("fx", "fy", "fz")
 SIMULATED = "# simulated"  # first line of a simulated sensor, so that it is not taken for a real one
 UNITS_N = {"n": 1.0, "newton": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
 SCHEMES = ("socket://", "tcp://")
 CHUNK_BYTES = 1 << 20
-TIMEOUT_S, POLL_S = 5.0, 0.01  # limit of the connection and of the first numbers, and the time between looks
+TIMEOUT_S, POLL_S = 5.0, 0.01  # limit of the connection and of the first numbers, and the time between polls
 
 
 class ForceSensor(Protocol):
@@ -40,20 +51,20 @@ class ForceSensor(Protocol):
 
     @property
     def simulated(self) -> bool:
-        """Whether it is no real one."""
+        """Whether the sensor is simulated."""
 
     def take(self) -> Floats:
         """Return the forces since the last call, (K, 3) in N, in the sensor's own axes, Z up."""
 
     def close(self) -> None:
-        """Release it."""
+        """Close the sensor."""
 
 
 class ForceParser:
     """Parser of lines with forces, fed in pieces of any size.
 
-    ``source`` names them in messages; ``simulated`` tells whether a line said so. What is no force is a
-    `HardwareError`.
+    ``source`` names them in messages; ``simulated`` tells whether a line said so. A line that is not a force
+    raises `HardwareError`.
     """
 
     def __init__(self, source: str) -> None:
@@ -99,7 +110,7 @@ class ForceParser:
         return values
 
     def _parse_preamble(self, line: str) -> bool:
-        """Keep units and counts that ATI writes before the columns' names; tell whether this is such a line."""
+        """Keep units and counts that ATI writes before the columns' names; return whether this is such a line."""
         text = line.strip("\r\ufeff\n").replace('"', " ").replace(",", " ").replace(":", " ").lower()
         key, *words = [" ".join(text.split()), *text.split()]
         if key.startswith("force units"):
@@ -121,7 +132,7 @@ class ForceParser:
 
 
 class TextSensor:
-    """Sensor that writes or sends lines of forces, read without waiting; ``source`` names it in messages."""
+    """Sensor that writes or sends lines of forces, read without waiting; ``source`` is its name in messages."""
 
     def __init__(self, source: str, read: Callable[[], str], close: Callable[[], None]) -> None:
         self._parser, self._read, self.close = ForceParser(source), read, close
@@ -139,8 +150,8 @@ class TextSensor:
 def follow_file(path: str | Path) -> TextSensor:
     """Open a file that the sensor's own program writes during the validation, such as ATI's CSV.
 
-    What was in it before counts for the names of the columns alone. The program must write without delay: what
-    comes late is taken for a later force. Raise `HardwareError` if it can't be read.
+    Of its earlier content, only the names of columns and units count. The program must write without delay: late
+    lines are taken for a later force. Raise `HardwareError` if it can't be read.
     """
     try:
         file = as_path(path).open(encoding="utf-8-sig", errors="replace", newline="")
@@ -160,7 +171,7 @@ def follow_file(path: str | Path) -> TextSensor:
 def connect_sensor(url: str) -> TextSensor:
     """Connect to a sensor that sends a line of 3 or 6 numbers for each sample; `SCHEMES`, host and port.
 
-    Raise `LinkError` if no sensor answers, nothing comes, or it is no address; later, if the sensor has gone.
+    Raise `LinkError` if that is not an address, or no sensor sends there; later, if the connection ends.
     """
     host, colon, port = url.partition("://")[2].rpartition(":")
     if not (colon and host and port.isdecimal()):
@@ -199,3 +210,112 @@ def connect_sensor(url: str) -> TextSensor:
 def open_sensor(where: str) -> TextSensor:
     """Open the sensor at a URL, or that writes a file; errors as those of `follow_file` and `connect_sensor`."""
     return connect_sensor(where) if where.startswith(SCHEMES) else follow_file(where)
+
+
+class DriftNoise:
+    """Slow noise of three axes: an Ornstein-Uhlenbeck process for each, sample by sample.
+
+    ``deviation`` is its standard deviation in N; the same ``seed`` gives the same samples, in pieces of any size.
+    """
+
+    def __init__(self, deviation: float, seed: int) -> None:
+        self._random = np.random.default_rng([seed, 1])
+        self._decay = float(np.exp(-1.0 / (SAMPLE_RATE_HZ * CORRELATION_TIME_S)))
+        self._kick = deviation * np.sqrt(1.0 - self._decay**2)
+        self._last: Floats = deviation * self._random.standard_normal(3)
+
+    def take(self, count: int) -> Floats:
+        """Return the next samples, (count, 3) in N."""
+        sizes = [min(BLOCK_SAMPLES, count - start) for start in range(0, count, BLOCK_SAMPLES)]
+        return np.concatenate([np.empty((0, 3)), *map(self._block, sizes)])
+
+    def _block(self, count: int) -> Floats:
+        decay = self._decay ** np.arange(1, count + 1)[:, None]
+        kicks = self._kick * self._random.standard_normal((count, 3))
+        values: Floats = decay * (self._last + np.cumsum(kicks / decay, axis=0))
+        self._last = values[-1]
+        return values
+
+
+class SimulatedSensor:
+    """Sensor that holds the point of a simulated rig.
+
+    The rig is the nominal one, from which the errors lead to the true one; the seed is that of the noise.
+    """
+
+    simulated = True
+
+    def __init__(self, rig: Rig, errors: RigErrors, seed: int = 0) -> None:
+        real = true_rig(rig, errors)
+        self._pull = UPRIGHT.T @ errors.tilt @ real.structure_matrix(real.home, frames=real.at_rest)
+        self._biases, self._noise = errors.biases, DriftNoise(errors.noise, seed)
+        self._steps = 0
+        self._kept: list[Floats] = []
+
+    def watch(self, traces: Sequence[Trace]) -> None:
+        """Sample the steps of the modules, once each ms; what `World.watch` calls."""
+        first = -self._steps % STEPS_PER_SAMPLE
+        self._steps += len(traces[0].tension)
+        tensions = np.stack([trace.tension[first::STEPS_PER_SAMPLE] for trace in traces], axis=-1)
+        driven = np.stack([trace.driver_on[first::STEPS_PER_SAMPLE] for trace in traces], axis=-1)
+        if len(tensions):
+            self._keep(tensions, driven)
+
+    def sample(self, modules: Sequence[SimulatedModule]) -> None:
+        """Take one sample of the modules as they are now."""
+        samples = [module.sample for module in modules]
+        self._keep(
+            np.array([[sample.tension for sample in samples]]),
+            np.array([[sample.driver_on for sample in samples]]),
+        )
+
+    def take(self) -> Floats:
+        """Return the forces since the last call."""
+        kept, self._kept = self._kept, []
+        return np.concatenate(kept) if kept else np.empty((0, 3))
+
+    def close(self) -> None:
+        """Do nothing: there is nothing to release."""
+
+    def _keep(self, tensions: Floats, driven: NDArray[np.bool_]) -> None:
+        pulled = np.maximum(tensions + np.where(driven, self._biases, 0.0), 0.0)
+        self._kept.append(pulled @ self._pull.T + self._noise.take(len(pulled)))
+
+
+class SensorServer:
+    """Server of a `SimulatedSensor` over TCP: a line of three numbers each ms to a client."""
+
+    def __init__(self, rig: Rig, errors: RigErrors, seed: int, port: TcpPort) -> None:
+        self._sensor = SimulatedSensor(rig, errors, seed)
+        self._port = port
+        self._sent = 0
+        self._greeted = False
+
+    def take(self, modules: Sequence[SimulatedModule]) -> None:
+        """Sample the modules, if it is time to, and send the force.
+
+        Where their time made a leap, there is one sample for it, not many that are alike.
+        """
+        self._port.receive()
+        if not self._port.connected():
+            self._greeted = False
+            return
+        if not self._greeted:
+            self._port.send(f"{SIMULATED}\n".encode())
+            self._greeted = True
+        due = int(modules[0].seconds * SAMPLE_RATE_HZ)
+        if due == self._sent:
+            return
+        self._sent = due
+        self._sensor.sample(modules)
+        lines = [" ".join(f"{value:.6f}" for value in force) + "\n" for force in self._sensor.take().tolist()]
+        self._port.send("".join(lines).encode())
+
+
+def simulated_setup(rig: Rig, errors: RigErrors, seed: int = 0) -> tuple[ModuleGroup, WorldClock, SimulatedSensor]:
+    """Return simulated modules, their clock and a sensor, in lockstep, where the errors put them."""
+    require_point(rig)
+    world = World(true_rig(rig, errors), seed=seed, plants=true_plants(rig, errors))
+    sensor = SimulatedSensor(rig, errors, seed)
+    world.watch = sensor.watch
+    return world.group(), WorldClock(world), sensor

@@ -1,13 +1,7 @@
-"""Statistics of measured forces: alignment of the sensor, deviations with intervals, models fitted to a rig.
-
-Three models of the force of tensions t, from fewest to most parameters: one gain for all cables, g W t; a gain and
-a bias for each, W (g t + b), with the nominal structure matrix W; and any linear map, A t + c, which also takes up
-wrong positions and a leaning sensor.
-"""
+"""Statistics of measured forces: alignment of the sensor, deviations, gains and biases of cables."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -68,9 +62,9 @@ class Interval(NamedTuple):
 class Deviations(NamedTuple):
     """Deviations of K measured forces.
 
-    The angle between measured and desired force, in degrees (NaN for a measured force of zero); the magnitude of
-    the measured force, its absolute difference to that of the desired one, and the length of the difference of the
-    two forces, in N.
+    The angle between measured and desired force, in degrees (NaN for a measured force of zero); and, in N, the
+    magnitude of the measured force, its absolute difference to that of the desired force, and the length of the
+    error vector.
     """
 
     angle: Floats
@@ -81,7 +75,7 @@ class Deviations(NamedTuple):
 
 @dataclass(frozen=True)
 class DeviationSummary:
-    """Summary of one of the four over all forces.
+    """Summary of one deviation over all forces.
 
     ``weighted`` is the mean with weights sin(theta), theta from the vertical: over a grid of latitudes and
     longitudes it is the mean over the sphere, while the plain ``mean`` counts the poles too much.
@@ -128,17 +122,15 @@ def score(desired: Floats, measured: Floats, seed: int = 0) -> ForceScore:
 
 
 def _summary(column: Floats, weights: Floats, drawn: Integers) -> DeviationSummary:
-    ones = np.ones_like(weights)
-    mean = _bootstrap(lambda rows: _mean(column[rows], ones[rows]), drawn)
-    weighted = _bootstrap(lambda rows: _mean(column[rows], weights[rows]), drawn)
+    mean, weighted = (_bootstrap(column, each, drawn) for each in (np.ones_like(weights), weights))
     return DeviationSummary(mean, weighted, float(np.max(column)))
 
 
-def _bootstrap(statistic: Callable[[Integers], Floats], drawn: Integers) -> Interval:
-    value = float(statistic(np.arange(drawn.shape[1])))
+def _bootstrap(values: Floats, weights: Floats, drawn: Integers) -> Interval:
+    """Return a weighted mean with its interval."""
     tails = (0.5 - CONFIDENCE / 2.0, 0.5 + CONFIDENCE / 2.0)
-    lower, upper = np.quantile(statistic(drawn), tails).tolist()
-    return Interval(value, lower, upper)
+    lower, upper = np.quantile(_mean(values[drawn], weights[drawn]), tails).tolist()
+    return Interval(float(_mean(values, weights)), lower, upper)
 
 
 def _mean(values: Floats, weights: Floats) -> Floats:
@@ -148,47 +140,15 @@ def _mean(values: Floats, weights: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class ForceModel:
-    """Force of tensions: ``map @ tensions + offset``, with a map (3, m) for the structure matrix, and N."""
-
-    map: Floats
-    offset: Floats
-
-
-@dataclass(frozen=True, eq=False)
 class CableEstimates:
     """Gain (true tension per commanded one) and bias in N of each cable, with 95 % confidence.
 
-    Of four cables on a point only three combinations of biases can be measured: these are the smallest ones that
-    make the offset, without the part that cancels out at the point.
+    Of four cables on a point only three combinations of biases can be measured: these are the smallest biases that
+    explain the offset, without the part that cancels out at the point.
     """
 
     gains: tuple[Estimate, ...]
     biases: tuple[Estimate, ...]
-
-
-def fit_gain(structure: Floats, tensions: Floats, forces: Floats) -> ForceModel:
-    """Fit a common gain to forces (K, 3) of tensions (K, m)."""
-    nominal = (tensions @ structure.T).ravel()
-    gain = float(nominal @ forces.ravel() / (nominal @ nominal))
-    return ForceModel(gain * structure, np.zeros(3))
-
-
-def fit_gains_and_biases(structure: Floats, tensions: Floats, forces: Floats) -> ForceModel:
-    """Fit a gain and a bias of each cable."""
-    found = _fit_cables(structure, tensions, forces).coefficients
-    m = structure.shape[1]
-    return ForceModel(structure * found[:m], found[m:])
-
-
-def fit_linear_map(structure: Floats, tensions: Floats, forces: Floats) -> ForceModel:
-    """Fit any linear map; the structure matrix plays no part."""
-    rows = np.column_stack([tensions, np.ones(len(tensions))])
-    found = np.linalg.lstsq(rows, forces, rcond=None)[0]
-    return ForceModel(np.ascontiguousarray(found[:-1].T), found[-1])
-
-
-MODELS = {"one gain": fit_gain, "gain and bias": fit_gains_and_biases, "linear map": fit_linear_map}
 
 
 def estimate_cables(structure: Floats, tensions: Floats, forces: Floats) -> CableEstimates:
@@ -196,7 +156,7 @@ def estimate_cables(structure: Floats, tensions: Floats, forces: Floats) -> Cabl
 
     From commanded tensions (K, m) and measured forces (K, 3), in N, in the axes of the structure matrix (3, m).
     """
-    found = _fit_cables(structure, tensions, forces)
+    found = fit_cables(structure, tensions, forces)
     m = structure.shape[1]
     inverse = np.linalg.pinv(structure)
     values = np.concatenate([found.coefficients[:m], inverse @ found.coefficients[m:]])
@@ -206,10 +166,8 @@ def estimate_cables(structure: Floats, tensions: Floats, forces: Floats) -> Cabl
     return CableEstimates(tuple(each[:m]), tuple(each[m:]))
 
 
-def _fit_cables(structure: Floats, tensions: Floats, forces: Floats) -> LinearFit:
-    """Fit gains of the cables, and the offset that their biases make."""
+def fit_cables(structure: Floats, tensions: Floats, forces: Floats) -> LinearFit:
+    """Fit the gains (m,) of the cables, and then the offset (3,) that their biases make."""
     count, m = tensions.shape
-    rows = np.concatenate(
-        [tensions[:, None, :] * structure, np.broadcast_to(np.eye(3), (count, 3, 3))], axis=2
-    ).reshape(-1, m + 3)
-    return fit(rows, forces.ravel())
+    columns = [tensions[:, None, :] * structure, np.broadcast_to(np.eye(3), (count, 3, 3))]
+    return fit(np.concatenate(columns, axis=2).reshape(-1, m + 3), forces.ravel())

@@ -13,10 +13,9 @@ from tensionlab.model.directions import grid18
 from tensionlab.model.files import load_rig
 from tensionlab.validation import sensors
 from tensionlab.validation.data_tables import read_recording
-from tensionlab.validation.protocol import Protocol
+from tensionlab.validation.protocol import Protocol, ValidationPlan, validate
 from tensionlab.validation.report import evaluate
 from tensionlab.validation.sensors import connect_sensor
-from tensionlab.validation.session import ValidationPlan, validate
 from tests.helpers.served import Simulation
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"

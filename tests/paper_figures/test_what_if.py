@@ -20,9 +20,9 @@ from paper_figures.what_if import (
 )
 from tensionlab.model.directions import grid18
 from tensionlab.model.layouts import ring_plus_top
-from tensionlab.validation.error_model import PRESETS, draw_errors
+from tensionlab.validation.error_model import PRESETS, ErrorModel, draw_errors
 from tensionlab.validation.protocol import AXIS_FORCES, Protocol, measure
-from tensionlab.validation.simulated_sensor import DriftNoise, simulated_setup
+from tensionlab.validation.sensors import DriftNoise, simulated_setup
 
 RIG = ring_plus_top(1.0)
 CARD = Path(__file__).parents[2] / "datasets" / "what-if" / "README.md"
@@ -67,6 +67,25 @@ def test_calibration_halves_the_error_of_vectors_it_has_not_seen(study):
     assert list(left.values()) == sorted(left.values(), reverse=True)
     assert left["gain and bias"] < 0.5 * left["none"]
     assert {row["vectors"] for row in rows} == {91}
+
+
+def test_each_model_explains_what_it_is_made_for():
+    protocol, structure = Protocol(), RIG.structure_matrix(RIG.home)
+    chosen = tl.allocate(structure, protocol.forces, RIG.limits)
+    tensions = chosen.tensions[AXIS_FORCES:]
+
+    def fitted(model, **errors):
+        drawn = draw_errors(ErrorModel(**errors), RIG.m, 0)
+        rendered, noise = chosen.wrench[:AXIS_FORCES], np.zeros((len(protocol.forces), 3))
+        forces = predict_forces(RIG, drawn, chosen.tensions, rendered, noise, rotation=np.eye(3)).forces
+        return drawn, forces, what_if.MODELS[model](structure, tensions, forces)
+
+    assert np.allclose(fitted("one gain", gain=1.3)[2].map, 1.3 * structure)
+    errors, _, model = fitted("gain and bias", gain_spread=0.1, bias=0.1)
+    assert np.allclose(model.map, structure * errors.gains)
+    assert np.allclose(model.offset, structure @ errors.biases)
+    _, forces, model = fitted("linear map", gain=1.2, bias=0.1, position=0.03, tilt=4.0)
+    assert np.allclose(tensions @ model.map.T + model.offset, forces)
 
 
 def test_a_small_triangle_turns_positions_into_angles(study):

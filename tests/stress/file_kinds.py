@@ -290,7 +290,7 @@ def _json_lines(document: Any) -> bytes:
 
 
 def _read_journal(place: Path) -> object:
-    from tensionlab.validation.session import Journal
+    from tensionlab.validation.protocol import Journal
 
     return Journal(place, {"rig": "r"}).measurements
 

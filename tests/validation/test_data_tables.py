@@ -9,9 +9,10 @@ import pytest
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.solvers.base import Status
 from tensionlab.support import provenance
-from tensionlab.validation.data_tables import ENTRIES, read_recording, write_recording
+from tensionlab.validation.data_tables import RecordingEntries, read_recording, write_recording
 from tests.helpers.recorded import MODULES, made_up
 
+ENTRIES = RecordingEntries.model_fields
 DATASETS = Path(__file__).parents[2] / "datasets"
 RECORDINGS_CARD = DATASETS / "recordings" / "README.md"
 
@@ -48,19 +49,22 @@ def test_a_name_says_whether_it_is_simulated(tmp_path):
     assert not read_recording(tmp_path / "rig.parquet").simulated
 
 
-@pytest.mark.parametrize("name", ENTRIES)
-def test_an_entry_that_is_missing_is_named(name):
-    about = {key: value for key, value in made_up().manifest["recording"].items() if key != name}
-    with pytest.raises(DataError, match=name):
+NO_ROTATION = {"rotations": {"paper": [[1.0, 0.0, 0.0]] * 2}}
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [*(({name: None}, name) for name in ENTRIES), (NO_ROTATION, "rotations"), ({"alignment": "other"}, '"other"')],
+)
+def test_an_entry_that_is_wrong_is_named(changes, named):
+    about = made_up().manifest["recording"] | changes
+    with pytest.raises(DataError, match=named):
         replace(made_up(), manifest={"recording": about})
 
 
-def test_shapes_that_do_not_fit_are_refused():
+def test_other_tables_are_no_recordings(tmp_path):
     with pytest.raises(ShapeError, match=r"tensions has shape \(182, 3\), not \(182, 4\)"):
         replace(made_up(), tensions=np.ones((182, 3)))
-
-
-def test_other_tables_are_no_recordings(tmp_path):
     provenance.write_parquet(tmp_path / "a.parquet", [{"a": 1}], {})
     with pytest.raises(DataError, match=r"a\.parquet: the manifest of a recording has no"):
         read_recording(tmp_path / "a.parquet")

@@ -11,8 +11,12 @@ from tensionlab.validation.rig_check import check_rig
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 
 
+def findings(rig):
+    return {finding.name: finding for finding in check_rig(rig)}
+
+
 def verdicts(rig):
-    return {finding.name: finding.passed for finding in check_rig(rig)}
+    return {name: finding.passed for name, finding in findings(rig).items()}
 
 
 def published():
@@ -25,16 +29,15 @@ def with_limits(rig, lower, upper):
 
 
 def test_the_published_rig_passes_with_its_published_strength():
-    findings = {finding.name: finding for finding in check_rig(published())}
-    assert all(finding.passed for finding in findings.values())
+    assert all(verdicts(published()).values())
     # The largest force that the rig renders in all 182 directions, side 1.0 m.
-    assert findings["strength"].text.startswith("3.72 N in its weakest of 182 directions")
+    assert findings(published())["strength"].text.startswith("3.72 N in its weakest of 182 directions")
 
 
 def test_the_strength_is_the_edge_of_what_can_be_rendered():
     rig = published()
     structure = rig.structure_matrix(rig.home)
-    strength = float(next(f.text for f in check_rig(rig) if f.name == "strength").split()[0])
+    strength = float(findings(rig)["strength"].text.split()[0])
     inside = tl.allocate(structure, 0.998 * strength * grid18(), rig.limits)
     outside = tl.allocate(structure, 1.002 * strength * grid18(), rig.limits)
     assert (inside.status == tl.Status.EXACT).all()
@@ -44,7 +47,7 @@ def test_the_strength_is_the_edge_of_what_can_be_rendered():
 def test_three_modules_on_the_floor_cannot_hold_each_other():
     rig = tl.load_rig(RIGS / "floor-3.toml")
     assert verdicts(rig) == {"rank": True, "limits": True, "balance": False, "walls": True}
-    assert "no wrench closure" in check_rig(rig)[2].text
+    assert "no wrench closure" in findings(rig)["balance"].text
 
 
 @pytest.mark.parametrize(("factor", "advice"), [(1000.0, "in mm, divide"), (0.001, "in km, multiply"), (10.0, "")])
@@ -52,9 +55,9 @@ def test_lengths_in_another_unit_are_questioned(factor, advice):
     rig = published()
     modules = tuple(dataclasses.replace(each, anchor=factor * each.anchor) for each in rig.modules)
     scaled = dataclasses.replace(rig, modules=modules, home=factor * rig.home)
-    notes = [finding for finding in check_rig(scaled) if finding.name == "scale"]
-    assert bool(notes) == bool(advice)
-    for note in notes:
+    note = findings(scaled).get("scale")
+    assert (note is not None) == bool(advice)
+    if note is not None:
         assert note.passed is None
         assert advice in note.text
         assert f"has {scaled.lengths(scaled.home).max():.4g} m" in note.text
@@ -63,7 +66,7 @@ def test_lengths_in_another_unit_are_questioned(factor, advice):
 def test_limits_that_are_too_narrow_are_told_from_geometry():
     # 3:1 between the cables is needed at home, 1.1:1 is allowed.
     rig = with_limits(tl.load_rig(RIGS / "bartels2026-validation-0.3m.toml"), 1.0, 1.1)
-    balance = next(finding for finding in check_rig(rig) if finding.name == "balance")
+    balance = findings(rig)["balance"]
     assert balance.passed is False
     assert "widen the limits" in balance.text
 
@@ -82,7 +85,7 @@ def test_a_suspended_robot_needs_its_weight():
 def test_the_strength_of_a_suspended_robot_is_beside_its_weight(name):
     rig = tl.load_rig(name)
     structure, weight = rig.structure_matrix(rig.home), -rig.weight
-    text = next(f.text for f in check_rig(rig) if f.name == "strength")
+    text = findings(rig)["strength"].text
     strength, torque = float(text.split()[0]), float(text.partition("torque ")[2].split()[0])
     for share, all_of_them in ((0.99, True), (1.01, False)):
         for first, size in ((0, strength), (3, torque)):
@@ -94,13 +97,13 @@ def test_the_strength_of_a_suspended_robot_is_beside_its_weight(name):
 
 def test_what_is_required_at_home_is_checked_with_what_is_missing():
     rig = dataclasses.replace(published(), required=tl.Requirement(wrench=[0.0, 3.0, 0.0], ball=1.0))
-    found = {finding.name: finding for finding in check_rig(rig)}
-    assert found["required"].passed
+    found = findings(rig)["required"]
+    assert found.passed
     margin = tl.workspace.capacity_margin(rig.structure_matrix(rig.home), rig.limits, rig.required.wrench)
-    assert f"feasible, {margin - 1.0:.3g} N from the edge" in found["required"].text
-    found = {f.name: f for f in check_rig(dataclasses.replace(rig, required=tl.Requirement(ball=5.0)))}
-    assert found["required"].passed is False
-    assert "infeasible by 1.32 N" in found["required"].text
+    assert f"feasible, {margin - 1.0:.3g} N from the edge" in found.text
+    found = findings(dataclasses.replace(rig, required=tl.Requirement(ball=5.0)))["required"]
+    assert found.passed is False
+    assert "infeasible by 1.32 N" in found.text
 
 
 @pytest.mark.parametrize("name", ["cogiro", "ipanema-1", "ipanema-2", "kntu-planar"])
@@ -139,7 +142,7 @@ def test_too_few_or_flat_cables_lack_rank():
 def test_cables_without_a_choice_are_noted_and_body_frames_too():
     assert verdicts(with_limits(published(), 2.0, 2.0))["limits"] is None
     rig = tl.load_rig(RIGS / "body-mounted.toml")
-    note = next(finding for finding in check_rig(rig) if finding.name == "frames")
+    note = findings(rig)["frames"]
     assert note.passed is None
     assert all(name in note.text for name in rig.frames)
 
@@ -153,21 +156,21 @@ def test_a_rig_on_a_body_is_checked_where_the_body_is_at_rest():
 @pytest.mark.parametrize("path", sorted(RIGS.glob("*.toml")), ids=lambda path: path.stem)
 def test_every_rig_that_comes_along_can_be_checked_and_has_full_rank(path):
     rig = tl.load_rig(path)
-    findings = check_rig(rig)
-    assert findings[0].passed, findings[0]
-    assert np.all([finding.text for finding in findings])
+    found = check_rig(rig)
+    assert found[0].passed, found[0]
+    assert np.all([finding.text for finding in found])
 
 
 def test_brakes_too_strong_for_a_head_are_reported():
-    limits = next(finding for finding in check_rig(published()) if finding.name == "limits")
-    assert "with brakes 768 N together, so not for a head, which allows 60 N" in limits.text
+    limits = findings(published())["limits"].text
+    assert "with brakes 768 N together, so not for a head, which allows 60 N" in limits
     gentle = [dataclasses.replace(module, brake=4.0) for module in published().modules]
-    assert "head" not in check_rig(dataclasses.replace(published(), modules=tuple(gentle)))[1].text
+    assert "head" not in findings(dataclasses.replace(published(), modules=tuple(gentle)))["limits"].text
 
 
 def test_the_stiffness_is_that_of_a_module_along_an_axis_and_elsewhere_of_the_host():
     rig = published()
-    text = next(finding.text for finding in check_rig(rig) if finding.name == "walls")
+    text = findings(rig)["walls"].text
     cosine = rig.structure_matrix(rig.home)[0].max()
     assert f"{500.0 * cosine**2:.0f} N/m towards +x" in text
     assert "500 N/m towards +y" in text, "a cable right above"

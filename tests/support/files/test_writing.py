@@ -15,7 +15,7 @@ IN_PLACE = {
     "support/files/writing.py",
     "cli/__init__.py",
     "hardware/client/locks.py",
-    "validation/session.py",
+    "validation/protocol.py",
     "workspace/sweep/store.py",
 }
 WRITES = re.compile(
