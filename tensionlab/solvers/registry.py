@@ -10,7 +10,6 @@ import functools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import Field, fields, is_dataclass
 from importlib.util import find_spec
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
 
 from tensionlab.errors import InputError, MissingDependency, PluginError, UnknownSolver
@@ -79,8 +78,6 @@ def make(name: str) -> Solver:
             found = _load_only(offered[family])
         elif rest and _is_module(family):
             found, name = _load_class(family, rest.partition(":")[0]), rest
-        elif hint := _as_module_and_class(name):
-            raise UnknownSolver(f"no solver is called {name!r}; a class of a module is {hint}")
         elif rest[:1].isupper():
             raise UnknownSolver(
                 f"no solver is called {family!r}, and Python can import no module of that name; install the "
@@ -100,11 +97,9 @@ def title_of(solver: Solver) -> str:
     kind = type(solver)
     name = next((family for family, known in SOLVERS.items() if known is kind), kind.__name__)
     settings: tuple[Field[Any], ...] = fields(kind) if is_dataclass(kind) else ()
-    changed: list[str] = []
-    for each in settings:
-        value = getattr(solver, each.name)
-        if each.init and repr(value) != repr(each.default):
-            changed.append(f"{each.name}={value!r}")
+    values = {each.name: getattr(solver, each.name) for each in settings if each.init}
+    changed = [f"{each.name}={values[each.name]!r}" for each in settings if each.name in values
+               and repr(values[each.name]) != repr(each.default)]  # fmt: skip
     return f"{name}({', '.join(changed)})" if changed else name
 
 
@@ -138,14 +133,12 @@ def _built_in() -> dict[str, bool]:
         "pseudoinverse": {"pseudoinverse:reference": True, "pseudoinverse:middle": True},
         "polygon": {f"polygon:{goal}": True for goal in get_args(PolygonGoal)},
     }
-    names: dict[str, bool] = {}
-    for name in SOLVERS:
-        names |= variants.get(name, {name: True})
-    return names
+    names = [variants.get(name, {name: True}) for name in SOLVERS]
+    return {name: usable for each in names for name, usable in each.items()}
 
 
 class Selected(NamedTuple):
-    """Run of a comparison: a solver with a policy, which is None if it honours none; and what it is called."""
+    """A solver with its name and a policy, which is None if it honours none."""
 
     name: str
     policy: Policy | None
@@ -242,10 +235,6 @@ def find_plugins() -> dict[str, type[Any] | PluginError]:
     found: dict[str, type[Any] | PluginError] = {}
     for name, entries in offered_plugins().items():
         try:
-            if name in SOLVERS:
-                raise PluginError(
-                    f"{_origins(entries)} offers a solver {name!r}; tensionlab has its own of that name"
-                )
             found[name] = _load_only(entries)
         except PluginError as error:
             found[name] = error
@@ -258,13 +247,15 @@ def _origins(entries: list[EntryPoint]) -> str:
 
 
 def _load_only(entries: list[EntryPoint]) -> type[Any]:
+    """Return the solver of an entry point whose name no other has."""
     entry, *others = entries
+    offer = f"{_origins(entries)} offers a solver {entry.name!r}"
     if others:
-        raise PluginError(f"a solver {entry.name!r} is offered by {_origins(entries)}; uninstall all but one")
+        raise PluginError(f"{offer}; uninstall all but one")
+    if entry.name in SOLVERS:
+        raise PluginError(f"{offer}; tensionlab has its own of that name")
     if ":" in entry.name:
-        raise PluginError(
-            f"{_origins(entries)} offers a solver {entry.name!r}; no name has a colon, it sets a variant"
-        )
+        raise PluginError(f"{offer}; no name has a colon, it sets a variant")
     return _load(entry)
 
 
@@ -276,13 +267,6 @@ def _is_module(name: str) -> bool:
         return find_spec(name) is not None
     except (ModuleNotFoundError, ValueError):  # of the package that it would be in; __main__
         return False
-
-
-def _as_module_and_class(name: str) -> str:
-    """Return what ``my_solver.MySolver`` or ``my_solver.py:MySolver`` was meant to be; nothing for other names."""
-    file, colon, cls = name.partition(":") if ".py:" in name else name.rpartition(".")
-    module = Path(file).stem if file.endswith(".py") else file
-    return f"{module}:{cls}" if colon and cls[:1].isupper() and _is_module(module) else ""
 
 
 def _load_class(module: str, name: str) -> type[Any]:
@@ -305,11 +289,11 @@ def _load(entry: EntryPoint) -> type[Any]:
     faults = [f"lacks {', '.join(lacks)}"] if (lacks := _lacks(found)) else []
     if not (isinstance(found, type) and is_dataclass(found)):
         faults.append("is no dataclass")
+    if not faults and (unknown := [each for each in found.policies if each not in POLICIES]):
+        faults.append(f"has a policy {unknown[0]!r}; there are {', '.join(POLICIES)}")
     if faults:
         raise PluginError(f"{where} {' and '.join(faults)}; {GUIDE}")
     solver_class: type[Any] = found
-    if unknown := [each for each in solver_class.policies if each not in POLICIES]:
-        raise PluginError(f"{where} has a policy {unknown[0]!r}; there are {', '.join(POLICIES)}")
     return solver_class
 
 

@@ -240,10 +240,3 @@ def test_all_that_a_class_lacks_is_said_at_once(importable):
     message = rf"solver 'Fixed' \({name}:Fixed\) lacks objective, policies and is no dataclass; docs/how-to/add"
     with pytest.raises(PluginError, match=message):
         make(f"{name}:Fixed")
-
-
-@pytest.mark.parametrize("written", ["{}.Fixed", "{}.py:Fixed", "./{}.py:Fixed"])
-def test_a_class_that_is_written_in_another_way_is_hinted_at(importable, written):
-    name = importable()
-    with pytest.raises(UnknownSolver, match=rf"a class of a module is {name}:Fixed"):
-        make(written.format(name))
