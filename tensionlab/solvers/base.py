@@ -34,16 +34,7 @@ RANK_TOLERANCE = 1e-8  # singular values of a structure matrix below this share 
 
 
 class Status(enum.IntEnum):
-    """Status of an answer, proved by measuring it.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> tug_of_war = [[1.0, -1.0]]  # two cables pull against each other, with 1 N to 5 N each
-    >>> result = tl.allocate(tug_of_war, [2.0], (1.0, 5.0))
-    >>> tl.Status(int(result.status)).name
-    'EXACT'
-    """
+    """Status of an answer, proved by measuring it."""
 
     EXACT = 0
     """The tensions are inside their limits and render the wrench within tolerance."""
@@ -131,13 +122,6 @@ class Answer:
         derived from the answer.
     failures : dict
         Reason by row, for rows where the backend broke.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.solvers import Answer
-    >>> Answer(tensions=np.array([[3.0, 1.0]]), iterations=np.array([4])).failures
-    {}
     """
 
     tensions: Floats
@@ -169,23 +153,19 @@ class Solver(Protocol):
     --------
     >>> import tensionlab as tl
     >>> solver: tl.Solver = tl.solvers.Newton()
-    >>> solver.objective
-    'least squared change from the reference'
-    >>> solver.policies
-    ('force', 'tension', 'direction')
+    >>> solver.objective, solver.policies
+    ('least squared change from the reference', ('force', 'tension', 'direction'))
     """
 
     @property
     def objective(self) -> str:
         """What it minimises among the tensions that render the wrench, in a few words."""
-        ...
 
     policies: ClassVar[tuple[Policy, ...]]
     """The ``policy`` policies it can honour, its own first; empty if it promises no best substitute."""
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        ...
 
 
 # Takes the structure matrix and the wrench of one problem, and writes tensions (m), wrench (n), separation (n),
@@ -199,13 +179,11 @@ class FusedSolver(Solver, Protocol):
 
     def solve_verified(self, problem: Problem) -> Verified | None:
         """Choose and verify tensions; None if an entry of a structure matrix or a wrench is not finite."""
-        ...
 
     def prepare(
         self, lower: Floats, upper: Floats, reference: Floats, weights: Floats, policy: Policy | None
     ) -> SingleSolver:
         """Return the same for single problems that have these limits, (m,), reference, weights and policy."""
-        ...
 
 
 def resolve_policy(solver: Solver, policy: str | None, name: str) -> Policy | None:

@@ -73,13 +73,6 @@ class ImprovedClosedForm:
 
     Source: Pott, "An improved force distribution algorithm for over-constrained cable-driven parallel robots",
     2014.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.ImprovedClosedForm()).tensions.round(3)
-    array([2.899, 3.875, 1.923, 4.011])
     """
 
     objective: ClassVar[str] = "close to the middle of the limits, the worst cable fixed first"
@@ -105,13 +98,6 @@ class Puncture:
     A cable whose limits are equal pulls what it must, and the others share the rest. The reference plays no part.
 
     Source: Müller, Reichert and Bruckmann, "Analysis of a real-time capable cable force computation method", 2015.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.Puncture()).tensions.round(3)
-    array([1.476, 2.452, 0.5  , 2.042])
     """
 
     objective: ClassVar[str] = "least share of the way from the least norm to the middle of the limits"

@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tensionlab.errors import UnknownSolver, optional_import
-from tensionlab.solvers.base import TOLERANCE, Answer, Policy, Problem
-from tensionlab.solvers.programs import NO_TENSIONS, SAFETY, ScaledProblem, choose_each, finite_tensions
+from tensionlab.solvers.base import Answer, Policy, Problem
+from tensionlab.solvers.programs import NO_TENSIONS, ScaledProblem, choose_each, finite_tensions
 from tensionlab.support.arrays import Floats
 
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -35,13 +35,6 @@ class ConvexProgram:
     ----------
     backend : str
         A name in `SETTINGS`. Iterations are those of all programs together.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.ConvexProgram()).tensions.round(3)
-    array([1.476, 2.452, 0.5  , 2.042])
     """
 
     backend: str = "CLARABEL"
@@ -56,11 +49,9 @@ class ConvexProgram:
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch, one after another."""
         require_cvxpy()
-        _, n, m = problem.structure.shape
-        compiled = compiled_programs(n, m, threading.get_ident())
 
-        def start(row: int) -> _ConvexPrograms:
-            scaled = _scaled(problem, row)
+        def start(scaled: ScaledProblem) -> _ConvexPrograms:
+            compiled = compiled_programs(*scaled.structure.shape, threading.get_ident())
             compiled.W.value, compiled.fixed_wrench.value = scaled.structure, scaled.fixed_wrench
             compiled.lower.value, compiled.upper.value = scaled.lower, scaled.upper
             compiled.reference.value = scaled.reference
@@ -115,7 +106,7 @@ def compiled_programs(n: int, m: int, thread: int) -> CompiledPrograms:
 
 @dataclass
 class _ConvexPrograms:
-    """Compiled programs with the numbers of one problem, and what one backend makes of them."""
+    """Compiled programs with the numbers of one problem."""
 
     compiled: CompiledPrograms
     backend: str
@@ -154,24 +145,3 @@ class _ConvexPrograms:
             break
         found = finite_tensions(variable.value, variable.size)
         return None if found is None else np.clip(found, self.scaled.lower, self.scaled.upper)
-
-
-def _scaled(problem: Problem, row: int) -> ScaledProblem:
-    """Scale one problem of the batch; its shape stays, so that one compiled program serves all."""
-    W, w = problem.structure[row], problem.wrench[row]
-    lower, upper, reference = problem.lower[row], problem.upper[row], problem.reference[row]
-    # A cable with equal limits would leave an interior-point method no interior. Its pull is in ``fixed_wrench``,
-    # and in the programs a cable with a column of zeros takes its place.
-    free = lower < upper
-    unit = float(max(abs(lower).max(), abs(upper).max(), abs(reference).max())) or 1.0
-    return ScaledProblem(
-        structure=W * free,
-        wrench=w / unit,
-        fixed_wrench=W @ np.where(free, 0.0, lower) / unit,
-        lower=np.where(free, lower / unit, 0.0),
-        upper=np.where(free, upper / unit, 1.0),
-        reference=np.where(free, reference / unit, 0.5),
-        accepted=SAFETY * TOLERANCE * max(1.0, float(np.linalg.norm(w))) / unit,
-        unit=unit,
-        cables=np.full(len(lower), True),
-    )

@@ -119,13 +119,6 @@ class Dykstra:
         when the duality gap proves z to be within it of the least distance. Never when x stops moving: it stalls.
     iteration_limit : int
         Iterations after which the last z is returned, whatever it is worth.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.Dykstra(tolerance=1e-6)).tensions.round(3)
-    array([1.476, 2.452, 0.5  , 2.042])
     """
 
     tolerance: float = 1e-9

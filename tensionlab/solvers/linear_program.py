@@ -34,13 +34,6 @@ class LeastSum:
 
     Source: Shiang, Cannon and Gorman, "Optimal force distribution applied to a robotic crane with flexible
     cables", 2000.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.LeastSum()).tensions.round(3)
-    array([1.476, 2.452, 0.5  , 2.042])
     """
 
     objective: ClassVar[str] = "least sum of tensions"
@@ -62,13 +55,6 @@ class Minimax:
 
     Source: Gosselin and Grenier, "On the determination of the force distribution in overconstrained cable-driven
     parallel mechanisms", 2011, where it is the limit of the p-norms.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.Minimax()).tensions.round(3)
-    array([1.476, 2.452, 0.5  , 2.042])
     """
 
     objective: ClassVar[str] = "least largest tension"

@@ -13,6 +13,12 @@ from numpy.typing import NDArray
 from tensionlab.solvers.base import GRAZING, RANK_TOLERANCE, TOLERANCE, Answer, Problem
 from tensionlab.support.arrays import Floats
 
+SAFETY = 0.1  # share of `TOLERANCE` that an answer may use up before the next program is tried
+NO_TENSIONS = "gave no tensions, not even inside the limits alone"
+RAMP_SHARE = 0.1  # share of the tolerance that is not used at s = 0; all of it is at s = 1
+INSIDE_SHARE = 1e-6  # a tension this far from its limits, as a share of the largest, is between them
+MAX_CUTS = 12  # most nearest wrenches that are sought; three or four are usual
+
 
 def times(matrices: Floats, vectors: Floats) -> Floats:
     """Multiply each matrix, (..., n, m), with its own vector, (..., m)."""
@@ -46,18 +52,11 @@ def whitener(structure: Floats) -> Floats:
     return root
 
 
-SAFETY = 0.1  # share of `TOLERANCE` that an answer may use up before the next program is tried
-NO_TENSIONS = "gave no tensions, not even inside the limits alone"
-RAMP_SHARE = 0.1  # share of the tolerance that is not used at s = 0; all of it is at s = 1
-INSIDE_SHARE = 1e-6  # a tension this far from its limits, as a share of the largest, is between them
-MAX_CUTS = 12  # most nearest wrenches that are sought; three or four are usual
-
-
 @dataclass(frozen=True)
 class Ray:
-    """Wrench w of one problem, in N, and what may be rendered of it: ``s w`` for s in [0, 1].
+    """Wrench w of one problem, in N, of which ``s w`` may be rendered for s in [0, 1].
 
-    ``policy`` takes s, and returns tensions inside the limits with the least ``|W t - s w|``, or None.
+    ``nearest`` takes s, and returns tensions inside the limits with the least ``|W t - s w|``, or None.
     """
 
     structure: Floats
@@ -127,8 +126,8 @@ class Ray:
 class ScaledProblem:
     """One problem with tensions in units of the largest limit or reference, without cables whose limits are equal.
 
-    Those pull ``fixed_wrench``; the other ``cables`` render the difference to ``wrench``. An error up to
-    ``accepted`` counts as none.
+    Those would leave an interior-point method no interior. They pull ``fixed_wrench``; the other ``cables`` render
+    the difference to ``wrench``. An error up to ``accepted`` counts as none.
     """
 
     structure: Floats
@@ -140,6 +139,26 @@ class ScaledProblem:
     accepted: float
     unit: float
     cables: NDArray[np.bool_]
+
+
+def _scale(problem: Problem, row: int) -> ScaledProblem | None:
+    """Scale one problem of a batch; None if the cables whose limits differ pull nothing."""
+    structure, wrench, lower, upper, reference = (array[row] for array in problem.arrays[:5])
+    free = lower < upper
+    if not structure[:, free].any():
+        return None
+    unit = float(max(abs(lower).max(), abs(upper).max(), abs(reference).max()))
+    return ScaledProblem(
+        structure=structure[:, free],
+        wrench=wrench / unit,
+        fixed_wrench=structure[:, ~free] @ lower[~free] / unit,
+        lower=lower[free] / unit,
+        upper=upper[free] / unit,
+        reference=reference[free] / unit,
+        accepted=SAFETY * TOLERANCE * max(1.0, float(np.linalg.norm(wrench))) / unit,
+        unit=unit,
+        cables=free,
+    )
 
 
 class Programs(Protocol):
@@ -165,12 +184,12 @@ class Programs(Protocol):
 
 
 def choose_each(
-    problem: Problem, backend: str, start: Callable[[int], Programs | None], errors: tuple[type[Exception], ...]
+    problem: Problem, backend: str, start: Callable[[ScaledProblem], Programs], errors: tuple[type[Exception], ...]
 ) -> Answer:
     """Choose tensions for every problem of a batch, one after another.
 
-    ``start`` returns the programs of a row, or None where no cable has both play and pull. ``errors`` are what the
-    backend raises on a program that it cannot digest.
+    ``start`` returns the programs of a scaled problem. ``errors`` are what the backend raises on a program that it
+    cannot solve. Problems whose cables can do nothing about the wrench are not given to the backend.
     """
     tensions = np.clip(problem.reference, problem.lower, problem.upper)
     iterations = np.zeros(len(problem), dtype=np.int64)
@@ -179,10 +198,10 @@ def choose_each(
         # Backends warn of programs without a solution and of inaccurate answers; all of them are measured.
         warnings.simplefilter("ignore")
         for row in range(len(problem)):
-            programs = start(row)
-            if programs is None:
+            scaled = _scale(problem, row)
+            if scaled is None:
                 continue
-            found, reason = None, ""
+            programs, found, reason = start(scaled), None, ""
             try:
                 found = _choose(programs, problem, row)
             except errors as error:
@@ -192,9 +211,8 @@ def choose_each(
                 tensions[row] = np.nan
                 failures[row] = f"{backend}: {reason or programs.reason}"
             else:
-                cables, unit = programs.scaled.cables, programs.scaled.unit
-                limits = problem.lower[row, cables], problem.upper[row, cables]
-                tensions[row, cables] = np.clip(found * unit, *limits)
+                limits = problem.lower[row, scaled.cables], problem.upper[row, scaled.cables]
+                tensions[row, scaled.cables] = np.clip(found * scaled.unit, *limits)
     return Answer(tensions, iterations, failures=failures)
 
 

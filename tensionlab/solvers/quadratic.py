@@ -39,6 +39,10 @@ BACKENDS: dict[str, dict[str, Any]] = {
     },
 }
 SPARSE = frozenset({"clarabel", "osqp", "highs"})  # those that take sparse matrices only
+PROXIMAL = 1e-6  # weight of staying at the last tensions while the wrench error, of weight 1, is minimised
+DIRECTION = 1e-4  # the same while the scale of the wrench is maximised
+BIAS = 1e-4  # share of the accepted error that these steps may leave; one more step than it takes is cheap
+MAX_STEPS = 8  # most of these steps; two or three are usual
 
 
 def installed_backends() -> tuple[str, ...]:
@@ -75,12 +79,6 @@ def raised_by(backend: str) -> tuple[type[Exception], ...]:
     return raised
 
 
-PROXIMAL = 1e-6  # weight of staying at the last tensions while the wrench error, of weight 1, is minimised
-DIRECTION = 1e-4  # the same while the scale of the wrench is maximised
-BIAS = 1e-4  # share of the accepted error that these steps may leave; one more step than it takes is cheap
-MAX_STEPS = 8  # most of these steps; two or three are usual
-
-
 @dataclass(frozen=True)
 class QuadraticProgram:
     """Tensions closest to the reference by quadratic programs.
@@ -105,13 +103,6 @@ class QuadraticProgram:
     backend : str
         A name in `BACKENDS`. Iterations are those of all programs together; 0 from clarabel, daqp and highs,
         which don't tell.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> rig.allocate([0.0, 0.0, 1.5], solver=tl.solvers.QuadraticProgram("clarabel")).tensions.round(3)
-    array([1.476, 2.452, 0.5  , 2.042])
     """
 
     backend: str = "clarabel"
@@ -126,33 +117,10 @@ class QuadraticProgram:
         """Choose tensions for every problem of the batch, one after another."""
         check_installed(self.backend)
 
-        def start(row: int) -> _QuadraticPrograms | None:
-            scaled = _scaled(problem, row)
-            return None if scaled is None else _QuadraticPrograms(self.backend, scaled)
+        def start(scaled: ScaledProblem) -> _QuadraticPrograms:
+            return _QuadraticPrograms(self.backend, scaled)
 
         return choose_each(problem, self.backend, start, raised_by(self.backend))
-
-
-def _scaled(problem: Problem, row: int) -> ScaledProblem | None:
-    """Scale one problem of the batch; None if the cables with play pull nothing."""
-    lower, upper, reference = problem.lower[row], problem.upper[row], problem.reference[row]
-    structure, wrench = problem.structure[row], problem.wrench[row]
-    # Cables without play are taken out, because they leave an interior-point method no interior.
-    free = lower < upper
-    if not structure[:, free].any():
-        return None
-    unit = float(max(abs(lower).max(), abs(upper).max(), abs(reference).max()))
-    return ScaledProblem(
-        structure=structure[:, free],
-        wrench=wrench / unit,
-        fixed_wrench=structure[:, ~free] @ lower[~free] / unit,
-        lower=lower[free] / unit,
-        upper=upper[free] / unit,
-        reference=reference[free] / unit,
-        accepted=SAFETY * TOLERANCE * max(1.0, float(np.linalg.norm(wrench))) / unit,
-        unit=unit,
-        cables=free,
-    )
 
 
 @dataclass
