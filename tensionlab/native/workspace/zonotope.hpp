@@ -68,13 +68,9 @@ struct Zonotope {
   template <class Visit>
   void facets(const Visit& visit) const {
     if (count < R) return;
-    if constexpr (R == 3) {
-      pairs(visit);
-    } else {
-      const V nothing_yet[1] = {V{} + 1};
-      int chosen[R];
-      choose<0>(nothing_yet, V{} + kDependent * kDependent, 0, chosen, visit);
-    }
+    const V nothing_yet[1] = {V{} + 1};
+    int chosen[R];
+    choose<0>(nothing_yet, V{} + kDependent * kDependent, 0, chosen, visit);
   }
 
   static V dot(const V* a, const V* b) {
@@ -117,37 +113,6 @@ struct Zonotope {
       next = end + 1;
     }
     return sum;
-  }
-
-  // The same for R = 3, where the volume that three segments span is the share of each in the height over the
-  // others.
-  template <class Visit>
-  void pairs(const Visit& visit) const {
-    V normal[M * (M - 1) / 2][R], height[M * (M - 1) / 2];
-    int start[M];  // pair (i, j) is number start[i] + j
-    for (int i = 0, number = 0; i < count; ++i) {
-      start[i] = number - i - 1;
-      for (int j = i + 1; j < count; ++j, ++number) {
-        V product[3];
-        extend<R, 1>(column[i], column[j], product, std::make_index_sequence<3>());
-        to_normal(product, normal[number]);
-        height[number] = V{};
-      }
-    }
-    for (int i = 0; i < count; ++i) {
-      for (int j = i + 1; j < count; ++j) {
-        const int pair = start[i] + j;
-        V sum = height[pair];
-        for (int k = j + 1; k < count; ++k) {
-          const V volume = magnitude(dot(normal[pair], column[k]));
-          sum += volume * half[k];
-          height[start[i] + k] += volume * half[j];
-          height[start[j] + k] += volume * half[i];
-        }
-        visit(normal[pair], sum,
-              dot(normal[pair], normal[pair]) > kDependent * kDependent * square[i] * square[j]);
-      }
-    }
   }
 
   static void to_normal(const V* wedge, V* normal) {
