@@ -11,122 +11,38 @@ COMPILER: str
 INSTRUCTION_SETS: tuple[str, ...]
 INSTRUCTION_SET: str
 
+# Structure, wrench, lower, upper, reference and weights of a batch of problems.
+_Arrays = tuple[
+    NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]
+]
+# Tensions and iterations.
+_Answer = tuple[NDArray[float64], NDArray[int64]]
+# Tensions, scale and status.
+_Solved = tuple[NDArray[float64], NDArray[float64], NDArray[int8]]
+
 def newton(
-    structure: NDArray[float64],
-    wrench: NDArray[float64],
-    lower: NDArray[float64],
-    upper: NDArray[float64],
-    reference: NDArray[float64],
-    weights: NDArray[float64],
-    policy: int,
-    rank_tolerance: float,
-    tolerance: float,
+    problem: _Arrays, policy: int, rank_tolerance: float, tolerance: float
 ) -> tuple[NDArray[float64], NDArray[int64], NDArray[float64]]: ...
 def allocation_jacobian(
-    structure: NDArray[float64],
-    wrench: NDArray[float64],
-    lower: NDArray[float64],
-    upper: NDArray[float64],
-    reference: NDArray[float64],
-    weights: NDArray[float64],
-    tensions: NDArray[float64],
-    scale: NDArray[float64],
-    status: NDArray[int8],
-    policy: int,
-    rank_tolerance: float,
-    by_structure: bool,
+    problem: _Arrays, solved: _Solved, policy: int, rank_tolerance: float, by_structure: bool
 ) -> tuple[NDArray[float64], NDArray[float64] | None, NDArray[bool_]]: ...
 def allocation_gradients(
-    structure: NDArray[float64],
-    wrench: NDArray[float64],
-    lower: NDArray[float64],
-    upper: NDArray[float64],
-    reference: NDArray[float64],
-    weights: NDArray[float64],
-    tensions: NDArray[float64],
-    scale: NDArray[float64],
-    status: NDArray[int8],
-    policy: int,
-    rank_tolerance: float,
-    cotangent: NDArray[float64],
+    problem: _Arrays, solved: _Solved, policy: int, rank_tolerance: float, cotangent: NDArray[float64]
 ) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]]: ...
-def closed_form(
-    structure: NDArray[float64],
-    wrench: NDArray[float64],
-    lower: NDArray[float64],
-    upper: NDArray[float64],
-    start: NDArray[float64],
-    weights: NDArray[float64],
-    improved: bool,
-    rank_tolerance: float,
-) -> tuple[NDArray[float64], NDArray[int64]]: ...
-def dykstra(
-    structure: NDArray[float64],
-    wrench: NDArray[float64],
-    lower: NDArray[float64],
-    upper: NDArray[float64],
-    reference: NDArray[float64],
-    weights: NDArray[float64],
-    tolerance: float,
-    iteration_limit: int,
-    rank_tolerance: float,
-) -> tuple[NDArray[float64], NDArray[int64]]: ...
+def closed_form(problem: _Arrays, improved: bool, rank_tolerance: float) -> _Answer: ...
+def dykstra(problem: _Arrays, tolerance: float, iteration_limit: int, rank_tolerance: float) -> _Answer: ...
 def tighten(
-    structure: NDArray[float64],
-    wrench: NDArray[float64],
-    lower: NDArray[float64],
-    upper: NDArray[float64],
-    weights: NDArray[float64],
-    program: int,
-    alpha: float,
+    problem: _Arrays, program: int, alpha: float
 ) -> tuple[NDArray[float64], NDArray[float64], NDArray[int64]]: ...
 def polygon(
-    structure: NDArray[float64],
-    wrench: NDArray[float64],
-    lower: NDArray[float64],
-    upper: NDArray[float64],
-    reference: NDArray[float64],
-    weights: NDArray[float64],
-    goal: int,
-    rank_tolerance: float,
+    problem: _Arrays, goal: int, rank_tolerance: float
 ) -> tuple[NDArray[float64], NDArray[int64], NDArray[int64]]: ...
-def puncture(
-    structure: NDArray[float64],
-    wrench: NDArray[float64],
-    lower: NDArray[float64],
-    upper: NDArray[float64],
-    weights: NDArray[float64],
-    rank_tolerance: float,
-) -> NDArray[float64]: ...
-def log_barrier(
-    structure: NDArray[float64],
-    wrench: NDArray[float64],
-    lower: NDArray[float64],
-    upper: NDArray[float64],
-    weights: NDArray[float64],
-) -> tuple[NDArray[float64], NDArray[int64]]: ...
+def puncture(problem: _Arrays, rank_tolerance: float) -> _Answer: ...
+def log_barrier(problem: _Arrays) -> _Answer: ...
 def slack_norm(
-    structure: NDArray[float64],
-    wrench: NDArray[float64],
-    lower: NDArray[float64],
-    upper: NDArray[float64],
-    reference: NDArray[float64],
-    weights: NDArray[float64],
-    p: float,
-    c1: float,
-    c2: float,
-    kappa: float,
-    epsilon: float,
-    gamma: float,
-) -> tuple[NDArray[float64], NDArray[int64]]: ...
-def box_price(
-    structure: NDArray[float64],
-    wrench: NDArray[float64],
-    lower: NDArray[float64],
-    upper: NDArray[float64],
-    reference: NDArray[float64],
-    row_roots: NDArray[float64],
-) -> tuple[NDArray[float64], NDArray[int64]]: ...
+    problem: _Arrays, p: float, c1: float, c2: float, kappa: float, epsilon: float, gamma: float
+) -> _Answer: ...
+def box_price(problem: _Arrays) -> _Answer: ...
 def structure_matrices(
     anchors: NDArray[float64],
     attachments: NDArray[float64] | None,
@@ -156,7 +72,7 @@ def isotropic_force(
     dimension: int,
     rank_tolerance: float,
 ) -> NDArray[float64]: ...
-def reachable_share(
+def feasible_direction_fraction(
     structure: NDArray[float64],
     lower: NDArray[float64],
     upper: NDArray[float64],
@@ -179,11 +95,7 @@ def half_spaces(
     rank_tolerance: float,
 ) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64]]: ...
 def verify(
-    structure: NDArray[float64],
-    wrench: NDArray[float64],
-    lower: NDArray[float64],
-    upper: NDArray[float64],
-    weights: NDArray[float64],
+    problem: _Arrays,
     tensions: NDArray[float64],
     separation: NDArray[float64],
     rule: int,
@@ -191,16 +103,7 @@ def verify(
     rank_tolerance: float,
 ) -> tuple[NDArray[float64], NDArray[float64], NDArray[int8], NDArray[float64], bool]: ...
 def allocate(
-    structure: NDArray[float64],
-    wrench: NDArray[float64],
-    lower: NDArray[float64],
-    upper: NDArray[float64],
-    reference: NDArray[float64],
-    weights: NDArray[float64],
-    policy: int,
-    largest: float,
-    tolerance: float,
-    rank_tolerance: float,
+    problem: _Arrays, policy: int, largest: float, tolerance: float, rank_tolerance: float
 ) -> (
     tuple[
         NDArray[float64],
@@ -291,7 +194,7 @@ class PoseTracker:
         axes: NDArray[float64],
     ) -> None: ...
     def follow(
-        self, lengths: NDArray[float64], known: NDArray[bool_], steps: int, found: float
+        self, lengths: NDArray[float64], known: NDArray[bool_], steps: int, tolerance: float
     ) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], float, int, float]: ...
     def velocity(self, speeds: NDArray[float64], known: NDArray[bool_]) -> NDArray[float64]: ...
 
@@ -309,10 +212,10 @@ class LengthCheck:
     def protection(self, tracker: PoseTracker, tensions: NDArray[float64]) -> float: ...
     def doubts(self) -> tuple[NDArray[float64], ...]: ...
 
-def at_one_time(
-    lengths: NDArray[float64], speeds: NDArray[float64], ages: NDArray[float64], most: float
+def synchronise(
+    lengths: NDArray[float64], speeds: NDArray[float64], ages: NDArray[float64], max_age: float
 ) -> NDArray[float64]: ...
-def any_reaches(numbers: NDArray[float64], thresholds: NDArray[float64]) -> bool: ...
+def any_exceeds(numbers: NDArray[float64], thresholds: NDArray[float64]) -> bool: ...
 def next_tensions(
     before: NDArray[float64],
     chosen: NDArray[float64],
@@ -341,8 +244,8 @@ class Endpoint:
     state: int
     faults: int
     session: int
-    attended: bool
-    troubled: bool
+    python_decodes: bool
+    needs_attention: bool
     def feed(self, content: bytes, now: float) -> bool: ...
     def take_queue(self) -> list[tuple[int, int, bytes]]: ...
     def take(self, payload: bytes, now: float) -> bool: ...
@@ -350,7 +253,7 @@ class Endpoint:
     def next_arm(self) -> int: ...
     def latest(self, seen: int) -> tuple[int, bytes, float] | None: ...
     def unchecked(self) -> tuple[tuple[bytes, float] | None, tuple[bytes, float]] | None: ...
-    def forget_checked(self) -> None: ...
+    def clear_checked(self) -> None: ...
     def set_file(self, file: int) -> None: ...
 
 class EndpointGroup:

@@ -132,10 +132,12 @@ class AllocationJacobian:
         """Return the arguments of the compiled kernels."""
         allocation, size = self.allocation, len(self._problem)
         return (
-            *self._problem.arrays,
-            allocation.tensions.reshape(size, allocation.tensions.shape[-1]),
-            np.reshape(allocation.scale, size),
-            np.reshape(allocation.status, size),
+            self._problem.arrays,
+            (
+                allocation.tensions.reshape(size, allocation.tensions.shape[-1]),
+                np.reshape(allocation.scale, size),
+                np.reshape(allocation.status, size),
+            ),
             POLICIES.index(self._problem.policy or "force"),
             RANK_TOLERANCE,
             last,

@@ -1,7 +1,7 @@
 """Certificates: what is proved about an answer, by any solver.
 
 Whoever chose the tensions, they are clipped into their limits, the wrench is recomputed, and a status needs
-a certificate that anyone can check (``tensionlab/native/verification/certificates.hpp``).
+a certificate that anyone can check (``tensionlab/native/verification/certificates.cpp``).
 """
 
 from __future__ import annotations
@@ -60,16 +60,6 @@ def _writable(array: Floats | None) -> Floats:
 def _certify(
     problem: Problem, tensions: Floats, separation: Floats
 ) -> tuple[Floats, Floats, NDArray[np.int8], Floats, bool]:
-    """Clip tensions in place, verify them, and store the proof in ``separation`` (`certificates.hpp`)."""
-    return _native.verify(
-        problem.structure,
-        problem.wrench,
-        problem.lower,
-        problem.upper,
-        problem.weights,
-        tensions,
-        separation,
-        0 if problem.policy is None else 1 + POLICIES.index(problem.policy),
-        TOLERANCE,
-        RANK_TOLERANCE,
-    )
+    """Clip tensions in place, verify them, and store the proof in ``separation`` (`certificates.cpp`)."""
+    rule = 0 if problem.policy is None else 1 + POLICIES.index(problem.policy)
+    return _native.verify(problem.arrays, tensions, separation, rule, TOLERANCE, RANK_TOLERANCE)

@@ -57,8 +57,7 @@ class Pseudoinverse:
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
         start = _from_middle(problem) if self.start == "middle" else problem
-        tensions, _ = _native.closed_form(*start.arrays, False, RANK_TOLERANCE)
-        return Answer(tensions=tensions, iterations=np.zeros(len(problem), dtype=np.int64))
+        return Answer(*_native.closed_form(start.arrays, False, RANK_TOLERANCE))
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ class ImprovedClosedForm:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        return Answer(*_native.closed_form(*_from_middle(problem).arrays, True, RANK_TOLERANCE))
+        return Answer(*_native.closed_form(_from_middle(problem).arrays, True, RANK_TOLERANCE))
 
 
 @dataclass(frozen=True)
@@ -105,10 +104,7 @@ class Puncture:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        tensions = _native.puncture(
-            problem.structure, problem.wrench, problem.lower, problem.upper, problem.weights, RANK_TOLERANCE
-        )
-        return Answer(tensions=tensions, iterations=np.zeros(len(problem), dtype=np.int64))
+        return Answer(*_native.puncture(problem.arrays, RANK_TOLERANCE))
 
 
 def _from_middle(problem: Problem) -> Problem:
@@ -188,7 +184,7 @@ class Polygon:
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
         goal = get_args(PolygonGoal).index(self.goal)
-        tensions, iterations, redundancy = _native.polygon(*problem.arrays, goal, RANK_TOLERANCE)
+        tensions, iterations, redundancy = _native.polygon(problem.arrays, goal, RANK_TOLERANCE)
         beyond = np.flatnonzero(redundancy > MAX_REDUNDANCY)
         tensions[beyond] = np.nan
         failures = {

@@ -31,7 +31,7 @@ class Newton:
     wrench from all that tensions inside the limits render. From it an active set finds the nearest face of what
     can be rendered; where that leaves a doubt, and along a direction, proximal steps solve the policy's own
     problem to the same precision. The headers ``newton.hpp`` and ``nearest_face.hpp`` in ``native/solvers`` state
-    the method; most of a batch needs no more than ``sweep.hpp``. ``TENSIONLAB_NUM_THREADS`` sets the threads.
+    the method; most of a batch needs no more than ``sweep_kernel.cpp``. ``TENSIONLAB_NUM_THREADS`` sets the threads.
 
     Sources: Qi and Sun (1993), "A nonsmooth version of Newton's method"; Kunisch and Rendl (2003), "An infeasible
     active set method for quadratic problems with simple bounds"; Stark and Parker (1995), "Bounded-variable
@@ -52,12 +52,12 @@ class Newton:
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
         policy = POLICIES.index(problem.policy or "force")
-        return Answer(*_native.newton(*problem.arrays, policy, RANK_TOLERANCE, TOLERANCE))
+        return Answer(*_native.newton(problem.arrays, policy, RANK_TOLERANCE, TOLERANCE))
 
     def solve_verified(self, problem: Problem) -> Verified | None:
         """Choose and verify tensions in one pass over the batch (native/bindings/allocate.cpp)."""
         policy = POLICIES.index(problem.policy or "force")
-        found = _native.allocate(*problem.arrays, policy, MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE)
+        found = _native.allocate(problem.arrays, policy, MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE)
         return None if found is None else Verified(*found, {})
 
     def prepare(
@@ -133,4 +133,4 @@ class Dykstra:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        return Answer(*_native.dykstra(*problem.arrays, self.tolerance, self.iteration_limit, RANK_TOLERANCE))
+        return Answer(*_native.dykstra(problem.arrays, self.tolerance, self.iteration_limit, RANK_TOLERANCE))

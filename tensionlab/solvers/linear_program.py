@@ -107,14 +107,6 @@ class OptimallySafe:
 
 def _break_ties(problem: Problem, program: Program, alpha: float = 1.0) -> Answer:
     """Return, of the tensions that are best for the program, those closest to the reference."""
-    lower, upper, steps = _native.tighten(
-        problem.structure,
-        problem.wrench,
-        problem.lower,
-        problem.upper,
-        problem.weights,
-        PROGRAMS.index(program),
-        alpha,
-    )
+    lower, upper, steps = _native.tighten(problem.arrays, PROGRAMS.index(program), alpha)
     closest = Newton().solve(replace(problem, lower=lower, upper=upper))
     return Answer(tensions=closest.tensions, iterations=steps + closest.iterations)

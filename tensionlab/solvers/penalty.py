@@ -50,8 +50,7 @@ class AnalyticCentre:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        structure, wrench, lower, upper, _, weights = problem.arrays
-        return Answer(*_native.log_barrier(structure, wrench, lower, upper, weights))
+        return Answer(*_native.log_barrier(problem.arrays))
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ class SlackNorm:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        return Answer(*_native.slack_norm(*problem.arrays, *astuple(self)))
+        return Answer(*_native.slack_norm(problem.arrays, *astuple(self)))
 
 
 @dataclass(frozen=True)
@@ -179,4 +178,4 @@ class Spidar:
         """Choose tensions for every problem of the batch."""
         rows = np.arange(len(problem.weights))
         prices = np.where(rows < 3, self.force, self.torque) * problem.weights
-        return Answer(*_native.box_price(*problem.arrays[:5], np.sqrt(prices / self.mu)))
+        return Answer(*_native.box_price((*problem.arrays[:5], np.sqrt(prices / self.mu))))

@@ -144,7 +144,9 @@ def feasible_direction_fraction(
     wrenches = _wrenches(directions, magnitude, matrices.shape[-2], offset_wrench)
     batch = structure_batch(matrices, limits, directions=wrenches.shape[:-2])
     tolerance = feasibility_tolerance(wrenches)
-    share = _native.reachable_share(*batch[:3], flatten_batch(wrenches, batch.shape, 2), tolerance, RANK_TOLERANCE)
+    share = _native.feasible_direction_fraction(
+        *batch[:3], flatten_batch(wrenches, batch.shape, 2), tolerance, RANK_TOLERANCE
+    )
     return share.reshape(batch.shape)[()]
 
 

@@ -82,10 +82,10 @@ class ModuleGroup:
         sequences, left, failed = self._endpoints.send(tensions, chosen, brakes, ttl_ms)
         return sequences, left, [(index, not_taken(self.clients[index].link.url, why)) for index, why in failed]
 
-    def forget_checked(self) -> None:
+    def clear_checked(self) -> None:
         """Let the next check of each module know nothing of telemetry before."""
         for client in self.clients:
-            client.endpoint.forget_checked()
+            client.endpoint.clear_checked()
 
     def _clocks(self) -> list[float]:
         return [client.link.clock() for client in self.clients]

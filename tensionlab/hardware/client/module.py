@@ -370,7 +370,7 @@ class ModuleClient:
         """Discard the refusals of set-points up to now, and return the latest."""
         with self._arrived:
             refused, self._refused = self._refused, None
-            self.endpoint.troubled = self._broken is not None
+            self.endpoint.needs_attention = self._broken is not None
         return refused
 
     @property
@@ -432,7 +432,7 @@ class ModuleClient:
     @on_message.setter
     def on_message(self, callback: Callable[[Received[Message]], None] | None) -> None:
         self._on_message = callback
-        self.endpoint.attended = callback is not None
+        self.endpoint.python_decodes = callback is not None
 
     @property
     def age(self) -> float:
@@ -483,7 +483,7 @@ class ModuleClient:
 
     def _broke(self, error: LinkError) -> None:
         with self._arrived:
-            self._broken, self.endpoint.troubled = error, True
+            self._broken, self.endpoint.needs_attention = error, True
             self._arrived.notify_all()
 
     def _take(self, content: bytes) -> None:
@@ -509,7 +509,7 @@ class ModuleClient:
                     self.endpoint.state = message.state
                 if isinstance(message, Acknowledge) and message.command in SET_POINTS:
                     with self._arrived:
-                        self._refused, self.endpoint.troubled = message, True
+                        self._refused, self.endpoint.needs_attention = message, True
                 else:
                     self._keep({frame.sequence: message})
                 continue

@@ -113,7 +113,7 @@ class Derating:
 
         Return the modules whose limit has changed by `EVENT_STEP_N`, and the text of each event.
         """
-        if self.limits is self._own and not _native.any_reaches(thermal, self._warm):
+        if self.limits is self._own and not _native.any_exceeds(thermal, self._warm):
             return []
         self._thermal = np.where(np.isnan(thermal), self._thermal, np.clip(thermal, 0.0, 1.0))
         bearable = CONTINUOUS_SHARE * self._continuous * np.sqrt(1.0 + DERATING_GAIN * (1.0 - self._thermal))

@@ -51,7 +51,7 @@ class ModuleMonitor:
         self._group, self._clients = group, group.clients
         self._ttl, self._on_loss, self._on_lost = ttl, on_loss, on_lost
         self._no_brakes = np.zeros(len(group.clients), dtype=bool)
-        group.forget_checked()
+        group.clear_checked()
         self._late_since = np.full(len(group.clients), np.nan)
         self._stall = Stall(ttl)
 

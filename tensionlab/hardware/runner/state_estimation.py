@@ -118,12 +118,12 @@ class PoseTracker:
 
 def synchronise(lengths: Floats, speeds: Floats, ages: Floats) -> Floats:
     """Return the lengths of cables now, by their lengths, speeds and ages, (m,) in m, m/s and s."""
-    return _native.at_one_time(lengths, speeds, ages, MAX_EXTRAPOLATION_S)
+    return _native.synchronise(lengths, speeds, ages, MAX_EXTRAPOLATION_S)
 
 
 def any_exceeds(values: Floats, thresholds: Floats) -> bool:
     """Return whether any value (m,) is at least its threshold (m,); NaN is not."""
-    return _native.any_reaches(values, thresholds)
+    return _native.any_exceeds(values, thresholds)
 
 
 def velocity(structure: Floats, speeds: Floats, known: Flags) -> Floats:

@@ -1,5 +1,5 @@
-// The exact solver and its verification, together, for Python: block by block, so that verification finds the
-// numbers where the solver left them, in the cache.
+// The exact solver with its verification for Python: block by block, so that verification finds the numbers in the
+// cache, where the solver left them.
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -7,16 +7,15 @@
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
 #include "bindings/share_out.hpp"
-#include "solvers/newton_batch.hpp"
-#include "solvers/sweep_batch.hpp"
-#include "verification/certificates_batch.hpp"
+#include "solvers/kernels.hpp"
+#include "verification/kernels.hpp"
 
 namespace tensionlab {
 namespace {
 
 constexpr std::size_t kBlock = 512;
 constexpr std::int8_t kUnverified = -1;
-constexpr std::size_t kEntriesEnough = 65'536;  // of structure matrices, for a thread
+constexpr std::size_t kEntriesEnough = 65'536;  // entries of structure matrices that are worth a thread
 
 struct Settings {
   Policy policy;
@@ -30,38 +29,37 @@ struct Settings {
   }
 };
 
-// The exact solver with its verification, block after block: a sweep, and what is sure for those that it leaves.
-// One for each thread.
+// Solves and verifies blocks of rows: a sweep, and Newton steps for those that it leaves. One for each thread.
 class Allocation {
  public:
   Allocation(const Batch& batch, const Settings& settings, const SweepAnswer& answer, std::atomic<bool>& flawed)
       : batch_(batch), settings_(settings), answer_(answer), flawed_(flawed) {}
 
-  // Rows [begin, end), a block at most; false if an entry of a structure matrix or a wrench is not a number, or
-  // too large.
+  // Rows [begin, end), a block at most; returns false if an entry of a structure matrix or a wrench is NaN or too
+  // large.
   bool solve(std::size_t begin, std::size_t end) {
-    SweepRest rest{left_, unsure_};
-    sweep_for_this_processor()(batch_, {settings_.largest, settings_.tolerance}, begin, end, answer_, rest);
-    std::copy_n(unsure_, rest.unsures, left_ + rest.aparts);
-    const Selection left{0, rest.aparts + rest.unsures, left_};
-    if (left.count == 0) return true;
-    if (rest.strange && !all_within(left)) return false;
-    for (std::size_t j = 0; j < left.count; ++j) answer_.status[left_[j]] = kUnverified;
-    newton_for_this_processor()(batch_, settings_.policy, settings_.rank_tolerance, settings_.tolerance, left,
-                                rest.aparts,
+    SweepRemainder remainder{rows_, unsolved_};
+    sweep_for_this_processor()(batch_, {settings_.largest, settings_.tolerance}, begin, end, answer_, remainder);
+    std::copy_n(unsolved_, remainder.unsolved_count, rows_ + remainder.separated_count);
+    const Selection rest{0, remainder.separated_count + remainder.unsolved_count, rows_};
+    if (rest.count == 0) return true;
+    if (remainder.invalid && !all_within(rest)) return false;
+    for (std::size_t j = 0; j < rest.count; ++j) answer_.status[rows_[j]] = kUnverified;
+    newton_for_this_processor()(batch_, settings_.policy, settings_.rank_tolerance, settings_.tolerance, rest,
+                                remainder.separated_count,
                                 {answer_.tensions, answer_.separation, answer_.iterations, answer_.status,
                                  answer_.rendered, answer_.residual, answer_.scale});
     std::size_t* const unverified_end = std::remove_if(
-        left_, left_ + left.count, [&](std::size_t row) { return answer_.status[row] != kUnverified; });
+        rows_, rows_ + rest.count, [&](std::size_t row) { return answer_.status[row] != kUnverified; });
     verify_for_this_processor()(batch_, settings_.verification(),
-                                {0, static_cast<std::size_t>(unverified_end - left_), left_},
+                                {0, static_cast<std::size_t>(unverified_end - rows_), rows_},
                                 {answer_.tensions, answer_.separation, answer_.rendered, answer_.residual,
                                  answer_.scale, answer_.status, &flawed_});
     return true;
   }
 
  private:
-  // Whether all numbers of structure matrices and wrenches are below the limit in magnitude.
+  // Whether all entries of structure matrices and wrenches are below the limit in magnitude.
   bool all_within(const Selection& rows) const {
     const auto n = static_cast<std::size_t>(batch_.n), m = static_cast<std::size_t>(batch_.m);
     const auto inside = [&](double number) { return std::abs(number) < settings_.largest; };
@@ -77,18 +75,16 @@ class Allocation {
   const Settings& settings_;
   const SweepAnswer& answer_;
   std::atomic<bool>& flawed_;
-  std::size_t left_[kBlock], unsure_[kBlock];  // rows
+  std::size_t rows_[kBlock], unsolved_[kBlock];
 };
 
-// None if an entry is not a number, or too large.
-nb::object allocate_batch(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
-                          const In<2>& reference, const In<1>& weights, int policy, double largest,
-                          double tolerance, double rank_tolerance) {
-  const Batch batch = batch_of(structure, wrench, lower, upper, reference, weights);
-  require(policy >= 0 && policy < kPolicies, "no such policy");
-  const Settings settings{static_cast<Policy>(policy), largest, tolerance, rank_tolerance};
+// None if an entry is NaN or too large.
+nb::object allocate_batch(const ProblemArrays& arrays, int policy, double largest, double tolerance,
+                          double rank_tolerance) {
+  const Batch batch = batch_of(arrays);
+  const Settings settings{to_policy(policy), largest, tolerance, rank_tolerance};
   const auto n = static_cast<std::size_t>(batch.n), m = static_cast<std::size_t>(batch.m);
-  std::atomic<bool> flawed{false}, strange{false};
+  std::atomic<bool> flawed{false}, invalid{false};
   const auto tensions = make_array<double>(batch.size, m), separation = make_array<double>(batch.size, n);
   const auto rendered = make_array<double>(batch.size, n);
   const auto residual = make_array<double>(batch.size), scale = make_array<double>(batch.size);
@@ -99,37 +95,39 @@ nb::object allocate_batch(const In<3>& structure, const In<2>& wrench, const In<
   share_out(
       batch.size,
       [&](std::size_t begin, std::size_t end) {
-        Allocation rows(batch, settings, answer, flawed);
-        for (std::size_t row = begin; row < end && !strange; row += kBlock) {
-          if (!rows.solve(row, std::min(row + kBlock, end))) strange = true;
+        Allocation allocation(batch, settings, answer, flawed);
+        for (std::size_t row = begin; row < end && !invalid; row += kBlock) {
+          if (!allocation.solve(row, std::min(row + kBlock, end))) invalid = true;
         }
       },
       kEntriesEnough / (n * m));
-  if (strange) return nb::none();
+  if (invalid) return nb::none();
   return nb::make_tuple(tensions, rendered, residual, status, scale, iterations, separation);
 }
 
-// One problem; its limits, reference and weights have as many entries as cables and components.
+// Limits and reference (m) and weights (n) of one problem.
 struct Prepared {
   const double *lower, *upper, *reference, *weights;
   std::size_t n, m;
 };
 
-using Plain = nb::device::cpu;
+// An array as it is, never a converted copy; an invalid one of None and where the cast fails.
+template <int Axes>
+Contiguous<double, Axes> as_is(const nb::object& object) {
+  Contiguous<double, Axes> array;
+  return nb::try_cast(object, array, false) ? array : Contiguous<double, Axes>();
+}
 
-using Numbers = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-// numbers: tensions (m), rendered wrench (n), separation (n), residual, scale. Returns status and iterations; None
-// if the arguments are anything but plain arrays of the right shape and of finite numbers.
+// numbers: tensions (m), rendered wrench (n), separation (n), residual, scale. Returns status and iterations, or
+// None if the arguments are anything but plain arrays of the right shape and of finite numbers.
 nb::object solve_one(const nb::object& structure, const nb::object& wrench, const Prepared& prepared,
-                     const Settings& settings, const Numbers& numbers) {
+                     const Settings& settings, const InOut<1>& numbers) {
   const std::size_t n = prepared.n, m = prepared.m;
-  nb::ndarray<const double, nb::numpy, nb::ndim<2>, nb::c_contig, Plain> matrix;
-  nb::ndarray<const double, nb::numpy, nb::ndim<1>, nb::c_contig, Plain> vector;
-  if (!nb::try_cast(structure, matrix, false) || !nb::try_cast(wrench, vector, false)) return nb::none();
-  if (!matrix.is_valid() || !vector.is_valid()) return nb::none();  // of None
+  const auto matrix = as_is<2>(structure);
+  const auto vector = as_is<1>(wrench);
+  if (!matrix.is_valid() || !vector.is_valid()) return nb::none();
   if (!is_aligned(matrix) || !is_aligned(vector)) return nb::none();
-  if (matrix.shape(0) != n || matrix.shape(1) != m || vector.shape(0) != n) return nb::none();
+  if (!has_shape(matrix, n, m) || !has_shape(vector, n)) return nb::none();
   const Batch batch{1,
                     static_cast<int>(n),
                     static_cast<int>(m),
@@ -149,23 +147,24 @@ nb::object solve_one(const nb::object& structure, const nb::object& wrench, cons
   return nb::make_tuple(static_cast<int>(status), iterations);
 }
 
-// One problem a call, with limits, reference and weights that stay.
+// One problem a call, with the same limits, reference and weights.
 class Single {
  public:
-  Single(const In<1>& lower, const In<1>& upper, const In<1>& reference, const In<1>& weights, int policy,
+  using Vector = Contiguous<double, 1>;
+
+  Single(const Vector& lower, const Vector& upper, const Vector& reference, const Vector& weights, int policy,
          double largest, double tolerance, double rank_tolerance)
-      : lower_(copy(lower)),
-        upper_(copy(upper)),
-        reference_(copy(reference)),
-        weights_(copy(weights)),
-        settings_{static_cast<Policy>(policy), largest, tolerance, rank_tolerance} {
+      : lower_(to_vector(lower)),
+        upper_(to_vector(upper)),
+        reference_(to_vector(reference)),
+        weights_(to_vector(weights)),
+        settings_{to_policy(policy), largest, tolerance, rank_tolerance} {
     require_size(weights_.size(), lower_.size());
     require(upper_.size() == lower_.size() && reference_.size() == lower_.size(),
             "limits and reference have not the same length");
-    require(policy >= 0 && policy < kPolicies, "no such policy");
   }
 
-  nb::object solve(const nb::object& structure, const nb::object& wrench, const Numbers& numbers) const {
+  nb::object solve(const nb::object& structure, const nb::object& wrench, const InOut<1>& numbers) const {
     return solve_one(
         structure, wrench,
         {lower_.data(), upper_.data(), reference_.data(), weights_.data(), weights_.size(), lower_.size()},
@@ -173,32 +172,22 @@ class Single {
   }
 
  private:
-  static std::vector<double> copy(const In<1>& array) {
-    std::vector<double> numbers(array.shape(0));
-    for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = array(i);
-    return numbers;
-  }
-
   std::vector<double> lower_, upper_, reference_, weights_;
   Settings settings_;
 };
 
 // One problem, as `Single`, with the reference 0, the lower limits or the middle of the limits. None also where
-// the limits are not plain, cross, or are not finite.
+// the limits are no plain arrays, cross, or are not finite.
 enum class Reference { kZero, kLower, kMiddle };
 
 nb::object allocate_once(const nb::object& structure, const nb::object& wrench, const nb::object& lower,
                          const nb::object& upper, int reference, int policy, double largest, double tolerance,
-                         double rank_tolerance, const Numbers& numbers) {
-  nb::ndarray<const double, nb::numpy, nb::ndim<1>, nb::c_contig, Plain> low, high, desired;
-  if (!nb::try_cast(lower, low, false) || !nb::try_cast(upper, high, false) ||
-      !nb::try_cast(wrench, desired, false))
-    return nb::none();
+                         double rank_tolerance, const InOut<1>& numbers) {
+  const auto low = as_is<1>(lower), high = as_is<1>(upper), desired = as_is<1>(wrench);
   if (!low.is_valid() || !high.is_valid() || !desired.is_valid()) return nb::none();
   if (!is_aligned(low) || !is_aligned(high)) return nb::none();
   const std::size_t n = desired.shape(0), m = low.shape(0);
   if (high.shape(0) != m || n < 1 || n > kMaxComponents || m < 1 || m > kMaxCables) return nb::none();
-  require(policy >= 0 && policy < kPolicies, "no such policy");
   const auto kind = static_cast<Reference>(reference);
   double target[kMaxCables], weights[kMaxComponents];
   for (std::size_t j = 0; j < m; ++j) {
@@ -208,7 +197,7 @@ nb::object allocate_once(const nb::object& structure, const nb::object& wrench, 
   }
   std::fill(weights, weights + n, 1.0);
   return solve_one(structure, wrench, {low.data(), high.data(), target, weights, n, m},
-                   {static_cast<Policy>(policy), largest, tolerance, rank_tolerance}, numbers);
+                   {to_policy(policy), largest, tolerance, rank_tolerance}, numbers);
 }
 
 }  // namespace
@@ -216,7 +205,8 @@ nb::object allocate_once(const nb::object& structure, const nb::object& wrench, 
 void bind_allocate(nb::module_& module) {
   module.def("allocate", &allocate_batch);
   nb::class_<Single>(module, "Single")
-      .def(nb::init<const In<1>&, const In<1>&, const In<1>&, const In<1>&, int, double, double, double>())
+      .def(nb::init<const Single::Vector&, const Single::Vector&, const Single::Vector&, const Single::Vector&,
+                    int, double, double, double>())
       .def("__call__", &Single::solve);
   module.def("allocate_once", &allocate_once);
 }

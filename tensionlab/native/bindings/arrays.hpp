@@ -1,12 +1,15 @@
-// NumPy arrays in and out of the kernels. The Python callers have checked entries, and shapes in words of their
-// own; here shapes are checked again, because a kernel that reads beyond an array says nothing.
+// NumPy arrays in and out of the kernels. The Python callers have checked entries and shapes; shapes are checked
+// again here, because a kernel that reads beyond an array does so silently.
 #pragma once
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/tuple.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <stdexcept>
+#include <vector>
 
 #include "simd/batch.hpp"
 
@@ -14,8 +17,15 @@ namespace nb = nanobind;
 
 namespace tensionlab {
 
+// Arrays of numbers, of any strides and contiguous.
 template <int Axes>
 using In = nb::ndarray<const double, nb::numpy, nb::ndim<Axes>, nb::device::cpu>;
+template <class T, int Axes>
+using Contiguous = nb::ndarray<const T, nb::numpy, nb::ndim<Axes>, nb::c_contig, nb::device::cpu>;
+// Contiguous arrays that are changed in place.
+template <int Axes>
+using InOut = nb::ndarray<double, nb::ndim<Axes>, nb::c_contig, nb::device::cpu>;
+// New arrays.
 template <class T, int Axes>
 using Out = nb::ndarray<T, nb::numpy, nb::ndim<Axes>>;
 
@@ -28,35 +38,53 @@ Out<T, sizeof...(Lengths)> make_array(Lengths... lengths) {
   return Out<T, sizeof...(Lengths)>(data, {static_cast<std::size_t>(lengths)...}, owner);
 }
 
+inline Out<double, 1> to_array(const double* numbers, std::size_t size) {
+  const auto array = make_array<double>(size);
+  std::copy_n(numbers, size, array.data());
+  return array;
+}
+inline Out<double, 1> to_array(const std::vector<double>& numbers) {
+  return to_array(numbers.data(), numbers.size());
+}
+
+template <class Array>
+std::vector<double> to_vector(const Array& array) {
+  return {array.data(), array.data() + array.size()};
+}
+
 inline void require(bool right, const char* otherwise) {
   if (!right) throw std::invalid_argument(otherwise);
 }
+
+// Returns a code from Python as the enumerator of this number.
+template <class Enum>
+Enum to_enum(int code, Enum last, const char* otherwise) {
+  require(code >= 0 && code <= static_cast<int>(last), otherwise);
+  return static_cast<Enum>(code);
+}
+inline Policy to_policy(int code) { return to_enum(code, Policy::direction, "no such policy"); }
 
 // Whether an array has these lengths.
 template <class Array, class... Lengths>
 bool has_shape(const Array& array, Lengths... lengths) {
   const std::size_t wanted[] = {static_cast<std::size_t>(lengths)...};
-  if (array.ndim() != sizeof...(lengths)) return false;
-  for (std::size_t axis = 0; axis < array.ndim(); ++axis) {
-    if (array.shape(axis) != wanted[axis]) return false;
-  }
-  return true;
+  return array.ndim() == sizeof...(lengths) && std::equal(wanted, wanted + array.ndim(), array.shape_ptr());
 }
 
-// Whether the numbers of an array are at a multiple of their size, which not every view of a message's bytes is.
+// Whether an array's numbers are at multiples of their size, unlike some views of a message's bytes.
 template <class Array>
 bool is_aligned(const Array& array) {
   return reinterpret_cast<std::uintptr_t>(array.data()) % sizeof(*array.data()) == 0;
 }
 
-// The numbers of an array, which is aligned.
+// The numbers of an array, which must be aligned.
 template <class Array>
 auto* aligned(const Array& array) {
   require(is_aligned(array), "an array must be aligned; copy it first");
   return array.data();
 }
 
-// The numbers of a vector, one after another.
+// The numbers of a vector, which must be contiguous.
 template <class Array>
 const double* contiguous(const Array& vector) {
   require(vector.size() < 2 || vector.stride(0) == 1, "a vector must be contiguous; copy it first");
@@ -80,8 +108,11 @@ Rows rows_of(const Array& array) {
   return {aligned(array), array.stride(0)};
 }
 
-inline Batch batch_of(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
-                      const In<2>& reference, const In<1>& weights) {
+// Structure, wrench, lower, upper, reference and weights of a batch of problems, as Python has them.
+using ProblemArrays = std::tuple<In<3>, In<2>, In<2>, In<2>, In<2>, In<1>>;
+
+inline Batch batch_of(const ProblemArrays& arrays) {
+  const auto& [structure, wrench, lower, upper, reference, weights] = arrays;
   const std::size_t size = structure.shape(0), n = structure.shape(1), m = structure.shape(2);
   require_size(n, m);
   require(has_shape(wrench, size, n) && has_shape(lower, size, m) && has_shape(upper, size, m) &&

@@ -6,16 +6,11 @@
 namespace tensionlab {
 
 void bind_allocate(nanobind::module_&);
-void bind_brakes(nanobind::module_&);
-void bind_certification(nanobind::module_&);
-void bind_clearance(nanobind::module_&);
+void bind_control_loop(nanobind::module_&);
 void bind_endpoints(nanobind::module_&);
 void bind_firmware(nanobind::module_&);
 void bind_jacobian(nanobind::module_&);
-void bind_verification(nanobind::module_&);
-void bind_pose_tracker(nanobind::module_&);
 void bind_solvers(nanobind::module_&);
-void bind_watchdog(nanobind::module_&);
 void bind_workspace(nanobind::module_&);
 
 }  // namespace tensionlab

@@ -169,7 +169,7 @@ void bind_endpoints(nb::module_& module) {
       .def("next_set_point", &Endpoint::next_set_point)
       .def("next_arm", &Endpoint::next_arm)
       .def("unchecked", &unchecked)
-      .def("forget_checked", &Endpoint::forget_checked)
+      .def("clear_checked", &Endpoint::clear_checked)
       .def("latest", &latest)
       .def_prop_ro("stale", [](const Endpoint& self) { return self.known().stale; })
       .def_prop_ro("repeated", [](const Endpoint& self) { return self.known().repeated; })
@@ -183,9 +183,11 @@ void bind_endpoints(nb::module_& module) {
       .def_prop_rw(
           "session", [](const Endpoint& self) { return self.known().session; }, &Endpoint::set_session)
       .def_prop_rw(
-          "attended", [](const Endpoint& self) { return self.known().attended; }, &Endpoint::set_attended)
+          "python_decodes", [](const Endpoint& self) { return self.known().python_decodes; },
+          &Endpoint::set_python_decodes)
       .def_prop_rw(
-          "troubled", [](const Endpoint& self) { return self.known().troubled; }, &Endpoint::set_troubled)
+          "needs_attention", [](const Endpoint& self) { return self.known().needs_attention; },
+          &Endpoint::set_needs_attention)
       .def("set_file", [](Endpoint& self, Descriptor file) { self.set_file(file); });
   nb::class_<EndpointGroup>(module, "EndpointGroup")
       .def(nb::init<nb::list>())

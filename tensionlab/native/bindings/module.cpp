@@ -19,15 +19,10 @@ NB_MODULE(_native, module) {
   module.attr("INSTRUCTION_SETS") = nanobind::tuple(compiled);
   module.attr("COMPILER") = TENSIONLAB_COMPILER;
   bind_allocate(module);
-  bind_brakes(module);
-  bind_certification(module);
-  bind_clearance(module);
+  bind_control_loop(module);
   bind_endpoints(module);
   bind_firmware(module);
   bind_jacobian(module);
-  bind_verification(module);
-  bind_pose_tracker(module);
   bind_solvers(module);
-  bind_watchdog(module);
   bind_workspace(module);
 }

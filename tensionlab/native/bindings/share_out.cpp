@@ -14,7 +14,7 @@
 #include <system_error>
 #include <thread>
 
-#include "simd/checkpoint.hpp"
+#include "simd/batch.hpp"
 
 #if !defined(_WIN32)
 #include <unistd.h>

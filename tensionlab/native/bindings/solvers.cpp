@@ -1,4 +1,4 @@
-// The solvers for Python: batches of problems in, tensions out.
+// The solvers and the certificates of their answers for Python: batches of problems in, tensions out.
 #include <algorithm>
 #include <cstdint>
 
@@ -6,230 +6,196 @@
 #include "bindings/bindings.hpp"
 #include "bindings/share_out.hpp"
 #include "solvers/closed_form.hpp"
-#include "solvers/dykstra_batch.hpp"
-#include "solvers/newton_batch.hpp"
+#include "solvers/kernels.hpp"
 #include "solvers/polygon.hpp"
-#include "solvers/puncture.hpp"
-#include "solvers/smooth_batch.hpp"
+#include "solvers/scale_search.hpp"
 #include "solvers/tension_programs.hpp"
+#include "verification/kernels.hpp"
 
 namespace tensionlab {
 namespace {
 
-// The closed forms.
-
-struct ClosedFormAnswer {
-  double* tensions;
-  std::int64_t* fixed;
-};
-
-template <int N>
-void closed_form_rows(const Batch& batch, bool improved, double rank_tolerance, std::size_t begin, std::size_t end,
-                      const ClosedFormAnswer& answer) {
-  const auto solve = improved ? improved_closed_form<double, N, kMaxCables> : closed_form<double, N, kMaxCables>;
-  for (std::size_t row = begin; row < end; ++row) {
-    const Start<double> start{batch.structure[row], batch.wrench[row],    batch.lower[row],
-                              batch.upper[row],     batch.reference[row], batch.m};
-    answer.fixed[row] = solve(start, rank_tolerance, answer.tensions + row * static_cast<std::size_t>(batch.m));
-  }
-}
-
-nb::tuple closed_form_tensions(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
-                               const In<2>& start, const In<1>& weights, bool improved, double rank_tolerance) {
-  static constexpr decltype(&closed_form_rows<1>) kSolve[] = {closed_form_rows<1>, closed_form_rows<2>,
-                                                              closed_form_rows<3>, closed_form_rows<4>,
-                                                              closed_form_rows<5>, closed_form_rows<6>};
-  const Batch batch = batch_of(structure, wrench, lower, upper, start, weights);
-  const auto m = static_cast<std::size_t>(batch.m);
-  const auto tensions = make_array<double>(batch.size, m);
-  const auto fixed = make_array<std::int64_t>(batch.size);
-  share_out(batch.size, [&](std::size_t begin, std::size_t end) {
-    kSolve[batch.n - 1](batch, improved, rank_tolerance, begin, end, {tensions.data(), fixed.data()});
-  });
-  return nb::make_tuple(tensions, fixed);
-}
-
-// Dykstra's projections.
-
-nb::tuple dykstra_tensions(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
-                           const In<2>& reference, const In<1>& weights, double tolerance,
-                           std::int64_t iteration_limit, double rank_tolerance) {
-  const Batch batch = batch_of(structure, wrench, lower, upper, reference, weights);
-  const auto m = static_cast<std::size_t>(batch.m);
-  const DykstraSettings settings{tolerance, rank_tolerance, iteration_limit};
-  const auto tensions = make_array<double>(batch.size, m);
-  const auto iterations = make_array<std::int64_t>(batch.size);
-  const auto solve = dykstra_for_this_processor();
-  share_out(batch.size, [&](std::size_t begin, std::size_t end) {
-    solve(batch, settings, begin, end, {tensions.data(), iterations.data()});
-  });
-  return nb::make_tuple(tensions, iterations);
-}
-
-// Solvers that choose among all tensions of the equilibrium.
-
-// solve(row, cables with play, their tensions) for each problem; the tensions are put in place, inside their
-// limits.
-template <int N, class Solve>
-void solve_rows(const Batch& batch, double* tensions, const Solve& solve, std::size_t begin, std::size_t end) {
-  for (std::size_t row = begin; row < end; ++row) {
-    const LooseCables<double, N, kMaxCables> loose(batch.structure[row], batch.wrench[row], batch.lower[row],
-                                                   batch.upper[row], batch.m);
-    double chosen[kMaxCables] = {};
-    solve(row, loose, chosen);
-    double* own = tensions + row * static_cast<std::size_t>(batch.m);
-    std::copy_n(batch.lower[row], batch.m, own);
-    for (int i = 0; i < loose.count; ++i) {
-      own[loose.index[i]] = std::min(std::max(chosen[i], loose.lower[i]), loose.upper[i]);
-    }
-  }
-}
-
-// The same for the whole batch, on threads.
+// Tensions and iterations of a batch by solve(begin, end, answer), which is called on several threads.
 template <class Solve>
-Out<double, 2> solve_batch(const Batch& batch, const Solve& solve) {
-  static constexpr decltype(&solve_rows<1, Solve>) kRows[] = {solve_rows<1, Solve>, solve_rows<2, Solve>,
-                                                              solve_rows<3, Solve>, solve_rows<4, Solve>,
-                                                              solve_rows<5, Solve>, solve_rows<6, Solve>};
-  const auto m = static_cast<std::size_t>(batch.m);
-  const auto tensions = make_array<double>(batch.size, m);
-  share_out(batch.size, [&](std::size_t begin, std::size_t end) {
-    kRows[batch.n - 1](batch, tensions.data(), solve, begin, end);
-  });
-  return tensions;
-}
-
-nb::tuple polygon(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
-                  const In<2>& reference, const In<1>& weights, int goal, double rank_tolerance) {
-  const Batch batch = batch_of(structure, wrench, lower, upper, reference, weights);
-  require(goal >= 0 && goal <= static_cast<int>(Goal::least_squares), "no such goal");
-  const auto redundancy = make_array<std::int64_t>(batch.size);
+nb::tuple solve_batch(const Batch& batch, const Solve& solve) {
+  const auto tensions = make_array<double>(batch.size, batch.m);
   const auto iterations = make_array<std::int64_t>(batch.size);
-  const auto tensions = solve_batch(batch, [&](std::size_t row, const auto& loose, double* chosen) {
-    int steps = 0;
-    redundancy.data()[row] =
-        polygon_tensions(loose, batch.reference[row], static_cast<Goal>(goal), rank_tolerance, chosen, &steps);
-    iterations.data()[row] = steps;
-  });
-  return nb::make_tuple(tensions, iterations, redundancy);
-}
-
-Out<double, 2> puncture(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
-                        const In<1>& weights, double rank_tolerance) {
-  const Batch batch = batch_of(structure, wrench, lower, upper, lower, weights);
-  return solve_batch(batch, [&](std::size_t, const auto& loose, double* chosen) {
-    puncture_tensions(loose, rank_tolerance, chosen);
-  });
-}
-
-// Solvers by linear programs.
-
-struct TightLimits {
-  double *lower, *upper;
-  std::int64_t* steps;
-};
-
-template <int N>
-void tighten(const Batch& batch, Program program, double alpha, std::size_t begin, std::size_t end,
-             const TightLimits& out) {
-  TensionProgram<double, N, kMaxCables> tension_program(batch.m, program, alpha);
-  for (std::size_t row = begin; row < end; ++row) {
-    const std::size_t first = row * static_cast<std::size_t>(batch.m);
-    out.steps[row] =
-        tension_program.tighten({batch.structure[row], batch.wrench[row], batch.lower[row], batch.upper[row]},
-                                out.lower + first, out.upper + first);
-  }
-}
-
-nb::tuple tightened_limits(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
-                           const In<1>& weights, int program, double alpha) {
-  static constexpr decltype(&tighten<1>) kTighten[] = {tighten<1>, tighten<2>, tighten<3>, tighten<4>,
-                                                       tighten<5>, tighten<6>, tighten<7>};
-  const Batch batch = batch_of(structure, wrench, lower, upper, lower, weights);
-  require(program >= 0 && program <= static_cast<int>(Program::safe), "no such program");
-  const auto chosen = static_cast<Program>(program);
-  const auto m = static_cast<std::size_t>(batch.m);
-  const auto tight_lower = make_array<double>(batch.size, m), tight_upper = make_array<double>(batch.size, m);
-  const auto steps = make_array<std::int64_t>(batch.size);
-  share_out(batch.size, [&](std::size_t begin, std::size_t end) {
-    kTighten[batch.n - (chosen == Program::least_sum ? 0 : 1)](
-        batch, chosen, alpha, begin, end, {tight_lower.data(), tight_upper.data(), steps.data()});
-  });
-  return nb::make_tuple(tight_lower, tight_upper, steps);
-}
-
-// The exact solver.
-
-nb::tuple newton_tensions(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
-                          const In<2>& reference, const In<1>& weights, int policy, double rank_tolerance,
-                          double tolerance) {
-  const Batch batch = batch_of(structure, wrench, lower, upper, reference, weights);
-  require(policy >= 0 && policy < kPolicies, "no such policy");
-  const auto n = static_cast<std::size_t>(batch.n), m = static_cast<std::size_t>(batch.m);
-  const auto tensions = make_array<double>(batch.size, m), separation = make_array<double>(batch.size, n);
-  const auto iterations = make_array<std::int64_t>(batch.size);
-  const auto solve = newton_for_this_processor();
-  share_out(batch.size, [&](std::size_t begin, std::size_t end) {
-    solve(batch, static_cast<Policy>(policy), rank_tolerance, tolerance, {begin, end - begin}, 0,
-          {tensions.data(), separation.data(), iterations.data()});
-  });
-  return nb::make_tuple(tensions, iterations, separation);
-}
-
-// Solvers by dual ascent.
-
-// solve(begin, end, answer) over the whole batch.
-template <class Solve>
-nb::tuple smooth_answers(const Batch& batch, const Solve& solve) {
-  const auto m = static_cast<std::size_t>(batch.m);
-  const auto tensions = make_array<double>(batch.size, m);
-  const auto iterations = make_array<std::int64_t>(batch.size);
-  const SmoothAnswer answer{tensions.data(), iterations.data()};
+  const IterativeAnswer answer{tensions.data(), iterations.data()};
   share_out(batch.size, [&](std::size_t begin, std::size_t end) { solve(begin, end, answer); });
   return nb::make_tuple(tensions, iterations);
 }
 
-nb::tuple log_barrier_tensions(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
-                               const In<1>& weights) {
-  const Batch batch = batch_of(structure, wrench, lower, upper, lower, weights);
+// The same by iterations = solve(n, row, problem, tensions) for each row, with n as a constant.
+template <class Solve>
+nb::tuple solve_each(const Batch& batch, const Solve& solve) {
+  return solve_batch(batch, [&](std::size_t begin, std::size_t end, const IterativeAnswer& answer) {
+    with_size(batch.n, [&](auto n) {
+      for (std::size_t row = begin; row < end; ++row) {
+        double* tensions = answer.tensions + row * static_cast<std::size_t>(batch.m);
+        answer.iterations[row] = solve(n, row, batch[row], tensions);
+      }
+    });
+  });
+}
+
+nb::tuple closed_form_tensions(const ProblemArrays& arrays, bool improved, double rank_tolerance) {
+  const Batch batch = batch_of(arrays);
+  return solve_each(batch, [&](auto n, std::size_t, const Problem<double>& problem, double* tensions) {
+    if (improved) {
+      return improved_closed_form<double, n, kMaxCables>(problem, batch.m, rank_tolerance, tensions);
+    }
+    closed_form<double, n, kMaxCables>(problem, batch.m, rank_tolerance, tensions);
+    return 0;
+  });
+}
+
+// Writes tensions of the loose cables among those of all, clipped into their limits.
+template <class Loose>
+void place(const Loose& loose, const double* chosen, const Problem<double>& problem, int m, double* tensions) {
+  std::copy_n(problem.lower, m, tensions);
+  for (int i = 0; i < loose.count; ++i) {
+    tensions[loose.index[i]] = std::min(std::max(chosen[i], loose.lower[i]), loose.upper[i]);
+  }
+}
+
+// Tensions, iterations and the redundancy of each problem, which a polygon needs to be two at most.
+nb::tuple polygon(const ProblemArrays& arrays, int goal, double rank_tolerance) {
+  const Batch batch = batch_of(arrays);
+  const Goal chosen_goal = to_enum(goal, Goal::least_squares, "no such goal");
+  const auto redundancy = make_array<std::int64_t>(batch.size);
+  const nb::tuple found =
+      solve_each(batch, [&](auto n, std::size_t row, const Problem<double>& problem, double* tensions) {
+        const LooseCables<double, n, kMaxCables> loose(problem, batch.m);
+        double chosen[kMaxCables] = {};
+        int steps = 0;
+        redundancy.data()[row] =
+            polygon_tensions(loose, problem.reference, chosen_goal, rank_tolerance, chosen, &steps);
+        place(loose, chosen, problem, batch.m, tensions);
+        return steps;
+      });
+  return nb::make_tuple(found[0], found[1], redundancy);
+}
+
+nb::tuple puncture(const ProblemArrays& arrays, double rank_tolerance) {
+  const Batch batch = batch_of(arrays);
+  return solve_each(batch, [&](auto n, std::size_t, const Problem<double>& problem, double* tensions) {
+    const LooseCables<double, n, kMaxCables> loose(problem, batch.m);
+    double chosen[kMaxCables] = {};
+    puncture_tensions(loose, rank_tolerance, chosen);
+    place(loose, chosen, problem, batch.m, tensions);
+    return 0;
+  });
+}
+
+// Limits (B, m) that hold the best tensions of a linear program alone, and its steps.
+nb::tuple tighten(const ProblemArrays& arrays, int program, double alpha) {
+  const Batch batch = batch_of(arrays);
+  const Program chosen = to_enum(program, Program::safe, "no such program");
+  const auto lower = make_array<double>(batch.size, batch.m), upper = make_array<double>(batch.size, batch.m);
+  const auto steps = make_array<std::int64_t>(batch.size);
+  const int rows = batch.n + (chosen == Program::least_sum ? 1 : 0);
+  share_out(batch.size, [&](std::size_t begin, std::size_t end) {
+    with_size<kMaxComponents + 1>(rows, [&](auto n) {
+      TensionProgram<double, n, kMaxCables> tension_program(batch.m, chosen, alpha);
+      for (std::size_t row = begin; row < end; ++row) {
+        const std::size_t first = row * static_cast<std::size_t>(batch.m);
+        steps.data()[row] = tension_program.tighten(batch[row], lower.data() + first, upper.data() + first);
+      }
+    });
+  });
+  return nb::make_tuple(lower, upper, steps);
+}
+
+nb::tuple dykstra_tensions(const ProblemArrays& arrays, double tolerance, std::int64_t iteration_limit,
+                           double rank_tolerance) {
+  const Batch batch = batch_of(arrays);
+  const DykstraSettings settings{tolerance, rank_tolerance, iteration_limit};
+  const auto kernel = dykstra_for_this_processor();
+  return solve_batch(batch, [&](std::size_t begin, std::size_t end, const IterativeAnswer& answer) {
+    kernel(batch, settings, begin, end, answer);
+  });
+}
+
+nb::tuple log_barrier_tensions(const ProblemArrays& arrays) {
+  const Batch batch = batch_of(arrays);
   const auto kernel = log_barrier_for_this_processor();
-  return smooth_answers(batch, [&](std::size_t begin, std::size_t end, const SmoothAnswer& answer) {
+  return solve_batch(batch, [&](std::size_t begin, std::size_t end, const IterativeAnswer& answer) {
     kernel(batch, begin, end, answer);
   });
 }
 
-nb::tuple slack_norm_tensions(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
-                              const In<2>& reference, const In<1>& weights, double p, double c1, double c2,
-                              double kappa, double epsilon, double gamma) {
-  const Batch batch = batch_of(structure, wrench, lower, upper, reference, weights);
+nb::tuple slack_norm_tensions(const ProblemArrays& arrays, double p, double c1, double c2, double kappa,
+                              double epsilon, double gamma) {
+  const Batch batch = batch_of(arrays);
   const SlackPrices prices{p, c1, c2, kappa, epsilon, gamma};
   const auto kernel = slack_norm_for_this_processor();
-  return smooth_answers(batch, [&](std::size_t begin, std::size_t end, const SmoothAnswer& answer) {
+  return solve_batch(batch, [&](std::size_t begin, std::size_t end, const IterativeAnswer& answer) {
     kernel(batch, prices, begin, end, answer);
   });
 }
 
-nb::tuple box_price_tensions(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
-                             const In<2>& reference, const In<1>& row_roots) {
-  const Batch batch = batch_of(structure, wrench, lower, upper, reference, row_roots);
+// The weights of these arrays are the prices of the rows over mu, as their roots.
+nb::tuple box_price_tensions(const ProblemArrays& arrays) {
+  const Batch batch = batch_of(arrays);
   const auto kernel = box_price_for_this_processor();
-  return smooth_answers(batch, [&](std::size_t begin, std::size_t end, const SmoothAnswer& answer) {
-    kernel(batch, row_roots.data(), begin, end, answer);
+  return solve_batch(batch, [&](std::size_t begin, std::size_t end, const IterativeAnswer& answer) {
+    kernel(batch, begin, end, answer);
   });
+}
+
+nb::tuple newton_tensions(const ProblemArrays& arrays, int policy, double rank_tolerance, double tolerance) {
+  const Batch batch = batch_of(arrays);
+  const Policy chosen = to_policy(policy);
+  const auto separation = make_array<double>(batch.size, batch.n);
+  const auto kernel = newton_for_this_processor();
+  const nb::tuple found =
+      solve_batch(batch, [&](std::size_t begin, std::size_t end, const IterativeAnswer& answer) {
+        kernel(batch, chosen, rank_tolerance, tolerance, {begin, end - begin}, 0,
+               {answer.tensions, separation.data(), answer.iterations});
+      });
+  return nb::make_tuple(found[0], found[1], separation);
+}
+
+// tensions and separation are changed in place.
+nb::tuple verify_answers(const ProblemArrays& arrays, const InOut<2>& tensions, const InOut<2>& separation,
+                         int rule, double tolerance, double rank_tolerance) {
+  const Batch batch = batch_of(arrays);
+  require(has_shape(tensions, batch.size, batch.m) && has_shape(separation, batch.size, batch.n),
+          "tensions and separation do not fit the structure matrices");
+  const VerificationSettings settings{to_enum(rule, Rule::direction, "no such rule"), tolerance, rank_tolerance};
+  std::atomic<bool> flawed{false};
+  const auto rendered = make_array<double>(batch.size, batch.n);
+  const auto residual = make_array<double>(batch.size), scale = make_array<double>(batch.size);
+  const auto status = make_array<std::int8_t>(batch.size);
+  const Findings findings{tensions.data(), separation.data(), rendered.data(), residual.data(),
+                          scale.data(),    status.data(),     &flawed};
+  const auto kernel = verify_for_this_processor();
+  share_out(batch.size,
+            [&](std::size_t begin, std::size_t end) { kernel(batch, settings, {begin, end - begin}, findings); });
+  return nb::make_tuple(rendered, residual, status, scale, flawed.load());
+}
+
+bool all_within(const nb::ndarray<const double, nb::c_contig, nb::device::cpu>& numbers, double limit) {
+  bool inside;
+  check_for_this_processor()(aligned(numbers), numbers.size(), limit, inside);
+  return inside;
 }
 
 }  // namespace
 
 void bind_solvers(nb::module_& module) {
+  module.attr("GRAZING") = kGrazing;
   module.def("closed_form", &closed_form_tensions);
   module.def("dykstra", &dykstra_tensions);
   module.def("polygon", &polygon);
   module.def("puncture", &puncture);
-  module.def("tighten", &tightened_limits);
+  module.def("tighten", &tighten);
   module.def("newton", &newton_tensions);
   module.def("log_barrier", &log_barrier_tensions);
   module.def("slack_norm", &slack_norm_tensions);
   module.def("box_price", &box_price_tensions);
+  module.def("verify", &verify_answers);
+  module.def("all_within", &all_within);
 }
 
 }  // namespace tensionlab

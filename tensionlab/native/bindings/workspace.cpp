@@ -1,4 +1,4 @@
-// The workspace measures for Python.
+// Structure matrices, workspace measures, clearances and proofs of cells for Python.
 #include <nanobind/stl/optional.h>
 
 #include <optional>
@@ -6,23 +6,23 @@
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
 #include "bindings/share_out.hpp"
-#include "workspace/workspace_batch.hpp"
+#include "workspace/kernels.hpp"
 
 namespace tensionlab {
 namespace {
 
-Poses poses_of(const In<3>& structure, const In<2>& lower, const In<2>& upper, double rank_tolerance) {
-  const std::size_t size = structure.shape(0), m = structure.shape(2);
-  require_size(structure.shape(1), m);
-  require(has_shape(lower, size, m) && has_shape(upper, size, m), "limits do not fit the structure matrices");
-  const Poses poses{structure.shape(0),
-                    static_cast<int>(structure.shape(1)),
-                    static_cast<int>(structure.shape(2)),
-                    rows_of(structure),
-                    rows_of(lower),
-                    rows_of(upper),
-                    rank_tolerance};
-  return poses;
+// All numbers of an array, which must be contiguous.
+template <class Array>
+const double* whole(const Array& array) {
+  const Rows rows = rows_of(array);
+  require(array.shape(0) < 2 ||
+              rows.stride * static_cast<std::int64_t>(array.shape(0)) == static_cast<std::int64_t>(array.size()),
+          "an array must be contiguous; copy it first");
+  return rows.data;
+}
+template <class Array>
+const double* whole(const std::optional<Array>& array) {
+  return array ? whole(*array) : nullptr;
 }
 
 // Anchors, attachments and axes of pulleys (m, d), radii of pulleys (m), position (B, d), rotation (B, d, d).
@@ -33,30 +33,30 @@ nb::tuple matrices_at(const In<2>& anchors, const std::optional<In<2>>& attachme
   const std::size_t n = attachments ? 3 * (d - 1) : d;
   require(d == 2 || d == 3, "space has two or three dimensions");
   require_size(n, m);
-  require(has_shape(position, size, d), "positions do not fit the anchors");
-  require(!attachments || has_shape(*attachments, m, d), "attachments do not fit the anchors");
-  require(!rotation || (attachments && has_shape(*rotation, size, d, d)), "rotations do not fit the positions");
-  require(rows_of(anchors).stride == static_cast<std::int64_t>(d) || m < 2, "anchors must be contiguous");
-  require(!attachments || rows_of(*attachments).stride == static_cast<std::int64_t>(d) || m < 2,
-          "attachments must be contiguous");
-  require(radii.has_value() == axes.has_value(), "pulleys have radii and axes");
-  require(!radii || (radii->shape(0) == m && has_shape(*axes, m, d)), "pulleys do not fit the anchors");
-  require(!axes || rows_of(*axes).stride == static_cast<std::int64_t>(d) || m < 2, "axes must be contiguous");
-  const Cables cables{static_cast<int>(d),
-                      static_cast<int>(m),
-                      aligned(anchors),
-                      attachments ? aligned(*attachments) : nullptr,
-                      radii ? aligned(*radii) : nullptr,
-                      axes ? aligned(*axes) : nullptr};
-  const Rows turns = rotation ? rows_of(*rotation) : Rows{};
-  const Places places{rows_of(position), rotation ? &turns : nullptr};
-  const auto matrices = make_array<double>(size, n, m);
-  const auto sound = make_array<bool>(size);
+  require(has_shape(position, size, d) && (!attachments || has_shape(*attachments, m, d)) &&
+              (!rotation || (attachments && has_shape(*rotation, size, d, d))),
+          "attachments, positions and rotations do not fit the anchors");
+  require(radii.has_value() == axes.has_value() && (!radii || (has_shape(*radii, m) && has_shape(*axes, m, d))),
+          "pulleys have radii and axes that fit the anchors");
+  const CableGeometry cables{static_cast<int>(d), static_cast<int>(m), whole(anchors),
+                             whole(attachments),  whole(radii),        whole(axes)};
+  const Rows rotations = rotation ? rows_of(*rotation) : Rows{};
+  const PoseRows poses{rows_of(position), rotation ? &rotations : nullptr};
+  const auto structure = make_array<double>(size, n, m);
+  const auto valid = make_array<bool>(size);
+  const StructureAnswer answer{structure.data(), valid.data()};
   const auto kernel = structure_matrices_for_this_processor();
-  share_out(size, [&](std::size_t begin, std::size_t end) {
-    kernel(cables, places, least_share, begin, end, {matrices.data(), sound.data()});
-  });
-  return nb::make_tuple(matrices, sound);
+  share_out(size,
+            [&](std::size_t begin, std::size_t end) { kernel(cables, poses, least_share, begin, end, answer); });
+  return nb::make_tuple(structure, valid);
+}
+
+Poses poses_of(const In<3>& structure, const In<2>& lower, const In<2>& upper, double rank_tolerance) {
+  const std::size_t size = structure.shape(0), n = structure.shape(1), m = structure.shape(2);
+  require_size(n, m);
+  require(has_shape(lower, size, m) && has_shape(upper, size, m), "limits do not fit the structure matrices");
+  return {size,           static_cast<int>(n), static_cast<int>(m), rows_of(structure),
+          rows_of(lower), rows_of(upper),      rank_tolerance};
 }
 
 // Wrenches (B, any number, n).
@@ -66,7 +66,7 @@ Wrenches wrenches_of(const Poses& poses, const In<3>& wrenches) {
   return {rows_of(wrenches), static_cast<int>(wrenches.shape(1))};
 }
 
-// measure(begin, end, found) over all poses.
+// One number a pose, by measure(begin, end, found).
 template <class Measure>
 Out<double, 1> measured(const Poses& poses, const Measure& measure) {
   const auto found = make_array<double>(poses.size);
@@ -101,13 +101,13 @@ Out<double, 1> forces(const In<3>& structure, const In<2>& lower, const In<2>& u
   });
 }
 
-Out<double, 1> shares(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
-                      double tolerance, double rank_tolerance) {
+Out<double, 1> fractions(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
+                         double tolerance, double rank_tolerance) {
   const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
-  const Wrenches wanted = wrenches_of(poses, wrenches);
-  const auto kernel = reachable_share_for_this_processor();
-  return measured(poses, [&](std::size_t begin, std::size_t end, double* share) {
-    kernel(poses, wanted, tolerance, begin, end, share);
+  const Wrenches directions = wrenches_of(poses, wrenches);
+  const auto kernel = feasible_direction_fraction_for_this_processor();
+  return measured(poses, [&](std::size_t begin, std::size_t end, double* fraction) {
+    kernel(poses, directions, tolerance, begin, end, fraction);
   });
 }
 
@@ -115,42 +115,97 @@ nb::tuple active_facets(const In<3>& structure, const In<2>& lower, const In<2>&
                         double rank_tolerance) {
   const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
   const Wrenches required = wrenches_of(poses, wrenches);
-  const auto n = static_cast<std::size_t>(poses.n), m = static_cast<std::size_t>(poses.m);
   const auto margin = make_array<double>(poses.size);
-  const auto normal = make_array<double>(poses.size, n);
-  const auto number = make_array<std::int64_t>(poses.size);
-  const auto tensions = make_array<double>(poses.size, m);
-  const Active active{margin.data(), normal.data(), number.data(), tensions.data()};
+  const auto normal = make_array<double>(poses.size, poses.n);
+  const auto wrench = make_array<std::int64_t>(poses.size);
+  const auto tensions = make_array<double>(poses.size, poses.m);
+  const ActiveFacetAnswer answer{margin.data(), normal.data(), wrench.data(), tensions.data()};
   const auto kernel = active_facet_for_this_processor();
-  share_out(poses.size, [&](std::size_t begin, std::size_t end) { kernel(poses, required, begin, end, active); });
-  return nb::make_tuple(margin, normal, number, tensions);
+  share_out(poses.size, [&](std::size_t begin, std::size_t end) { kernel(poses, required, begin, end, answer); });
+  return nb::make_tuple(margin, normal, wrench, tensions);
 }
 
 nb::tuple all_half_spaces(const In<3>& structure, const In<2>& lower, const In<2>& upper, std::size_t capacity,
                           double rank_tolerance) {
   const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
-  const auto n = static_cast<std::size_t>(poses.n);
   const auto count = make_array<double>(poses.size);
-  const auto normals = make_array<double>(poses.size, capacity * n);
+  const auto normals = make_array<double>(poses.size, capacity * static_cast<std::size_t>(poses.n));
   const auto offsets = make_array<double>(poses.size, capacity);
-  const Facets facets{count.data(), normals.data(), offsets.data()};
+  const HalfSpaceAnswer answer{count.data(), normals.data(), offsets.data()};
   const auto kernel = half_spaces_for_this_processor();
-  share_out(poses.size, [&](std::size_t begin, std::size_t end) { kernel(poses, capacity, begin, end, facets); });
+  share_out(poses.size, [&](std::size_t begin, std::size_t end) { kernel(poses, capacity, begin, end, answer); });
   return nb::make_tuple(normals, offsets, count);
+}
+
+nb::tuple closest_pair(const In<4>& segments, const Contiguous<std::int64_t, 2>& pairs, const In<1>& radius) {
+  const std::size_t size = segments.shape(0), count = segments.shape(1);
+  require(count <= kMaxSegments && has_shape(segments, size, count, 2, 3) && has_shape(radius, count),
+          "segments must be (B, at most 64, 2, 3), with one radius each");
+  require(has_shape(pairs, pairs.shape(0), 2), "pairs must be (any number, 2)");
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    require(pairs.data()[i] >= 0 && pairs.data()[i] < static_cast<std::int64_t>(count), "a pair of no segments");
+  }
+  const Segments all{rows_of(segments), static_cast<int>(count), static_cast<int>(pairs.shape(0)), aligned(pairs),
+                     contiguous(radius)};
+  const auto distance = make_array<double>(size);
+  const auto closest = make_array<std::int64_t>(size);
+  const auto kernel = clearance_for_this_processor();
+  share_out(size,
+            [&](std::size_t begin, std::size_t end) { kernel(all, begin, end, distance.data(), closest.data()); });
+  return nb::make_tuple(distance, closest);
+}
+
+nb::tuple cells(const In<3>& anchors, const In<3>& arms, const In<1>& lower, const In<1>& upper,
+                const In<3>& required, double radius, double slack, double angle, double length, bool closure,
+                const In<2>& centres, const In<1>& half_edges, bool with_shares) {
+  const std::size_t rotations = anchors.shape(0), m = anchors.shape(1), d = anchors.shape(2);
+  const std::size_t n = required.shape(2), wrenches = required.shape(1), size = centres.shape(0);
+  require_size(n, m);
+  require((d == 2 && (n == 2 || n == 3)) || (d == 3 && (n == 3 || n == 6)), "no rig has so many components");
+  require(has_shape(arms, rotations, m, d) && has_shape(lower, m) && has_shape(upper, m) &&
+              has_shape(required, rotations, wrenches, n) && wrenches > 0 && has_shape(centres, size, d) &&
+              has_shape(half_edges, d),
+          "arms, limits, wrenches and cells do not fit the anchors");
+  const CertifiedRig rig{static_cast<int>(n),
+                         static_cast<int>(d),
+                         static_cast<int>(m),
+                         static_cast<int>(rotations),
+                         static_cast<int>(wrenches),
+                         whole(anchors),
+                         whole(arms),
+                         contiguous(lower),
+                         contiguous(upper),
+                         whole(required),
+                         radius,
+                         slack,
+                         angle,
+                         length,
+                         closure};
+  const double *const centre = whole(centres), *const half_edge = contiguous(half_edges);
+  const auto verdict = make_array<std::int8_t>(size);
+  Out<double, 2> shares;
+  if (with_shares) shares = make_array<double>(size, 2);
+  const CellVerdicts found{verdict.data(), with_shares ? shares.data() : nullptr};
+  const auto kernel = certify_cells_for_this_processor();
+  share_out(size, [&](std::size_t begin, std::size_t end) { kernel(rig, centre, half_edge, begin, end, found); });
+  return nb::make_tuple(verdict, with_shares ? nb::cast(shares) : nb::none());
 }
 
 }  // namespace
 
 void bind_workspace(nb::module_& module) {
+  module.attr("MAX_SEGMENTS") = kMaxSegments;
   module.def("structure_matrices", &matrices_at, nb::arg("anchors"), nb::arg("attachments").none(),
              nb::arg("position"), nb::arg("rotation").none(), nb::arg("radii").none(), nb::arg("axes").none(),
              nb::arg("least_share"));
   module.def("capacity_margin", &margins);
   module.def("tension_factor", &factors);
   module.def("isotropic_force", &forces);
-  module.def("reachable_share", &shares);
+  module.def("feasible_direction_fraction", &fractions);
   module.def("active_facet", &active_facets);
   module.def("half_spaces", &all_half_spaces);
+  module.def("closest_pair", &closest_pair);
+  module.def("certify_cells", &cells);
 }
 
 }  // namespace tensionlab

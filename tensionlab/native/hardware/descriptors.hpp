@@ -45,11 +45,11 @@ inline int wait_for(std::vector<Polled>& polled) {
 }
 inline Polled polled_of(Descriptor file) { return {static_cast<int>(file), POLLIN, 0}; }
 inline std::int64_t read_now(Descriptor file, std::uint8_t* bytes, std::size_t size) {
-  return read(static_cast<int>(file), bytes, size);
+  return ::read(static_cast<int>(file), bytes, size);
 }
 // How many bytes were taken, 0 if none can be now; negative if the link is broken, and the system's number why.
 inline std::int64_t write_now(Descriptor file, const std::uint8_t* bytes, std::size_t size, int& error) {
-  const ssize_t taken = write(static_cast<int>(file), bytes, size);
+  const ssize_t taken = ::write(static_cast<int>(file), bytes, size);
   if (taken >= 0) return taken;
   error = errno;
   return error == EAGAIN || error == EWOULDBLOCK || error == EINTR ? 0 : -1;

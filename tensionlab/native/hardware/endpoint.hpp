@@ -79,7 +79,8 @@ class Endpoint {
     const std::lock_guard<std::mutex> locked(mutex_);
     decoder_.feed(bytes, size, [&](const firmware::Frame& frame) {
       Telemetry telemetry;
-      if (queue_.empty() && !attended_ && frame.type == static_cast<std::uint8_t>(firmware::Type::telemetry) &&
+      if (queue_.empty() && !python_decodes_ &&
+          frame.type == static_cast<std::uint8_t>(firmware::Type::telemetry) &&
           telemetry.read(frame.payload, frame.size)) {
         keep(telemetry, now);
       } else {
@@ -122,13 +123,13 @@ class Endpoint {
     std::size_t kept;
     int state;
     std::uint16_t faults, session;
-    bool followed, attended, troubled;
+    bool followed, python_decodes, needs_attention;
   };
 
   Known known() const {
     const std::lock_guard<std::mutex> locked(mutex_);
-    return {latest_,         checked_, telemetries_, checks_,  stale_,    repeated_, decoder_.bad_frames(),
-            decoder_.kept(), state_,   faults_,      session_, followed_, attended_, troubled_};
+    return {latest_,         checked_, telemetries_, checks_,  stale_,    repeated_,       decoder_.bad_frames(),
+            decoder_.kept(), state_,   faults_,      session_, followed_, python_decodes_, needs_attention_};
   }
 
   void set_state(int state) {
@@ -144,23 +145,23 @@ class Endpoint {
     session_ = session;
   }
   // Whether Python is to have all messages, telemetry too.
-  void set_attended(bool attended) {
+  void set_python_decodes(bool python_decodes) {
     const std::lock_guard<std::mutex> locked(mutex_);
-    attended_ = attended;
+    python_decodes_ = python_decodes;
   }
   // Whether Python knows of something wrong: a broken link, a refused set-point.
-  void set_troubled(bool troubled) {
+  void set_needs_attention(bool needs_attention) {
     const std::lock_guard<std::mutex> locked(mutex_);
-    troubled_ = troubled;
+    needs_attention_ = needs_attention;
   }
   // The descriptor of the link, for set-points; none from the return of this on if it is kNoDescriptor.
   void set_file(Descriptor file) {
     const std::lock_guard<std::mutex> locked(mutex_);
     file_ = file;
   }
-  bool attended() const {
+  bool python_decodes() const {
     const std::lock_guard<std::mutex> locked(mutex_);
-    return attended_;
+    return python_decodes_;
   }
 
   // Counts the latest telemetry as checked.
@@ -169,7 +170,7 @@ class Endpoint {
     check();
   }
   // The next check knows nothing of what was before.
-  void forget_checked() {
+  void clear_checked() {
     const std::lock_guard<std::mutex> locked(mutex_);
     checks_ = 0;
   }
@@ -179,7 +180,7 @@ class Endpoint {
   bool is_well(double now, double ttl) {
     const std::lock_guard<std::mutex> locked(mutex_);
     const bool follows = state_ == 1 || state_ == 2;
-    if (troubled_ || !follows || telemetries_ == 0 || !(now - latest_.received <= ttl)) return false;
+    if (needs_attention_ || !follows || telemetries_ == 0 || !(now - latest_.received <= ttl)) return false;
     if (latest_.thermal >= 1.0F) return false;
     if (telemetries_ != checks_) {
       if (!latest_.is_plausible(checks_ == 0 ? nullptr : &checked_)) return false;
@@ -248,7 +249,7 @@ class Endpoint {
   int state_ = kNoState;
   std::uint16_t faults_ = 0, session_ = 0, set_point_;
   std::uint8_t armed_;
-  bool followed_ = false, attended_ = false, troubled_ = false;
+  bool followed_ = false, python_decodes_ = false, needs_attention_ = false;
   Descriptor file_ = kNoDescriptor;
 };
 

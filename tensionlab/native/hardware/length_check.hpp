@@ -189,7 +189,7 @@ class LengthCheck {
     if (settled_ < kReferenceTime) {
       settled_ += seconds;
       for (std::size_t i = 0; i < size(); ++i) {
-        reference_[i] += (tracker.missing()[i] - reference_[i]) * seconds / settled_;
+        reference_[i] += (tracker.residuals()[i] - reference_[i]) * seconds / settled_;
       }
       return;
     }
@@ -201,7 +201,7 @@ class LengthCheck {
       for (int j = 0; j < tracker.dof(); ++j) {
         share -= tracker.entry(j, static_cast<int>(i)) * motions_[i][static_cast<std::size_t>(j)];
       }
-      residuals_[i] += part * (tracker.missing()[i] - left[i] - residuals_[i]);
+      residuals_[i] += part * (tracker.residuals()[i] - left[i] - residuals_[i]);
       shares_[i] += part * (share - shares_[i]);
     }
   }

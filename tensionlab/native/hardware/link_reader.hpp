@@ -62,7 +62,7 @@ class LinkReader {
   // Whether nothing is left for Python to do.
   bool read(std::size_t i) {
     Endpoint* const endpoint = endpoints_[i];
-    if (polled_[i].revents != POLLIN || endpoint == nullptr || endpoint->attended()) return false;
+    if (polled_[i].revents != POLLIN || endpoint == nullptr || endpoint->python_decodes()) return false;
     std::uint8_t bytes[kReadBytes];
     const std::int64_t size = read_now(static_cast<Descriptor>(polled_[i].fd), bytes, sizeof bytes);
     return size > 0 && !endpoint->feed(bytes, static_cast<std::size_t>(size), seconds_now());

@@ -7,7 +7,7 @@
 #include <limits>
 #include <vector>
 
-#include "solvers/newton_batch.hpp"
+#include "solvers/kernels.hpp"
 
 namespace tensionlab {
 

@@ -88,7 +88,7 @@ class PoseTracker {
     m_ = static_cast<int>(anchors_.size()) / d_;
     n_ = attachments_.empty() ? d_ : 3 * (d_ - 1);
     for (int i = 0; i < 3; ++i) rotation_[i][i] = 1.0;
-    missing_.resize(static_cast<std::size_t>(m_));
+    residuals_.resize(static_cast<std::size_t>(m_));
     lengths_.resize(static_cast<std::size_t>(m_));
     arms_.resize(static_cast<std::size_t>(m_));
     structure_.resize(static_cast<std::size_t>(n_ * m_));
@@ -100,14 +100,14 @@ class PoseTracker {
   const std::vector<double>& position() const { return position_; }
   const std::array<std::array<double, 3>, 3>& rotation() const { return rotation_; }
   const std::vector<double>& structure() const { return structure_; }
-  const std::vector<double>& missing() const { return missing_; }
+  const std::vector<double>& residuals() const { return residuals_; }
 
   // Follow the known ones of these lengths, in at most so many steps; one that is shorter than `found` is the
   // last.
   void follow(const double* lengths, const bool* known, int steps, double found) {
     compare(lengths, known);
     for (int step = 0; step < steps; ++step) {
-      const Vector twist = velocity(missing_.data(), known);
+      const Vector twist = velocity(residuals_.data(), known);
       move(twist);
       compare(lengths, known);
       double longest = 0.0;
@@ -184,7 +184,7 @@ class PoseTracker {
       } else if (n_ > d_) {
         set(2, cable, arm[0] * u[1] - arm[1] * u[0]);
       }
-      missing_[static_cast<std::size_t>(cable)] = known[cable] ? lengths[cable] - length : 0.0;
+      residuals_[static_cast<std::size_t>(cable)] = known[cable] ? lengths[cable] - length : 0.0;
     }
   }
 
@@ -232,7 +232,7 @@ class PoseTracker {
     rotation_ = turned;
   }
 
-  std::vector<double> anchors_, attachments_, position_, radii_, axes_, missing_, structure_, lengths_;
+  std::vector<double> anchors_, attachments_, position_, radii_, axes_, residuals_, structure_, lengths_;
   std::vector<std::array<double, 3>> arms_;
   std::array<std::array<double, 3>, 3> rotation_{};
   int d_, m_, n_;

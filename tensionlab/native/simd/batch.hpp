@@ -1,21 +1,31 @@
-// A batch of problems as the Python side passes it.
+// A batch of problems as the Python side passes it, and its way through the lanes of a solver.
 #pragma once
 
 #include <cstddef>
+#include <type_traits>
+
+#include "simd/lanes.hpp"
 
 namespace tensionlab {
 
 constexpr int kMaxComponents = 6;
 constexpr int kMaxCables = 32;
 
+// What to render where the wrench is infeasible.
+enum class Policy { force, tension, direction };
+constexpr int kPolicies = 3;
+
+// Arrays of one problem, each contiguous: structure (n x m, row by row), wrench (n), limits and reference (m).
+template <class Real>
+struct Problem {
+  const Real *structure, *wrench, *lower, *upper, *reference;
+};
+
 // Rows of a (B, ...) array whose inner axes are contiguous; stride 0 repeats one row.
 struct Rows {
   const double* data;
   std::ptrdiff_t stride;
-#if defined(__GNUC__) || defined(__clang__)
-  __attribute__((always_inline))  // see TENSIONLAB_BUILD in simd/lanes.hpp
-#endif
-  const double* operator[](std::size_t row) const {
+  TENSIONLAB_INLINE const double* operator[](std::size_t row) const {
     return data + static_cast<std::ptrdiff_t>(row) * stride;
   }
 };
@@ -25,18 +35,64 @@ struct Batch {
   int n, m;
   Rows structure, wrench, lower, upper, reference;
   const double* weights;
-};
-
-// Some rows of a batch: one after another from `first` on, or those of a list.
-struct Selection {
-  std::size_t first, count;
-  const std::size_t* list = nullptr;
-#if defined(__GNUC__) || defined(__clang__)
-  __attribute__((always_inline))
-#endif
-  std::size_t operator[](std::size_t j) const {
-    return list == nullptr ? first + j : list[j];
+  TENSIONLAB_INLINE Problem<double> operator[](std::size_t row) const {
+    return {structure[row], wrench[row], lower[row], upper[row], reference[row]};
   }
 };
 
+// Rows of a batch: `count` of them from `first` on, or those of a list.
+struct Selection {
+  std::size_t first, count;
+  const std::size_t* list = nullptr;
+  TENSIONLAB_INLINE std::size_t operator[](std::size_t j) const { return list == nullptr ? first + j : list[j]; }
+};
+
+// Throws when the batch of the calling thread must end: another thread failed, or Python has a signal to handle.
+// Long work on one row calls it now and then.
+void checkpoint();
+
+inline namespace TENSIONLAB_BUILD {
+
+// Calls f with n, from 1 to kMost, as a constant that may be a template argument.
+template <int kMost = kMaxComponents, class F>
+void with_size(int n, const F& f) {
+  if constexpr (kMost > 1) {
+    if (n < kMost) return with_size<kMost - 1>(n, f);
+  }
+  f(std::integral_constant<int, kMost>{});
+}
+
+// Solves rows [begin, end) in the lanes of a block. A lane that is done takes the next row at once, so that hard
+// problems never hold up easy ones. block: step() advances every lane, finished(l) tells whether lane l is done,
+// idle(l) gives it an empty problem. load(l, row) gives lane l a row's problem; store(l, row) takes its answer.
+template <int L, class Block, class Load, class Store>
+void refill(Block& block, std::size_t begin, std::size_t end, const Load& load, const Store& store) {
+  std::size_t row[L], next = begin;
+  int busy = 0;
+  for (int l = 0; l < L; ++l) {
+    row[l] = end;
+    if (next == end) continue;
+    load(l, next);
+    row[l] = next++;
+    ++busy;
+  }
+  for (unsigned steps = 1; busy > 0; ++steps) {
+    if (steps % 1024 == 0) checkpoint();
+    block.step();
+    for (int l = 0; l < L; ++l) {
+      if (row[l] == end || !block.finished(l)) continue;
+      store(l, row[l]);
+      if (next < end) {
+        load(l, next);
+        row[l] = next++;
+      } else {
+        row[l] = end;
+        block.idle(l);
+        --busy;
+      }
+    }
+  }
+}
+
+}  // namespace TENSIONLAB_BUILD
 }  // namespace tensionlab

@@ -1,9 +1,9 @@
-// Which build of a kernel is used: the best that was compiled and that this processor can run. The environment
-// variable TENSIONLAB_ISA may ask for less.
+// Choice of a kernel's build: the best that was compiled and that this processor can run, or a lower one that the
+// environment variable TENSIONLAB_ISA names.
 //
-// CMake compiles a kernel's one source file for each instruction set, with TENSIONLAB_BUILD for its namespace and
+// CMake compiles each kernel source once for each instruction set, with TENSIONLAB_BUILD for its namespace and
 // TENSIONLAB_LANES for its width, and defines TENSIONLAB_BASELINE, TENSIONLAB_AVX2 and TENSIONLAB_AVX512 for the
-// builds there are. It also runs this check itself where only the processor at hand is wanted.
+// builds that exist. TENSIONLAB_BUILDS=native runs this check in CMake, too.
 #pragma once
 
 #include <cstdlib>
@@ -31,7 +31,7 @@
 #define TENSIONLAB_IF_AVX512(...)
 #endif
 
-// Declares a kernel, in every build, and `name`_for_this_processor(), which picks one; nothing in the builds.
+// Declares a kernel in every build, and `name`_for_this_processor(), which chooses one. Empty inside the builds.
 #if defined(TENSIONLAB_LANES)
 #define TENSIONLAB_KERNEL(name, ...)
 #else
@@ -56,15 +56,14 @@ enum class InstructionSet { baseline, avx2, avx512 };
 constexpr int kInstructionSets = 3;
 constexpr const char* kInstructionSetNames[kInstructionSets] = {"baseline", "avx2", "avx512"};
 
-// Whether the build was compiled.
 constexpr bool kCompiled[kInstructionSets] = {
     TENSIONLAB_IF_BASELINE(true ||) false,
     TENSIONLAB_IF_AVX2(true ||) false,
     TENSIONLAB_IF_AVX512(true ||) false,
 };
 
-// The best set of which the processor has all features and whose registers the system saves (Intel, 2024,
-// Software Developer's Manual, volume 2, CPUID).
+// The best set whose features the processor has, and whose registers the system saves (Intel, 2024, Software
+// Developer's Manual, volume 2, CPUID).
 inline InstructionSet best_of_this_processor() {
 #if defined(TENSIONLAB_HAS_CPUID)
   unsigned a = 0, b = 0, c = 0, d = 0;
@@ -82,15 +81,14 @@ inline InstructionSet best_of_this_processor() {
 #endif
 }
 
-// The best that was compiled, that the processor has and that is no more than TENSIONLAB_ISA asks for; where that
-// asks for less than was compiled, the least that was.
+// The best compiled set that the processor has, not above TENSIONLAB_ISA; if that is below all of them, the lowest.
 inline InstructionSet choose_instruction_set() {
-  const char* wish = std::getenv("TENSIONLAB_ISA");
+  const char* requested = std::getenv("TENSIONLAB_ISA");
   int chosen = -1;
   for (int set = static_cast<int>(best_of_this_processor()); set >= 0; --set) {
     if (!kCompiled[set]) continue;
     chosen = set;
-    if (wish == nullptr || std::strcmp(wish, kInstructionSetNames[set]) == 0) break;
+    if (requested == nullptr || std::strcmp(requested, kInstructionSetNames[set]) == 0) break;
   }
   if (chosen < 0) {
     throw std::runtime_error(

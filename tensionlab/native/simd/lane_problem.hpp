@@ -1,21 +1,15 @@
-// The problems of all lanes, side by side, and how large their numbers are.
+// The problems of all lanes, and the magnitudes of their numbers.
 #pragma once
 
 #include <limits>
 
-#include "simd/lanes.hpp"
+#include "simd/batch.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// The numbers of one problem, each array contiguous; structure is n x m, row by row.
-template <class Real>
-struct Source {
-  const Real *structure, *wrench, *lower, *upper, *reference;
-};
-
 template <class Real, int L, int N, int M>
-struct SideBySide {
+struct LaneProblems {
   using V = Lanes<Real, L>;
 
   int m;
@@ -23,11 +17,11 @@ struct SideBySide {
   V diagonal[N] = {};               // of W W', or 1
   V gain = {}, desired = {};        // root of the largest square of a row, or 1; largest component of the wrench
   V strongest = {}, furthest = {};  // largest limit, and reference
-  V dear = {};                      // a cost |t - t0|^2 / 2 that few wrenches ask for
+  V high_cost = {};                 // a cost |t - t0|^2 / 2 that few feasible wrenches reach
 
-  explicit SideBySide(int cables) : m(cables) {}
+  explicit LaneProblems(int cables) : m(cables) {}
 
-  void load(const Source<Real> (&source)[L]) {
+  void load(const Problem<Real> (&source)[L]) {
     const V zero = V{}, one = zero + Real(1);
     const Real* row[L];
     V largest = zero;
@@ -52,8 +46,8 @@ struct SideBySide {
   // W_i'd of cable i.
   V along(int i, const V (&d)[N]) const { return inner(structure[i], d); }
 
-  // d'w - h(d), less what rounding may make of it: above nought, d separates w from all that can be rendered.
-  TENSIONLAB_NOINLINE V how_far_outside(const V (&d)[N]) const {
+  // d'w - h(d), less its rounding error: where positive, d separates w from all feasible wrenches.
+  TENSIONLAB_NOINLINE V separation_margin(const V (&d)[N]) const {
     V sum = V{}, size = V{};
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
@@ -68,25 +62,25 @@ struct SideBySide {
   }
 
  private:
-  // How much of the way from the least cost inside the limits to the greatest is dear; with cables to spare, less
-  // is.
-  static constexpr Real kDear = Real(0.5), kSpareDear = Real(0.35);
+  // High cost, as a share of the way from the least cost inside the limits to the greatest: with few cables, and
+  // with many.
+  static constexpr Real kHighCost = Real(0.5), kHighCostOfMany = Real(0.35);
 
-  Source<Real> limits_of_[L] = {};
+  Problem<Real> loaded_[L] = {};
 
-  bool limits_changed(const Source<Real> (&source)[L]) {
+  bool limits_changed(const Problem<Real> (&source)[L]) {
     bool changed = false;
     for (int l = 0; l < L; ++l) {
-      const Source<Real>&now = source[l], &then = limits_of_[l];
+      const Problem<Real>&now = source[l], &then = loaded_[l];
       changed = changed || now.lower != then.lower || now.upper != then.upper || now.reference != then.reference;
-      limits_of_[l] = now;
+      loaded_[l] = now;
     }
     return changed;
   }
 
-  void load_limits(const Source<Real> (&source)[L]) {
+  void load_limits(const Problem<Real> (&source)[L]) {
     strongest = furthest = V{};
-    V cheapest = V{}, dearest = V{};
+    V least_cost = V{}, greatest_cost = V{};
     for (int i = 0; i < m; ++i) {
       lower[i] = gather<Real, L>([&](int l) { return source[l].lower[i]; });
       upper[i] = gather<Real, L>([&](int l) { return source[l].upper[i]; });
@@ -95,10 +89,10 @@ struct SideBySide {
       furthest = larger(furthest, magnitude(reference[i]));
       const V below = lower[i] - reference[i], above = reference[i] - upper[i];
       const V least = larger(larger(below, above), V{}), most = larger(magnitude(below), magnitude(above));
-      cheapest += least * least / 2;
-      dearest += most * most / 2;
+      least_cost += least * least / 2;
+      greatest_cost += most * most / 2;
     }
-    dear = cheapest + (m < 2 * N ? kDear : kSpareDear) * (dearest - cheapest);
+    high_cost = least_cost + (m < 2 * N ? kHighCost : kHighCostOfMany) * (greatest_cost - least_cost);
   }
 };
 

@@ -1,8 +1,7 @@
-// Several problems side by side: a value of type Lanes<Real, L> holds one number for each of L problems.
+// SIMD values: Lanes<Real, L> holds one number for each of L problems.
 //
-// With GCC and Clang it is the compiler's own vector type, so that an expression written once becomes SIMD
-// code for whatever instruction set the file is compiled for. With one lane it is the plain number: any C++17
-// compiler can build that (MSVC does), and so does the firmware.
+// With GCC and Clang it is the compiler's vector type, so that one expression becomes SIMD code for the instruction
+// set of the build. With one lane it is a plain number, which any C++17 compiler can build, such as MSVC.
 #pragma once
 
 #include <cmath>
@@ -13,33 +12,32 @@
 #include <immintrin.h>
 #endif
 
-// Files compiled for different instruction sets are linked together. Each names its build, so that the linker
-// never takes a function of one for the other.
+// Namespace of a build. Files compiled for different instruction sets are linked together; their functions must have
+// different names.
 #ifndef TENSIONLAB_BUILD
 #define TENSIONLAB_BUILD portable
 #endif
 
-// Whether the compiler has vector types and attributes of GCC's kind; clang-cl has, though it isn't __GNUC__.
+// Vector types and attributes as in GCC; clang-cl has them without defining __GNUC__.
 #if defined(__GNUC__) || defined(__clang__)
 #define TENSIONLAB_GNU_LIKE
 #endif
 
-// Before a loop over wrench components: compilers leave nests of short loops as they are, and what is indexed in
-// a loop can't live in registers.
+// Unrolls a loop over wrench components: compilers leave nests of short loops alone, and arrays indexed in a loop do
+// not fit into registers.
 #if defined(TENSIONLAB_GNU_LIKE)
 #define TENSIONLAB_UNROLL _Pragma("GCC unroll 8")
 #else
 #define TENSIONLAB_UNROLL
 #endif
 
-// Before a function that is large or seldom called: expanded in another, it leaves both too few registers.
+// For large or rarely called functions: inlined, they would take registers from their caller.
 #if defined(TENSIONLAB_GNU_LIKE)
 #define TENSIONLAB_NOINLINE __attribute__((noinline))
 #else
 #define TENSIONLAB_NOINLINE
 #endif
 
-// Before a function that must be expanded where it is called.
 #if defined(TENSIONLAB_GNU_LIKE)
 #define TENSIONLAB_INLINE inline __attribute__((always_inline))
 #else
@@ -77,7 +75,7 @@ inline V magnitude(const V& a) {
   return larger(a, V(-a));
 }
 
-// Where compilers make compare-and-blend of these, the processor has one instruction.
+// One instruction each, where compilers would compare and blend.
 #if defined(__SSE2__)
 inline Lanes<double, 2> smaller(const Lanes<double, 2>& a, const Lanes<double, 2>& b) { return _mm_min_pd(a, b); }
 inline Lanes<double, 2> larger(const Lanes<double, 2>& a, const Lanes<double, 2>& b) { return _mm_max_pd(a, b); }
@@ -102,7 +100,7 @@ inline Lanes<double, 8> larger(const Lanes<double, 8>& a, const Lanes<double, 8>
 inline Lanes<double, 8> magnitude(const Lanes<double, 8>& a) { return _mm512_abs_pd(a); }
 #endif
 
-// Consecutive numbers, which need not be aligned.
+// Consecutive numbers, aligned or not.
 template <class Real, int L>
 inline Lanes<Real, L> load(const Real* numbers) {
   Lanes<Real, L> v;
@@ -114,16 +112,15 @@ inline void store(const V& v, Real* numbers) {
   std::memcpy(numbers, &v, sizeof v);
 }
 
-// Asks the memory for so many numbers, into the second cache. GCC would drop calls of a function that does nothing
-// else.
+// Prefetches numbers into the second-level cache. Always inline: GCC drops calls of a function without effects.
 template <class Real>
-TENSIONLAB_INLINE void fetch([[maybe_unused]] const Real* numbers, [[maybe_unused]] std::size_t count) {
+TENSIONLAB_INLINE void prefetch([[maybe_unused]] const Real* numbers, [[maybe_unused]] std::size_t count) {
 #if defined(TENSIONLAB_GNU_LIKE)
   for (std::size_t i = 0; i < count; i += 64 / sizeof(Real)) __builtin_prefetch(numbers + i, 0, 2);
 #endif
 }
 
-// Lane l of a value, to write or to read.
+// Lane l of a value, for writing and for reading.
 template <class Real, class V>
 inline Real& lane(V& v, int l) {
   return reinterpret_cast<Real*>(&v)[l];
@@ -133,7 +130,7 @@ inline Real read(const V& v, int l) {
   return reinterpret_cast<const Real*>(&v)[l];
 }
 
-// f(l) for every lane l.
+// f(l) in each lane l.
 template <class Real, int L, class F>
 inline Lanes<Real, L> gather(const F& f) {
   if constexpr (L == 1) {
@@ -149,8 +146,8 @@ inline Lanes<Real, L> gather(const F& f) {
 }
 
 #if defined(__AVX__)
-// Four vectors of four numbers, rows and columns exchanged.
-inline void exchange_four(__m256d (&v)[4]) {
+// Transposes four vectors of four numbers.
+inline void transpose_four(__m256d (&v)[4]) {
   const __m256d ab = _mm256_unpacklo_pd(v[0], v[1]), ab_odd = _mm256_unpackhi_pd(v[0], v[1]);
   const __m256d cd = _mm256_unpacklo_pd(v[2], v[3]), cd_odd = _mm256_unpackhi_pd(v[2], v[3]);
   v[0] = _mm256_permute2f128_pd(ab, cd, 0x20);
@@ -159,14 +156,14 @@ inline void exchange_four(__m256d (&v)[4]) {
   v[3] = _mm256_permute2f128_pd(ab_odd, cd_odd, 0x31);
 }
 
-// Numbers i to i + 3 of four rows, each a vector.
-inline void transpose_four(const double* const* row, int i, __m256d (&out)[4]) {
+// The transpose of numbers i to i + 3 of four rows.
+inline void load_transposed(const double* const* row, int i, __m256d (&out)[4]) {
   for (int k = 0; k < 4; ++k) out[k] = _mm256_loadu_pd(row[k] + i);
-  exchange_four(out);
+  transpose_four(out);
 }
 #endif
 
-// out[i] = number i of every lane's row, for `count` numbers a row.
+// Calls out(i, v) with number i of each lane's row, for `count` numbers a row.
 template <class Real, int L, class Out>
 inline void transpose(const Real* const (&row)[L], int count, const Out& out) {
   int i = 0;
@@ -174,7 +171,7 @@ inline void transpose(const Real* const (&row)[L], int count, const Out& out) {
   if constexpr (L == 4 && sizeof(Real) == 8) {
     for (; i + 4 <= count; i += 4) {
       __m256d four[4];
-      transpose_four(row, i, four);
+      load_transposed(row, i, four);
       for (int k = 0; k < 4; ++k) out(i + k, four[k]);
     }
   }
@@ -183,8 +180,8 @@ inline void transpose(const Real* const (&row)[L], int count, const Out& out) {
   if constexpr (L == 8 && sizeof(Real) == 8) {
     for (; i + 4 <= count; i += 4) {
       __m256d low[4], high[4];
-      transpose_four(row, i, low);
-      transpose_four(row + 4, i, high);
+      load_transposed(row, i, low);
+      load_transposed(row + 4, i, high);
       for (int k = 0; k < 4; ++k)
         out(i + k, _mm512_maskz_insertf64x4(0xff, _mm512_castpd256_pd512(low[k]), high[k], 1));
     }
@@ -193,7 +190,7 @@ inline void transpose(const Real* const (&row)[L], int count, const Out& out) {
   for (; i < count; ++i) out(i, gather<Real, L>([&](int l) { return row[l][i]; }));
 }
 
-// Number i of every lane's row = values[i], for `count` numbers a row.
+// Writes values[i] to number i of each lane's row, for `count` numbers a row.
 template <class Real, int L>
 inline void store_rows(const Lanes<Real, L>* values, int count, Real* const (&row)[L]) {
   int i = 0;
@@ -204,7 +201,7 @@ inline void store_rows(const Lanes<Real, L>* values, int count, Real* const (&ro
         __m256d four[4];
         for (int k = 0; k < 4; ++k)
           four[k] = _mm256_loadu_pd(reinterpret_cast<const double*>(values + i + k) + half);
-        exchange_four(four);
+        transpose_four(four);
         for (int k = 0; k < 4; ++k) _mm256_storeu_pd(row[half + k] + i, four[k]);
       }
     }

@@ -1,4 +1,4 @@
-// Small dense linear algebra for one problem: the rows of a wide matrix made orthonormal.
+// Small dense linear algebra.
 #pragma once
 
 #include <cmath>
@@ -9,9 +9,73 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// A matrix B (rank x n) that makes the rows of B * W orthonormal. Its rows span the range of W, and |B r| is the
-// length of the shortest tension vector that renders r: r' (W W')^+ r = |B r|^2. Where the rank is n beyond doubt,
-// B is the inverse of a triangle, by Gram-Schmidt; elsewhere B = diag(1 / sigma) U' from the singular values of W.
+template <int N, class Real>
+Real dot(const Real* x, const Real* y) {
+  Real sum = 0;
+  for (int k = 0; k < N; ++k) sum += x[k] * y[k];
+  return sum;
+}
+
+template <int N, class Real>
+void copy(const Real* from, Real* to) {
+  for (int k = 0; k < N; ++k) to[k] = from[k];
+}
+
+// Makes x a unit vector, or zero if it is; returns its length.
+template <int N, class Real>
+Real normalise(Real* x) {
+  const Real length = std::sqrt(dot<N>(x, x));
+  for (int k = 0; k < N; ++k) x[k] = length > 0 ? x[k] / length : Real(0);
+  return length;
+}
+
+// Factors of a symmetric H, of all lanes at once: H = L D L' with no pivot D below its least, which is positive.
+template <class V, int N>
+struct Factor {
+  V triangle[N][N], inverse[N];  // L below its diagonal of ones; 1 / D
+  V raised;                      // number of pivots that were below their least
+
+  // Only the lower triangle of H is read; it is overwritten.
+  Factor(V (&matrix)[N][N], const V (&least)[N]) {
+    const V one = V{} + 1;
+    raised = V{};
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      V d = matrix[k][k];
+      TENSIONLAB_UNROLL
+      for (int j = 0; j < k; ++j) {
+        V entry = matrix[k][j];
+        for (int i = 0; i < j; ++i) entry -= matrix[k][i] * triangle[j][i];
+        matrix[k][j] = entry;  // L D
+        triangle[k][j] = entry * inverse[j];
+        d -= entry * triangle[k][j];
+      }
+      raised += d < least[k] ? one : V{};
+      inverse[k] = one / larger(d, least[k]);
+    }
+  }
+
+  // Solves H x = right.
+  void solve(const V (&right)[N], V (&x)[N]) const {
+    V y[N];
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      y[k] = right[k];
+      TENSIONLAB_UNROLL
+      for (int j = 0; j < k; ++j) y[k] -= triangle[k][j] * y[j];
+    }
+    TENSIONLAB_UNROLL
+    for (int k = N - 1; k >= 0; --k) {
+      x[k] = y[k] * inverse[k];
+      TENSIONLAB_UNROLL
+      for (int j = k + 1; j < N; ++j) x[k] -= triangle[j][k] * x[j];
+    }
+  }
+};
+
+// Matrix B (rank x n) that makes the rows of B W orthonormal. Its rows span the range of W, and |B r| is the
+// length of the shortest tension vector that renders r: r' (W W')^+ r = |B r|^2. Where W is well-conditioned, B is
+// the inverse of a triangle, by Gram-Schmidt; elsewhere B = diag(1 / sigma) U' from the singular values of W.
 template <class Real, int N, int M>
 struct Whitening {
   Real rows[N][N];
@@ -23,8 +87,8 @@ struct Whitening {
   }
 
  private:
-  // Gram and Schmidt, each row against those before it as they are by then. Loses the condition number in digits,
-  // so it is believed only where that is small: |W| |B| bounds it.
+  // Modified Gram-Schmidt. It loses the digits of the condition number, so false where |W| |B|, which bounds that,
+  // is large.
   bool orthogonalise(const Real* structure, int n, int m) {
     constexpr Real kWell = 1000;
     if (m < n) return false;
@@ -51,7 +115,7 @@ struct Whitening {
     return size * inverse < kWell * kWell;
   }
 
-  // Hestenes (1958): rotate pairs of rows until all are orthogonal.
+  // One-sided Jacobi rotations (Hestenes 1958).
   void decompose(const Real* structure, int n, int m, Real rank_tolerance) {
     Real a[N][M];
     Real u[N][N];
@@ -102,6 +166,36 @@ struct Whitening {
     }
   }
 };
+
+// Finds the dual basis of `count` columns (a row each): vectors in their span, each with product 1 with its own
+// column and 0 with the others. Gram-Schmidt, each column twice, so that even a small remainder is accurate.
+// Returns false if a column's distance from the span of those before it is below least_share of its length.
+template <int N>
+bool dual_basis(const double (&column)[N][N], int count, double least_share, double (&basis)[N][N]) {
+  double q[N][N], r[N][N];
+  for (int a = 0; a < count; ++a) {
+    for (int k = 0; k < N; ++k) q[a][k] = column[a][k];
+    for (int b = 0; b < a; ++b) r[b][a] = 0;
+    for (int pass = 0; pass < 2; ++pass) {
+      for (int b = 0; b < a; ++b) {
+        const double share = dot<N>(q[a], q[b]);
+        for (int k = 0; k < N; ++k) q[a][k] -= share * q[b][k];
+        r[b][a] += share;
+      }
+    }
+    r[a][a] = std::sqrt(dot<N>(q[a], q[a]));
+    if (!(r[a][a] > least_share * std::sqrt(dot<N>(column[a], column[a])))) return false;
+    for (int k = 0; k < N; ++k) q[a][k] /= r[a][a];
+  }
+  for (int a = count; a-- > 0;) {
+    for (int k = 0; k < N; ++k) basis[a][k] = q[a][k];
+    for (int b = a + 1; b < count; ++b) {
+      for (int k = 0; k < N; ++k) basis[a][k] -= r[a][b] * basis[b][k];
+    }
+    for (int k = 0; k < N; ++k) basis[a][k] /= r[a][a];
+  }
+  return true;
+}
 
 }  // namespace TENSIONLAB_BUILD
 }  // namespace tensionlab

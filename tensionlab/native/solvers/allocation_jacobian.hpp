@@ -29,14 +29,13 @@
 
 #include "simd/lane_problem.hpp"
 #include "simd/linear.hpp"
-#include "solvers/policy.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
 // What the exact solver found, and what was proved of it.
 struct SolvedProblem {
-  Source<double> problem;
+  Problem<double> problem;
   const double* tensions;
   bool exact, proved;
   double scale;  // NaN where no scale keeps the direction
@@ -382,7 +381,7 @@ class AllocationJacobian {
     }
   }
 
-  Source<double> source_;
+  Problem<double> source_;
   const double* t_;
   int m_;
   double rank_tolerance_, scale_ = 1;

@@ -8,13 +8,12 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// x = B (wrench as given), and the problem in x. Multipliers y follow, so that W'y stays what it is as far as can
-// be.
+// The problem in x = B w. Multipliers y are converted with it, so that W'y stays the same as far as possible.
 template <class Real, int N, int M>
 struct Coordinates {
   Real basis[N][N], structure[N * M], wrench[N];
 
-  // The error counts by its plain length where every component is multiplied by its root.
+  // Multiplies every component by the root of its weight, so that the error counts by its plain length.
   void weigh(int m, const Real* given, const Real* desired, const Real* roots, Real* y) {
     for (int k = 0; k < N; ++k) {
       for (int j = 0; j < N; ++j) basis[k][j] = k == j ? roots[k] : Real(0);
@@ -24,7 +23,7 @@ struct Coordinates {
     }
   }
 
-  // The rows of W are orthonormal.
+  // Makes the rows of W orthonormal.
   void whiten(int m, const Real* given, const Real* desired, Real rank_tolerance, Real* y) {
     const Whitening<Real, N, M> whitening(given, N, m, rank_tolerance);
     Real pull[M];
@@ -47,7 +46,7 @@ struct Coordinates {
     }
   }
 
-  // A direction, or a multiplier, as the wrench is given: out = B'd.
+  // Converts a direction or multiplier back: out = B'd.
   void back(const Real* d, Real* out) const {
     for (int k = 0; k < N; ++k) {
       out[k] = 0;

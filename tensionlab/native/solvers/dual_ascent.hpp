@@ -16,8 +16,8 @@
 #include <cmath>
 #include <limits>
 
-#include "simd/factor.hpp"
-#include "simd/lanes.hpp"
+#include "simd/batch.hpp"
+#include "simd/linear.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
@@ -26,23 +26,19 @@ template <class Law, class Real, int L, int N, int M>
 class DualAscent {
  public:
   using V = Lanes<Real, L>;
-  // One problem, all pointers to contiguous numbers. structure is n x m, row by row.
-  struct Problem {
-    const Real *structure, *wrench, *lower, *upper, *reference;
-  };
 
   DualAscent(int m, const Law& law) : m_(m), law_(law) {
-    for (int l = 0; l < L; ++l) park(l);
+    for (int l = 0; l < L; ++l) idle(l);
   }
 
   // Give lane l a problem whose numbers are all zero, so that it rests.
-  void park(int l) {
+  void idle(int l) {
     const Real zeros[N * M] = {};
     load(l, {zeros, zeros, zeros, zeros, zeros});
   }
 
   // The lane begins at y = 0, and its first step has no length: it only looks about.
-  void load(int l, const Problem& problem) {
+  void load(int l, const Problem<Real>& problem) {
     Real column[M][N], target[N];
     law_.load(l, m_, problem, column, target);
     Real size = 0;

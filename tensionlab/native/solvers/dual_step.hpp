@@ -12,8 +12,8 @@
 
 #include <limits>
 
-#include "simd/factor.hpp"
 #include "simd/lane_problem.hpp"
+#include "simd/linear.hpp"
 #include "solvers/line_search.hpp"
 
 namespace tensionlab {
@@ -31,14 +31,14 @@ class DualStep {
   V direction[N] = {}, converged = {}, settled = {}, separated = {}, found = {};
 
   // Look for tensions that render the wrench, in lane l.
-  void render(int l, const Source<Real>& source) {
+  void render(int l, const Problem<Real>& source) {
     source_[l] = source;
     begun_[l] = kRender;
     stale_ = true;
   }
 
   // Look for the tensions whose wrench is nearest, in lane l, from the multiplier y.
-  void approach(int l, const Source<Real>& source, const Real* y) {
+  void approach(int l, const Problem<Real>& source, const Real* y) {
     render(l, source);
     begun_[l] = kNearest;
     TENSIONLAB_UNROLL
@@ -58,7 +58,7 @@ class DualStep {
                    read<Real>(problem_.upper[i], l));
   }
 
-  const Source<Real>& source(int l) const { return source_[l]; }
+  const Problem<Real>& source(int l) const { return source_[l]; }
 
  private:
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
@@ -169,8 +169,8 @@ class DualStep {
     const auto maximal = (proximal_ > zero) & (steepest <= 4 * noise);
     // The dual is never above the cost of tensions that render w: where few cost more, its multiplier may
     // separate.
-    const auto doubtful = (proximal_ == zero) & (unseen_ <= one) & (value > problem_.dear);
-    const V outside = any(doubtful) ? problem_.how_far_outside(trial_) : zero;
+    const auto doubtful = (proximal_ == zero) & (unseen_ <= one) & (value > problem_.high_cost);
+    const V outside = any(doubtful) ? problem_.separation_margin(trial_) : zero;
     const auto lost = doubtful & (outside > zero);
     // Before the root of the slope the dual has grown; beyond it that must be seen.
     const auto flat = (magnitude(slope) <= kFlat * first_slope_) & ((slope >= zero) | (value > last_value_));
@@ -218,7 +218,7 @@ class DualStep {
       curvature += proximal_ * path_[k] * path_[k];
     }
     const auto open = take == zero;
-    const V outside = any(open & (slope > zero)) ? problem_.how_far_outside(path_) : zero;
+    const V outside = any(open & (slope > zero)) ? problem_.separation_margin(path_) : zero;
     const auto endless = open & (proximal_ == zero) & (outside > zero);
     separated = endless ? one : separated;
     TENSIONLAB_UNROLL
@@ -260,11 +260,11 @@ class DualStep {
   }
 
   // As given: one entry a lane.
-  Source<Real> source_[L] = {};
+  Problem<Real> source_[L] = {};
   Real start_[N][L] = {}, begun_[L] = {};
   bool stale_ = true;
   // Side by side.
-  SideBySide<Real, L, N, M> problem_;
+  LaneProblems<Real, L, N, M> problem_;
   V least_size_ = {}, wanted_[M] = {};
   V path_[N] = {}, trial_[N] = {}, centre_[N] = {}, last_[N] = {};
   V close_ = {};  // whether the trial before was close

@@ -16,7 +16,7 @@
 
 #include <cmath>
 
-#include "simd/lanes.hpp"
+#include "simd/batch.hpp"
 #include "solvers/pseudoinverse.hpp"
 
 namespace tensionlab {
@@ -25,26 +25,21 @@ inline namespace TENSIONLAB_BUILD {
 template <class Real, int L, int N, int M>
 class Dykstra {
  public:
-  // One problem, all pointers to contiguous numbers. structure is n x m, row by row.
-  struct Problem {
-    const Real *structure, *wrench, *lower, *upper, *reference;
-  };
-
   // m cables. An error of the wrench up to tolerance max(1, |w|) is accepted.
   Dykstra(int m, Real tolerance, long long iteration_limit, Real rank_tolerance)
       : m_(m), tolerance_(tolerance), limit_(iteration_limit), rank_tolerance_(rank_tolerance) {
     // A step must end at the limit, whatever the other lanes do.
     while (limit_ % period_ != 0) --period_;
-    for (int l = 0; l < L; ++l) park(l);
+    for (int l = 0; l < L; ++l) idle(l);
   }
 
   // Give lane l a problem whose numbers are all zero, so that it rests.
-  void park(int l) {
+  void idle(int l) {
     const Real zeros[N * M] = {};
     load(l, {zeros, zeros, zeros, zeros, zeros});
   }
 
-  void load(int l, const Problem& problem) {
+  void load(int l, const Problem<Real>& problem) {
     const Pseudoinverse<Real, N, M> inverse(problem.structure, m_, rank_tolerance_);
     Real square = 0;
     for (int k = 0; k < N; ++k) square += problem.wrench[k] * problem.wrench[k];

@@ -1,23 +1,23 @@
-// The cables of a bounded least squares problem that are at no limit (solvers/nearest_face.hpp), in every lane at
-// once.
+// The cables of a bounded least squares problem that are at no limit, in every lane at once
+// (solvers/nearest_face.hpp).
 #pragma once
 
 #include <limits>
 
-#include "simd/factor.hpp"
 #include "simd/lane_problem.hpp"
+#include "simd/linear.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// Up to N in a lane, each in a place of its own.
+// Up to N in a lane, each in a place.
 template <class Real, int L, int N, int M>
 class FreeCables {
  public:
   using V = Lanes<Real, L>;
-  using Problem = SideBySide<Real, L, N, M>;
+  using Problem = LaneProblems<Real, L, N, M>;
 
-  // A cable that came to a limit, -1 if none did; the limit, and where it has room: 1 above it, -1 below.
+  // A cable that reached a limit, or -1; the limit, and the side where it has room: 1 above it, -1 below.
   struct Stop {
     V cable, limit, room;
   };
@@ -26,34 +26,34 @@ class FreeCables {
     TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
       cable_[s] = V{} - Real(1);
-      spare_[s] = V{} + Real(1);
+      empty_[s] = V{} + Real(1);
       tension_[s] = lower_[s] = upper_[s] = V{};
       TENSIONLAB_UNROLL
       for (int k = 0; k < N; ++k) column_[s][k] = V{};
     }
   }
 
-  // The cable comes free in the lanes of the mask, with a tension out of one for each: in a place that is spare.
+  // Frees a cable in the lanes of the mask, in an empty place of each. tensions: of all cables.
   template <class Mask>
   void admit(const Problem& problem, const V* tensions, const V& cable, const Mask& mask) {
     const Entry entry(problem, tensions, cable);
     auto waiting = mask;
     TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
-      const auto here = waiting & (spare_[s] > V{});
+      const auto here = waiting & (empty_[s] > V{});
       waiting = waiting & !here;
       put(s, entry, here);
     }
   }
 
-  // The same in a place that is spare in all lanes.
+  // The same in a place that is empty in all lanes.
   template <class Mask>
   void admit_at(int place, const Problem& problem, const V* tensions, const V& cable, const Mask& mask) {
     put(place, Entry(problem, tensions, cable), mask);
   }
 
-  // They step to the least squares of the error, or as far as the first limit, in the open lanes; the error
-  // follows. dependent: how many columns depend on others.
+  // Moves the free cables to the least squares of the error, or to the first limit, in the open lanes, and updates
+  // the error. dependent: the number of columns that depend on others.
   template <class Mask>
   TENSIONLAB_NOINLINE Stop step(V (&error)[N], const V& gain, const Mask& open, V& dependent) {
     const V zero = V{}, one = zero + Real(1);
@@ -63,7 +63,7 @@ class FreeCables {
       along[s] = inner(column_[s], error);
       TENSIONLAB_UNROLL
       for (int r = 0; r <= s; ++r) gram[s][r] = inner(column_[s], column_[r]);
-      gram[s][s] += spare_[s];
+      gram[s][s] += empty_[s];
       least[s] = kPivot * (gram[s][s] + kPivot * gain * gain);
     }
     const Factor<V, N> factor(gram, least);
@@ -75,7 +75,7 @@ class FreeCables {
     for (int s = 0; s < N; ++s) {
       const auto up = change[s] > zero;
       const V limit = up ? upper_[s] : lower_[s];
-      const V ratio = (limit - tension_[s]) / change[s];  // of what does not move: not positive, or no number
+      const V ratio = (limit - tension_[s]) / change[s];  // not positive or NaN for a cable that does not move
       const auto nearer = (ratio >= zero) & (ratio < pace);
       pace = nearer ? ratio : pace;
       place = nearer ? zero + Real(s) : place;
@@ -99,8 +99,8 @@ class FreeCables {
     return stop;
   }
 
-  // Take what they render out of the error.
-  void render(V (&error)[N]) const {
+  // Subtracts the wrench of the free cables from the error.
+  void subtract_wrench(V (&error)[N]) const {
     TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
       TENSIONLAB_UNROLL
@@ -108,7 +108,7 @@ class FreeCables {
     }
   }
 
-  // The greatest product of a column with the error: nought at least squares.
+  // The largest product of a column with the error: zero at least squares.
   V steepest(const V (&error)[N]) const {
     V most = V{};
     TENSIONLAB_UNROLL
@@ -116,7 +116,7 @@ class FreeCables {
     return most;
   }
 
-  // Put their tensions among those of all cables (m).
+  // Writes the tensions of the free cables into those of all cables (m).
   void put_in(V* tensions, int m) const {
     for (int i = 0; i < m; ++i) {
       TENSIONLAB_UNROLL
@@ -124,7 +124,7 @@ class FreeCables {
     }
   }
 
-  // Their tensions in lane l, among those of all cables.
+  // The same for lane l.
   void store(int l, Real* tensions) const {
     for (int s = 0; s < N; ++s) {
       const int cable = static_cast<int>(read<Real>(cable_[s], l));
@@ -157,7 +157,7 @@ class FreeCables {
   template <class Mask>
   void put(int s, const Entry& entry, const Mask& here) {
     cable_[s] = here ? entry.cable : cable_[s];
-    spare_[s] = here ? V{} : spare_[s];
+    empty_[s] = here ? V{} : empty_[s];
     tension_[s] = here ? entry.tension : tension_[s];
     lower_[s] = here ? entry.lower : lower_[s];
     upper_[s] = here ? entry.upper : upper_[s];
@@ -165,21 +165,21 @@ class FreeCables {
     for (int k = 0; k < N; ++k) column_[s][k] = here ? entry.column[k] : column_[s][k];
   }
 
-  // The cable in that place leaves; -1: none does.
+  // Empties a place; -1: none.
   void drop(const V& place) {
     TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
       const auto here = place == V{} + Real(s);
       cable_[s] = here ? V{} - Real(1) : cable_[s];
-      spare_[s] = here ? V{} + Real(1) : spare_[s];
+      empty_[s] = here ? V{} + Real(1) : empty_[s];
       tension_[s] = here ? V{} : tension_[s];
       TENSIONLAB_UNROLL
       for (int k = 0; k < N; ++k) column_[s][k] = here ? V{} : column_[s][k];
     }
   }
 
-  // A place: which cable, or -1; 1 if none; its column, tension and limits.
-  V cable_[N], spare_[N], column_[N][N], tension_[N], lower_[N], upper_[N];
+  // Of each place: the cable, or -1; 1 if it is empty; the cable's column, tension and limits.
+  V cable_[N], empty_[N], column_[N][N], tension_[N], lower_[N], upper_[N];
 };
 
 }  // namespace TENSIONLAB_BUILD

@@ -1,8 +1,8 @@
-// Where along a path does a dual (solvers/dual_step.hpp) stop growing? Exactly, in every lane at once.
+// Exact line search: the maximum of a dual (solvers/dual_step.hpp) along a path, in every lane at once.
 //
-// Its slope is piecewise linear and falls, so that its root lies between two of its breakpoints, where a cable
-// comes to a limit or leaves one. Newton steps inside a bracket find that piece, from breakpoint to breakpoint
-// where they leave the bracket.
+// The slope is piecewise linear and falls, so that its root lies between two breakpoints, where a cable reaches or
+// leaves a limit. Newton steps inside a bracket find that piece; where they leave the bracket, the next breakpoint
+// is taken.
 #pragma once
 
 #include "simd/lane_problem.hpp"
@@ -17,7 +17,7 @@ class LineSearch {
 
   // wanted: tensions without limits at step 1 along the path. pull and curvature: at step s the slope is
   // pull - curvature (s - 1) less the sum of tension times W_i'path.
-  LineSearch(const SideBySide<Real, L, N, M>& problem, const V (&wanted)[M], const V (&path)[N], const V& pull,
+  LineSearch(const LaneProblems<Real, L, N, M>& problem, const V (&wanted)[M], const V (&path)[N], const V& pull,
              const V& curvature)
       : problem_(problem), wanted_(wanted), pull_(pull), curvature_(curvature) {
     bend_at_one_ = curvature;
@@ -28,8 +28,8 @@ class LineSearch {
     }
   }
 
-  // The step with no slope, or none to speak of, in the open lanes; 1 in the others. first: the slope at step 0,
-  // which is positive; slope: that at step 1; negligible: what is none to speak of.
+  // The step where the slope is zero or negligible, in the open lanes; 1 in the others. first: the slope at step 0,
+  // which is positive.
   template <class Mask>
   V root(const V& first, const V& slope_at_one, const V& negligible, const Mask& open_lanes) const {
     const V zero = V{}, one = zero + Real(1);
@@ -43,8 +43,8 @@ class LineSearch {
       high = left ? high : step;
       high_slope = left ? high_slope : slope;
       V next = step + slope / bend;
-      const auto astray = (next <= low) | (next >= high);
-      if (any(open & astray)) next = astray ? next_breakpoint(low, low_slope, high, high_slope) : next;
+      const auto outside = (next <= low) | (next >= high);
+      if (any(open & outside)) next = outside ? next_breakpoint(low, low_slope, high, high_slope) : next;
       const auto inside = (next > low) & (next < high);
       step = open ? (inside ? next : low) : step;
       open = open & inside;
@@ -66,7 +66,7 @@ class LineSearch {
   static constexpr int kRounds = 2 * M + 8;
   static constexpr Real kFar = Real(1e9);  // beyond all breakpoints
 
-  // The first breakpoint inside the bracket; where there is none the slope is linear, and its root is known.
+  // The first breakpoint inside the bracket; without one the slope is linear there, and its root is known.
   V next_breakpoint(const V& low, const V& low_slope, const V& high, const V& high_slope) const {
     const V zero = V{}, one = zero + Real(1);
     V first = high;
@@ -81,7 +81,7 @@ class LineSearch {
     return first < high ? first : root;
   }
 
-  const SideBySide<Real, L, N, M>& problem_;
+  const LaneProblems<Real, L, N, M>& problem_;
   const V (&wanted_)[M];
   V along_[M], pull_, curvature_, bend_at_one_;
 };

@@ -2,7 +2,7 @@
 //
 //   maximise S   subject to   A t + g S = f,   l_i(S) <= t_i <= u_i(S)
 //
-// The limits of each cable approach each other as S grows (solvers/closing_limits.hpp).
+// The limits of each cable approach each other as S grows (solvers/simplex_basis.hpp).
 // solvers/tension_programs.hpp puts the tension programs into this form. Written as an ordinary linear program it
 // would have a row for every limit that moves; here it has those of A.
 //
@@ -23,9 +23,7 @@
 #include <cmath>
 #include <limits>
 
-#include "simd/lanes.hpp"
-#include "solvers/closing_limits.hpp"
-#include "solvers/free_columns.hpp"
+#include "solvers/simplex_basis.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

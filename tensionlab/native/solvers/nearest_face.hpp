@@ -1,14 +1,14 @@
-// The reachable wrench nearest to one that is out of reach, in every lane at once.
+// The feasible wrench nearest to an infeasible one, in every lane at once.
 //
 //   minimise |w - W t|^2   subject to   a <= t <= b
 //
-// What tensions can render is bounded by flat faces. On the one that is nearest, all cables pull with a limit but
-// a few, whose columns are independent. A direction that separates w tells nearly which: cables that it hardly
-// moves are free, the others at the limit that it points to. From there an active set: the free cables step to
-// their least squares; the first to meet a limit stays there; where all have room, the cable that would most
-// reduce the error comes free. The error falls with every step, so that no set comes twice.
+// The set of feasible wrenches is bounded by flat faces. On the nearest one, all cables are at a limit except a few,
+// whose columns are independent. A direction that separates w nearly tells which: cables that it is almost
+// perpendicular to are free, the others at the limit that it points to. An active set method starts there: the free
+// cables step to their least squares; the first that meets a limit is held there; where none does, the cable that
+// reduces the error most is freed. The error falls with every step, so that no set comes twice.
 //
-// What it finds is an answer only where there is no other: the error is at right angles to the columns of the free
+// The result is accepted only where it is the unique answer: the error is perpendicular to the columns of the free
 // cables, and clearly on the proper side of all others. Then it also separates w.
 //
 // Source: Stark and Parker (1995), "Bounded-variable least-squares: an algorithm and applications".
@@ -29,29 +29,28 @@ class NearestFace {
  public:
   explicit NearestFace(int m) : problem_(m) {}
 
-  // One problem for each lane, and a direction that separates its wrench.
-  void solve(const Source<Real> (&source)[L], const Real* const (&direction)[L]) {
+  // problem: one for each lane; direction: one that separates its wrench.
+  void solve(const Problem<Real> (&source)[L], const Real* const (&direction)[L]) {
     problem_.load(source);
     begin(direction);
     for (int round = 0; round < kStepLimit && any(open_ > V{}); ++round) {
       step();
-      look(round == 0);
+      free_next(round == 0);
     }
     confirm();
   }
 
-  // Whether lane l has the answer.
+  // Whether lane l has an answer.
   bool found(int l) const { return read<Real>(found_, l) != 0; }
 
-  // The answers of all lanes, and in which of them they are proved nearest.
+  // Answers of all lanes; proved is 1 where they are proved nearest, else 0.
   struct Proof {
     V tensions[M], rendered[N], error[N], residual;
-    V proved;  // 1 or 0
+    V proved;
   };
 
-  // Verifies the answers as verification/certificates.hpp does for errors that count as they are: the error that
-  // is left separates the wrench from all that can be rendered, and no tensions leave less of it, within
-  // tolerance.
+  // Verifies the answers as verification/certificates.cpp does without weights: the remaining error separates the
+  // wrench from all feasible ones, and no tensions have a smaller error, within tolerance.
   TENSIONLAB_NOINLINE void prove(Real tolerance, Proof& proof) const {
     const V zero = V{}, one = zero + Real(1);
     for (int i = 0; i < problem_.m; ++i) proof.tensions[i] = tension_[i];
@@ -99,7 +98,7 @@ class NearestFace {
   // The steps taken in lane l.
   int steps(int l) const { return static_cast<int>(read<Real>(steps_, l)); }
 
-  // The answer of lane l: tensions (m) and the error, which separates (n). Returns the steps taken.
+  // Stores the answer of lane l: tensions (m) and the error (n), which separates. Returns the steps taken.
   int store(int l, Real* tensions, Real* error) const {
     for (int i = 0; i < problem_.m; ++i) tensions[i] = read<Real>(tension_[i], l);
     free_.store(l, tensions);
@@ -111,17 +110,17 @@ class NearestFace {
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
   static constexpr bool kDouble = kUlp < Real(1e-10);
   static constexpr int kStepLimit = 4 * N + 4;
-  // At first: what is near to a right angle, as a cosine; and what share of it counts where a cable would be of
-  // use.
+  // Start: the cosine below which a cable counts as perpendicular, and its share for a cable that would reduce the
+  // error.
   static constexpr Real kNear = Real(0.03), kUseful = Real(0.1);
-  // At last: what is clearly no right angle; what an error is more than, and its rounding, against wrench and
-  // tensions.
+  // End: the cosine above which a cable is clearly not perpendicular; the least error, and the rounding in it, as
+  // shares of wrench and tensions.
   static constexpr Real kClear = kDouble ? Real(1e-9) : Real(1e-4), kError = kDouble ? Real(1e-7) : Real(1e-3);
   static constexpr Real kNoise = 64 * kUlp;
   static constexpr Real kNever = std::numeric_limits<Real>::max() / 4;
 
-  // All cables at the limits that the directions point to, but for those that are likely to be free: it hardly
-  // moves them, and free they would reduce the error.
+  // Puts all cables at the limits that the directions point to, except those that are likely to be free: nearly
+  // perpendicular ones that would reduce the error.
   TENSIONLAB_NOINLINE void begin(const Real* const (&direction)[L]) {
     const V zero = V{}, one = zero + Real(1);
     V d[N], along[M], middle[M], most;
@@ -136,7 +135,7 @@ class NearestFace {
       bar_[i] = zero;
     }
     free_.clear();
-    measure();
+    update_error();
     const V square = kNear * kNear * inner(d, d);
     for (int i = 0; i < problem_.m; ++i) {
       const auto useful = problem_.along(i, error_) * room_[i] > zero;
@@ -147,15 +146,15 @@ class NearestFace {
       const V cable = best([&](int i) { return along[i] + bar_[i]; }, most);
       const auto likely = most > zero - kNever;
       free_.admit_at(s, problem_, middle, cable, likely);
-      bar(cable, likely);
+      mark_free(cable, likely);
     }
-    measure();
+    update_error();
     size_ = larger(problem_.desired, V(problem_.gain * problem_.strongest));
     open_ = one;
     found_ = steps_ = zero;
   }
 
-  // The free cables step. One that meets a limit stays there.
+  // Moves the free cables; one that meets a limit is held there.
   void step() {
     const V zero = V{}, one = zero + Real(1);
     const auto open = open_ > zero;
@@ -174,11 +173,12 @@ class NearestFace {
     }
   }
 
-  // Where the free cables have stepped all the way: would another reduce the error? early: ask everywhere.
-  TENSIONLAB_NOINLINE void look(bool early) {
+  // Frees the cable that reduces the error most, in lanes whose free cables are at their least squares; in the first
+  // round in all lanes. Without one, a lane ends.
+  TENSIONLAB_NOINLINE void free_next(bool first_round) {
     const V zero = V{}, one = zero + Real(1);
     const auto flat = flat_ > zero;
-    const auto wanted = early ? open_ > zero : flat;
+    const auto wanted = first_round ? open_ > zero : flat;
     if (!any(wanted)) return;
     V most, norm = zero;
     TENSIONLAB_UNROLL
@@ -192,17 +192,17 @@ class NearestFace {
     open_ = end ? zero : open_;
     if (!any(useful)) return;
     free_.admit(problem_, tension_, cable, useful);
-    bar(cable, useful);
+    mark_free(cable, useful);
   }
 
-  // The error as it is: at right angles to the free columns?
+  // Recomputes the error, which must be perpendicular to the free columns.
   void confirm() {
-    measure();
+    update_error();
     found_ = free_.steepest(error_) <= kNoise * problem_.gain * size_ ? found_ : V{};
   }
 
-  // The error, from the tensions.
-  void measure() {
+  // Computes the error from the tensions.
+  void update_error() {
     V error[N];
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) error[k] = problem_.wrench[k];
@@ -210,12 +210,12 @@ class NearestFace {
       TENSIONLAB_UNROLL
       for (int k = 0; k < N; ++k) error[k] -= problem_.structure[i][k] * tension_[i];
     }
-    free_.render(error);
+    free_.subtract_wrench(error);
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) error_[k] = error[k];
   }
 
-  // The cable with the most merit.
+  // The cable with the greatest merit.
   template <class Merit>
   V best(const Merit& merit_of, V& most) const {
     V cable = V{};
@@ -228,9 +228,9 @@ class NearestFace {
     return cable;
   }
 
-  // The cable is free, and at no limit.
+  // Marks a cable as free.
   template <class Mask>
-  void bar(const V& cable, const Mask& mask) {
+  void mark_free(const V& cable, const Mask& mask) {
     for (int i = 0; i < problem_.m; ++i) {
       const auto it = mask & (cable == V{} + Real(i));
       room_[i] = it ? V{} : room_[i];
@@ -239,9 +239,10 @@ class NearestFace {
     }
   }
 
-  SideBySide<Real, L, N, M> problem_;
+  LaneProblems<Real, L, N, M> problem_;
   FreeCables<Real, L, N, M> free_;
-  // Of a cable at a limit; where it has room: 1 above, -1 below. If it is free these are 0, and the bar is not.
+  // Of a cable at a limit: its tension, and the side where it has room, 1 above or -1 below. Of a free cable these
+  // are 0, and bar_ excludes it from a choice.
   V tension_[M], room_[M], bar_[M];
   V error_[N], size_;
   V open_, flat_, found_, dependent_, steps_;  // flags, and counts

@@ -17,10 +17,9 @@
 #include <cmath>
 #include <limits>
 
-#include "simd/short_vectors.hpp"
+#include "simd/linear.hpp"
 #include "solvers/coordinates.hpp"
 #include "solvers/dual_step.hpp"
-#include "solvers/policy.hpp"
 #include "solvers/scale_search.hpp"
 
 namespace tensionlab {
@@ -29,21 +28,19 @@ inline namespace TENSIONLAB_BUILD {
 template <class Real, int L, int N, int M>
 class Newton {
  public:
-  using Problem = Source<Real>;
-
   // m cables; weight_roots: square roots of the n wrench weights. tolerance: the error of a wrench that counts as
-  // rendered, where a direction asks for it. set_aside: a lane is done when its wrench proves out of reach, and
-  // somebody else seeks the nearest one.
+  // rendered, where a direction asks for it. separate_only: a lane is done when its wrench is proved infeasible,
+  // and the caller finds the nearest one.
   Newton(int m, const Real* weight_roots, Policy policy, Real rank_tolerance, Real tolerance,
-         bool set_aside = false)
+         bool separate_only = false)
       : m_(m),
         policy_(policy),
         rank_tolerance_(rank_tolerance),
         tolerance_(tolerance),
-        set_aside_(set_aside),
+        separate_only_(separate_only),
         steps_(m) {
     for (int k = 0; k < N; ++k) weight_roots_[k] = weight_roots[k];
-    for (int l = 0; l < L; ++l) park(l);
+    for (int l = 0; l < L; ++l) idle(l);
   }
 
   // Lanes point into the object.
@@ -51,13 +48,13 @@ class Newton {
   Newton& operator=(const Newton&) = delete;
 
   // Give lane l a problem whose numbers are all zero, so that it rests.
-  void park(int l) { load(l, {zeros_, zeros_, zeros_, zeros_, zeros_}); }
+  void idle(int l) { load(l, {zeros_, zeros_, zeros_, zeros_, zeros_}); }
 
-  void load(int l, const Problem& problem) {
+  void load(int l, const Problem<Real>& problem) {
     Control& control = control_[l];
     control.problem = problem;
     control.iterations = 0;
-    control.astray = false;
+    control.failed = false;
     render(l);
   }
 
@@ -73,28 +70,28 @@ class Newton {
   }
 
   // Whether lane l is done with a direction that separates its wrench, and no more.
-  bool aside(int l) const { return control_[l].stage == Stage::aside; }
+  bool separated(int l) const { return control_[l].stage == Stage::separated; }
 
   // Whether the tensions of lane l took more than Newton steps for its wrench as given.
-  bool astray(int l) const { return control_[l].astray; }
+  bool failed(int l) const { return control_[l].failed; }
 
   // The answer of lane l: tensions (m), a separating direction or zeros (n). Returns the iterations spent.
   int store(int l, Real* tensions, Real* separation) const {
     const Control& control = control_[l];
-    if (aside(l)) {
+    if (separated(l)) {
       for (int k = 0; k < N; ++k) separation[k] = read<Real>(steps_.direction[k], l);
       return control.iterations;
     }
     for (int i = 0; i < m_; ++i) tensions[i] = steps_.tension(i, l);
-    for (int k = 0; k < N; ++k) separation[k] = control.astray ? control.separation[k] : Real(0);
+    for (int k = 0; k < N; ++k) separation[k] = control.failed ? control.separation[k] : Real(0);
     return control.iterations;
   }
 
  private:
   // render: look for W t = s w. whitened: the same where the rows of W are orthonormal, if that takes long.
   // nearest: as close to s w as the limits allow. (s is 1 but for the direction policy.)
-  // aside: w is out of reach, and that is all.
-  enum class Stage { render, whitened, nearest, aside };
+  // separated: w is infeasible, and no more is asked.
+  enum class Stage { render, whitened, nearest, separated };
 
   // Iterations of a stage, and of all: far beyond what any known problem takes; one that gets there keeps its best
   // answer so far.
@@ -103,14 +100,14 @@ class Newton {
   // What may be missing of a wrench that is as good as rendered, against the parts it is made of.
   static constexpr Real kNegligible = std::numeric_limits<Real>::epsilon() < Real(1e-10) ? Real(1e-9) : Real(1e-4);
 
-  // What the lanes do not share: the rare decisions, in plain numbers. Up to `astray` it is set for every problem,
+  // What the lanes do not share: the rare decisions, in plain numbers. Up to `failed` it is set for every problem,
   // what follows only for those that cannot be rendered at once.
   struct Control {
-    Problem problem;  // in lane coordinates
+    Problem<Real> problem;  // in lane coordinates
     Stage stage;
     int iterations, deadline;  // so far, and when the stage must end
-    bool astray;
-    Problem given;                // the problem as it is
+    bool failed;
+    Problem<Real> given;          // the problem as it is
     bool plain;                   // lane coordinates are as given
     bool hopeless;                // no s keeps the direction
     ScaleSearch<Real, N> search;  // of the direction policy
@@ -122,11 +119,11 @@ class Newton {
   // Lane l has found something other than its tensions, or is late: is it done?
   bool conclude(int l, bool late) {
     Control& control = control_[l];
-    if (set_aside_ && !late && control.stage == Stage::render) {
-      control.stage = Stage::aside;
+    if (separate_only_ && !late && control.stage == Stage::render) {
+      control.stage = Stage::separated;
       return true;
     }
-    if (!control.astray) go_astray(l);
+    if (!control.failed) note_failure(l);
     if (control.iterations >= kIterationLimit) return true;
     Real d[N];
     for (int k = 0; k < N; ++k) d[k] = read<Real>(steps_.direction[k], l);
@@ -148,9 +145,9 @@ class Newton {
     return true;
   }
 
-  void go_astray(int l) {
+  void note_failure(int l) {
     Control& control = control_[l];
-    control.astray = control.plain = true;
+    control.failed = control.plain = true;
     control.hopeless = false;
     control.given = control.problem;
     control.search.begin(control.given, m_, tolerance_);
@@ -263,7 +260,7 @@ class Newton {
   // The direction policy renders s w. Could it be more, within tolerance? Then look for that.
   bool reopen(int l) {
     Control& control = control_[l];
-    if (policy_ != Policy::direction || !control.astray || control.hopeless) return false;
+    if (policy_ != Policy::direction || !control.failed || control.hopeless) return false;
     if (!control.search.reopen(control.given, m_)) return false;
     Real d[N];
     copy<N>(control.search.proof, d);
@@ -295,7 +292,7 @@ class Newton {
   int m_;
   Policy policy_;
   Real rank_tolerance_, tolerance_;
-  bool set_aside_;
+  bool separate_only_;
   Real weight_roots_[N];
   DualStep<Real, L, N, M> steps_;
   Control control_[L];

@@ -1,56 +1,55 @@
-// The exact solver over a batch of problems; compiled once for each instruction set (simd/instruction_set.hpp).
+// The exact solver over a batch of problems.
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "simd/lane_scheduler.hpp"
+#include "solvers/kernels.hpp"
 #include "solvers/nearest_face.hpp"
 #include "solvers/newton.hpp"
-#include "solvers/newton_batch.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
 constexpr int kLanes = TENSIONLAB_LANES;
 
-// A batch: Newton steps for all; the nearest face, many at a time, for what they prove out of reach; and proximal
-// steps, at the end, for the few whose face leaves a doubt.
+// Newton steps for all rows; the nearest face, a vector of problems at a time, for those proved infeasible; and
+// proximal steps, at the end, for the few whose face is in doubt.
 template <int N>
 class NewtonBatch {
  public:
   NewtonBatch(const Batch& batch, Policy policy, double rank_tolerance, double tolerance,
               const NewtonAnswer& answer)
       : batch_(batch), policy_(policy), rank_tolerance_(rank_tolerance), tolerance_(tolerance), answer_(answer) {
-    plain_ = policy == Policy::force;
+    unweighted_ = policy == Policy::force;
     for (int k = 0; k < N; ++k) {
       roots_[k] = std::sqrt(batch.weights[k]);
-      plain_ = plain_ && batch.weights[k] == 1;
+      unweighted_ = unweighted_ && batch.weights[k] == 1;
     }
   }
 
-  void solve(const Selection& rows, std::size_t apart = 0) {
+  void solve(const Selection& rows, std::size_t separated = 0) {
     Face face(batch_.m);
     std::size_t begin = 0;
-    if (policy_ == Policy::direction) apart = 0;
-    while (begin < apart) {
-      for (const std::size_t end = std::min(begin + kChunk, apart); begin < end; ++begin) {
-        set_aside(rows[begin], face);
+    if (policy_ == Policy::direction) separated = 0;
+    while (begin < separated) {
+      for (const std::size_t end = std::min(begin + kChunk, separated); begin < end; ++begin) {
+        enqueue(rows[begin], face);
       }
-      seek_the_others(face);
+      flush(face);
     }
     if (begin == rows.count) return;
     Block block(batch_.m, roots_, policy_, rank_tolerance_, tolerance_, policy_ != Policy::direction);
     for (; begin < rows.count; begin += kChunk) {
       refill<kLanes>(
           block, begin, std::min(begin + kChunk, rows.count),
-          [&](int l, std::size_t j) { block.load(l, problem(rows[j])); },
+          [&](int l, std::size_t j) { block.load(l, batch_[rows[j]]); },
           [&](int l, std::size_t j) {
             const std::size_t row = rows[j];
             answer_.iterations[row] = block.store(l, tensions(row), separation(row));
-            if (policy_ == Policy::direction && block.astray(l)) give_up(row);
-            if (block.aside(l)) set_aside(row, face);
+            if (policy_ == Policy::direction && block.failed(l)) prefer_exact_force(row);
+            if (block.separated(l)) enqueue(row, face);
           });
-      seek_the_others(face);
+      flush(face);
     }
   }
 
@@ -59,57 +58,54 @@ class NewtonBatch {
   using Face = NearestFace<double, kLanes, N, kMaxCables>;
   static constexpr std::size_t kChunk = 512;
 
-  // A row whose wrench is separated waits until the lanes are full.
-  void set_aside(std::size_t row, Face& face) {
-    aside_[waiting_++] = row;
-    if (waiting_ == kLanes) seek(face);
+  // A row whose wrench is separated waits until there is one for each lane.
+  void enqueue(std::size_t row, Face& face) {
+    waiting_[waiting_count_++] = row;
+    if (waiting_count_ == kLanes) find_faces(face);
   }
 
-  void seek_the_others(Face& face) {
-    if (waiting_ > 0) seek(face);
-    if (doubts_ > 0) make_sure();
+  void flush(Face& face) {
+    if (waiting_count_ > 0) find_faces(face);
+    if (doubtful_count_ > 0) solve_doubtful();
   }
 
-  // The nearest faces for the rows that wait; where they are fewer than the lanes, the last one many times.
-  void seek(Face& face) {
-    Source<double> source[kLanes];
+  // Nearest faces of the waiting rows; if they are fewer than the lanes, the last one is repeated.
+  void find_faces(Face& face) {
+    Problem<double> problem[kLanes];
     const double* direction[kLanes];
     for (int l = 0; l < kLanes; ++l) {
-      const std::size_t row = aside_[std::min(l, waiting_ - 1)];
-      source[l] = problem(row);
+      const std::size_t row = waiting_[std::min(l, waiting_count_ - 1)];
+      problem[l] = batch_[row];
       direction[l] = separation(row);
-      if (!plain_) measure_as_desired(coordinates_[l], source[l], direction_[l], direction[l]);
+      if (!unweighted_) change_coordinates(coordinates_[l], problem[l], direction_[l], direction[l]);
     }
-    face.solve(source, direction);
-    if (plain_ && answer_.status != nullptr) {
-      prove(face);
-    } else {
-      for (int l = 0; l < waiting_; ++l) proved_[l] = false;
-    }
-    for (int l = 0; l < waiting_; ++l) {
-      const std::size_t row = aside_[l];
+    face.solve(problem, direction);
+    std::fill_n(proved_, waiting_count_, false);
+    if (unweighted_ && answer_.status != nullptr) store_proved(face);
+    for (int l = 0; l < waiting_count_; ++l) {
+      const std::size_t row = waiting_[l];
       if (proved_[l]) continue;
       if (!face.found(l)) {
-        doubtful_[doubts_++] = row;
+        doubtful_[doubtful_count_++] = row;
         continue;
       }
       answer_.iterations[row] += face.store(l, tensions(row), direction_[l]);
-      if (plain_) {
+      if (unweighted_) {
         std::copy_n(direction_[l], N, separation(row));
       } else {
         coordinates_[l].back(direction_[l], separation(row));
       }
     }
-    waiting_ = 0;
+    waiting_count_ = 0;
   }
 
   // Writes the answers that are proved, and notes which are.
-  void prove(const Face& face) {
+  void store_proved(const Face& face) {
     face.prove(tolerance_, proof_);
     double unused[kMaxCables > N ? kMaxCables : N], *to_tensions[kLanes], *to_rendered[kLanes], *to_error[kLanes];
     for (int l = 0; l < kLanes; ++l) {
-      const std::size_t row = aside_[std::min(l, waiting_ - 1)];
-      proved_[l] = l < waiting_ && read<double>(proof_.proved, l) != 0;
+      const std::size_t row = waiting_[std::min(l, waiting_count_ - 1)];
+      proved_[l] = l < waiting_count_ && read<double>(proof_.proved, l) != 0;
       to_tensions[l] = proved_[l] ? tensions(row) : unused;
       to_rendered[l] = proved_[l] ? answer_.rendered + row * N : unused;
       to_error[l] = proved_[l] ? separation(row) : unused;
@@ -124,81 +120,76 @@ class NewtonBatch {
     store_rows<double, kLanes>(proof_.error, N, to_error);
   }
 
-  // The problem in the coordinates of the policy; d, which separates, follows.
-  void measure_as_desired(Coordinates<double, N, kMaxCables>& coordinates, Source<double>& source, double* y,
+  // Puts the problem into the coordinates in which the policy measures errors, and the direction d with it, at y.
+  void change_coordinates(Coordinates<double, N, kMaxCables>& coordinates, Problem<double>& problem, double* y,
                           const double*& d) const {
     std::copy_n(d, N, y);
     d = y;
     if (policy_ == Policy::tension) {
-      coordinates.whiten(batch_.m, source.structure, source.wrench, rank_tolerance_, y);
+      coordinates.whiten(batch_.m, problem.structure, problem.wrench, rank_tolerance_, y);
     } else {
-      coordinates.weigh(batch_.m, source.structure, source.wrench, roots_, y);
+      coordinates.weigh(batch_.m, problem.structure, problem.wrench, roots_, y);
     }
-    source.structure = coordinates.structure;
-    source.wrench = coordinates.wrench;
+    problem.structure = coordinates.structure;
+    problem.wrench = coordinates.wrench;
   }
 
-  // A direction is given up only where the nearest force would not be exact. That is seldom needed: the separation
-  // answers it but for wrenches that are nearly as good as rendered, and where the search for s has not ended.
-  void give_up(std::size_t row) const {
-    const Source<double> source = problem(row);
-    const double most = tolerance_ * larger(1.0, std::sqrt(dot<N>(source.wrench, source.wrench)));
+  // The direction policy keeps the direction only where the nearest force would not be exact. The separation shows
+  // that, but for wrenches that are nearly rendered, and where the search for the scale was cut short.
+  void prefer_exact_force(std::size_t row) const {
+    const Problem<double> problem = batch_[row];
+    const double most = tolerance_ * larger(1.0, std::sqrt(dot<N>(problem.wrench, problem.wrench)));
     const double* d = separation(row);
-    if (least_error(source, d) > most || !(error_of(source, tensions(row)) > most)) return;
+    if (least_error(problem, d) > most || !(error_of(problem, tensions(row)) > most)) return;
     double tensions_of_force[kMaxCables], proof[N];
     std::int64_t iterations;
-    const auto m = static_cast<std::ptrdiff_t>(batch_.m);
     const Batch one{1,
                     N,
                     batch_.m,
-                    {source.structure, N * m},
-                    {source.wrench, N},
-                    {source.lower, m},
-                    {source.upper, m},
-                    {source.reference, m},
+                    {problem.structure, 0},
+                    {problem.wrench, 0},
+                    {problem.lower, 0},
+                    {problem.upper, 0},
+                    {problem.reference, 0},
                     batch_.weights};
     NewtonBatch(one, Policy::force, rank_tolerance_, tolerance_, {tensions_of_force, proof, &iterations})
         .solve({0, 1});
     answer_.iterations[row] += iterations;
-    if (error_of(source, tensions_of_force) <= most) std::copy_n(tensions_of_force, m, tensions(row));
+    if (error_of(problem, tensions_of_force) <= most) std::copy_n(tensions_of_force, batch_.m, tensions(row));
   }
 
-  // What any tensions miss of the wrench at least, as d shows.
-  double least_error(const Source<double>& source, const double* d) const {
+  // A lower bound of the error of any tensions, by the direction d.
+  double least_error(const Problem<double>& problem, const double* d) const {
     double reach = 0;
     for (int i = 0; i < batch_.m; ++i) {
       double along = 0;
-      for (int k = 0; k < N; ++k) along += d[k] * source.structure[k * batch_.m + i];
-      reach += along * (along > 0 ? source.upper[i] : source.lower[i]);
+      for (int k = 0; k < N; ++k) along += d[k] * problem.structure[k * batch_.m + i];
+      reach += along * (along > 0 ? problem.upper[i] : problem.lower[i]);
     }
     const double length = std::sqrt(dot<N>(d, d));
-    return length > 0 ? (dot<N>(d, source.wrench) - reach) / length : 0;
+    return length > 0 ? (dot<N>(d, problem.wrench) - reach) / length : 0;
   }
 
-  double error_of(const Source<double>& source, const double* tensions) const {
+  double error_of(const Problem<double>& problem, const double* tensions) const {
     double error[N];
-    std::copy_n(source.wrench, N, error);
+    std::copy_n(problem.wrench, N, error);
     for (int k = 0; k < N; ++k) {
-      for (int i = 0; i < batch_.m; ++i) error[k] -= source.structure[k * batch_.m + i] * tensions[i];
+      for (int i = 0; i < batch_.m; ++i) error[k] -= problem.structure[k * batch_.m + i] * tensions[i];
     }
     return std::sqrt(dot<N>(error, error));
   }
 
-  void make_sure() {
+  void solve_doubtful() {
     Block block(batch_.m, roots_, policy_, rank_tolerance_, tolerance_);
     refill<kLanes>(
-        block, 0, doubts_, [&](int l, std::size_t j) { block.load(l, problem(doubtful_[j])); },
+        block, 0, doubtful_count_, [&](int l, std::size_t j) { block.load(l, batch_[doubtful_[j]]); },
         [&](int l, std::size_t j) {
           const std::size_t row = doubtful_[j];
           answer_.iterations[row] += block.store(l, tensions(row), separation(row));
         });
-    doubts_ = 0;
+    doubtful_count_ = 0;
   }
 
-  Source<double> problem(std::size_t row) const {
-    return {batch_.structure[row], batch_.wrench[row], batch_.lower[row], batch_.upper[row],
-            batch_.reference[row]};
-  }
   double* tensions(std::size_t row) const { return answer_.tensions + row * static_cast<std::size_t>(batch_.m); }
   double* separation(std::size_t row) const { return answer_.separation + row * N; }
 
@@ -207,26 +198,20 @@ class NewtonBatch {
   double rank_tolerance_, tolerance_;
   const NewtonAnswer& answer_;
   double roots_[N];
-  bool plain_;  // errors are measured in the coordinates as given
+  bool unweighted_;  // errors are measured in the coordinates as given
   Coordinates<double, N, kMaxCables> coordinates_[kLanes];
   double direction_[kLanes][N];
   typename Face::Proof proof_;
   bool proved_[kLanes];
-  std::size_t aside_[kLanes], doubtful_[kChunk], doubts_ = 0;  // rows
-  int waiting_ = 0;
+  std::size_t waiting_[kLanes], doubtful_[kChunk], doubtful_count_ = 0;  // rows
+  int waiting_count_ = 0;
 };
 
-template <int N>
-void newton_of_size(const Batch& batch, Policy policy, double rank_tolerance, double tolerance,
-                    const Selection& rows, std::size_t apart, const NewtonAnswer& answer) {
-  NewtonBatch<N>(batch, policy, rank_tolerance, tolerance, answer).solve(rows, apart);
-}
-
 void newton(const Batch& batch, Policy policy, double rank_tolerance, double tolerance, const Selection& rows,
-            std::size_t apart, const NewtonAnswer& answer) {
-  static constexpr decltype(&newton) kSolve[] = {newton_of_size<1>, newton_of_size<2>, newton_of_size<3>,
-                                                 newton_of_size<4>, newton_of_size<5>, newton_of_size<6>};
-  kSolve[batch.n - 1](batch, policy, rank_tolerance, tolerance, rows, apart, answer);
+            std::size_t separated, const NewtonAnswer& answer) {
+  with_size(batch.n, [&](auto n) {
+    NewtonBatch<n>(batch, policy, rank_tolerance, tolerance, answer).solve(rows, separated);
+  });
 }
 
 }  // namespace TENSIONLAB_BUILD

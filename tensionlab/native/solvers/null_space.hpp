@@ -1,15 +1,15 @@
-// Which cables are at their limits, found in the null space of W where that has one or two dimensions: for m = n +
-// 1 or n + 2 cables.
+// Guess of the cables at their limits, in the null space of W where that has one or two dimensions: for m = n + 1 or
+// n + 2 cables.
 //
-// The tensions that render the wrench are u + Z s, with u those without limits and Z an orthonormal basis of the
-// null space, which is square to u - t0. So the optimum is the s nearest to the origin with a <= u + Z s <= b: on
-// a line the nearest end of an interval, in a plane the nearest point of a polygon, by a dual active set (Goldfarb
-// and Idnani, "A numerically stable dual method for solving strictly convex quadratic programs", 1983). What is
-// found here is a guess: rounding, or a W that lacks a rank, may spoil it, and others judge.
+// The tensions that render the wrench are u + Z s, with u the optimum without limits and Z an orthonormal basis of
+// the null space, which is orthogonal to u - t0. So the optimum is the s nearest to the origin with a <= u + Z s <=
+// b: on a line the nearest end of an interval, in a plane the nearest point of a polygon, by a dual active set
+// (Goldfarb and Idnani, "A numerically stable dual method for solving strictly convex quadratic programs", 1983).
+// Rounding, or a W that lacks a rank, may spoil the guess; the caller checks it.
 #pragma once
 
-#include "simd/factor.hpp"
 #include "simd/lanes.hpp"
+#include "simd/linear.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
@@ -48,7 +48,7 @@ class NullSpace {
     V n[2], c, cable, side;
   };
 
-  // Direction k of the basis: what of an arbitrary vector W takes nothing of, square to those before.
+  // Direction k of the basis: the part of an arbitrary vector in the null space, orthogonal to those before.
   void project(const V* structure, const Factor<V, N>& gram, int k) {
     V image[N], dual[N];
     TENSIONLAB_UNROLL
@@ -73,7 +73,7 @@ class NullSpace {
     for (int i = 0; i < kCables; ++i) basis_[k][i] *= inverse;
   }
 
-  // The point of the interval nearest to nought.
+  // The point of the interval nearest to zero.
   void find_end() {
     const V none = V{} - 1;
     Bound low{{}, V{}, none, V{}}, high = low;
@@ -121,7 +121,7 @@ class NullSpace {
     }
   }
 
-  // The nearest point with one bound more, in the open lanes: on it alone, or where it meets one of the others.
+  // The nearest point with another bound, in the open lanes: on it alone, or where it meets one of the others.
   template <class Mask>
   void add(const Bound& bound, const Mask& open, V (&s)[2]) {
     const V pace = bound.c / (bound.n[0] * bound.n[0] + bound.n[1] * bound.n[1]);
@@ -137,7 +137,7 @@ class NullSpace {
     active_[0] = choose(open, bound, active_[0]);
   }
 
-  // Where two bounds meet; and whether that is the point nearest to the origin that keeps both.
+  // The point where two bounds meet, and whether it is the point nearest to the origin that keeps both.
   static auto meet(const Bound& a, const Bound& b, V (&s)[2]) {
     const V inverse = V{} + 1 / (a.n[0] * b.n[1] - a.n[1] * b.n[0]);
     s[0] = (a.c * b.n[1] - a.n[1] * b.c) * inverse;
@@ -151,7 +151,7 @@ class NullSpace {
     return bound.n[0] * s[0] + bound.n[1] * s[1] >= bound.c - kInside;
   }
 
-  // Of no cable: every point keeps it.
+  // A bound of no cable, which every point keeps.
   static Bound none() { return {{V{}, V{}}, V{} - 1, V{} - 1, V{}}; }
 
   template <class Mask>
@@ -162,7 +162,7 @@ class NullSpace {
             mask ? a.side : b.side};
   }
 
-  // Arbitrary vectors, of which each direction of the basis should have a part.
+  // Arbitrary vectors, whose parts in the null space span it.
   static constexpr double kProbe[2][8] = {{1.0, -0.62, 0.81, 0.37, -0.93, 0.56, -0.44, 0.73},
                                           {0.41, 0.88, -0.53, 0.97, 0.34, -0.79, 0.67, 0.59}};
 

@@ -1,6 +1,9 @@
-// The pseudo-inverse of one structure matrix, and the projection onto the tensions that render a wrench.
+// The pseudo-inverse of one structure matrix, and the plane W t = w of all tensions that render a wrench.
 #pragma once
 
+#include <cmath>
+
+#include "simd/batch.hpp"
 #include "simd/linear.hpp"
 
 namespace tensionlab {
@@ -36,19 +39,101 @@ struct Pseudoinverse {
         missing[k] = wrench[k];
         for (int i = 0; i < cables_; ++i) missing[k] -= structure[k * cables_ + i] * tensions[i];
       }
-      for (int r = 0; r < N; ++r) pull[r] = dot(basis[r], missing);
-      for (int i = 0; i < cables_; ++i) tensions[i] += dot(columns[i], pull);
+      for (int r = 0; r < N; ++r) pull[r] = dot<N>(basis[r], missing);
+      for (int i = 0; i < cables_; ++i) tensions[i] += dot<N>(columns[i], pull);
     }
   }
 
  private:
-  static Real dot(const Real* x, const Real* y) {
+  int cables_;
+};
+
+// The cables of one problem whose limits differ. One whose limits are equal has its share of the wrench
+// subtracted, and its column dropped.
+template <class Real, int N, int M>
+struct LooseCables {
+  int count = 0;
+  int index[M];  // which they are, in order
+  Real lower[M], upper[M];
+  Real structure[N * M];  // N x count, row by row
+  Real wrench[N];         // remaining for them
+
+  LooseCables(const Problem<Real>& problem, int m) {
+    const Real *low = problem.lower, *high = problem.upper;
+    for (int i = 0; i < m; ++i) {
+      if (!(low[i] < high[i])) continue;
+      lower[count] = low[i];
+      upper[count] = high[i];
+      index[count++] = i;
+    }
+    for (int k = 0; k < N; ++k) {
+      const Real* row = problem.structure + k * m;
+      wrench[k] = problem.wrench[k];
+      for (int i = 0; i < m; ++i) wrench[k] -= low[i] < high[i] ? Real(0) : row[i] * low[i];
+      for (int i = 0; i < count; ++i) structure[k * count + i] = row[index[i]];
+    }
+  }
+};
+
+// Every array of tensions here has one entry for each loose cable. The part of the wrench that these cables can
+// never render is ignored.
+template <class Real, int N, int M>
+class Equilibrium {
+ public:
+  const LooseCables<Real, N, M>& cables;
+  int redundancy;
+
+  // Singular values below rank_tolerance times the largest count as zero.
+  Equilibrium(const LooseCables<Real, N, M>& loose, Real rank_tolerance)
+      : cables(loose), inverse_(loose.structure, loose.count, rank_tolerance) {
+    redundancy = cables.count - inverse_.rank;
+  }
+
+  // Moves tensions to the closest ones of the plane.
+  void project(Real* tensions) const { inverse_.project(cables.structure, cables.wrench, tensions); }
+
+  // Finds an orthonormal basis of the null space, a row for each degree of redundancy: unit vectors of the cables
+  // that can move most, made orthogonal to all rows before them; twice, which is enough (Kahan).
+  void null_space(Real (*basis)[M]) const {
+    Real freedom[M];
+    for (int i = 0; i < cables.count; ++i) {
+      freedom[i] = 1;
+      for (int k = 0; k < N; ++k) freedom[i] -= inverse_.columns[i][k] * inverse_.columns[i][k];
+    }
+    for (int d = 0; d < redundancy; ++d) {
+      int most = 0;
+      for (int i = 1; i < cables.count; ++i) {
+        if (freedom[i] > freedom[most]) most = i;
+      }
+      Real* x = basis[d];
+      for (int i = 0; i < cables.count; ++i) x[i] = i == most ? Real(1) : Real(0);
+      for (int round = 0; round < 2; ++round) {
+        Real pull[N] = {};
+        for (int i = 0; i < cables.count; ++i) {
+          for (int k = 0; k < N; ++k) pull[k] += inverse_.columns[i][k] * x[i];
+        }
+        for (int i = 0; i < cables.count; ++i) {
+          for (int k = 0; k < N; ++k) x[i] -= inverse_.columns[i][k] * pull[k];
+        }
+        for (int e = 0; e < d; ++e) {
+          const Real share = dot(basis[e], x);
+          for (int i = 0; i < cables.count; ++i) x[i] -= share * basis[e][i];
+        }
+        const Real length = std::sqrt(dot(x, x));
+        for (int i = 0; i < cables.count; ++i) x[i] /= length;
+      }
+      for (int i = 0; i < cables.count; ++i) freedom[i] -= x[i] * x[i];
+    }
+  }
+
+ private:
+  Real dot(const Real* x, const Real* y) const {
     Real sum = 0;
-    for (int k = 0; k < N; ++k) sum += x[k] * y[k];
+    for (int i = 0; i < cables.count; ++i) sum += x[i] * y[i];
     return sum;
   }
 
-  int cables_;
+  Pseudoinverse<Real, N, M> inverse_;
 };
 
 }  // namespace TENSIONLAB_BUILD

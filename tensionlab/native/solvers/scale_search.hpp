@@ -16,7 +16,7 @@
 
 #include "simd/lane_problem.hpp"
 #include "simd/lanes.hpp"
-#include "simd/short_vectors.hpp"
+#include "simd/linear.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
@@ -46,7 +46,18 @@ struct ScaleLine {
   Real largest() const { return reach > 0 ? reach / along : Real(0); }  // where along is positive
 };
 
-// size: what no wrench that can be rendered is longer than.
+// An upper bound of the length of every feasible wrench.
+template <int N, class Real>
+Real wrench_bound(const Problem<Real>& problem, int m) {
+  Real size = 0;
+  for (int i = 0; i < m; ++i) {
+    const Real most = larger(std::abs(problem.lower[i]), std::abs(problem.upper[i]));
+    for (int k = 0; k < N; ++k) size += std::abs(problem.structure[k * m + i]) * most;
+  }
+  return size;
+}
+
+// size: the bound above.
 template <class Real>
 Real direction_tolerance(Real tolerance, Real length, Real size) {
   return tolerance * larger(Real(1), smaller(length, size));
@@ -65,21 +76,17 @@ class ScaleSearch {
   bool fresh() const { return phase_ == Phase::exact && scale == 1; }
   bool near() const { return phase_ != Phase::exact; }
 
-  void begin(const Source<Real>& problem, int m, Real tolerance) {
+  void begin(const Problem<Real>& problem, int m, Real tolerance) {
     scale = 1;
     phase_ = Phase::exact;
-    size_ = 0;
-    for (int i = 0; i < m; ++i) {
-      const Real most = larger(std::abs(problem.lower[i]), std::abs(problem.upper[i]));
-      for (int k = 0; k < N; ++k) size_ += std::abs(problem.structure[k * m + i]) * most;
-    }
+    size_ = wrench_bound<N>(problem, m);
     length_ = std::sqrt(dot<N>(problem.wrench, problem.wrench));
     tolerance_ = direction_tolerance(tolerance, length_, size_);
     for (int k = 0; k < N; ++k) proof[k] = 0;
   }
 
   // d separates s w: take the next s, which is less by at least one number, or none. d is made a unit vector.
-  Outcome cut(const Source<Real>& problem, int m, Real* d) {
+  Outcome cut(const Problem<Real>& problem, int m, Real* d) {
     normalise<N>(d);
     const Line line = line_of(problem, m, d);
     if (excluded(line)) return give_up(d);
@@ -101,7 +108,7 @@ class ScaleSearch {
   }
 
   // Nothing above s can be rendered exactly. Might more be within tolerance? Then s is where to look from.
-  bool reopen(const Source<Real>& problem, int m) {
+  bool reopen(const Problem<Real>& problem, int m) {
     if (phase_ != Phase::exact) return false;
     const Line line = line_of(problem, m, proof);
     const bool clear = line.along - line.reach > kHair * tolerance_;
@@ -126,7 +133,7 @@ class ScaleSearch {
     return Outcome::less;
   }
 
-  Outcome cut_exactly(const Source<Real>& problem, int m, Real* d, const Line& line) {
+  Outcome cut_exactly(const Problem<Real>& problem, int m, Real* d, const Line& line) {
     if (line.along > rounding() && line.reach >= -rounding()) {
       const Outcome outcome = lower(line);
       if (outcome == Outcome::less) copy<N>(d, proof);
@@ -144,7 +151,7 @@ class ScaleSearch {
 
   // d shows that s w is too short, the proof that it is too long. Their mean that is normal to w shows it for all
   // s.
-  void mix(const Source<Real>& problem, Real* d, Real along) const {
+  void mix(const Problem<Real>& problem, Real* d, Real along) const {
     const Real other = dot<N>(proof, problem.wrench);
     for (int k = 0; k < N; ++k) d[k] = std::abs(other) * d[k] + std::abs(along) * proof[k];
     normalise<N>(d);
@@ -160,7 +167,7 @@ class ScaleSearch {
     return Line{line.along, line.reach + rounding()}.moved(tolerance_).excludes_all();
   }
 
-  static Line line_of(const Source<Real>& problem, int m, const Real* d) {
+  static Line line_of(const Problem<Real>& problem, int m, const Real* d) {
     Real reach = 0;
     for (int i = 0; i < m; ++i) {
       Real along = 0;

@@ -10,6 +10,7 @@
 
 #include <limits>
 
+#include "simd/batch.hpp"
 #include "solvers/linear_program.hpp"
 
 namespace tensionlab {
@@ -21,17 +22,12 @@ inline namespace TENSIONLAB_BUILD {
 template <class Real, int N, int M>
 class TensionProgram {
  public:
-  // All pointers to contiguous numbers; structure is n x m, row by row. N = n, and one more for the least sum.
-  struct Problem {
-    const Real *structure, *wrench, *lower, *upper;
-  };
-
-  // alpha: of the optimally safe tensions only.
+  // N: wrench components, and one more for the least sum. alpha: of the optimally safe tensions only.
   TensionProgram(int m, Program program, Real alpha) : m_(m), program_(program), alpha_(alpha), linear_(m) {}
 
   // The limits that all of the best tensions keep, and no others that render the wrench; those of the problem
   // where it is out of reach. Returns the steps taken.
-  int tighten(const Problem& problem, Real* lower, Real* upper) {
+  int tighten(const Problem<Real>& problem, Real* lower, Real* upper) {
     const bool found = load(problem);
     if (found) linear_.face(lower, upper);
     for (int i = 0; i < m_; ++i) {
@@ -48,7 +44,7 @@ class TensionProgram {
 
  private:
   // Whether the wrench is in reach.
-  bool load(const Problem& problem) {
+  bool load(const Problem<Real>& problem) {
     const bool sum = program_ == Program::least_sum;
     const int n = sum ? N - 1 : N;
     Real start[N] = {};

@@ -13,9 +13,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "simd/batch.hpp"
-#include "simd/lanes.hpp"
-#include "workspace/certify_batch.hpp"
+#include "workspace/kernels.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

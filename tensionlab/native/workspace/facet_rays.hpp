@@ -14,9 +14,8 @@
 #include <vector>
 
 #include "simd/batch.hpp"
-#include "simd/checkpoint.hpp"
 #include "simd/lanes.hpp"
-#include "workspace/dual_basis.hpp"
+#include "simd/linear.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

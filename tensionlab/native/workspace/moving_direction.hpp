@@ -5,8 +5,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "simd/linear.hpp"
 #include "workspace/cell_columns.hpp"
-#include "workspace/dual_basis.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

@@ -7,8 +7,8 @@
 #include <cstddef>
 
 #include "simd/lanes.hpp"
+#include "workspace/kernels.hpp"
 #include "workspace/pulley.hpp"
-#include "workspace/workspace_batch.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
@@ -17,36 +17,35 @@ template <int L, int D>
 class StructureMatrices {
  public:
   // least_share: a cable that is no longer than this share of the longest has no direction.
-  StructureMatrices(const Cables& cables, double least_share)
+  StructureMatrices(const CableGeometry& cables, double least_share)
       : cables_(cables), least_share_(least_share), n_(cables.attachments == nullptr ? D : 3 * (D - 1)) {}
 
-  void place(const Places& places, std::size_t begin, std::size_t end, const Structures& found) {
+  void solve(const PoseRows& poses, std::size_t begin, std::size_t end, const StructureAnswer& answer) {
     const std::size_t entries = static_cast<std::size_t>(n_ * cables_.m);
     for (; begin < end; begin += L) {
       std::size_t row[L];
       double* matrix[L];
       for (std::size_t l = 0; l < L; ++l) {
         row[l] = std::min(begin + l, end - 1);
-        matrix[l] = found.matrices + row[l] * entries;
+        matrix[l] = answer.structure + row[l] * entries;
       }
-      load(places, row);
-      const auto sound = find();
+      load(poses, row);
+      const auto valid = find();
       store_rows<double, L>(structure_, n_ * cables_.m, matrix);
-      for (int l = 0; l < L; ++l) found.sound[row[l]] = holds(sound, l);
+      for (int l = 0; l < L; ++l) answer.valid[row[l]] = holds(valid, l);
     }
   }
 
  private:
   using V = Lanes<double, L>;
 
-  void load(const Places& places, const std::size_t (&row)[L]) {
+  void load(const PoseRows& poses, const std::size_t (&row)[L]) {
     TENSIONLAB_UNROLL
-    for (int k = 0; k < D; ++k)
-      position_[k] = gather<double, L>([&](int l) { return places.position[row[l]][k]; });
-    turned_ = places.rotation != nullptr;
+    for (int k = 0; k < D; ++k) position_[k] = gather<double, L>([&](int l) { return poses.position[row[l]][k]; });
+    turned_ = poses.rotation != nullptr;
     if (!turned_) return;
     const double* matrix[L];
-    for (int l = 0; l < L; ++l) matrix[l] = (*places.rotation)[row[l]];
+    for (int l = 0; l < L; ++l) matrix[l] = (*poses.rotation)[row[l]];
     transpose<double, L>(matrix, D * D, [&](int j, const V& entry) { rotation_[j] = entry; });
   }
 
@@ -109,7 +108,7 @@ class StructureMatrices {
     }
   }
 
-  const Cables& cables_;
+  const CableGeometry& cables_;
   double least_share_;
   int n_;
   bool turned_ = false;

@@ -64,7 +64,7 @@ def certify(
     Source: Gouttefarde, Daney and Merlet, "Interval-analysis-based determination of the wrench-feasible workspace
     of parallel cable-driven robots", 2011, for the proof of cells; Bouchard, Gosselin and Moore, "On the ability
     of a cable-driven robot to generate a prescribed set of wrenches", 2010, for the facets. That these may turn is
-    shown in ``tensionlab/native/workspace/cell_proof.hpp``.
+    shown in ``tensionlab/native/workspace/certify.cpp``.
 
     Parameters
     ----------

@@ -177,7 +177,7 @@ class Watched:
         self.monitor = ModuleMonitor(self, 0.25, on_loss, lambda *loss: self.lost.append(loss))
         self.too_hot = set()
 
-    def forget_checked(self):
+    def clear_checked(self):
         pass
 
     def suspects(self, active, delays, ttl):

@@ -1,4 +1,4 @@
-// Certificates of a batch of answers, and the kernel that does it (verification/certificates_kernel.cpp).
+// Certificates of a batch of answers (verification/certificates.cpp).
 #pragma once
 
 #include <atomic>

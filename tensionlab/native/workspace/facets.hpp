@@ -8,7 +8,7 @@
 #include <numeric>
 
 #include "solvers/pseudoinverse.hpp"
-#include "workspace/workspace_metrics.hpp"
+#include "workspace/metrics.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

@@ -1,28 +1,59 @@
-// How old are the set-points that modules report to follow? By the times at which they were sent.
-//
-// A sequence number stands for many set-points at high rates. Which one it is follows from how many were sent
-// since the last report; of the first one that is reported, the newest is taken.
+// Set-points of modules: the next ones, and how old those are that modules report to follow.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <vector>
 
 namespace tensionlab {
 
+struct NextTensions {
+  std::ptrdiff_t refused = -1;  // a free module whose tension is outside its limits or NaN; -1: none
+  bool slew_limited = false;
+};
+
+// Moves the tensions of the free modules from `before` towards those chosen, all by the same share, so that the
+// wrench changes in a straight line; the others stay. `commanded` is NaN where a module is not free.
+inline NextTensions next_tensions(std::size_t m, const double* before, const double* chosen, const bool* free,
+                                  const double* lower, const double* upper, double max_change, double* after,
+                                  double* commanded) {
+  NextTensions next;
+  double largest = 0.0;
+  for (std::size_t i = 0; i < m; ++i) {
+    if (!free[i]) continue;
+    if (!(lower[i] <= chosen[i] && chosen[i] <= upper[i])) {
+      next.refused = static_cast<std::ptrdiff_t>(i);
+      return next;
+    }
+    largest = std::max(largest, std::abs(chosen[i] - before[i]));
+  }
+  next.slew_limited = !(largest <= max_change);
+  const double share = next.slew_limited ? max_change / largest : 1.0;
+  for (std::size_t i = 0; i < m; ++i) {
+    const double wanted = free[i] ? chosen[i] : before[i];
+    after[i] = next.slew_limited ? before[i] + (wanted - before[i]) * share : wanted;
+    commanded[i] = free[i] ? after[i] : std::numeric_limits<double>::quiet_NaN();
+  }
+  return next;
+}
+
+// Ages of set-points, by the times at which they were sent. A sequence number is used for many set-points at high
+// rates. Which one it is follows from the number sent since the last report; of the first one that is reported,
+// the newest is taken.
 class SetPointDelays {
  public:
-  // Of so many modules; times are kept of so many set-points each, a multiple of kSequenceNumbers.
   static constexpr std::int64_t kSequenceNumbers = 256;
 
+  // kept: the set-points of each module whose times are kept, a multiple of kSequenceNumbers.
   SetPointDelays(std::size_t modules, std::int64_t kept)
       : kept_(kept), modules_(modules), times_(modules * static_cast<std::size_t>(kept)) {}
 
   std::size_t size() const { return modules_.size(); }
 
-  // Note the numbers of set-points that were sent now; -1 where none was.
+  // Notes the numbers of set-points that were sent now; -1 where none was.
   void send(const std::int64_t* sequences, double now) {
     for (std::size_t i = 0; i < modules_.size(); ++i) {
       Module& module = modules_[i];
@@ -37,8 +68,8 @@ class SetPointDelays {
     }
   }
 
-  // The ages of those that modules report to follow, NaN where that is none of these; and the same with the time
-  // since the first was sent there. A number is -1 where none has been reported yet.
+  // Finds the ages of the set-points that modules report to follow, NaN where that is none of these; and the same
+  // with the time since the first was sent in place of NaN. A number is -1 where none has been reported yet.
   void delays(const std::int64_t* last, double now, double* ages, double* at_least) {
     for (std::size_t i = 0; i < modules_.size(); ++i) {
       Module& module = modules_[i];

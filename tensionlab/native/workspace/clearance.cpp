@@ -1,7 +1,10 @@
-// How far apart straight cables and bodies are. A cable is a segment, a body a segment with a radius (a capsule).
-#pragma once
+// The closest pair of straight cables and bodies, with one pose in each lane. A cable is a segment, a body a
+// segment with a radius (a capsule).
+#include <algorithm>
+#include <limits>
 
 #include "simd/lanes.hpp"
+#include "workspace/kernels.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
@@ -45,6 +48,34 @@ V squared_distance(const Point<V>& r, const Point<V>& u, const Point<V>& v) {
   const V inside = at(s, nearest_within(V(vr + s * uv), vv));
   const V sides = smaller(at(nearest_within(V(-ur), uu), zero), at(nearest_within(V(uv - ur), uu), one));
   return smaller(inside, sides);
+}
+
+void clearance(const Segments& all, std::size_t begin, std::size_t end, double* distance, std::int64_t* closest) {
+  constexpr int L = TENSIONLAB_LANES;
+  using V = Lanes<double, L>;
+  for (std::size_t row = begin; row < end; row += L) {
+    const double* poses[L];
+    for (int l = 0; l < L; ++l) {  // past the end, the last pose again
+      poses[l] = all.ends[std::min(row + static_cast<std::size_t>(l), end - 1)];
+    }
+    V number[kMaxSegments * 6];
+    transpose<double, L>(poses, 6 * all.segments, [&](int i, const V& v) { number[i] = v; });
+    const auto point = [&](int i) { return Point<V>{number[3 * i], number[3 * i + 1], number[3 * i + 2]}; };
+
+    V least = V{} + std::numeric_limits<double>::infinity(), which = V{} - 1.0;
+    for (int p = 0; p < all.pairs; ++p) {
+      const int i = static_cast<int>(all.pair[2 * p]), j = static_cast<int>(all.pair[2 * p + 1]);
+      const Point<V> a = point(2 * i), c = point(2 * j);
+      const V squared = squared_distance<V>(a - c, point(2 * i + 1) - a, point(2 * j + 1) - c);
+      const V apart = square_root<double, L>(squared) - (all.radius[i] + all.radius[j]);
+      which = apart < least ? V{} + static_cast<double>(p) : which;
+      least = smaller(apart, least);
+    }
+    for (int l = 0; l < L && row + static_cast<std::size_t>(l) < end; ++l) {
+      distance[row + static_cast<std::size_t>(l)] = read<double>(least, l);
+      closest[row + static_cast<std::size_t>(l)] = static_cast<std::int64_t>(read<double>(which, l));
+    }
+  }
 }
 
 }  // namespace TENSIONLAB_BUILD

@@ -5,8 +5,6 @@
 //   NEAREST  a direction d with d'w > h(d) = sum_i max(d'W_i a_i, d'W_i b_i) separates w from every wrench
 //            that tensions inside the limits can render, and weak duality bounds the policy's best value to
 //            within tolerance of the answer's.
-#pragma once
-
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -14,7 +12,7 @@
 #include "simd/lanes.hpp"
 #include "simd/linear.hpp"
 #include "solvers/scale_search.hpp"
-#include "verification/certificates_batch.hpp"
+#include "verification/kernels.hpp"
 
 namespace tensionlab {
 
@@ -26,9 +24,6 @@ inline namespace TENSIONLAB_BUILD {
 template <int L, int N, int M>
 class Verifier {
  public:
-  struct Problem {
-    const double *structure, *wrench, *lower, *upper;  // structure n x m, row by row
-  };
   struct Finding {
     Verdict status;
     double residual, scale;
@@ -43,7 +38,7 @@ class Verifier {
   }
 
   // tensions (m): clipped in place. rendered (n): out. separation (n): a proposal in, the proof or zeros out.
-  Finding verify(const Problem& problem, double* tensions, double* rendered, double* separation) const {
+  Finding verify(const Problem<double>& problem, double* tensions, double* rendered, double* separation) const {
     if (!clip(problem, tensions)) return fail(tensions, rendered, separation);
     double error[N], error_square = 0, rendered_square = 0, heaviest = 0, sizes = 0;
     for (int k = 0; k < N; ++k) {
@@ -52,7 +47,7 @@ class Verifier {
       error[k] = problem.wrench[k] - rendered[k];
       sizes += size * size;
     }
-    const double desired = dot(problem.wrench, problem.wrench),
+    const double desired = dot<N>(problem.wrench, problem.wrench),
                  allowed = tolerance_ * std::sqrt(larger(1.0, desired));
     // Of sums of m products, each rounded by half of epsilon at most, twice over.
     const double unit = (m_ + 1) * std::numeric_limits<double>::epsilon();
@@ -69,7 +64,7 @@ class Verifier {
     }
     Finding finding{Verdict::iteration_limit, std::sqrt(error_square), std::numeric_limits<double>::quiet_NaN()};
     // Weights say which error to prefer where there must be one. They make no error vanish.
-    if (std::sqrt(dot(error, error)) + rounding <= allowed) {
+    if (std::sqrt(dot<N>(error, error)) + rounding <= allowed) {
       for (int k = 0; k < N; ++k) separation[k] = 0;
       finding.status = Verdict::exact;
       finding.scale = 1;
@@ -96,7 +91,7 @@ class Verifier {
   using V = Lanes<double, L>;
 
   // Puts the tensions inside their limits; false if one is no number.
-  bool clip(const Problem& problem, double* tensions) const {
+  bool clip(const Problem<double>& problem, double* tensions) const {
     V strange = {};
     int i = 0;
     for (; i + L <= m_; i += L) {
@@ -162,7 +157,7 @@ class Verifier {
     bool separates() const { return wrench - support > rounding; }
   };
 
-  Side side(const Problem& problem, const double* tensions, const double* d) const {
+  Side side(const Problem<double>& problem, const double* tensions, const double* d) const {
     Side s{0, 0, 0, 0};
     for (int k = 0; k < N; ++k) {
       s.wrench += d[k] * problem.wrench[k];
@@ -207,15 +202,15 @@ class Verifier {
 
   // Any d bounds the least error from below: |Q^(1/2) (w - W t)| >= (d'w - h(d)) / |Q^(-1/2) d|. Tried are the
   // proposal, Q r without what the free cables could still render of it, and Q r as it is; d is what proves it.
-  bool nearest_force(const Problem& problem, const double* tensions, const double* error, double tolerance,
+  bool nearest_force(const Problem<double>& problem, const double* tensions, const double* error, double tolerance,
                      double* d) const {
     double unit[N];
     for (int k = 0; k < N; ++k) unit[k] = roots_[k] * error[k];
-    const double residual = normalise(unit);
+    const double residual = scale_to_unit(unit);
     const auto proves = [&]() {
       double dual[N];
       for (int k = 0; k < N; ++k) dual[k] = d[k] * lighter_[k];
-      const double length = normalise(dual);
+      const double length = scale_to_unit(dual);
       const Side s = side(problem, tensions, d);
       return s.separates() && residual * spread(unit, dual) + s.gap / length <= tolerance;
     };
@@ -235,15 +230,15 @@ class Verifier {
     return square / 2;
   }
 
-  double normalise(double* x) const {
-    const double length = std::sqrt(dot(x, x)), inverse = length > 0 ? 1 / length : 0;
+  double scale_to_unit(double* x) const {
+    const double length = std::sqrt(dot<N>(x, x)), inverse = length > 0 ? 1 / length : 0;
     for (int k = 0; k < N; ++k) x[k] *= inverse;
     return length;
   }
 
   // Take out of d its part in the span of the free cables. At an optimum there is none but for rounding, which
   // limits far away would magnify.
-  void remove_free(const Problem& problem, const double* tensions, double* d) const {
+  void remove_free(const Problem<double>& problem, const double* tensions, double* d) const {
     constexpr double kInside = 1e-6, kNew = 1e-8;
     double basis[N][N];
     double play = 0;
@@ -253,17 +248,17 @@ class Verifier {
       if (!(tensions[i] - problem.lower[i] > play && problem.upper[i] - tensions[i] > play)) continue;
       double* column = basis[found];
       for (int k = 0; k < N; ++k) column[k] = problem.structure[k * m_ + i];
-      const double before = std::sqrt(dot(column, column));
+      const double before = std::sqrt(dot<N>(column, column));
       for (int pass = 0; pass < 2; ++pass) {
-        for (int j = 0; j < found; ++j) subtract(basis[j], dot(basis[j], column), column);
+        for (int j = 0; j < found; ++j) subtract(basis[j], dot<N>(basis[j], column), column);
       }
-      const double after = std::sqrt(dot(column, column));
+      const double after = std::sqrt(dot<N>(column, column));
       if (!(after > kNew * before)) continue;
       for (int k = 0; k < N; ++k) column[k] /= after;
       ++found;
     }
     for (int pass = 0; pass < 2; ++pass) {
-      for (int j = 0; j < found; ++j) subtract(basis[j], dot(basis[j], d), d);
+      for (int j = 0; j < found; ++j) subtract(basis[j], dot<N>(basis[j], d), d);
     }
   }
 
@@ -273,7 +268,8 @@ class Verifier {
 
   // In the metric (W W')^+ the length of an error r in the range of W is |B r|, and the bound for a d in that
   // range is |B (w - W t)| >= (d'w - h(d)) / |W'd|. Tried are the proposal, and B'B r as above.
-  bool nearest_tension(const Problem& problem, const double* tensions, const double* error, double* d) const {
+  bool nearest_tension(const Problem<double>& problem, const double* tensions, const double* error,
+                       double* d) const {
     double columns[N * M];
     for (int i = 0; i < m_; ++i) {
       for (int k = 0; k < N; ++k) columns[i * N + k] = problem.structure[k * m_ + i];
@@ -282,15 +278,15 @@ class Verifier {
     double own[N] = {}, proposal[N] = {}, unit[N] = {}, outside[N] = {}, rendered = 0;
     for (int j = 0; j < whitening.rank; ++j) {
       const double* row = whitening.rows[j];
-      unit[j] = dot(row, error);
-      const double part = dot(row, problem.wrench) - unit[j];
+      unit[j] = dot<N>(row, error);
+      const double part = dot<N>(row, problem.wrench) - unit[j];
       for (int k = 0; k < N; ++k) own[k] += row[k] * unit[j];
       rendered += part * part;
     }
     project(whitening, d, proposal);
     project(whitening, problem.wrench, outside);
     for (int k = 0; k < N; ++k) outside[k] = problem.wrench[k] - outside[k];
-    const double size = normalise(unit);
+    const double size = scale_to_unit(unit);
     const double tolerance = tolerance_ * larger(1.0, std::sqrt(rendered));
     if (size <= tolerance) {
       // What W can render at all is rendered; the rest of w is outside its range.
@@ -303,11 +299,11 @@ class Verifier {
     for (const double* candidate : {proposal, clean, own}) {
       double image[N] = {}, dual[N] = {};  // W W'd, and B of it, whose length is |W'd|
       for (int i = 0; i < m_; ++i) {
-        const double along = dot(candidate, columns + i * N);
+        const double along = dot<N>(candidate, columns + i * N);
         for (int k = 0; k < N; ++k) image[k] += along * columns[i * N + k];
       }
-      for (int j = 0; j < whitening.rank; ++j) dual[j] = dot(whitening.rows[j], image);
-      const double length = normalise(dual);
+      for (int j = 0; j < whitening.rank; ++j) dual[j] = dot<N>(whitening.rows[j], image);
+      const double length = scale_to_unit(dual);
       for (int k = 0; k < N; ++k) d[k] = candidate[k];
       const Side s = side(problem, tensions, d);
       if (s.separates() && size * spread(unit, dual) + s.gap / length <= tolerance) return true;
@@ -321,35 +317,19 @@ class Verifier {
     if (whitening.rank == N) return;
     for (int j = 0; j < whitening.rank; ++j) {
       const double* row = whitening.rows[j];
-      const double along = dot(row, x) / dot(row, row);
+      const double along = dot<N>(row, x) / dot<N>(row, row);
       for (int k = 0; k < N; ++k) part[k] += row[k] * along;
     }
   }
 
-  double dot(const double* x, const double* y) const {
-    double sum = 0;
-    for (int k = 0; k < N; ++k) sum += x[k] * y[k];
-    return sum;
-  }
-
-  // No wrench that can be rendered is longer.
-  double size_of_rig(const Problem& problem) const {
-    double size = 0;
-    for (int i = 0; i < m_; ++i) {
-      const double most = larger(std::abs(problem.lower[i]), std::abs(problem.upper[i]));
-      for (int k = 0; k < N; ++k) size += std::abs(problem.structure[k * m_ + i]) * most;
-    }
-    return size;
-  }
-
   // s w is out of reach for every s above the bound of d, which is exact where d is no face that w grazes
   // (solvers/scale_search.hpp). Weights say which error to prefer; a direction that is kept has none.
-  bool longest(const Problem& problem, const double* tensions, const double* rendered, const double* error,
+  bool longest(const Problem<double>& problem, const double* tensions, const double* rendered, const double* error,
                double tolerance, double* d, Finding* finding) const {
     const Side s = side(problem, tensions, d);
     if (!s.separates()) return false;
-    const double unit = 1 / std::sqrt(dot(d, d)), length = std::sqrt(dot(problem.wrench, problem.wrench));
-    const double allowed = direction_tolerance(tolerance_, length, size_of_rig(problem));
+    const double unit = 1 / std::sqrt(dot<N>(d, d)), length = std::sqrt(dot<N>(problem.wrench, problem.wrench));
+    const double allowed = direction_tolerance(tolerance_, length, wrench_bound<N>(problem, m_));
     const ScaleLine<double> line{s.wrench * unit, s.support * unit};
     if (ScaleLine<double>{line.along, line.reach + s.rounding * unit}.moved(allowed).excludes_all()) {
       double force[N] = {};
@@ -358,20 +338,20 @@ class Verifier {
     constexpr double kEnough = 0.98;  // of what is allowed
     const auto most = line.moved_as_allowed(kEnough * allowed, length);
     if (!(most.along > 0)) return false;
-    const double scale = dot(rendered, problem.wrench) / (length * length);
+    const double scale = dot<N>(rendered, problem.wrench) / (length * length);
     double missing[N];
     for (int k = 0; k < N; ++k) missing[k] = scale * problem.wrench[k] - rendered[k];
-    const double off = std::sqrt(dot(missing, missing));
-    const double near = tolerance_ * larger(1.0, std::sqrt(dot(rendered, rendered)));
+    const double off = std::sqrt(dot<N>(missing, missing));
+    const double near = tolerance_ * larger(1.0, std::sqrt(dot<N>(rendered, rendered)));
     if (off > (most.reach > line.reach ? larger(near, allowed) : near)) {
       // More is allowed where w grazes another face, at which tensions end, too: the one that keeps s w away, but
       // for what it has of d.
       if (off > allowed) return false;
       remove_free(problem, tensions, missing);
-      if (!(normalise(missing) > 0)) return false;
-      const double beyond = dot(missing, problem.wrench) - 0.999 * kGrazing * length;
+      if (!(scale_to_unit(missing) > 0)) return false;
+      const double beyond = dot<N>(missing, problem.wrench) - 0.999 * kGrazing * length;
       if (beyond > 0) subtract(d, beyond / s.wrench, missing);
-      normalise(missing);
+      scale_to_unit(missing);
       const Side face = side(problem, tensions, missing);
       if (face.gap > allowed || std::abs(face.wrench) > kGrazing * length) return false;
     }
@@ -388,6 +368,38 @@ class Verifier {
   Rule rule_;
   double tolerance_, rank_tolerance_;
 };
+
+void verify(const Batch& batch, const VerificationSettings& settings, const Selection& rows,
+            const Findings& findings) {
+  with_size(batch.n, [&](auto n) {
+    const Verifier<TENSIONLAB_LANES, n, kMaxCables> verifier(batch.m, batch.weights, settings.rule,
+                                                             settings.tolerance, settings.rank_tolerance);
+    const auto m = static_cast<std::size_t>(batch.m);
+    bool flawed = false;
+    for (std::size_t j = 0; j < rows.count; ++j) {
+      const std::size_t row = rows[j];
+      const auto finding = verifier.verify(batch[row], findings.tensions + row * m, findings.rendered + row * n,
+                                           findings.separation + row * n);
+      findings.status[row] = static_cast<std::int8_t>(finding.status);
+      findings.residual[row] = finding.residual;
+      findings.scale[row] = finding.scale;
+      flawed = flawed || finding.status == Verdict::iteration_limit || finding.status == Verdict::failed;
+    }
+    if (flawed) *findings.flawed = true;
+  });
+}
+
+void check(const double* numbers, std::size_t count, double limit, bool& inside) {
+  using V = Lanes<double, TENSIONLAB_LANES>;
+  const V most = V{} + limit;
+  auto good = most == most;
+  std::size_t i = 0;
+  for (; i + TENSIONLAB_LANES <= count; i += TENSIONLAB_LANES) {
+    good = good & (magnitude(load<double, TENSIONLAB_LANES>(numbers + i)) < most);
+  }
+  inside = !any(!good);
+  for (; i < count; ++i) inside = inside && std::abs(numbers[i]) < limit;
+}
 
 }  // namespace TENSIONLAB_BUILD
 }  // namespace tensionlab

@@ -1,0 +1,195 @@
+// What a run needs in every cycle, for Python: pose, length check, set-points, brakes to lock, watchdog.
+#include <nanobind/stl/string.h>
+
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "bindings/share_out.hpp"
+#include "hardware/length_check.hpp"
+#include "hardware/lock_sets.hpp"
+#include "hardware/pose_tracker.hpp"
+#include "hardware/set_points.hpp"
+#include "hardware/watchdog.hpp"
+
+namespace tensionlab {
+namespace {
+
+// One entry for each cable or module.
+using Flags = Contiguous<bool, 1>;
+using Numbers = Contiguous<double, 1>;
+using Integers = Contiguous<std::int64_t, 1>;
+using Table = Contiguous<double, 2>;
+
+template <class... Arrays>
+void require_entries(std::size_t count, const Arrays&... arrays) {
+  require(((arrays.size() == count) && ...), "one entry for each cable or module");
+}
+
+void make_tracker(PoseTracker* self, const Table& anchors, const Table& attachments, const Numbers& position,
+                  const Numbers& radii, const Table& axes) {
+  const std::size_t m = anchors.shape(0), d = position.size();
+  require(m > 0 && (d == 2 || d == 3) && has_shape(anchors, m, d) &&
+              (has_shape(attachments, m, d) || has_shape(attachments, 0, d)),
+          "anchors must be (m, d), attachments too or (0, d), and position (d), with d = 2 or 3");
+  require((radii.size() == m && has_shape(axes, m, d)) || (radii.size() == 0 && has_shape(axes, 0, d)),
+          "radii must be (m) and axes (m, d), or (0) and (0, d)");
+  new (self) PoseTracker(to_vector(anchors), to_vector(attachments), to_vector(position), to_vector(radii),
+                         to_vector(axes));
+}
+
+// Position, rotation and structure matrix; the sum of the squared length residuals, the index of the cable with
+// the largest one, and that one.
+nb::tuple follow(PoseTracker& tracker, const Numbers& lengths, const Flags& known, int steps, double tolerance) {
+  const auto n = static_cast<std::size_t>(tracker.dof()), m = static_cast<std::size_t>(tracker.cables());
+  const auto d = static_cast<std::size_t>(tracker.dimension());
+  require_entries(m, lengths, known);
+  tracker.follow(lengths.data(), known.data(), steps, tolerance);
+  const auto structure = make_array<double>(n, m);
+  std::copy(tracker.structure().begin(), tracker.structure().end(), structure.data());
+  auto rotation = make_array<double>(d, d);
+  for (std::size_t i = 0; i < d; ++i) {
+    for (std::size_t j = 0; j < d; ++j) rotation(i, j) = tracker.rotation()[i][j];
+  }
+  double squares = 0.0;
+  std::size_t worst = 0;
+  const std::vector<double>& residuals = tracker.residuals();
+  for (std::size_t cable = 0; cable < m; ++cable) {
+    squares += residuals[cable] * residuals[cable];
+    if (std::abs(residuals[cable]) > std::abs(residuals[worst])) worst = cable;
+  }
+  return nb::make_tuple(to_array(tracker.position()), rotation, structure, squares, worst,
+                        std::abs(residuals[worst]));
+}
+
+Out<double, 1> velocity(const PoseTracker& tracker, const Numbers& speeds, const Flags& known) {
+  require_entries(static_cast<std::size_t>(tracker.cables()), speeds, known);
+  const Vector twist = tracker.velocity(speeds.data(), known.data());
+  return to_array(twist.data(), static_cast<std::size_t>(tracker.dof()));
+}
+
+// The largest doubt and creep of `LengthCheck`.
+nb::tuple check_lengths(LengthCheck& check, const PoseTracker& tracker, const Numbers& lengths,
+                        const Numbers& speeds, const Numbers& tensions, const Flags& known, double seconds) {
+  require_entries(check.size(), lengths, speeds, tensions, known, tracker.residuals());
+  const auto result = check.update(tracker, lengths.data(), speeds.data(), tensions.data(), known.data(), seconds);
+  return nb::make_tuple(result.doubt, result.creep);
+}
+
+double protection_of(const LengthCheck& check, const PoseTracker& tracker, const Numbers& tensions) {
+  require_entries(check.size(), tensions, tracker.residuals());
+  return check.protection(tracker, tensions.data());
+}
+
+// Doubts, residuals, biases and creeps of all cables.
+nb::tuple doubts_of(const LengthCheck& check) {
+  std::vector<double> residuals(check.size()), biases(check.size());
+  for (std::size_t i = 0; i < check.size(); ++i) {
+    residuals[i] = check.residual(i);
+    biases[i] = check.bias(i);
+  }
+  return nb::make_tuple(to_array(check.doubts()), to_array(residuals), to_array(biases), to_array(check.creeps()));
+}
+
+void send(SetPointDelays& delays, const Integers& sequences, double now) {
+  require_entries(delays.size(), sequences);
+  delays.send(sequences.data(), now);
+}
+
+nb::tuple delays_of(SetPointDelays& delays, const Integers& last, double now) {
+  require_entries(delays.size(), last);
+  const auto ages = make_array<double>(last.size()), at_least = make_array<double>(last.size());
+  delays.delays(last.data(), now, ages.data(), at_least.data());
+  return nb::make_tuple(ages, at_least);
+}
+
+// Lengths now, by their speeds and ages; an age counts up to max_age.
+Out<double, 1> synchronise(const Numbers& lengths, const Numbers& speeds, const Numbers& ages, double max_age) {
+  const std::size_t m = lengths.size();
+  require_entries(m, speeds, ages);
+  const auto now = make_array<double>(m);
+  for (std::size_t i = 0; i < m; ++i) {
+    now.data()[i] = lengths.data()[i] + speeds.data()[i] * std::min(ages.data()[i], max_age);
+  }
+  return now;
+}
+
+// Whether any number is at its threshold or above; NaN is not.
+bool any_exceeds(const Numbers& numbers, const Numbers& thresholds) {
+  require_entries(numbers.size(), thresholds);
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    if (numbers.data()[i] >= thresholds.data()[i]) return true;
+  }
+  return false;
+}
+
+// The next tensions, those of them that are commanded, whether they are slew-rate limited, and the index of one
+// that is refused, or -1.
+nb::tuple next_of(const Numbers& before, const Numbers& chosen, const Flags& free, const Numbers& lower,
+                  const Numbers& upper, double max_change) {
+  const std::size_t m = before.size();
+  require_entries(m, chosen, free, lower, upper);
+  const auto after = make_array<double>(m), commanded = make_array<double>(m);
+  const NextTensions next = next_tensions(m, before.data(), chosen.data(), free.data(), lower.data(), upper.data(),
+                                          max_change, after.data(), commanded.data());
+  return nb::make_tuple(after, commanded, next.slew_limited, next.refused);
+}
+
+nb::tuple choose_locks(const Contiguous<double, 3>& structure, const Table& normal, const Numbers& force,
+                       const Flags& pushing, const Contiguous<bool, 2>& held, const Numbers& stiffness_ratio,
+                       const Table& limits, const Flags& brake, double margin, int most, double price,
+                       double hysteresis, double negligible, double rank_tolerance) {
+  const std::size_t size = structure.shape(0), n = structure.shape(1), m = structure.shape(2);
+  require_size(n, m);
+  require(has_shape(normal, size, n) && has_shape(force, size) && has_shape(pushing, size) &&
+              has_shape(stiffness_ratio, size) && has_shape(held, size, m) && has_shape(limits, 3, m) &&
+              has_shape(brake, m),
+          "normals, forces, flags, limits and brakes do not fit the structure matrices");
+  const double ones[kMaxComponents] = {1, 1, 1, 1, 1, 1};
+  const Rows lower{limits.data(), 0}, upper{limits.data() + m, 0};
+  const Batch motors{
+      size, static_cast<int>(n), static_cast<int>(m), rows_of(structure), rows_of(normal), lower, upper, lower,
+      ones};
+  const Walls walls{motors,      force.data(), stiffness_ratio.data(), limits.data() + 2 * m, pushing.data(),
+                    held.data(), brake.data()};
+  const LockRule rule{margin, most, price, hysteresis, negligible};
+  const auto locked = make_array<bool>(size, m), available = make_array<bool>(size, m);
+  const auto tensions = make_array<double>(size, m);
+  const auto unresisted = make_array<double>(size);
+  const LockAnswer answer{locked.data(), available.data(), tensions.data(), unresisted.data()};
+  share_out(size, [&](std::size_t begin, std::size_t end) {
+    LockSets sets(walls, rule, rank_tolerance, answer);
+    for (std::size_t wall = begin; wall < end; ++wall) sets.choose(wall);
+  });
+  return nb::make_tuple(locked, tensions, unresisted, available);
+}
+
+}  // namespace
+
+void bind_control_loop(nb::module_& module) {
+  nb::class_<PoseTracker>(module, "PoseTracker")
+      .def("__init__", &make_tracker)
+      .def("follow", &follow)
+      .def("velocity", &velocity);
+  nb::class_<LengthCheck>(module, "LengthCheck")
+      .def(nb::init<std::size_t>())
+      .def("update", &check_lengths)
+      .def("protection", &protection_of)
+      .def("doubts", &doubts_of);
+  nb::class_<SetPointDelays>(module, "SetPointDelays")
+      .def("__init__",
+           [](SetPointDelays* self, std::size_t modules, std::int64_t kept) {
+             require(kept > 0 && kept % SetPointDelays::kSequenceNumbers == 0, "whole rounds of numbers are kept");
+             new (self) SetPointDelays(modules, kept);
+           })
+      .def("send", &send)
+      .def("delays", &delays_of);
+  nb::class_<Watchdog>(module, "Watchdog")
+      .def(nb::init<std::string>())
+      .def("kick", &Watchdog::kick)
+      .def("close", &Watchdog::close);
+  module.def("synchronise", &synchronise);
+  module.def("any_exceeds", &any_exceeds);
+  module.def("next_tensions", &next_of);
+  module.def("choose_locks", &choose_locks);
+}
+
+}  // namespace tensionlab

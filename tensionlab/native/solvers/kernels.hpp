@@ -1,0 +1,73 @@
+// Solvers that run on batches of problems in lanes, each compiled for several instruction sets
+// (simd/instruction_set.hpp).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "simd/batch.hpp"
+#include "simd/instruction_set.hpp"
+#include "solvers/dual_laws.hpp"
+
+namespace tensionlab {
+
+// The exact solver's first attempt (solvers/sweep_kernel.cpp). Numbers not below `largest` in magnitude are
+// refused; tolerance: the error of an exact answer.
+struct SweepSettings {
+  double largest, tolerance;
+};
+
+struct SweepAnswer {
+  double *tensions, *separation, *rendered, *residual, *scale;
+  std::int8_t* status;
+  std::int64_t* iterations;
+};
+
+// Rows that a sweep leaves to the Newton steps: those whose wrench is proved infeasible, with the direction that
+// separates it in the answer's separation, and those of which nothing is known.
+struct SweepRemainder {
+  std::size_t *separated, *unsolved;
+  std::size_t separated_count = 0, unsolved_count = 0;
+  bool invalid = false;  // whether a number may be too large, or NaN
+};
+
+// Answers those of rows [begin, end) that are proved exact; the others are added to the remainder.
+TENSIONLAB_KERNEL(sweep, const Batch&, const SweepSettings&, std::size_t begin, std::size_t end,
+                  const SweepAnswer&, SweepRemainder&)
+
+// The exact solver itself (solvers/newton_kernel.cpp).
+struct NewtonAnswer {
+  double* tensions;
+  double* separation;
+  std::int64_t* iterations;
+  // Written for answers that are proved nearest on the way: status 1, and what verification would find
+  // (verification/kernels.hpp). If null, nothing is proved.
+  std::int8_t* status = nullptr;
+  double *rendered = nullptr, *residual = nullptr, *scale = nullptr;
+};
+
+// For the first `separated` rows the answer's separation already holds a direction that separates the wrench; the
+// direction policy does not use it.
+TENSIONLAB_KERNEL(newton, const Batch&, Policy, double rank_tolerance, double tolerance, const Selection& rows,
+                  std::size_t separated, const NewtonAnswer&)
+
+// Iterative solvers (solvers/iterative_kernels.cpp).
+struct IterativeAnswer {
+  double* tensions;
+  std::int64_t* iterations;
+};
+
+struct DykstraSettings {
+  double tolerance, rank_tolerance;
+  std::int64_t iteration_limit;
+};
+
+TENSIONLAB_KERNEL(dykstra, const Batch&, const DykstraSettings&, std::size_t begin, std::size_t end,
+                  const IterativeAnswer&)
+TENSIONLAB_KERNEL(log_barrier, const Batch&, std::size_t begin, std::size_t end, const IterativeAnswer&)
+TENSIONLAB_KERNEL(slack_norm, const Batch&, const SlackPrices&, std::size_t begin, std::size_t end,
+                  const IterativeAnswer&)
+// The batch's weights are the prices of the rows over mu, as their roots.
+TENSIONLAB_KERNEL(box_price, const Batch&, std::size_t begin, std::size_t end, const IterativeAnswer&)
+
+}  // namespace tensionlab
