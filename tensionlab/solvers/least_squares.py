@@ -27,11 +27,11 @@ class Newton:
     Minimises ``|t - reference|²/2`` subject to ``W t = w`` and ``lower <= t <= upper`` through its dual, with one
     variable for each of the n wrench components: ``t(y) = clip(reference + W' y, lower, upper)``, where y is such
     that ``W t(y) = w``. Semismooth Newton steps, with a line search along the piecewise quadratic dual where a
-    whole step goes astray, end after finitely many. For an infeasible wrench, a multiplier soon separates the
-    wrench from all that tensions inside the limits render. From it an active set finds the nearest face of what
-    can be rendered; where that leaves a doubt, and along a direction, proximal steps solve the policy's own
-    problem to the same precision. The headers ``newton.hpp`` and ``nearest_face.hpp`` in ``native/solvers`` state
-    the method; most of a batch needs no more than ``sweep_kernel.cpp``. ``TENSIONLAB_NUM_THREADS`` sets the threads.
+    full step fails, end after finitely many. For an infeasible wrench, a multiplier soon separates the wrench from
+    all feasible ones. From it an active set finds the nearest face of the feasible set; where that face is in
+    doubt, and for the direction policy, proximal steps solve the policy's own problem to the same precision. The
+    headers ``newton.hpp`` and ``nearest_face.hpp`` in ``native/solvers`` state the method; ``sweep_kernel.cpp``
+    solves most of a batch. ``TENSIONLAB_NUM_THREADS`` sets the threads.
 
     Sources: Qi and Sun (1993), "A nonsmooth version of Newton's method"; Kunisch and Rendl (2003), "An infeasible
     active set method for quadratic problems with simple bounds"; Stark and Parker (1995), "Bounded-variable

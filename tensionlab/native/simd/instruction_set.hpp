@@ -81,7 +81,8 @@ inline InstructionSet best_of_this_processor() {
 #endif
 }
 
-// The best compiled set that the processor has, not above TENSIONLAB_ISA; if that is below all of them, the lowest.
+// The best compiled set that the processor has, not above TENSIONLAB_ISA; if that is below all of them, the
+// lowest.
 inline InstructionSet choose_instruction_set() {
   const char* requested = std::getenv("TENSIONLAB_ISA");
   int chosen = -1;

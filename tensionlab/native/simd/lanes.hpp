@@ -1,7 +1,8 @@
 // SIMD values: Lanes<Real, L> holds one number for each of L problems.
 //
-// With GCC and Clang it is the compiler's vector type, so that one expression becomes SIMD code for the instruction
-// set of the build. With one lane it is a plain number, which any C++17 compiler can build, such as MSVC.
+// With GCC and Clang it is the compiler's vector type, so that one expression becomes SIMD code for the
+// instruction set of the build. With one lane it is a plain number, which any C++17 compiler can build, such as
+// MSVC.
 #pragma once
 
 #include <cmath>
@@ -12,8 +13,8 @@
 #include <immintrin.h>
 #endif
 
-// Namespace of a build. Files compiled for different instruction sets are linked together; their functions must have
-// different names.
+// Namespace of a build. Files compiled for different instruction sets are linked together; their functions must
+// have different names.
 #ifndef TENSIONLAB_BUILD
 #define TENSIONLAB_BUILD portable
 #endif
@@ -23,8 +24,8 @@
 #define TENSIONLAB_GNU_LIKE
 #endif
 
-// Unrolls a loop over wrench components: compilers leave nests of short loops alone, and arrays indexed in a loop do
-// not fit into registers.
+// Unrolls a loop over wrench components: compilers leave nests of short loops alone, and arrays indexed in a loop
+// do not fit into registers.
 #if defined(TENSIONLAB_GNU_LIKE)
 #define TENSIONLAB_UNROLL _Pragma("GCC unroll 8")
 #else

@@ -28,8 +28,8 @@ class LineSearch {
     }
   }
 
-  // The step where the slope is zero or negligible, in the open lanes; 1 in the others. first: the slope at step 0,
-  // which is positive.
+  // The step where the slope is zero or negligible, in the open lanes; 1 in the others. first: the slope at step
+  // 0, which is positive.
   template <class Mask>
   V root(const V& first, const V& slope_at_one, const V& negligible, const Mask& open_lanes) const {
     const V zero = V{}, one = zero + Real(1);

@@ -2,11 +2,11 @@
 //
 //   minimise |w - W t|^2   subject to   a <= t <= b
 //
-// The set of feasible wrenches is bounded by flat faces. On the nearest one, all cables are at a limit except a few,
-// whose columns are independent. A direction that separates w nearly tells which: cables that it is almost
-// perpendicular to are free, the others at the limit that it points to. An active set method starts there: the free
-// cables step to their least squares; the first that meets a limit is held there; where none does, the cable that
-// reduces the error most is freed. The error falls with every step, so that no set comes twice.
+// The set of feasible wrenches is bounded by flat faces. On the nearest one, all cables are at a limit except a
+// few, whose columns are independent. A direction that separates w nearly tells which: cables that it is almost
+// perpendicular to are free, the others at the limit that it points to. An active set method starts there: the
+// free cables step to their least squares; the first that meets a limit is held there; where none does, the cable
+// that reduces the error most is freed. The error falls with every step, so that no set comes twice.
 //
 // The result is accepted only where it is the unique answer: the error is perpendicular to the columns of the free
 // cables, and clearly on the proper side of all others. Then it also separates w.
@@ -173,8 +173,8 @@ class NearestFace {
     }
   }
 
-  // Frees the cable that reduces the error most, in lanes whose free cables are at their least squares; in the first
-  // round in all lanes. Without one, a lane ends.
+  // Frees the cable that reduces the error most, in lanes whose free cables are at their least squares; in the
+  // first round in all lanes. Without one, a lane ends.
   TENSIONLAB_NOINLINE void free_next(bool first_round) {
     const V zero = V{}, one = zero + Real(1);
     const auto flat = flat_ > zero;

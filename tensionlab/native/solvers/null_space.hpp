@@ -1,9 +1,9 @@
-// Guess of the cables at their limits, in the null space of W where that has one or two dimensions: for m = n + 1 or
-// n + 2 cables.
+// Guess of the cables at their limits, in the null space of W where that has one or two dimensions: for m = n + 1
+// or n + 2 cables.
 //
 // The tensions that render the wrench are u + Z s, with u the optimum without limits and Z an orthonormal basis of
-// the null space, which is orthogonal to u - t0. So the optimum is the s nearest to the origin with a <= u + Z s <=
-// b: on a line the nearest end of an interval, in a plane the nearest point of a polygon, by a dual active set
+// the null space, which is orthogonal to u - t0. So the optimum is the s nearest to the origin with a <= u + Z s
+// <= b: on a line the nearest end of an interval, in a plane the nearest point of a polygon, by a dual active set
 // (Goldfarb and Idnani, "A numerically stable dual method for solving strictly convex quadratic programs", 1983).
 // Rounding, or a W that lacks a rank, may spoil the guess; the caller checks it.
 #pragma once
