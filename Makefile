@@ -77,14 +77,13 @@ bench-workspace: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.certify
 
 stress: .venv/dev.stamp
-	@$(BIN)/python -m tests.stress.stress
-	@$(BIN)/python -m tests.stress.verdicts
+	@TENSIONLAB_STRESS=500 $(BIN)/pytest -n auto tests/stress/test_stress.py tests/stress/test_verdicts.py
 
 file-fuzz: .venv/dev.stamp
-	@$(BIN)/python -m tests.stress.file_fuzz
+	@TENSIONLAB_STRESS=500 $(BIN)/pytest -n auto tests/stress/test_file_fuzz.py tests/stress/test_codec_fuzz.py
 
 soak: .venv/dev.stamp
-	@$(BIN)/python -m tests.stress.soak --out out/soak
+	@TENSIONLAB_STRESS=75 $(BIN)/pytest tests/stress/test_soak.py
 
 drift: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.length_drift

@@ -1,27 +1,50 @@
-"""Kinds of file that the program reads, for `file_fuzz`: the content of a good one, and its reader."""
+"""Kinds of file that the program reads: the content of a good one, its encoding, and its reader."""
 
 from __future__ import annotations
 
 import io
 import json
 import random
+import tempfile
 import tomllib
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tensionlab.errors import HardwareError
+from tensionlab.hardware.calibration import gain_measurement
+from tensionlab.hardware.calibration.lengths import load_lengths
+from tensionlab.hardware.client.modules_file import load_modules
+from tensionlab.hardware.client.parameter_file import parse
+from tensionlab.hardware.log.mcap_file import McapWriter
+from tensionlab.hardware.log.reader import flat_columns, read_run, report
+from tensionlab.hardware.runner.cycle_table import COLUMNS, TYPES, sizes
+from tensionlab.hardware.runner.program import load_program
+from tensionlab.interop.caspr import load_caspr
+from tensionlab.interop.mjcf import rig_to_mjcf
+from tensionlab.model import directions
 from tensionlab.model.files import load_rig, rig_from_toml, rig_to_toml
 from tensionlab.model.layouts import ring_plus_top
+from tensionlab.scenarios.scenario import FOLDER, load_scenario
+from tensionlab.support.files.reading import read_text
+from tensionlab.validation.data_tables import FORCES, read_published, read_recording, read_vectors
+from tensionlab.validation.protocol import Journal
+from tensionlab.validation.rig_check import check_rig
+from tensionlab.validation.sensors import follow_file
+from tensionlab.workspace.layout.task import load_task
+from tensionlab.workspace.poses import box, read_poses
+from tensionlab.workspace.sweep import sweep
 from tests.stress.file_encodings import csv, npz, parquet, toml, xml
 from tests.stress.file_mutations import Raw, spoil, spoil_bytes
 
-Files = bytes | dict[str, bytes]  # of a file; or of each in a folder, by name
-STRUCTURE = 0.7  # share of the cases in which it is what is in a file that is spoilt; in the others its bytes are
+Files = bytes | dict[str, bytes]  # content of a file; or of each file in a folder, by name
+STRUCTURE = 0.7  # share of the cases in which the content of a file is mutated; in the others its bytes are
+_SCRATCH = tempfile.TemporaryDirectory()  # for documents that are made by writing a file
 RIG = ring_plus_top(1.0)
 BRAKED = replace(RIG, modules=tuple(replace(module, brake=186.0) for module in RIG.modules))
 
@@ -32,26 +55,21 @@ class Kind:
 
     Attributes
     ----------
-    name, suffix : str
-    weight : int
-        Of the cases it gets so many, as a share of all weights.
     document : callable
-        What a good one holds: tables, lists and values.
+        Returns the content of a good one: tables, lists and values.
     encode : callable
-        A file of that, whatever it holds.
+        Writes a file of a document, whatever it holds.
     read : callable
-        Reads and uses it as the program does.
+        Reads and uses a file as the program does.
     """
 
-    name: str
     suffix: str
-    weight: int
     document: Callable[[], Any]
     encode: Callable[[Any], Files]
     read: Callable[[Path], object]
 
     def case(self, rng: random.Random) -> Files:
-        """Return a spoilt file."""
+        """Return a damaged file."""
         if rng.random() < STRUCTURE:
             return self.encode(spoil(self.document(), rng))
         content = self.encode(self.document())
@@ -94,15 +112,10 @@ def _bodies() -> dict[str, Any]:
 
 
 def _read_caspr(place: Path) -> object:
-    from tensionlab.interop.caspr import load_caspr
-
     return rig_from_toml(rig_to_toml(load_caspr(place / "bodies.xml", place / "cables.xml")), "imported")
 
 
 def _read_rig(place: Path) -> object:
-    from tensionlab.interop.mjcf import rig_to_mjcf
-    from tensionlab.validation.rig_check import check_rig
-
     rig = load_rig(place)
     rig_from_toml(rig_to_toml(rig), "copy")
     rig_to_mjcf(rig)
@@ -125,22 +138,16 @@ def _space() -> dict[str, Any]:
 
 
 def _read_space(place: Path) -> object:
-    from tensionlab.workspace.layout.task import load_task
-
     task = load_task(place)
     return task.space.placed, task.target.arrays()
 
 
 @cache
 def _scenario() -> dict[str, Any]:
-    from tensionlab.scenarios.scenario import FOLDER
-
     return tomllib.loads((FOLDER / "bow.toml").read_text(encoding="utf-8"))
 
 
 def _read_scenario(place: Path) -> object:
-    from tensionlab.scenarios.scenario import FOLDER, load_scenario
-
     scenario = load_scenario(place, FOLDER / "bow.rig.toml")
     return scenario.active_phases(1.0), scenario.person.script.position(1.0)
 
@@ -151,22 +158,14 @@ def _program() -> dict[str, Any]:
 
 
 def _read_program(place: Path) -> object:
-    from tensionlab.hardware.runner.program import load_program
-
     return load_program(place, BRAKED).seconds
 
 
 def _read_modules(place: Path) -> object:
-    from tensionlab.hardware.client.modules_file import load_modules
-
     return load_modules(place)
 
 
 def _read_parameters(place: Path) -> object:
-    from tensionlab.errors import HardwareError
-    from tensionlab.hardware.client.parameter_file import parse
-    from tensionlab.support.files.reading import read_text
-
     return parse(read_text(place, "a file of parameters (*.toml)", HardwareError), str(place))
 
 
@@ -180,39 +179,27 @@ def _published() -> dict[str, Any]:
 
 
 def _read_published(place: Path) -> object:
-    from tensionlab.validation.data_tables import read_published
-
     return read_published(place)
 
 
 def _read_directions(place: Path) -> object:
-    from tensionlab.model import directions
-
     return directions.forces(directions.read_csv(place), 3, 3)
 
 
 def _read_poses(place: Path) -> object:
-    from tensionlab.workspace.poses import read_poses
-
     poses = read_poses(place)
     return poses.arrays(), poses.labels()
 
 
 def _read_staircase(place: Path) -> object:
-    from tensionlab.hardware.calibration import gain_measurement
-
     return gain_measurement.load_staircase(place)
 
 
 def _read_lengths(place: Path) -> object:
-    from tensionlab.hardware.calibration.lengths import load_lengths
-
     return load_lengths(place, RIG)
 
 
 def _read_forces(place: Path) -> object:
-    from tensionlab.validation.sensors import follow_file
-
     with closing(follow_file(place)) as sensor:
         return sensor.take()
 
@@ -227,8 +214,6 @@ def _positions() -> dict[str, bytes]:
 
 
 def _recording() -> dict[str, Any]:
-    from tensionlab.validation.data_tables import FORCES
-
     modules = ["a", "b"]
     columns: dict[str, Any] = {f"{name}.F{axis}": [0.5, 1.0] for name in FORCES for axis in "xyz"}
     columns |= {f"tensions.{name}": [1.0, 2.0] for name in modules}
@@ -249,8 +234,6 @@ def _recording() -> dict[str, Any]:
 
 
 def _read_recording(place: Path) -> object:
-    from tensionlab.validation.data_tables import read_recording
-
     found = read_recording(place)
     return found.error, found.in_sensor_axes(), found.simulated
 
@@ -260,8 +243,6 @@ def _vectors() -> dict[str, Any]:
 
 
 def _read_vectors(place: Path) -> object:
-    from tensionlab.validation.data_tables import read_vectors
-
     return read_vectors(place)
 
 
@@ -290,15 +271,11 @@ def _json_lines(document: Any) -> bytes:
 
 
 def _read_journal(place: Path) -> object:
-    from tensionlab.validation.protocol import Journal
-
     return Journal(place, {"rig": "r"}).measurements
 
 
 @cache
 def _log() -> dict[str, Any]:
-    from tensionlab.hardware.runner.cycle_table import COLUMNS, TYPES, sizes
-
     length = sizes(RIG)
     cycle: dict[str, Any] = {}
     for name, column in COLUMNS.items():
@@ -328,12 +305,10 @@ def _log() -> dict[str, Any]:
     }
 
 
-def _mcap(document: Any, folder: Path) -> bytes:
-    """Write a log; what it holds has checksums that are right."""
-    from tensionlab.hardware.log.mcap_file import McapWriter
-
+def _mcap(document: Any) -> bytes:
+    """Write a log whose checksums are right."""
     given = document if isinstance(document, Mapping) else {}
-    path = folder / "written.mcap"
+    path = Path(_SCRATCH.name) / "written.mcap"
     path.unlink(missing_ok=True)
     writer = McapWriter(path, {"cycle": {"title": "c"}, "event": {"title": "e"}})
     writer.attachment("rig.toml", "application/toml", toml(given.get("rig")))
@@ -350,24 +325,19 @@ def _mcap(document: Any, folder: Path) -> bytes:
 
 
 def _read_log(place: Path) -> object:
-    from tensionlab.hardware.log.reader import flat_columns, read_run, report
-
     run = read_run(place)
     return report(run), flat_columns(run), run.allocation
 
 
 def _sweep(place: Path) -> object:
-    from tensionlab.workspace.poses import box
-    from tensionlab.workspace.sweep import sweep
-
     return sweep(RIG, box((-0.1, 0.1), 0.3, 0.0, step=0.1), "wrench-closure", out=place, chunk=2)
 
 
-def _store(folder: Path) -> dict[str, bytes]:
+@cache
+def _store() -> dict[str, bytes]:
     """Return the files of a finished store."""
-    place = folder / "good.zarr"
-    if not place.exists():
-        _sweep(place)
+    place = Path(_SCRATCH.name) / "good.zarr"
+    _sweep(place)
     return {path.relative_to(place).as_posix(): path.read_bytes() for path in place.rglob("*") if path.is_file()}
 
 
@@ -378,38 +348,47 @@ def _store_files(document: Any) -> Files:
     }
 
 
-def kinds(folder: Path) -> dict[str, Kind]:
-    """Return all kinds by name; what has to be written to make one is put into a folder."""
-    from tensionlab.hardware.calibration.gain_measurement import COLUMNS
+def write(content: Files, place: Path) -> Path:
+    """Write a file, or a folder of files."""
+    if isinstance(content, bytes):
+        place.write_bytes(content)
+        return place
+    for old in sorted(place.rglob("*"), reverse=True):
+        old.rmdir() if old.is_dir() else old.unlink()
+    for name, inner in content.items():
+        (place / name).parent.mkdir(parents=True, exist_ok=True)
+        (place / name).write_bytes(inner)
+    return place
 
-    described = tomllib.loads(rig_to_toml(RIG))
-    links = {"modules": {"floor-1": "socket://127.0.0.1:1", "floor-2": "/dev/rfcomm0"}}
-    parameters = {"module": {"serial_number": 1}, "parameters": {"tension_lower": 0.5, "slew": 60.0, "ttl": 250.0}}
-    staircase = [[*COLUMNS], *([0.1 * i, 0.1 * i, 0.3 * i, i, 1] for i in range(12))]
-    poses = [["x", "y", "z", "rx", "ry", "rz"], [0.0, 0.0, 1.0, 0.0, 0.0, 0.1], [0.1, 0.0, 1.0, 0.0, 0.0, 0.2]]
-    lengths = [[*(module.name for module in RIG.modules), "x", "y", "z"], [0.6, 0.7, 0.7, 2.0, 0.0, 0.3, 0.0]]
-    forces = [["Fx", "Fy", "Fz"], [1.0, 0.0, 0.5], [1.0, 0.0, 0.5]]
-    table = {"columns": {"x": [0.0, 0.1], "y": [0.0, 0.0], "z": [1.0, 1.0]}, "manifest": {"call": "x"}}
-    found = [
-        Kind("rig", ".toml", 12, lambda: described, toml, _read_rig),
-        Kind("space", ".toml", 10, _space, toml, _read_space),
-        Kind("scenario", ".toml", 6, _scenario, toml, _read_scenario),
-        Kind("program", ".toml", 6, _program, toml, _read_program),
-        Kind("modules", ".toml", 4, lambda: links, toml, _read_modules),
-        Kind("parameters", ".toml", 4, lambda: parameters, toml, _read_parameters),
-        Kind("published values", ".toml", 3, _published, toml, _read_published),
-        Kind("directions", ".csv", 5, lambda: [["x", "y", "z"], [1, 0, 0], [0, 1, 0]], csv, _read_directions),
-        Kind("poses, CSV", ".csv", 5, lambda: poses, csv, _read_poses),
-        Kind("staircase", ".csv", 4, lambda: staircase, csv, _read_staircase),
-        Kind("lengths", ".csv", 4, lambda: lengths, csv, _read_lengths),
-        Kind("forces", ".csv", 4, lambda: forces, csv, _read_forces),
-        Kind("poses, Parquet", ".parquet", 4, lambda: table, parquet, _read_poses),
-        Kind("recording", ".parquet", 4, _recording, parquet, _read_recording),
-        Kind("vectors", ".parquet", 2, _vectors, parquet, _read_vectors),
-        Kind("poses, NPZ", ".npz", 5, _positions, npz, _read_poses),
-        Kind("CASPR", "", 6, _bodies, _both, _read_caspr),
-        Kind("journal", ".jsonl", 3, _journal, _json_lines, _read_journal),
-        Kind("log", ".mcap", 6, _log, partial(_mcap, folder=folder), _read_log),
-        Kind("store", ".zarr", 1, partial(_store, folder), _store_files, _sweep),
-    ]
-    return {kind.name: kind for kind in found}
+
+RIG_TABLE = tomllib.loads(rig_to_toml(RIG))
+LINKS = {"modules": {"floor-1": "socket://127.0.0.1:1", "floor-2": "/dev/rfcomm0"}}
+PARAMETERS = {"module": {"serial_number": 1}, "parameters": {"tension_lower": 0.5, "slew": 60.0, "ttl": 250.0}}
+STAIRCASE = [[*gain_measurement.COLUMNS], *([0.1 * i, 0.1 * i, 0.3 * i, i, 1] for i in range(12))]
+DIRECTIONS = [["x", "y", "z"], [1, 0, 0], [0, 1, 0]]
+POSES = [["x", "y", "z", "rx", "ry", "rz"], [0.0, 0.0, 1.0, 0.0, 0.0, 0.1], [0.1, 0.0, 1.0, 0.0, 0.0, 0.2]]
+LENGTHS = [[*(module.name for module in RIG.modules), "x", "y", "z"], [0.6, 0.7, 0.7, 2.0, 0.0, 0.3, 0.0]]
+SENSOR_FORCES = [["Fx", "Fy", "Fz"], [1.0, 0.0, 0.5], [1.0, 0.0, 0.5]]
+POSE_TABLE = {"columns": {"x": [0.0, 0.1], "y": [0.0, 0.0], "z": [1.0, 1.0]}, "manifest": {"call": "x"}}
+KINDS = {
+    "rig": Kind(".toml", lambda: RIG_TABLE, toml, _read_rig),
+    "space": Kind(".toml", _space, toml, _read_space),
+    "scenario": Kind(".toml", _scenario, toml, _read_scenario),
+    "program": Kind(".toml", _program, toml, _read_program),
+    "modules": Kind(".toml", lambda: LINKS, toml, _read_modules),
+    "parameters": Kind(".toml", lambda: PARAMETERS, toml, _read_parameters),
+    "published values": Kind(".toml", _published, toml, _read_published),
+    "directions": Kind(".csv", lambda: DIRECTIONS, csv, _read_directions),
+    "poses, CSV": Kind(".csv", lambda: POSES, csv, _read_poses),
+    "staircase": Kind(".csv", lambda: STAIRCASE, csv, _read_staircase),
+    "lengths": Kind(".csv", lambda: LENGTHS, csv, _read_lengths),
+    "forces": Kind(".csv", lambda: SENSOR_FORCES, csv, _read_forces),
+    "poses, Parquet": Kind(".parquet", lambda: POSE_TABLE, parquet, _read_poses),
+    "recording": Kind(".parquet", _recording, parquet, _read_recording),
+    "vectors": Kind(".parquet", _vectors, parquet, _read_vectors),
+    "poses, NPZ": Kind(".npz", _positions, npz, _read_poses),
+    "CASPR": Kind("", _bodies, _both, _read_caspr),
+    "journal": Kind(".jsonl", _journal, _json_lines, _read_journal),
+    "log": Kind(".mcap", _log, _mcap, _read_log),
+    "store": Kind(".zarr", _store, _store_files, _sweep),
+}

@@ -76,9 +76,7 @@ def spoil_bytes(content: bytes, rng: random.Random) -> bytes:
             case 5:
                 spoilt[begin:end] = rng.choice((b"\x00", b"\xff")) * (end - begin)
             case _:
-                spoilt[begin:begin] = rng.choice(
-                    (b"\xff\xfe", b"\xef\xbb\xbf", b"\r", b"\x00", b'"', b"[", b"9" * 40)
-                )
+                spoilt[begin:begin] = rng.choice(INSERTED)
     return bytes(spoilt)
 
 

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.benchmark.rigs import unit_vectors
-from tensionlab.solvers.base import Policy, Problem
+from tensionlab.solvers.base import POLICIES, Policy, Problem
+from tensionlab.solvers.least_squares import Newton
+from tensionlab.solvers.programs import times
 from tensionlab.support.arrays import Floats
 
 SHAPES = ((1, 2), (2, 2), (2, 3), (2, 4), (3, 2), (3, 3), (3, 4), (3, 5), (3, 8), (6, 6), (6, 7), (6, 8))
 # Structure entries and tensions are multiples of this before rows are scaled, so that `W t` is exact.
 GRID = 2.0**-16
+BLOCK = 4000  # problems that are solved at once ...
+VARIANTS = 16  # ... and the wrenches that each rig is given among them
 ROW_POWERS = 46  # a row is scaled by at least 2 to the minus this: the rest of a nearly flat rig
 
 Draw = Callable[[np.random.Generator, int, int], Floats]
@@ -140,3 +145,19 @@ def hostile_problems(
     references = (np.zeros_like(lower), lower, (lower + upper) / 2)
     reference = references[rng.integers(3)]
     return Problem(structure, wrench, lower, upper, reference, np.ones(n), policy), tensions, kinds
+
+
+def solve_blocks(blocks: int, seed: int) -> int:
+    """Solve blocks of rigs with many wrenches at corners and on edges each; return the most iterations of one."""
+    rng, most = np.random.default_rng(seed), 0
+    for block in range(blocks):
+        rigs, _, _ = hostile_problems(rng, *SHAPES[block % len(SHAPES)], BLOCK // VARIANTS)
+        many = rigs.take(np.repeat(np.arange(len(rigs)), VARIANTS))
+        share = rng.choice((0.0, 0.0, 1.0, 1.0, 0.5, 0.25), many.lower.shape)
+        wrench = times(many.structure, many.lower + share * (many.upper - many.lower))
+        size = 10.0 ** rng.uniform(-14.0, 0.0, (len(wrench), 1)) * (rng.random((len(wrench), 1)) < 0.7)
+        off = rng.normal(size=wrench.shape) * np.maximum(1.0, np.linalg.norm(wrench, axis=1, keepdims=True))
+        for policy in POLICIES:
+            answer = Newton().solve(replace(many, wrench=wrench + size * off, policy=policy))
+            most = max(most, int(answer.iterations.max()))
+    return most

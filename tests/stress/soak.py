@@ -1,15 +1,14 @@
-"""Soak test of the runner: seven modules behind bad links, and hosts that are killed.
+"""A long run of seven modules behind bad links, on a simulated clock, and hosts that are killed.
 
-``python -m tests.stress.soak`` (or ``make soak``) plays ten minutes on a simulated clock, and kills hosts in
-processes of their own. The same seed gives the same log.
+The same seed gives the same log. `test_soak` runs it.
 """
 
 from __future__ import annotations
 
-import argparse
 import random
-import sys
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,28 +16,142 @@ import numpy as np
 from benchmarks.processes import process, simulated
 from tensionlab.demand import Pose
 from tensionlab.hardware.client.modules_file import modules_to_toml
-from tensionlab.hardware.log.reader import read_run
+from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.log.writer import RunLog
+from tensionlab.hardware.protocol.codes import Limit, State
 from tensionlab.hardware.runner.program import Program, ProgramStep
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.links import Conditions
+from tensionlab.hardware.simulation.simulated_module import Trace
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
+from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats
+from tensionlab.solvers.base import Status
+from tensionlab.support.arrays import Floats, Integers
 from tensionlab.support.provenance import manifest
-from tests.stress.soak_checks import Findings, LimitWatch, examine
 
 RIG = "seven-modules"
 LINK = Conditions(latency=0.030, jitter=0.010, drop=0.01, corrupt=0.001)  # of each module: shares of the bytes
-ORBIT_M, ORBIT_S = 0.05, 10.0  # the hand goes round, so far from its home, once in so long
+ORBIT_M, ORBIT_S = 0.05, 10.0  # radius and period of the hand's circle around its home
 TTL, LARGEST_ERROR = 0.5, 0.05
-ON_THE_WAY = 0.1  # how long a set-point, and then the telemetry that tells of it, are on their way, in s
+TRANSIT_S = 0.1  # longest time in which a set-point arrives, and then the telemetry that reports it
 START = (0.0, -0.5, -1.5)
 CORNERS = ((1.5, 0.3, 0.0), (0.0, 0.8, 1.5), (-1.5, 0.3, 0.0), START)
 START_SECONDS, STEP_SECONDS = 1.0, 15.0  # the force goes round slowly: a bad link is some 0.1 s behind
 OLDEST_LOST = 1.0  # a log may lack the last second before its host was killed
+ROUNDING = 1e-5  # tensions are sent in single precision, N
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Findings of a run.
+
+    Attributes
+    ----------
+    cycles, compared : int
+        Cycles of the run, and those whose force could be compared.
+    largest_error : float
+        Largest error of the force that the modules reported, as a share of the desired force.
+    outside : int
+        Tensions outside the limits, sent or rendered.
+    went_back : int
+        Times that a module followed an older set-point than one before.
+    oldest : float
+        Age of the oldest set-point that a module followed, in s.
+    """
+
+    cycles: int
+    compared: int
+    largest_error: float
+    outside: int
+    went_back: int
+    oldest: float
+
+    def problems(self, oldest: float, largest_error: float) -> list[str]:
+        """Return what must not be, for a maximum age of set-points (s) and a maximum relative error of forces."""
+        wrong = []
+        if self.outside:
+            wrong.append(f"{self.outside} tensions outside their limits")
+        if self.went_back:
+            wrong.append(f"{self.went_back} times a module went back to an older set-point")
+        if self.oldest > oldest:
+            wrong.append(f"a set-point of {self.oldest:.3f} s was still followed; at most {oldest:g} s are right")
+        if not self.largest_error <= largest_error:
+            wrong.append(f"the force was off by {100 * self.largest_error:.1f} % of the demand")
+        if not self.compared:
+            wrong.append("no cycle could be compared")
+        return wrong
+
+
+def examine(run: Run, outside: int = 0) -> Findings:
+    """Return the findings of a run; outside: tensions outside the limits that were seen during it.
+
+    The force is that of the tensions that the modules reported, at the pose by their cable lengths, against the
+    demand at the time the latest of their set-points was sent, where that was exact. Left out are cycles in which
+    a limiter of a module is active, or the host limited the slew rate: the set-points are then still moving.
+    """
+    source = followed(run)
+    known = (source >= 0).all(axis=1)
+    free = (run.limiters == Limit.NONE) | (run.limiters == Limit.LOWER)
+    rows = np.flatnonzero(known & free.all(axis=1))
+    latest = source[rows].max(axis=1)
+    whole = (run.commanded[latest] == run.chosen[latest]).all(axis=1)
+    exact = (run.status[latest] == Status.EXACT) & whole
+    rows, latest = rows[exact], latest[exact]
+    pulled = np.einsum("knm,km->kn", run.structure[rows], run.measured[rows])
+    wanted = run.demanded[latest]
+    errors = np.linalg.norm(pulled - wanted, axis=1) / np.linalg.norm(wanted, axis=1)
+    sent = run.commanded[np.isfinite(run.commanded)]
+    lower, upper = run.rig.limits.lower, run.rig.limits.upper
+    outside += int(((run.commanded < lower) | (run.commanded > upper)).sum())
+    ages = (run.time[:, None] - run.time[source] - run.ages)[known]
+    return Findings(
+        cycles=len(run),
+        compared=len(rows),
+        largest_error=float(errors.max(initial=0.0)) if sent.size else np.nan,
+        outside=outside,
+        went_back=int((np.diff(source[known], axis=0) < 0).sum()),
+        oldest=float(ages.max(initial=0.0)),
+    )
+
+
+def followed(run: Run) -> Integers:
+    """Return the cycle in which the set-point was sent that each module followed, by its telemetry.
+
+    Returns
+    -------
+    (K, m) array
+        Row of the run; -1 before the first one that a module followed.
+    """
+    found: Integers = np.full(run.last_sequence.shape, -1, dtype=np.int64)
+    for module in range(run.rig.m):
+        last = np.full(256, -1, dtype=np.int64)
+        for row in range(len(run)):
+            if run.last_sequence[row, module] >= 0:
+                found[row, module] = last[run.last_sequence[row, module]]
+            last[run.sequences[row, module]] = row
+    return found
+
+
+class LimitWatch:
+    """Watch of a world that counts how often a running module leaves its limits, from above 0 N when it begins."""
+
+    def __init__(self, limits: TensionLimits) -> None:
+        self._lower, self._upper = limits.lower - ROUNDING, limits.upper + ROUNDING
+        self._taut = np.zeros(limits.lower.size, dtype=bool)
+        self.outside = 0
+
+    def __call__(self, traces: Sequence[Trace]) -> None:
+        """Count in the latest steps of all modules."""
+        for index, trace in enumerate(traces):
+            running = trace.state == State.RUNNING
+            taut = running & (trace.commanded >= self._lower[index])
+            before = np.concatenate(([self._taut[index]], taut[:-1]))
+            slackened = before & running & ~taut
+            self.outside += int((slackened | (running & (trace.commanded > self._upper[index]))).sum())
+            self._taut[index] = taut[-1]
 
 
 def on_circle(rig: Rig, time: float) -> Floats:
@@ -52,17 +165,7 @@ def on_circle(rig: Rig, time: float) -> Floats:
 
 
 def soak(seconds: float, log: Path, seed: int = 0) -> Findings:
-    """Run on seven simulated modules behind bad links, and return the findings.
-
-    Parameters
-    ----------
-    seconds : float
-        Of simulated time.
-    log : Path
-        A file that is not there yet.
-    seed : int
-        Of sensors, links and numbers of messages.
-    """
+    """Run for some simulated seconds, write a log, and return the findings."""
     rig = load_rig(RIG)
     world = World(rig, lambda time: Pose(on_circle(rig, time), frames=rig.at_rest), seed)
     watch = LimitWatch(rig.limits)
@@ -102,33 +205,3 @@ def kills(count: int, folder: Path, seed: int = 0) -> list[str]:
             if killed - run.began - run.time[-1] > OLDEST_LOST:
                 wrong.append(f"{log}: ends {killed - run.began - run.time[-1]:.2f} s before its host was killed")
     return wrong
-
-
-def main() -> None:
-    """Soak from the command line; exit status 1 if something must not be."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=600.0)
-    parser.add_argument("--kills", type=int, default=50)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, default=Path("out/soak"))
-    options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    log = options.out / "soak.mcap"
-    log.unlink(missing_ok=True)
-    found = soak(options.seconds, log, options.seed)
-    print(
-        f"{found.cycles} cycles on seven modules, {found.statuses}\n"
-        f"force: {100 * found.largest_error:.2f} % off at most, 99 % of {found.compared} within "
-        f"{100 * found.often_error:.2f} %\noldest set-point followed: {1e3 * found.oldest:.0f} ms; "
-        f"{found.went_back} went back; {found.outside} tensions outside their limits"
-    )
-    problems = found.problems(TTL + ON_THE_WAY, LARGEST_ERROR)
-    lacking = kills(options.kills, options.out)
-    print(f"{options.kills} hosts killed: {len(lacking)} logs that lack more than the last second")
-    for problem in (*problems, *lacking):
-        print(problem, file=sys.stderr)
-    raise SystemExit(1 if problems or lacking else 0)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,68 +1,69 @@
-"""A fixed share of `make file-fuzz`; and that it would find something."""
+"""Damaged files of every kind that the program reads: they are read, or refused in words.
 
+Each file is made as it should be, and then mutated: its content, with other types, huge numbers, missing, repeated
+or unknown keys, nesting and control characters, so that many mutations get far beyond the parser; or its bytes.
+What is read is used as the program would use it. Allowed are an answer and the package's own errors, within
+`SLOWEST_S` and `MEMORY_BYTES`, without warnings. `make file-fuzz` takes more cases.
+"""
+
+import contextlib
 import random
 import signal
+from pathlib import Path
 
 import pytest
 
-from tests.stress import file_fuzz
-from tests.stress.file_kinds import kinds
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
+from tests.stress import cases
+from tests.stress.file_kinds import KINDS, write
 
-COUNT = 10
-
-
-@pytest.fixture(scope="module")
-def known(tmp_path_factory):
-    return kinds(tmp_path_factory.mktemp("kinds"))
+resource = pytest.importorskip("resource")
+SLOWEST_S = 10.0  # longest time for a reading, in s of the processor
+MEMORY_BYTES = 4_000_000_000  # address space that the readings may add to the process
 
 
-NAMES = [
-    "rig", "space", "scenario", "program", "modules", "parameters", "published values", "directions", "poses, CSV",
-    "staircase", "lengths", "forces", "poses, Parquet", "recording", "vectors", "poses, NPZ", "CASPR",
-    "journal", "log", "store",
-]  # fmt: skip
+class TooSlow(BaseException):
+    """A reading that takes too long; no reader catches it."""
 
 
-def test_every_kind_is_here(known):
-    assert list(known) == NAMES
+@contextlib.contextmanager
+def limited():
+    """Bound the processor time and the memory of a block."""
+
+    def stop(*_):
+        raise TooSlow(f"more than {SLOWEST_S:g} s")
+
+    before, (soft, hard) = signal.signal(signal.SIGPROF, stop), resource.getrlimit(resource.RLIMIT_AS)
+    taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (taken + MEMORY_BYTES, hard))
+    signal.setitimer(signal.ITIMER_PROF, SLOWEST_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_spoilt_files_are_read_or_refused_in_words(name, tmp_path, monkeypatch):
-    monkeypatch.setattr(file_fuzz.signal, "setitimer", lambda *_: None)  # its signal ends who does not expect it
-    tally = file_fuzz.fuzz(name, range(COUNT), 1, tmp_path)
-    assert tally.findings == []
-    assert tally.read + tally.refused == COUNT
-    assert tally.refused > 0
+@pytest.mark.parametrize("name", KINDS)
+def test_damaged_files_are_read_or_refused_in_words(name, tmp_path):
+    kind, messages = KINDS[name], []
+    place = tmp_path / f"case{kind.suffix}"
+    kind.read(write(kind.encode(kind.document()), place))
+    for case in range(cases(10)):
+        write(kind.case(random.Random(f"1 {name} {case}")), place)
+        with limited():
+            try:
+                kind.read(place)
+            except TensionlabError as error:
+                messages.append(str(error).replace(str(tmp_path), ""))
+            except BaseException as error:
+                error.add_note(f"case {case} of {name}")
+                raise
+    assert 0 < max(map(len, messages)) <= MAX_MESSAGE_CHARACTERS, "some are refused, and not at length"
 
 
-def test_the_same_case_is_the_same_file(known):
-    one, two = (known["rig"].case(random.Random("0 rig 7")) for _ in range(2))
-    assert one == two
-    assert one != known["rig"].case(random.Random("0 rig 8"))
-
-
-@pytest.mark.parametrize(
-    ("problem", "said"),
-    [
-        (KeyError("x"), "KeyError"),
-        (file_fuzz.TooSlow(), "more than 10 s"),
-        (file_fuzz.TensionlabError("x" * 301), "a message of 301 characters"),
-        (MemoryError(), "MemoryError"),
-    ],
-)
-def test_what_must_not_be_is_found(problem, said, tmp_path, monkeypatch):
-    monkeypatch.setattr(signal, "setitimer", lambda *_: None)
-    calls = []
-
-    def fails(place):
-        calls.append(place)
-        if len(calls) > 1:
-            raise problem
-
-    made = kinds(tmp_path)["modules"]
-    object.__setattr__(made, "read", fails)
-    monkeypatch.setattr(file_fuzz, "kinds", lambda folder: {"modules": made})
-    tally = file_fuzz.fuzz("modules", range(3), 0, tmp_path)
-    assert len(tally.findings) == 3
-    assert all(said in each for each in tally.findings)
+def test_a_reading_without_end_is_stopped(monkeypatch):
+    monkeypatch.setattr("tests.stress.test_file_fuzz.SLOWEST_S", 0.1)
+    with pytest.raises(TooSlow), limited():
+        all(iter(lambda: 1, 0))

@@ -1,4 +1,4 @@
-"""A part of `make soak`, the same again by its seed, and that its checks can fail; and hosts that are killed."""
+"""A long run on bad links and killed hosts; and that the checks of a run can fail."""
 
 from dataclasses import fields, replace
 
@@ -9,10 +9,10 @@ import tensionlab as tl
 from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.simulation.simulated_module import Trace
-from tests.stress.soak import LARGEST_ERROR, ON_THE_WAY, TTL, kills, soak
-from tests.stress.soak_checks import LimitWatch, examine
+from tests.stress import cases
+from tests.stress.soak import LARGEST_ERROR, TRANSIT_S, TTL, LimitWatch, examine, kills, soak
 
-SECONDS = 8.0
+SECONDS = cases(8)
 NOT_REPEATED = {"path", "began", "compute_time", "summary", "manifest"}  # what the host's own clock has a part in
 
 
@@ -24,7 +24,7 @@ def soaked(tmp_path_factory):
 
 def test_seven_modules_behind_bad_links(soaked):
     found, run = soaked
-    assert found.problems(TTL + ON_THE_WAY, LARGEST_ERROR) == []
+    assert found.problems(TTL + TRANSIT_S, LARGEST_ERROR) == []
     assert found.cycles == 50 * SECONDS
     assert found.compared > 0.9 * found.cycles
 
@@ -32,7 +32,7 @@ def test_seven_modules_behind_bad_links(soaked):
     wrong[300] = run.sequences[290]  # as if all had gone back by some set-points
     assert examine(replace(run, last_sequence=wrong)).went_back
     weak = examine(replace(run, measured=1.2 * run.measured))
-    assert "the force was off by" in weak.problems(TTL + ON_THE_WAY, LARGEST_ERROR)[0]
+    assert "the force was off by" in weak.problems(TTL + TRANSIT_S, LARGEST_ERROR)[0]
     strong = replace(run, commanded=np.where(np.arange(len(run))[:, None] == 9, 6.01, run.commanded))
     assert examine(strong).outside == 7
 
@@ -75,4 +75,4 @@ def test_pulling_with_more_or_less_than_the_limits_is_seen():
 
 @pytest.mark.realtime  # hosts are killed with -9
 def test_logs_of_hosts_that_are_killed(tmp_path):
-    assert kills(3, tmp_path) == []
+    assert kills(cases(3), tmp_path) == []
