@@ -17,7 +17,7 @@ class BridgeClient:
     Parameters
     ----------
     url : str
-        As ``tensionlab serve`` prints it, such as ``ws://127.0.0.1:8765``.
+        Address that ``tensionlab serve`` prints, such as ``ws://127.0.0.1:8765``.
     token : str, optional
         If the bridge needs one.
 
@@ -46,7 +46,7 @@ class BridgeClient:
         except (OSError, WebSocketException) as error:
             raise HardwareError(f"{url}: the bridge cannot be reached: {error}") from None
         self.events: list[dict[str, Any]] = []
-        with self._stack:  # left at once if the bridge refuses
+        with self._stack:  # closed at once if the bridge refuses
             self.welcome = Welcome.model_validate(self._answer("welcome"))
             if self.welcome.protocol != PROTOCOL:
                 raise HardwareError(
@@ -63,14 +63,10 @@ class BridgeClient:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close the connection; the force fades."""
-        self.close()
-
-    def close(self) -> None:
-        """Close the connection."""
         self._stack.close()
 
     def send(self, message: BridgeMessage) -> BridgeState:
-        """Send a `Frame` or a `Stop`; return the state of the rig."""
+        """Send a `Frame` or a `StopRun`; return the state of the rig."""
         from websockets.exceptions import ConnectionClosed
 
         with suppress(ConnectionClosed):  # the last message of the bridge has the reason
@@ -86,11 +82,8 @@ class BridgeClient:
     ) -> BridgeState:
         """Send the place of the hand (m) at a time (s), and effects; return the state of the rig."""
         bodies = {} if hand is None else {"hand": {"position": hand}}
-        return self.send(
-            parse_message(
-                {"type": "frame", "time": time, "bodies": bodies, "effects": effects, "sequence": sequence}
-            )
-        )
+        table = {"type": "frame", "time": time, "bodies": bodies, "effects": effects, "sequence": sequence}
+        return self.send(parse_message(table))
 
     def _answer(self, kind: str) -> dict[str, Any]:
         from websockets.exceptions import WebSocketException

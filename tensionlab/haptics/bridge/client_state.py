@@ -7,7 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,16 +21,16 @@ from tensionlab.model import pose
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
-MIN_FRAME_GAP_S = 1e-3  # frames that come closer together are taken to be so far apart
-MAX_FRAME_GAP_S = 0.1  # a gap beyond which a hand does not move evenly from one frame to the next
-EXTRAPOLATION = 1.0  # how long a hand moves on evenly where the next frame is late, in times between the frames
+MIN_FRAME_GAP_S = 1e-3  # shortest time between frames for a velocity
+MAX_FRAME_GAP_S = 0.1  # after a longer gap the hand is at rest at its new position
+EXTRAPOLATION = 1.0  # how long the hand moves on if the next frame is late, in times between the frames
 MIN_CABLE_LENGTH_M = 1e-3  # at its anchor a cable has no direction
-RESTART_S = 1.0  # time without a frame after which a client's clock may begin anew
-DELAY_FRAMES = 32  # frames of which the one that was quickest on its way shows how late the others came
+RESTART_S = 1.0  # time without a frame after which a client's clock may start afresh
+DELAY_FRAMES = 32  # recent frames, of which the fastest in transit shows the delay of the others
 
 
-class Arrived(NamedTuple):
-    """Frame, and when it came, in s."""
+class ReceivedFrame(NamedTuple):
+    """Frame, and the time of its arrival in s."""
 
     frame: Frame
     time: float
@@ -38,13 +38,9 @@ class Arrived(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """Motion of a body.
+    """Position and velocity (d,) of a body in m and m/s, and its rotation.
 
-    Attributes
-    ----------
-    position, velocity : (d,) arrays
-        In m and m/s.
-    rotation : (3, 3) array, (), an angle in the plane in rad, or None
+    The rotation is a matrix (3, 3), in the plane an angle () in rad, or None.
     """
 
     position: Floats
@@ -52,110 +48,99 @@ class BodyMotion:
     rotation: Floats | None
 
 
-@dataclass
 class ClientState:
-    """Latest two frames of the client that commands, and its effects. Used by several threads.
-
-    Parameters
-    ----------
-    rig : Rig
-        Whose bodies there are, and in whose space.
-    clock : callable
-        Time in s by which frames come and clients are silent; that of the whole bridge.
+    """Latest two frames of the client in command, and its effects. Used by several threads.
 
     Attributes
     ----------
+    rig : Rig
+        Rig that the client drives.
+    clock : callable
+        Clock of the bridge, in s: for arrivals of frames and silence of clients.
     command : Command
-        Who commands.
+        Command of the clients.
     count : int
-        Frames that came.
+        Number of frames received.
+    stop_requested : bool
+        Whether a client has ended the run.
     """
 
-    rig: Rig
-    clock: Callable[[], float] = time.perf_counter
-    command: Command = field(default_factory=Command)
-    _lock: threading.Lock = field(default_factory=threading.Lock)
-    _commander: Commander | None = None
-    _given: dict[str, dict[str, Any]] = field(default_factory=dict)
-    _frames: tuple[Arrived | None, Arrived | None] = (None, None)
-    _ways: deque[float] = field(default_factory=lambda: deque(maxlen=DELAY_FRAMES))  # and the clocks' difference
-    _late: float = 0.0
-    _effects: dict[str, Effect] = field(default_factory=dict)
-    count: int = 0
-    stop_requested: bool = False
-
-    def __post_init__(self) -> None:
+    def __init__(self, rig: Rig, clock: Callable[[], float] = time.perf_counter) -> None:
         import scipy.spatial.transform  # noqa: F401 - here: no cycle may wait for its import
 
-    def put(self, frame: Frame, now: float, commander: Commander | None = None) -> None:
-        """Take a frame. One that is refused changes nothing.
+        self.rig, self.clock, self.command = rig, clock, Command()
+        self.count, self.stop_requested = 0, False
+        self._lock = threading.Lock()
+        self._commander: Commander | None = None
+        self._tables: dict[str, dict[str, Any]] = {}
+        self._effects: dict[str, Effect] = {}
+        self._frames: tuple[ReceivedFrame | None, ReceivedFrame | None] = (None, None)
+        self._transit_times: deque[float] = deque(maxlen=DELAY_FRAMES)  # plus the difference of the clocks
+        self._late = 0.0
 
-        The first of another client begins anew: its hand has not moved, and none of the effects stay.
+    def put(self, frame: Frame, now: float, commander: Commander | None = None) -> None:
+        """Apply a frame; a refused one changes nothing.
+
+        The first frame of another client starts afresh: its hand has not moved, and no effects remain.
 
         Parameters
         ----------
         now : float
-            When it came, in s.
+            Time of its arrival, in s.
         commander : Commander, optional
-            Who sent it; this process if left out.
+            Client that sent it; this process if left out.
 
         Raises
         ------
         FrameRefused
-            The client does not command any more, the rig has no such bodies, or the frame's time goes back.
+            The client is not in command, the rig has no such bodies, or the frame's time goes back.
         EffectError
             An effect cannot be; names it and its parameter.
         """
         _require_in_command(commander)
         self._require_bodies(frame)
-        effects = self._read(frame)
+        effects = self._parse_effects(frame)
         with self._lock:
             _require_in_command(commander)  # it may have been dismissed meanwhile
-            self._require_order(frame, now, commander)
+            latest = self._frames[1]
             if commander is not self._commander:
-                self._commander, self._frames, self._effects, self._given = commander, (None, None), {}, {}
-                self._ways.clear()
-            self._frames = (self._frames[1], Arrived(frame, now))
-            self._ways.append(now - frame.time)
-            self._late = self._ways[-1] - min(self._ways)
+                self._commander, self._frames, self._effects, self._tables = commander, (None, None), {}, {}
+                self._transit_times.clear()
+            elif latest is not None and now - latest.time < RESTART_S and frame.time < latest.frame.time:
+                raise FrameRefused(
+                    f"time is {frame.time:.12g}, before {latest.frame.time:.12g} of the previous frame; give s by "
+                    f"one clock that never goes back, or no frame for {RESTART_S:g} s before it starts afresh"
+                )
+            self._frames = (self._frames[1], ReceivedFrame(frame, now))
+            self._transit_times.append(now - frame.time)
+            self._late = self._transit_times[-1] - min(self._transit_times)
             self.count += 1
             if effects is not None:
-                self._effects, self._given = effects, frame.effects or {}
+                self._effects, self._tables = effects, frame.effects or {}
             if commander is not None:
                 commander.last_seen = now
 
-    def _require_order(self, frame: Frame, now: float, commander: Commander | None) -> None:
-        """Refuse a frame that was before the latest one of the same client."""
-        latest = self._frames[1]
-        if latest is None or commander is not self._commander or now - latest.time >= RESTART_S:
-            return
-        if frame.time < latest.frame.time:
-            raise FrameRefused(
-                f"time is {frame.time:.12g}, before {latest.frame.time:.12g} of the frame before; give s by one "
-                f"clock that never goes back, or no frame for {RESTART_S:g} s where it begins anew"
-            )
-
     def stop(self, now: float, commander: Commander) -> None:
-        """End the run; `FrameRefused` if this client does not command."""
+        """End the run; `FrameRefused` if this client is not in command."""
         _require_in_command(commander)
         commander.last_seen, self.stop_requested = now, True
 
     def dismiss(self, reason: str) -> None:
-        """Remove the effects, and dismiss the client that commands, with a reason."""
+        """Remove the effects, and dismiss the client in command, with a reason."""
         with self._lock:
-            self._effects, self._given = {}, {}
+            self._effects, self._tables = {}, {}
             self.command.dismiss(reason)
 
-    def _read(self, frame: Frame) -> dict[str, Effect] | None:
-        """Return the effects of a frame. Clients repeat them: those that are as before are not read again."""
+    def _parse_effects(self, frame: Frame) -> dict[str, Effect] | None:
+        """Return the effects of a frame; tables that a client repeats are not parsed again."""
         if frame.effects is None:
             return None
-        known, before = self._effects, self._given
+        known, before = self._effects, self._tables
         return {
             name: known[name]
-            if name in known and before.get(name) == given
-            else parse_effect(name, given, self.rig)
-            for name, given in frame.effects.items()
+            if name in known and before.get(name) == table
+            else parse_effect(name, table, self.rig)
+            for name, table in frame.effects.items()
         }
 
     def _require_bodies(self, frame: Frame) -> None:
@@ -163,23 +148,18 @@ class ClientState:
         rig = self.rig
         for name, body in frame.bodies.items():
             if name != HAND and name not in rig.frames:
-                there = ", ".join([HAND, *rig.frames])
-                raise FrameRefused(f"bodies: this rig has no body {name!r}; there are: {there}")
-            if (given := len(body.position)) != rig.dimension:
+                known = ", ".join([HAND, *rig.frames])
+                raise FrameRefused(f"bodies: this rig has no body {name!r}; there are: {known}")
+            if (count := len(body.position)) != rig.dimension:
                 raise FrameRefused(
-                    f"bodies: position of {name!r} has {given} numbers; give {rig.dimension}, as the rig has axes"
+                    f"bodies: position of {name!r} has {count} numbers; give {rig.dimension}, as the rig has axes"
                 )
-        if frame.bodies:
-            self._require_cables(frame)
-
-    def _require_cables(self, frame: Frame) -> None:
-        """Refuse bodies at an anchor, where a cable has no direction."""
-        rig, hand = self.rig, frame.bodies.get(HAND)
-        frames = rig.at_rest
+        if not frame.bodies:
+            return
+        hand, frames = frame.bodies.get(HAND), rig.at_rest
         for name in set(frames) & set(frame.bodies):
-            frames[name] = pose.CoordinateFrame(
-                np.array(frame.bodies[name].position), _rotation(frame.bodies[name])
-            )
+            body = frame.bodies[name]
+            frames[name] = pose.CoordinateFrame(np.array(body.position), _rotation(body))
         try:
             lengths = rig.lengths(rig.home if hand is None else np.array(hand.position), frames=frames)
         except RigError as error:
@@ -201,10 +181,9 @@ class ClientState:
     def motion(self, name: str, now: float) -> BodyMotion | None:
         """Return the motion of a body at a time; None if no frame has it.
 
-        Between two frames it moves evenly, one frame behind: from the older place, where it is taken to be when
-        the newer frame comes, to the newer one. By the client's clock: a frame that came later than others did
-        finds it further on, and where the next is late, it moves on for as long again. Were it to wait and to jump
-        with each frame, its speed would be far off. After that it is at the newer place.
+        It moves evenly, one frame behind: from the older position, which it has when the newer frame arrives, to
+        the newer one, by the client's clock: a frame that was longer in transit than others finds it further on.
+        If the next frame is late, it moves on for as long again, and then is at rest at the newer position.
         """
         before, latest = self._frames
         if latest is None or name not in latest.frame.bodies:

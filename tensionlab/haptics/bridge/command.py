@@ -1,21 +1,25 @@
-"""Command of a bridge: one client at a time, over WebSocket and OSC, and within a budget."""
+"""Command of a bridge: one client at a time, over WebSocket or OSC, within a budget and with a report."""
 
 from __future__ import annotations
 
 import threading
+import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from tensionlab.errors import TensionlabError
 
-SILENCE_S = 5.0  # a client in command that sends nothing valid for so long loses its place
+SILENCE_S = 5.0  # a client in command loses it after this time without a valid message
 MESSAGES_PER_S, MESSAGES_AT_ONCE = 500.0, 100.0
 BYTES_PER_S, BYTES_AT_ONCE = 1e6, 250e3
 READ_SHARE, READ_AT_ONCE_S = 0.2, 0.1  # share of one processor, and burst, for reading and answering a client
+REPORT_S = 5.0  # period in which a line is reported once, and then only counted
+MAX_LINES, MAX_REASONS = 20, 5  # lines in a period, and reasons with their counts at its end
 
 
 class FrameRefused(TensionlabError):  # noqa: N818 - what it is
-    """Frame of a client that does not command, or of bodies that the rig does not have."""
+    """Frame of a client that is not in command, or of bodies that the rig does not have."""
 
 
 @dataclass(eq=False)
@@ -27,11 +31,11 @@ class Commander:
     name : str
         For messages to others.
     last_seen : float
-        When its latest valid message came, in s.
+        Time of its latest valid message, in s.
     on_dismissed : callable
-        Called with the reason when it loses its place, from any thread.
+        Called with the reason when it loses the command, from any thread.
     dismissed : str
-        Why it lost its place; empty while it has it.
+        Why it lost the command; empty while it has it.
     """
 
     name: str
@@ -42,12 +46,9 @@ class Commander:
 
 @dataclass
 class Command:
-    """Place of the client that commands. Used by several threads.
+    """Command of one client at a time. Used by several threads.
 
-    Attributes
-    ----------
-    report : callable
-        Called with a line when a client gets the place, or goes.
+    ``report`` is called with a line when a client takes or loses it.
     """
 
     report: Callable[[str], None] = lambda line: None
@@ -55,13 +56,7 @@ class Command:
     _holder: Commander | None = None
 
     def take(self, name: str, now: float, on_dismissed: Callable[[str], None]) -> Commander:
-        """Give the place to a client, unless another one has it and is not silent.
-
-        Raises
-        ------
-        FrameRefused
-            Another one has it.
-        """
+        """Give the command to a client; `FrameRefused` if another one has it and is not silent."""
         with self._lock:
             self.require_free(now)
             before = self._holder
@@ -81,7 +76,7 @@ class Command:
             )
 
     def leave(self, commander: Commander) -> None:
-        """Free the place, if it is this client's."""
+        """Free the command, if this client has it."""
         with self._lock:
             if self._holder is commander:
                 self._holder = None
@@ -101,7 +96,7 @@ class Command:
 
 @dataclass
 class LeakyBucket:
-    """Limit of what may flow on average, and at once."""
+    """Limit of a flow, on average and at once."""
 
     per_second: float
     at_once: float
@@ -113,26 +108,26 @@ class LeakyBucket:
         passed = 0.0 if self._latest is None else max(now - self._latest, 0.0)
         self._latest = now
         leaked = max(self._level - passed * self.per_second, 0.0)
-        self._level = min(leaked + amount, 2.0 * self.at_once)  # a pause that is long enough resets it
+        self._level = min(leaked + amount, 2.0 * self.at_once)  # a long enough pause empties it
 
     @property
     def full(self) -> bool:
-        """Whether it was too much."""
+        """Whether the flow exceeds the limit."""
         return self._level > self.at_once
 
     @property
     def calm(self) -> bool:
-        """Whether most of it has leaked away."""
+        """Whether it is less than half full."""
         return self._level < 0.5 * self.at_once
 
 
-@dataclass
 class Budget:
-    """Budget of one client, by the clock and by the processor's time of the thread that reads."""
+    """Budget of one client: messages, bytes, and processor time of the thread that reads them."""
 
-    _messages: LeakyBucket = field(default_factory=lambda: LeakyBucket(MESSAGES_PER_S, MESSAGES_AT_ONCE))
-    _bytes: LeakyBucket = field(default_factory=lambda: LeakyBucket(BYTES_PER_S, BYTES_AT_ONCE))
-    _reading: LeakyBucket = field(default_factory=lambda: LeakyBucket(READ_SHARE, READ_AT_ONCE_S))
+    def __init__(self) -> None:
+        self._messages = LeakyBucket(MESSAGES_PER_S, MESSAGES_AT_ONCE)
+        self._bytes = LeakyBucket(BYTES_PER_S, BYTES_AT_ONCE)
+        self._reading = LeakyBucket(READ_SHARE, READ_AT_ONCE_S)
 
     def refuse(self, size: int, now: float) -> str:
         """Count a message by its bytes; return why it must not be read, or an empty string."""
@@ -149,9 +144,48 @@ class Budget:
 
     @property
     def calm(self) -> bool:
-        """Whether the client has kept well within its budget of late."""
+        """Whether the client has recently used less than half of its budget."""
         return self._messages.calm and self._bytes.calm and self._reading.calm
 
     def add_reading(self, seconds: float, now: float) -> None:
-        """Count the processor's time that a message has cost."""
+        """Count the processor time of a message."""
         self._reading.add(seconds, now)
+
+
+class LimitedReport:
+    """Report to a terminal, line by line; repeated lines, and those beyond a limit, are only counted.
+
+    A line begins with its subject and ``: ``; lines that continue alike are counted together. ``say`` is called
+    with each line, from the thread that reports; ``clock`` returns the time in s.
+    """
+
+    def __init__(self, say: Callable[[str], None], clock: Callable[[], float] = time.perf_counter) -> None:
+        self._say, self._clock = say, clock
+        self._lock = threading.Lock()
+        self._reported: set[str] = set()
+        self._repeated: Counter[str] = Counter()
+        self._since = clock()
+
+    def __call__(self, line: str) -> None:
+        """Report a line, or count it."""
+        if self._clock() - self._since >= REPORT_S:
+            self.finish()
+        with self._lock:
+            fresh = line not in self._reported and len(self._reported) < MAX_LINES
+            if fresh:
+                self._reported.add(line)
+            else:
+                self._repeated[line.partition(": ")[2] or line] += 1
+        if fresh:
+            self._say(line)
+
+    def finish(self) -> None:
+        """Report the counts, and start a new period."""
+        with self._lock:
+            repeated, self._repeated, self._since = self._repeated, Counter(), self._clock()
+            self._reported.clear()
+        counts = repeated.most_common(MAX_REASONS)
+        if rest := repeated.total() - sum(count for _, count in counts):
+            counts.append(("something else", rest))
+        for reason, count in counts:
+            self._say(f"{'once more' if count == 1 else f'{count} more times'}: {reason}")

@@ -1,15 +1,14 @@
-"""The same over OSC (Open Sound Control 1.0, UDP), for what speaks that: nothing is answered.
+"""Bridge over OSC (Open Sound Control 1.0, UDP), without answers.
 
 ::
 
-    /body/hand x y z [qx qy qz qw]        place of a body, in m
-    /effect/NAME KIND [parameter value]*  an effect; a vector takes so many numbers, a part's is wall.stiffness
-    /effect/NAME                          no more of it
-    /stop                                 end the run
+    /body/hand x y z [qx qy qz qw]        position of a body, in m, and its rotation /effect/NAME KIND [parameter
+    value]*  an effect; a vector has several values, a part's name a dot: wall.stiffness /effect/NAME
+    remove it /stop                                 end the run
 
-What comes in one bundle is so at the same time: that of its tag, if it has one. The contents of a datagram are
-taken as a whole or not at all; addresses that are none of these are left out. Packets are read within bounds:
-sizes first, then contents. `OscTracker` sends what `OscServer` receives.
+The messages of a bundle are simultaneous, at the time of its tag, if it has one. A datagram is taken as a whole or
+not at all; other addresses are ignored. Packets are read within bounds: sizes first, then contents. `OscTracker`
+sends what `OscServer` receives.
 """
 
 from __future__ import annotations
@@ -34,9 +33,8 @@ from tensionlab.errors import (
     optional_import,
 )
 from tensionlab.haptics.bridge.client_state import ClientState
-from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander
+from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, LimitedReport
 from tensionlab.haptics.bridge.messages import Frame, parse_message, refusal_reason
-from tensionlab.haptics.bridge.report import LimitedReport
 from tensionlab.haptics.effects import EFFECTS
 from tensionlab.haptics.effects.parameters import list_names
 from tensionlab.support.arrays import Floats
@@ -46,20 +44,20 @@ ADDRESS = re.compile(r"/stop|/(body|effect)/[^/]+")
 MAX_MESSAGES = 64  # in a packet
 MAX_DEPTH = 4  # nesting of bundles
 BUNDLE = b"#bundle\0"
-IMMEDIATELY = 1  # the time tag that is no time
-SINCE_1900_S = 2_208_988_800  # from the beginning of time tags to 1970
+IMMEDIATELY = 1  # time tag without a time
+SINCE_1900_S = 2_208_988_800  # from the epoch of time tags to 1970
 NUMBERS = {"i": ">i", "f": ">f", "h": ">q", "d": ">d"}
 CONSTANTS = {"T": True, "F": False}
 MAX_PARTS = 3  # dots in the name of a parameter, such as `wall.plane.point`
 MAX_DATAGRAM_BYTES = 65_536
-POLL_S = 0.25  # how often the thread looks whether it is over, where nothing comes
-PAUSE_S = 0.02  # how long nothing is read after what is too much
-MAX_DROPPED = 1000  # datagrams that are thrown away then, at most
+POLL_S = 0.25  # longest wait for a datagram before the thread checks whether to end
+PAUSE_S = 0.02  # pause of reading after a datagram beyond the budget
+MAX_DROPPED = 1000  # datagrams discarded then
 RECEIVE_BUFFER_BYTES = 65_536  # unread datagrams, with the system's overhead for each
 
 
 class OscMessage(NamedTuple):
-    """Address, and the values given to it."""
+    """Address and values."""
 
     address: str
     values: list[Any]
@@ -73,15 +71,10 @@ class OscPacket(NamedTuple):
 
 
 def read_packet(data: bytes) -> OscPacket:
-    """Return the messages of a datagram, big-endian and padded to four bytes.
+    """Return the messages of a datagram; `ProtocolError` says what is wrong with it.
 
-    A packet is a message or a bundle. A message is an address, type tags and arguments; a bundle is a time tag and
-    elements, each with its size before it, which are packets again.
-
-    Raises
-    ------
-    ProtocolError
-        Saying what is wrong with it.
+    A packet, big-endian and padded to four bytes, is a message (address, type tags, arguments) or a bundle: a time
+    tag, and packets after their sizes.
     """
     messages: list[OscMessage] = []
     sent = None
@@ -145,7 +138,7 @@ def _message(data: bytes) -> OscMessage:
 
 
 def _text(data: bytes, at: int) -> tuple[str, int]:
-    """Return the text that begins there, and where what follows it begins."""
+    """Return the text at an offset, and the offset after it."""
     end = data.find(b"\0", at)
     if end < 0:
         raise ProtocolError("a text without an end")
@@ -156,23 +149,18 @@ def _text(data: bytes, at: int) -> tuple[str, int]:
 
 
 class OscServer:
-    """Server for OSC over UDP, with a thread of its own. A context manager.
+    """Server for OSC over UDP, with its own thread. A context manager.
 
-    All that one machine sends is one client's, which commands like any other: see `Command`.
+    Each machine is one client, which commands like any other: see `Command`.
 
     Parameters
     ----------
     client : ClientState
         Gets the frames.
     host, port : str, int
-        Where to listen; port 0 takes a free one.
+        Where to listen; port 0 takes a free one. `HardwareError` if it cannot.
     report : callable
-        Called with why messages are refused, line by line; repeated ones are only counted.
-
-    Raises
-    ------
-    HardwareError
-        If it cannot listen there.
+        Called with a line for each refusal; repeated ones are only counted.
     """
 
     def __init__(self, client: ClientState, host: str, port: int, report: Callable[[str], None]) -> None:
@@ -213,13 +201,13 @@ class OscServer:
         while not self._over:
             try:
                 data, address = self._socket.recvfrom(MAX_DATAGRAM_BYTES)
-            except OSError:  # nothing has come, or the network says that something sent before did not arrive
+            except OSError:  # no datagram, or an error about one that was sent before
                 continue
             if not self.receive(data, str(address[0])):
                 self._drop()
 
     def receive(self, data: bytes, machine: str) -> bool:
-        """Take a datagram; False if it is too much."""
+        """Take a datagram; return False if it exceeds the budget."""
         now, began = self._client.clock(), time.thread_time()
         if reason := self._budget.refuse(len(data), now):
             self._report(f"OSC from {machine}: {reason}")
@@ -229,41 +217,43 @@ class OscServer:
         return True
 
     def _drop(self) -> None:
-        """Throw away what has come meanwhile, without reading it."""
+        """Pause, and discard the datagrams of that time unread."""
         time.sleep(PAUSE_S)
         self._socket.setblocking(False)
         try:
             for _ in range(MAX_DROPPED):
                 self._socket.recvfrom(MAX_DATAGRAM_BYTES)
-        except OSError:  # that was all
+        except OSError:  # no more
             pass
         finally:
             self._socket.settimeout(POLL_S)
 
     def _take(self, data: bytes, machine: str, now: float) -> None:
-        """Take a datagram, or report why not."""
+        """Apply a datagram, or report why not."""
         try:
             commander = self._known(machine, now)
             if commander is None:
                 self._client.command.require_free(now)
             packet = read_packet(data)
-            known = [message for message in packet.messages if ADDRESS.fullmatch(message.address)]
-            for unknown in packet.messages:
-                if unknown not in known:
-                    there = "there are /body/NAME, /effect/NAME and /stop"
-                    self._report(f"OSC from {machine}: no address {brief(unknown.address)}; {there}")
+            known = []
+            for message in packet.messages:
+                if ADDRESS.fullmatch(message.address):
+                    known.append(message)
+                    continue
+                there = "there are /body/NAME, /effect/NAME and /stop"
+                self._report(f"OSC from {machine}: no address {brief(message.address)}; {there}")
             if known:
                 commander = commander or self._begin(machine, now)
-                self._tag = packet.time or self._tag  # what has no tag among others was not before them
+                self._tag = packet.time or self._tag  # a datagram without a tag is not earlier than others
                 self._put(known, self._tag or now, now, commander)
         except TensionlabError as error:
             self._report(f"OSC from {machine}: {refusal_reason(error)}")
-        except Exception as error:  # one datagram must not end the thread for all that come
+        except Exception as error:  # unforeseen: no datagram ends the thread
             logging.getLogger(__name__).exception("a datagram from %s", machine)
             self._report(f"OSC from {machine}: {refusal_reason(error)}")
 
     def _known(self, machine: str, now: float) -> Commander | None:
-        """Return the client of this machine that commands, or did; one dismissed may come back after a silence."""
+        """Return the client of a machine that commands, or did; None if it may start afresh after a silence."""
         mine = self._commander
         if mine is None or machine != self._machine:
             return None
@@ -271,14 +261,14 @@ class OscServer:
         return None if mine.dismissed and now - latest >= SILENCE_S else mine
 
     def _begin(self, machine: str, now: float) -> Commander:
-        """Let this machine command."""
+        """Give a machine the command."""
         self._commander = self._client.command.take(f"OSC from {machine}", now, lambda reason: None)
         self._machine, self._latest = machine, now
         self._bodies, self._effects, self._tag = {}, {}, None
         return self._commander
 
     def _put(self, messages: list[OscMessage], when: float, now: float, commander: Commander) -> None:
-        """Take the messages of one datagram as one frame."""
+        """Apply the messages of a datagram as one frame."""
         if any(message.address == "/stop" for message in messages):
             self._client.stop(now, commander)
             return
@@ -292,7 +282,7 @@ class OscServer:
 
 
 def _add(message: OscMessage, bodies: dict[str, Any], effects: dict[str, Any]) -> None:
-    """Put what a message says of a body or an effect into the tables."""
+    """Add the body or effect of a message to the tables."""
     _, what, name = message.address.split("/")
     values = message.values
     if what == "body":
@@ -304,10 +294,7 @@ def _add(message: OscMessage, bodies: dict[str, Any], effects: dict[str, Any]) -
 
 
 def _parameters(effect: str, values: list[Any]) -> dict[str, Any]:
-    """Return words, each followed by its number or numbers, as parameters; the first word is the kind.
-
-    Names with dots lead into parts: ``plane.point`` is the point of the plane.
-    """
+    """Return a kind and names, each with its values, as a table; ``plane.point`` is a name in a part."""
     lists = list_names(EFFECTS.get(str(values[0]), object))
     found: dict[str, list[Any]] = {}
     name = ""
@@ -334,19 +321,9 @@ def _parameters(effect: str, values: list[Any]) -> dict[str, Any]:
 
 
 class OscTracker:
-    """Sender of places of bodies, whether or not anybody listens. A context manager.
+    """Sender of positions of bodies over OSC, to a host and port. A context manager.
 
-    Parameters
-    ----------
-    host, port : str, int
-        Where to.
-
-    Raises
-    ------
-    HardwareError
-        If there is no such host.
-    MissingDependency
-        If python-osc is not installed.
+    Raises `HardwareError` if there is no such host, `MissingDependency` without python-osc.
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -371,20 +348,17 @@ class OscTracker:
         self._socket.close()
 
     def send(self, bodies: Mapping[str, Floats], when: float) -> None:
-        """Send where bodies were, by name, in m: one bundle with a ``/body/NAME x y z`` for each.
-
-        Its time tag is when they were there, in s since 1970: what is late on its way is not taken for slow.
-        """
-        with suppress(OSError):  # no listener, or no room: the next state follows soon
+        """Send positions of bodies, by name, in m, with their time in s since 1970 as the time tag."""
+        with suppress(OSError):  # no listener, or no room: the next one follows soon
             self._socket.sendto(bundle_of(bodies, when), self._address)
 
 
 def bundle_of(bodies: Mapping[str, Floats], when: float) -> bytes:
-    """Return the datagram that says where bodies were; see `OscTracker.send`."""
+    """Return the datagram of `OscTracker.send`."""
     from pythonosc.osc_bundle_builder import OscBundleBuilder
     from pythonosc.osc_message_builder import build_msg
 
-    bundle = OscBundleBuilder(when)  # type: ignore[arg-type]  # which takes s, as its text says
-    for name, place in bodies.items():
-        bundle.add_content(build_msg(f"/body/{name}", place.tolist()))
+    bundle = OscBundleBuilder(when)  # type: ignore[arg-type]  # a float in s, as its docstring says
+    for name, position in bodies.items():
+        bundle.add_content(build_msg(f"/body/{name}", position.tolist()))
     return bundle.build().dgram

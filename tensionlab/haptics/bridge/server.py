@@ -1,4 +1,4 @@
-"""WebSocket server of the bridge: one client commands, others watch; what is wrong is refused with a reason."""
+"""WebSocket server of the bridge: one client commands, others watch; bad messages are refused with a reason."""
 
 from __future__ import annotations
 
@@ -44,23 +44,22 @@ if TYPE_CHECKING:
     from websockets.http11 import Request, Response
 
 MAX_CLOSE_BYTES = 120  # length of the reason in a closing frame, which has room for 123
-MIN_WAIT_S = 0.1  # for a message
-READ_AHEAD = 16  # messages that are read before it is their turn
+MIN_WAIT_S = 0.1  # shortest wait for a message
+READ_AHEAD = 16  # messages that are read before their turn
 PAUSE_S = 0.02  # delay of a client after each message beyond its budget
-CLOSE_TIMEOUT_S = 1.0  # for sending the reason to a client that is turned away
-MAX_REFUSED = 20  # messages in a row that may be refused before the connection is closed
+CLOSE_TIMEOUT_S = 1.0  # for sending the reason to a client that is rejected
+MAX_REFUSED = 20  # refused messages in a row before the connection is closed
 START_TIMEOUT_S = 10.0
-# Before it is said: a browser, which opens a few connections at a time, makes no flood of them.
-REFUSAL_PAUSE_S = 0.2
+REFUSAL_PAUSE_S = 0.2  # before a refusal: limits how many of them a browser can cause
 STATE_PERIOD_S = 0.1  # period of streamed states
 
 QUIET = logging.getLogger(f"{__name__}.connections")
-QUIET.setLevel(logging.CRITICAL)  # whatever connects without being a client leaves no traceback
+QUIET.setLevel(logging.CRITICAL)  # a connection that speaks no WebSocket leaves no traceback
 
 
 @dataclass
 class CommandConnection:
-    """Connection of the client that commands, its budget, and what waits for an answer; None at the end."""
+    """Connection of the client in command, its budget, and what to answer; None at the end."""
 
     socket: ServerConnection
     commander: Commander
@@ -69,7 +68,7 @@ class CommandConnection:
 
 
 class Bridge:
-    """WebSocket server of the bridge, with a thread of its own. A context manager.
+    """WebSocket server of the bridge, with its own thread. A context manager; ``url`` is its address.
 
     Parameters
     ----------
@@ -78,18 +77,13 @@ class Bridge:
     welcome : Welcome
         Every client's first message.
     state : callable
-        Makes the answer to a frame, given its number.
+        Returns the answer to a frame, given its number.
     host, port : str, int
         Where to listen; port 0 takes a free one. Beyond this machine a token must be given.
     admission : Admission
-        Who may connect, and what a browser finds; without a token, only this machine.
+        Who may connect, and the documents for a browser; without a token, only this machine.
     report : callable
-        Called with a line when a client connects, goes or is refused, from any thread.
-
-    Attributes
-    ----------
-    url : str
-        Where clients find it.
+        Called with a line when a client connects, leaves or is refused, from any thread.
 
     Raises
     ------
@@ -110,14 +104,15 @@ class Bridge:
         report: Callable[[str], None] = lambda line: None,
     ) -> None:
         with optional_import("haptics", "the bridge"):
-            import websockets  # noqa: F401
-        admission = admission or Admission()
-        if host not in LOOPBACK and not admission.token:
+            from websockets.exceptions import ConnectionClosed
+        self._closed = ConnectionClosed  # raised when a client has gone
+        self._admission = admission or Admission()
+        if host not in LOOPBACK and not self._admission.token:
             raise HardwareError(
                 f"the bridge would be open to others at {host}; give a token that clients must know (--token-file)"
             )
         self._client, self._welcome, self._state = client, welcome, state
-        self._host, self._port, self._admission, self._report = host, port, admission, report
+        self._host, self._port, self._report = host, port, report
         client.command.report = report
         self._commanding: CommandConnection | None = None
         self._clients: set[ServerConnection] = set()
@@ -134,8 +129,7 @@ class Bridge:
         self._ready.wait(START_TIMEOUT_S)
         if self._failure is not None or not self.url:
             self._thread.join()
-            reason = "no answer" if self._failure is None else self._failure
-            raise cannot_listen("the bridge", self._host, self._port, reason)
+            raise cannot_listen("the bridge", self._host, self._port, self._failure or "no answer")
         return self
 
     def __exit__(
@@ -147,11 +141,18 @@ class Bridge:
 
     def close(self) -> None:
         """End `serve`; from any thread."""
-        self._soon(self._over.set)
+        self._call_in_loop(self._over.set)
 
     def broadcast(self, event: BridgeEvent) -> None:
         """Send an event to all clients, but rates only to those that watch; from any thread."""
-        self._soon(partial(self._send_event, event))
+        self._call_in_loop(partial(self._send_event, event))
+
+    def _send_event(self, event: BridgeEvent) -> None:
+        from websockets.asyncio.server import broadcast
+
+        commanding = {self._commanding.socket} if self._commanding is not None else set()
+        clients = self._clients - commanding if event.kind == "rate" else self._clients
+        broadcast(clients, event.model_dump_json(exclude_none=True))
 
     def _run(self) -> None:
         try:
@@ -161,8 +162,7 @@ class Bridge:
         finally:
             self._ready.set()
 
-    def _soon(self, act: Callable[[], None]) -> None:
-        """Call something on the thread of the connections."""
+    def _call_in_loop(self, act: Callable[[], None]) -> None:
         assert self._loop is not None
         self._loop.call_soon_threadsafe(act)
 
@@ -188,7 +188,7 @@ class Bridge:
             await self._over.wait()
 
     async def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Refuse a client that may not connect; answer a browser that asks for a page."""
+        """Refuse a client that may not connect; answer a browser that asks for a document."""
         from websockets.datastructures import Headers
         from websockets.http11 import Response
 
@@ -209,36 +209,33 @@ class Bridge:
         return Response(HTTPStatus.OK, HTTPStatus.OK.phrase, headers, content)
 
     async def _serve_client(self, connection: ServerConnection) -> None:
-        """Serve a client until it goes."""
+        """Serve a client until it leaves."""
         assert connection.request is not None
-        path = urlsplit(connection.request.path).path
+        path, name = urlsplit(connection.request.path).path, _name(connection)
         if path == COMMAND_PATH:
             if refused := await self._accept_command(connection):
-                self._report(f"{_name(connection)}: refused: {refused}")
+                self._report(f"{name}: refused: {refused}")
                 return
         else:
-            self._report(f"{_name(connection)}: watches {path}")
-            await self._watch(connection, path == STATE_PATH)
+            self._report(f"{name}: watches {path}")
+            await self._watch(connection, states=path == STATE_PATH)
         reason = f": {connection.close_reason}" if connection.close_reason else ""
-        self._report(f"{_name(connection)}: has gone{reason}")
+        self._report(f"{name}: has gone{reason}")
 
     async def _accept_command(self, connection: ServerConnection) -> str:
-        """Let a client command until it goes, if no other one does; return why not, or an empty string."""
-        tasks: set[asyncio.Task[None]] = set()  # asyncio itself keeps no hold of them
+        """Let a client command until it leaves, if no other one does; return why not, or an empty string."""
+        tasks: set[asyncio.Task[None]] = set()  # asyncio itself keeps no reference to them
 
-        def turn_away(reason: str) -> None:
-            tasks.add(asyncio.ensure_future(self._turn_away(connection, reason)))
+        def on_dismissed(reason: str) -> None:
+            self._call_in_loop(lambda: tasks.add(asyncio.ensure_future(self._reject(connection, reason))))
 
-        command, name = self._client.command, _name(connection)
-        before = self._commanding
+        command, before = self._client.command, self._commanding
         if before is not None and before.socket.state.name != "OPEN":
-            command.leave(before.commander)  # it has gone, or is about to: its task has only not got round to it
+            command.leave(before.commander)  # it has gone, and its task has not run since
         try:
-            commander = command.take(
-                name, self._client.clock(), lambda reason: self._soon(partial(turn_away, reason))
-            )
+            commander = command.take(_name(connection), self._client.clock(), on_dismissed)
         except FrameRefused as refused:
-            await self._turn_away(connection, str(refused))
+            await self._reject(connection, str(refused))
             return str(refused)
         connected = self._commanding = CommandConnection(connection, commander)
         self._clients.add(connection)
@@ -253,58 +250,49 @@ class Bridge:
         return ""
 
     async def _command(self, connected: CommandConnection) -> None:
-        """Answer what a task of its own reads: a flood shows however slow the answers are."""
-        from websockets.exceptions import ConnectionClosed
-
-        connection, refused = connected.socket, 0
+        """Answer the messages that a task of its own reads: so a flood shows, however slow the answers are."""
+        socket, refused = connected.socket, 0
         reader = asyncio.create_task(self._read(connected))
         try:
-            while (
-                content := await asyncio.wait_for(connected.pending.get(), self._time_left(connected))
-            ) is not None:
+            while True:
+                silent = self._client.clock() - connected.commander.last_seen
+                content = await asyncio.wait_for(connected.pending.get(), max(SILENCE_S - silent, MIN_WAIT_S))
+                if content is None:
+                    break
                 answer = content if isinstance(content, Refused) else self._answer(content, connected)
                 refused = refused + 1 if isinstance(answer, Refused) else 0
-                await asyncio.wait_for(connection.send(answer.model_dump_json()), SILENCE_S)
-                if refused >= MAX_REFUSED:
-                    reason = answer.reason if isinstance(answer, Refused) else ""
-                    await self._turn_away(connection, f"{MAX_REFUSED} messages in a row refused: {reason}")
+                await asyncio.wait_for(socket.send(answer.model_dump_json()), SILENCE_S)
+                if isinstance(answer, Refused) and refused >= MAX_REFUSED:
+                    await self._reject(socket, f"{MAX_REFUSED} messages in a row refused: {answer.reason}")
         except TimeoutError:
-            await self._turn_away(connection, f"silent for {SILENCE_S:g} s: no frame that could be taken")
-        except ConnectionClosed:
+            await self._reject(socket, f"silent for {SILENCE_S:g} s: no frame that could be taken")
+        except self._closed:
             pass
         finally:
             await reader
 
-    def _time_left(self, connected: CommandConnection) -> float:
-        """Return how long a client may still be silent, in s."""
-        return max(connected.commander.last_seen + SILENCE_S - self._client.clock(), MIN_WAIT_S)
-
     async def _read(self, connected: CommandConnection) -> None:
-        """Queue what comes, until the client goes or spends more than its budget for long; then None."""
-        from websockets.exceptions import ConnectionClosed
-
+        """Queue the messages, until the client leaves or exceeds its budget for long; then None."""
         refused = 0
         try:
             async for content in connected.socket:
                 reason = connected.budget.refuse(len(content), self._client.clock())
-                # What is read slowly leaves room for some messages between: only a calm client begins anew.
+                # Slow reading leaves room for some messages in between: only a calm client starts afresh.
                 refused = 0 if connected.budget.calm else refused + bool(reason)
                 if refused >= MAX_REFUSED:
                     connected.socket.transport.pause_reading()
-                    await self._turn_away(connected.socket, reason)
+                    await self._reject(connected.socket, reason)
                     break
                 connected.pending.put_nowait(Refused(reason=reason) if reason else content)
                 if reason:
                     await asyncio.sleep(PAUSE_S)
-        except ConnectionClosed:
+        except self._closed:
             pass
         finally:
             connected.pending.put_nowait(None)
 
-    async def _watch(self, connection: ServerConnection, states: bool) -> None:
-        """Send what happens and, if it is desired, the states, until the client goes."""
-        from websockets.exceptions import ConnectionClosed
-
+    async def _watch(self, connection: ServerConnection, *, states: bool) -> None:
+        """Send events and, if desired, states, until the client leaves."""
         self._clients.add(connection)
         stream = None
         try:
@@ -312,9 +300,9 @@ class Bridge:
             if states:
                 stream = asyncio.create_task(self._send_states(connection))
             async for _ in connection:
-                await self._turn_away(connection, f"this stream is read only; command at {COMMAND_PATH}")
+                await self._reject(connection, f"this stream is read only; command at {COMMAND_PATH}")
                 return
-        except ConnectionClosed:
+        except self._closed:
             return
         finally:
             self._clients.discard(connection)
@@ -322,10 +310,7 @@ class Bridge:
                 stream.cancel()
 
     async def _send_states(self, connection: ServerConnection) -> None:
-        """Send a state every so often."""
-        from websockets.exceptions import ConnectionClosed
-
-        with suppress(ConnectionClosed):
+        with suppress(self._closed):
             while True:
                 await connection.send(self._state(0).model_dump_json())
                 await asyncio.sleep(STATE_PERIOD_S)
@@ -342,33 +327,22 @@ class Bridge:
             return self._state(message.sequence)
         except TensionlabError as error:
             return Refused(reason=refusal_reason(error))
-        except Exception as error:  # whatever it is that was not foreseen: no message ends the bridge
+        except Exception as error:  # unforeseen: no message ends the bridge
             logging.getLogger(__name__).exception("a message of %s", connected.commander.name)
             return Refused(reason=refusal_reason(error))
         finally:
             connected.budget.add_reading(time.thread_time() - began, now)
 
-    async def _turn_away(self, connection: ServerConnection, reason: str) -> None:
-        """Send the reason, and close; a client that does not listen is cut off."""
-        from websockets.exceptions import ConnectionClosed
-
+    async def _reject(self, connection: ServerConnection, reason: str) -> None:
+        """Send the reason, and close; a client that does not read is cut off."""
         try:
-            refusal = Refused(reason=reason[:MAX_MESSAGE_CHARACTERS])
-            await asyncio.wait_for(connection.send(refusal.model_dump_json()), CLOSE_TIMEOUT_S)
-            await asyncio.wait_for(
-                connection.close(1008, reason.encode()[:MAX_CLOSE_BYTES].decode(errors="ignore")), CLOSE_TIMEOUT_S
-            )
-        except ConnectionClosed:
+            async with asyncio.timeout(CLOSE_TIMEOUT_S):
+                await connection.send(Refused(reason=reason[:MAX_MESSAGE_CHARACTERS]).model_dump_json())
+                await connection.close(1008, reason.encode()[:MAX_CLOSE_BYTES].decode(errors="ignore"))
+        except self._closed:
             pass
         except TimeoutError:
             connection.transport.abort()
-
-    def _send_event(self, event: BridgeEvent) -> None:
-        from websockets.asyncio.server import broadcast
-
-        commanding = {self._commanding.socket} if self._commanding is not None else set()
-        clients = self._clients - commanding if event.kind == "rate" else self._clients
-        broadcast(clients, event.model_dump_json(exclude_none=True))
 
 
 def _name(connection: ServerConnection) -> str:

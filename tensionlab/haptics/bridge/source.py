@@ -1,4 +1,4 @@
-"""Demand source of the bridge: the client's effects, on a hand that it or the cables track."""
+"""Demand source of the bridge: the client's effects, on a hand tracked by the client or by the cables."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tensionlab.haptics.rendering.renderer import Renderer
 
 
 class Inner(Protocol):
-    """Demand source that takes a client's effects, and a share of all force."""
+    """Demand source that takes a client's effects, and a share of the whole force."""
 
     renderer: Renderer
 
@@ -31,25 +31,17 @@ class Inner(Protocol):
 
 
 NO_EFFECTS: Mapping[str, Effect] = MappingProxyType({})
-# Called each cycle: with the state, the demand, the share of the force that was there, and the renderer.
+# Called each cycle with the state, the demand, the share of the force that was rendered, and the renderer.
 OnCycle = Callable[[RigState, Demand, float, Renderer], None]
 
 
 class BridgedDemand:
     """Demand source that renders a client's effects.
 
-    Where a client falls silent the force fades; then, and before the first frame, the cables are held taut. One
-    whose effects fail loses them and the command; the cycle continues without: the force fades by the slew
-    limit.
-
-    Parameters
-    ----------
-    inner : Inner
-        Gets the client's effects: `FreeEffects`, or a scenario's demand.
-    on_cycle : callable, optional
-        See `OnCycle`.
-    on_event : callable, optional
-        Called when something else happens: with a kind of event, and a text.
+    The force fades while a client is silent; then, and before the first frame, the cables are held taut. A client
+    whose effects fail loses them and the command; the cycle continues without them, and the force fades by the
+    slew limit. ``inner`` gets the effects: `FreeEffects`, or a scenario's demand. ``on_cycle`` is an `OnCycle`;
+    ``on_event`` is called with the kind and text of an event.
     """
 
     def __init__(
@@ -74,7 +66,7 @@ class BridgedDemand:
         return replace(demand, stop=self._client.stop_requested)
 
     def _rendered(self, state: RigState, share: float) -> Demand:
-        """Return the demand with the client's effects or, if these fail, without."""
+        """Return the demand with the client's effects or, if they fail, without."""
         effects = self._client.effects
         if not effects:
             return self._inner(state, NO_EFFECTS, share)
@@ -83,10 +75,9 @@ class BridgedDemand:
         except Exception as error:
             if isinstance(error, EffectFailed) and error.effect not in effects:
                 raise  # the scenario's own
-            if not isinstance(error, EffectError) or error.__cause__ is not None:
-                # not by its parameters alone
+            if not isinstance(error, EffectError) or error.__cause__ is not None:  # not its parameters alone
                 logging.getLogger(__name__).exception("an effect of a client failed")
-            reason = f"{error if isinstance(error, EffectError) else f'{type(error).__name__}: {error}'}"
+            reason = str(error) if isinstance(error, EffectError) else f"{type(error).__name__}: {error}"
             self._client.dismiss(f"the effects are removed: {reason}"[:MAX_MESSAGE_CHARACTERS])
             if self._on_event is not None:
                 self._on_event("removed", reason)
@@ -102,10 +93,7 @@ def _require_finite(demand: Demand) -> Demand:
 
 
 class FreeEffects:
-    """Demand source of the client's effects and nothing else.
-
-    The hand is where the client says, or, if it does not, where the cables say.
-    """
+    """Demand source of the client's effects alone, on a hand tracked by the client or else by the cables."""
 
     def __init__(self, client: ClientState) -> None:
         self._client, self._latest = client, 0.0
@@ -128,7 +116,7 @@ class FreeEffects:
 def tracked_pose(client: ClientState) -> Callable[[float], Pose]:
     """Return a tracker for the runner: the point and the bodies with modules, by the client's frames.
 
-    What no frame has yet is at home, and at rest.
+    A body that no frame has yet is at home, and at rest.
     """
     rig = client.rig
 
@@ -139,7 +127,6 @@ def tracked_pose(client: ClientState) -> Callable[[float], Pose]:
         for name, rest in rig.at_rest.items():
             body = client.motion(name, now)
             frames[name] = rest if body is None else (body.position, body.rotation)
-        position = rig.home if hand is None else hand.position
-        return Pose(position, frames=frames)
+        return Pose(rig.home if hand is None else hand.position, frames=frames)
 
     return tracker

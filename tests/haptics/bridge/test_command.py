@@ -4,9 +4,18 @@ import numpy as np
 import pytest
 from pythonosc.osc_message_builder import build_msg
 
-from tensionlab.errors import EffectError
 from tensionlab.haptics.bridge.client_state import ClientState
-from tensionlab.haptics.bridge.command import BYTES_AT_ONCE, BYTES_PER_S, SILENCE_S, Budget, FrameRefused
+from tensionlab.haptics.bridge.command import (
+    BYTES_AT_ONCE,
+    BYTES_PER_S,
+    MAX_LINES,
+    MAX_REASONS,
+    REPORT_S,
+    SILENCE_S,
+    Budget,
+    FrameRefused,
+    LimitedReport,
+)
 from tensionlab.haptics.bridge.messages import Frame
 from tensionlab.haptics.bridge.osc import OscServer, bundle_of
 from tensionlab.haptics.effects import Plane
@@ -126,11 +135,6 @@ def test_what_has_no_time_tag_among_what_has_one_is_not_before_it(box, door):
     assert box.count == 3
 
 
-def test_a_single_shot_can_be_fired_over_osc(box, door):
-    door._take(build_msg("/effect/gun", ["recoil", "shots", 2.5]).dgram, "127.0.0.1", 0.0)
-    assert box.effects["gun"].shots == (2.5,)
-
-
 def test_who_was_sent_away_stays_away_until_a_silence(box, door):
     door._take(PULL, "127.0.0.1", 0.0)
     box.dismiss("it failed")
@@ -157,16 +161,6 @@ def test_bodies_that_the_rig_does_not_have_are_refused(box, bodies, said):
         box.put(Frame.model_validate({"time": 0.0, "bodies": bodies}), 0.0)
     assert said in str(refused.value)
     assert box.count == 0
-
-
-def test_an_effect_that_is_said_again_is_not_read_again(box):
-    frame = Frame.model_validate({"time": 0.0, "effects": {"a": {"kind": "recoil", "shots": [1.0]}}})
-    box.put(frame, 0.0)
-    before = box.effects["a"]
-    box.put(frame, 0.1)
-    assert box.effects["a"] is before
-    with pytest.raises(EffectError):
-        box.put(Frame.model_validate({"time": 0.0, "effects": {"a": {"kind": "recoil", "shots": 1.0}}}), 0.2)
 
 
 def refused(size, rate, work=0.0, seconds=10.0):
@@ -207,3 +201,27 @@ def test_a_pause_is_enough_to_go_on():
         budget.refuse(60_000, 0.0)
     assert budget.refuse(100, 0.1)
     assert not budget.refuse(100, 2.0 * BYTES_AT_ONCE / BYTES_PER_S)
+
+
+def test_a_repeated_line_is_reported_once_in_5_s_and_counted():
+    lines, now = [], [0.0]
+    report = LimitedReport(lines.append, lambda: now[0])
+    for _ in range(450):
+        report("a")
+        now[0] += REPORT_S / 450.5
+    report("b")
+    now[0] += 1.0
+    report("a")
+    assert lines == ["a", "b", "449 more times: a", "a"]
+    report.finish()
+    assert lines[4:] == []
+
+
+def test_of_many_reasons_the_most_frequent_are_reported():
+    lines = []
+    report = LimitedReport(lines.append, lambda: 0.0)
+    for number in range(100):
+        report(f"a: {number}")
+    report.finish()
+    assert len(lines) == MAX_LINES + MAX_REASONS + 1
+    assert lines[-1] == f"{100 - MAX_LINES - MAX_REASONS} more times: something else"
