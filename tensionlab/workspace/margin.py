@@ -22,16 +22,7 @@ RequiredWrenches = ArrayLike | tuple[ArrayLike, ArrayLike] | None
 
 
 class MarginGradient(NamedTuple):
-    """Capacity margin (...), and its derivative (..., n, m) with respect to the structure matrix.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> tl.workspace.margin_gradient(structure, rig.limits)._fields
-    ('margin', 'structure')
-    """
+    """Capacity margin (...), and its derivative (..., n, m) with respect to the structure matrix."""
 
     margin: Floats
     structure: Floats
@@ -41,14 +32,6 @@ class RigMarginGradient(NamedTuple):
     """Capacity margin (...), and its derivatives, per m that something moves.
 
     (..., d) for the reference point, without rotation; (..., m, d) for each anchor, in the axes of its own frame.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> higher = tl.workspace.rig_margin_gradient(rig, rig.home).position[1]
-    >>> f"{higher:.2f} N/m, if the hand is raised"
-    '-7.63 N/m, if the hand is raised'
     """
 
     margin: Floats
@@ -63,8 +46,7 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Requir
     limits; one without volume (W of lower rank) ends at once in the directions that it lacks: its margin is at
     most 0, less the distance of the required set from its plane. Where n is more than 3, its distances mix N and
     N·m: divide the torques of W and of the required wrenches by a length of your choice first, such as
-    `Rig.characteristic_length`. ShapeError names
-    an entry that does not fit.
+    `Rig.characteristic_length`. ShapeError names an entry that does not fit.
 
     Source: Guay, Cardou, Cruz-Ruiz and Caro, "Measuring how well a structure supports varying external wrenches",
     2014; Ruiz, Caro, Cardou and Guay, "ARACHNIS: Analysis of robots actuated by cables with handy and neat
@@ -119,25 +101,23 @@ def margin_gradient(
 ) -> MarginGradient:
     """Return the capacity margin and its derivative with respect to the structure matrix.
 
-    Parameters and errors as in `capacity_margin`. The nearest facet turns and moves with W such that the
-    derivative is ``h t'``: h is its unit normal, and t are the tensions whose wrench is, of all in the plane of
-    the facet, the nearest to the required one. Where several facets or wrenches are equally near, the margin has
-    no derivative, and this is one that belongs to one of them; where a flat set holds what is required it is zero.
+    The nearest facet turns and moves with W such that the derivative is ``h t'``: h is its unit normal, and t are
+    the tensions whose wrench is, of all in the plane of the facet, the nearest to the required one. Where several
+    facets or wrenches are equally near, the margin has no derivative, and this is one that belongs to one of them;
+    where a flat set holds what is required it is zero.
 
-    Source: Guay, Cardou, Cruz-Ruiz and Caro, "Measuring how well a structure supports varying external wrenches",
-    2014, for the margin; the derivative is that of the support function of a zonotope at a facet.
+    Source: as `capacity_margin`; the derivative is that of the support function of a zonotope at a facet.
 
     Parameters
     ----------
     structure, limits, required
-        As in `capacity_margin`.
+        Parameters and errors as in `capacity_margin`.
 
     Examples
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> found = tl.workspace.margin_gradient(structure, rig.limits)
+    >>> found = tl.workspace.margin_gradient(rig.structure_matrix(rig.home), rig.limits)
     >>> f"{found.margin:.3f} N", found.structure.shape
     ('3.681 N', (3, 4))
     """
@@ -159,14 +139,10 @@ def rig_margin_gradient(
 ) -> RigMarginGradient:
     """Return the capacity margin of a rig and its derivatives with respect to position and anchors.
 
-    Poses, required wrenches (in world axes) and errors are as in `Rig.structure_matrix` and `capacity_margin`.
-
     Parameters
     ----------
-    rig : Rig
-        Whose anchors the derivatives are about.
-    position, rotation, frames
-        As in `Rig.structure_matrix`.
+    rig, position, rotation, frames
+        Rig and its poses; errors as in `Rig.structure_matrix`.
     required
         As in `capacity_margin`, in world axes.
 
@@ -174,9 +150,9 @@ def rig_margin_gradient(
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> found = tl.workspace.rig_margin_gradient(rig, rig.home)
-    >>> found.position.shape, found.anchors.shape  # N/m
-    ((3,), (4, 3))
+    >>> higher = tl.workspace.rig_margin_gradient(rig, rig.home).position[1]
+    >>> f"{higher:.2f} N/m, if the hand is raised"
+    '-7.63 N/m, if the hand is raised'
     """
     cables = rig.cables(position, rotation, frames)
     W = kinematics.structure_matrix(cables.directions, cables.arms)
@@ -200,24 +176,21 @@ def _arguments(
 
 def _required_set(required: RequiredWrenches, n: int) -> tuple[Floats, Floats]:
     """Return the required wrenches (..., k, n), and the radius (...) around their hull."""
+    radius = np.zeros(())
     if required is None:
-        return np.zeros((1, n)), np.zeros(())
-    if isinstance(required, tuple):
-        if len(required) != 2:
-            raise ShapeError(
-                f"required is a tuple of {len(required)}; a ball is (centre, radius), and vertices are an array"
-            )
-        centre, radius = (
-            require_finite("required centre", required[0], 1),
-            require_finite("required radius", required[1], 0),
-        )
-        if (radius < 0).any():
-            raise ShapeError(f"required radius is {radius.min():g}; give 0 or more")
-        wrenches = centre[..., None, :]
+        return np.zeros((1, n)), radius
+    if not isinstance(required, tuple):
+        wrenches = require_finite("required", required, 1)
+        wrenches = wrenches[None] if wrenches.ndim == 1 else wrenches
+    elif len(required) == 2:
+        wrenches = require_finite("required centre", required[0], 1)[..., None, :]
+        radius = require_finite("required radius", required[1], 0)
     else:
-        wrenches, radius = require_finite("required", required, 1), np.zeros(())
-        if wrenches.ndim == 1:
-            wrenches = wrenches[None]
+        raise ShapeError(
+            f"required is a tuple of {len(required)}; a ball is (centre, radius), and vertices are an array"
+        )
+    if (radius < 0).any():
+        raise ShapeError(f"required radius is {radius.min():g}; give 0 or more")
     if wrenches.shape[-1] != n:
         raise ShapeError(f"required wrenches have {wrenches.shape[-1]} components where structure has {n} rows")
     if wrenches.shape[-2] == 0:

@@ -59,15 +59,6 @@ class HalfSpaces(NamedTuple):
     """The available wrench set as an intersection: w is in it if ``normals[i] @ w <= offsets[i]`` for all i.
 
     Normals (..., k, n) are unit vectors away from the set; offsets are (..., k).
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> structure = rig.structure_matrix(rig.home)
-    >>> normals, offsets = tl.workspace.half_spaces(structure, rig.limits)
-    >>> bool((normals @ [1.0, 0.5, 1.0] <= offsets).all())  # so this force is feasible
-    True
     """
 
     normals: Floats
@@ -80,7 +71,7 @@ def half_spaces(structure: ArrayLike, limits: TensionRange) -> HalfSpaces:
     All choices of n - 1 independent cables span two parallel facets, on which every other cable is at one of its
     limits. Some half-spaces may be redundant: all poses have as many as the one that needs most, twice the choices
     of n - 1 of m cables as a rule, and those that need fewer repeat their last. Where the set is flat, planes from
-    both sides confine it. Parameters and errors as in `capacity_margin`.
+    both sides confine it.
 
     Source: Bouchard, Gosselin and Moore, "On the ability of a cable-driven robot to generate a prescribed set of
     wrenches", 2010; Gouttefarde and Krut, "Characterization of parallel manipulator available wrench set facets",
@@ -89,16 +80,16 @@ def half_spaces(structure: ArrayLike, limits: TensionRange) -> HalfSpaces:
     Parameters
     ----------
     structure, limits
-        As in `capacity_margin`.
+        Parameters and errors as in `capacity_margin`.
 
     Examples
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
     >>> structure = rig.structure_matrix(rig.home)
-    >>> found = tl.workspace.half_spaces(structure, rig.limits)
-    >>> found.normals.shape, found.offsets.shape
-    ((12, 3), (12,))
+    >>> normals, offsets = tl.workspace.half_spaces(structure, rig.limits)
+    >>> bool((normals @ [1.0, 0.5, 1.0] <= offsets).all())  # so this force is feasible
+    True
     """
     batch = structure_batch(structure_matrices(structure), limits)
     n, m = batch.structure.shape[1:]
@@ -119,22 +110,14 @@ def vertices(structure: ArrayLike, limits: TensionRange) -> Floats:
     """Return the vertices (k, n) of the available wrench set at one pose.
 
     In order around the set where it is a polygon, n = 2; in no order elsewhere. They are the hull of one cable
-    after the other, by Qhull: each copies what is there, at its lower and its upper limit. Parameters and errors
-    as in `capacity_margin`, without leading axes.
+    after the other, by Qhull: each copies what is there, at its lower and its upper limit.
 
     Source: Barber, Dobkin and Huhdanpaa, "The Quickhull algorithm for convex hulls", 1996.
 
     Parameters
     ----------
-    structure : (n, m) array
-        Structure matrix.
-    limits : object with ``lower`` and ``upper``, or a pair
-        Tension limits in N, each (m,) or a number.
-
-    Raises
-    ------
-    ShapeError
-        If an entry is not finite, or shapes do not fit.
+    structure, limits
+        Parameters and errors as in `capacity_margin`, without leading axes.
 
     Examples
     --------
