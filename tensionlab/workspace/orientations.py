@@ -16,8 +16,8 @@ MAX_ORIENTATIONS = 100_000  # more are taken for a slip of the step
 def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> Floats:
     """Return the orientations (k, 3, 3) that tilt an axis by up to an angle, in every direction.
 
-    The first is not turned; then come rings, one every step, with neighbours about a step apart. None turns about
-    the axis.
+    The first is the identity; then come rings, one every step, with neighbours about a step apart, none of them
+    turned about the axis. InputError for angles of no use, or an axis without a direction.
 
     Parameters
     ----------
@@ -26,12 +26,7 @@ def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> F
     step : float
         Distance of neighbours, in rad.
     axis : (3,) array
-        What is tilted, as the axis that points up.
-
-    Raises
-    ------
-    InputError
-        For angles of no use, or an axis without a direction.
+        Axis that is tilted, such as the one that points up.
 
     Examples
     --------
@@ -63,17 +58,13 @@ def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> F
 def roll_pitch_yaw(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Floats:
     """Return the orientations (k, 3, 3) of every combination of angles, in rad; the yaw changes fastest.
 
-    Turns about the fixed axes x, y and z, one after the other: ``Rz(yaw) Ry(pitch) Rx(roll)``.
+    Turns about the fixed axes x, y and z, one after the other: ``Rz(yaw) Ry(pitch) Rx(roll)``. ShapeError or
+    InputError for angles that are not finite, or too many combinations.
 
     Parameters
     ----------
     roll, pitch, yaw : arrays of one axis, or numbers
         In rad.
-
-    Raises
-    ------
-    ShapeError, InputError
-        For angles that are not finite, or too many combinations.
 
     Examples
     --------
@@ -91,10 +82,10 @@ def roll_pitch_yaw(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Floats:
     if not 0 < np.prod([each.size for each in angles]) <= MAX_ORIENTATIONS:
         raise InputError(f"roll, pitch and yaw have too many combinations; give 1 to {MAX_ORIENTATIONS:,}")
     grid = np.stack(np.meshgrid(*angles, indexing="ij"), axis=-1).reshape(-1, 3)
-    about = [
+    x, y, z = (
         kinematics.exponential(np.outer(column, axis)) for column, axis in zip(grid.T, np.eye(3), strict=True)
-    ]
-    return np.asarray(about[2] @ about[1] @ about[0])
+    )
+    return np.asarray(z @ y @ x)
 
 
 def roll_pitch_yaw_of(rotations: Floats) -> Floats:

@@ -27,8 +27,7 @@ from tensionlab.workspace.volume import equal_weights, node_weights
 POSE_FILE_SUFFIXES = (".csv", ".parquet", ".npz")
 ROTATION_COLUMNS = ["rx", "ry", "rz"]  # axis times angle of an orientation in space, in rad
 MAX_ANGLE_RAD = 1000.0  # more is taken for another unit
-MAX_AXIS_POSES = 10_000_000  # more poses along one axis than this are taken for a slip of the step
-
+MAX_AXIS_POSES = 10_000_000  # more along one axis are taken for a mistaken step
 
 # Coordinate of a dataset, as xarray takes it: axes, values and attributes.
 Label = tuple[tuple[str, ...], NDArray[Any], dict[str, str]]
@@ -77,7 +76,7 @@ class Grid:
             object.__setattr__(self, "rotations", rotations)
 
     def __repr__(self) -> str:
-        edges = ", ".join(f"{name} {format_range(getattr(self, name))} m" for name in self.dims[: self.dimension])
+        edges = ", ".join(f"{name} {format_range(axis)} m" for name, axis in self._axes().items() if name in "xyz")
         return f"<Grid of {' x '.join(map(str, self.shape))} poses: {edges}>"
 
     @property
@@ -94,40 +93,40 @@ class Grid:
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of poses along each axis."""
-        return tuple(len(axis) for axis in self._axes())
+        return tuple(map(len, self._axes().values()))
 
     def block(self, where: Sequence[slice]) -> Grid:
         """Return the poses in a slice of every axis."""
-        parts = [axis[part] for axis, part in zip(self._axes(), where, strict=True)]
-        z = parts[2] if self.dimension == 3 else None
-        return Grid(parts[0], parts[1], z, None if self.rotations is None else parts[-1])
+        return Grid(**{name: axis[part] for (name, axis), part in zip(self._axes().items(), where, strict=True)})
 
     def arrays(self) -> tuple[Floats, Floats | None]:
         """Return positions (B, d) and rotations, (B, 3, 3), (B,) or None; the last axis runs fastest."""
         index = np.indices(self.shape).reshape(len(self.shape), -1)
-        axes = self._axes()
-        position = np.stack([axis[i] for axis, i in zip(axes, index[: self.dimension], strict=False)], axis=-1)
-        return position, None if self.rotations is None else self.rotations[index[-1]]
+        parts = [axis[i] for axis, i in zip(self._axes().values(), index, strict=True)]
+        return np.stack(parts[: self.dimension], axis=-1), None if self.rotations is None else parts[-1]
 
     def weights(self) -> list[Floats]:
-        """Return the share of the box that the poses stand for, along each axis: `node_weights`."""
-        turns = [] if self.rotations is None else [equal_weights(len(self.rotations))]
-        return [*map(node_weights, self._axes()[: self.dimension]), *turns]
+        """Return the share of the box that belongs to each pose, along each axis: `node_weights`."""
+        return [
+            equal_weights(len(axis)) if name == "rotations" else node_weights(axis)
+            for name, axis in self._axes().items()
+        ]
 
     def labels(self) -> dict[str, Label]:
         """Return the labels of the axes."""
-        found = {name: _length((name,), getattr(self, name), name) for name in self.dims[: self.dimension]}
+        found = {name: _length((name,), axis, name) for name, axis in self._axes().items() if name in "xyz"}
         if self.rotations is None:
             return found
+        dims = self.dims[-1:]
         if self.dimension == 3:
-            dims, number = ("orientation",), np.arange(len(self.rotations))
-            found["orientation"] = label(dims, number, "1", "number of the orientation")
+            found["orientation"] = label(dims, np.arange(len(self.rotations)), "1", "number of the orientation")
             for name, angle in zip(("roll", "pitch", "yaw"), roll_pitch_yaw_of(self.rotations).T, strict=True):
                 found[name] = label(dims, angle, "rad", f"{name} of the platform")
-        return found | _orientation(self.dims[-1], self.rotations)
+        return found | _orientation(dims[0], self.rotations)
 
-    def _axes(self) -> list[Floats]:
-        return [axis for axis in (self.x, self.y, self.z, self.rotations) if axis is not None]
+    def _axes(self) -> dict[str, Floats]:
+        axes = {"x": self.x, "y": self.y, "z": self.z, "rotations": self.rotations}
+        return {name: axis for name, axis in axes.items() if axis is not None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +172,7 @@ class PoseList:
 
     def __repr__(self) -> str:
         edges = ", ".join(
-            f"{axis} {format_range(self.position[:, i])} m" for i, axis in enumerate("xyz"[: self.dimension])
+            f"{axis} {format_range(values)} m" for axis, values in zip("xyz", self.position.T, strict=False)
         )
         return f"<PoseList of {format_count(len(self.position), 'pose')}: {edges}>"
 
@@ -205,9 +204,7 @@ class PoseList:
     def labels(self) -> dict[str, Label]:
         """Return the labels of the list."""
         found = {"pose": label(("pose",), np.arange(len(self.position)), "1", "number of the pose")}
-        found |= {
-            name: _length(("pose",), self.position[:, i], name) for i, name in enumerate("xyz"[: self.dimension])
-        }
+        found |= {n: _length(("pose",), values, n) for n, values in zip("xyz", self.position.T, strict=False)}
         if self.distance is not None:
             found["distance"] = label(("pose",), self.distance, "m", "distance along the path")
         return found if self.rotation is None else found | _orientation("pose", self.rotation)
@@ -221,6 +218,8 @@ def box(
 ) -> Grid:
     """Return poses that fill a box, one every step.
 
+    InputError or ShapeError if an interval is no pair of finite numbers or runs backwards, or for a wrong step.
+
     Parameters
     ----------
     x, y, z : (from, to), or a number
@@ -229,11 +228,6 @@ def box(
         Distance of neighbours, in m. The first is at ``from``; the last is at ``to`` if the step divides the edge.
     rotations : array, optional
         As in `Grid`.
-
-    Raises
-    ------
-    InputError, ShapeError
-        If an interval is no pair of finite numbers or runs backwards, or a step makes no sense.
 
     Examples
     --------
@@ -254,20 +248,18 @@ def box(
 
 
 def polyline(points: ArrayLike, step: float, rotation: ArrayLike | None = None) -> PoseList:
-    """Return poses on a path of straight lines between points (k, d), in m, one every step.
+    """Return poses on a path of straight lines between points, one every step.
 
-    Neighbours are a step, in m, apart along the path; the last is the end of the path, and may be closer. The
-    rotation, as in `Grid`, is the same everywhere. InputError if the path has no length, or the step is not above
-    zero.
+    InputError if the path has no length, or the step is not above zero.
 
     Parameters
     ----------
     points : (k, d) array
         Corners of the path, in m.
     step : float
-        Distance of neighbours along the path, in m.
+        Distance of neighbours along the path, in m; the last is the end of the path, and may be closer.
     rotation : array, optional
-        One orientation, as in `Grid`.
+        One orientation for all poses, as in `Grid`.
 
     Examples
     --------
@@ -295,17 +287,12 @@ def read_poses(path: str | Path) -> PoseList:
 
     CSV (with a line of column names) and Parquet have the columns x, y and z in m, in the plane x and y. An
     orientation is given by rx, ry, rz, the axis times the angle in rad, in the plane by angle in rad. NPZ has
-    the arrays ``position`` and, if need be, ``rotation``, as in `PoseList`.
+    the arrays ``position`` and, if need be, ``rotation``, as in `PoseList`. DataError names file and row.
 
     Parameters
     ----------
     path : path
         A file that ends in .csv, .parquet or .npz.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be read, or its columns, arrays or entries are not these; it names file and row.
 
     Examples
     --------
@@ -320,23 +307,20 @@ def read_poses(path: str | Path) -> PoseList:
     if suffix not in POSE_FILE_SUFFIXES:
         raise DataError(f"{path}: not a file of poses; give one that ends in {', '.join(POSE_FILE_SUFFIXES)}")
     what = f"a file of poses (*{suffix})"
-    optional = ["z", *ROTATION_COLUMNS, "angle"]
+    required, optional = ["x", "y"], ["z", *ROTATION_COLUMNS, "angle"]
     try:
         if suffix == ".npz":
             arrays = read_npz(path, what, DataError)
             if "position" not in arrays or set(arrays) - {"position", "rotation"}:
-                raise DataError(
-                    f"its arrays are {', '.join(arrays) or 'none':.100}; give position, and rotation or not"
-                )
+                raise DataError(f"its arrays are {', '.join(arrays) or 'none':.100}; give position (and rotation)")
             poses = PoseList(**arrays)
         elif suffix == ".csv":
-            poses = poses_from_columns(read_table(path, ["x", "y"], optional, error=DataError, what=what))
+            poses = poses_from_columns(read_table(path, required, optional, error=DataError, what=what))
         else:
             table = read_parquet(path, what, DataError)
-            check_columns(table.columns.column_names, ["x", "y"], optional, str(path), DataError)
-            poses = poses_from_columns(
-                {name: table.numbers(name, DataError) for name in table.columns.column_names}
-            )
+            names = table.columns.column_names
+            check_columns(names, required, optional, str(path), DataError)
+            poses = poses_from_columns({name: table.numbers(name, DataError) for name in names})
         _require_below(MAX_LENGTH, poses.position, "is", f"m, within {MAX_LENGTH:g}")
     except (DataError, ShapeError) as error:
         raise DataError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
@@ -345,26 +329,26 @@ def read_poses(path: str | Path) -> PoseList:
 
 def _require_below(most: float, rows: Floats, what: str, expected: str) -> None:
     """Refuse numbers that are too large to be meant, as of a file in other units."""
-    if (far := np.abs(rows).max(axis=1) > most).any():
-        row = int(np.flatnonzero(far)[0])
-        raise DataError(f"pose {row + 1} {what} {brief(rows[row].tolist())}; give {expected}")
+    if len(far := np.flatnonzero(np.abs(rows).max(axis=1) > most)):
+        raise DataError(f"pose {far[0] + 1} {what} {brief(rows[far[0]].tolist())}; give {expected}")
 
 
 def poses_from_columns(columns: dict[str, Floats]) -> PoseList:
     """Return poses from the columns of `read_poses`; DataError for others."""
     spatial = "z" in columns
-    places, turns = ["x", "y", "z"][: 3 if spatial else 2], ROTATION_COLUMNS if spatial else ["angle"]
-    needed = [*places, *(turns if set(turns) & set(columns) else [])]
+    places, turns = (["x", "y", "z"], ROTATION_COLUMNS) if spatial else (["x", "y"], ["angle"])
+    turned = bool(set(turns) & set(columns))
+    needed = [*places, *(turns if turned else [])]
     if missing := [name for name in needed if name not in columns]:
         raise DataError(f"no column {missing[0]}; the columns are {', '.join(columns)}")
     if unknown := [name for name in columns if name not in needed]:
         raise DataError(f"unknown column {unknown[0]}; give x, y, z, rx, ry, rz, or x, y, angle in the plane")
     position = np.stack([columns[name] for name in places], axis=-1)
-    if len(needed) == len(places):
+    if not turned:
         return PoseList(position)
     angles = np.stack([columns[name] for name in turns], axis=-1)
     _require_below(MAX_ANGLE_RAD, angles, "is turned by", "angles in rad")
-    return PoseList(position, kinematics.exponential(angles) if spatial else columns["angle"])
+    return PoseList(position, kinematics.exponential(angles) if spatial else angles[:, 0])
 
 
 def _axis(name: str, ends: ArrayLike, step: float) -> Floats:
@@ -400,5 +384,4 @@ def _orientation(dim: str, rotations: Floats) -> dict[str, Label]:
     """Label angles or matrices along an axis."""
     if rotations.ndim == 1:
         return {"angle": label((dim,), rotations, "rad", "angle of the platform")}
-    matrices = label((dim, "row", "column"), rotations, "1", "rotation of the platform to the world")
-    return {"rotation": matrices}
+    return {"rotation": label((dim, "row", "column"), rotations, "1", "rotation of the platform to the world")}

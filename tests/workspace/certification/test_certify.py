@@ -15,7 +15,6 @@ from tensionlab.workspace.certification.problem import cell_problem
 from tensionlab.workspace.margin import required_margin
 from tests.helpers.certified_cells import Cell
 from tests.helpers.examples import many
-from tests.helpers.reference_metrics import renders
 
 certify = tl.workspace.certify
 BALL = ([0.0, 0.0, 0.0], 1.0)
@@ -102,34 +101,6 @@ def test_no_pose_contradicts_the_verdict_of_its_cell(case, verdict):
     assert (margin * verdict > 0).all()
 
 
-def test_linear_programs_agree_with_the_verdicts(case):
-    rig, required, proved = case
-    rng = np.random.default_rng(2)
-    unit = np.where(np.arange(rig.n) < rig.dimension, 1.0, required.length_for(rig))
-    for verdict in (1, -1):
-        for W in rig.structure_matrix(random_positions(proved, verdict, many(100), rng)):
-            normals, offsets = tl.workspace.half_spaces(W / unit[:, None], rig.limits)
-            worst = normals[(offsets - normals @ (required.at(rig)[0] / unit)).argmin()]
-            away = rng.normal(size=rig.n) if verdict == 1 else worst
-            wrench = required.at(rig)[0] + required.ball * unit * away / np.linalg.norm(away)
-            assert renders(W, rig.limits.lower, rig.limits.upper, wrench) == (verdict == 1)
-
-
-def test_shares_of_undecided_cells_hold(case):
-    rig, required, proved = case
-    rng = np.random.default_rng(3)
-    open_cells = np.flatnonzero(proved.verdict == 0)
-    cells = rng.choice(open_cells, min(many(400), len(open_cells)), replace=False)
-    count = 400
-    where = rng.uniform(-0.5, 0.5, (len(cells), count, rig.dimension))
-    positions = proved.centres[cells][:, None] + where * proved.edges[cells][:, None]
-    share = (required_margin(rig, rig.structure_matrix(positions), required) >= 0).mean(axis=1)
-    noise = 6 * np.sqrt(np.maximum(share * (1 - share), 1 / count) / count)
-    assert (proved.shares[cells, 0] < share + noise).all()
-    assert (1 - proved.shares[cells, 1] > share - noise).all()
-    assert proved.shares[cells].sum(axis=1).mean() > 0.3
-
-
 def test_wrench_closure_of_a_published_robot():
     rig = tl.load_rig("ipanema-2")
     proved = certify(rig, [(-4, 4), (-3, 3), (2, 4)], "wrench-closure", 0.2)
@@ -196,27 +167,14 @@ def test_all_rotations_count():
     assert both.volume.lower <= min(proved.volume.upper for proved in each)
 
 
-@pytest.mark.parametrize(
-    ("name", "region", "required", "resolution"),
-    [
-        ("kntu-planar", [(-1.1, 1.1), (-1.0, 1.0)], tl.Requirement(ball=3.0), 0.05),
-        ("ipanema-2", [(-4, 4), (-3, 3), (1, 5)], tl.Requirement(gravity=True, ball=2.0), 0.4),
-    ],
-    ids=["planar", "platform"],
-)
-def test_an_angle_stands_for_all_rotations_within_it(name, region, required, resolution):
-    rig, rng = tl.load_rig(name), np.random.default_rng(7)
-    angle = 0.03
-    still, turning = (certify(rig, region, required, resolution, angle=a) for a in (0.0, angle))
-    assert turning.volume.upper <= still.volume.upper + 1e-9
-    assert turning.volume.lower > 0.5 * still.volume.lower
+def test_an_angle_covers_all_rotations_within_it():
+    rig, rng = tl.load_rig("ipanema-2"), np.random.default_rng(7)
+    region, required, angle = [(-4, 4), (-3, 3), (1, 5)], tl.Requirement(gravity=True, ball=2.0), 0.03
+    still, turning = (certify(rig, region, required, 0.4, angle=each) for each in (0.0, angle))
+    assert 0.5 * still.volume.lower < turning.volume.lower <= turning.volume.upper <= still.volume.upper + 1e-9
     positions = random_positions(turning, 1, many(20_000), rng)
-    if rig.dimension == 2:
-        turns = rng.choice([-angle, 0.0, angle], len(positions))
-    else:
-        axis = rng.normal(size=(len(positions), 3))
-        axis *= angle / np.linalg.norm(axis, axis=1, keepdims=True)
-        turns = tl.model.kinematics.exponential(axis)
+    axis = rng.normal(size=(len(positions), 3))
+    turns = tl.model.kinematics.exponential(angle * axis / np.linalg.norm(axis, axis=1, keepdims=True))
     margin = required_margin(rig, rig.structure_matrix(positions, turns), required, turns)
     assert (margin > 0).all()
 
@@ -227,12 +185,6 @@ def test_cells_around_an_anchor_are_bounded_too():
     assert proved.proved  # whichever way the fifth cable runs
     within = certify(rig, [(0.3, 0.7), (0.3, 0.7)], ([0.0, 0.0], 0.5), 0.01)
     assert within.volume.lower > 0.1
-
-
-def test_parallel_cables_and_symmetric_poses():
-    anchors = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-    doubled = rig_of("point", np.vstack([anchors, anchors]))
-    assert certify(doubled, [(-0.2, 0.2)] * 3, ([0.0, 0.0, 0.0], 2.0), 0.1).proved
 
 
 def test_a_plane_of_space_has_an_area():
@@ -268,6 +220,7 @@ def test_the_rig_itself_says_what_is_required():
         ({"region": [(0.0, np.nan), (0.0, 1.0)]}, ShapeError, "region"),
         ({"bodies": [tl.workspace.Capsule([0.0, 0.0])]}, InputError, "clearance"),
         ({"clearance": -1.0}, InputError, "clearance is -1.0"),
+        ({"angle": 2.0}, InputError, "angle is 2"),
     ],
 )
 def test_what_does_not_fit_is_refused(arguments, error, words):
@@ -276,19 +229,10 @@ def test_what_does_not_fit_is_refused(arguments, error, words):
         certify(SQUARE, **given)
 
 
-def test_too_large_an_angle_is_refused():
-    with pytest.raises(InputError, match="angle is 2"):
-        certify(tl.load_rig("kntu-planar"), [(-1, 1), (-1, 1)], None, 0.1, angle=2.0)
-
-
-def test_too_few_cables_are_refused():
-    rig = rig_of("planar-point", [[0.0, 1.0], [1.0, 1.0]])
-    one = tl.Rig("one", "planar-point", rig.modules[:1], home=[0.0, 0.0])
+def test_too_few_cables_and_bodies_in_several_places_are_refused():
+    one = tl.Rig("one", "planar-point", SQUARE.modules[:1], home=[0.0, 0.0])
     with pytest.raises(InputError, match="1 cables whose tension can change; give it 2"):
         certify(one, [(0.0, 1.0), (0.0, 1.0)], [0.0, 1.0], 0.1)
-
-
-def test_bodies_that_are_in_several_places_are_refused():
     rig = tl.load_rig("body-mounted")
     frames = {name: (each.position + np.zeros((2, 3)), None) for name, each in rig.at_rest.items()}
     with pytest.raises(InputError, match="frames: give one pose for each body frame"):

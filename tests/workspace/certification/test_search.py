@@ -55,23 +55,17 @@ def test_a_killed_proof_goes_on_where_it_was(tmp_path, monkeypatch, rig, whole):
     assert len(calls) == count
 
 
-def test_chunks_change_nothing(monkeypatch, rig, whole):
-    monkeypatch.setattr(search, "CHUNK_CELLS", 333)
-    told = []
-    found = tl.workspace.certify(rig, REGION, BALL, 0.02, progress=told.append)
-    for one, other in zip(in_order(found), in_order(whole), strict=True):
-        np.testing.assert_array_equal(one, other)
-    assert told == sorted(told)
-    assert told[-1] == pytest.approx(1.0)
-
-
 def test_a_cluster_proves_the_same(monkeypatch, rig, whole):
     from distributed import LocalCluster
 
     monkeypatch.setattr(search, "CHUNK_CELLS", 2_000)
     where = {"protocol": "tcp://", "host": "127.0.0.1", "dashboard_address": ":0"}
+    shares = []
     with LocalCluster(n_workers=2, threads_per_worker=1, processes=False, **where) as cluster:
-        found = tl.workspace.certify(rig, REGION, BALL, 0.02, scheduler=cluster.scheduler_address)
+        scheduler = cluster.scheduler_address
+        found = tl.workspace.certify(rig, REGION, BALL, 0.02, scheduler=scheduler, progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1.0)
     for one, other in zip(in_order(found), in_order(whole), strict=True):
         np.testing.assert_array_equal(one, other)
 

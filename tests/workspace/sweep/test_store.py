@@ -96,13 +96,6 @@ def test_a_finished_store_is_the_sweep_and_is_only_opened(store, tally, tmp_path
     assert read(tally) == before
 
 
-def test_any_name_of_a_module_can_be_stored(store):
-    rigs = vary(tl.box_corners([1, 1, 1]), anchors={"x- y- z+": [[0, 0, 0], [1, 0, 0]]})
-    data = tl.sweep(rigs, POSES, "wrench-closure", out=store)
-    assert set(data.data_vars) == {"wrench-closure"}
-    assert data["anchor_x-_y-_z+_x"].values.tolist() == [0.0, 1.0]
-
-
 @pytest.mark.parametrize("inside", [False, True], ids=["between chunks", "inside a chunk"])
 def test_an_interrupted_sweep_is_resumed(store, tally, inside):
     stop(store, tally, 12, inside)

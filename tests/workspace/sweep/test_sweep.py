@@ -4,7 +4,6 @@ import itertools
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,7 +24,6 @@ from tensionlab.workspace.structure_metrics import (
     tension_factor,
     wrench_closure,
 )
-from tensionlab.workspace.sweep import store
 from tensionlab.workspace.sweep.configurations import vary
 from tests.helpers.examples import many
 
@@ -127,20 +125,6 @@ def test_a_body_keeps_its_distance():
     head = Capsule([0.0, 0.2, 0.5], radius=0.1)
     data = tl.sweep(CUBE, [[0.1, 0.2, 0.3]], metric("body-distance", bodies=(head,)))
     assert data["body-distance"].item() == body_distance(CUBE, [head], [0.1, 0.2, 0.3]).distance
-
-
-@pytest.mark.parametrize(("layout", "share"), [(tl.alternate_corners, 1 / 3), (tl.box_corners, 1)])
-def test_alternate_corners_close_a_third_of_the_box_and_all_corners_all_of_it(layout, share):
-    half = (np.arange(30) + 0.5) / 30 - 0.5
-    data = tl.sweep(layout([2, 1, 3]), Grid(2 * half, half, 3 * half), "wrench-closure")
-    assert float(data["wrench-closure"].mean()) == pytest.approx(share, abs=0.01)
-
-
-def test_the_workspace_of_ipanema_2_has_as_many_poses_as_published():
-    rig = tl.load_rig(Path(__file__).parents[3] / "datasets" / "rigs" / "ipanema-2.toml")
-    plane = box((-4, 4), (-3, 3), 0.0, step=0.1)
-    closed = tl.sweep(rig, Grid(plane.x, plane.y, [2.0, 3.0, 4.0]), "wrench-closure")["wrench-closure"]
-    assert closed.sum(["rig", "x", "y"]).values.tolist() == [3591, 3575, 3575]
 
 
 def test_layouts_with_other_numbers_of_modules_share_one_dataset():
@@ -291,13 +275,6 @@ def test_a_library_that_is_missing_is_named_with_its_extra(missing, monkeypatch,
         tl.errors.MissingDependency, match=rf'needs {missing}: pip install "tensionlab\[workspace\]"'
     ):
         tl.sweep(CUBE, [[0, 0, 0]], "squared-tension", out=tmp_path / "a.zarr")
-
-
-def test_the_limit_of_memory_counts_all_metrics(monkeypatch):
-    monkeypatch.setattr(store, "MAX_MEMORY_BYTES", 8 * 2 * 3)
-    assert tl.sweep(CUBE, np.zeros((3, 3)), ["squared-tension", "wrench-closure"]).sizes["pose"] == 3
-    with pytest.raises(SweepError, match="give out"):
-        tl.sweep(CUBE, np.zeros((3, 3)), ["squared-tension", "wrench-closure", "tension-factor"])
 
 
 LARGE = """
