@@ -93,7 +93,7 @@ DRAWINGS = {
     "anchor-count": Drawing(sweeps_of_modules, lambda data: anchor_count.plot_anchor_count(*data)),
     "anchor-count-shares": Drawing(sweeps_of_modules, lambda data: tables.shares_of_room(data[1]), TABLE),
     "scenario-layouts": Drawing(layouts_of_scenarios, lambda data: plot_scenario_layouts(data, PROPOSALS)),
-    "workspace": Drawing(sweep_of_rooms, plots.plot_metrics),
+    "workspace": Drawing(sweep_of_rooms, plots.plot_slices),
     "wrench-set": Drawing(lambda _: concepts.wrench_set(), concepts.draw_wrench_set, PAGE),
     "policies": Drawing(lambda _: concepts.policies(), concepts.draw_policies, PAGE),
     "brake-cones": Drawing(lambda _: None, concepts.draw_brake_cones, PAGE),

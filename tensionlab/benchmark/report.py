@@ -18,7 +18,6 @@ FIGURES = {
     "within a multiple of the time of the fastest (Dolan and Moré, 2002). Up and left is better.",
     "pareto": "Time and accuracy: typical time of a call, and the largest error of all answers. Down and left is "
     "better.",
-    "worst": "The worst case: median, 99.9 % quantile and worst time of a call, of all feasible sets.",
     "continuity": "Along one trajectory sampled at 1 kHz: the tensions of all cables, by solver.",
 }  # captions of the figures that come with the report
 

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 from tensionlab.errors import InputError
 from tensionlab.plots.allocation import plot_allocation
-from tensionlab.plots.benchmark import plot_continuity, plot_pareto, plot_profile, plot_worst
+from tensionlab.plots.benchmark import plot_continuity, plot_pareto, plot_profile
 from tensionlab.plots.certified import plot_certified
 from tensionlab.plots.comparison import plot_comparison
+from tensionlab.plots.layout import plot_front, plot_search
 from tensionlab.plots.rig import plot_rig
 from tensionlab.plots.run import plot_run
 from tensionlab.plots.scenario import plot_scenario
 from tensionlab.plots.style import METADATA, save_figure, styled
 from tensionlab.plots.validation import plot_forces, plot_validation
-from tensionlab.plots.volume import plot_front, plot_layouts, plot_search, plot_volume
-from tensionlab.plots.workspace import plot_metrics, plot_shares, plot_slices
+from tensionlab.plots.workspace import plot_shares, plot_slices, plot_volume
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,8 +30,6 @@ __all__ = [
     "plot_continuity",
     "plot_forces",
     "plot_front",
-    "plot_layouts",
-    "plot_metrics",
     "plot_pareto",
     "plot_profile",
     "plot_rig",
@@ -41,7 +39,6 @@ __all__ = [
     "plot_shares",
     "plot_slices",
     "plot_volume",
-    "plot_worst",
     "save_figure",
     "styled",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,11 +29,7 @@ MAX_DOTS = 2000  # largest number of wrenches drawn for each status, evenly spre
 SPREAD = 0.12  # half the height of a row's dots, as a share of the row: spread out, many of the same tension show
 
 
-@overload
-def plot_allocation(allocation: Allocation, rig: Rig, *, ax: None = None) -> Figure: ...
-@overload
-def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes) -> None: ...
-def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes | None = None) -> Figure | None:
+def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes | None = None) -> Figure:
     """Draw the tensions of each cable between its limits, a row a cable, by status.
 
     One wrench is one dot a cable, several are a cloud of dots for each status. With ``ax``, a panel of another
@@ -93,4 +89,4 @@ def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes | None = None)
         ]
         limits = ("limits", {"color": GREY, "linewidth": 0.8, "marker": "|", "markersize": 10})
         panel_legend(figure, ax, 1 + len(words), [*words, limits])
-    return figure if ax is None else None
+    return figure

@@ -1,18 +1,18 @@
-"""Figures of a benchmark: time against accuracy, performance profile, worst case, and continuity of tensions."""
+"""Figures of a benchmark: time against accuracy, performance profile, and continuity of tensions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from tensionlab.benchmark.comparison import Comparison
 from tensionlab.benchmark.entries import WRAPPERS
 from tensionlab.benchmark.results import KEY
-from tensionlab.benchmark.timing import profile, quantile
+from tensionlab.benchmark.timing import profile
 from tensionlab.errors import InputError
-from tensionlab.plots.style import add_legend, label_points, new_figure, one_panel, panel_legend
+from tensionlab.plots.style import Entry, add_legend, label_points, new_figure, one_panel, panel_legend
 from tensionlab.solvers import is_built_in
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 
@@ -48,11 +48,7 @@ class Dot(NamedTuple):
     error: float
 
 
-@overload
-def plot_pareto(results: Results | Comparison, *, ax: None = None) -> Figure: ...
-@overload
-def plot_pareto(results: Results | Comparison, *, ax: Axes) -> None: ...
-def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Figure | None:
+def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Figure:
     """Draw the time and the worst error of each solver, and which of them no other one surpasses in both.
 
     Solvers that do not come with tensionlab are stars. Of a benchmark, which needs no measurements of single
@@ -106,14 +102,14 @@ def _compared(comparison: Comparison) -> list[Dot]:
     ]
 
 
-def _plot_dots(dots: Sequence[Dot], across: str, up: str, ax: Axes | None) -> Figure | None:
+def _plot_dots(dots: Sequence[Dot], across: str, up: str, ax: Axes | None) -> Figure:
     """Draw entries as dots with names; a line leads from a baseline's default settings to its tight ones."""
     with one_panel(ax, SIZE) as (figure, axes):
         points = _draw_dots(axes, dots)
         axes.set(xlabel=across, ylabel=up)
         add_kind_legend(figure, [dot.kind for dot in dots], ax=ax, also=[("Pareto front", FRONT_LINE)])
         label_points(figure, axes, points)
-    return figure if ax is None else None
+    return figure
 
 
 def _draw_dots(axes: Axes, dots: Sequence[Dot]) -> dict[str, list[tuple[float, float]]]:
@@ -152,7 +148,7 @@ def add_kind_legend(
     kinds: Sequence[str],
     marked: bool = True,
     ax: Axes | None = None,
-    also: Sequence[tuple[str, dict[str, Any]]] = (),
+    also: Sequence[Entry] = (),
 ) -> None:
     """Put a legend of the kinds of entries below the panels, or into a panel of another figure."""
     shown = [LOOKS[kind] for kind in LOOKS if kind in kinds]
@@ -233,52 +229,6 @@ def plot_profile(results: Results) -> Figure:
         _grid(figure, panels, draw, "time / fastest time", "share of problems")
         add_kind_legend(figure, list(kinds), marked=False)
     return figure
-
-
-@overload
-def plot_worst(results: Results, *, ax: None = None) -> Figure: ...
-@overload
-def plot_worst(results: Results, *, ax: Axes) -> None: ...
-def plot_worst(results: Results, *, ax: Axes | None = None) -> Figure | None:
-    """Draw the median, the 99.9 % quantile and the worst time of each entry, over all feasible sets.
-
-    With ``ax``, a panel of another figure is drawn into.
-
-    Parameters
-    ----------
-    results : Results
-        With measurements of each problem: of a run, not the committed ones.
-    ax : Axes, optional
-        Panel of another figure to draw into.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab import plots
-    >>> results = tl.benchmark.run([tl.solvers.Newton()], ["point", "trajectory"], count=4, quick=True)
-    >>> figure = plots.plot_worst(results)
-    """
-    entries = list(_pooled(results).groupby(["label", "kind"], sort=False)["call_s"])
-    entries.sort(key=lambda entry: quantile(entry[1].to_numpy(), 0.999))
-    with one_panel(ax, (7.5, 1.3 + 0.22 * len(entries))) as (figure, axes):
-        for place, ((_, look), seconds) in enumerate(entries):
-            median, slow = (1e6 * quantile(seconds.to_numpy(), share) for share in (0.5, 0.999))
-            worst = 1e6 * seconds.max()
-            _, colour, marker = LOOKS[look]
-            axes.plot([median, worst], [place, place], color=colour, linewidth=0.9)
-            axes.plot(
-                [median, slow], [place, place], color=colour, linewidth=4.5, solid_capstyle="butt", alpha=0.45
-            )
-            axes.plot(median, place, marker=marker, color=colour, markersize=5.5)
-            axes.plot(worst, place, marker="|", color=colour, markersize=8, markeredgewidth=1.6)
-        axes.set_yticks(range(len(entries)), [label for (label, _), _ in entries])
-        axes.set_ylim(len(entries) - 0.4, -0.6)
-        axes.set(xscale="log", xlabel="time of a call (µs): median, 99.9 % (bar), worst (tick)")
-        axes.tick_params(axis="y", length=0)
-        axes.spines["left"].set_visible(False)
-        axes.grid(axis="x")
-        add_kind_legend(figure, [look for (_, look), _ in entries], ax=ax)
-    return figure if ax is None else None
 
 
 def plot_continuity(results: Results) -> Figure:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.errors import InputError
-from tensionlab.plots.style import add_legend, new_figure
+from tensionlab.plots.style import Entry, add_legend, new_figure
 from tensionlab.plots.workspace import NONE_COLOUR, PANEL_WIDTH
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 PIXELS = 500  # along the longer edge of a slice
 COLOURS = (NONE_COLOUR, ORANGE, GREEN)  # colours of cells that are outside, undecided and inside
-LEGEND: list[tuple[str, dict[str, Any]]] = [
+LEGEND: list[Entry] = [
     (word, {"color": colour, "marker": "s", "markersize": 9, "ls": ""})
     for word, colour in zip(("proved outside", "undecided", "proved inside"), COLOURS, strict=True)
 ] + [("module", {"color": BLUE, "marker": "s", "ls": ""}), ("home", {"color": GREY, "marker": "+", "ls": ""})]

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.plots.style import HALO, add_legend, new_figure
-from tensionlab.plots.workspace import CURVES, DASHES
+from tensionlab.plots.style import HALO, Entry, add_legend, new_figure
+from tensionlab.plots.validation import DESIRED, VIEWS, draw_forces
+from tensionlab.plots.workspace import CURVES, curve_look
 from tensionlab.solvers import is_built_in
 from tensionlab.solvers.base import TOLERANCE, Status
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
@@ -71,11 +72,11 @@ def _plot_forces(comparison: Comparison) -> Figure:
         left, right = parts
         policy = f", nearest in {rows[0].policy}" if rows[0].policy else ""
         left.suptitle(f"Rendered by {rows[0].solver}{policy}", fontweight="bold")
-        views = [(0, 1), (0, 2)] if spatial else [(0, 1)]
+        views = list(VIEWS)[: 1 + spatial]
         for axes, view in zip(np.atleast_1d(left.subplots(len(views), 1)), views, strict=True):
             _draw_forces(axes, comparison, view)
         add_legend(left, 3, [
-            ("desired force", {"color": BLUE, "marker": "o", "fillstyle": "none", "ls": ""}),
+            DESIRED,
             ("error", {"color": RED}),
             ("cable direction", {"color": CABLE, "linewidth": 1.6}),
         ])  # fmt: skip
@@ -131,14 +132,14 @@ def _draw_solvers(part: Any, comparison: Comparison, names: Sequence[str]) -> No
             axes.axhline(border - 0.5, color="#DDDDDD", linewidth=0.8, zorder=1)
 
 
-def _solver_legend(rows: Sequence[Score]) -> list[tuple[str, dict[str, Any]]]:
+def _solver_legend(rows: Sequence[Score]) -> list[Entry]:
     """Return the entries for the statuses and policies that occur, and for times."""
-    statuses: list[tuple[str, dict[str, Any]]] = [
+    statuses: list[Entry] = [
         (mark.word, {"color": mark.colour, "linewidth": 6})
         for key, mark in zip(COUNTS, STATUS_MARKS, strict=True)
         if any(getattr(row, key) for row in rows)
     ]
-    policies: list[tuple[str, dict[str, Any]]] = [
+    policies: list[Entry] = [
         (f"nearest in {name}" if name else "no policy", {"color": colour, "marker": marker, "ls": ""})
         for name, (colour, marker, _) in POLICY_LOOK.items()
         if any(row.policy == name for row in rows)
@@ -157,7 +158,6 @@ def _draw_forces(axes: Axes, comparison: Comparison, view: tuple[int, int]) -> N
     count = len(comparison.wrenches)
     shown = np.unique(np.linspace(0, count - 1, min(count, MAX_DRAWN_FORCES)).astype(int))
     wrenches = comparison.wrenches[shown]
-    desired, rendered = wrenches[:, view], comparison.allocations[0].wrench[shown][:, view]
     reach = float(np.linalg.norm(wrenches, axis=1).max())
     labels: dict[tuple[int, int], list[str]] = {}
     for module, direction in zip(rig.modules, comparison.structure[list(view)].T, strict=True):
@@ -174,23 +174,12 @@ def _draw_forces(axes: Axes, comparison: Comparison, view: tuple[int, int]) -> N
             ha="center" if abs(x) < 8 else "left" if x > 0 else "right",
             color="#444444", fontsize=8.5, zorder=5, bbox=HALO,
         )  # fmt: skip
-    near = np.full(len(desired), True)
-    if rig.dimension == 3:
-        near = wrenches[:, 3 - sum(view)] >= -1e-9 * reach
-        axes.set_title("from the front (along −z)" if view == (0, 1) else "from above (along −y)")
-    for half, alpha in ((~near, 0.4), (near, 1.0)):
-        axes.plot(
-            *desired[half].T, linestyle="", marker="o", markersize=4.2, fillstyle="none", color=BLUE,
-            markeredgewidth=0.9, alpha=alpha, zorder=3,
-        )  # fmt: skip
-    missed = np.linalg.norm(rendered - desired, axis=1) > TOLERANCE
-    for start, end in zip(desired[missed], rendered[missed], strict=True):
-        axes.plot([start[0], end[0]], [start[1], end[1]], color=RED, linewidth=1.3, zorder=4)
-    axes.set(aspect="equal", xlim=(-1.75 * reach, 1.75 * reach), ylim=(-1.5 * reach, 1.5 * reach))
-    axes.set(xlabel=f"{'xyz'[view[0]]} (N)", ylabel=f"{'xyz'[view[1]]} (N)")
-    axes.grid()
+    missed = comparison.allocations[0].residual[shown] > TOLERANCE
+    rendered = np.where(missed[:, None], comparison.allocations[0].wrench[shown], np.nan)
+    draw_forces(axes, wrenches, rendered, view)
+    axes.set(xlim=(-1.75 * reach, 1.75 * reach), ylim=(-1.5 * reach, 1.5 * reach))
     if view == (0, 2):
-        axes.invert_yaxis()  # seen from above, x points right and z towards the viewer's feet
+        axes.invert_yaxis()
 
 
 def _draw_statuses(axes: Axes, rows: Sequence[Score], lines: Sequence[float]) -> None:
@@ -267,11 +256,7 @@ def _finding(comparison: Comparison, drawn: Sequence[int]) -> str:
 
 def _line(index: int) -> dict[str, Any]:
     """Return the look of one of several curves."""
-    return {
-        "color": CURVES[index % len(CURVES)],
-        "linestyle": DASHES[index // len(CURVES) % len(DASHES)],
-        "linewidth": 1.3,
-    }
+    return {**curve_look(index), "linewidth": 1.3}
 
 
 def _path_length(comparison: Comparison) -> tuple[Floats, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,11 +21,7 @@ if TYPE_CHECKING:
 MARGIN_INCHES = 0.5  # above and below a rig in space, for the title and the legend
 
 
-@overload
-def plot_rig(rig: Rig, *, ax: None = None) -> Figure: ...
-@overload
-def plot_rig(rig: Rig, *, ax: Axes) -> None: ...
-def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
+def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure:
     """Draw where a rig's modules stand and how its cables run at home, to scale.
 
     The rig's vertical axis is upright. Body frames are drawn at the origin of the world, a planar rig in its
@@ -75,9 +71,7 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
             ("cable", {"color": GREY, "linewidth": 1.1}),
             ("platform, home" if rig.attachments.any() else "home", {"color": RED, "marker": "o", "ls": ""}),
         ])  # fmt: skip
-    if ax is not None:
-        return None
-    if spatial:
+    if spatial and ax is None:
         _crop(figure, axes)
     return figure
 

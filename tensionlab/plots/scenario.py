@@ -14,7 +14,7 @@ from tensionlab.errors import InputError
 from tensionlab.plots import scene, style
 from tensionlab.plots.run import COLOURS
 from tensionlab.plots.scene import TILE_M, Moment
-from tensionlab.plots.style import COARSE_SHADE
+from tensionlab.plots.style import COARSE_SHADE, Entry
 from tensionlab.scenarios.checks import ForceRecord, desired_force, rendered_force
 from tensionlab.scenarios.expected import check_scenario
 from tensionlab.support.arrays import Floats
@@ -42,8 +42,7 @@ TIMELINE_LOOKS = {
     "pawl": ("pawl holds the cable", GREEN),
     "local": ("module-local spring or vibration", "#CC79A7"),
 }  # words and colours of the bars of a timeline
-# Where texts of the table of checks end, and where gauges begin, as shares of the width.
-EXPECTED_X, MEASURED_X, GAUGE_X = 0.55, 0.68, 0.77
+EXPECTED_X, MEASURED_X, SUMMARY_X = 0.60, 0.78, 0.84  # places in the table of checks, as shares of the width
 WIDE: dict[str, Any] = {"linewidth": 5.0, "alpha": 0.3}
 THIN: dict[str, Any] = {"linewidth": 1.2}
 
@@ -181,7 +180,7 @@ def draw_force(axes: Axes, played: ScenarioResult) -> None:
     axes.grid()
     up = run.rig.vertical
     source = "rendered (simulated)" if played.person is not None else "measured by the modules"
-    entries: list[tuple[str, dict[str, Any]]] = [
+    entries: list[Entry] = [
         *((f"along {'xyz'[axis]}" + ", up" * ("xyz"[axis] == up), {"color": COLOURS[axis]}) for axis in shown),
         ("desired", {"color": GREY, **WIDE}),
         (source, {"color": GREY, **THIN}),
@@ -329,7 +328,7 @@ def pawls_engaged(played: ScenarioResult) -> NDArray[np.bool_]:
 
 
 def draw_check_table(axes: Axes, rows: Sequence[Check]) -> None:
-    """Write expected and measured values, a line each, with a mark and a gauge."""
+    """Write expected and measured values, a line each, with a mark."""
     axes.axis("off")
     axes.set(xlim=(0.0, 1.0), ylim=(len(rows) + 0.5, -0.5))
     missed = sum(not row.met for row in rows)
@@ -337,7 +336,7 @@ def draw_check_table(axes: Axes, rows: Sequence[Check]) -> None:
     for x, heading in ((EXPECTED_X, "expected"), (MEASURED_X, "measured")):
         axes.text(x, 0.0, heading, ha="right", va="center", color=GREY)
     summary = f"{missed} of {len(rows)} not as expected" if missed else "all as expected"
-    axes.text(GAUGE_X, 0.0, summary, va="center", fontweight="bold", color=RED if missed else GREEN)
+    axes.text(SUMMARY_X, 0.0, summary, va="center", fontweight="bold", color=RED if missed else GREEN)
     for number, row in enumerate(rows, start=1):
         colour, mark = (GREEN, "\N{CHECK MARK}") if row.met else (RED, "\N{BALLOT X}")
         low, high, measured = (
@@ -350,14 +349,3 @@ def draw_check_table(axes: Axes, rows: Sequence[Check]) -> None:
         axes.text(0.025, number, row.name, va="center")
         axes.text(EXPECTED_X, number, f"{low} to {high} {unit}", ha="right", va="center")
         axes.text(MEASURED_X, number, f"{measured} {unit}", ha="right", va="center", weight="bold", color=colour)
-        _draw_gauge(axes, number, row, colour)
-
-
-def _draw_gauge(axes: Axes, number: int, row: Check, colour: str) -> None:
-    """Draw where a number is between its bounds, which take the middle half, or how far beyond."""
-    quarters = np.linspace(GAUGE_X, 1.0, 5)
-    for ends, shade in ((quarters[[0, 4]], "#ECECEC"), (quarters[[1, 3]], "#BFDDD2")):
-        axes.plot(ends, [number, number], color=shade, linewidth=9.0, solid_capstyle="butt")
-    if 0.0 < row.high - row.low < math.inf and math.isfinite(row.measured):
-        place = np.interp((row.measured - row.low) / (row.high - row.low), [-0.5, 1.5], quarters[[0, 4]])
-        axes.plot(place, number, marker="o", markersize=6.5, color=colour)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from tensionlab.plots.style import Entry
 from tensionlab.scenarios.stick_figure import HEAD_M, stick_figure
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, ORANGE, RED
@@ -87,7 +88,7 @@ def plane_of(phase: Phase, names: Sequence[str] = ("plane", "surface")) -> Any:
     return next((getattr(part, name) for part in parts for name in names if hasattr(part, name)), None)
 
 
-def scene_legend(scenarios: Sequence[Scenario]) -> list[tuple[str, dict[str, Any]]]:
+def scene_legend(scenarios: Sequence[Scenario]) -> list[Entry]:
     """Return the entries that the legend of these scenarios needs."""
     on_body = [module.frame in each.rig.frames for each in scenarios for module in each.rig.modules]
     phases = [phase for each in scenarios for phase in each.phases]

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, FigureBase
     from matplotlib.lines import Line2D
 
+Entry = tuple[str, dict[str, Any]]  # of a legend: a word, and the look of its line
 STYLE = Path(__file__).parents[1] / "tensionlab.mplstyle"
 SCREEN_DPI = 100  # resolution at which a browser shows a figure. Its PNG has more pixels, for fine screens.
 METADATA: dict[str, dict[str, Any]] = {
@@ -179,19 +180,19 @@ def _write(figure: Figure, file: IO[bytes], suffix: str) -> None:
         figure.savefig(file, format=suffix[1:], metadata=METADATA[suffix], dpi=dpi)
 
 
-def lines_of(entries: list[tuple[str, dict[str, Any]]]) -> list[Line2D]:
+def lines_of(entries: Sequence[Entry]) -> list[Line2D]:
     """Make the lines that a legend shows, from words and looks."""
     from matplotlib.lines import Line2D
 
     return [Line2D([0, 1], [0, 0], label=label, **look) for label, look in entries]
 
 
-def add_legend(figure: FigureBase, columns: int, entries: list[tuple[str, dict[str, Any]]]) -> None:
+def add_legend(figure: FigureBase, columns: int, entries: Sequence[Entry]) -> None:
     """Put a legend below the panels."""
     figure.legend(handles=lines_of(entries), loc="outside lower center", ncols=columns)
 
 
-def panel_legend(figure: Figure, ax: Axes | None, columns: int, entries: list[tuple[str, dict[str, Any]]]) -> None:
+def panel_legend(figure: Figure, ax: Axes | None, columns: int, entries: Sequence[Entry]) -> None:
     """Put a legend below the panel, or where there is room in a given panel."""
     if ax is None:
         add_legend(figure, columns, entries)
@@ -199,7 +200,7 @@ def panel_legend(figure: Figure, ax: Axes | None, columns: int, entries: list[tu
         ax.legend(handles=lines_of(entries))
 
 
-def legend_beside(axes: Axes, entries: list[tuple[str, dict[str, Any]]]) -> None:
+def legend_beside(axes: Axes, entries: Sequence[Entry]) -> None:
     """Put a legend on the right of a panel."""
     axes.legend(handles=lines_of(entries), loc="upper left", bbox_to_anchor=(1.005, 1.05))
 

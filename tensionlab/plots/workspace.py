@@ -1,17 +1,19 @@
-"""Figures of a sweep over a grid, from `tensionlab.sweep`: slices, and the share of volume above each value."""
+"""Figures of a sweep over a grid, from `tensionlab.sweep`: slices, volumes, and shares of the volume."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.errors import InputError
-from tensionlab.plots.style import add_legend, new_figure, one_panel
+from tensionlab.plots.style import Entry, add_legend, new_figure, one_panel
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
+from tensionlab.support.surfaces import level_surface
 from tensionlab.workspace.sweep.summary import configuration_names
 from tensionlab.workspace.volume import node_weights, weighted_share
 
@@ -27,19 +29,20 @@ PANEL_WIDTH = 3.3  # width of a panel, in inches
 COLUMNS = 4  # panels in a row, at most
 CURVES = (BLUE, ORANGE, GREEN, RED, "#CC79A7", "#56B4E9", "#000000", "#B8860B")
 DASHES = ("-", "--", ":")
-SLICE_LEGEND: list[tuple[str, dict[str, Any]]] = [
+SLICE_LEGEND: list[Entry] = [
     ("module", {"color": BLUE, "marker": "s", "ls": ""}),
     ("cable at home", {"color": GREY, "linewidth": 0.8}),
     ("zero or less", {"color": NONE_COLOUR, "marker": "s", "markersize": 9, "ls": ""}),
 ]
 
 
-@overload
-def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: None = None) -> Figure: ...
-@overload
-def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes) -> None: ...
-def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | None = None) -> Figure | None:
-    """Draw a metric over a slice of space for each rig, with the rig in it.
+def curve_look(index: int) -> dict[str, Any]:
+    """Return colour and dashes of one of several curves."""
+    return {"color": CURVES[index % len(CURVES)], "linestyle": DASHES[index // len(CURVES) % len(DASHES)]}
+
+
+def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | None = None) -> Figure:
+    """Draw metrics over a slice of space for each rig, with the rig in it; a row for each of several metrics.
 
     In space the slice is the one that the grid is, where one axis has one point only; else the upright one through
     the middle.
@@ -48,15 +51,15 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
     ----------
     swept : Dataset
         From `tensionlab.sweep` over a grid.
-    metric : str or None
-        Name of the variable; None for the first.
-    ax : Axes or None
-        Panel of another figure to draw one rig into.
+    metric : str, optional
+        Name of the variable; left out: all.
+    ax : Axes, optional
+        Panel of another figure to draw one metric of one rig into.
 
     Raises
     ------
     InputError
-        If there is no such variable or no grid; several rigs for one panel.
+        If there is no such variable or no grid; several rigs or metrics for one panel.
 
     Examples
     --------
@@ -66,59 +69,30 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
     >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin")
     >>> figure = plots.plot_slices(swept)
     """
-    field = read_field(swept, metric)
+    fields = [read_field(swept, name) for name in ([metric] if metric else map(str, swept.data_vars))]
+    field = fields[0]
     if ax is not None:
-        require_one(field)
+        require_one(field, fields)
         with one_panel(ax, (0.0, 0.0)) as (figure, axes):
             _colour_bar(figure, draw_slice(axes, field, 0, shade_levels([field])), axes, field)
-        return None
-    columns = min(COLUMNS, len(field.names))
-    rows = -(-len(field.names) // columns)
-    levels = shade_levels([field])
-    with new_figure((1.6 + PANEL_WIDTH * columns, 1.0 + _height(field) * rows)) as figure:
-        grid: Any = figure.subplots(rows, columns, squeeze=False)
-        for axes in grid.flat[len(field.names) :]:
+        return figure
+    several, count = len(fields) > 1, len(field.names)
+    columns = count if several else min(COLUMNS, count)
+    rows = len(fields) if several else -(-count // columns)
+    with new_figure((1.6 + PANEL_WIDTH * columns, 1.0 + (_height(field) - 0.3 * several) * rows)) as figure:
+        grid: Any = figure.subplots(rows, columns, squeeze=False, sharex=several, sharey=several)
+        for axes in grid.flat[len(fields) * count :]:
             axes.set_axis_off()
-        for number, axes in zip(range(len(field.names)), grid.flat, strict=False):
-            shades = draw_slice(axes, field, number, levels)
-        _colour_bar(figure, shades, grid, field, shrink=0.85)
+        for each, panels in zip(fields, grid if several else [grid], strict=True):
+            levels = shade_levels([each])
+            for number, axes in zip(range(count), panels.flat, strict=False):
+                shades = draw_slice(axes, each, number, levels)
+                if several:
+                    axes.label_outer()
+            _colour_bar(figure, shades, panels, each, shrink=0.85)
         if title := cut_title(field):
             figure.suptitle(title, fontsize="medium")
-        add_legend(figure, 3, SLICE_LEGEND[: 2 if field.yes_or_no else 3])
-    return figure
-
-
-def plot_metrics(swept: xarray.Dataset) -> Figure:
-    """Draw every metric of a sweep, a row each, over a slice of space for each rig, a column each.
-
-    Parameters and errors as in `plot_slices`.
-
-    Parameters
-    ----------
-    swept : Dataset
-        From `tensionlab.sweep` over a grid.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab import plots
-    >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
-    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin")
-    >>> figure = plots.plot_metrics(swept)
-    """
-    fields = [read_field(swept, str(name)) for name in swept.data_vars]
-    rigs = len(fields[0].names)
-    with new_figure((1.6 + PANEL_WIDTH * rigs, 1.0 + (_height(fields[0]) - 0.3) * len(fields))) as figure:
-        grid: Any = figure.subplots(len(fields), rigs, squeeze=False, sharex=True, sharey=True)
-        for row, field in zip(grid, fields, strict=True):
-            levels = shade_levels([field])
-            for number, axes in enumerate(row):
-                shades = draw_slice(axes, field, number, levels)
-                axes.label_outer()
-            _colour_bar(figure, shades, row, field, shrink=0.85)
-        if title := cut_title(fields[0]):
-            figure.suptitle(title, fontsize="medium")
-        add_legend(figure, 3, SLICE_LEGEND)
+        add_legend(figure, 3, SLICE_LEGEND[: 2 if field.yes_or_no and not several else 3])
     return figure
 
 
@@ -176,24 +150,11 @@ def shade_levels(fields: list[Field]) -> Floats:
     return np.asarray([1e-9 * top, *steps[steps > 1e-6 * top]])
 
 
-@overload
-def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: None = None) -> Figure: ...
-@overload
-def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes) -> None: ...
-def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | None = None) -> Figure | None:
-    """Draw, for each rig, in which share of the volume a metric is at least so large.
+def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | None = None) -> Figure:
+    """Draw, for each rig, the share of the volume in which a metric has at least each value.
 
-    Parameters and errors as in `plot_slices`, but any number of rigs is one panel. A pose without a value counts
-    as one where nothing can be done.
-
-    Parameters
-    ----------
-    swept : Dataset
-        From `tensionlab.sweep` over a grid.
-    metric : str, optional
-        Name of the variable; left out: the first.
-    ax : Axes, optional
-        Panel of another figure to draw into.
+    Parameters and errors as in `plot_slices`, but any number of rigs is one panel, and the metric left out is the
+    first. A pose without a value counts as one where nothing can be done.
 
     Examples
     --------
@@ -207,7 +168,7 @@ def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
     with one_panel(ax, (7.5, 5.0)) as (figure, axes):
         draw_shares(axes, field)
         axes.legend(title="rig", loc="upper right")
-    return figure if ax is None else None
+    return figure
 
 
 def draw_shares(axes: Any, field: Field) -> None:
@@ -215,8 +176,8 @@ def draw_shares(axes: Any, field: Field) -> None:
     top = float(np.nanmax(field.values, initial=0.0))
     levels = np.linspace(0.0, top if top > 0 else 1.0, 400)
     for number, name in enumerate(field.names):
-        look = {"color": CURVES[number % len(CURVES)], "linestyle": DASHES[number // len(CURVES) % len(DASHES)]}
-        axes.plot(levels, 100 * share_above(field, number, levels), label=name, linewidth=1.8, **look)
+        share = 100 * share_above(field, number, levels)
+        axes.plot(levels, share, label=name, linewidth=1.8, **curve_look(number))
     axes.set(
         xlabel=f"minimum {field.label}", ylabel="share of the volume (%)", ylim=(0, 101), xlim=(0, levels[-1])
     )
@@ -230,51 +191,90 @@ def share_above(field: Field, number: int, levels: ArrayLike) -> Floats:
     return np.array([weighted_share((values >= level) & (values > 0), weights) for level in np.atleast_1d(levels)])
 
 
-def require_one(field: Field) -> None:
-    """Refuse several rigs for one panel."""
-    if len(field.names) > 1:
-        raise InputError(
-            f"ax is one panel, and the sweep has {len(field.names)} rigs; choose one, by swept.sel(...)"
-        )
+def plot_volume(
+    swept: xarray.Dataset, level: float = 0.0, metric: str | None = None, *, ax: Axes | None = None
+) -> Figure:
+    """Draw, for each rig, the volume in which a metric is above a level, in its unit.
+
+    Other parameters and errors as in `plot_shares`; a panel is of one rig and has the projection "3d". The sweep
+    is over a grid in space.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
+    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin")
+    >>> figure = plots.plot_volume(swept, level=0.5)
+    """
+    field = read_field(swept, metric)
+    if ax is not None:
+        require_one(field)
+        with one_panel(ax, (0.0, 0.0), "3d") as (figure, axes):
+            draw_volume(axes, field, 0, level)
+        return figure
+    columns = min(3, len(field.names))
+    rows = -(-len(field.names) // columns)
+    with new_figure((4.6 * columns, 0.8 + 4.2 * rows)) as figure:
+        for number in range(len(field.names)):
+            axes = figure.add_subplot(rows, columns, number + 1, projection="3d")
+            draw_volume(axes, field, number, level)
+        figure.suptitle(f"{field.label} above {level:g}", fontsize="medium")
+        add_legend(figure, 2, SLICE_LEGEND[:2])
+    return figure
 
 
-def _middle(field: Field) -> dict[str, int]:
-    """Return the index of the middle of each axis."""
-    return {name: len(axis) // 2 for name, axis in field.axes.items()}
+def draw_volume(axes: Any, field: Field, number: int, level: float) -> None:
+    """Draw the rig of a number, and the volume in which the metric is above a level, in axes in space."""
+    from matplotlib.ticker import MaxNLocator
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
+
+    if len(field.axes) != 3 or min(len(axis) for axis in field.axes.values()) < 2:
+        raise InputError("a volume needs a sweep over a grid with several x, y and z")
+    anchors = field.anchors[number]
+    ends = np.array([[axis[0], axis[-1]] for axis in field.axes.values()])
+    low, high = np.minimum(ends[:, 0], anchors.min(axis=0)), np.maximum(ends[:, 1], anchors.max(axis=0))
+    axes.view_init(elev=18, azim=-62, vertical_axis=field.up)
+    axes.set_box_aspect(high - low, zoom=0.78)
+    for letter, a, b in zip("xyz", low, high, strict=True):
+        axes.set(**{f"{letter}lim": (a, b), f"{letter}label": f"{letter} (m)"})
+    shares = (high - low) / (high - low).max()
+    for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares, strict=True):
+        axis.set_pane_color("white")
+        axis.labelpad = 8
+        axis.set_major_locator(MaxNLocator(nbins=max(1, round(4 * share))))
+    if field.yes_or_no and level == 0.0:
+        level = 0.5  # half way: the border is somewhere between a pose that is in and one that is out
+    if surface := level_surface(field.values[number], tuple(field.axes.values()), level):
+        triangles = surface[0][surface[1]]
+        colours = _shaded(triangles, "xyz".index(field.up))
+        axes.add_collection3d(Poly3DCollection(triangles, facecolors=colours, alpha=0.55))
+    for anchor, end in zip(anchors, field.ends[number], strict=True):
+        axes.plot(*zip(anchor, end, strict=True), color=GREY, linewidth=0.8)
+    axes.plot(*anchors.T, linestyle="", marker="s", markersize=5, color=BLUE)
+    share = share_above(field, number, level)[0]
+    axes.set_title(f"{field.names[number]}: {100 * share:.0f} % of the box", fontsize="medium")
 
 
-def _height(field: Field) -> float:
-    """Return the height of the panel of a slice, in inches."""
-    width, height = (float(np.ptp(field.axes[name])) for name in _plane(field)[:2])
-    return min(max(PANEL_WIDTH * height / width if width > 0 else PANEL_WIDTH, 1.8), 5.5) + 0.7
-
-
-def _plane(field: Field) -> tuple[str, str, str | None]:
-    """Return the two axes of the slices, and the one they cut."""
-    names = list(field.axes)
-    if len(names) == 2:
-        return names[0], names[1], None
-    single = [name for name in names if len(field.axes[name]) == 1]
-    cut = (single or [name for name in names if name != field.up])[-1]
-    first, second = (name for name in names if name != cut)
-    return (second, first, cut) if first == field.up else (first, second, cut)
+def _shaded(triangles: Floats, up: int) -> Floats:
+    """Return colours of triangles, lighter where they face up."""
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    light = 0.55 + 0.45 * np.abs(normal[:, up]) / np.where(length > 0, length, 1.0)
+    return np.clip(np.array([0.0, 0.62, 0.45]) * light[:, None] + 0.25 * light[:, None] ** 3, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class Field:
-    """One metric over a grid (rigs, *grid), for each of several rigs; NaN where a cable has no length.
+    """One metric over a grid, for each of several rigs."""
 
-    With the coordinates along each axis of the grid, in m; anchors and ends of the cables (m, d) of each rig, with
-    the platform at home, in m; a label of the metric with its unit; and the name of the axis that points up.
-    """
-
-    values: Floats
-    axes: dict[str, Floats]
-    names: list[str]
-    anchors: list[Floats]
-    ends: list[Floats]
-    label: str
-    up: str
+    values: Floats  # (rigs, *grid); NaN where a cable has no length
+    axes: dict[str, Floats]  # coordinates along each axis of the grid, in m
+    names: list[str]  # rigs
+    anchors: list[Floats]  # of each rig, (m, d), in m
+    ends: list[Floats]  # of its cables, with the platform at home, (m, d), in m
+    label: str  # metric, with its unit
+    up: str  # axis that points up
 
     @property
     def yes_or_no(self) -> bool:
@@ -312,3 +312,32 @@ def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:
         label=f"{attributes['long_name']}{unit}",
         up=(ups.pop().strip("-") or "y") if len(ups) == 1 else list(axes)[-1],
     )
+
+
+def require_one(field: Field, fields: Sequence[Field] = ()) -> None:
+    """Refuse several rigs, or several metrics, for one panel."""
+    for many, what in ((field.names, "rigs; choose one, by swept.sel(...)"), (fields, "metrics; name one")):
+        if len(many) > 1:
+            raise InputError(f"ax is one panel, and the sweep has {len(many)} {what}")
+
+
+def _middle(field: Field) -> dict[str, int]:
+    """Return the index of the middle of each axis."""
+    return {name: len(axis) // 2 for name, axis in field.axes.items()}
+
+
+def _height(field: Field) -> float:
+    """Return the height of the panel of a slice, in inches."""
+    width, height = (float(np.ptp(field.axes[name])) for name in _plane(field)[:2])
+    return min(max(PANEL_WIDTH * height / width if width > 0 else PANEL_WIDTH, 1.8), 5.5) + 0.7
+
+
+def _plane(field: Field) -> tuple[str, str, str | None]:
+    """Return the two axes of the slices, and the one they cut."""
+    names = list(field.axes)
+    if len(names) == 2:
+        return names[0], names[1], None
+    single = [name for name in names if len(field.axes[name]) == 1]
+    cut = (single or [name for name in names if name != field.up])[-1]
+    first, second = (name for name in names if name != cut)
+    return (second, first, cut) if first == field.up else (first, second, cut)

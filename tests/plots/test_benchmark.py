@@ -9,14 +9,13 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import InputError
-from tensionlab.plots import plot_continuity, plot_pareto, plot_profile, plot_worst
+from tensionlab.plots import plot_continuity, plot_pareto, plot_profile
 from tensionlab.plots.benchmark import EXACT_N, _compared, pareto_front
 from tensionlab.plots.style import _cost, _distance, _places
 from tests.helpers.figures import content_of, words_in
 
 DRAW = {
     "profile": plot_profile,
-    "worst": plot_worst,
     "continuity": plot_continuity,
     "summary": plot_pareto,
 }
@@ -33,7 +32,6 @@ def contents(bench_results):
     ("draw", "words"),
     [
         (plot_profile, ["newton", "closed-form", "osqp", "share of problems", "baseline, tight settings"]),
-        (plot_worst, ["newton", "daqp, tight", "cvxpy, default", "built-in, others"]),
         (plot_continuity, ["newton, force", "newton, direction", "daqp", "path (mm)", "infeasible"]),
         (plot_pareto, ["newton", "daqp", "typical time of a call (µs)", "max error of all answers (N)"]),
     ],
