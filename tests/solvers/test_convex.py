@@ -6,7 +6,6 @@ import cvxpy
 import numpy as np
 import pytest
 
-from tensionlab.errors import UnknownSolver
 from tensionlab.solvers import convex
 from tensionlab.solvers.convex import ConvexProgram
 from tests.helpers.batch import problem
@@ -64,8 +63,3 @@ def test_a_backend_that_throws_is_a_failure_of_that_row_alone(monkeypatch):
     assert answer.failures == {1: "CLARABEL: SolverError: ran out of steam"}
     assert np.isnan(answer.tensions[1]).all()
     np.testing.assert_allclose(answer.tensions[[0, 2]], [[2, 2], [3, 3]], atol=1e-7)
-
-
-def test_an_unknown_backend_is_refused_by_name():
-    with pytest.raises(UnknownSolver, match=r"'MOSEK'.*CLARABEL"):
-        ConvexProgram("MOSEK")

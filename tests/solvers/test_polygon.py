@@ -134,13 +134,6 @@ def test_least_squares_from_any_reference_are_those_of_newton(n: int, m: int) ->
         np.testing.assert_allclose(found[clear], exact.tensions[clear], rtol=0, atol=1e-9)
 
 
-def test_least_squares_are_those_of_cvxpy() -> None:
-    batch = reachable(6, 8, 12)
-    blackboard = tl.allocate(batch.structure, batch.wrench, batch.limits, "cvxpy", batch.reference)
-    found = tensions(batch.structure, batch.wrench, batch.limits, "polygon:2-norm", batch.reference)
-    np.testing.assert_allclose(found, blackboard.tensions, rtol=0, atol=1e-5)
-
-
 # --- What it does not do ------------------------------------------------------------------------------------
 
 
@@ -161,11 +154,6 @@ def test_too_many_cables_are_refused_before_any_work() -> None:
     assert "polygon," not in str(e.value)
 
 
-def test_an_unknown_goal_is_refused_by_name() -> None:
-    with pytest.raises(ValueError, match=r"goal='3-norm'.*centroid, 1-norm, 2-norm"):
-        tl.solvers.Polygon("3-norm")  # type: ignore[arg-type]
-
-
 def test_each_goal_states_the_objective_that_its_answers_have() -> None:
     objectives = {goal: tl.solvers.Polygon(goal.partition(":")[2]).objective for goal in GOALS}  # type: ignore[arg-type]
     assert len(set(objectives.values())) == 3
@@ -177,9 +165,3 @@ def test_each_goal_states_the_objective_that_its_answers_have() -> None:
         others = [measured(found[other]) for other in GOALS if other != goal]
         assert measured(found[goal]) <= min(others) + 1e-12
         assert measured(found[goal]) < max(others) - 1e-3
-
-
-def test_it_serves_up_to_two_cables_more_than_components():
-    assert [tl.solvers.Polygon().refuses(3, cables) is None for cables in (3, 4, 5, 6, 7)] == [True] * 3 + [
-        False
-    ] * 2

@@ -88,11 +88,6 @@ def test_a_cable_without_play_keeps_its_tension():
     assert answer.tensions[0, 0] == 2.0
 
 
-def test_an_unknown_start_is_refused_by_name():
-    with pytest.raises(ValueError, match=r"start='lower'.*reference.*middle"):
-        Pseudoinverse("lower")
-
-
 def test_arrays_that_are_strided_within_a_problem_are_refused():
     given = problem([[1, -1]], [[1], [2]], 0, 4)
     for field in ("structure", "lower"):

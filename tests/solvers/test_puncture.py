@@ -69,12 +69,3 @@ def test_covers_what_the_closed_form_covers_with_less_tension() -> None:
     both = central.status == tl.Status.EXACT
     effort = (np.sum(each.tensions[both] ** 2, axis=1) for each in (found, central))
     assert np.all(next(effort) <= next(effort) + 1e-9)
-
-
-def test_the_reference_plays_no_part() -> None:
-    batch = random_cases(3, 3, 5, 50)
-    first, second = (
-        tl.allocate(batch.structure, batch.wrench, batch.limits, "puncture", reference).tensions
-        for reference in (None, "middle")
-    )
-    np.testing.assert_array_equal(first, second)
