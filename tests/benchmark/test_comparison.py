@@ -102,12 +102,6 @@ def test_the_numbers_of_a_row_follow_from_its_allocation(narrow):
         assert row.angle_mean_deg == pytest.approx(np.degrees(np.arccos(cosine.clip(-1, 1))).mean(), abs=1e-5)
 
 
-def test_times_are_those_of_calls_that_were_made(narrow):
-    for row in narrow.rows:
-        assert 0 < row.call_median_s <= row.call_p99_s
-        assert row.batch_s > 0
-
-
 def test_a_slow_moment_of_the_machine_changes_no_time(monkeypatch):
     looks = itertools.count()
 
@@ -132,17 +126,12 @@ def test_position_and_magnitude_and_directions_are_used():
     assert [(row.solver, row.policy) for row in result.rows] == [("newton", "tension")]
 
 
-def test_a_planar_platform_is_pulled_in_its_plane_without_torque():
-    result = compare(tl.load_rig(RIGS / "kntu-planar.toml"), magnitude=20.0, solvers=["newton"])
-    assert result.wrenches.shape == (72, 3)
-    assert not result.wrenches[:, 2].any()
-    assert result.rows[0].exact == 72
-
-
-def test_a_platform_in_space_is_pulled_without_torque():
-    result = compare(tl.load_rig(RIGS / "ipanema-1.toml"), magnitude=5.0, solvers=["newton"], policy="force")
-    assert result.wrenches.shape == (182, 6)
-    assert not result.wrenches[:, 3:].any()
+@pytest.mark.parametrize(("name", "count", "forces"), [("kntu-planar", 72, 2), ("ipanema-1", 182, 3)])
+def test_a_platform_is_pulled_without_torque(name, count, forces):
+    result = compare(tl.load_rig(name), magnitude=5.0, solvers=["newton"], policy="force")
+    assert len(result.wrenches) == count
+    np.testing.assert_allclose(np.linalg.norm(result.wrenches[:, :forces], axis=1), 5.0)
+    assert not result.wrenches[:, forces:].any()
 
 
 def test_the_polygon_takes_part_where_the_rig_is_one_for_it():
@@ -226,11 +215,6 @@ class BreaksUpwards:
         return tl.solvers.Newton().solve(dataclasses.replace(problem, policy="force"))
 
 
-class AnswersNothing(BreaksUpwards):
-    def solve(self, problem):
-        return None
-
-
 def test_where_a_solver_raises_an_exception_only_that_force_fails_and_the_reason_is_kept():
     rig = tl.load_rig("bartels2026-validation")
     forces = [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]
@@ -243,11 +227,14 @@ def test_where_a_solver_raises_an_exception_only_that_force_fails_and_the_reason
     assert reason in found._repr_html_()
 
 
-def test_an_answer_that_is_none_is_a_failure_too():
-    rig = tl.load_rig("bartels2026-validation")
-    found = compare(rig, directions=[[0.0, 1.0, 0.0]], solvers=[AnswersNothing(), "newton"])
-    assert found.rows[0].failed == 1
-    assert "the solver returned NoneType; return Answer(tensions, iterations)" in found.failures["AnswersNothing"]
+def test_an_answer_of_another_type_is_a_failure():
+    class AnswersNothing(BreaksUpwards):
+        def solve(self, problem):
+            return None
+
+    found = compare(tl.load_rig("bartels2026-validation"), solvers=[AnswersNothing()])
+    assert found.rows[0].failed == 182
+    assert "the solver returned NoneType; return Answer" in found.failures["AnswersNothing"]
 
 
 def test_directions_may_be_the_name_of_a_set():

@@ -39,14 +39,6 @@ def test_for_infeasible_wrenches_every_policy_runs_and_wrappers_get_theirs():
     assert [each.policy for each in entries("all") if each.solver == "newton"] == ["force"]
 
 
-def test_another_objective_is_marked():
-    comparable = {each.solver: each.comparable for each in entries("all")}
-    assert comparable["newton"]
-    assert comparable["dykstra"]
-    assert comparable["qpsolvers:osqp"]
-    assert not comparable["closed-form"]
-
-
 def test_those_asked_for_in_their_order():
     found = entries("all", ["daqp", "qp:daqp", "daqp"])
     assert [(each.solver, each.setting) for each in found] == [

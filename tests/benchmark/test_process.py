@@ -11,7 +11,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.benchmark import results
-from tensionlab.benchmark.problem_sets import PROBLEM_SETS, checksum, problem_set
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 from tensionlab.benchmark.process import ONE_THREAD, BenchmarkPlan, main, measure, measure_here, plan
 from tensionlab.benchmark.results import KEY, read
 from tensionlab.errors import InputError, TensionlabError, UnknownSolver
@@ -76,16 +76,12 @@ def test_a_plan_covers_everything_unless_told_otherwise():
         ({"sets": []}, "no problem set"),
         ({"solvers": []}, "no solver"),
         ({"seed": -1}, "seed -1"),
+        ({"solvers": ["newtown"]}, "'newtown'"),
     ],
 )
 def test_a_plan_that_cannot_be_measured_is_refused_before_any_work(wrong, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises((InputError, UnknownSolver), match=message):
         plan(**wrong)
-
-
-def test_unknown_solvers_too():
-    with pytest.raises(UnknownSolver, match="'newtown'"):
-        plan(solvers=["newtown"])
 
 
 @dataclass(frozen=True)
@@ -120,11 +116,6 @@ def test_a_class_of_a_module_is_measured_in_the_process_of_its_own(tmp_path, mon
     found = read(measure(what, tmp_path / "out", [], lambda done: None))
     assert list(found.rows["label"]) == ["mine:Mine"]
     assert found.manifest["bench"]["threads"] == ONE_THREAD
-
-
-def test_the_same_problems_have_the_same_checksum():
-    sums = [checksum(problem_set("edge", 6, seed)) for seed in (0, 0, 1)]
-    assert sums[0] == sums[1] != sums[2]
 
 
 def test_a_measuring_process_that_breaks_is_an_error(tmp_path, monkeypatch):

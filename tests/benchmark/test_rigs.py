@@ -57,11 +57,6 @@ def test_a_hanging_robot_holds_its_weight_at_its_centre_of_mass():
     )
 
 
-def test_a_point_without_mass_is_asked_for_the_force_alone():
-    force = np.array([[1.0, 2.0, 3.0]])
-    np.testing.assert_array_equal(desired_wrenches(load_rig("cube-8"), force), force)
-
-
 @pytest.mark.parametrize("name", ["ipanema-1", "spidar-g6x4"])
 def test_robots_are_turned_moved_and_pushed_but_not_beyond_their_reach(name):
     rig = load_rig(name)

@@ -226,12 +226,6 @@ def test_actuators_that_cannot_be_given_tensions_are_refused(actuators, message)
     assert str(refused.value) == message
 
 
-def test_no_tendons_are_refused():
-    model = mujoco.MjModel.from_xml_string(hanging())
-    with pytest.raises(InputError, match="tendons is empty; give the names of the cables"):
-        TendonAllocator(model, [], "load")
-
-
 def test_forces_over_pulleys_balance_gravity_exactly(pulleys):
     model, data, tendons = pulleys
     allocate = TendonAllocator(model, tendons, "platform", reference="middle")
