@@ -50,34 +50,34 @@ messages. This page is generated from the code, by `make generated`.
   the state, or why the frame was refused. Between the answers come events: read on until `type` is not `event`.
   One client commands, by WebSocket or OSC; a second one is refused.
   A client in command that sends nothing valid for {SILENCE_S:g} s loses its place.
-- `ws://127.0.0.1:8765{EVENTS_PATH}` sends what happens, and takes nothing; `{STATE_PATH}` sends the state as well,
-  every {STATE_PERIOD_S:g} s. What limits a module, or softens an effect, is told when it
-  begins, and again only when it has been over for 1 s. There are at most {MAX_CLIENTS} clients.
+- `ws://127.0.0.1:8765{EVENTS_PATH}` sends events, and takes nothing; `{STATE_PATH}` sends the state as well,
+  every {STATE_PERIOD_S:g} s. A limiter of a module, or a softer effect, is an event when it
+  begins, and again only after it has been absent for 1 s. There are at most {MAX_CLIENTS} clients.
 - `http://127.0.0.1:8765{PAGE_PATH}` is a page that shows the state live, and `{SCHEMA_PATH}` beside it is the JSON
   Schema of all messages for this rig, with its bodies, its dimension and its defaults. The one for all rigs is
   `examples/bridge/schema.json`.
 - Every message is one JSON object, {MAX_MESSAGE_BYTES // 1024} KiB at most. The first one to every client is a
   `welcome`. Units are SI; axes are those of the rig (the welcome says which one is up; Unity's are left-handed:
   turn one round).
-- Times are in s. That of a frame is by the client's own clock, from any beginning; it never goes back,
-  unless no frame has come for 1 s. All others are on the clock of the run, which is `time` of the state.
-- The rig renders at its own rate, and moves the hand evenly from one frame to the next, a frame behind. One that
-  would have to be faster than {MAX_HAND_SPEED_M_S:g} m/s has been put elsewhere, and is at rest there.
-- What is stiff or vibrates runs on the modules whose cables lie within 45 degrees of it. The rest is the host's,
-  no stiffer than `ceiling` in the state; `softened` there has what is rendered of a stiffness that is too
-  large, and a `stiff` event names it when it begins.
-- `--scenario NAME` plays a scenario over and over: hand and bodies are where the client says, and its effects take
-  the place of the scenario's that have their names. Others are rendered all the time.
+- Times are in s. That of a frame is by the client's own clock, with any origin; it never goes back, unless no
+  frame has come for 1 s. All others are on the clock of the run, which is `time` of the state.
+- The rig renders at its own rate, and moves the hand evenly from one frame to the next, a frame behind.
+  A hand that would be faster than {MAX_HAND_SPEED_M_S:g} m/s was moved by its tracker, and is at rest there.
+- Effects that are stiff or vibrate run on modules whose cables lie within 45 degrees of them. The host renders
+  the others, no stiffer than `ceiling` in the state; `softened` there has the rendered stiffness where it is less
+  than desired, and a `stiff` event names it when it begins.
+- `--scenario NAME` plays a scenario over and over: hand and bodies are where the client says, and its effects
+  replace the scenario's effects of the same names. Others are rendered all the time.
 - {FADE_DELAY_S:g} s after the latest frame the force begins to fade, and {FADE_DELAY_S + FADE_S:g} s after it
-  there is none, until frames come again. Then it comes back in {FADE_S:g} s.
-- A refusal has a reason, and changes nothing. What is refused: wrong types and dimensions, what lies outside
-  the ranges below, names that nobody knows, and what is too much: more than {MESSAGES_PER_S:g} messages a second
+  it is 0, until frames come again. Then it comes back in {FADE_S:g} s.
+- A refusal has a reason, and changes nothing. Refused are wrong types and dimensions, values outside
+  the ranges below, unknown names, and floods: more than {MESSAGES_PER_S:g} messages a second
   (beyond {MESSAGES_AT_ONCE:g} at once), {1e-3 * BYTES_PER_S:g} kB a second (beyond {1e-3 * BYTES_AT_ONCE:g} kB),
-  or {100 * READ_SHARE:g} % of a processor's time for reading it. {MAX_REFUSED} refusals in a row end the
-  connection, and so do as many of what is too much without a calm while between.
-- The force that modules are asked for is at most twice what all cables together pull. Effects that fail while
-  they are rendered are removed, their force fades, and their client is dismissed with the reason; the loop goes
-  on.
+  or {100 * READ_SHARE:g} % of a processor's time for reading. {MAX_REFUSED} refusals in a row end the
+  connection, and so do as many of a flood without a calm pause in between.
+- The force demanded of modules is at most twice what all cables together pull. Effects that fail while
+  they are rendered are removed, their force fades, and their client is dismissed with the reason; the loop
+  continues.
 - Pages of this machine may connect, and programs; other pages only with `--page`. A URL has to call this machine
   `127.0.0.1`, `localhost` or `[::1]`, so that no foreign page can have its own name lead here. Beyond this machine
   (`--host 0.0.0.0`) a token is needed instead: `?token=...` or `Authorization: Bearer ...`. The server has it from
@@ -99,8 +99,8 @@ for Unity, `examples/web/` a page.
 
 
 EFFECTS_ABOUT = """An effect is an object with its `kind` and parameters, as in each example, which has all at
-their defaults. What is left out has its default. Directions (`normal`, `axis`, `direction`, `gravity`) have
-theirs for Z up, and are turned with the rig's `up`: with Y up, a wall whose normal is left out has `[0, 1, 0]`.
+their defaults. Directions (`normal`, `axis`, `direction`, `gravity`) have theirs for Z up, and are turned with
+the rig's `up`: with Y up, a wall whose normal is left out has `[0, 1, 0]`.
 Vectors have as many components as the rig has axes: on a rig in the plane, give two, also in place of defaults.
 Times (`shots`, `grasped`, `loosed`) are on the clock of the run, which is the `time` of the state.
 """

@@ -14,17 +14,16 @@ from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
-MIN_SHARE = 1e-3  # smaller shares of the force count as none
-CEILING_CHANGE = 0.25  # a change of the host stiffness limit by more than this share of it is an event
-DERATING_CHANGE_N = 0.5  # a change of a module's upper tension limit by so much is an event
-# After which there are new rates. What has not been so for as long is over, and an event if it begins again.
-REPEAT_S = 1.0
+MIN_SHARE = 1e-3  # a smaller share of the force counts as none
+CEILING_CHANGE = 0.25  # smallest relative change of the host stiffness limit that is an event
+DERATING_CHANGE_N = 0.5  # smallest change of a module's upper tension limit that is an event
+REPEAT_S = 1.0  # period of rates; a condition that was absent for this time has ended, and is an event again
 NO_LIMITER = "NONE"
 UNKNOWN = "UNKNOWN"
 
 
 class LatestCycle(NamedTuple):
-    """Latest cycle."""
+    """Latest cycle of a run, with the state of its renderer."""
 
     state: RigState
     demand: Demand
@@ -35,7 +34,7 @@ class LatestCycle(NamedTuple):
 
 
 class RateWindow(NamedTuple):
-    """Time since which rates are counted, frames and cycles then, and the longest gap since."""
+    """Begin of a period of rates, frames and cycles then, and the longest gap since."""
 
     begin: float
     frames: int
@@ -51,7 +50,7 @@ class RunEvents:
     limiters, brakes : mapping of int to str
         Names of the numbers in `RigState.limiters` and `RigState.brakes`.
     frames : callable
-        Returns how many frames have come so far.
+        Returns the number of frames received.
 
     Attributes
     ----------
@@ -73,13 +72,17 @@ class RunEvents:
         self._window: RateWindow | None = None
         self._ceiling = 0.0
         self._stiff: dict[str, float] = {}
-        self._limited: dict[tuple[int, str], float] = {}  # when each limiter of a module was there last
+        self._limited: dict[tuple[int, str], float] = {}  # latest time of each limiter of a module
 
     def take(self, state: RigState, demand: Demand, share: float, renderer: Renderer) -> None:
         """Take a cycle: see `OnCycle` in `tensionlab.haptics.bridge.source`."""
         before = self._latest
         self._latest = LatestCycle(state, demand, share, renderer.ceiling, renderer.delay, renderer.cut)
-        self._send_share(state, 0.0 if before is None else before.share, share)
+        previous_share = 0.0 if before is None else before.share
+        if share < MIN_SHARE <= previous_share:
+            self._event(state.time, "silent", "no frames come: the force is 0")
+        if previous_share < MIN_SHARE <= share:
+            self._event(state.time, "fresh", "frames come: the force fades in")
         self._send_stiffness(state, renderer)
         self._send_derating(state)
         if before is not None:
@@ -135,16 +138,10 @@ class RunEvents:
             fresh=share,
         )
 
-    def _send_share(self, state: RigState, before: float, share: float) -> None:
-        if share < MIN_SHARE <= before:
-            self._event(state.time, "silent", "no frames come: there is no force any more")
-        if before < MIN_SHARE <= share:
-            self._event(state.time, "fresh", "frames come: the force comes in")
-
     def _send_modules(self, before: RigState, state: RigState) -> None:
         for index, name in enumerate(self._names):
             if before.active[index] and not state.active[index]:
-                self._event(state.time, "lost", "does not take part any more", module=name)
+                self._event(state.time, "lost", "no longer takes part", module=name)
                 continue
             if state.faults[index] & ~before.faults[index]:
                 self._event(state.time, "fault", f"has a fault: {state.faults[index]}", module=name)
@@ -153,7 +150,7 @@ class RunEvents:
                 self._event(state.time, "brake", f"its brake is {brake}", module=name)
 
     def _send_limiters(self, state: RigState) -> None:
-        """Send what begins to limit a module, and what no longer does: it may come and go each cycle."""
+        """Send the begin and end of each limiter; one that comes and goes from cycle to cycle is sent once."""
         for index in map(int, np.flatnonzero(state.active)):
             limiter = self._limiters[int(state.limiters[index])]
             if limiter == NO_LIMITER:
@@ -167,15 +164,15 @@ class RunEvents:
                 self._event(state.time, "limit", f"no longer limited by: {limiter}", module=self._names[index])
 
     def _send_derating(self, state: RigState) -> None:
-        """Send which modules may not pull as hard as before, or may again."""
+        """Send changes of the modules' upper tension limits, and their full recovery."""
         whole = (state.upper_now == self._upper) & (self._sent_upper < self._upper)
         for index in np.flatnonzero((np.abs(state.upper_now - self._sent_upper) >= DERATING_CHANGE_N) | whole):
             self._sent_upper[index] = upper = float(state.upper_now[index])
-            text = f"pulls with up to {upper:.2f} N of {self._upper[index]:g} N, so that it does not get too hot"
+            text = f"pulls with up to {upper:.2f} N of {self._upper[index]:g} N, to stay cool enough"
             self._event(state.time, "derated", text, module=self._names[index], upper=upper)
 
     def _send_stiffness(self, state: RigState, renderer: Renderer) -> None:
-        """Send the host stiffness limit where it changes, and which effects are stiffer."""
+        """Send changes of the host stiffness limit, and the effects that are rendered softer."""
         now, ceiling = state.time, renderer.ceiling
         if abs(ceiling - self._ceiling) > CEILING_CHANGE * self._ceiling:
             self._ceiling = ceiling
@@ -191,17 +188,18 @@ class RunEvents:
                         "the host needs two set-points a period; give a lower frequency, or a higher --rate"
                     )
                 self._event(now, "stiff", text, effect=name, stiffness=desired, ceiling=rendered)
-            self._stiff[name] = now  # sent again when it has not been so for a while
+            self._stiff[name] = now
 
     def _send_rates(self, state: RigState, gap: float) -> None:
-        """Send once a second how many cycles and frames there were."""
+        """Send once a second the rates of cycles and frames."""
         now, frames = state.time, self._frames()
         window = self._window or RateWindow(now, frames, state.cycle, 0.0)
         window = window._replace(gap=max(window.gap, gap))
         if (passed := now - window.begin) >= REPEAT_S:
-            cycles, came = (state.cycle - window.cycle) / passed, (frames - window.frames) / passed
-            text = f"{cycles:.1f} cycles and {came:.1f} frames a second; the longest gap {1e3 * window.gap:.0f} ms"
-            self._event(now, "rate", text, cycles=cycles, gap=window.gap, frames=came)
+            cycles, received = (state.cycle - window.cycle) / passed, (frames - window.frames) / passed
+            gap_ms = 1e3 * window.gap
+            text = f"{cycles:.1f} cycles and {received:.1f} frames a second; the longest gap {gap_ms:.0f} ms"
+            self._event(now, "rate", text, cycles=cycles, gap=window.gap, frames=received)
             window = RateWindow(now, frames, state.cycle, 0.0)
         self._window = window
 

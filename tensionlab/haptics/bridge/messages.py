@@ -14,12 +14,12 @@ from tensionlab.support.validation import describe, validate
 
 PROTOCOL = 3  # version of the messages; a `Welcome` has the server's
 MAX_MESSAGE_BYTES = 64 * 1024
-MAX_ENTRIES = 16  # bodies of a frame, and effects
+MAX_ENTRIES = 16  # bodies, and effects, in a frame
 HAND = "hand"  # the body that the cables pull on
 MAX_COORDINATE_M = 100.0
 MAX_CLOCK_S = 1e10  # largest time by a client's clock: seconds since any epoch, but not milliseconds since 1970
 MAX_LENGTH_ERROR = 1e-3  # largest deviation of a quaternion's length from 1
-MAX_SEQUENCE = 2**53  # programs in any language can count up to this
+MAX_SEQUENCE = 2**53  # largest whole number in JavaScript
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Coordinate = Annotated[Number, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
@@ -34,25 +34,25 @@ class BridgeMessage(BaseModel):
 
 
 class Body(BridgeMessage):
-    """Place of a tracked body."""
+    """Pose of a tracked body."""
 
     position: tuple[Coordinate, ...] = Field(
         min_length=2, max_length=3, description="position in m, in the axes of the rig; two numbers in the plane"
     )
     rotation: tuple[Share, Share, Share, Share] | None = Field(
-        None, description="unit quaternion x, y, z, w, its length within 0.001; not turned if left out"
+        None, description="unit quaternion x, y, z, w, its length within 0.001; no rotation if left out"
     )
 
     @field_validator("rotation")
     @classmethod
-    def _turns(cls, rotation: tuple[float, ...] | None) -> tuple[float, ...] | None:
+    def _require_unit(cls, rotation: tuple[float, ...] | None) -> tuple[float, ...] | None:
         if rotation is not None and abs(math.hypot(*rotation) - 1.0) > MAX_LENGTH_ERROR:
             raise ValueError(f"has the length {math.hypot(*rotation):.4g}; give a unit quaternion x, y, z, w")
         return rotation
 
 
 class Frame(BridgeMessage):
-    """Places of the tracked bodies, and effects to render. At 50 to 120 a second; each gets a `state`."""
+    """Poses of the tracked bodies, and effects to render, 50 to 120 times a second; each gets a `state`."""
 
     type: Literal["frame"] = "frame"
     sequence: Annotated[int, Strict()] = Field(
@@ -61,8 +61,8 @@ class Frame(BridgeMessage):
     time: Number = Field(
         ge=-MAX_CLOCK_S,
         le=MAX_CLOCK_S,
-        description="when the bodies were there, in s, by the client's own clock, from any beginning; it never "
-        "goes back, unless frames have failed to come for 1 s",
+        description="time of the poses, in s, by the client's own clock with any origin; it never goes back, "
+        "unless no frame has come for 1 s",
     )
     bodies: dict[Name, Body] = Field(
         default_factory=dict,
@@ -72,8 +72,8 @@ class Frame(BridgeMessage):
     effects: dict[Name, dict[str, Any]] | None = Field(
         None,
         max_length=MAX_ENTRIES,
-        description="by a name of the client's: kind, and the effect's parameters. One that is missing here "
-        "ends; where all this is left out, they stay as they are",
+        description="by a name of the client's choice: kind, and the effect's parameters. An effect that is "
+        "missing ends; if `effects` is left out, they stay as they are",
     )
 
 
@@ -89,15 +89,13 @@ class Welcome(BridgeMessage):
     type: Literal["welcome"] = "welcome"
     protocol: int = Field(PROTOCOL, description="version of the messages")
     rig: str = Field(description="its name")
-    up: str | None = Field(None, description="axis that points up, such as z or -y; null if the rig does not say")
+    up: str | None = Field(None, description="axis that points up, such as z or -y; null if unknown")
     modules: list[str] = Field(description="their names, in the order of all lists")
     upper: list[float] = Field(description="largest tension of each module, in N")
     scenario: str | None = Field(None, description="its name, if one is played")
-    bodies: list[str] = Field(
-        description="names of the bodies whose places the client should send, the hand first"
-    )
-    rate: float = Field(description="cycles a second, in Hz")
-    timeout: float = Field(description="time without a frame after which there is no force any more, in s")
+    bodies: list[str] = Field(description="names of the bodies whose poses the client should send, the hand first")
+    rate: float = Field(description="rate of cycles, in Hz")
+    timeout: float = Field(description="time without a frame after which the force is 0, in s")
 
 
 class BridgeState(BridgeMessage):
@@ -106,28 +104,28 @@ class BridgeState(BridgeMessage):
     type: Literal["state"] = "state"
     sequence: int = Field(description="that of the frame; 0 in a stream")
     time: float = Field(
-        description="of the run, in s since it began, by the clock of the bridge; shots and other times of "
-        "effects, and those of events, are on this clock"
+        description="time of the run, in s since it began, by the clock of the bridge; also of shots and other "
+        "times of effects, and of events"
     )
     position: list[float] = Field(description="of the point or the platform, by the cables or the client, in m")
     desired: list[float] = Field(
-        description="wrench of the effects as they are, in the latest cycle, in N and N m; what it differs from "
-        "measured by is the error that the hand feels. Vibrations that modules render are in neither"
+        description="wrench of the effects at their own stiffness, in the latest cycle, in N and N m; its "
+        "difference from measured is the rendered error. Vibrations that modules render are in neither"
     )
     demanded: list[float] = Field(
-        description="what of it is asked of the modules, no stiffer and no faster than the loop renders stably, "
-        "in N and N m"
+        description="the part demanded of the modules, as stiff and as fast as the loop renders stably, in N and "
+        "N m"
     )
     measured: list[float] = Field(description="wrench of the tensions that the modules report, in N and N m")
     softened: dict[str, dict[str, float]] = Field(
-        description="effects that are softer than desired, by name: each such parameter, and the stiffness that "
-        "is rendered instead in the latest cycle, in N/m; `frequency` is 0 where a vibration is left out that is "
-        "too fast for the host"
+        description="effects that are softer than desired, by name: each such parameter, and the stiffness "
+        "rendered in the latest cycle, in N/m; `frequency` is 0 if a vibration is left out because it is too fast "
+        "for the host"
     )
     tensions: list[float | None] = Field(description="measured, as the modules report them, in N")
     limiters: list[str] = Field(
-        description="what limits each module: NONE, LOWER, UPPER, SLEW, THERMAL, SPEED, LENGTH, RELEASING, "
-        "TIMEOUT or IDLE"
+        description="limiter of each module: NONE, LOWER, UPPER, SLEW, THERMAL, SPEED, LENGTH, RELEASING, TIMEOUT "
+        "or IDLE"
     )
     active: list[bool] = Field(description="whether each module takes part")
     rendering: list[bool] = Field(
@@ -135,59 +133,57 @@ class BridgeState(BridgeMessage):
     )
     braked: list[bool] = Field(description="whether each brake is commanded to be on")
     brakes: list[str] = Field(
-        description="what each brake does, as far as is known: OPEN, CLOSING, CLOSED, RELEASING, OPENING, UNKNOWN"
+        description="state of each brake: OPEN, CLOSING, CLOSED, RELEASING, OPENING, UNKNOWN"
     )
     ceiling: float = Field(
-        description="host stiffness limit now, in N/m: of what no module renders; the later the loop, the less"
+        description="host stiffness limit now, in N/m, for effects that no module renders; less in a later loop"
     )
     delay: float = Field(description="loop latency, in s: from a command to the telemetry that shows it")
-    fresh: float = Field(description="share of the force that is there: 1, or less where frames fail to come")
+    fresh: float = Field(description="share of the force that is rendered: 1, or less while no frames come")
 
 
 KINDS = {
     "fault": "a module has a fault",
-    "limit": "something begins to limit a module, or has not limited it for 1 s",
-    "lost": "a module does not take part any more",
-    "derated": "a module's upper tension limit has changed, to keep its winding from getting too hot",
-    "brake": "what a module's brake does, or what a scenario decides about brakes",
-    "removed": "a client's effects failed; they are gone, and so is the client's command: why",
+    "limit": "a module becomes limited, or has not been limited by this for 1 s",
+    "lost": "a module no longer takes part",
+    "derated": "a module's upper tension limit has changed, to protect its winding from heat",
+    "brake": "a module's brake changes its state, or a scenario decides about brakes",
+    "removed": "a client's effects failed: they are removed, and the client loses the command; with the reason",
     "client": "a client commands, watches, has gone or was refused",
-    "refused": "a message over OSC was refused: why",
-    "silent": "frames fail to come: there is no force any more",
-    "fresh": "frames come again: the force comes in",
+    "refused": "a message over OSC was refused; with the reason",
+    "silent": "no frames come: the force is 0",
+    "fresh": "frames come again: the force fades in",
     "ceiling": "the host stiffness limit has changed by more than a quarter",
     "stiff": "an effect, or a part of it, is rendered softer than desired, or without its vibration",
     "phase": "a phase of a scenario begins",
-    "ended": "the run is over, and why; then the connection closes",
-    "rate": "once a second: cycles and frames a second, really",
-}  # kinds of events, and what they say
+    "ended": "the run has ended; with the reason. Then the connection closes",
+    "rate": "once a second: measured rates of cycles and frames",
+}  # kinds of events, and their meanings
 
 
 class BridgeEvent(BridgeMessage):
-    """Something that happened, for all clients. A `rate`, once a second, goes only to those that watch.
+    """Event of the run, for all clients; a `rate`, once a second, only for those that watch.
 
     Keys that do not belong to its kind are left out.
     """
 
     type: Literal["event"] = "event"
-    time: float = Field(description="of the run, in s: on the clock of `time` of the state")
-    kind: str = Field(description="one of those below")
-    text: str = Field(description="what happened")
-    module: str | None = Field(None, description="its name, if it is one module's")
-    effect: str | None = Field(None, description="stiff: the effect's name, as the client or the scenario has it")
-    stiffness: float | None = Field(None, description="stiff: what was desired, in N/m (of a vibration, in Hz)")
-    ceiling: float | None = Field(
-        None, description="stiff: what is rendered; ceiling: host stiffness limit, in N/m"
-    )
-    upper: float | None = Field(None, description="derated: its upper tension limit now, in N")
+    time: float = Field(description="time of the run, in s, on the clock of the state's `time`")
+    kind: str = Field(description="one of the kinds below")
+    text: str = Field(description="description in words")
+    module: str | None = Field(None, description="name of the module, if it concerns one")
+    effect: str | None = Field(None, description="stiff: name of the effect, by the client or the scenario")
+    stiffness: float | None = Field(None, description="stiff: desired, in N/m (of a vibration, in Hz)")
+    ceiling: float | None = Field(None, description="stiff: rendered; ceiling: host stiffness limit; in N/m")
+    upper: float | None = Field(None, description="derated: upper tension limit now, in N")
     delay: float | None = Field(None, description="ceiling: loop latency, in s")
-    cycles: float | None = Field(None, description="rate: cycles a second, really")
-    gap: float | None = Field(None, description="rate: the longest time from one cycle to the next, in s")
-    frames: float | None = Field(None, description="rate: frames a second that came")
+    cycles: float | None = Field(None, description="rate: measured cycles per second")
+    gap: float | None = Field(None, description="rate: longest time between two cycles, in s")
+    frames: float | None = Field(None, description="rate: received frames per second")
 
 
 class Refused(BridgeMessage):
-    """Refusal of a message: the answer to it, in place of a `state`."""
+    """Refusal of a message, in place of a `state`."""
 
     type: Literal["refused"] = "refused"
     reason: str = Field(description="what is wrong with it, and what to do")
@@ -259,38 +255,37 @@ EXAMPLES: dict[type[BridgeMessage], dict[str, Any]] = {
         "type": "refused",
         "reason": "effect 'floor': stifness is an unknown key; did you mean \"stiffness\"?",
     },
-}
-"""A complete message of each kind: those of the schema and of docs/reference/bridge.md."""
+}  # a complete message of each kind, for the schema and docs/reference/bridge.md
 
 
 def parse(content: str | bytes) -> Any:
-    """Return what a JSON text holds; `ProtocolError` if it is none, says where."""
+    """Return the value of a JSON text; `ProtocolError` says where it is none."""
+
+    def refuse(word: str) -> NoReturn:
+        raise ProtocolError(f"not JSON, which has no {word}: give a finite number, or leave the key out")
+
     try:
-        return json.loads(content, parse_constant=_no_constant)
+        return json.loads(content, parse_constant=refuse)
     except RecursionError:
         raise ProtocolError("not JSON: nested too deep") from None
     except UnicodeDecodeError:
         raise ProtocolError("not JSON: not UTF-8 text") from None
     except json.JSONDecodeError as error:
-        what = error.msg[:1].lower() + error.msg[1:]
-        raise ProtocolError(f"not JSON: {what}, at character {error.pos + 1}") from None
+        problem = error.msg[:1].lower() + error.msg[1:]
+        raise ProtocolError(f"not JSON: {problem}, at character {error.pos + 1}") from None
     except ValueError:  # Python refuses to parse thousands of digits
         raise ProtocolError("not JSON: a whole number has thousands of digits") from None
 
 
-def _no_constant(word: str) -> NoReturn:
-    raise ProtocolError(f"not JSON, which has no {word}: give a finite number, or leave the key out")
-
-
 def parse_message(given: object) -> Frame | StopRun:
-    """Return the message of a client that an object is; `ProtocolError` names the key, and what to give."""
-    kinds: dict[str, type[Frame | StopRun]] = {"frame": Frame, "stop": StopRun}
-    there = " or ".join(f'"{name}"' for name in kinds)
+    """Return the message of a client; `ProtocolError` names the key, and what to give."""
+    kinds: dict[object, type[Frame | StopRun]] = {"frame": Frame, "stop": StopRun}
+    known = '"frame" or "stop"'
     if not isinstance(given, Mapping):
-        raise ProtocolError(f"a message is {describe(given)}; give an object whose type is {there}")
+        raise ProtocolError(f"a message is {describe(given)}; give an object whose type is {known}")
     if "type" not in given:
-        raise ProtocolError(f"type is missing; give {there}")
+        raise ProtocolError(f"type is missing; give {known}")
     kind = given["type"]
     if not isinstance(kind, str) or kind not in kinds:
-        raise ProtocolError(f"type is {describe(kind)}; give {there}")
+        raise ProtocolError(f"type is {describe(kind)}; give {known}")
     return validate(kinds[kind], given, ProtocolError)

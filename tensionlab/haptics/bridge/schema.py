@@ -20,11 +20,11 @@ from tensionlab.haptics.effects.parsing import parse_effect
 from tensionlab.model.rig import Rig
 
 ABOUT = (
-    "A client gets a welcome first. Each message of the client that commands is answered with exactly one state "
-    "or refused, in order; events come between the answers: read on until the type is not event. Times are in s: "
-    "that of a frame by the client's own clock, all others by that of the run, which is `time` of the state. "
+    "A client gets a welcome first. Each message of the client in command is answered with exactly one state or "
+    "refused, in order; events come between the answers: read on until the type is not event. Times are in s: "
+    "that of a frame by the client's own clock, all others by the clock of the run, which is `time` of the state. "
     "Lengths are in m, forces in N. No number is infinite or NaN."
-)  # what a client has to know besides the messages
+)  # instructions for clients, besides the messages
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 REFERENCE = "#/$defs/"
 SHORT_LIST = re.compile(r"\[[^\[\]{}]{0,200}\]")
@@ -33,16 +33,11 @@ PARAMETERS: tuple[type[Any], ...] = (*EFFECTS.values(), *SOLIDS.values(), Plane,
 
 
 def message_schema(rig: Rig | None = None) -> dict[str, Any]:
-    """Return the JSON Schema of all messages.
+    """Return the JSON Schema of all messages, with the bodies, dimension and default directions of a rig.
 
     ``$defs`` has each by the name of its class, such as ``Frame``, and effects and solids by their kinds, such as
-    ``wall``; ``Effect`` is any effect, ``ClientMessage`` and ``BridgeMessage`` any message of one side.
-
-    Parameters
-    ----------
-    rig : Rig, optional
-        Whose bodies there are, in whose space vectors are, and whose ``up`` the defaults know. Without one: any
-        bodies, vectors in the plane or in space, and the defaults of space with Z up.
+    ``wall``; ``Effect`` is any effect, ``ClientMessage`` and ``BridgeMessage`` any message of one side. Without a
+    rig: any bodies, vectors in the plane or in space, and the defaults for Z up.
     """
     models: list[Any] = [
         *((kind, "validation") for kind in (*IN, *PARAMETERS)),
@@ -88,18 +83,18 @@ def message_schema(rig: Rig | None = None) -> dict[str, Any]:
 
 
 def schema_text(rig: Rig | None = None) -> str:
-    """Return the JSON Schema of all messages, as the text of a file."""
+    """Return `message_schema` as the text of a file."""
     return json_text(message_schema(rig)) + "\n"
 
 
 def json_text(value: Any) -> str:
-    """Return a value as JSON to read: indented, but with a list of numbers or words on one line."""
+    """Return a value as indented JSON, with each list of numbers or words on one line."""
     text = json.dumps(value, indent=2, ensure_ascii=False)
     return SHORT_LIST.sub(lambda found: " ".join(found[0].split()).replace("[ ", "[").replace(" ]", "]"), text)
 
 
 def first_line(kind: type) -> str:
-    """Return what a class is, in one line of Markdown."""
+    """Return the first line of a class's docstring, as Markdown."""
     return (inspect.getdoc(kind) or "").partition("\n")[0].replace("``", "`")
 
 
@@ -108,7 +103,7 @@ def _reference(name: str) -> dict[str, Any]:
 
 
 def _by_value(key: str, names: Mapping[str, str], default: str | None = None) -> dict[str, Any]:
-    """Return the schema of one of several definitions, by a key: validators name what is wrong, unlike oneOf's."""
+    """Return the schema of a union, by a key: validators name the problem, unlike with oneOf."""
     cases = []
     for value, name in names.items():
         case: dict[str, Any] = {"properties": {key: {"const": value}}}
@@ -118,7 +113,7 @@ def _by_value(key: str, names: Mapping[str, str], default: str | None = None) ->
 
 
 def _by_default(table: dict[str, Any], kind: type, rig: Rig | None) -> Any:
-    """Return an effect that has its defaults on a rig; None where some vector has none there."""
+    """Return an effect with its defaults on a rig; None if some vector has none there."""
     if rig is None:
         return kind(**{key: value for key, value in table.items() if key != "kind"})
     try:
@@ -128,7 +123,7 @@ def _by_default(table: dict[str, Any], kind: type, rig: Rig | None) -> Any:
 
 
 def _set_defaults(name: str, defaults: Any, definitions: dict[str, Any]) -> None:
-    """State the defaults of an effect or a solid, and of its parts; those of vectors only where they are known."""
+    """Set the defaults of an effect or a solid, and of its parts; those of vectors only if they are known."""
     properties = definitions[name]["properties"]
     for key, schema in properties.items():
         if "$ref" in schema:
@@ -167,7 +162,7 @@ def _tidy(definitions: dict[str, Any], size: Mapping[str, int]) -> None:
 
 
 def _example(name: str, by_default: Any) -> dict[str, Any]:
-    """Return an effect or a solid as a client writes it, with all that JSON can say of its defaults."""
+    """Return an effect or a solid as a client writes it, with its finite defaults."""
     table = {"kind": name, **asdict(by_default)}
     if "field" in table:
         table["field"] = {"kind": "sphere", **table["field"]}
@@ -175,7 +170,7 @@ def _example(name: str, by_default: Any) -> dict[str, Any]:
 
 
 def _without_titles(schema: Any) -> Any:
-    """Return a schema without the titles that pydantic makes of names."""
+    """Return a schema without the titles that pydantic derives from names."""
     if isinstance(schema, Mapping):
         kept = {key: each for key, each in schema.items() if key != "title" or not isinstance(each, str)}
         return {key: _without_titles(each) for key, each in kept.items()}

@@ -141,7 +141,7 @@ def test_a_module_that_may_not_pull_as_hard_is_sent_and_when_it_may_again():
         received.take(replace(state, upper_now=np.array([*whole[:3], top])))
     found = received.of("derated")
     assert [(event.module, event.upper) for event in found] == [("top", 5.4), ("top", 4.9), ("top", 6.0)]
-    assert found[0].text == "pulls with up to 5.40 N of 6 N, so that it does not get too hot"
+    assert found[0].text == "pulls with up to 5.40 N of 6 N, to stay cool enough"
 
 
 def test_silence_and_its_end_are_sent():

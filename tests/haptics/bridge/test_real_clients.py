@@ -169,7 +169,7 @@ def test_the_state_page_shows_what_is_measured():
             )
         assert page.ask("document.querySelector('h1').textContent") == "bartels2026-validation"
         assert page.ask("document.getElementById('modules').rows.length") == 4
-        assert "frames come: the force comes in" in page.ask("document.getElementById('events').textContent")
+        assert "frames come: the force fades in" in page.ask("document.getElementById('events').textContent")
         assert [each for each in page.requests if not each.startswith((address, "data:"))] == []
         assert page.complaints == []
 
