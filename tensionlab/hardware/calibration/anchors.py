@@ -180,12 +180,7 @@ def calibrate_anchors(
     that are not `known` are sought from those given, or from the rig's home. For a platform, rough ones are worth
     having: from the home of a rig with crossed cables (CoGiRo) the search often ends near the best answer, which
     then fits some tenths worse and shows no other sign. With `offsets`, a constant error of each cable's length is
-    found as well.
-
-    Raises
-    ------
-    CalibrationError
-        Too few poses, or such that not all anchors can be seen.
+    found as well. A `CalibrationError` refuses too few poses, and poses that do not determine all anchors.
     """
     if rig.frames:
         raise CalibrationError(

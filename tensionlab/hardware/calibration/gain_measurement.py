@@ -136,14 +136,8 @@ def weigh(
     """Measure the currents that lift a mass, in kg, and let it down, several times.
 
     The mass stands or hangs still with its cable straight, and has 5 cm to rise. The module is stopped at the end.
-    `progress` is called with the share that is done.
-
-    Raises
-    ------
-    CalibrationError
-        The mass is too light or too heavy for the module, or does not come to rest.
-    HardwareError
-        The module lets go, or does not answer.
+    `progress` is called with the share that is done. A `CalibrationError` if the mass is too light or too heavy
+    for the module, or does not come to rest; a `HardwareError` if the module releases it, or does not answer.
     """
     weight = mass * STANDARD_GRAVITY_M_S2
     _require_weight(client, mass)

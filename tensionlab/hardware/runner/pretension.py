@@ -62,24 +62,11 @@ def take_up_slack(
 ) -> None:
     """Do cycles until no cable is taken up any more, and the tracker knows the pose by their lengths.
 
-    Parameters
-    ----------
-    rig : Rig
-    cycle : callable
-        Waits for the next cycle, commands the minimum tensions, and returns the observation.
-    active : (m,) array of bool
-        Modules that take part; may change meanwhile.
-    clock : Clock
-    tracker : PoseTracker or None
-        None where the pose is known without lengths.
-    expected : callable, optional
-        Where there is no tracker, returns the lengths by the place now, (m,) in m; NaN where a module does not
-        know its own. Once all lengths are as expected, within `MAX_LENGTH_ERROR_M`, no cable is slack.
-
-    Raises
-    ------
-    HardwareError
-        Naming the modules whose cables are loose, do not come to rest, or fit no pose.
+    `cycle` waits for the next cycle, commands the minimum tensions, and returns the observation. `active` (m,) has
+    the modules that take part, and may change meanwhile. Without a tracker, `expected` returns the lengths by the
+    place now, (m,) in m; NaN where a module does not know its own. Once all lengths are as expected, within
+    `MAX_LENGTH_ERROR_M`, no cable is slack. A `HardwareError` names the modules whose cables are loose, do not
+    come to rest, or fit no pose.
     """
     began, average = clock.now(), CableSpeeds()
     calm_since = rest_since = began

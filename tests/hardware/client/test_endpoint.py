@@ -23,7 +23,7 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import FOLLOWING_STATES, BrakeState, Code, Fault, Limit, State, Type
 from tensionlab.hardware.protocol.frames import Decoder, WireFrame
 from tensionlab.hardware.protocol.messages import Acknowledge, Event, Log, SetTension, Telemetry, read
-from tensionlab.hardware.runner.module_monitor import TELEMETRY_UNITS, ModuleMonitor
+from tensionlab.hardware.runner.armed_modules import TELEMETRY_UNITS, ModuleMonitor
 
 LONG_S = 30.0
 TTL_S = 0.25

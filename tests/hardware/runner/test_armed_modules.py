@@ -11,7 +11,7 @@ from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client.module import ModuleClient, Received
 from tensionlab.hardware.protocol.codes import BrakeState, Calibration, Code, Fault, Limit, State
 from tensionlab.hardware.protocol.messages import Stop, Telemetry
-from tensionlab.hardware.runner.module_monitor import (
+from tensionlab.hardware.runner.armed_modules import (
     TELEMETRY_UNITS,
     ModuleMonitor,
     Stall,
