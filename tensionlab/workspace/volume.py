@@ -11,7 +11,7 @@ from tensionlab.support.arrays import Floats
 
 
 def node_weights(axis: Floats) -> Floats:
-    """Return the share of an interval that each node stands for: half a step at the ends, a whole one between.
+    """Return the share of an interval that is nearest to each node: half a step at the ends, a whole one between.
 
     On a grid in space a node in a face then counts half, in an edge a quarter, in a corner an eighth (the
     trapezoidal rule). Nodes are coordinates in any order.

@@ -34,7 +34,6 @@ MODULES = (
 CONSTANTS = {"tensionlab.plots.METADATA"}
 NEVER_FAIL = {
     "tensionlab.haptics.effects.relative",
-    "tensionlab.workspace.summary",
 }  # functions that take nothing wrong
 
 

@@ -53,23 +53,24 @@ def certify(
 ) -> CertifiedWorkspace:
     """Prove where in a region every pose of a rig renders all that is required, and where none does.
 
-    A sweep says nothing about what is between its positions. Here cells of positions are proved as a whole, or cut
-    in two along all axes, down to the resolution. What is undecided then lies along the border; of that a share is
-    proved as well, so that the bounds of the volume come together as the square of the resolution.
-
-    A cell is inside if the tensions pull further than is required in all directions; that is proved of those in
-    which the facets of the available wrench set look, as they turn with the pose. It is outside if they do not in
-    one. Rounding is part of every bound.
+    Cells of positions are proved as a whole, or cut in two along all axes, down to the resolution. A cell is
+    inside if the tensions pull further than is required in all directions; that is proved of those normal to the
+    facets of the available wrench set, as they turn with the pose. It is outside if they do not in one. Of the
+    undecided cells, which lie along the border, a share is proved as well, so that the bounds of the volume come
+    together as the square of the resolution. Rounding is part of every bound.
 
     Source: Gouttefarde, Daney and Merlet, "Interval-analysis-based determination of the wrench-feasible workspace
     of parallel cable-driven robots", 2011, for the proof of cells; Bouchard, Gosselin and Moore, "On the ability
     of a cable-driven robot to generate a prescribed set of wrenches", 2010, for the facets. That these may turn is
-    shown in ``tensionlab/native/workspace/certify.cpp``.
+    shown in ``tensionlab/native/workspace/cell_proof.hpp``.
+
+    InputError, ShapeError or RigError if an argument does not suit the rig, or there are more cells than fit in
+    memory; DataError or WriteError if the file holds something else, or cannot be written.
 
     Parameters
     ----------
     rig : Rig
-        Whose poses are looked at.
+        Rig whose poses are examined.
     region : (d, 2) array
         Box of positions: where it starts and ends along each axis, in m. It may have no extent along an axis.
     required : Requirement, array, tuple, "wrench-closure" or None
@@ -82,14 +83,14 @@ def certify(
         Orientations, one or several in a row, as in `Rig.structure_matrix`: a position is inside if it is so in
         all of them, outside if in one. Left out: the identity.
     angle : float
-        Each of the rotations stands for all that are within this angle of it, in rad.
+        Angle in rad about each of the rotations, all within which count as well.
     clearance : float, optional
-        Distance in m that cables must keep from each other, but for those of `cable_pairs`, and from the bodies.
+        Distance in m that cables must keep from each other, but for those that share an end, and from the bodies.
         Its part of the border is bounded to first order only.
     bodies : sequence of Capsule
-        In the world, as in `body_distance`.
+        Bodies in the world, as in `body_distance`.
     frames : mapping of name to Frame or (position, rotation), optional
-        Where the body frames of the rig are: one pose for each.
+        Poses of the rig's body frames, one for each.
     out : path, optional
         A file NAME.npz, to which cells are written every ten seconds. Called again, an interrupted proof is
         resumed from there, and a finished one is only read.
@@ -97,13 +98,6 @@ def certify(
         Address of a Dask scheduler, as in `tensionlab.sweep`; else the processors of this machine do the work.
     progress : callable, optional
         Called with the share of the region that is settled, from 0 to 1.
-
-    Raises
-    ------
-    InputError, ShapeError, RigError
-        If an argument does not suit the rig, or there are more cells than fit in memory.
-    DataError, WriteError
-        If the file holds something else, or cannot be written.
 
     Examples
     --------

@@ -89,9 +89,9 @@ class CellProblem(NamedTuple):
     """Rig at some rotations (k), all of which count, and what is required of it.
 
     Anchors and arms (k, m, d) are in world axes, in m; limits (m,) in N; wrenches (k, w, n), whose torques are
-    divided by the length, and all within the radius of them. Each rotation stands for all within the angle, in
-    rad, of it; the torque of a weight turns by up to the slack. ``closure``: wrench closure counts in their place.
-    With ``clearance``, cables must keep a distance as well.
+    divided by the length, and all within the radius of them. All rotations within the angle, in rad, of each count
+    as well; the torque of a weight changes by up to the slack. With ``closure``, wrench closure is required in
+    place of the wrenches; with ``clearance``, cables must keep a distance as well.
     """
 
     anchors: Floats

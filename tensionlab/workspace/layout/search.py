@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import islice
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,23 +54,26 @@ def search_layout(
     For each number of modules in turn, in three stages. Differential evolution spreads over all surfaces, with a
     whole generation in one call of the compiled capacity margin. The best layouts of its last generation, no two
     of which use the same surfaces equally often, are polished by gradients. Then the best of them hops: one or two
-    of its modules are put anywhere, the layout is polished, and kept if it is better. What is found is a local
+    of its modules are moved anywhere, the layout is polished, and kept if it is better. The result is a local
     optimum, often the best there is; more starts make that more likely. The same seed gives the same result.
 
     Source: Storn and Price, "Differential evolution: a simple and efficient heuristic for global optimization over
     continuous spaces", 1997, in SciPy's implementation; Wales and Doye, "Global optimization by basin-hopping",
-    1997.
+    1997. ShapeError or InputError if the target has no point or other coordinates than the surfaces, or a number
+    is too small.
 
     Parameters
     ----------
     space : Space
-        The surfaces, and how many modules to put on them.
+        The surfaces, and how many modules to place on them.
     target : Grid, as made by `box`, or (P, d) array
         Positions of the hand, in m.
+    objective : Objective
+        Criterion by which layouts are compared.
     name : str
-        Rigs are named after it and their number of modules.
+        Start of the names of the rigs, which end in their number of modules.
     generations, starts : int
-        Generations of the evolution, and how many of its layouts are polished; as many hops follow.
+        Generations of the evolution, and number of its layouts that are polished; as many hops follow.
     certify : bool
         Whether to prove what layouts render between the points of the target, too: `Layout.proved`. For each
         number of modules, of the last layouts that were the best in turn, the one of which the most is proved is
@@ -77,13 +81,8 @@ def search_layout(
     progress : callable, optional
         Called with the share of the work that is done, from 0 to 1.
     on_improvement : callable, optional
-        Called with each layout that is better than those before with as many modules, as soon as it is found. What
-        either of the two raises ends the search.
-
-    Raises
-    ------
-    ShapeError, InputError
-        If the target has no point or other coordinates than the surfaces, or a number is too small.
+        Called with each layout that is better than those before with as many modules, as soon as it is found. An
+        exception that either of the two raises ends the search.
 
     Examples
     --------
@@ -103,43 +102,39 @@ def search_layout(
     for what, number in (("generations", generations), ("starts", starts)):
         if number < 1:
             raise InputError(f"{what} is {number}; give 1 or more")
-    layouts = []
     counts = sorted(space.counts)
-    for done, count in enumerate(counts):
+    layouts: list[Layout] = []
+    for count in counts:
 
-        def report(share: float, done: int = done) -> None:
+        def report(share: float, done: int = len(layouts)) -> None:
             if progress is not None:
                 progress((done + share) / len(counts))
 
-        title = f"{name}-{count + len(space.fixed)}"
+        def finish(places: Placement, title: str = f"{name}-{count + len(space.fixed)}") -> Layout:
+            return evaluate(space, points, objective, places, title)
 
-        best_in_turn: list[Placement] = []
+        improved: list[Placement] = []  # layouts that were the best in turn
 
-        def show(places: Placement, title: str = title, seen: list[Placement] = best_in_turn) -> None:
-            seen.append(places)
+        def show(places: Placement, improved: list[Placement] = improved, finish: Any = finish) -> None:
+            improved.append(places)
             if on_improvement is not None:
-                on_improvement(evaluate(space, points, objective, places, title))
+                on_improvement(finish(places))
 
         random = np.random.default_rng([seed, count])
         ranked = _explore(
             space, points, objective, count, random, generations, lambda share: report(share / 3), show
         )
-        limits = space.tension_limits(count)
-        best, rank = ranked[0], (-np.inf, -np.inf)
-        candidates = _distinct(ranked, starts)
+        best, rank, candidates = ranked[0], (-np.inf, -np.inf), _distinct(ranked, starts)
         for number in range(2 * starts):
             start = candidates[number] if number < len(candidates) else _hop(space, best, random)
-            polished, values = polish(space, points, objective, start, limits)
+            polished, values = polish(space, points, objective, start, space.tension_limits(count))
             found = float(objective.score(values)), float(objective.merit(values))
             if found > rank:
                 best, rank = polished, found
                 show(best)
             report(1 / 3 + (number + 1) / (3 * starts))
-        if certify:
-            seen = (evaluate(space, points, objective, each, title) for each in reversed(best_in_turn))
-            layouts.append(most_proved(seen, points, objective.force))
-        else:
-            layouts.append(evaluate(space, points, objective, best, title))
+        last_first = map(finish, reversed(improved))
+        layouts.append(most_proved(last_first, points, objective.force) if certify else finish(best))
     return LayoutSearch(objective, tuple(layouts))
 
 

@@ -25,7 +25,7 @@ from tensionlab.support.validation import raises
 
 Hardware = Literal["brake", "newton_per_ampere", "spool_radius"]  # keys of a module other than its limits
 Tension = Annotated[float, Field(ge=0.0, allow_inf_nan=False, description="in N")]
-GENE_BORDER = 0.15  # share of an edge's genes that stands for each of its two ends: good places are often there
+GENE_BORDER = 0.15  # share of an edge's genes that decode to each of its two ends: good places are often there
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +132,7 @@ class Placement(NamedTuple):
 @raises(RigError)
 @pydantic_dataclass(frozen=True, eq=False)
 class Space:
-    """Surfaces for modules, how many of them, and their tension limits.
+    """Surfaces for modules, how many modules to place, and their tension limits.
 
     RigError names the surface, module or frame, and the wrong key.
 
@@ -141,9 +141,9 @@ class Space:
     counts : tuple of int
         Numbers of modules to place, in addition to the fixed ones; a layout is searched for each.
     limits : (lower, upper)
-        Tension limits of the modules that are put, in N.
+        Tension limits of the modules that are placed, in N.
     hardware : mapping of str to float
-        What else they have, as in `Module`: ``brake``, ``newton_per_ampere``, ``spool_radius``.
+        Other keys of these modules, as in `Module`: ``brake``, ``newton_per_ampere``, ``spool_radius``.
     fixed : tuple of Module
         Modules that stay where they are.
     up, platform, required
@@ -247,7 +247,7 @@ class Space:
         )
 
     def decode(self, genes: Floats) -> Placement:
-        """Return the places that genes (..., k, d + 1), from 0 to 1, stand for.
+        """Decode genes (..., k, d + 1), from 0 to 1, into places.
 
         The first gene of a module picks the surface, all of which are equally likely, so that a search finds the
         small ones too. The others are the shares of its edges.

@@ -56,7 +56,7 @@ class SurfaceTable(SchemaTable):
 
 
 class SearchLimits(schema.LimitsTable):
-    """Table ``[limits]``: of the modules that are put, and defaults of those that stay."""
+    """Table ``[limits]``: limits of the modules that are placed, and defaults of those that stay."""
 
     lower: float = Field(description="the smallest tension in N, a number")
     upper: float = Field(description="the largest tension in N, a number")
@@ -91,7 +91,7 @@ class SpaceFile(SchemaTable):
     name: str = Field(min_length=1, description="a name in quotes")
     description: str = Field("", description="a text in quotes")
     up: str | None = Field(None, description='the axis that points up, in quotes, as in up = "z"')
-    counts: list[int] = Field(min_length=1, description="how many modules to put, a list of whole numbers")
+    counts: list[int] = Field(min_length=1, description="how many modules to place, a list of whole numbers")
     limits: SearchLimits = Field(description="a [limits] table")
     target: TargetTable = Field(description="a [target] table")
     platform: PlatformTable | None = Field(None, description="a [platform] table")

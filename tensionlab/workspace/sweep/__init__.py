@@ -101,11 +101,13 @@ def sweep(
     plan = Plan(
         configurations=rigs if isinstance(rigs, Configurations) else vary(rigs),
         poses=poses if isinstance(poses, (Grid, PoseList)) else PoseList(poses),  # type: ignore[arg-type]
-        metrics=_metrics(metrics),
+        metrics=tuple(map(find_metric, [metrics] if isinstance(metrics, (str, Metric)) else metrics)),
         frames={} if frames is None else frames,
         chunk=chunk,
         required=None if required is None else as_requirement(required),
     )
+    if not plan.metrics:
+        raise SweepError("no metric is named; give one at least, such as 'capacity-margin'")
     empty = empty_dataset(plan)
     store = MemoryStore(plan, empty) if out is None else ZarrStore(Path(out), plan, empty)
     with contextlib.closing(store):
@@ -118,15 +120,3 @@ def sweep(
                 if progress is not None:
                     progress(finished / total)
         return store.dataset()
-
-
-def _metrics(metrics: str | Metric | Sequence[str | Metric]) -> tuple[Metric, ...]:
-    """Return the metrics that are named or given."""
-    listed = [metrics] if isinstance(metrics, (str, Metric)) else list(metrics)
-    found = tuple(find_metric(each) for each in listed)
-    names = [each.name for each in found]
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise SweepError(f"metric {twice[0]!r} is there twice; give it once")
-    if not found:
-        raise SweepError("no metric is named; give one at least, such as 'capacity-margin'")
-    return found

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from tensionlab.errors import RigError, SweepError
 from tensionlab.model import layouts
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats, as_floats
+from tensionlab.support.arrays import as_floats
 from tensionlab.workspace.poses import Label, label
 
 
@@ -89,17 +89,20 @@ def vary(
     {'side': 2, 'count': 3, 'pose': 1}
     """
     axes, make = _layout(what, parameters) if callable(what) else _rigs(what, parameters)
-    first = len(axes)
-    moved = dict(anchors or {})
+    first, moved = len(axes), dict(anchors or {})
     for name, points in moved.items():
         places = _rows(f"anchors[{name!r}]", points, "places, each a list of coordinates in m")
-        title = f'anchor of module "{name}"'
-        axes.append(_axis("_".join(["anchor", *name.split()]), [tuple(place) for place in places], "m", title))
+        axes.append(_axis("_".join(["anchor", *name.split()]), places, "m", f'anchor of module "{name}"'))
     if limits is not None:
-        pairs = _rows("limits", limits, "pairs (lower, upper) in N")
-        if pairs.shape[1] != 2:
-            raise SweepError(f"vary: limits is {limits!r}; give pairs (lower, upper) in N")
-        axes.append(_axis("limits", [tuple(pair) for pair in pairs], "N", "tension limits", ("lower", "upper")))
+        axes.append(
+            _axis(
+                "limits",
+                _rows("limits", limits, "pairs (lower, upper) in N", 2),
+                "N",
+                "tension limits",
+                ("lower", "upper"),
+            )
+        )
 
     def configure(*values: Any) -> Rig:
         rig = make(*values[:first])
@@ -153,7 +156,7 @@ def _layout(what: Callable[..., Rig], parameters: Mapping[str, Any]) -> tuple[li
     return axes, lambda *values: what(**fixed, **dict(zip(names, values, strict=True)))
 
 
-def _axis(name: str, values: list[Any], unit: str, title: str, parts: Sequence[str] = "xyz") -> Axis:
+def _axis(name: str, values: Sequence[Any], unit: str, title: str, parts: Sequence[str] = "xyz") -> Axis:
     """Return an axis: numbers and texts label themselves, points have a number and coordinates."""
     if all(isinstance(value, str) for value in values):
         return Axis(name, tuple(values), {name: label((name,), np.array(values), "1", title)})
@@ -172,15 +175,12 @@ def _axis(name: str, values: list[Any], unit: str, title: str, parts: Sequence[s
     return Axis(name, tuple(values), labels)
 
 
-def _rows(what: str, values: ArrayLike, expected: str) -> Floats:
-    """Return a table of numbers, a row for each value."""
-    try:
-        table = as_floats(what, values)
-    except (TypeError, ValueError):
-        table = np.empty(0)
-    if table.ndim != 2 or table.size == 0:
+def _rows(what: str, values: ArrayLike, expected: str, length: int | None = None) -> list[tuple[float, ...]]:
+    """Return the rows of a table of numbers."""
+    table = as_floats(what, values)
+    if table.ndim != 2 or table.size == 0 or table.shape[1] != (length or table.shape[1]):
         raise SweepError(f"vary: {what} is {values!r}; give a list of {expected}")
-    return table
+    return [tuple(row) for row in table]
 
 
 def _move(rig: Rig, name: str, anchor: Any) -> Rig:

@@ -6,7 +6,7 @@ import hashlib
 import json
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from tensionlab.errors import SweepError
 from tensionlab.model import pose
+from tensionlab.model.rig import Rig
 from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace.metrics import Metric
@@ -29,20 +30,25 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
 
     Every rig is made on the way, and refused if it does not suit the poses or the metrics, or lacks a body frame.
     """
-    rigs, demands = _rig_labels(plan)
-    axes, poses = plan.configurations.labels(), plan.poses.labels()
+    rigs = list(plan.configurations.rigs())
+    if unknown := sorted(set(plan.frames) - {name for rig in rigs for name in rig.frames}):
+        raise SweepError(f'frames: no module is attached to "{unknown[0]}"; leave it out')
+    axes, poses, of_rigs = plan.configurations.labels(), plan.poses.labels(), _rig_labels(plan, rigs)
+    for rig in {(rig.kind, rig.m): rig for rig in reversed(rigs)}.values():
+        plan.check(rig)
+    demands = {name: of_rigs.pop(name) for name in ("required", "characteristic_length")}
     if "rig" in axes:
-        del rigs["rig"]
-    names = Counter(chain(axes, rigs, demands, poses, (each.name for each in plan.metrics)))
+        del of_rigs["rig"]
+    names = Counter(chain(axes, of_rigs, demands, poses, (each.name for each in plan.metrics)))
     if twice := [name for name, count in names.items() if count > 1]:
-        raise SweepError(f'two axes or variables of the sweep are called "{twice[0]}"; rename one')
+        raise SweepError(f'two axes or variables of the sweep are called "{twice[0]}"; rename or leave out one')
     if slashed := [name for name in names if "/" in name]:
         raise SweepError(f'"{slashed[0]}" has a slash, and cannot name an axis or variable; rename it')
     manifest = provenance.manifest(sys.orig_argv)
     identity = {
-        "rigs": _digest(axes | rigs),
+        "rigs": _digest(axes | of_rigs),
         "poses": _digest(poses),
-        "required": _digest(demands, [repr(plan.requirement(rig)) for rig in plan.configurations.rigs()]),
+        "required": _digest(demands, [repr(plan.requirement(rig)) for rig in rigs]),
         "metrics": {each.name: each.identity for each in plan.metrics},
         "chunks": list(plan.chunks),
         "version": manifest["versions"]["tensionlab"],
@@ -52,7 +58,7 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
         "sweep": json.dumps(identity),
         "manifest": json.dumps(manifest),
     }
-    coordinates = {**axes, **rigs, **demands, **poses}
+    coordinates = {**axes, **of_rigs, **demands, **poses}
     empty: xarray.Dataset = provenance.import_xarray().Dataset(coords=coordinates, attrs=attrs)
     return empty
 
@@ -67,60 +73,50 @@ def attributes(metric: Metric) -> dict[str, str]:
     }
 
 
-def _rig_labels(plan: Plan) -> tuple[dict[str, Label], dict[str, Label]]:
-    """Return what labels the rig of every configuration, and what is required of it.
-
-    Anchors, attachments and limits are NaN for modules that a rig lacks.
-    """
+def _rig_labels(plan: Plan, rigs: Sequence[Rig]) -> dict[str, Label]:
+    """Return the labels of the rig of every configuration; NaN or "" for modules that a rig lacks."""
     shape, dims = plan.configurations.shape, plan.configurations.dims
-    rigs = list(plan.configurations.rigs())
-    if unknown := sorted(set(plan.frames) - {name for rig in rigs for name in rig.frames}):
-        raise SweepError(f'frames: no module is attached to "{unknown[0]}"; leave it out')
-    anchors = []
-    seen: set[tuple[str, int]] = set()
-    for rig in rigs:
-        own = {name: plan.frames[name] for name in rig.frames if name in plan.frames}
-        anchors.append(pose.place_anchors(rig.modules, rig.anchors, own))
-        if anchors[-1].ndim > 2:
-            raise SweepError("frames: give one pose for each body frame; it is the same all over the sweep")
-        if (rig.kind, rig.m) not in seen:
-            plan.check(rig)
-            seen.add((rig.kind, rig.m))
     most, axes = max(rig.m for rig in rigs), list("xyz"[: plan.poses.dimension])
-    of_module = (*dims, "module")
 
-    def texts(values: Sequence[str]) -> Any:
-        return np.array(values).reshape(shape)
+    def anchors(rig: Rig) -> Floats:
+        placed = pose.place_anchors(rig.modules, rig.anchors, plan.own_frames(rig))
+        if placed.ndim > 2:
+            raise SweepError("frames: give one pose for each body frame; it is the same all over the sweep")
+        return placed
 
-    def table(rows: Sequence[Floats]) -> Floats:
-        padded = np.full((len(rows), most, *rows[0].shape[1:]), np.nan)
-        for row, values in zip(padded, rows, strict=True):
-            row[: len(values)] = values
-        return padded.reshape(*shape, *padded.shape[1:])
+    def of_rig(value: Callable[[Rig], Any], units: str, meaning: str) -> Label:
+        return label(dims, np.reshape([value(rig) for rig in rigs], shape), units, meaning)
 
-    names = [[module.name for module in rig.modules] + [""] * (most - rig.m) for rig in rigs]
+    def of_modules(value: Callable[[Rig], Any], units: str, meaning: str, *more: str) -> Label:
+        rows = [np.asarray(value(rig)) for rig in rigs]
+        dtype = np.result_type(*rows)
+        table = np.full((len(rigs), most, *rows[0].shape[1:]), "" if dtype.kind == "U" else np.nan, dtype)
+        for padded, row in zip(table, rows, strict=True):
+            padded[: len(row)] = row
+        return label((*dims, "module", *more), table.reshape(*shape, *table.shape[1:]), units, meaning)
+
     homes = np.stack([rig.home for rig in rigs]).reshape(*shape, -1)
-    attachments = table([rig.attachments for rig in rigs])
-    labels = {
-        "rig": label(dims, texts([rig.name for rig in rigs]), "1", "name of the rig"),
-        "kind": label(dims, texts([rig.kind for rig in rigs]), "1", "kind of the rig"),
-        "up": label(dims, texts([rig.up or "" for rig in rigs]), "1", "axis of the world that points up"),
+    return {
+        "rig": of_rig(lambda rig: rig.name, "1", "name of the rig"),
+        "kind": of_rig(lambda rig: rig.kind, "1", "kind of the rig"),
+        "up": of_rig(lambda rig: rig.up or "", "1", "axis of the world that points up"),
         "module": label(("module",), np.arange(most), "1", "number of the module"),
         "axis": label(("axis",), np.array(axes), "1", "axis of the world or of the platform"),
         "home": label((*dims, "axis"), homes, "m", "home position of the rig"),
-        "module_name": label(of_module, np.array(names).reshape(*shape, most), "1", "name of the module"),
-        "anchor": label((*of_module, "axis"), table(anchors), "m", "anchor of the module in the world"),
-        "attachment": label((*of_module, "axis"), attachments, "m", "attachment of the cable in platform axes"),
-        "lower": label(of_module, table([rig.limits.lower for rig in rigs]), "N", "minimum tension of the cable"),
-        "upper": label(of_module, table([rig.limits.upper for rig in rigs]), "N", "maximum tension of the cable"),
+        "module_name": of_modules(lambda rig: [each.name for each in rig.modules], "1", "name of the module"),
+        "anchor": of_modules(anchors, "m", "anchor of the module in the world", "axis"),
+        "attachment": of_modules(
+            lambda rig: rig.attachments, "m", "attachment of the cable in platform axes", "axis"
+        ),
+        "lower": of_modules(lambda rig: rig.limits.lower, "N", "minimum tension of the cable"),
+        "upper": of_modules(lambda rig: rig.limits.upper, "N", "maximum tension of the cable"),
+        "required": of_rig(
+            lambda rig: plan.requirement(rig).describe(rig), "1", "what the cables must exert at every pose"
+        ),
+        "characteristic_length": of_rig(
+            lambda rig: plan.requirement(rig).length_for(rig), "m", "arm at which torques count as forces"
+        ),
     }
-    words = [plan.requirement(rig).describe(rig) for rig in rigs]
-    arms = np.reshape([plan.requirement(rig).length_for(rig) for rig in rigs], shape)
-    demands = {
-        "required": label(dims, texts(words), "1", "what the cables must exert at every pose"),
-        "characteristic_length": label(dims, arms, "m", "arm at which torques count as forces"),
-    }
-    return labels, demands
 
 
 def _digest(labels: Mapping[str, Label], texts: Sequence[str] = ()) -> str:

@@ -22,12 +22,10 @@ from tensionlab.workspace.sweep.configurations import Configurations
 
 Block = tuple[slice, ...]  # a part of every axis of a sweep
 
-# A cable shorter than this share of the longest one is at its anchor but for rounding, and has no direction.
-MIN_LENGTH_RATIO = 1e-12
-# Entries of the structure matrices that are evaluated together: 1 MB stays in a processor's cache.
-PART_ENTRIES = 1 << 17
-MIN_CHUNKS = 16  # chunks of a small sweep, at least, so that all processors have work
-MIN_CHUNK_VALUES = 1_024  # values of a chunk that is not worth cutting up
+MIN_LENGTH_RATIO = 1e-12  # to the longest cable; a shorter one is at its anchor but for rounding: no direction
+PART_ENTRIES = 1 << 17  # entries of structure matrices evaluated together: 1 MB stays in a processor's cache
+MIN_CHUNKS = 16  # of a small sweep, so that all processors have work
+MIN_CHUNK_VALUES = 1_024  # a smaller chunk is not worth its overhead
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,19 +38,18 @@ class ChunkTask:
     poses: Poses
     metrics: tuple[Metric, ...]
     frames: Frames
-    required: tuple[Requirement, ...]
-    """Of each rig."""
+    required: tuple[Requirement, ...]  # of each rig
 
     def evaluate(self) -> Floats:
         """Return the values, (metrics, *shape of the block); NaN where a cable has no length."""
         position, rotation = self.poses.arrays()
         values = np.full((len(self.metrics), len(self.rigs), len(position)), np.nan)
-        for number, rig in enumerate(self.rigs):
+        for number, (rig, required) in enumerate(zip(self.rigs, self.required, strict=True)):
+            frames = {name: self.frames[name] for name in rig.frames}
             step = max(1, PART_ENTRIES // (rig.n * rig.m))
-            for start in range(0, len(position), step):
-                part = slice(start, start + step)
+            for part in (slice(start, start + step) for start in range(0, len(position), step)):
                 turn = None if rotation is None else rotation[part]
-                batch, sound = _batch(rig, position[part], turn, self.frames, self.required[number])
+                batch, sound = _batch(rig, position[part], turn, frames, required)
                 for row, metric in enumerate(self.metrics):
                     values[row, number, part][sound] = metric.evaluate(batch)
         return values.reshape(len(self.metrics), *(part.stop - part.start for part in self.block))
@@ -62,8 +59,7 @@ class ChunkTask:
 class Plan:
     """Every metric of every configuration at every pose, in chunks of a largest size.
 
-    The axes are those of the configurations, then those of the poses. What is required is each rig's own where it
-    is None.
+    The axes are those of the configurations, then those of the poses. Without ``required``, it is each rig's own.
     """
 
     configurations: Configurations
@@ -100,11 +96,10 @@ class Plan:
 
     def block(self, number: int) -> Block:
         """Return the part of every axis that is the chunk of a number; the last axis runs fastest."""
+        tile = map(int, np.unravel_index(number, self.tiles))
         return tuple(
             slice(i * part, min((i + 1) * part, length))
-            for i, part, length in zip(
-                map(int, np.unravel_index(number, self.tiles)), self.chunks, self.shape, strict=True
-            )
+            for i, part, length in zip(tile, self.chunks, self.shape, strict=True)
         )
 
     def task(self, number: int) -> ChunkTask:
@@ -122,25 +117,24 @@ class Plan:
         """Return what is required of a rig."""
         return rig.required if self.required is None else self.required
 
-    def check(self, rig: Rig) -> None:
-        """Refuse a rig that does not suit the poses, or that a metric refuses.
+    def own_frames(self, rig: Rig) -> Frames:
+        """Return the poses of a rig's body frames."""
+        return {name: self.frames[name] for name in rig.frames if name in self.frames}
 
-        For its dimensions, no body to turn, a body frame that is not given, required wrenches of another size, or
-        more cables than a metric takes.
-        """
+    def check(self, rig: Rig) -> None:
+        """Refuse a rig that does not suit the poses, lacks a body frame, or that a metric refuses."""
         if rig.dimension != self.poses.dimension:
             raise SweepError(
                 f"the poses have {self.poses.dimension} coordinates; "
                 f'rig "{rig.name}" ({rig.kind}) needs {rig.dimension}; give it other poses, or a sweep of its own'
             )
-        one = self.poses.block(tuple(slice(0, 1) for _ in self.poses.shape))
-        position, rotation = one.arrays()
+        position, rotation = self.poses.block(tuple(slice(0, 1) for _ in self.poses.shape)).arrays()
         if rotation is not None and rig.n == rig.dimension:
             raise SweepError(
                 f'the poses have orientations, and rig "{rig.name}" ({rig.kind}) cannot turn; leave them out'
             )
-        nothing = None if rotation is None else rotation[:0]
-        batch, _ = _batch(rig, position[:0], nothing, self.frames, self.requirement(rig))
+        none = None if rotation is None else rotation[:0]
+        batch, _ = _batch(rig, position[:0], none, self.own_frames(rig), self.requirement(rig))
         batch.required.check_rig(rig)
         for metric in self.metrics:
             metric.evaluate(batch)
@@ -150,15 +144,14 @@ def _batch(
     rig: Rig, position: Floats, rotation: Floats | None, frames: Frames, required: Requirement
 ) -> tuple[Batch, NDArray[np.bool_]]:
     """Return the poses of a rig whose cables have a length, and which of those given they are."""
-    own = {name: frames[name] for name in rig.frames if name in frames}
-    anchors = pose.place_anchors(rig.modules, rig.anchors, own)
+    anchors = pose.place_anchors(rig.modules, rig.anchors, frames)
     attachments = rig.attachments if rig.n > rig.dimension else None
     turn = kinematics.planar_rotation(rotation) if rotation is not None and rig.dimension == 2 else rotation
-    radii, axes = rig.pulleys_in_world(own) or (None, None)
+    radii, axes = rig.pulleys_in_world(frames) or (None, None)
     structure, sound = _native.structure_matrices(
         anchors, attachments, position, turn, radii, axes, MIN_LENGTH_RATIO
     )
     if not sound.all():
         position, structure = position[sound], structure[sound]
         rotation = None if rotation is None else rotation[sound]
-    return Batch(rig, position, rotation, own, structure, required), sound
+    return Batch(rig, position, rotation, frames, structure, required), sound

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-# Largest number of values of which the median is exact; of more, every second or third is taken, and so on.
-MEDIAN_SAMPLE = 4_000_000
+MEDIAN_SAMPLE = (
+    4_000_000  # values of which the median is exact; of more, every second or third is taken, and so on
+)
 
 
 def summary(swept: xarray.Dataset) -> pandas.DataFrame:
@@ -30,7 +31,7 @@ def summary(swept: xarray.Dataset) -> pandas.DataFrame:
     Parameters
     ----------
     swept : Dataset
-        From `tensionlab.sweep`.
+        Result of `tensionlab.sweep`. SweepError if values are missing in its store, or damaged.
 
     Examples
     --------
@@ -74,26 +75,18 @@ def _statistics(values: xarray.DataArray) -> dict[str, float]:
     ]
     first = values.encoding.get("chunks", values.shape)[-values.ndim]
     stride = -(-values.size // MEDIAN_SAMPLE)
-    low, high, above, count, sample = np.inf, -np.inf, 0.0, 0, []
+    above, lows, highs, sample, count = 0.0, [], [], [], 0
     for start in range(0, values.shape[0], first):
         slab = _read(values[start : start + first])
         above += float(weighted_share(slab > 0, [weights[0][start : start + first], *weights[1:]]))
         slab = slab[~np.isnan(slab)]
-        low, high, count = (
-            min(low, slab.min(initial=np.inf)),
-            max(high, slab.max(initial=-np.inf)),
-            count + slab.size,
-        )
+        lows.append(slab.min(initial=np.inf))
+        highs.append(slab.max(initial=-np.inf))
         sample.append(slab[::stride])
-    some = np.concatenate(sample)
-    nothing = {"min": np.nan, "median": np.nan, "max": np.nan, "above_zero": np.nan}
-    found = {
-        "min": float(low),
-        "median": float(np.median(some)) if count else 0,
-        "max": float(high),
-        "above_zero": above,
-    }
-    return {"poses": values.size, "missing": values.size - count, **(found if count else nothing)}
+        count += slab.size
+    statistics = [min(lows), np.median(np.concatenate(sample)), max(highs), above] if count else [np.nan] * 4
+    named = dict(zip(("min", "median", "max", "above_zero"), map(float, statistics), strict=True))
+    return {"poses": values.size, "missing": values.size - count, **named}
 
 
 def _read(values: xarray.DataArray) -> Floats:

@@ -119,7 +119,7 @@ def test_a_flat_space_has_flat_targets_and_angles(write):
 MISTAKES = {
     "unknown key": ("counts", "count", 'count is an unknown key'),
     "no target": ("[target]", "[aim]", 'target is missing'),
-    "no list": ("counts = [2, 3]", "counts = 2", 'counts is 2; give a list (how many modules to put'),
+    "no list": ("counts = [2, 3]", "counts = 2", 'counts is 2; give a list (how many modules to place'),
     "half a module": ("[2, 3]", "[2, 2.5]", 'counts[1] is 2.5'),
     "no module": ("[2, 3]", "[0]", 'counts[0] is 0; give more than 0'),
     "step as text": ("step = 0.1", 'step = "small"', "target.step is 'small'; give a number (the distance"),

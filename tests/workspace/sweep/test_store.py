@@ -53,7 +53,7 @@ def finished(store):
 
 
 def stop(store, tally, count, inside=False):
-    """Sweep until so many chunks are finished; the next may have been written in part."""
+    """Sweep until this number of chunks is finished; the next may have been written in part."""
     write, written = ZarrStore.write, []
 
     def until(self, task, values):
@@ -99,10 +99,10 @@ def test_a_finished_store_is_the_sweep_and_is_only_opened(store, tally, tmp_path
 @pytest.mark.parametrize("inside", [False, True], ids=["between chunks", "inside a chunk"])
 def test_an_interrupted_sweep_is_resumed(store, tally, inside):
     stop(store, tally, 12, inside)
-    evaluated, told = len(read(tally)), []
-    data = sweep(store, tally, progress=told.append)
+    evaluated, shares = len(read(tally)), []
+    data = sweep(store, tally, progress=shares.append)
     assert len(read(tally)) - evaluated == COUNT - 12
-    assert told == pytest.approx(np.arange(13, COUNT + 1) / COUNT)
+    assert shares == pytest.approx(np.arange(13, COUNT + 1) / COUNT)
     expected = tl.sweep(RIGS, POSES, ["least-singular-value", tallied(tally)])
     for name in expected.data_vars:
         np.testing.assert_array_equal(data[name], expected[name])

@@ -211,7 +211,7 @@ def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tm
         (
             lambda: tl.sweep(CUBE, [[0, 0, 0]], ["tension-factor", "tension-factor"]),
             SweepError,
-            "'tension-factor' is there twice",
+            'called "tension-factor"',
         ),
         (lambda: tl.sweep(CUBE, [[0, 0, 0]], "capacity-margin:-1"), InputError, "radius is -1.0"),
         (lambda: tl.sweep(CUBE, [[0, 0, 0]], "body-distance"), InputError, "no bodies are given"),
