@@ -236,7 +236,7 @@ def force_distance(played: ScenarioResult) -> list[ForceDistance]:
     Those with a flat surface that pushes or pulls: the force out of it, against the height above it. And those of
     a scenario whose origin is on a body, as a bow: the pull towards it, against the distance from it.
     """
-    run, frame = played.run, played.scenario.seen_from
+    run, frame = played.run, played.scenario.frame
     rendered, measured = rendered_force(played), rendered_force(replace(played, person=None))
     desired = ForceRecord(run.time, measured.position, desired_force(run))
     between = f"from {played.scenario.labels.get(frame or '', frame)} to {scene.held_name(played.scenario)} (m)"

@@ -74,7 +74,7 @@ def scripted_moment(scenario: Scenario, time: float) -> Moment:
 
 def origin_of(scenario: Scenario, moment: Moment) -> Floats:
     """Return the origin of the coordinates of effects and brakes."""
-    return np.zeros_like(moment.held) if scenario.seen_from is None else moment.bodies[scenario.seen_from]
+    return np.zeros_like(moment.held) if scenario.frame is None else moment.bodies[scenario.frame]
 
 
 def held_name(scenario: Scenario) -> str:
@@ -112,12 +112,12 @@ def draw_scene(
     axes.set_aspect("equal")
     axes.axis("off")
     if rig.dimension == 3:
-        stands = [] if scenario.stands is None else [np.array(scenario.stands)]
-        _draw_floor(axes, view, up, np.array([*moment.anchors, *path, moment.held, *stands]))
-        if scenario.stands is not None:
+        feet = [] if scenario.feet is None else [np.array(scenario.feet)]
+        _draw_floor(axes, view, up, np.array([*moment.anchors, *path, moment.held, *feet]))
+        if scenario.feet is not None:
             places = [(held_name(scenario), moment.held)]
             places += [(scenario.labels.get(name, name), place) for name, place in moment.bodies.items()]
-            draw_person(axes, view, up, stands[0], places)
+            draw_person(axes, view, up, feet[0], places)
     origin = origin_of(scenario, moment)
     drawn = [path[:: max(1, len(path) // 20)]]
     names = {
@@ -213,11 +213,11 @@ def _draw_patch(axes: Axes, view: View, up: int, middle: Floats, normal: Floats,
     return np.asarray(edges.reshape(-1, normal.size))
 
 
-def draw_person(axes: Axes, view: View, up: int, stands: Floats, places: Sequence[tuple[str, Floats]]) -> None:
+def draw_person(axes: Axes, view: View, up: int, feet: Floats, places: Sequence[tuple[str, Floats]]) -> None:
     """Draw a light stick figure: `tensionlab.scenarios.stick_figure`."""
     from matplotlib.patches import Circle
 
-    figure = stick_figure(stands, np.eye(3)[up], places)
+    figure = stick_figure(feet, np.eye(3)[up], places)
     for line in figure.lines:
         axes.plot(*view(line).T, color=PERSON_COLOUR, linewidth=7.0, solid_capstyle="round",
                   solid_joinstyle="round", zorder=1)  # fmt: skip

@@ -90,7 +90,7 @@ class ForceRecord:
 
 def rendered_force(result: ScenarioResult) -> ForceRecord:
     """Return the true force on the simulated person, each ms, or else the measured one, each cycle."""
-    run, person, frame = result.run, result.person, result.scenario.seen_from
+    run, person, frame = result.run, result.person, result.scenario.frame
     if person is not None:
         position = person.position
         if frame is not None:

@@ -89,7 +89,7 @@ class ScenarioDemand:
         velocity = _velocity(pose.position, None if last is None else last.position, step)
         time = math.fmod(state.time, self._period)
         hand = Motion(pose.position, velocity, time, step)
-        frame = self._scenario.seen_from
+        frame = self._scenario.frame
         if frame is None:
             return hand
         origin = body_origin(pose, frame)

@@ -50,7 +50,7 @@ def rehearse(scenario: Scenario) -> Rehearsal:
     last = None
     for time in step * np.arange(max(round(scenario.seconds * scenario.rate), 1)):
         pose, cables = person(time), person.cables
-        origin = body_origin(pose, scenario.seen_from)
+        origin = body_origin(pose, scenario.frame)
         speed = np.zeros_like(origin) if last is None else (origin - last) / step
         last = origin
         motion = Motion(pose.position - origin, person.velocity - speed, float(time), step)

@@ -37,10 +37,10 @@ KEYS: dict[str, Any] = {
     "seconds": float,
     "rate": float,
     "policy": Policy,
-    "seen_from": str,
+    "frame": str,
     "slew": float,
     "labels": dict[str, str],
-    "stands": tuple[float, ...],
+    "feet": tuple[float, ...],
     "up": str,
 }
 RIG = "rig"  # key of a scenario file: its rig, by name, or by file in the same folder
@@ -127,13 +127,13 @@ class Scenario:
         Duration in s, and rate in Hz.
     policy : str
         Policy for infeasible forces.
-    seen_from : str or None
+    frame : str or None
         Body frame in which effects and brake targets are; the world if None.
     slew : float or None
         Slew-rate limit that the modules need, in N/s; None: as they come.
     labels : mapping of str to str
         Names of the held point and the bodies in pictures.
-    stands : tuple of floats or None
+    feet : tuple of floats or None
         Point between the feet of the person, for pictures; None: no person is drawn.
     up : str or None
         Axis of the world that points up, for which effects and scripts are meant; the rig's too.
@@ -157,10 +157,10 @@ class Scenario:
     seconds: float
     rate: float = 200.0
     policy: Policy = "direction"
-    seen_from: str | None = None
+    frame: str | None = None
     slew: float | None = None
     labels: Mapping[str, str] = field(default_factory=dict)
-    stands: tuple[float, ...] | None = None
+    feet: tuple[float, ...] | None = None
     up: str | None = None
     turned: str = ""
 
@@ -183,11 +183,9 @@ class Scenario:
                 f"the person has the bodies {brief(sorted(self.person.bodies))}, "
                 f"but modules are attached to {frames}; give a script for each of these"
             )
-        if self.seen_from is not None and self.seen_from not in rig.frames:
+        if self.frame is not None and self.frame not in rig.frames:
             known = f"one of {frames}" if rig.frames else "a rig with modules that are attached to it"
-            raise self._error(
-                f'seen_from is "{self.seen_from:.40}", no body frame of rig "{rig.name}"; give {known}'
-            )
+            raise self._error(f'frame is "{self.frame:.40}", no body frame of rig "{rig.name}"; give {known}')
         if not self.phases:
             raise self._error("there are no phases; give at least one")
         for name, script in {"person": self.person.script, **self.person.bodies}.items():
@@ -197,8 +195,8 @@ class Scenario:
                 )
         if not (0.0 < self.rate < math.inf and 0.0 < self.seconds < math.inf):
             raise self._error(f"seconds {self.seconds}, rate {self.rate}; give both above 0")
-        if self.stands is not None and len(self.stands) != rig.dimension:
-            raise self._error(f"stands is {brief(list(self.stands))}; give {rig.dimension} coordinates, in m")
+        if self.feet is not None and len(self.feet) != rig.dimension:
+            raise self._error(f"feet is {brief(list(self.feet))}; give {rig.dimension} coordinates, in m")
         caps = [phase.hold.cap.force for phase in self.phases if phase.hold is not None and phase.hold.cap]
         # All cables together: the force of a brake is not measured.
         strongest = float((rig.limits.upper + brake_strengths(rig)).sum())

@@ -67,9 +67,9 @@ class Scenery:
     phases : tuple of ScenePhase
     middle : tuple of d floats
         About which parts of planes are drawn: the mean of the script's waypoints, in m.
-    seen_from : str or None
+    frame : str or None
         Body frame in which surfaces are; the world if None.
-    stands : tuple of d floats or None
+    feet : tuple of d floats or None
         Point between the feet of the person, in m; None: no person is drawn.
     labels : mapping of str to str
         Names of the held point, and of the bodies.
@@ -87,8 +87,8 @@ class Scenery:
     title: str
     phases: tuple[ScenePhase, ...]
     middle: Numbers
-    seen_from: str | None = None
-    stands: Numbers | None = None
+    frame: str | None = None
+    feet: Numbers | None = None
     labels: Mapping[str, str] | None = None
     period: FiniteFloat | None = None
 
@@ -112,8 +112,8 @@ def scenery(scenario: Scenario, *, repeat: bool = False) -> Scenery:
             for phase in scenario.phases
         ),
         middle=tuple(np.mean(waypoints, axis=0).tolist()),
-        seen_from=scenario.seen_from,
-        stands=scenario.stands,
+        frame=scenario.frame,
+        feet=scenario.feet,
         labels=dict(scenario.labels),
         period=scenario.seconds if repeat else None,
     )
@@ -159,7 +159,7 @@ def read_scenery(given: Mapping[str, Any], rig: Rig, where: str, error: type[Ten
         first = problem.errors()[0]
         place = ".".join(map(str, first["loc"]))
         raise error(f"{where}: the scenery's {place} is {brief(first['input'])}; the log is damaged") from None
-    points = [found.middle, *([found.stands] if found.stands is not None else [])]
+    points = [found.middle, *([found.feet] if found.feet is not None else [])]
     for surface in (each for phase in found.phases for each in phase.surfaces):
         points.append(surface.point)
         points += [surface.normal] * (surface.kind == "plane") + [surface.size] * (surface.kind == "box")
@@ -167,8 +167,8 @@ def read_scenery(given: Mapping[str, Any], rig: Rig, where: str, error: type[Ten
             raise error(f"{where}: a {surface.kind} of the scenery has no radius; the log is damaged")
     if any(len(point) != rig.dimension for point in points):
         raise error(f"{where}: the scenery does not have the {rig.dimension} axes of the rig; it is damaged")
-    if found.seen_from is not None and found.seen_from not in rig.frames:
-        raise error(f'{where}: the scenery is in the frame "{found.seen_from:.40}", which the rig does not have')
+    if found.frame is not None and found.frame not in rig.frames:
+        raise error(f'{where}: the scenery is in the frame "{found.frame:.40}", which the rig does not have')
     return found
 
 

@@ -24,12 +24,12 @@ class StickFigure(NamedTuple):
     head: Floats
 
 
-def stick_figure(stands: Floats, up: Floats, places: Sequence[tuple[str, Floats]]) -> StickFigure:
+def stick_figure(feet: Floats, up: Floats, places: Sequence[tuple[str, Floats]]) -> StickFigure:
     """Return a person who stands at a place between its feet, with its known parts where they are.
 
     Parameters
     ----------
-    stands : (3,) array
+    feet : (3,) array
         In m.
     up : (3,) array
         Unit vector.
@@ -49,26 +49,26 @@ def stick_figure(stands: Floats, up: Floats, places: Sequence[tuple[str, Floats]
     def mean_of(part: str, otherwise: Floats) -> Floats:
         return np.mean(known[part], axis=0) if known[part] else otherwise
 
-    hips, shoulders, head = (mean_of(part, stands + height * up) for part, height in JOINT_HEIGHTS_M.items())
-    towards = mean_of("hand", shoulders) - stands
+    hips, shoulders, head = (mean_of(part, feet + height * up) for part, height in JOINT_HEIGHTS_M.items())
+    towards = mean_of("hand", shoulders) - feet
     ahead = towards - (towards @ up) * up  # along the floor
     length = np.linalg.norm(ahead)
     ahead = ahead / length if length > 1e-6 else np.roll(np.abs(up), 1)
     left = np.cross(up, ahead)
     if len(known["shoulder"]) == 1:  # the right one or the left one
-        shoulders = shoulders - np.sign(left @ (known["shoulder"][0] - stands)) * SHOULDER_M * left
+        shoulders = shoulders - np.sign(left @ (known["shoulder"][0] - feet)) * SHOULDER_M * left
     shoulders = mean_of("torso", shoulders)
     neck = (JOINT_HEIGHTS_M["head"] - JOINT_HEIGHTS_M["shoulder"]) * up
     if known["head"] and not (known["shoulder"] or known["torso"]):
         shoulders = head - neck
     if not known["head"]:
         head = shoulders + neck
-    feet = known["foot"] or [stands + side * STANCE_M * (left + ahead) for side in (1.0, -1.0)]
+    soles = known["foot"] or [feet + side * STANCE_M * (left + ahead) for side in (1.0, -1.0)]
     ends = [shoulders + side * SHOULDER_M * left for side in (-1.0, 1.0)]
     hands = known["hand"] + [end - 2 * LIMB_M * up for end in ends][len(known["hand"]) :]
     pairs = [list(pair) for pair in permutations(hands[:2])]
     hands = min(pairs, key=lambda pair: float(np.linalg.norm(np.array(ends) - np.array(pair), axis=1).sum()))
-    lines = [*([hips, foot] for foot in feet), [hips, shoulders, head], ends]
+    lines = [*([hips, foot] for foot in soles), [hips, shoulders, head], ends]
     lines += [[end, _elbow(end, hand, -up), hand] for end, hand in zip(ends, hands, strict=True)]
     return StickFigure([np.array(line) for line in lines], head)
 

@@ -197,15 +197,15 @@ def named_places(scenery: Scenery, rig: Rig, instant: Instant) -> dict[str, Floa
 
 def person(scenery: Scenery, rig: Rig, places: dict[str, Floats]) -> StickFigure | None:
     """Return the person, with its parts where they are known to be; None if the scenario draws none."""
-    if scenery.stands is None:
+    if scenery.feet is None:
         return None
     up = in_space(rig.upward) if rig.up is not None else np.array([0.0, 1.0, 0.0])
-    return stick_figure(in_space(np.array(scenery.stands)), up, list(places.items()))
+    return stick_figure(in_space(np.array(scenery.feet)), up, list(places.items()))
 
 
 def solids(scenery: Scenery, rig: Rig, instant: Instant) -> list[Solid]:
     """Return the surfaces of all phases, in their order."""
-    frame = scenery.seen_from
+    frame = scenery.frame
     origin = in_space(np.zeros(rig.dimension) if frame is None else body_origins(rig, instant.anchors)[frame])
     middle = in_space(np.array(scenery.middle))
     return [solid(surface, origin, middle) for phase in scenery.phases for surface in phase.surfaces]

@@ -6,7 +6,7 @@ from tensionlab.plots.scene import draw_person
 from tensionlab.scenarios.stick_figure import JOINT_HEIGHTS_M, LIMB_M, SHOULDER_M
 
 
-def drawn(*places, stands=(0.0, 0.0, 0.0)):
+def drawn(*places, feet=(0.0, 0.0, 0.0)):
     """The lines of a person, in the world: nothing is projected."""
     lines = []
     axes = Figure().subplots()
@@ -15,7 +15,7 @@ def drawn(*places, stands=(0.0, 0.0, 0.0)):
         lines.append(points)
         return points[..., :2]
 
-    draw_person(axes, view, 2, np.array(stands), places)
+    draw_person(axes, view, 2, np.array(feet), places)
     return lines[:-1], lines[-1]  # the last is the head
 
 

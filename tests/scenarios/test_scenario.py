@@ -57,9 +57,7 @@ def test_another_rig_may_take_its_place(bow):
     path, _ = bow
     with pytest.raises(ScenarioError, match="modules are attached to"):
         load_scenario("materials", rig="body-mounted")
-    with pytest.raises(
-        ScenarioError, match=r'seen_from is "bow", no body frame of rig "materials"; give a rig with'
-    ):
+    with pytest.raises(ScenarioError, match=r'frame is "bow", no body frame of rig "materials"; give a rig with'):
         load_scenario(path, rig=FOLDER / "materials.rig.toml")
     assert (
         load_scenario("recoil", rig=FOLDER / "materials.rig.toml").rig.frames == ()
@@ -79,7 +77,7 @@ def test_another_rig_may_take_its_place(bow):
         ("seconds = 5.0", "", 'key "seconds" is missing'),
         ("seconds = 5.0", "seconds = -1.0", "give both above 0"),
         ("seconds = 5.0", 'seconds = "long"', "seconds: "),
-        ('seen_from = "bow"', 'seen_from = "bw"', 'seen_from is "bw"'),
+        ('frame = "bow"', 'frame = "bw"', 'frame is "bw"'),
         ("mass = 1.0", "mass = 0.0", "person: mass is 0.0"),
         ("mass = 1.0", "mas = 1.0", "mas is an unknown key"),
         ("time = 2.0", "tme = 2.0", "tme is an unknown key"),

@@ -7,9 +7,9 @@ from tensionlab.scenarios.stick_figure import JOINT_HEIGHTS_M, stick_figure
 
 def test_it_stands_along_any_axis():
     turn = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # z becomes y
-    stands, hand = np.array([0.1, 0.2, 0.0]), np.array([0.6, 0.1, 1.2])
-    one = stick_figure(stands, np.array([0.0, 0.0, 1.0]), [("hand", hand)])
-    other = stick_figure(turn @ stands, turn @ [0.0, 0.0, 1.0], [("hand", turn @ hand)])
+    feet, hand = np.array([0.1, 0.2, 0.0]), np.array([0.6, 0.1, 1.2])
+    one = stick_figure(feet, np.array([0.0, 0.0, 1.0]), [("hand", hand)])
+    other = stick_figure(turn @ feet, turn @ [0.0, 0.0, 1.0], [("hand", turn @ hand)])
     np.testing.assert_allclose(other.head, turn @ one.head)
     for line, same in zip(one.lines, other.lines, strict=True):
         np.testing.assert_allclose(same, line @ turn.T)

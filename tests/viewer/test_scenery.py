@@ -98,7 +98,7 @@ def test_the_person_holds_what_is_known_of_it(bow):
         assert np.linalg.norm(joints - place, axis=1).min() == pytest.approx(0.0, abs=1e-9)
     assert joints[:, 2].min() == pytest.approx(0.0)
     assert points_to_see(found, rig, instant)[:, 2].max() >= figure.head[2] > 1.5
-    assert person(replace(found, stands=None), rig, {}) is None
+    assert person(replace(found, feet=None), rig, {}) is None
 
 
 @pytest.mark.parametrize("name", ["materials", "collision", "recoil", "weight"])
