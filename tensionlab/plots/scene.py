@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tensionlab.plots.style import Entry
-from tensionlab.scenarios.stick_figure import HEAD_M, stick_figure
+from tensionlab.scenarios.scenery import HEAD_M, stick_figure
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, ORANGE, RED
 
@@ -214,7 +214,7 @@ def _draw_patch(axes: Axes, view: View, up: int, middle: Floats, normal: Floats,
 
 
 def draw_person(axes: Axes, view: View, up: int, feet: Floats, places: Sequence[tuple[str, Floats]]) -> None:
-    """Draw a light stick figure: `tensionlab.scenarios.stick_figure`."""
+    """Draw a light stick figure: `tensionlab.scenarios.scenery`."""
     from matplotlib.patches import Circle
 
     figure = stick_figure(feet, np.eye(3)[up], places)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
 
 from tensionlab.allocation import Policy
 from tensionlab.errors import EffectError, RigError, ScenarioError
@@ -31,21 +32,6 @@ from tensionlab.support.validation import validate
 
 FOLDER = Path(__file__).parent / "files"  # scenarios of this package: NAME.toml and NAME.rig.toml
 SCENARIOS = ("materials", "collision", "recoil", "weight", "bow")  # their names, in the order of the publication
-KEYS: dict[str, Any] = {
-    "title": str,
-    "about": str,
-    "seconds": float,
-    "rate": float,
-    "policy": Policy,
-    "frame": str,
-    "slew": float,
-    "labels": dict[str, str],
-    "feet": tuple[float, ...],
-    "up": str,
-}
-RIG = "rig"  # key of a scenario file: its rig, by name, or by file in the same folder
-NEEDED = ("title", "about", "seconds", "up")
-PHASE_KEYS: dict[str, Any] = {"name": str, "begin": float, "end": float}
 
 
 @checked_dataclass(ScenarioError)
@@ -90,7 +76,7 @@ class BrakeTarget:
 
 @dataclass(frozen=True)
 class Phase:
-    """Effects by name, and the brake target, from one time to another, in s since the scenario began.
+    """Effects by name, and the brake target, between two times in s since the scenario began.
 
     Examples
     --------
@@ -113,16 +99,16 @@ class Phase:
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """Rig, person and phases of something to render.
+    """Rig, person and phases of a scenario.
 
     Attributes
     ----------
     rig : Rig
-        Of a point: the hand or the head.
+        Rig of a point: the hand or the head.
     person : PersonPlan
-        Who is simulated, where no real person is.
+        Simulated person, for runs without a real one.
     phases : tuple of Phase
-        Those that overlap are rendered together.
+        Phases; overlapping ones are rendered together.
     seconds, rate : float
         Duration in s, and rate in Hz.
     policy : str
@@ -130,15 +116,15 @@ class Scenario:
     frame : str or None
         Body frame in which effects and brake targets are; the world if None.
     slew : float or None
-        Slew-rate limit that the modules need, in N/s; None: as they come.
+        Slew-rate limit that the modules need, in N/s; None: their default.
     labels : mapping of str to str
         Names of the held point and the bodies in pictures.
     feet : tuple of floats or None
         Point between the feet of the person, for pictures; None: no person is drawn.
     up : str or None
-        Axis of the world that points up, for which effects and scripts are meant; the rig's too.
+        Axis of the world that points up, for effects, scripts and rig.
     turned : str
-        How the rig was turned to that from what its file says; empty where it was not.
+        How the rig was turned from the axes of its file; empty if it was not.
 
     Examples
     --------
@@ -226,8 +212,8 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
     name : str or path
         One of `SCENARIOS`, or the path of a file: it ends in ``.toml`` or has a separator.
     rig : str or path, optional
-        A rig in place of the scenario's own, as `load_rig` takes it. Its own is the one that its key ``rig`` says,
-        or NAME.rig.toml next to NAME.toml. One of another ``up`` is turned, as `Rig.turned` does.
+        A rig, as `load_rig` takes it, in place of the scenario's own: that of its key ``rig``, or NAME.rig.toml
+        next to NAME.toml. A rig with another ``up`` is turned by `Rig.with_up_axis`.
 
     Raises
     ------
@@ -249,50 +235,70 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
             problem = describe_unknown(str(name), SCENARIOS, "scenario", f"there are {', '.join(SCENARIOS)}")
             raise ScenarioError(f"{problem}; a path ends in .toml or has a '/'")
         path = FOLDER / f"{name}.toml"
-    table = read_toml(path, "a scenario file (*.toml)", ScenarioError)
+    contents = read_toml(path, "a scenario file (*.toml)", ScenarioError)
     try:
-        return _scenario(table, path, rig)
+        return _scenario(validate(ScenarioTable, contents, ScenarioError), path, rig)
     except (ScenarioError, EffectError) as error:
         raise ScenarioError(f"{path}: {error}") from None
 
 
-def _scenario(table: dict[str, Any], path: Path, rig: str | PathLike[str] | None) -> Scenario:
-    known = (*KEYS, RIG, "person", "phases")
-    if unknown := set(table) - set(known):
-        raise ScenarioError(f'no key "{min(unknown)}"; there are {", ".join(known)}')
-    for key in (*NEEDED, "person", "phases"):
-        if key not in table:
-            raise ScenarioError(f'key "{key}" is missing')
-    try:
-        loaded, turned = _turned(load_rig(_rig_of(table, path) if rig is None else rig), table["up"])
-    except RigError as error:
-        raise error if rig is not None else RigError(f'{path}: key "{RIG}": {error}') from None
-    if not isinstance(table["phases"], list):
-        raise ScenarioError("phases: give a list of tables, [[phases]]")
-    return Scenario(
-        name=path.stem,
-        rig=loaded,
-        person=validate(PersonPlan, table["person"], ScenarioError, "person"),
-        phases=tuple(_phase(each, loaded) for each in table["phases"]),
-        turned=turned,
-        **{key: validate(kind, table[key], ScenarioError, key) for key, kind in KEYS.items() if key in table},
-    )
+class PhaseTable(BaseModel):
+    """Phase in a scenario file; effects have a kind and parameters, as over the bridge."""
+
+    model_config = ConfigDict(extra="forbid")
+    name: str
+    begin: float
+    end: float
+    effects: dict[str, Any] = {}
+    hold: BrakeTarget | None = None
 
 
-def _rig_of(table: dict[str, Any], path: Path) -> str | Path:
-    """Return the rig that a scenario file names, or that lies in its folder."""
-    if RIG not in table:
-        return path.with_suffix(".rig.toml")
-    name: str = validate(str, table[RIG], ScenarioError, RIG)
-    return path.parent / name if is_path(name, ".toml") else name
+class ScenarioTable(BaseModel):
+    """Contents of a scenario file; ``rig`` is a rig, by name, or by file in the same folder."""
+
+    model_config = ConfigDict(extra="forbid")
+    title: str
+    about: str
+    seconds: float
+    up: str
+    person: PersonPlan
+    phases: list[PhaseTable]
+    rig: str | None = None
+    rate: float = 200.0
+    policy: Policy = "direction"
+    frame: str | None = None
+    slew: float | None = None
+    labels: dict[str, str] = {}
+    feet: tuple[float, ...] | None = None
 
 
-def _turned(rig: Rig, up: object) -> tuple[Rig, str]:
-    """Return the rig in axes of which the scenario's points up, and how it was turned, if it was."""
+def _scenario(table: ScenarioTable, path: Path, rig: str | PathLike[str] | None) -> Scenario:
+    if rig is not None:
+        loaded = load_rig(rig)
+    elif table.rig is None:
+        loaded = load_rig(path.with_suffix(".rig.toml"))
+    else:
+        try:
+            loaded = load_rig(path.parent / table.rig if is_path(table.rig, ".toml") else table.rig)
+        except RigError as error:
+            raise RigError(f'{path}: key "rig": {error}') from None
+    loaded, turned = _with_up_axis(loaded, table.up)
+    phases = []
+    for phase in table.phases:
+        effects = {name: parse_effect(name, each, loaded) for name, each in phase.effects.items()}
+        if phase.hold is not None:
+            require_dimension(phase.hold, loaded.dimension, f'phase "{phase.name}": hold')
+        phases.append(Phase(phase.name, phase.begin, phase.end, effects, phase.hold))
+    own = {key: getattr(table, key) for key in table.model_fields_set - {"rig", "phases"}}
+    return Scenario(name=path.stem, rig=loaded, phases=tuple(phases), turned=turned, **own)
+
+
+def _with_up_axis(rig: Rig, up: str) -> tuple[Rig, str]:
+    """Return the rig turned to an ``up``, and a sentence about it; an empty one if it was not turned."""
     if rig.up is None or rig.up == up:
         return rig, ""
     try:
-        turned = rig.with_up_axis(str(up))
+        turned = rig.with_up_axis(up)
     except RigError as error:
         raise ScenarioError(f'{error}, as rig "{rig.name}" ({rig.kind}) has them, or another rig') from None
     axes = []
@@ -301,21 +307,3 @@ def _turned(rig: Rig, up: object) -> tuple[Rig, str]:
         axes.append("-" * int(row[index] < 0) + "xyz"[index])
     names = ", ".join("xyz"[: rig.dimension])
     return turned, f'rig "{rig.name}" has {rig.up} up and is turned: its {", ".join(axes)} are {names} here'
-
-
-def _phase(table: Any, rig: Rig) -> Phase:
-    """Return a phase, whose effects have a kind and parameters as over the bridge."""
-    if not isinstance(table, Mapping) or not isinstance(table.get("effects", {}), Mapping):
-        raise ScenarioError("phases: each is a table, and its effects are tables too")
-    where = f'phase "{table.get("name", "?")}"'
-    effects = {each: parse_effect(each, given, rig) for each, given in table.get("effects", {}).items()}
-    hold = None
-    if "hold" in table:
-        hold = validate(BrakeTarget, table["hold"], ScenarioError, f"{where}: hold")
-        require_dimension(hold, rig.dimension, f"{where}: hold")
-    if unknown := set(table) - {*PHASE_KEYS, "effects", "hold"}:
-        raise ScenarioError(f'{where}: no key "{min(unknown)}"; there are name, begin, end, effects, hold')
-    given = {
-        key: validate(kind, table.get(key), ScenarioError, f"{where}: {key}") for key, kind in PHASE_KEYS.items()
-    }
-    return Phase(**given, effects=effects, hold=hold)

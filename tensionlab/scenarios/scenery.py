@@ -1,13 +1,14 @@
-"""Scenery of a scenario: surfaces by phase, and where the person stands.
+"""Scenery of a scenario: surfaces by phase, and the person as a stick figure.
 
-Plain numbers and words, so that logs of runs and pages of other processes have it.
+It consists of plain numbers and words, for the logs of runs and the pages of other processes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from itertools import permutations
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import FiniteFloat, TypeAdapter, ValidationError
@@ -16,10 +17,16 @@ from tensionlab.errors import TensionlabError
 from tensionlab.haptics.effects.shape import Box, Sphere
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenario import Phase, Scenario
+from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief
 
 Numbers = tuple[FiniteFloat, ...]
 FLAT_PARTS = ("plane", "surface")  # parameters of effects that are flat surfaces
+# Default heights of the joints of a standing person.
+JOINT_HEIGHTS_M = {"hip": 0.92, "shoulder": 1.42, "head": 1.66}
+LIMB_M = 0.30  # length of an upper arm, and of a forearm with half a hand
+# From the middle to a shoulder, from the middle to a foot, and of the head's radius.
+SHOULDER_M, STANCE_M, HEAD_M = 0.18, 0.12, 0.10
 
 
 @dataclass(frozen=True)
@@ -66,15 +73,15 @@ class Scenery:
     title : str
     phases : tuple of ScenePhase
     middle : tuple of d floats
-        About which parts of planes are drawn: the mean of the script's waypoints, in m.
+        Centre of the drawn parts of planes: the mean of the script's waypoints, in m.
     frame : str or None
-        Body frame in which surfaces are; the world if None.
+        Body frame of the surfaces; the world if None.
     feet : tuple of d floats or None
         Point between the feet of the person, in m; None: no person is drawn.
     labels : mapping of str to str
         Names of the held point, and of the bodies.
     period : float or None
-        After which it begins anew, in s; None: it does not.
+        Period of a repeated scenario, in s.
 
     Examples
     --------
@@ -103,7 +110,7 @@ class Scenery:
 
 
 def scenery(scenario: Scenario, *, repeat: bool = False) -> Scenery:
-    """Return what of a scenario can be seen; ``repeat`` if it begins anew when it is over."""
+    """Return the visible parts of a scenario, which may be repeated."""
     waypoints = [waypoint.position for waypoint in scenario.person.script.waypoints]
     return Scenery(
         title=scenario.title,
@@ -144,17 +151,14 @@ def _surfaces(phase: Phase, rig: Rig) -> Iterator[ScenerySurface]:
 
 
 def read_scenery(given: Mapping[str, Any], rig: Rig, where: str, error: type[TensionlabError]) -> Scenery | None:
-    """Return the scenery that `as_mapping` gave; None for an empty mapping.
+    """Return the scenery of `as_mapping`; None for an empty mapping.
 
-    Raises
-    ------
-    TensionlabError
-        The one that is given, naming where it is from, if it is none of this rig.
+    Raise the given error, which names where the scenery is from, if it does not fit the rig.
     """
     if not given:
         return None
     try:
-        found = _READER.validate_python(given)
+        found = TypeAdapter(Scenery).validate_python(given)
     except ValidationError as problem:
         first = problem.errors()[0]
         place = ".".join(map(str, first["loc"]))
@@ -172,4 +176,63 @@ def read_scenery(given: Mapping[str, Any], rig: Rig, where: str, error: type[Ten
     return found
 
 
-_READER = TypeAdapter(Scenery)
+class StickFigure(NamedTuple):
+    """Limbs and trunk as lines (k, 3) through joints, and the centre of the head (3,), in m."""
+
+    lines: list[Floats]
+    head: Floats
+
+
+def stick_figure(feet: Floats, up: Floats, places: Sequence[tuple[str, Floats]]) -> StickFigure:
+    """Return a person who stands at a point between its feet (3,) in m, with known parts at their places.
+
+    ``up`` (3,) is a unit vector; ``places`` are names and positions (3,), where "hand", "head", "torso" (between
+    the shoulders), "shoulder", "hip" or "foot" in a name tells the part.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.scenarios.scenery import stick_figure
+    >>> stick_figure(np.zeros(3), np.array([0.0, 0.0, 1.0]), []).head
+    array([0.  , 0.  , 1.66])
+    """
+    parts = (*JOINT_HEIGHTS_M, "torso", "hand", "foot")
+    known = {part: [place for name, place in places if part in name] for part in parts}
+
+    def mean_of(part: str, otherwise: Floats) -> Floats:
+        return np.mean(known[part], axis=0) if known[part] else otherwise
+
+    hips, shoulders, head = (mean_of(part, feet + height * up) for part, height in JOINT_HEIGHTS_M.items())
+    towards = mean_of("hand", shoulders) - feet
+    ahead = towards - (towards @ up) * up  # along the floor
+    length = np.linalg.norm(ahead)
+    ahead = ahead / length if length > 1e-6 else np.roll(np.abs(up), 1)
+    left = np.cross(up, ahead)
+    if len(known["shoulder"]) == 1:  # the right one or the left one
+        shoulders = shoulders - np.sign(left @ (known["shoulder"][0] - feet)) * SHOULDER_M * left
+    shoulders = mean_of("torso", shoulders)
+    neck = (JOINT_HEIGHTS_M["head"] - JOINT_HEIGHTS_M["shoulder"]) * up
+    if known["head"] and not (known["shoulder"] or known["torso"]):
+        shoulders = head - neck
+    if not known["head"]:
+        head = shoulders + neck
+    soles = known["foot"] or [feet + side * STANCE_M * (left + ahead) for side in (1.0, -1.0)]
+    ends = [shoulders + side * SHOULDER_M * left for side in (-1.0, 1.0)]
+    hands = known["hand"] + [end - 2 * LIMB_M * up for end in ends][len(known["hand"]) :]
+    pairs = [list(pair) for pair in permutations(hands[:2])]
+    hands = min(pairs, key=lambda pair: float(np.linalg.norm(np.array(ends) - np.array(pair), axis=1).sum()))
+    lines = [*([hips, foot] for foot in soles), [hips, shoulders, head], ends]
+    lines += [[end, _elbow(end, hand, -up), hand] for end, hand in zip(ends, hands, strict=True)]
+    return StickFigure([np.array(line) for line in lines], head)
+
+
+def _elbow(shoulder: Floats, hand: Floats, down: Floats) -> Floats:
+    """Return the elbow, which hangs down."""
+    arm = hand - shoulder
+    size, middle = float(np.linalg.norm(arm)), shoulder + arm / 2
+    if size >= 2 * LIMB_M or size == 0.0:
+        return middle
+    hanging = down - (down @ arm) / size**2 * arm
+    if (length := float(np.linalg.norm(hanging))) > 1e-6:
+        middle = middle + hanging / length * np.sqrt(LIMB_M**2 - size**2 / 4)
+    return middle

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from tensionlab.model.kinematics import in_space
 from tensionlab.model.pulleys import ARC_POINTS, ways
 from tensionlab.model.rig import Rig
-from tensionlab.scenarios.scenery import Scenery, ScenerySurface
-from tensionlab.scenarios.stick_figure import HEAD_M, StickFigure, stick_figure
+from tensionlab.scenarios.scenery import HEAD_M, Scenery, ScenerySurface, StickFigure, stick_figure
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import FORCE_COLOURS, GREEN, GREY, RED, Colours, ramp, rgb
 from tensionlab.support.formatting import format_number

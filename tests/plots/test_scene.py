@@ -3,7 +3,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from tensionlab.plots.scene import draw_person
-from tensionlab.scenarios.stick_figure import JOINT_HEIGHTS_M, LIMB_M, SHOULDER_M
+from tensionlab.scenarios.scenery import JOINT_HEIGHTS_M, LIMB_M, SHOULDER_M
 
 
 def drawn(*places, feet=(0.0, 0.0, 0.0)):

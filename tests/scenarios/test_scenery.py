@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tensionlab.errors import LogError
@@ -10,7 +11,14 @@ from tensionlab.haptics.effects import Box, Shape
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.scenarios import SCENARIOS, Phase, load_scenario
 from tensionlab.scenarios.play import play, simulate_modules
-from tensionlab.scenarios.scenery import ScenerySurface, as_mapping, read_scenery, scenery
+from tensionlab.scenarios.scenery import (
+    JOINT_HEIGHTS_M,
+    ScenerySurface,
+    as_mapping,
+    read_scenery,
+    scenery,
+    stick_figure,
+)
 
 
 def kinds(name):
@@ -79,3 +87,18 @@ def test_a_scenery_that_is_none_of_the_rig_is_refused(change, message):
     given = change(json.loads(json.dumps(as_mapping(bow))))
     with pytest.raises(LogError, match=message):
         read_scenery(given, bow.rig, "run.mcap", LogError)
+
+
+def test_it_stands_along_any_axis():
+    turn = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # z becomes y
+    feet, hand = np.array([0.1, 0.2, 0.0]), np.array([0.6, 0.1, 1.2])
+    one = stick_figure(feet, np.array([0.0, 0.0, 1.0]), [("hand", hand)])
+    other = stick_figure(turn @ feet, turn @ [0.0, 0.0, 1.0], [("hand", turn @ hand)])
+    np.testing.assert_allclose(other.head, turn @ one.head)
+    for line, same in zip(one.lines, other.lines, strict=True):
+        np.testing.assert_allclose(same, line @ turn.T)
+
+
+def test_a_person_of_whom_nothing_is_known_stands_upright():
+    figure = stick_figure(np.zeros(3), np.array([0.0, 1.0, 0.0]), [])
+    assert figure.head.tolist() == [0.0, JOINT_HEIGHTS_M["head"], 0.0]
