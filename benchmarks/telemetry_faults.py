@@ -61,7 +61,7 @@ class Kind:
 
 
 KINDS = {
-    "frozen": Kind("repeats what it said", 1.0),
+    "frozen": Kind("repeats its report", 1.0),
     "late": Kind("has been silent for", 1.0),
     "late from the start": Kind("is late", 2.0 + (LATE_S + 0.2) / TTL),  # when it is heard of at all
     "later and later": Kind("is late", 1.0 / CREEP + 2.0),

@@ -47,17 +47,17 @@ TREND_S = 0.5  # time before the start over which the current is fitted
 
 
 class Puller:
-    """Armed module, its description, and its telemetry since it was armed or `heard` was cleared."""
+    """Armed module, its description, and its telemetry since it was armed or `reports` was cleared."""
 
     def __init__(self, client: ModuleClient, info: Info) -> None:
         self.client = client
         self.info = info
-        self.heard: list[Telemetry] = []
+        self.reports: list[Telemetry] = []
 
-    def take(self, heard: Received[Message]) -> None:
+    def take(self, received: Received[Message]) -> None:
         """Store telemetry."""
-        if isinstance(heard.message, Telemetry):
-            self.heard.append(heard.message)
+        if isinstance(received.message, Telemetry):
+            self.reports.append(received.message)
 
     def hold(self, tension: float) -> Telemetry:
         """Pull with a tension for a period, and return the telemetry at its end; refuse a module that cannot."""
@@ -65,11 +65,11 @@ class Puller:
             self.client.set_tension(tension)
             self.client.wait(PERIOD_S)
             self.client.check()
-            if self.heard:
+            if self.reports:
                 break
         else:
             raise HardwareError(f'module "{self.client.name}" sends no telemetry')
-        latest = self.heard[-1]
+        latest = self.reports[-1]
         if latest.limit in LIMITER_ADVICE:
             raise HardwareError(
                 f'module "{self.client.name}" does not pull with {tension:.2f} N: {LIMITER_ADVICE[latest.limit]}'
@@ -146,7 +146,7 @@ def weigh(
         lower = puller.info.tension_lower
         ramp = partial(_ramp, puller, min(puller.info.tension_upper, MAX_WEIGHT_RATIO * weight))
         _settle(puller, lower)  # takes up slack
-        ground = puller.heard[-1].length
+        ground = puller.reports[-1].length
         lifted = ramp(lower, SEARCH_N_S, LIFT_M, DAMPING_NS_M)
         lowered = ramp(lifted, -SEARCH_N_S, MOVED_M, DAMPING_NS_M)
         _settle(puller, (lifted + lowered) / 2.0)
@@ -156,7 +156,7 @@ def weigh(
         for turn in range(repeats):
             for direction in (-1, 1):
                 _settle(puller, middle)
-                if puller.heard[-1].length > ground - 2.0 * MOVED_M:
+                if puller.reports[-1].length > ground - 2.0 * MOVED_M:
                     ramp(middle, SEARCH_N_S, LIFT_M, DAMPING_NS_M)
                     _settle(puller, middle)
                 ramp(middle, direction * RAMP_N_S, MOVED_M)
@@ -185,7 +185,7 @@ def _require_weight(client: ModuleClient, mass: float) -> None:
 def _ramp(puller: Puller, most: float, tension: float, rate: float, way: float, damping: float = 0.0) -> float:
     """Change the set-point, up to `most`, until the cable has moved so far; return that at which it started."""
     info, direction = puller.info, 1.0 if rate > 0.0 else -1.0
-    puller.heard.clear()
+    puller.reports.clear()
     telemetry = puller.hold(tension)
     started, turned = None, direction * telemetry.length
     while (moved := turned - direction * telemetry.length) < way:
@@ -205,15 +205,15 @@ def _ramp(puller: Puller, most: float, tension: float, rate: float, way: float, 
 
 def _settle(puller: Puller, tension: float) -> None:
     """Hold the mass, with damping, until it is at rest."""
-    puller.heard.clear()
+    puller.reports.clear()
     telemetry = puller.hold(tension)
     for _ in range(round(REST_TIMEOUT_S / PERIOD_S)):
         telemetry = puller.hold(max(tension + DAMPING_NS_M * telemetry.speed, puller.info.tension_lower))
-        first, last = puller.heard[0].time_us, puller.heard[-1].time_us
+        first, last = puller.reports[0].time_us, puller.reports[-1].time_us
         if (last - first) % (1 << 32) > 1e6 * STILL_S:
-            if np.ptp([each.length for each in puller.heard]) < STILL_M:
+            if np.ptp([each.length for each in puller.reports]) < STILL_M:
                 return
-            del puller.heard[: len(puller.heard) // 2]
+            del puller.reports[: len(puller.reports) // 2]
     raise CalibrationError(
         f'module "{puller.client.name}": the mass does not come to rest at {tension:.2f} N; does it swing, or is '
         "there hardly any friction?"
@@ -230,10 +230,10 @@ def _let_down(puller: Puller, tension: float) -> None:
 
 def _current_at_start(puller: Puller, direction: int) -> float:
     """Return the current that the module measured when the cable began to move."""
-    heard = puller.heard
-    time = 1e-6 * np.array([(each.time_us - heard[0].time_us) % (1 << 32) for each in heard])
-    current = np.array([each.current for each in heard])
-    way = direction * (np.median([each.length for each in heard[:10]]) - np.array([each.length for each in heard]))
+    reports = puller.reports
+    time = 1e-6 * np.array([(each.time_us - reports[0].time_us) % (1 << 32) for each in reports])
+    current, length = (np.array([getattr(each, name) for each in reports]) for name in ("current", "length"))
+    way = direction * (np.median(length[:10]) - length)
     last_still = int(np.flatnonzero(way < STARTED_M)[-1])
     moving = slice(last_still + 1, None)
     if len(way[moving]) < MIN_MOVING_SAMPLES:

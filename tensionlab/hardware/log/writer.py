@@ -62,29 +62,6 @@ class RunSetup:
     scenery: Mapping[str, Any] = field(default_factory=dict)  # what pages draw around the rig
 
 
-def setup_of(
-    rig: Rig,
-    solver: str | Solver,
-    settings: RunSettings,
-    links: Mapping[str, str],
-    scenery: Mapping[str, Any] | None = None,
-) -> RunSetup:
-    """Return the setup of a run with these settings. Arguments and errors as those of `RunLog`."""
-    made, policy = resolve_solver(solver, settings.policy)
-    return RunSetup(
-        solver=solver if isinstance(solver, str) else type(solver).__name__,
-        parameters=vars(made),
-        policy=policy,
-        rate=settings.rate,
-        ttl=settings.ttl,
-        on_loss=settings.on_loss,
-        lower=tuple(rig.limits.lower.tolist()),
-        upper=tuple(rig.limits.upper.tolist()),
-        links=links,
-        scenery={} if scenery is None else scenery,
-    )
-
-
 class RunLog:
     """Log of a run, written by a thread, so that no cycle waits for a disk.
 
@@ -144,7 +121,19 @@ class RunLog:
         links: Mapping[str, str],
         scenery: Mapping[str, Any] | None = None,
     ) -> None:
-        setup = setup_of(rig, solver, settings, links, scenery)
+        made, policy = resolve_solver(solver, settings.policy)
+        setup = RunSetup(
+            solver=solver if isinstance(solver, str) else type(solver).__name__,
+            parameters=vars(made),
+            policy=policy,
+            rate=settings.rate,
+            ttl=settings.ttl,
+            on_loss=settings.on_loss,
+            lower=tuple(rig.limits.lower.tolist()),
+            upper=tuple(rig.limits.upper.tolist()),
+            links=links,
+            scenery={} if scenery is None else scenery,
+        )
         self.path = as_path(path)
         self._rig = rig
         self._queue: SimpleQueue[tuple[str, int, int, Any] | None] = SimpleQueue()

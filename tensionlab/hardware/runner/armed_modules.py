@@ -191,7 +191,7 @@ class ModuleMonitor:
             return
         if client.repeated and client.telemetry is not None:
             why = (
-                f"repeats what it said {age:.2f} s ago ({client.repeated} times time_us "
+                f"repeats its report of {age:.2f} s ago ({client.repeated} times time_us "
                 f"{client.telemetry.message.time_us}): its firmware or its link hangs; switch it off and on"
             )
         else:
@@ -278,12 +278,12 @@ def require_following(client: ModuleClient) -> None:
         )
 
 
-def require_plausible(name: str, before: Received[Telemetry] | None, heard: Received[Telemetry]) -> None:
+def require_plausible(name: str, before: Received[Telemetry] | None, received: Received[Telemetry]) -> None:
     """Refuse telemetry that cannot be true, by a `ModuleFault` that names the module, the quantity and the value.
 
     It came after the one `before`, of a module that follows set-points.
     """
-    now = heard.message
+    now = received.message
     for field, unit in TELEMETRY_UNITS.items():
         if not math.isfinite(value := getattr(now, field)):
             raise ModuleFault(
@@ -302,7 +302,7 @@ def require_plausible(name: str, before: Received[Telemetry] | None, heard: Rece
         return
     earlier = before.message
     # By the slower clock: that of a simulated module stands still while its computer gives it no time.
-    seconds = max(1e-6 * ((now.time_us - earlier.time_us) % CLOCK_WRAP_US), heard.time - before.time)
+    seconds = max(1e-6 * ((now.time_us - earlier.time_us) % CLOCK_WRAP_US), received.time - before.time)
     jump = now.length - (earlier.length + 0.5 * (earlier.speed + now.speed) * seconds)
     if abs(jump) > MAX_LENGTH_JUMP_M + 0.25 * MAX_ACCELERATION_M_S2 * seconds**2:
         raise ModuleFault(

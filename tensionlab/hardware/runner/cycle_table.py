@@ -136,7 +136,7 @@ class CycleTable:
     demanded: Floats = column(
         demanded_wrench,
         "N or N m",
-        "what of the desired wrench is asked of all modules: no stiffer and no faster than is stable",
+        "part of the desired wrench that is demanded of all modules: no stiffer and no faster than is stable",
         "component",
     )
     solver_wrench: Floats = column(

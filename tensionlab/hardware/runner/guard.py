@@ -182,15 +182,15 @@ class ReleasedModules:
         self._releases: dict[int, Release] = {}
 
     def add(
-        self, index: int, tension: float, heard: float, now: float, state: State | None, error: HardwareError
+        self, index: int, tension: float, last_heard: float, now: float, state: State | None, error: HardwareError
     ) -> None:
         """Add a lost module: tension of its last set-point in N, time last heard, state it reported, and why."""
         slew, hold = self._slews[index], float(self._lower[index])
         if state in LATCHED_STATES:
             release = Release(0.0, now, slew)  # its driver is off
-        elif isinstance(error, LinkTimeout) and now - heard > self._ttl:
+        elif isinstance(error, LinkTimeout) and now - last_heard > self._ttl:
             # It may hear nothing any more. Then its last set-point expires a time to live after it was last heard.
-            release = Release(tension, heard + self._ttl, slew, hold)
+            release = Release(tension, last_heard + self._ttl, slew, hold)
         elif isinstance(error, LinkError) or state is State.TIMEOUT:
             release = Release(tension, now, slew, hold)  # a link that closes times out at once
         else:

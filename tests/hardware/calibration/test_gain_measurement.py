@@ -2,7 +2,6 @@
 
 import contextlib
 import signal
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,9 +10,6 @@ from tensionlab.errors import CalibrationError, HardwareError, InputError, LinkT
 from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2, gain_from_sensor, gain_from_weights
 from tensionlab.hardware.calibration.gain_measurement import (
     LEVELS,
-    Puller,
-    _current_at_start,
-    _ramp,
     balances,
     climb,
     lag,
@@ -117,41 +113,6 @@ def test_a_module_that_was_never_calibrated_is_weighed_and_left_so():
     assert info.calibrated
     assert info.newton_per_ampere == 2.5
     assert simulated.sample.state is State.IDLE
-
-
-def telemetry(simulated):
-    """Return telemetry of a module to change."""
-    client = ModuleClient("one", SimulatedLink(simulated))
-    client.telemetry_every(10)
-    client.wait(0.1)
-    return client.telemetry.message
-
-
-def test_the_current_is_that_at_the_moment_of_the_start():
-    """Force that grows evenly moves a mass at rest by the cube of time; samples before are on no such curve."""
-    said = telemetry(HangingMass(0.1))
-    puller, start = Puller(None, None), 1.009
-    for k in range(108):
-        time = 0.01 * k
-        way = 1000.0 * max(time - start, 0.0) ** 3
-        puller.heard.append(replace(said, time_us=10_000 * k, length=1.0 - way, current=0.5 + 0.1 * time))
-    assert _current_at_start(puller, 1) == pytest.approx(0.5 + 0.1 * start, abs=1e-7)
-
-
-def test_a_ramp_ends_as_soon_as_the_cable_has_moved_far_enough():
-    said, held = telemetry(HangingMass(0.1)), []
-
-    class Scripted:
-        client, info = None, ModuleClient("one", SimulatedLink(HangingMass(0.1))).hello()
-        heard = held
-
-        def hold(self, tension):
-            held.append(tension)
-            return replace(said, length=1.0 - 0.125 * (len(held) - 1), speed=0.0)
-
-    started = _ramp(Scripted(), 6.0, 1.0, 0.5, 0.25)
-    assert held == pytest.approx([1.0, 1.01, 1.02])
-    assert started == pytest.approx(1.01)
 
 
 class Deaf(SimulatedLink):

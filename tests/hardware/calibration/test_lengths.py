@@ -1,4 +1,4 @@
-"""Cable lengths of simulated modules whose handle somebody moves, in lockstep."""
+"""Cable lengths of simulated modules whose handle a person moves, in lockstep."""
 
 import signal
 from pathlib import Path

@@ -13,7 +13,7 @@ from tensionlab.errors import LogError, TensionlabError
 from tensionlab.hardware.log.mcap_file import McapWriter, read_records
 from tensionlab.hardware.log.reader import read_run, report
 from tensionlab.hardware.log.scene import CHANNELS
-from tensionlab.hardware.log.writer import EVENT_SCHEMA, setup_of
+from tensionlab.hardware.log.writer import EVENT_SCHEMA, RunSetup
 from tensionlab.hardware.runner.cycle_table import (
     COLUMNS,
     TYPES,
@@ -22,7 +22,6 @@ from tensionlab.hardware.runner.cycle_table import (
     encode,
     schema,
 )
-from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.solvers.base import Status
 from tests.helpers import runs
 from tests.helpers.examples import many
@@ -70,9 +69,11 @@ def test_the_rest_of_the_log_is_read_too(seven):
     run = read_run(seven[0])
     assert run.rig == runs.seven()
     assert run.manifest == runs.MANIFEST
-    assert run.setup == setup_of(run.rig, "newton", RunSettings(50.0), run.setup.links)
-    assert run.setup.policy == "force"
-    assert run.setup.links[run.rig.modules[1].name] == f"sim:{run.rig.modules[1].name}"
+    links = {module.name: f"sim:{module.name}" for module in run.rig.modules}
+    limits = (tuple(each.tolist()) for each in (run.rig.limits.lower, run.rig.limits.upper))
+    assert run.setup == RunSetup(
+        "newton", vars(tl.solvers.make("newton")), "force", 50.0, 0.25, "stop", *limits, links
+    )
     assert run.modules == {module.name: asdict(runs.INFO) for module in run.rig.modules}
     assert (run.summary["ended"], run.summary["missed"]) == ("stopped by the demand", 3)
     armed, lost, stopped = run.events

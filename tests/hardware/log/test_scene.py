@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 import tensionlab as tl
 from tensionlab.demand import Pose
 from tensionlab.hardware.log.mcap_file import read_records
-from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.log.scene import CHANNELS, SceneEncoder
 from tensionlab.hardware.runner.cycle_table import anchors_in_world
 from tensionlab.support.colours import FORCE_COLOURS, GREY, ramp, rgb
@@ -66,15 +65,6 @@ def test_messages_keep_to_their_schemas(tmp_path, name):
     assert counts.pop("scene/platform") == 1, "it stands still in its frame"
     assert counts.pop("scene/modules") == 2, "at first, and when one is lost"
     assert set(counts.values()) == {36}, "60 cycles at 50 Hz last 1.2 s"
-
-
-def test_a_run_reads_the_same_with_and_without_a_scene(tmp_path, monkeypatch):
-    runs.logged(tmp_path / "with.mcap", runs.four(), 60)
-    monkeypatch.setattr(SceneEncoder, "messages", lambda self, cycle, time_ns: iter(()))
-    runs.logged(tmp_path / "without.mcap", runs.four(), 60)
-    one, other = (read_run(tmp_path / f"{name}.mcap") for name in ("with", "without"))
-    assert len(one) == len(other) == 60
-    np.testing.assert_array_equal(one.commanded, other.commanded)
 
 
 @pytest.mark.parametrize(("rate", "pictures"), [(10.0, 20), (50.0, 60), (1000.0, 60)])

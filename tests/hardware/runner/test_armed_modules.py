@@ -22,7 +22,7 @@ from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 
-def test_a_module_that_somebody_else_stopped_does_not_follow_any_more():
+def test_a_module_that_was_stopped_from_outside_does_not_follow_any_more():
     simulated = SimulatedModule()
     simulated.advance(STEP_S)
     with ModuleClient("one", SimulatedLink(simulated)) as client:
@@ -210,7 +210,7 @@ def test_a_module_may_be_silent_for_as_long_as_set_points_live():
 def test_a_module_that_repeats_its_telemetry_is_told_from_a_silent_one():
     watched = Watched("stop")
     watched.clients[0].repeated, watched.clients[0].telemetry = 3, telemetry(1234)
-    with pytest.raises(LinkTimeout, match=r"repeats what it said 0\.26 s ago \(3 times time_us 1234\)"):
+    with pytest.raises(LinkTimeout, match=r"repeats its report of 0\.26 s ago \(3 times time_us 1234\)"):
         watched.cycle(ages=(0.26, 0.01, 0.01))
 
 

@@ -26,19 +26,19 @@ def rig():
 
 
 def host(links, folder):
-    """Run `tensionlab run` on these modules until somebody ends it."""
+    """Run `tensionlab run` on these modules until it is ended."""
     file = folder / "modules.toml"
     file.write_text("[modules]\n" + "".join(f'{name} = "{url}"\n' for name, url in links.items()))
     return process("run", PATH, "--modules", file, "--force", 0, 0, 0.5, "--ttl", TTL)
 
 
 def wait_for_running(rig):
-    """Wait until all modules follow set-points that pull with more than the taut minimum in one of them."""
+    """Wait until all modules follow set-points that pull with more than the minimum tension in one of them."""
     rig.wait_for(lambda row: set(row.states) == {State.RUNNING} and max(row.tensions) > TAUT + 0.3)
 
 
-def assert_let_go(rig, since):
-    """All tensions are at the taut minimum or off at ttl and a cycle after a time, by the modules' own clocks."""
+def assert_released(rig, since):
+    """All tensions are at the minimum or off at ttl and a cycle after a time, by the modules' own clocks."""
     due = since + TTL + CYCLE + 0.02 + ROW_S  # the server may be so late with the last set-points, and with a row
     rig.wait_for(lambda row: row.time > due + 0.5)
     assert max(max(row.tensions) for row in rig.rows if row.time >= due) <= TAUT + 1e-3
@@ -50,7 +50,7 @@ def test_a_host_that_is_killed(rig, tmp_path):
         wait_for_running(rig)
         running.kill()
         running.wait()
-        assert_let_go(rig, rig.now)
+        assert_released(rig, rig.now)
 
 
 @pytest.mark.realtime  # a host is frozen
@@ -58,7 +58,7 @@ def test_a_host_that_hangs(rig, tmp_path):
     with host(rig.links, tmp_path) as running:
         wait_for_running(rig)
         running.send_signal(signal.SIGSTOP)
-        assert_let_go(rig, rig.now)
+        assert_released(rig, rig.now)
         running.send_signal(signal.SIGCONT)  # when it comes back, it finds out, and ends
         assert running.wait(TIMEOUT_S) == 1
         said = running.stderr.read()  # by what it hears first: that they let go, or nothing for too long
@@ -78,7 +78,7 @@ def test_a_module_whose_process_is_killed(tmp_path):
         since = rig.now
         assert running.wait(TIMEOUT_S) == 1
         assert "lost: top" in running.stdout.read()
-        assert_let_go(rig, since)
+        assert_released(rig, since)
 
 
 @pytest.mark.realtime  # the command that stops a host in another process

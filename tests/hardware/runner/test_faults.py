@@ -37,7 +37,7 @@ def rehearsal(published_rig):
     return Rehearsal(published_rig)
 
 
-def assert_let_go(rehearsal):
+def assert_released(rehearsal):
     """All tensions are at the minimum tension, or off, at ttl and a cycle after the trouble, and stay so."""
     end = rehearsal.trouble_at + TTL + CYCLE
     assert rehearsal.world.time <= end
@@ -51,7 +51,7 @@ def test_a_cut_link_stops_all(rehearsal):
         runner.run(2.0)
     assert list(runner.statistics.lost) == ["top"]
     assert list(runner.statistics.unconfirmed) == ["top"]
-    assert_let_go(rehearsal)
+    assert_released(rehearsal)
 
 
 def test_silence_stops_all(rehearsal):
@@ -85,7 +85,7 @@ def test_a_module_that_starts_anew_stops_all(rehearsal):
         rehearsal.runner(rehearsal.demand(trouble=reboot)).run(2.0)
     assert caught.value.module == "top"
     assert caught.value.code in (Code.BAD_STATE, Code.BAD_SESSION, State.IDLE)
-    assert_let_go(rehearsal)
+    assert_released(rehearsal)
 
 
 @pytest.mark.parametrize(("part", "fault"), [("encoder", Fault.ENCODER), ("supply", Fault.SUPPLY)])
@@ -94,12 +94,12 @@ def test_a_fault_of_one_stops_all(rehearsal, part, fault):
     with pytest.raises(ModuleFault, match='module "floor-2" has released its cable') as caught:
         runner.run(2.0)
     assert caught.value.code == fault
-    assert_let_go(rehearsal)
+    assert_released(rehearsal)
 
 
 @pytest.mark.parametrize("force", [2.2, 5.0])
 def test_a_module_that_gets_warm_is_asked_for_less_before_it_has_to_pull_less(rehearsal, force):
-    """The published rig's top module alone pulls up: nobody can relieve it."""
+    """The published rig's top module alone pulls up: no other can relieve it."""
     rehearsal.trouble_at = 1e9
     for client in rehearsal.group.clients:
         client.set_parameter("thermal_time", 4.0)
@@ -129,7 +129,7 @@ def test_a_module_too_hot_to_hold_its_cable_taut_is_lost(rehearsal):
     with pytest.raises(ModuleFault, match=r"is too hot: it bears 0\.90 N continuously, less than its lower"):
         rehearsal.runner(rehearsal.demand(np.zeros(3))).run(300.0)
     rehearsal.trouble_at = rehearsal.world.time
-    assert_let_go(rehearsal)
+    assert_released(rehearsal)
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ def test_an_error_of_the_demand_or_the_solver_stops_all(rehearsal, trouble, erro
     with pytest.raises(error, match=said) as caught:
         runner.run(2.0)
     assert runner.statistics.ended == f"{error.__name__}: {caught.value}"
-    assert_let_go(rehearsal)
+    assert_released(rehearsal)
 
 
 def test_a_disk_that_is_full(rehearsal, tmp_path, monkeypatch):
@@ -196,7 +196,7 @@ def test_a_disk_that_is_full(rehearsal, tmp_path, monkeypatch):
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert rehearsal.world.time < 2.0
     rehearsal.trouble_at = rehearsal.world.time
-    assert_let_go(rehearsal)
+    assert_released(rehearsal)
 
 
 class Jumping:
@@ -219,7 +219,7 @@ def test_a_clock_that_jumps_back_or_far_ahead(rehearsal, jump):
     if jump > 0.0:
         runner.run(2.0)  # for this clock, the run is over
         assert runner.statistics.missed > 1000
-        assert_let_go(rehearsal)
+        assert_released(rehearsal)
     else:
         # Waiting for a time that is far off, the host hangs: modules time out, and say so when it comes back.
         with pytest.raises(HardwareError, match=r"has released its cable \(TIMEOUT\)|the clock went back"):
@@ -236,7 +236,7 @@ def test_a_clock_that_goes_back_while_it_is_waited_for(rehearsal):
 
     with pytest.raises(HardwareError, match=r"the clock went back by 0\.1 s"):
         rehearsal.runner(rehearsal.demand(), clock=Falters(rehearsal.clock)).run(2.0)
-    assert_let_go(rehearsal)
+    assert_released(rehearsal)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -245,7 +245,7 @@ def test_a_signal_that_ends_programs_stops_all(rehearsal, number):
     assert statistics.ended == f"signal {signal.Signals(number).name}"
     assert not statistics.emergency
     assert set(rehearsal.states().values()) == {"IDLE"}
-    assert_let_go(rehearsal)
+    assert_released(rehearsal)
 
 
 def test_the_signal_of_the_emergency_stop_is_one(rehearsal):
@@ -319,4 +319,4 @@ def test_when_all_are_lost_there_is_nothing_to_go_on_with(rehearsal):
 
     with pytest.raises(HardwareError, match="no module is left"):
         rehearsal.runner(rehearsal.demand(GENTLE, cut), on_loss="continue").run(2.0)
-    assert_let_go(rehearsal)
+    assert_released(rehearsal)

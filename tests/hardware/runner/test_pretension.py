@@ -53,8 +53,8 @@ def watched(world):
 
 @pytest.mark.parametrize("rate", [8.0, 50.0, 1000.0])
 @pytest.mark.parametrize("name", RIGS)
-def test_a_run_begins_when_slack_has_been_reeled_in_and_then_knows_the_pose(name, rate):
-    """At 1 kHz, three cycles are over before a slack cable moves; 3 m are reeled in by all spools at one speed."""
+def test_a_run_begins_when_slack_has_been_taken_up_and_then_knows_the_pose(name, rate):
+    """At 1 kHz, three cycles are over before a slack cable moves; 3 m are taken up by all spools at one speed."""
     rig = tl.load_rig(name)
     for metres in (0.3, 3.0):
         world = out_and_back(rig, metres)
@@ -177,14 +177,14 @@ def test_cables_that_do_not_come_to_rest_are_named():
     assert {module.sample.state for module in world.modules} == {State.IDLE}
 
 
-def test_a_run_that_is_told_the_place_reels_in_first_too():
+def test_a_run_that_is_told_the_place_takes_up_slack_first_too():
     rig = tl.load_rig("bartels2026-validation")
     place = Pose(rig.home)
     left, _ = begin(out_and_back(rig, 2.0), rig, tracker=lambda time: place)
     assert left <= MAX_LENGTH_ERROR_M
     world = out_and_back(rig, 2.0)
     group = world.group()
-    for client in group.clients:  # nobody knows the lengths
+    for client in group.clients:  # they forget their lengths
         client.set_parameter("motor_direction", -1.0)
         client.set_parameter("motor_direction", 1.0)
     left, _ = begin(world, rig, group=group, tracker=lambda time: place)
@@ -198,7 +198,7 @@ def test_where_the_place_says_that_no_cable_is_slack_a_run_begins_at_once():
     assert world.time < 0.1 + WINDOW_S
 
 
-def test_an_interruption_while_cables_are_reeled_in_stops_all_modules():
+def test_an_interruption_while_slack_is_taken_up_stops_all_modules():
     rig = tl.load_rig("bartels2026-validation")
     world = out_and_back(rig, 3.0)
 
@@ -238,8 +238,8 @@ TAUT = FOUR.lengths(FOUR.home)
 AGAINST = np.linalg.svd(FOUR.structure_matrix(FOUR.home))[2][-1]
 
 
-def reeled(lengths, speeds=0.0, expected=None):
-    """Reel in cables whose lengths are a function of the time since then; how long it took."""
+def taken_up(lengths, speeds=0.0, expected=None):
+    """Take up cables whose lengths are a function of the time; return the time it took."""
     began = now = 1000.0
     zero = np.zeros(FOUR.m)
 
@@ -258,26 +258,26 @@ def reeled(lengths, speeds=0.0, expected=None):
 
 
 def test_cables_that_move_as_no_platform_does_are_believed_after_some_seconds():
-    swinging = reeled(lambda time: TAUT + 0.24 * AGAINST * (time % 1.0 < 0.5))
+    swinging = taken_up(lambda time: TAUT + 0.24 * AGAINST * (time % 1.0 < 0.5))
     assert SHAKING_S <= swinging < SHAKING_S + WINDOW_S + 0.6
-    assert reeled(lambda time: TAUT) == pytest.approx(WINDOW_S, abs=0.05)
+    assert taken_up(lambda time: TAUT) == pytest.approx(WINDOW_S, abs=0.05)
 
 
 def test_lengths_at_rest_that_fit_no_pose_are_refused_after_a_second():
     times = []
     with pytest.raises(HardwareError, match="fit no pose"):
-        reeled(lambda time: times.append(time) or TAUT + 0.24 * AGAINST)
+        taken_up(lambda time: times.append(time) or TAUT + 0.24 * AGAINST)
     assert times[-1] == pytest.approx(WINDOW_S + MISFIT_S, abs=0.1)
 
 
 def test_a_cable_shorter_than_the_others_let_it_be_is_loose_at_once():
     short, fast = TAUT - [0.0, 0.2, 0.0, 0.0], np.array([0.0, -1.0, 0.0, 0.0])
     with pytest.raises(HardwareError, match='cable of module "floor-2" is loose'):
-        reeled(lambda time: short, fast)
+        taken_up(lambda time: short, fast)
     with pytest.raises(HardwareError, match="fit no pose"):
-        reeled(lambda time: short)
+        taken_up(lambda time: short)
 
 
 def test_with_a_place_it_ends_as_soon_as_all_lengths_are_those_of_the_place():
-    took = reeled(lambda time: TAUT + max(0.3 - 0.6 * time, 0.0), -0.6, lambda: TAUT)
+    took = taken_up(lambda time: TAUT + max(0.3 - 0.6 * time, 0.0), -0.6, lambda: TAUT)
     assert took == pytest.approx(0.25 / 0.6, abs=0.03)

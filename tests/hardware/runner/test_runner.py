@@ -45,13 +45,13 @@ def test_the_modules_pull_with_the_force_that_is_asked_for(rig, solver):
 
 @pytest.fixture
 def heavy(rig):
-    """A rig whose cables hold a platform of 0.1 kg, beside a push of 0.2 N along x."""
+    """A rig whose cables hold a platform of 0.1 kg, against a push of 0.2 N along x."""
     load = tl.Requirement(wrench=[0.2, 0.0, 0.0], box=[0.1, 0.1, 0.1], gravity=True)
     return replace(rig, platform=tl.Platform(0.1), required=load)
 
 
 @pytest.mark.parametrize("force", [None, (0.5, 0.3, -0.5)])
-def test_what_the_rig_requires_is_held_beside_what_is_desired(heavy, force):
+def test_what_the_rig_requires_is_rendered_in_addition_to_what_is_desired(heavy, force):
     demand = Demand(None if force is None else np.array(force))
     last = run(World(heavy), heavy, lambda state: demand).latest
     held = np.array([0.2, 0.0, 0.0]) + 0.1 * GRAVITY_M_S2 * heavy.upward

@@ -13,7 +13,7 @@ from tests.helpers.runs import four
 
 
 class Computer:
-    """Time of a computer, which passes while somebody sleeps, and where the test says so."""
+    """Time of a computer, which passes in sleep, and where the test says so."""
 
     def __init__(self):
         self.now, self.worked = 1000.0, 10.0
@@ -62,7 +62,7 @@ def test_time_that_the_computer_lost_does_not_pass(computer):
 
 
 def ran(computer, work):
-    """Run for 3 s; two of the cycles take 1 s, in which this process computes for so long."""
+    """Run for 3 s; two of the cycles take 1 s, in which this process computes for a time."""
     world = World(four())
     clock = WorldClock(world, paced=True)
     clock.real_time = False  # a watchdog would go by the real computer
