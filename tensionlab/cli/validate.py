@@ -28,7 +28,7 @@ from tensionlab.validation.sensors import ForceSensor, open_sensor
 SIMULATED = "sim:"
 
 
-@output.if_interrupted("measured forces are kept in the folder, and the same command goes on with them")
+@output.if_interrupted("measured forces are kept in the folder, and the same command continues with them")
 def validate(
     out: Annotated[Path, options.writes_folder("Folder for measurements and report.")],
     rig: Annotated[

@@ -81,20 +81,3 @@ def test_json_is_for_programs(run, tmp_path):
     linked = re.findall(r"!\[.*?\]\((.*?)\)", (tmp_path / "report.md").read_text(encoding="utf-8"))
     assert len(linked) == 2
     assert all((tmp_path / name).is_file() for name in linked)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--set", "edgy"), "'edgy'; choose one of"),
-        (("--solvers", "newtown"), "'newtown'.*baselines are daqp"),
-        (("--count", "0"), "count"),
-    ],
-)
-def test_bad_input_is_refused_before_anything_is_written(run, tmp_path, words, message):
-    code, _, err = run(*words, "--out", tmp_path / "new")
-    assert code == 2
-    import re
-
-    assert re.search(message, err)
-    assert not (tmp_path / "new").exists()

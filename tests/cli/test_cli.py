@@ -61,19 +61,7 @@ def test_help_takes_under_a_second():
     assert any(seconds() < 1.0 for _ in range(3))
 
 
-def test_compare_as_a_program_prints_a_whole_table_in_a_pipe():
-    done = program("compare", PUBLISHED, "--solvers", "newton,pseudoinverse")
-    assert done.returncode == 0
-    assert done.stderr == ""
-    lines = done.stdout.splitlines()
-    assert max(map(len, lines)) <= 120
-    assert "…" not in done.stdout
-    rows = [line.split() for line in lines if line.startswith(("newton", "pseudoinverse"))]
-    assert [row[:3] for row in rows] == [["newton", "any", "182"], ["pseudoinverse", "–", "0"]]
-    assert "certified infeasible" in done.stdout
-
-
-def test_the_widest_table_fits_120_columns(run):
+def test_the_widest_table_fits_120_columns_of_a_pipe(run):
     code, out, _ = run(
         "compare", RIGS / "ipanema-1.toml", "--solvers", "newton,pseudoinverse:reference", "--magnitude", "400"
     )
@@ -132,29 +120,6 @@ def test_what_does_not_serve_the_rig_is_left_out_with_a_reason_and_refused_by_na
         assert "redundancy 5" in err
 
 
-def test_json_says_null_where_there_is_no_number(run):
-    code, out, _ = run(
-        "compare", RIGS / "floor-3.toml", "--solvers", "closed-form", "--magnitude", "100", "--json"
-    )
-    assert code == 0
-    assert "NaN" not in out
-    assert json.loads(out)["rows"][0]["gap_max"] is None
-
-
-def test_compare_takes_a_file_of_directions_and_a_position(run, tmp_path):
-    file = tmp_path / "d.csv"
-    file.write_text("x,y,z\n0,-3,0\n")
-    code, out, _ = run(
-        "compare", PUBLISHED, "--at", "0", "0.4", "-0.1", "--directions", file, "--policy", "direction",
-        "--solvers", "newton", "--json",
-    )  # fmt: skip
-    report = json.loads(out)
-    assert code == 0
-    assert report["position"] == [0.0, 0.4, -0.1]
-    assert report["vectors"] == 1
-    assert [(row["solver"], row["policy"]) for row in report["rows"]] == [("newton", "direction")]
-
-
 def test_allocate_renders_what_it_says(run):
     code, out, _ = run(
         "allocate", PUBLISHED, "--at", "0.05", "0.3", "-0.1", "--wrench", "0", "-0.5", "-1.5", "--json"
@@ -170,10 +135,10 @@ def test_allocate_renders_what_it_says(run):
 
 
 def test_allocate_exits_with_1_where_the_wrench_is_not_rendered(run):
-    code, out, err = run("allocate", NARROW, "--wrench", "-1.5", "0", "0", "--policy", "direction")
-    assert (code, err) == (1, "")
-    assert "certified infeasible" in out
-    assert "at its lower limit" in out
+    for policy, words in (("force", "nearest in force"), ("direction", "90.47 % of it")):
+        code, out, err = run("allocate", NARROW, "--wrench", "-1.5", "0", "0", "--policy", policy)
+        assert (code, err) == (1, "")
+        assert all(word in out for word in (words, "certified infeasible", "at its lower limit"))
     code, out, _ = run("allocate", NARROW, "--wrench", "-1.5", "0", "0", "--policy", "direction", "--json")
     report = json.loads(out)
     assert code == 1
@@ -188,15 +153,6 @@ def test_allocate_stays_close_to_a_reference(run, reference):
     rig = tl.load_rig(PUBLISHED)
     expected = tl.allocate(rig.structure_matrix(rig.home), [0.0, 0.0, 0.1], rig.limits, reference="middle")
     np.testing.assert_allclose(json.loads(out)["tensions"], expected.tensions, atol=1e-9)
-
-
-def test_allocate_takes_six_components(run):
-    wrench = ["-1", "0", "-2.5", "0", "-0.01", "0"]
-    code, out, _ = run(
-        "allocate", RIGS / "ipanema-1.toml", "--wrench", *wrench, "--solver", "qp:clarabel", "--json"
-    )
-    assert code == 0
-    np.testing.assert_allclose(json.loads(out)["wrench_rendered"], np.array(wrench, dtype=float), atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -216,12 +172,6 @@ def test_numbers_after_an_option_become_one_word(words, joined):
     assert join_numbers(words.split()) == joined.split()
 
 
-def test_short_options(run, tmp_path):
-    assert run("rig", "check", "-h")[0] == 0
-    assert run("-v")[1].startswith(f"tensionlab {tl.__version__}")
-    assert run("rig", "export", CUBE, "-o", tmp_path / "c.xml")[0] == 0
-
-
 def test_every_option_called_out_has_its_short_name():
     def outs(command):
         if hasattr(command, "list_commands"):
@@ -233,25 +183,6 @@ def test_every_option_called_out_has_its_short_name():
     found = list(outs(typer.main.get_command(app)))
     assert len(found) > 8
     assert all("-o" in each for each in found)
-
-
-def test_rig_show_draws_and_tells(run, tmp_path):
-    code, out, _ = run("rig", "show", RIGS / "body-mounted.toml", "--plot", tmp_path / "r.svg")
-    assert code == 0
-    assert all(module.name in out for module in tl.load_rig(RIGS / "body-mounted.toml").modules)
-    assert (tmp_path / "r.svg").exists()
-    code, out, _ = run("rig", "show", PUBLISHED, "--json")
-    assert json.loads(out)["modules"][3]["length_at_home"] == pytest.approx(2.0)
-
-
-def test_rig_check_answers_yes_and_no(run):
-    assert run("rig", "check", PUBLISHED)[0] == 0
-    code, out, err = run("rig", "check", RIGS / "floor-3.toml")
-    assert (code, err) == (1, "")
-    assert "cannot work at home" in out
-    code, out, _ = run("rig", "check", RIGS / "floor-3.toml", "--json")
-    assert code == 1
-    assert json.loads(out)["passed"] is False
 
 
 def test_solvers_are_listed_with_policies_and_sources(run):
@@ -272,13 +203,3 @@ def test_version(run):
     assert version == f"tensionlab {tl.__version__}"
     assert _native.COMPILER in kernels
     assert kernels.endswith(f"uses {_native.INSTRUCTION_SET}")
-
-
-def test_allocate_says_in_which_sense_it_is_nearest(run):
-    small = RIGS / "bartels2026-validation-0.3m.toml"
-    for policy, words in (("force", "nearest in force"), ("direction", "90.47 % of it")):
-        code, out, _ = run("allocate", small, "--wrench", "-1.5", "0", "0", "--policy", policy)
-        assert code == 1
-        assert words in out
-    code, out, _ = run("allocate", small, "--wrench", "-1.5", "0", "0", "--json")
-    assert json.loads(out)["policy"] == "force"

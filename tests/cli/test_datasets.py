@@ -22,32 +22,6 @@ def test_every_data_set_is_listed_with_what_it_is(run):
     assert out.count("\nrigs ") == 1, "the kind heads its rows"
 
 
-def test_a_kind_that_is_none_is_refused(run):
-    code, _, err = run("datasets", "rig")
-    assert (code, "there are rigs, spaces" in err) == (2, True)
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("rig", "check", "NAME"),
-        ("rig", "export", "NAME", "--out", "rig.xml"),
-        ("allocate", "NAME", "--wrench", 0, 0, 1),
-        ("compare", "NAME", "--directions", "fibonacci:2", "--solvers", "newton"),
-        ("workspace", "NAME", "tetra-4", "--box", 0, 0.1, 0, 0.1, 0, 0, "--step", 0.1),
-    ],
-)
-def test_verbs_take_the_name_of_a_rig(run, tmp_path, monkeypatch, words):
-    monkeypatch.chdir(tmp_path)
-    named = ["cube-8" if word == "NAME" else word for word in words]
-    code, out, err = run(*named)
-    assert (code, err) == (0, "")
-    assert "8 " in out or "cube-8" in out
-    code, _, err = run(*["cube-9" if word == "NAME" else word for word in words])
-    assert code == 2
-    assert "no rig is called 'cube-9'; did you mean 'cube-8'?" in err
-
-
 @pytest.mark.parametrize(
     ("line", "expected"),
     [

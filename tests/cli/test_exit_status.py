@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -57,26 +56,6 @@ def test_a_reader_that_goes_away_ends_it_without_a_word(run_to, words):
     os.close(reader)
     with os.fdopen(writer, "w", encoding="utf-8") as stdout:
         assert run_to(stdout, *words.split()) == (141, "")
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="pipes have one size there")
-def test_the_first_line_is_there_for_who_wants_only_that(run_to):
-    import fcntl
-
-    reader, writer = os.pipe()
-    fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, 4096)  # less than what is written
-    lines = []
-
-    def head():
-        lines.append(os.read(reader, 2))
-        os.close(reader)
-
-    thread = threading.Thread(target=head)
-    thread.start()
-    with os.fdopen(writer, "w", encoding="utf-8") as stdout:
-        assert run_to(stdout, "solvers", "--json") == (141, "")
-    thread.join()
-    assert lines == [b"{\n"]
 
 
 @needs_full
@@ -165,12 +144,6 @@ def test_a_defect_keeps_its_traceback(run, monkeypatch):
     monkeypatch.setattr(cli, "_invoke", fail)
     with pytest.raises(TypeError):
         cli.main(["compare"])
-
-
-def test_what_is_typed_wrong_is_not_repeated_at_length(run):
-    code, _, err = run("compare", RIG, "--at", "1" * 100_000)
-    assert code == 2
-    assert len(err) < 500
 
 
 @pytest.fixture

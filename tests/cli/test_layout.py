@@ -109,15 +109,6 @@ def test_a_search_that_finds_nothing_that_holds_says_so_and_ends_with_status_1(r
     assert load_rig(tmp_path / "rig.toml").m == 3
 
 
-def test_bad_input_ends_with_status_2_and_says_where(run, space, tmp_path):
-    space.write_text(SPACE.replace("lower = 1.0", "lower = 7.0"))
-    code, out, err = run(space)
-    assert (code, out) == (2, "")
-    assert f"{space}: Space: limits is 7.0 to 5.0" in err
-    assert "no folder" in run(space, "--out", tmp_path / "none" / "rig.toml")[2]
-    assert run(tmp_path / "none.toml")[0] == 2
-
-
 def test_a_layout_is_proved_or_falls_short(run, space, tmp_path):
     code, out, err = run(space, "--certify", "--out", tmp_path / "rig.toml")
     assert (code, err) == (0, "")

@@ -94,21 +94,3 @@ def test_a_run_without_a_cycle_is_refused_before_a_page_is_served(run, tmp_path,
     code, out, err = run("log", "view", tmp_path / "empty.mcap")
     assert (code, out) == (2, "")
     assert "empty.mcap: the run ended before its first cycle; there is nothing to show" in " ".join(err.split())
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("info", "none.mcap"), "none.mcap: cannot be read"),
-        (("export", "{file}", "--out", "run.txt"), "it must end in .nc or .parquet or .csv"),
-        (("plot", "{file}", "--plot", "run.gif"), "run.gif: unsupported format; it must end in .png or .pdf"),
-        (("replay", "{file}", "--solvers", "polygon"), "polygon does not serve this rig"),
-        (("replay", "{file}", "--solvers", "newtn"), "did you mean 'newton'?"),
-        (("replay", "{file}", "--solvers", ""), "no solver is named"),
-        (("view", "none.mcap"), "none.mcap: cannot be read"),
-    ],
-)
-def test_bad_input_is_refused(run, file, words, message):
-    code, _, err = run("log", *(word.format(file=file) for word in words))
-    assert code == 2
-    assert message in " ".join(err.split())

@@ -63,36 +63,6 @@ def test_info_shows_each_module_and_says_which_is_missing(run, call, urls):
     assert err.startswith("tensionlab: socket://127.0.0.1:1 cannot be opened")
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["info"], "no modules; give --modules FILE, or links:"),
-        (["info", "COM5", "COM5"], "a module is there twice"),
-        (["info", "com5", "COM5"], "two of these links reach the same module"),
-        (["info", "tcp://there"], "'tcp://there' is no link to a module; give one of these:"),
-        (["info", "m.toml"], "m.toml is a modules file, not a link; give it as --modules m.toml"),
-        (["info", "--modules", "none.toml"], "none.toml: no such file"),
-        (["config", "set", "COM5"], "no parameters; write them like slew=50"),
-        (["config", "set", "COM5", "slew=fast"], "slew=fast: give a number, such as slew=50"),
-        (["config", "set", "COM5", "slow=5"], 'modules have no parameter "slow"; is it slew?'),
-        (["config", "set", "COM5", "slew=5000"], "slew is from 10 to 300 N/s; got 5000"),
-        (["config", "restore", "none.toml", "COM5"], "none.toml: no such file"),
-        (["config", "dump", "COM5", "COM6"], "more than one module; give --folder DIRECTORY"),
-    ],
-)
-def test_bad_input_is_refused_before_any_link_is_opened(run, words, message):
-    status, out, err = run("module", *words)
-    assert status == 2
-    assert out == ""
-    assert message in " ".join(err.replace("│", "").split()).replace("tensionlab: ", "", 1) or message in err
-
-
-def test_a_name_that_the_file_does_not_have(call):
-    status, _, err = call("info", "bottom")
-    assert status == 2
-    assert "has no module 'bottom'; it has floor-1, floor-2, floor-3, top" in err
-
-
 def test_discover_asks_what_looks_like_a_module_and_leaves_others_alone(run, monkeypatch, locks_folder, urls):
     ports = {
         urls["top"]: SerialPort(urls["top"], "CP2102 USB to UART Bridge", "USB VID:PID=10C4:EA60", 0x10C4),
@@ -345,13 +315,6 @@ def test_monitor_says_that_the_other_process_has_ended(run, monkeypatch, simulat
     status, _, err = run("module", "monitor", "--seconds", "20", *OTHERS.values())
     assert status == 1
     assert "process 4711 (tensionlab run floor) has ended or released it; start the monitor again" in err
-
-
-def test_monitor_needs_modules_where_no_process_has_any(run, monkeypatch):
-    Elsewhere(monkeypatch, {})
-    status, out, err = run("module", "monitor")
-    assert (status, out) == (1, "")
-    assert err == "tensionlab: None of your tensionlab processes holds a module; name the modules to watch.\n"
 
 
 def test_parameters_of_all_modules_in_a_folder(call, tmp_path, urls):

@@ -66,24 +66,6 @@ def test_what_is_sure_is_written_and_what_is_vague_is_not(run, monkeypatch):
     assert "Written" not in out
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ((), "give either --mass"),
-        (("--mass", 0.1, "--sensor", "a.csv"), "give either --mass"),
-        (("--sensor", "a.csv"), "belong together"),
-        (("--mass", 0.1, "--staircase", "a.csv"), "belong together"),
-        (("--mass", -1), "give kg, above 0"),
-        (("--mass", 0.01), "0.01 kg is too light: hang a mass of 0.07 to 0.28 kg"),
-        (("--sensor", "no.csv", "--staircase", "no.csv"), "no.csv: no such file"),
-    ],
-)
-def test_bad_input_is_refused_with_what_to_do(run, words, message):
-    code, out, err = run("gain", "sim:", *words)
-    assert (code, out) == (2, "")
-    assert message in " ".join(err.replace("│", " ").split())
-
-
 @pytest.mark.parametrize("known", [True, False])
 def test_anchors_are_found_and_written(run, measured, known):
     folder, true = measured

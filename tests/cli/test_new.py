@@ -76,9 +76,3 @@ def test_the_commands_in_it_are_commands(kind):
             group = group.get_command(None, words.pop(0))
         options = {name for each in group.params for name in each.opts}
         assert {word for word in words if word.startswith("--")} <= options, command
-
-
-def test_another_kind_is_refused(run):
-    code, _, err = run("new", "rigs")
-    assert code == 2
-    assert "'rigs' is none of rig, space, scenario, program" in " ".join(err.split())

@@ -38,21 +38,3 @@ def test_a_set_is_written_with_as_many_rows_as_asked_for(run, tmp_path):
     assert code == 0
     assert "30 problems" in out
     assert pq.read_table(file).num_rows == 30
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["show", "edgy"], "choose one of published"),
-        (["export", "--set", "edgy", "--out", "x.parquet"], "choose one of published"),
-        (["export", "--set", "edge", "--out", "none/x.parquet"], "no folder"),
-        (["export", "--set", "edge", "--out", "x.parquet", "--count", "0"], "count"),
-        (["show", "edge", "--seed", "-1"], "seed"),
-    ],
-)
-def test_bad_input_is_status_2(run, words, message, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    code, _, err = run(*words)
-    assert code == 2
-    assert message in err
-    assert not list(tmp_path.iterdir())

@@ -73,17 +73,6 @@ def test_a_rig_that_can_do_nothing_of_it_does_not_play(run, tmp_path):
     assert not log.exists()
 
 
-def test_a_part_is_played_but_not_checked(run, tmp_path):
-    picture = tmp_path / "part.svg"
-    status, out, _err = run("scenario", "recoil", "--seconds", "0.6", "--plot", str(picture), "--json")
-    assert status == 0
-    told = json.loads(out)
-    assert told["checks"] == []
-    assert told["run"]["cycles"] == 120
-    assert told["directions"]["unexplained"] == 0
-    assert picture.read_text().startswith("<?xml")
-
-
 def test_what_was_not_rendered_as_desired_is_told(run, monkeypatch):
     play = importlib.import_module("tensionlab.scenarios.play").play
 
@@ -97,14 +86,6 @@ def test_what_was_not_rendered_as_desired_is_told(run, monkeypatch):
     assert status == 0, err
     assert " NEAREST; NEAREST: what is desired is infeasible, and the nearest to it is rendered." in out
     assert "5 of 45 deadlines missed: forces came late" in out
-
-
-def test_expected_values_are_not_spoken_of_where_there_are_none(run, tmp_path):
-    file = tmp_path / "own.toml"
-    file.write_text((FOLDER / "bow.toml").read_text())
-    (tmp_path / "own.rig.toml").write_text((FOLDER / "bow.rig.toml").read_text())
-    assert "Expected values" not in run("scenario", file, "--seconds", 0.2)[1]
-    assert "Expected values are only compared when" in run("scenario", "bow", "--seconds", 0.2)[1]
 
 
 def test_it_says_no_where_it_feels_otherwise(run, tmp_path, monkeypatch):
@@ -122,25 +103,3 @@ def test_it_says_no_where_it_feels_otherwise(run, tmp_path, monkeypatch):
     status, out, _err = run("scenario", *words)
     assert status == 1
     assert "not met" in out
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["bw"], "no scenario is called 'bw'; did you mean 'bow'? there are materials"),
-        (["nothing.toml"], "no such file"),
-        (["bow", "--rig", "nobody"], "no rig is called 'nobody'"),
-        (["bow", "--rig", "kntu-planar"], "kntu-planar"),
-        (["bow", "--seconds", "0"], "give a finite number above 0; got 0"),
-        (["bow", "--seconds", "6"], "at most 5"),
-        (["bow", "--solver", "nobody"], "nobody"),
-        (["bow", "--solver", "closed-form"], "closed-form"),
-        (["bow", "--plot", "bow.txt"], "bow.txt: unsupported format"),
-        (["bow", "--osc", "9000"], "--osc is for real modules"),
-        (["bow", "--modules", "socket://127.0.0.1:1"], "have a tracker send /body/hand, /body/bow"),
-    ],
-)
-def test_bad_input_is_refused_before_anything_moves(run, words, said):
-    status, _out, err = run("scenario", *words)
-    assert status == 2
-    assert said in " ".join(err.split())

@@ -55,28 +55,6 @@ def test_one_command_measures_and_compares(run, tmp_path, monkeypatch):
     assert "of a validation with other preset" in said
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        ([RIG], "--out is missing"),
-        ([RIG, "--out", "x", "--preset", "perfect"], "no preset 'perfect'"),
-        ([RIG, "--out", "x", "--modules", "m.toml"], "--modules needs --sensor"),
-        ([RIG, "--out", "x", "--sensor", "f.csv"], "without --modules"),
-        ([RIG, "--out", "x", "--modules", "m.toml", "--sensor", "f.csv", "--preset", "ideal"], "--preset is for"),
-        ([RIG, "--out", "x", "--hold", "0.2"], "hold longer"),
-        ([RIG, "--out", "x", "--solver", "nonsense"], "no solver is called"),
-        ([RIGS / "kntu-planar.toml", "--out", "x"], "point in space"),
-        ([RIG, "--out", "no/such/folder"], "make it first"),
-    ],
-)
-def test_bad_input_is_refused_before_anything_pulls(run, tmp_path, monkeypatch, words, complaint):
-    monkeypatch.chdir(tmp_path)
-    code, _, said = run("validate", *words)
-    assert code == 2
-    assert complaint in " ".join(said.replace("│", " ").split())
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_with_served_modules_and_sensor_the_statistics_are_the_same(tmp_path, monkeypatch):
     """Modules and sensor of `tensionlab simulate`, against those that a validation simulates itself."""
     rig = load_rig(RIG)
@@ -103,13 +81,3 @@ def test_with_served_modules_and_sensor_the_statistics_are_the_same(tmp_path, mo
     assert b.magnitude.mean.value == pytest.approx(a.magnitude.mean.value, abs=0.05)
     assert b.vector.mean.value == pytest.approx(a.vector.mean.value, abs=0.05)
     assert min(each.samples for each in there.measurements) >= 5  # fewer on a busy machine
-
-
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [(["--sensor-port", 0], "takes a rig"), ([RIG, "--sensor-port", 0, "--preset", "x"], "no preset")],
-)
-def test_a_simulated_sensor_needs_a_rig(run, words, complaint):
-    code, _, said = run("simulate", *words)
-    assert code == 2
-    assert complaint in " ".join(said.replace("│", " ").split())

@@ -34,21 +34,6 @@ def running(monkeypatch, locks_folder):
     lock.release()
 
 
-def test_a_rig_or_a_run_is_needed(run):
-    status, out, err = run("view")
-    assert (status, out) == (2, "")
-    assert "give a rig to design, or --live for a run in progress" in err
-
-
-def test_without_a_run_there_is_nothing_to_watch(run, locks_folder):
-    status, out, err = run("view", "--live")
-    assert (status, out) == (1, "")
-    assert err == (
-        "tensionlab: no process of yours has a run in progress on modules that are not simulated in it; "
-        "give a run --view to see it from its begin\n"
-    )
-
-
 def test_a_run_with_another_rig_is_not_the_one(run, running):
     status, out, err = run("view", "--live", "floor-3")
     assert (status, out) == (1, "")

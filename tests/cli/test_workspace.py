@@ -83,12 +83,6 @@ def test_poses_come_from_a_file_too(run, tmp_path):
     assert json.loads(out)["rows"][0]["max"] == pytest.approx(np.sqrt(8 / 3))
 
 
-def test_body_frames_stay_at_rest(run):
-    code, out, _ = run(RIGS / "body-mounted.toml", "--step", 0.5, "--metric", "wrench-closure")
-    assert code == 0
-    assert "body-mounted" in out
-
-
 def test_a_suspended_robot_has_a_workspace_beside_its_weight(run, tmp_path):
     words = ["--box", -6, 6, -4, 4, 0, 3, "--step", 1.5, "--json"]
     shares = {}
@@ -109,12 +103,6 @@ def test_a_suspended_robot_has_a_workspace_beside_its_weight(run, tmp_path):
     assert 0.0 < shares["pushes"] < shares["weight"] < shares["payload"] == 1.0
 
 
-def test_what_is_required_and_the_length_of_torques_are_said(run):
-    out = run("cogiro", "--step", 3)[1]
-    assert "required of cogiro: its weight of 91.058 kg" in out
-    assert "count as forces at 0.944 m in margins, the root mean square distance of its attachments" in out
-
-
 @pytest.mark.parametrize(
     ("view", "word"), [("slices", "x (m)"), ("volume", "of the box"), ("shares", "share of the volume")]
 )
@@ -126,35 +114,6 @@ def test_a_picture_of_the_first_metric(run, tmp_path, view, word):
     drawn = picture.read_text(encoding="utf-8")
     assert word in drawn
     assert "capacity margin (N)" in drawn
-
-
-@pytest.mark.parametrize(
-    ("words", "error"),
-    [
-        ([CUBE, "--poses", "poses.csv", "--plot", "w.png"], "--plot draws a box"),
-        ([CUBE, "--plot", "w.txt"], "w.txt: unsupported format; it must end in .png or .pdf"),
-        ([RIGS / "none.toml"], "none.toml: no such file"),
-        ([CUBE, "--box", 0, 1, 0, 1, 0], "--box has 5 numbers; cube-8 needs 6: x0 x1 y0 y1 z0 z1"),
-        ([CUBE, "--box", 1, 0, 0, 1, 0, 1], "x goes from 1 to 0 m; give the lower end first"),
-        ([CUBE, "--step", 0], "step is"),
-        ([CUBE, "--step", "fine"], "'fine' is not a number; write --step 0.1 (in m)"),
-        ([CUBE, "--step", 1e-5], "give out, a folder DIR.zarr"),
-        ([CUBE, "--poses", "poses.csv", "--step", 1], "--poses takes the place of --box, --step and --rotations"),
-        ([CUBE, "--poses", "none.csv"], "none.csv"),
-        ([CUBE, "--metric", "capacity-margins"], "did you mean 'capacity-margin'"),
-        ([CUBE, "--out", "none/a.zarr"], "no folder"),
-        ([CUBE, CUBE], 'two rigs are called "cube-8"'),
-        ([CUBE, PLANAR], 'the poses have 3 coordinates; rig "kntu-planar" (planar) needs 2'),
-        ([CUBE, "--metric", ","], "no metric is named; give one at least"),
-        ([CUBE, "--gravity"], 'key "gravity" is true, but cube-8 does not know its weight'),
-        ([CUBE, "--wrench", 1, 0], "--wrench has 2 components; cube-8 needs 3: Fx (N), Fy (N), Fz (N)"),
-        ([CUBE, "--required", "none.toml"], "none.toml: no such file; give the path of a file of required"),
-    ],
-)
-def test_bad_input_ends_with_2_and_says_what_to_do(run, words, error):
-    code, out, err = run(*words)
-    assert (code, out) == (2, "")
-    assert error in " ".join(err.split())
 
 
 def test_orientations_have_a_total_and_an_inclusive_workspace(run, tmp_path):
