@@ -20,7 +20,6 @@ from tensionlab.hardware.client import parameter_file
 from tensionlab.hardware.client.discovery import find_all, ports
 from tensionlab.hardware.client.discovery import identify as pulse
 from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient
-from tensionlab.hardware.client.modules_file import load_modules
 from tensionlab.hardware.client.parameter_file import Change, firmware, plain
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, State
 from tensionlab.hardware.protocol.messages import Clear, EmergencyStop, Info, Message, Stop
@@ -181,7 +180,7 @@ def _plain(info: Info) -> dict[str, Any]:
 @config.command()
 def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Show parameters, such as slew or ttl; all of them if none is named."""
-    named, others = _split(words, modules, lambda word: word in PARAMETERS)
+    named, others = _split(words, PARAMETERS.__contains__)
     named = named or list(PARAMETERS)
     links = find_links(others, modules)
     answers, failed = call_all(links, parameter_file.parameters)
@@ -206,7 +205,7 @@ def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Jso
 @config.command(name="set")
 def set_(words: LinksAndParameters = None, modules: ModulesFile = None, save: Save = False) -> None:
     """Change parameters, such as slew=50 ttl=200, until the next start, or for good with --save."""
-    settings, others = _split(words, modules, lambda word: "=" in word)
+    settings, others = _split(words, lambda word: "=" in word)
     if not settings:
         raise typer.BadParameter("no parameters; write them like slew=50")
     values: dict[str, float] = {}
@@ -220,12 +219,9 @@ def set_(words: LinksAndParameters = None, modules: ModulesFile = None, save: Sa
     _change(links, lambda client: parameter_file.change(client, values, "set"), save)
 
 
-def _split(
-    words: list[str] | None, modules: Path | None, is_parameter: Callable[[str], bool]
-) -> tuple[list[str], list[str]]:
-    """Return the words about parameters, and the others. The name of a module in the file is not a parameter."""
-    names = load_modules(modules) if modules is not None else {}
-    found = [word for word in words or () if word not in names and is_parameter(word)]
+def _split(words: list[str] | None, is_parameter: Callable[[str], bool]) -> tuple[list[str], list[str]]:
+    """Return the words about parameters, and the others."""
+    found = [word for word in words or () if is_parameter(word)]
     return found, [word for word in words or () if word not in found]
 
 
@@ -235,9 +231,8 @@ def dump(
     modules: ModulesFile = None,
     folder: Annotated[
         Path | None,
-        typer.Option(
-            callback=options.output_folder(),
-            help="Write NAME.toml for each module to this folder; made if it is not there.",
+        options.writes_folder(
+            "Write NAME.toml for each module to this folder; made if it is not there.", names=["--folder"]
         ),
     ] = None,
 ) -> None:

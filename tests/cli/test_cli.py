@@ -13,6 +13,7 @@ from tensionlab import _native
 from tensionlab.cli import VERBS, app, join_numbers
 from tensionlab.cli.common import output
 from tensionlab.solvers import registry
+from tests.helpers.verbs import every_verb
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 PUBLISHED = str(RIGS / "bartels2026-validation.toml")
@@ -173,14 +174,7 @@ def test_numbers_after_an_option_become_one_word(words, joined):
 
 
 def test_every_option_called_out_has_its_short_name():
-    def outs(command):
-        if hasattr(command, "list_commands"):
-            for name in command.list_commands(None):
-                yield from outs(command.get_command(None, name))
-        else:
-            yield from (each.opts for each in command.params if "--out" in each.opts)
-
-    found = list(outs(typer.main.get_command(app)))
+    found = [each.opts for _, verb in every_verb() for each in verb.params if "--out" in each.opts]
     assert len(found) > 8
     assert all("-o" in each for each in found)
 

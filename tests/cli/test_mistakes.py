@@ -11,10 +11,9 @@ import sys
 from pathlib import Path
 
 import pytest
-import typer
 
-from tensionlab.cli import app
 from tests.helpers import runs
+from tests.helpers.verbs import every_verb
 
 RIG = (Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml").read_text()
 LINKS = "give one of these: bt://AA:BB:CC:DD:EE:FF/1"
@@ -201,7 +200,7 @@ MISSING = {
         "distributed",
         'a cluster needs distributed: pip install "tensionlab[cluster]"',
     ),
-    "serve cube-8 --port 0": ("websockets", 'the bridge needs websockets: pip install "tensionlab[haptics]"'),
+    "serve cube-8 --port 0": ("websockets", 'pip install "tensionlab[haptics]"'),
     "view cube-8 --no-browser": ("viser", 'the view needs viser: pip install "tensionlab[view]"'),
 }  # a library that is not installed, and what must be said, by command
 
@@ -271,25 +270,15 @@ def test_a_mistake_is_named_with_its_cure(mistaken, port, command):
     assert MISTAKES[command].format(port=port) in line
 
 
-def verbs(group, words=()):
-    """All verbs, with the words that call them."""
-    for name in group.commands:
-        verb = group.get_command(None, name)
-        if hasattr(verb, "commands"):
-            yield from verbs(verb, (*words, name))
-        else:
-            yield [*words, name], verb
-
-
 def test_an_option_with_one_value_is_there_once_for_every_verb(run):
     tried = 0
-    for words, verb in verbs(typer.main.get_command(app)):
+    for words, verb in every_verb():
         for each in verb.params:
             if each.param_type_name != "option" or each.multiple or (each.is_flag and not each.secondary_opts):
                 continue
             name, *others = [*each.opts, *each.secondary_opts]
             again = [name, *(others[-1:] or [name])] if each.is_flag else [name, *["1"] * each.nargs] * 2
-            status, out, err = run(*words, *again)
+            status, out, err = run(*words.split(), *again)
             assert (status, out) == (2, "")
             assert err.endswith(f"{max(each.opts, key=len)}: it is there twice; give it once\n"), (words, err)
             tried += 1

@@ -244,16 +244,6 @@ def test_names_that_are_no_file_names_stay_inside_the_folder(run, tmp_path):
     assert max(len(name.encode()) for name in found) < 250
 
 
-def test_a_module_may_be_named_as_a_parameter_is_or_as_a_change_of_one(run, tmp_path, urls):
-    file = tmp_path / "modules.toml"
-    file.write_text(modules_to_toml({"slew": urls["floor-1"], "ttl=9": urls["floor-2"]}))
-    status, out, err = run("module", "config", "get", "--modules", file, "slew", "ttl")
-    assert (status, err) == (0, "")
-    assert [line.split()[:2] for line in out.splitlines() if "250.0" in line] == [["ttl", "250.0"]]
-    status, out, err = run("module", "config", "set", "--modules", file, "ttl=9", "ttl=300")
-    assert (status, out, err) == (0, "ttl=9: ttl 250.0 -> 300.0\n", "")
-
-
 class Elsewhere:
     """Process that has some modules, as this one sees it by its notes. What it is asked for comes at once."""
 
@@ -299,11 +289,10 @@ def test_monitor_shows_modules_of_another_process_as_that_one_hears_them(run, mo
     assert found["age"] >= 0.01
 
 
-def test_monitor_shows_free_modules_and_others_in_one_table(run, monkeypatch, urls, tmp_path, simulated_time):
+def test_monitor_shows_free_modules_and_others_in_one_table(call, monkeypatch, urls, tmp_path):
     Elsewhere(monkeypatch, OTHERS)
-    file = tmp_path / "all.toml"
-    file.write_text(modules_to_toml({"floor-1": urls["floor-1"], **OTHERS}))
-    status, out, err = run("module", "monitor", "--seconds", "0.6", "--modules", file)
+    (tmp_path / "modules-file.toml").write_text(modules_to_toml({"floor-1": urls["floor-1"], **OTHERS}))
+    status, out, err = call("monitor", "--seconds", "0.6")
     assert (status, err) == (0, "")
     assert [line.split()[0] for line in out.splitlines()[3:6]] == ["floor-1", "my", "my"]
 

@@ -8,10 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
-import typer
 
-from tensionlab.cli import app
 from tests.helpers.distribution import install
+from tests.helpers.verbs import every_verb
 
 ROOT = Path(__file__).parents[2]
 RIG = ROOT / "datasets" / "rigs" / "bartels2026-validation.toml"
@@ -85,20 +84,12 @@ RECIPES = {
 ENDLESS = {"simulate", "view", "log view"}
 
 
-def verbs(group, name=()):
-    """Yield the name of each verb, and how many arguments it requires."""
-    for word in group.list_commands(None):
-        command = group.get_command(None, word)
-        if hasattr(command, "commands"):
-            yield from verbs(command, (*name, word))
-        else:
-            arguments = [each for each in command.params if each.param_type_name == "argument"]
-            yield " ".join((*name, word)), sum(each.required for each in arguments)
-
-
 def commands():
     """Return each verb, its words, and whether it goes on until Ctrl-C; those of the recipes first."""
-    required = dict(verbs(typer.main.get_command(app)))
+    required = {
+        words: sum(each.required for each in verb.params if each.param_type_name == "argument")
+        for words, verb in every_verb()
+    }
     assert set(RECIPES) <= set(required)
     others = {name: " ".join([name, *["nothing"] * count]) for name, count in required.items()}
     return [(name, words.split(), name in ENDLESS) for name, words in (RECIPES | (others | RECIPES)).items()]

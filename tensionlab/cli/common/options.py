@@ -141,15 +141,12 @@ def parse_orientations(rig: Rig, rotations: str | None) -> Floats | None:
 
 
 def check_solvers(rig: Rig, names: list[str] | None, policy: str | None) -> None:
-    """Refuse solvers that do not serve the rig with that policy, before the work; as `select_solvers`."""
-    try:
-        select_solvers(names, policy, (rig.n, rig.m))
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from None
+    """Refuse solvers that do not serve the rig with that policy, before the work."""
+    select_solvers(names, policy, (rig.n, rig.m))
 
 
 def check_components(option: str, values: list[float], names: list[str], owner: str) -> None:
-    """Refuse an option that has another number of values than what it is about has components."""
+    """Refuse an option whose values are not as many as the components of its owner."""
     if len(values) != len(names):
         raise typer.BadParameter(
             f"{option} has {format_count(len(values), 'component')}; {owner} needs {len(names)}: "
@@ -158,7 +155,7 @@ def check_components(option: str, values: list[float], names: list[str], owner: 
 
 
 def checked(check: Callable[[Path], None]) -> Callable[[Path | None], Path | None]:
-    """Return a check as the callback of an option that may be left out; the parser says which option it was."""
+    """Return a check as the callback of an option that may be left out; the parser's message names the option."""
 
     def callback(path: Path | None) -> Path | None:
         try:
@@ -171,24 +168,27 @@ def checked(check: Callable[[Path], None]) -> Callable[[Path | None], Path | Non
     return callback
 
 
-def output_file(*suffixes: str) -> Callable[[Path | None], Path | None]:
-    """Return a callback for an option that names a file to write, with one of the suffixes, if there are any."""
-    return checked(lambda path: writing.require_writable(path, suffixes))
+def writes(help_text: str, *suffixes: str, metavar: str = "FILE", names: Sequence[str] = ("--out", "-o")) -> Any:
+    """Return an option that names a file to write, with one of the suffixes, if there are any."""
+    check = checked(lambda path: writing.require_writable(path, suffixes))
+    return typer.Option(*names, metavar=metavar, callback=check, help=help_text)
 
 
-def output_folder(suffix: str = "", *, parents: bool = False) -> Callable[[Path | None], Path | None]:
-    """Return a callback for an option that names a folder to write to; as `output_file`."""
+def writes_folder(
+    help_text: str, suffix: str = "", *, parents: bool = False, names: Sequence[str] = ("--out", "-o")
+) -> Any:
+    """Return an option that names a folder to write."""
 
     def check(path: Path) -> None:
         if path.suffix.lower() != suffix and suffix:
             raise WriteError(f"{path}: the name must end in {suffix}")
         writing.require_folder(path, parents=parents)
 
-    return checked(check)
+    return typer.Option(*names, metavar=f"DIR{suffix}", callback=checked(check), help=help_text)
 
 
 def _require_lsl(wanted: bool) -> bool:
-    """Check that there can be streams for Lab Streaming Layer, if there are to be any."""
+    """Check that streams for Lab Streaming Layer can be opened, if they are wanted."""
     if wanted:
         from tensionlab.interop.lsl import require_lsl
 
@@ -206,30 +206,18 @@ def picture_file(path: Path) -> None:
 
 @checked
 def log_file(path: Path) -> None:
-    """Check that a log can be begun there: it takes the place of nothing."""
+    """Check that a new log can be written there."""
     writing.require_writable(path, (".mcap",))
     writing.require_new(path, "the log")
 
 
-def writes(help_text: str, *suffixes: str, metavar: str = "FILE", names: Sequence[str] = ("--out", "-o")) -> Any:
-    """Return an option that names a file to write, which is checked by `output_file`."""
-    return typer.Option(*names, metavar=metavar, callback=output_file(*suffixes), help=help_text)
-
-
-def writes_folder(help_text: str, suffix: str = "", *, parents: bool = False) -> Any:
-    """Return the option ``--out`` for a folder to write, which is checked by `output_folder`."""
-    return typer.Option(
-        "--out", "-o", metavar=f"DIR{suffix}", callback=output_folder(suffix, parents=parents), help=help_text
-    )
-
-
 def complete(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
-    """Return what a shell asks for the names that begin like an unfinished word; it knows files by itself."""
+    """Return a shell completion by names; the shell itself completes paths."""
     return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
 
 
 def stored_argument(kind: str, metavar: str, note: str = "") -> Any:
-    """Return an argument that is the name of a data set, of one of `SUFFIXES`, or the path of a file."""
+    """Return an argument that is the name of a data set of a kind, or the path of a file."""
     what = kind.removesuffix("s")
     return typer.Argument(
         metavar=metavar,
@@ -239,7 +227,7 @@ def stored_argument(kind: str, metavar: str, note: str = "") -> Any:
 
 
 def rig_argument(note: str = "") -> Any:
-    """Return an argument that is a rig; the note is the end of what its help says."""
+    """Return an argument that is a rig; the note ends its help."""
     return stored_argument("rigs", "RIG", note)
 
 
@@ -251,7 +239,7 @@ BodyFrames = Annotated[
         "--frame",
         metavar="NAME X Y Z [RX RY RZ]",
         help="Where a body frame is, in m, and how it is turned, axis times angle in rad; also repeated. Left "
-        "out: where the file of the rig has it at rest, or the origin.",
+        "out: at rest as in the rig's file, or the origin.",
     ),
 ]
 Solver = Annotated[
