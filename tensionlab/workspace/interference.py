@@ -98,14 +98,7 @@ def body_distance(
     Every cable against every body, along the whole cable. What the cables hold is close to them by design: end the
     forearm of a user short of the attachments. The pair are the indices of a module and of a body. ShapeError for
     a body with other coordinates than the rig, InputError for a negative radius, or more cables and bodies than
-    the kernel serves.
-
-    Parameters
-    ----------
-    rig, position, rotation, frames
-        Parameters, errors and source as in `cable_distance`.
-    bodies : sequence of Capsule
-        Bodies in the world.
+    the kernel serves. Other parameters, errors and source as in `cable_distance`.
 
     Examples
     --------

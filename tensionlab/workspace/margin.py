@@ -107,11 +107,7 @@ def margin_gradient(
     where a flat set holds what is required it is zero.
 
     Source: as `capacity_margin`; the derivative is that of the support function of a zonotope at a facet.
-
-    Parameters
-    ----------
-    structure, limits, required
-        Parameters and errors as in `capacity_margin`.
+    Parameters and errors as in `capacity_margin`.
 
     Examples
     --------
@@ -139,12 +135,7 @@ def rig_margin_gradient(
 ) -> RigMarginGradient:
     """Return the capacity margin of a rig and its derivatives with respect to position and anchors.
 
-    Parameters
-    ----------
-    rig, position, rotation, frames
-        Rig and its poses; errors as in `Rig.structure_matrix`.
-    required
-        As in `capacity_margin`, in world axes.
+    Poses as in `Rig.structure_matrix`, required wrenches (world axes) as in `capacity_margin`, errors as in both.
 
     Examples
     --------

@@ -48,12 +48,8 @@ def wrench_closure(structure: ArrayLike) -> NDArray[np.bool_]:
     """Return whether the cables can render every wrench (...), if they only pull hard enough.
 
     True where W has rank n and ``W t = 0`` for some t > 0: where the tension factor exceeds `CLOSURE_TOLERANCE`.
-    Source: Verhoeven, "Analysis of the workspace of tendon-based Stewart platforms", 2004.
-
-    Parameters
-    ----------
-    structure : (..., n, m) array
-        Structure matrices. ShapeError names an entry that is not finite.
+    Source: Verhoeven, "Analysis of the workspace of tendon-based Stewart platforms", 2004. Parameter and
+    errors as in `tension_factor`.
 
     Examples
     --------
@@ -168,11 +164,7 @@ def squared_tension(
 
     For each direction the tensions with the minimum sum of squares, by `tensionlab.allocate`; their mean and
     maximum over directions, (...), in N². NaN where a wrench is infeasible.
-
-    Parameters
-    ----------
-    structure, limits, directions, magnitude, offset_wrench
-        Parameters and errors as in `feasible_direction_fraction`.
+    Parameters and errors as in `feasible_direction_fraction`.
 
     Examples
     --------

@@ -22,8 +22,7 @@ from tensionlab.support.arrays import (
     tension_limits,
 )
 
-# Tension limits in N: an object with `lower` and `upper`, or that pair; each (..., m) or a number.
-TensionRange = Limits | tuple[ArrayLike, ArrayLike]
+TensionRange = Limits | tuple[ArrayLike, ArrayLike]  # lower and upper limits in N, each (..., m) or a number
 
 
 class StructureBatch(NamedTuple):
@@ -75,12 +74,7 @@ def half_spaces(structure: ArrayLike, limits: TensionRange) -> HalfSpaces:
 
     Source: Bouchard, Gosselin and Moore, "On the ability of a cable-driven robot to generate a prescribed set of
     wrenches", 2010; Gouttefarde and Krut, "Characterization of parallel manipulator available wrench set facets",
-    2010.
-
-    Parameters
-    ----------
-    structure, limits
-        Parameters and errors as in `capacity_margin`.
+    2010. Parameters and errors as in `capacity_margin`.
 
     Examples
     --------
@@ -112,12 +106,8 @@ def vertices(structure: ArrayLike, limits: TensionRange) -> Floats:
     In order around the set where it is a polygon, n = 2; in no order elsewhere. They are the hull of one cable
     after the other, by Qhull: each copies what is there, at its lower and its upper limit.
 
-    Source: Barber, Dobkin and Huhdanpaa, "The Quickhull algorithm for convex hulls", 1996.
-
-    Parameters
-    ----------
-    structure, limits
-        Parameters and errors as in `capacity_margin`, without leading axes.
+    Source: Barber, Dobkin and Huhdanpaa, "The Quickhull algorithm for convex hulls", 1996. Parameters and
+    errors as in `capacity_margin`, without leading axes.
 
     Examples
     --------

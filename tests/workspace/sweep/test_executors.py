@@ -188,15 +188,6 @@ def test_a_scheduler_that_dies_is_an_error_and_what_was_finished_stays(start, ot
     assert len(read(tally)) - evaluated == COUNT - done
 
 
-def test_a_cluster_gives_the_same_as_threads(tmp_path):
-    from distributed import LocalCluster
-
-    where = {"protocol": "tcp://", "host": "127.0.0.1", "dashboard_address": ":0"}
-    with LocalCluster(n_workers=2, threads_per_worker=1, processes=False, **where) as cluster:
-        data = tl.sweep(CUBE, POSES, "capacity-margin", scheduler=cluster.scheduler_address, chunk=CHUNK)
-    xr.testing.assert_equal(data, tl.sweep(CUBE, POSES, "capacity-margin"))
-
-
 class Arrays:
     """Task of arrays; its answer is whether each is aligned, with arrays again."""
 
@@ -207,15 +198,17 @@ class Arrays:
         return [each.flags.aligned for each in self._arrays], self._arrays
 
 
-def test_what_a_cluster_brings_is_aligned_for_the_kernels():
+def test_a_cluster_gives_the_same_as_threads_and_brings_aligned_arrays():
     from distributed import LocalCluster
 
     where = {"protocol": "tcp://", "host": "127.0.0.1", "dashboard_address": ":0"}
-    with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, **where) as cluster:
-        tasks = [Arrays(count) for count in (2, 12, 300)]
-        for _, (there, arrays) in executors.evaluate_on_cluster(cluster.scheduler_address, tasks):
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=False, **where) as cluster:
+        address = cluster.scheduler_address
+        data = tl.sweep(CUBE, POSES, "capacity-margin", scheduler=address, chunk=CHUNK)
+        for _, (there, arrays) in executors.evaluate_on_cluster(address, map(Arrays, (2, 12, 300))):
             assert all(there)
             assert all(each.flags.aligned for each in arrays)
+    xr.testing.assert_equal(data, tl.sweep(CUBE, POSES, "capacity-margin"))
 
 
 def test_a_scheduler_without_workers_is_refused(scheduler):

@@ -46,27 +46,18 @@ def test_values_are_those_of_a_direct_call_whatever_the_chunks():
     poses = Grid(np.linspace(-0.8, 0.8, 7), np.linspace(-0.4, 0.4, 5), np.linspace(-1.2, 1.2, 6))
     position = np.stack(np.meshgrid(poses.x, poses.y, poses.z, indexing="ij"), axis=-1)
     structure = CUBE.structure_matrix(position)
-    names = [
-        "capacity-margin",
-        "wrench-closure",
-        "tension-factor",
-        "feasible-direction-fraction:3.0",
-        "squared-tension:worst",
-    ]
-    data = tl.sweep(CUBE, poses, names, chunk=11)
     expected = {
         "capacity-margin": capacity_margin(structure, CUBE.limits),
         "wrench-closure": wrench_closure(structure),
         "tension-factor": tension_factor(structure),
-        "feasible-direction-fraction:3.0": feasible_direction_fraction(
-            structure, CUBE.limits, fibonacci(200), 3.0
-        ),
-        "squared-tension:worst": squared_tension(structure, CUBE.limits, fibonacci(200), 1.0)[1],
+        "feasible-direction-fraction:3.0": feasible_direction_fraction(structure, CUBE.limits, FORCES, 3.0),
+        "squared-tension:worst": squared_tension(structure, CUBE.limits, FORCES, 1.0)[1],
     }
+    data = tl.sweep(CUBE, poses, list(expected), chunk=11)
     for name, values in expected.items():
         assert data[name].dims == ("rig", "x", "y", "z")
         np.testing.assert_allclose(data[name].sel(rig="box-corners"), values, rtol=1e-12, atol=1e-12)
-    xr.testing.assert_equal(data, tl.sweep(CUBE, poses, names))
+    xr.testing.assert_equal(data, tl.sweep(CUBE, poses, list(expected)))
 
 
 @pytest.mark.parametrize(
@@ -168,15 +159,10 @@ def test_where_a_cable_has_no_length_there_is_no_value():
     data = tl.sweep(CUBE, poses, list({*METRICS} - {"body-distance"}))
     for name, values in data.items():
         assert np.isnan(values.values).tolist() == [[False, True, False]], name
-
-
-def test_there_is_no_value_on_an_anchor_whatever_the_orientation():
     rig, turn = held("platform", 3), exponential(np.array([0.0, 0.0, 0.4]))
     corner = np.array([2.0, 3.0, 1.0]) - turn @ [0.1, 0.2, -0.1]
-    poses = PoseList([[0.1, 0.0, 0.2], corner, corner], [turn, turn, np.eye(3)])
-    found = tl.sweep(rig, poses, "cable-distance")["cable-distance"].values[0]
-    assert np.isnan(found).tolist() == [False, True, False]
-    assert found[2] == cable_distance(rig, corner, np.eye(3)).distance
+    found = tl.sweep(rig, PoseList([corner, corner], [turn, np.eye(3)]), "cable-distance")["cable-distance"]
+    assert np.isnan(found.values).tolist() == [[True, False]]
 
 
 def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tmp_path):
@@ -203,61 +189,38 @@ def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tm
         assert {"call", "git_commit", "processor", "seed", "date"} <= set(manifest)
 
 
+ORIGIN = [[0, 0, 0]]
+CLASHING = vary(lambda x: CUBE, x=[1.0])
+FLAT_BODY = metric("body-distance", bodies=(Capsule([0, 0]),))
+
+
 @pytest.mark.parametrize(
-    ("call", "error", "words"),
+    ("changed", "error", "words"),
     [
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], []), SweepError, "no metric is named; give one at least"),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "beauty"), SweepError, "no metric is called 'beauty'"),
-        (
-            lambda: tl.sweep(CUBE, [[0, 0, 0]], ["tension-factor", "tension-factor"]),
-            SweepError,
-            'called "tension-factor"',
-        ),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "capacity-margin:-1"), InputError, "radius is -1.0"),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "body-distance"), InputError, "no bodies are given"),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], [3]), SweepError, "3 is no metric"),
-        (lambda: tl.sweep("cube.toml", [[0, 0, 0]], "tension-factor"), SweepError, "rigs holds 'c'"),
-        (
-            lambda: tl.sweep(CUBE, [[0, 0]], "tension-factor"),
-            SweepError,
-            '2 coordinates; rig "box-corners".*needs 3',
-        ),
-        (lambda: tl.sweep(CUBE, [[0, np.nan, 0]], "tension-factor"), ShapeError, r"position\[0, 1\] is nan"),
-        (lambda: tl.sweep(CUBE, PoseList([[0, 0, 0]], [np.eye(3)]), "tension-factor"), SweepError, "cannot turn"),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "tension-factor", chunk=0), SweepError, "chunk is 0"),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "tension-factor", frames={"hip": [0, 0, 0]}), SweepError, '"hip"'),
-        (
-            lambda: tl.sweep(vary(tl.ring_plus_top, side=[1.0, -1.0]), [[0, 0, 0]], "tension-factor"),
-            RigError,
-            "side is -1.0",
-        ),
-        (
-            lambda: tl.sweep(vary(CUBE, limits=[(6, 1)]), [[0, 0, 0]], "tension-factor"),
-            RigError,
-            '"lower" is 6.0',
-        ),
-        (
-            lambda: tl.sweep(vary(CUBE, anchors={"a": [[0, 0, 0]]}), [[0, 0, 0]], "tension-factor"),
-            RigError,
-            'no module "a"',
-        ),
-        (
-            lambda: tl.sweep(vary(lambda x: CUBE, x=[1.0]), Grid(0.0, 0.0, 0.0), "tension-factor"),
-            SweepError,
-            'are called "x"',
-        ),
-        (
-            lambda: tl.sweep(CUBE, [[0, 0, 0]], metric("body-distance", bodies=(Capsule([0, 0]),))),
-            ShapeError,
-            "body 0",
-        ),
-        (lambda: tl.sweep(CUBE, Grid(*[np.zeros(1000)] * 3), "tension-factor"), SweepError, "8.0 GB.*give out"),
+        ({"metrics": []}, SweepError, "no metric is named; give one at least"),
+        ({"metrics": "beauty"}, SweepError, "no metric is called 'beauty'"),
+        ({"metrics": ["tension-factor", "tension-factor"]}, SweepError, 'called "tension-factor"'),
+        ({"metrics": "capacity-margin:-1"}, InputError, "radius is -1.0"),
+        ({"metrics": "body-distance"}, InputError, "no bodies are given"),
+        ({"metrics": FLAT_BODY}, ShapeError, "body 0"),
+        ({"metrics": [3]}, SweepError, "3 is no metric"),
+        ({"rigs": "cube.toml"}, SweepError, "rigs holds 'c'"),
+        ({"rigs": vary(tl.ring_plus_top, side=[1.0, -1.0])}, RigError, "side is -1.0"),
+        ({"rigs": vary(CUBE, limits=[(6, 1)])}, RigError, '"lower" is 6.0'),
+        ({"rigs": vary(CUBE, anchors={"a": [[0, 0, 0]]})}, RigError, 'no module "a"'),
+        ({"rigs": CLASHING, "poses": Grid(0.0, 0.0, 0.0)}, SweepError, 'are called "x"'),
+        ({"poses": [[0, 0]]}, SweepError, '2 coordinates; rig "box-corners".*needs 3'),
+        ({"poses": [[0, np.nan, 0]]}, ShapeError, r"position\[0, 1\] is nan"),
+        ({"poses": PoseList([[0, 0, 0]], [np.eye(3)])}, SweepError, "cannot turn"),
+        ({"poses": Grid(*[np.zeros(1000)] * 3)}, SweepError, "8.0 GB.*give out"),
+        ({"chunk": 0}, SweepError, "chunk is 0"),
+        ({"frames": {"hip": [0, 0, 0]}}, SweepError, '"hip"'),
     ],
 )
-def test_odd_sweeps_are_refused_before_any_work(call, error, words, monkeypatch):
+def test_odd_sweeps_are_refused_before_any_work(changed, error, words, monkeypatch):
     monkeypatch.setattr("tensionlab.workspace.sweep.evaluate_on_threads", None)
     with pytest.raises(error, match=words):
-        call()
+        tl.sweep(**{"rigs": CUBE, "poses": ORIGIN, "metrics": "tension-factor"} | changed)
 
 
 def test_a_body_frame_that_is_not_given_is_named():
