@@ -3,49 +3,31 @@
 import math
 import shutil
 import subprocess
-from pathlib import Path
+from functools import cache, partial
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-ESP32 = ROOT / "firmware" / "esp32"
-STRICT = ["-std=c++17", "-O2", "-pthread", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
+from tests.helpers.compiled import FIRMWARE, compile_program, run_program
+
 POLE_PAIRS = 11
 DONE, NOT_MOVED, WRONG_WAY, WRONG_POLES, WRONG_CURRENT = range(1, 6)
 
 
 @pytest.fixture(scope="module")
 def build(tmp_path_factory):
-    compiler = shutil.which("c++")
-    if compiler is None:
-        pytest.fail("no C++ compiler 'c++' was found; the package itself needs one to build")
-    folder = tmp_path_factory.mktemp("esp32")
-    built = {}
-
-    def program(name):
-        if name not in built:
-            source = ROOT / "tests" / "data" / f"{name}.cpp"
-            command = [compiler, *STRICT, f"-I{ESP32}", str(source), "-o", str(folder / name)]
-            subprocess.run(command, check=True)
-            built[name] = folder / name
-        return built[name]
-
-    def run(name, *words):
-        command = [str(program(name)), *(str(word) for word in words)]
-        out = subprocess.run(command, check=True, capture_output=True, text=True, timeout=120).stdout
-        return [tuple(float(number) for number in line.split()) for line in out.splitlines()]
-
-    return run
+    """Return a function that compiles a program once, runs it, and returns the numbers of each line."""
+    program = cache(partial(compile_program, folder=tmp_path_factory.mktemp("esp32")))
+    return lambda name, *words: [tuple(map(float, row)) for row in run_program(program(name), *words)]
 
 
 def test_it_fits_the_libraries_as_far_as_stubs_can_tell():
-    found = subprocess.run([str(ESP32 / "check.sh")], capture_output=True, text=True, check=False)
+    found = subprocess.run([str(FIRMWARE / "esp32" / "check.sh")], capture_output=True, text=True, check=False)
     assert (found.returncode, found.stderr) == (0, "")
 
 
 def test_the_check_can_fail(tmp_path):
     for folder in ("core", "esp32", "stubs"):
-        shutil.copytree(ROOT / "firmware" / folder, tmp_path / folder)
+        shutil.copytree(FIRMWARE / folder, tmp_path / folder)
     source = tmp_path / "esp32" / "winch.cpp"
     source.write_text(source.read_text().replace("motor_.loopFOC();", "motor_.loop_foc();"))
     found = subprocess.run([str(tmp_path / "esp32" / "check.sh")], capture_output=True, text=True, check=False)

@@ -5,12 +5,10 @@ Its time passes only where a test waits, a millisecond at a time.
 
 import os
 import select
-import shutil
 import struct
 import subprocess
 import sys
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,27 +35,18 @@ from tensionlab.hardware.protocol.messages import (
     read,
 )
 from tensionlab.hardware.protocol.parameters import PARAMETERS
+from tests.helpers.compiled import FIRMWARE, compile_program
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the fakes are for POSIX")
-ROOT = Path(__file__).parents[2]
-FIRMWARE = ROOT / "firmware"
 ZERO = 2.0  # rad, electrical, of the fakes' rotor
 
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory):
-    compiler = shutil.which("c++")
-    if compiler is None:
-        pytest.fail("no C++ compiler 'c++' was found; the package itself needs one to build")
-    built = tmp_path_factory.mktemp("esp32") / "module"
-    sources = [*FIRMWARE.glob("core/*.cpp"), *FIRMWARE.glob("esp32/*.cpp"), ROOT / "tests/data/esp32_fakes.cpp"]
+    sources = [*FIRMWARE.glob("core/*.cpp"), *FIRMWARE.glob("esp32/*.cpp")]
     # The window for pairing is a minute; here it is 10 s.
-    options = ["-DTENSIONLAB_PAIRING_S=10", "-pthread", "-Wall", "-Wextra", "-Werror", f"-I{FIRMWARE}"]
-    command = [compiler, "-std=c++17", "-O1", *options]
-    subprocess.run(
-        [*command, "-isystem", str(FIRMWARE / "stubs"), *map(str, sources), "-o", str(built)], check=True
-    )
-    return built
+    options = ("-std=c++17", "-O1", "-pthread", "-Wall", "-Wextra", "-Werror", "-DTENSIONLAB_PAIRING_S=10")
+    return compile_program("esp32_fakes", tmp_path_factory.mktemp("esp32"), *sources, options=options)
 
 
 class Wire:
@@ -110,16 +99,8 @@ class Board:
         for end in (usb_in, usb_out, notes, *theirs):
             os.close(end)
         self.now, self.told, self._noted, self._half = 0.0, [], noted, b""
-        self._ours = [
-            usb_to,
-            usb_from,
-            noted,
-            self.air_to,
-            air_from,
-            self._time_to,
-            self._time_from,
-            self._happen_to,
-        ]
+        times = (self._time_to, self._time_from)
+        self._ours = [usb_to, usb_from, noted, self.air_to, air_from, *times, self._happen_to]
         self.usb, self._air = Wire(usb_to, usb_from, self.advance), Wire(self.air_to, air_from, self.advance)
 
     def connect_bluetooth(self):

@@ -1,9 +1,5 @@
 """What the firmware makes of its sensors: faults, how far a step may move anything, how warm the winding is."""
 
-import shutil
-import subprocess
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -21,8 +17,8 @@ from tensionlab.hardware.protocol.messages import (
     read,
 )
 from tensionlab.hardware.protocol.parameters import PARAMETERS
+from tests.helpers.compiled import FIRMWARE, compile_program, run_program
 
-ROOT = Path(__file__).parents[2]
 USUAL = {
     "elapsed": 250, "angle": 10.0, "speed": 0.0, "current": 0.7, "induced": 0.0, "across": 0.0, "supply": 12.0,
     "ok": 1, "commanded": 0.7,
@@ -30,26 +26,15 @@ USUAL = {
 RADIUS, SPEED_LIMIT, PEAK = 0.0195, 1.5, 2.2  # as a module has them at first
 
 
-def built(name, folder, *parts):
-    """Compile a program of `tests/data` with the firmware's headers, and these sources of it."""
-    compiler = shutil.which("c++")
-    strict = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror", f"-I{ROOT / 'firmware'}"]
-    source = ROOT / "tests" / "data" / f"{name}.cpp"
-    sources = [str(source), *(str(ROOT / "firmware" / "core" / part) for part in parts)]
-    subprocess.run([compiler, *strict, *sources, "-o", str(folder / name)], check=True)
-    return str(folder / name)
-
-
 @pytest.fixture(scope="module")
 def monitor(tmp_path_factory):
     """Return a function: faults, seconds and length after each of some samples, given by what is unusual."""
-    program = built("monitor", tmp_path_factory.mktemp("monitor"))
+    program = compile_program("monitor", tmp_path_factory.mktemp("monitor"))
 
     def watch(*samples):
         lines = [" ".join(str((USUAL | sample)[name]) for name in USUAL) for sample in ({"elapsed": 0}, *samples)]
-        out = subprocess.run([program], input="\n".join(lines), check=True, capture_output=True, text=True).stdout
-        told = [line.split() for line in out.splitlines()]
-        return [(Fault(int(word)), float(seconds), float(length)) for word, seconds, length in told][1:]
+        rows = run_program(program, content="\n".join(lines))
+        return [(Fault(int(word)), float(seconds), float(length)) for word, seconds, length in rows][1:]
 
     return watch
 
@@ -125,9 +110,7 @@ def test_a_step_that_comes_too_late_or_before_the_last_one_is_a_fault_and_moves_
 
 def test_what_is_left_of_a_windings_budget_may_be_spent_within_a_tenth_of_its_time(tmp_path):
     """It stands 1 A for ever, 2.2 A at most, and warms with 20 s: at 2 A its budget is spent after 5.8 s."""
-    command = [built("thermal", tmp_path), "2.0", "1200"]
-    out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    stands, spent = np.array([line.split() for line in out.splitlines()], dtype=float).T
+    stands, spent = np.array(run_program(compile_program("thermal", tmp_path), 2.0, 1200), dtype=float).T
     warmth = 4.0 * (1.0 - (1.0 - 0.01 / 20.0) ** np.arange(1, 1201))
     np.testing.assert_allclose(spent, np.minimum(warmth, 1.0), atol=1e-4)
     left = np.maximum(1.0 - warmth, 0.0)
@@ -145,7 +128,7 @@ READY = (Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0), Arm(77))
 @pytest.fixture(scope="module")
 def core(tmp_path_factory):
     """Return a function: what the core asks for after each step of a story of commands and samples."""
-    program = built("module", tmp_path_factory.mktemp("module"), "answers.cpp", "commands.cpp", "module.cpp")
+    program = compile_program("module", tmp_path_factory.mktemp("module"), *FIRMWARE.glob("core/*.cpp"))
 
     def play(*story):
         lines, sequence = [], 0
@@ -156,8 +139,7 @@ def core(tmp_path_factory):
             else:
                 sequence += 1
                 lines.append("receive " + each.frame(sequence).pack().hex())
-        out = subprocess.run([program], input="\n".join(lines), check=True, capture_output=True, text=True).stdout
-        rows = [line.split() for line in out.splitlines()]
+        rows = run_program(program, content="\n".join(lines))
         on, current, state = (np.array([float(row[column]) for row in rows]) for column in range(3))
         decoder = Decoder()
         sent = [[read(frame) for frame in decoder.feed(bytes.fromhex(row[3][1:]))] for row in rows]
