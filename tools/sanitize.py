@@ -44,13 +44,12 @@ spec.loader.exec_module(module)
 """
 
 
-def build(sanitizers: str, folder: Path) -> Path:
-    """Compile the extension, and return it."""
-    flags = f"-fsanitize={sanitizers} -fno-sanitize-recover=all -g1"
+def build(flags: str, folder: Path, kind: str = "Debug") -> Path:
+    """Compile the extension for this processor with flags of the compiler, and return it."""
     words = [sys.executable, "-m", "nanobind", "--cmake_dir"]
     nanobind = subprocess.run(words, check=True, capture_output=True, text=True).stdout.strip()
     options = {
-        "CMAKE_BUILD_TYPE": "Debug",
+        "CMAKE_BUILD_TYPE": kind,
         "CMAKE_CXX_COMPILER": "g++",
         "CMAKE_CXX_FLAGS": flags,
         "CMAKE_MODULE_LINKER_FLAGS": flags,
@@ -105,7 +104,7 @@ def main() -> int:
     findings, lines = 0, []
     for sanitizers in TESTS:
         begin, folder = time.monotonic(), FOLDER / sanitizers.partition(",")[0]
-        library = build(sanitizers, folder)
+        library = build(f"-fsanitize={sanitizers} -fno-sanitize-recover=all -g1", folder)
         built = time.monotonic()
         tests, failed, reports = run(sanitizers, folder, library)
         times = f"{built - begin:5.0f} s {time.monotonic() - built:5.0f} s"

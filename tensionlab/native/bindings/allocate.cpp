@@ -39,7 +39,12 @@ class Allocation {
   // large.
   bool solve(std::size_t begin, std::size_t end) {
     SweepRemainder remainder{rows_, unsolved_};
-    sweep_for_this_processor()(batch_, {settings_.largest, settings_.tolerance}, begin, end, answer_, remainder);
+    if (has(Route::sweep)) {
+      sweep_for_this_processor()(batch_, {settings_.largest, settings_.tolerance}, begin, end, answer_, remainder);
+    } else {
+      remainder.invalid = true;
+      for (std::size_t row = begin; row < end; ++row) unsolved_[remainder.unsolved_count++] = row;
+    }
     std::copy_n(unsolved_, remainder.unsolved_count, rows_ + remainder.separated_count);
     const Selection rest{0, remainder.separated_count + remainder.unsolved_count, rows_};
     if (rest.count == 0) return true;

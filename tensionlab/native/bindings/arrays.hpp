@@ -1,5 +1,5 @@
-// NumPy arrays in and out of the kernels. The Python callers have checked entries and shapes; shapes are checked
-// again here, because a kernel that reads beyond an array does so silently.
+// NumPy arrays and bytes in and out of the kernels. The Python callers have checked entries and shapes; shapes are
+// checked again here, because a kernel that reads beyond an array does so silently.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -50,6 +50,13 @@ inline Out<double, 1> to_array(const std::vector<double>& numbers) {
 template <class Array>
 std::vector<double> to_vector(const Array& array) {
   return {array.data(), array.data() + array.size()};
+}
+
+inline const std::uint8_t* bytes_of(const nb::bytes& content) {
+  return reinterpret_cast<const std::uint8_t*>(content.c_str());
+}
+inline nb::bytes to_bytes(const std::uint8_t* bytes, std::size_t size) {
+  return nb::bytes(reinterpret_cast<const char*>(bytes), size);
 }
 
 inline void require(bool right, const char* otherwise) {

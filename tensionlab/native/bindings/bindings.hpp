@@ -3,7 +3,12 @@
 
 #include <nanobind/nanobind.h>
 
+#include "firmware/core/frame.hpp"
+
 namespace tensionlab {
+
+// A frame as type, sequence number and payload.
+nanobind::tuple tuple_of(const firmware::Frame&);
 
 void bind_allocate(nanobind::module_&);
 void bind_control_loop(nanobind::module_&);

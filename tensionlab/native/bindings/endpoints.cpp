@@ -1,4 +1,4 @@
-// The host's ends of links to modules, for Python: one by one, all of a rig at once, and their reader.
+// The host's ends of links to modules for Python: single ones, those of all modules of a rig, and their reader.
 #include <nanobind/stl/vector.h>
 
 #include <limits>
@@ -11,20 +11,6 @@
 
 namespace tensionlab {
 namespace {
-
-const std::uint8_t* bytes_of(const nb::bytes& content) {
-  return reinterpret_cast<const std::uint8_t*>(content.c_str());
-}
-
-template <class Bytes>
-nb::bytes to_bytes(const Bytes* bytes, std::size_t size) {
-  return nb::bytes(reinterpret_cast<const char*>(bytes), size);
-}
-
-// As Python's Frame: type, sequence number, payload.
-nb::tuple tuple_of(const firmware::Frame& frame) {
-  return nb::make_tuple(frame.type, frame.sequence, to_bytes(frame.payload, frame.size));
-}
 
 nb::list decode(FrameDecoder& self, const nb::bytes& content) {
   nb::list frames;
@@ -53,18 +39,19 @@ nb::object latest(const Endpoint& self, std::uint64_t seen) {
                         known.latest.received);
 }
 
-// Payload and time of arrival.
-nb::object said(const Telemetry& telemetry, std::uint64_t number) {
+// Payload and time of arrival; None of number 0.
+nb::object report_of(const Telemetry& telemetry, std::uint64_t number) {
   if (number == 0) return nb::none();
   return nb::make_tuple(to_bytes(telemetry.payload, Telemetry::kSize), telemetry.received);
 }
 
-// The telemetry that was checked before, and the latest, if that is to be checked; it counts as checked then.
+// The telemetry that was checked before, and the latest, unless that is the same; the latest counts as checked
+// then.
 nb::object unchecked(Endpoint& self) {
   const Endpoint::Known known = self.known();
   if (known.telemetries == known.checks) return nb::none();
   self.set_checked();
-  return nb::make_tuple(said(known.checked, known.checks), said(known.latest, known.telemetries));
+  return nb::make_tuple(report_of(known.checked, known.checks), report_of(known.latest, known.telemetries));
 }
 
 class EndpointGroup {
@@ -74,11 +61,11 @@ class EndpointGroup {
   }
 
   using Clocks = std::vector<double>;
-  using Mask = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-  using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+  using Mask = Contiguous<bool, 1>;
+  using Numbers = Contiguous<double, 1>;
 
   // Lengths, speeds, tensions, ages and thermal shares (5, m); states, faults, limiters, brakes and last sequence
-  // numbers (5, m). What a module that has reported nothing reports is given.
+  // numbers (5, m). State and limiter of modules that have reported nothing are given.
   nb::tuple observe(const Clocks& clocks, int idle_state, int idle_limit) const {
     const std::size_t m = endpoints_.size();
     require(clocks.size() == m, "one time for each module");
@@ -88,13 +75,13 @@ class EndpointGroup {
     for (std::size_t i = 0; i < m; ++i) {
       const Endpoint::Known known = endpoints_[i]->known();
       const Telemetry& t = known.latest;
-      const bool heard = known.telemetries > 0;
-      const double age = heard ? clocks[i] - t.received : std::numeric_limits<double>::infinity();
-      const double numbers[] = {heard ? t.length : kNan, heard ? t.speed : kNan, heard ? t.tension : kNan, age,
-                                heard ? t.thermal : kNan};
-      const int state = known.state == Endpoint::kNoState ? t.state : known.state;
-      const int last[] = {heard ? state : idle_state, heard ? known.faults : 0, heard ? t.limit : idle_limit,
-                          heard ? t.brake : -1, heard ? t.sequence : -1};
+      const bool reported = known.telemetries > 0;
+      const double age = reported ? clocks[i] - t.received : std::numeric_limits<double>::infinity();
+      const double numbers[] = {reported ? t.length : kNan, reported ? t.speed : kNan, reported ? t.tension : kNan,
+                                age, reported ? t.thermal : kNan};
+      const int state = known.fields.state == Endpoint::kNoState ? t.state : known.fields.state;
+      const int last[] = {reported ? state : idle_state, reported ? known.fields.faults : 0,
+                          reported ? t.limit : idle_limit, reported ? t.brake : -1, reported ? t.sequence : -1};
       for (std::size_t row = 0; row < 5; ++row) {
         measured.data()[row * m + i] = numbers[row];
         codes.data()[row * m + i] = last[row];
@@ -103,7 +90,7 @@ class EndpointGroup {
     return nb::make_tuple(measured, codes);
   }
 
-  // Of modules that take part, those that may not be well; `delays` are of the set-points that they follow.
+  // Indices of active modules that may not be well; delays: those of the set-points that they follow.
   nb::list suspects(const Clocks& clocks, const Mask& active, const Numbers& delays, double ttl) {
     const std::size_t m = endpoints_.size();
     require(clocks.size() == m && active.size() == m && delays.size() == m, "one entry for each module");
@@ -114,15 +101,15 @@ class EndpointGroup {
     return found;
   }
 
-  // Sends tensions to those chosen; returns their sequence numbers, -1 where none was sent; indices of those that
-  // are left to Python, which knows their links or words the error; and of those that failed the index and
-  // the system's error, 0 where only a part was taken.
+  // Sends tensions to the chosen modules. Returns their sequence numbers, -1 where none was sent; indices of those
+  // that Python must send itself; and of those that failed the index and the system's error, 0 where only a part
+  // was sent.
   nb::tuple send(const Numbers& tensions, const Mask& chosen, const Mask& brakes, std::uint16_t ttl_ms) {
     const std::size_t m = endpoints_.size();
     require(tensions.size() == m && chosen.size() == m && brakes.size() == m, "one entry for each module");
     const auto result = make_array<std::int64_t>(m);
     std::int64_t* const sequences = result.data();
-    nb::list left, failed;
+    nb::list unsent, failed;
     for (std::size_t i = 0; i < m; ++i) {
       sequences[i] = Endpoint::kNotSent;
       if (!chosen.data()[i]) continue;
@@ -133,16 +120,23 @@ class EndpointGroup {
       if (sent == Endpoint::Sent::in_part || sent == Endpoint::Sent::broken) {
         failed.append(nb::make_tuple(i, sent == Endpoint::Sent::broken ? error : 0));
       } else if (sent != Endpoint::Sent::yes) {
-        left.append(i);
+        unsent.append(i);
       }
     }
-    return nb::make_tuple(result, left, failed);
+    return nb::make_tuple(result, unsent, failed);
   }
 
  private:
-  nb::tuple owners_;  // not the caller's list, which may change
+  nb::tuple owners_;  // a copy of the caller's list
   std::vector<Endpoint*> endpoints_;
 };
+
+template <class T>
+void bind_field(nb::class_<Endpoint>& endpoint, const char* name, T Endpoint::Fields::* field) {
+  endpoint.def_prop_rw(
+      name, [field](const Endpoint& self) { return self.known().fields.*field; },
+      [field](Endpoint& self, T value) { self.set(field, value); });
+}
 
 std::vector<Descriptor> wait(LinkReader& self) {
   nb::gil_scoped_release unlocked;
@@ -160,8 +154,8 @@ void bind_endpoints(nb::module_& module) {
       .def("feed", &decode)
       .def_prop_ro("bad_frames", &FrameDecoder::bad_frames)
       .def_prop_ro("kept", &FrameDecoder::kept);
-  nb::class_<Endpoint>(module, "Endpoint")
-      .def(nb::init<std::uint8_t>())
+  nb::class_<Endpoint> endpoint(module, "Endpoint");
+  endpoint.def(nb::init<std::uint8_t>())
       .def("feed", [](Endpoint& self, const nb::bytes& content,
                       double now) { return self.feed(bytes_of(content), content.size(), now); })
       .def("take_queue", &take_queue)
@@ -176,19 +170,12 @@ void bind_endpoints(nb::module_& module) {
       .def_prop_ro("bad_frames", [](const Endpoint& self) { return self.known().bad_frames; })
       .def_prop_ro("kept", [](const Endpoint& self) { return self.known().kept; })
       .def_prop_ro("followed", [](const Endpoint& self) { return self.known().followed; })
-      .def_prop_rw(
-          "state", [](const Endpoint& self) { return self.known().state; }, &Endpoint::set_state)
-      .def_prop_rw(
-          "faults", [](const Endpoint& self) { return self.known().faults; }, &Endpoint::set_faults)
-      .def_prop_rw(
-          "session", [](const Endpoint& self) { return self.known().session; }, &Endpoint::set_session)
-      .def_prop_rw(
-          "python_decodes", [](const Endpoint& self) { return self.known().python_decodes; },
-          &Endpoint::set_python_decodes)
-      .def_prop_rw(
-          "needs_attention", [](const Endpoint& self) { return self.known().needs_attention; },
-          &Endpoint::set_needs_attention)
-      .def("set_file", [](Endpoint& self, Descriptor file) { self.set_file(file); });
+      .def("set_file", [](Endpoint& self, Descriptor file) { self.set(&Endpoint::Fields::file, file); });
+  bind_field(endpoint, "state", &Endpoint::Fields::state);
+  bind_field(endpoint, "faults", &Endpoint::Fields::faults);
+  bind_field(endpoint, "session", &Endpoint::Fields::session);
+  bind_field(endpoint, "python_decodes", &Endpoint::Fields::python_decodes);
+  bind_field(endpoint, "needs_attention", &Endpoint::Fields::needs_attention);
   nb::class_<EndpointGroup>(module, "EndpointGroup")
       .def(nb::init<nb::list>())
       .def("observe", &EndpointGroup::observe)

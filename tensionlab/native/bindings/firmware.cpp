@@ -1,5 +1,5 @@
-// The module's firmware and the hardware around it, for Python; and the firmware's tables, so that the host's
-// can't drift from them.
+// The module's firmware and its simulated hardware for Python, and the firmware's tables, which the host uses,
+// too.
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -33,7 +33,7 @@ PlantParameters plant_from(const nb::dict& changes) {
   return parameters;
 }
 
-nb::tuple tuple_of(const Sample& s) {
+nb::tuple sample_tuple(const Sample& s) {
   return nb::make_tuple(s.seconds, s.distance, s.length, s.tension, s.commanded, s.current, s.brake_force, s.state,
                         s.limit, s.driver_on, s.pawl_down);
 }
@@ -57,11 +57,10 @@ void write(const Sample& s, double* row) {
 
 nb::bytes transmit(SimulatedModule& self) {
   std::uint8_t bytes[1024];
-  const std::size_t size = self.transmit(bytes, sizeof bytes);
-  return nb::bytes(reinterpret_cast<const char*>(bytes), size);
+  return to_bytes(bytes, self.transmit(bytes, sizeof bytes));
 }
 
-// Keeps the interpreter's lock, because other threads may read the module; between steps it lets them in.
+// Holds the interpreter's lock, because other threads may read the module; now and then it lets them.
 template <class See>
 void advance_and_see(SimulatedModule& self, std::uint32_t steps, double distance, const See& see) {
   constexpr std::uint32_t kStepsAtOnce = 4000;  // some ms
@@ -100,16 +99,13 @@ void set_broken(SimulatedModule& self, const std::string& name, bool broken) {
   throw nb::key_error(name.c_str());
 }
 
-// The frames in a stream, as (type, sequence, payload), and how many were bad.
+// The frames in a stream by the firmware's parser, as (type, sequence, payload), and the number of bad ones.
 nb::tuple parse_frames(const nb::bytes& stream) {
   firmware::FrameParser parser;
   Frame frame;
   nb::list frames;
-  const auto* bytes = reinterpret_cast<const std::uint8_t*>(stream.c_str());
   for (std::size_t i = 0; i < stream.size(); ++i) {
-    if (!parser.take(bytes[i], frame)) continue;
-    frames.append(nb::make_tuple(frame.type, frame.sequence,
-                                 nb::bytes(reinterpret_cast<const char*>(frame.payload), frame.size)));
+    if (parser.take(bytes_of(stream)[i], frame)) frames.append(tuple_of(frame));
   }
   return nb::make_tuple(frames, parser.bad_frames());
 }
@@ -122,7 +118,7 @@ std::uint8_t one_byte(const char* what, long long number) {
   return static_cast<std::uint8_t>(number);
 }
 
-// A frame on the wire, written by the firmware's function.
+// The bytes of a frame, by the firmware's function.
 nb::bytes build_frame(long long type, long long sequence, const nb::bytes& payload) {
   if (payload.size() > firmware::kMaxPayload) {
     throw std::invalid_argument("a payload has at most " + std::to_string(firmware::kMaxPayload) + " bytes; got " +
@@ -134,8 +130,7 @@ nb::bytes build_frame(long long type, long long sequence, const nb::bytes& paylo
   frame.size = static_cast<std::uint8_t>(payload.size());
   std::memcpy(frame.payload, payload.c_str(), payload.size());
   std::uint8_t bytes[firmware::kMaxFrame];
-  const std::size_t size = firmware::write_frame(frame, bytes);
-  return nb::bytes(reinterpret_cast<const char*>(bytes), size);
+  return to_bytes(bytes, firmware::write_frame(frame, bytes));
 }
 
 nb::list parameters(const SimulatedModule& self) {
@@ -146,42 +141,44 @@ nb::list parameters(const SimulatedModule& self) {
   return values;
 }
 
+// A list of what `convert` makes of each row of a table.
+template <class Table, class Convert>
+nb::list list_of(const Table& table, const Convert& convert) {
+  nb::list rows;
+  for (const auto& row : table) rows.append(convert(row));
+  return rows;
+}
+
 nb::list parameter_table() {
-  nb::list table;
-  for (const firmware::ParameterInfo& info : firmware::kParameters) {
-    table.append(nb::make_tuple(info.name, info.unit, info.lower, info.upper, info.standard));
-  }
-  return table;
+  return list_of(firmware::kParameters, [](const firmware::ParameterInfo& info) {
+    return nb::make_tuple(info.name, info.unit, info.lower, info.upper, info.standard);
+  });
 }
 
 nb::list plant_table() {
-  nb::list table;
-  for (const plant::PlantInfo& info : plant::kPlantTable) {
-    table.append(nb::make_tuple(info.name, info.unit, info.lower, info.standard, info.about));
-  }
-  return table;
+  return list_of(plant::kPlantTable, [](const plant::PlantInfo& info) {
+    return nb::make_tuple(info.name, info.unit, info.lower, info.standard, info.about);
+  });
 }
 
 nb::list plant_parts() {
-  nb::list names;
-  for (const plant::PartInfo& part : plant::kParts) names.append(part.name);
-  return names;
+  return list_of(plant::kParts, [](const plant::PartInfo& part) { return nb::str(part.name); });
 }
 
 // Row by event, column by state: (accepted, next state).
 nb::list transition_table() {
-  nb::list table;
-  for (const auto& row : firmware::kTransitions) {
-    nb::list entries;
-    for (const firmware::Transition& entry : row) {
-      entries.append(nb::make_tuple(entry.accepted, static_cast<int>(entry.next)));
-    }
-    table.append(entries);
-  }
-  return table;
+  return list_of(firmware::kTransitions, [](const auto& row) {
+    return list_of(row, [](const firmware::Transition& entry) {
+      return nb::make_tuple(entry.accepted, static_cast<int>(entry.next));
+    });
+  });
 }
 
 }  // namespace
+
+nb::tuple tuple_of(const Frame& frame) {
+  return nb::make_tuple(frame.type, frame.sequence, to_bytes(frame.payload, frame.size));
+}
 
 void bind_firmware(nb::module_& module) {
   module.def("parse_frames", &parse_frames);
@@ -201,22 +198,16 @@ void bind_firmware(nb::module_& module) {
                                         static_cast<firmware::ResetReason>(reason));
            })
       .def("load",
-           [](SimulatedModule& self, const nb::bytes& image) {
-             return self.load(reinterpret_cast<const std::uint8_t*>(image.c_str()), image.size());
-           })
+           [](SimulatedModule& self, const nb::bytes& image) { return self.load(bytes_of(image), image.size()); })
       .def("stored",
-           [](const SimulatedModule& self) {
-             return nb::bytes(reinterpret_cast<const char*>(self.stored().data()), self.stored().size());
-           })
-      .def("receive",
-           [](SimulatedModule& self, const nb::bytes& bytes, std::uint32_t ahead_us) {
-             self.receive(reinterpret_cast<const std::uint8_t*>(bytes.c_str()), bytes.size(), ahead_us);
-           })
+           [](const SimulatedModule& self) { return to_bytes(self.stored().data(), self.stored().size()); })
+      .def("receive", [](SimulatedModule& self, const nb::bytes& bytes,
+                         std::uint32_t ahead_us) { self.receive(bytes_of(bytes), bytes.size(), ahead_us); })
       .def("transmit", &transmit)
       .def("close_link", &SimulatedModule::close_link)
       .def("advance", &advance)
       .def("trace", &trace)
-      .def("sample", [](const SimulatedModule& self) { return tuple_of(self.sample()); })
+      .def("sample", [](const SimulatedModule& self) { return sample_tuple(self.sample()); })
       .def("faults", [](const SimulatedModule& self) { return self.module().faults(); })
       .def("parameters", &parameters)
       .def("pause", &SimulatedModule::pause)

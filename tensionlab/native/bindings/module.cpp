@@ -1,5 +1,4 @@
-// The Python module tensionlab._native: arrays in, arrays out. Each function is called by the one Python module
-// that owns its subject.
+// The Python module tensionlab._native: arrays in, arrays out.
 #include "bindings/bindings.hpp"
 #include "bindings/share_out.hpp"
 #include "simd/batch.hpp"
@@ -7,7 +6,7 @@
 
 NB_MODULE(_native, module) {
   using namespace tensionlab;
-  nanobind::set_leak_warnings(false);  // threads keep links that nobody closed until the process ends
+  nanobind::set_leak_warnings(false);  // threads hold links that were not closed until the process ends
   find_main_thread();
   module.attr("MAX_COMPONENTS") = kMaxComponents;
   module.attr("MAX_CABLES") = kMaxCables;

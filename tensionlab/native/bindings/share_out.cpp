@@ -1,5 +1,5 @@
-// Threads that share out the rows of a batch. They wait for work and sleep meanwhile: to make one costs as much as
-// hundreds of problems do.
+// Threads that share the rows of a batch. They sleep between batches: starting one takes as long as hundreds of
+// problems.
 #include "bindings/share_out.hpp"
 
 #include <nanobind/nanobind.h>
@@ -28,7 +28,7 @@ using Work = std::function<void(std::size_t, std::size_t)>;
 
 unsigned long main_thread = 0;  // of Python
 
-// TENSIONLAB_NUM_THREADS, or as many as the machine has.
+// TENSIONLAB_NUM_THREADS, or the number of processors.
 unsigned thread_count() {
   if (const char* text = std::getenv("TENSIONLAB_NUM_THREADS")) {
     const long count = std::strtol(text, nullptr, 10);
@@ -39,18 +39,18 @@ unsigned thread_count() {
 
 class SharedBatch;
 thread_local SharedBatch* current = nullptr;  // the batch that this thread takes part in
-thread_local bool hears_signals = false;
+thread_local bool checks_signals = false;
 
-// Rows in blocks, taken one after another by whichever thread is free.
+// Rows in blocks; each free thread takes the next.
 class SharedBatch {
  public:
   SharedBatch(std::size_t size, std::size_t threads, const Work& work)
       : size_(size), largest_(std::max(kFairBlock, size / (kBlocksEach * threads))), work_(work) {}
 
-  // Takes blocks until there is none, or a thread has failed. A block grows while it takes little time.
-  void take_part(bool hears) noexcept {
+  // Solves blocks until there is none, or a thread has failed. A block grows while it takes little time.
+  void take_part(bool signals) noexcept {
     current = this;
-    hears_signals = hears;
+    checks_signals = signals;
     try {
       std::size_t rows = kFirstBlock, begin;
       while ((begin = next_.fetch_add(rows, std::memory_order_relaxed)) < size_) {
@@ -69,7 +69,7 @@ class SharedBatch {
 
   void pass_checkpoint() {
     if (failed_.load(std::memory_order_relaxed)) throw std::exception();  // the first error is kept
-    if (!hears_signals || Clock::now() < next_look_) return;
+    if (!checks_signals || Clock::now() < next_look_) return;
     const nanobind::gil_scoped_acquire locked;
     if (PyErr_CheckSignals() != 0) throw nanobind::python_error();
     next_look_ = Clock::now() + kLookPeriod;
@@ -95,8 +95,7 @@ class SharedBatch {
 class ThreadPool {
  public:
   // The pool of this process, or null while another caller has it. It is never destroyed, because its threads may
-  // outlive whatever else is static; and a fork leaves its child none of them, so that a child makes a pool of its
-  // own.
+  // outlive other static objects. A fork leaves its child no threads, so that the child makes its own pool.
   static ThreadPool* lend() {
     static std::atomic<ThreadPool*> own{nullptr};
     ThreadPool* pool = own.load();
@@ -113,8 +112,8 @@ class ThreadPool {
 
   void give_back() { lent_ = false; }
 
-  // The batch on this thread and on as many others as are awake in time; ends when all of them have ended.
-  void run(SharedBatch& batch, unsigned others, bool hears) {
+  // Runs the batch on this thread and on those of the others that wake up in time; returns when all have ended.
+  void run(SharedBatch& batch, unsigned others, bool signals) {
     grow(others);
     {
       const std::lock_guard<std::mutex> held(state_);
@@ -122,9 +121,9 @@ class ThreadPool {
       wanted_ = std::min(others, threads_);
     }
     for (unsigned k = 0; k < std::min(others, threads_); ++k) wake_.notify_one();
-    batch.take_part(hears);
+    batch.take_part(signals);
     std::unique_lock<std::mutex> held(state_);
-    wanted_ = 0;  // who wakes up now has come too late
+    wanted_ = 0;  // a thread that wakes up now is too late
     done_.wait(held, [this] { return working_ == 0; });
   }
 
@@ -139,7 +138,7 @@ class ThreadPool {
     try {
       for (; threads_ < wanted; ++threads_) std::thread([this] { serve(); }).detach();
     } catch (const std::exception&) {
-      return;  // the system has no more of them: those that there are do it
+      return;  // the system has no more threads: the existing ones do it
     }
   }
 
@@ -159,8 +158,8 @@ class ThreadPool {
 
   const int process_ = process();
   std::atomic<bool> lent_{false};
-  unsigned threads_ = 0;  // the borrower's alone
-  std::mutex state_;      // of what follows
+  unsigned threads_ = 0;  // used by the borrower only
+  std::mutex state_;      // guards the members below
   std::condition_variable wake_, done_;
   SharedBatch* batch_ = nullptr;
   unsigned wanted_ = 0, working_ = 0;
@@ -173,20 +172,20 @@ void checkpoint() {
 }
 
 void share_out(std::size_t size, const Work& work, std::size_t rows_enough) {
-  // Counting the processors costs more than a problem does, so ask only when it matters.
+  // Counting the processors takes longer than a problem, so it is done only for several threads.
   const std::size_t worth = size / rows_enough;
   const std::size_t threads = worth < 2 ? 1 : std::min<std::size_t>(thread_count(), worth);
-  const bool hears = PyThread_get_thread_ident() == main_thread;
+  const bool signals = PyThread_get_thread_ident() == main_thread;
   SharedBatch batch(size, threads, work);
   {
     const nanobind::gil_scoped_release unlocked;
-    // Where another thread of the program has the pool, its own is busy enough.
+    // While another thread of the program uses the pool, the processors are busy.
     ThreadPool* pool = threads < 2 ? nullptr : ThreadPool::lend();
     if (pool != nullptr) {
-      pool->run(batch, static_cast<unsigned>(threads - 1), hears);
+      pool->run(batch, static_cast<unsigned>(threads - 1), signals);
       pool->give_back();
     } else {
-      batch.take_part(hears);
+      batch.take_part(signals);
     }
   }
   batch.rethrow();

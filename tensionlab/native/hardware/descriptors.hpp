@@ -1,4 +1,4 @@
-// Files of links, as the system numbers them: reading and writing without waiting, and waiting for many at once.
+// File descriptors of links: reading and writing without blocking, and waiting for several at once.
 #pragma once
 
 #include <cerrno>
@@ -18,7 +18,7 @@ namespace tensionlab {
 using Descriptor = std::intptr_t;
 constexpr Descriptor kNoDescriptor = -1;
 
-#ifdef _WIN32  // where only sockets can be waited for
+#ifdef _WIN32  // only sockets can be waited for
 
 using Polled = WSAPOLLFD;
 inline int wait_for(std::vector<Polled>& polled) {

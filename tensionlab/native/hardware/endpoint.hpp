@@ -1,12 +1,14 @@
 // The host's end of a link to a module: its latest telemetry and state, and the numbers of what it is sent.
 //
-// Bytes may come in by a thread that has no interpreter. Telemetry is kept here; all other messages are queued for
-// Python, and so is telemetry that comes after one of them, so that their order stays.
+// Bytes may come from a thread without the interpreter's lock. Telemetry is stored here; all other messages are
+// queued for Python, and so is telemetry that comes after one of them, so that their order is kept.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <mutex>
 #include <utility>
@@ -14,13 +16,72 @@
 
 #include "firmware/core/messages.hpp"
 #include "hardware/descriptors.hpp"
-#include "hardware/frame_decoder.hpp"
 
 namespace tensionlab {
 
-constexpr double kMaxLengthJump = 0.05;        // m that a length may differ from where the cable's speeds take it
+constexpr double kMaxLengthJump = 0.05;        // m that a length may differ from the integral of the cable's speed
 constexpr double kMaxAcceleration = 100.0;     // m/s2 of a cable
-constexpr std::uint32_t kRestarted = 1000000;  // us: a module's clock that has gone back by so much has restarted
+constexpr std::uint32_t kRestarted = 1000000;  // us: a module whose clock goes back further has restarted
+
+// Finds frames in a stream of bytes, in pieces of any size. It works on whole pieces, unlike the firmware's
+// parser.
+class FrameDecoder {
+ public:
+  // Calls `found(frame)` for each frame that these bytes complete.
+  template <class Found>
+  void feed(const std::uint8_t* bytes, std::size_t size, Found&& found) {
+    pending_.insert(pending_.end(), bytes, bytes + size);
+    std::size_t begin = 0, at = 0;
+    while (at + firmware::kDelimiter <= pending_.size()) {
+      if (pending_[at] != 0 || pending_[at + 1] != 0 || pending_[at + 2] != 0) {
+        ++at;
+        continue;
+      }
+      decode(begin, at, found);
+      begin = at += firmware::kDelimiter;
+    }
+    const std::size_t rest = skip_zeros(begin, pending_.size());
+    pending_.erase(pending_.begin(), pending_.begin() + static_cast<std::ptrdiff_t>(rest));
+    // Of a piece that is too long only the last zeros matter, with which a delimiter may begin.
+    if (pending_.size() > firmware::kMaxPiece + 2) {
+      const std::uint8_t last[] = {pending_[pending_.size() - 2], pending_[pending_.size() - 1]};
+      pending_.assign(firmware::kMaxPiece + 1, 1);
+      pending_.insert(pending_.end(), last, last + 2);
+    }
+  }
+
+  // Frames that were damaged, too long or too short.
+  std::uint64_t bad_frames() const { return bad_frames_; }
+  // Bytes of a frame that is not complete.
+  std::size_t kept() const { return pending_.size(); }
+
+ private:
+  // Further zeros belong to the delimiter before.
+  std::size_t skip_zeros(std::size_t begin, std::size_t end) const {
+    while (begin < end && pending_[begin] == 0) ++begin;
+    return begin;
+  }
+
+  template <class Found>
+  void decode(std::size_t begin, std::size_t end, Found&& found) {
+    begin = skip_zeros(begin, end);
+    const std::size_t size = end - begin;
+    if (size == 0) return;
+    if (size <= firmware::kMaxPiece) {
+      std::uint8_t piece[firmware::kMaxPiece];  // read_frame overwrites it
+      firmware::Frame frame;
+      std::memcpy(piece, pending_.data() + begin, size);
+      if (firmware::read_frame(piece, size, frame)) {
+        found(frame);
+        return;
+      }
+    }
+    ++bad_frames_;
+  }
+
+  std::vector<std::uint8_t> pending_;
+  std::uint64_t bad_frames_ = 0;
+};
 
 struct Telemetry {
   static constexpr std::size_t kSize = 40;
@@ -33,7 +94,7 @@ struct Telemetry {
   float tension, current, length, speed, supply, thermal;
   double received;  // s, by the clock of the link
 
-  // Whether a payload is one: of its length, and with codes that have a name.
+  // Reads a payload; returns false if its length is wrong or a code unknown.
   bool read(const std::uint8_t* bytes, std::size_t size) {
     if (size != kSize) return false;
     std::copy(bytes, bytes + size, payload);
@@ -57,7 +118,7 @@ struct Telemetry {
     }
     if (faults != 0) return false;
     if (before == nullptr) return true;
-    // By the slower clock: that of a simulated module stands still while its computer gives it no time.
+    // By the slower clock: that of a simulated module stops while its computer gives it no time.
     const double seconds =
         std::max(1e-6 * static_cast<double>(time_us - before->time_us), received - before->received);
     const double mean_speed = 0.5 * (static_cast<double>(before->speed) + static_cast<double>(speed));
@@ -74,15 +135,15 @@ class Endpoint {
   // The numbers of set-points begin after this one.
   explicit Endpoint(std::uint8_t set_point) : set_point_(set_point), armed_(set_point) {}
 
-  // Takes bytes that came at a time in s; whether something is queued for Python now.
+  // Takes bytes received at a time in s; returns whether something is queued for Python now.
   bool feed(const std::uint8_t* bytes, std::size_t size, double now) {
     const std::lock_guard<std::mutex> locked(mutex_);
     decoder_.feed(bytes, size, [&](const firmware::Frame& frame) {
       Telemetry telemetry;
-      if (queue_.empty() && !python_decodes_ &&
+      if (queue_.empty() && !fields_.python_decodes &&
           frame.type == static_cast<std::uint8_t>(firmware::Type::telemetry) &&
           telemetry.read(frame.payload, frame.size)) {
-        keep(telemetry, now);
+        store(telemetry, now);
       } else {
         queue_.push_back(frame);
       }
@@ -90,30 +151,45 @@ class Endpoint {
     return !queue_.empty();
   }
 
-  // What was queued, which then is no more.
+  // Takes the frames out of the queue.
   std::vector<firmware::Frame> take_queue() {
     const std::lock_guard<std::mutex> locked(mutex_);
     return std::exchange(queue_, {});
   }
 
-  // Takes telemetry that was queued; whether it was newer than the latest.
+  // Takes telemetry that was queued; returns whether it was newer than the latest.
   bool take(const Telemetry& telemetry, double now) {
     const std::lock_guard<std::mutex> locked(mutex_);
-    return keep(telemetry, now);
+    return store(telemetry, now);
   }
 
-  // The number of the next set-point: below, its sequence number, and above, how often those began again since
-  // ARM.
+  // The number of the next set-point: its sequence number, and above that the times those were used up since ARM.
   std::uint16_t next_set_point() {
     const std::lock_guard<std::mutex> locked(mutex_);
     return ++set_point_;
   }
 
-  // The sequence number of the next ARM, from which on telemetry may say that it is followed.
+  // The sequence number of the next ARM, from which on telemetry may report that set-points are followed.
   std::uint8_t next_arm() {
     const std::lock_guard<std::mutex> locked(mutex_);
     followed_ = false;
     return armed_ = static_cast<std::uint8_t>(set_point_ = (set_point_ + 1) & 0xFF);
+  }
+
+  // What Python reads and sets.
+  struct Fields {
+    int state = kNoState;
+    std::uint16_t faults = 0, session = 0;
+    bool python_decodes = false;      // Python gets all messages, telemetry too
+    bool needs_attention = false;     // Python knows of a problem: a broken link, a refused set-point
+    Descriptor file = kNoDescriptor;  // of the link, for set-points
+  };
+
+  // Sets a field. After the file was set to kNoDescriptor, the former one is not used any more.
+  template <class T>
+  void set(T Fields::* field, T value) {
+    const std::lock_guard<std::mutex> locked(mutex_);
+    fields_.*field = value;
   }
 
   struct Known {
@@ -121,47 +197,19 @@ class Endpoint {
     std::uint64_t telemetries, checks;  // numbers of the latest, and of the one checked last; 0: none
     std::uint64_t stale, repeated, bad_frames;
     std::size_t kept;
-    int state;
-    std::uint16_t faults, session;
-    bool followed, python_decodes, needs_attention;
+    bool followed;
+    Fields fields;
   };
 
   Known known() const {
     const std::lock_guard<std::mutex> locked(mutex_);
-    return {latest_,         checked_, telemetries_, checks_,  stale_,    repeated_,       decoder_.bad_frames(),
-            decoder_.kept(), state_,   faults_,      session_, followed_, python_decodes_, needs_attention_};
+    return {latest_,         checked_,  telemetries_, checks_, stale_, repeated_, decoder_.bad_frames(),
+            decoder_.kept(), followed_, fields_};
   }
 
-  void set_state(int state) {
-    const std::lock_guard<std::mutex> locked(mutex_);
-    state_ = state;
-  }
-  void set_faults(std::uint16_t faults) {
-    const std::lock_guard<std::mutex> locked(mutex_);
-    faults_ = faults;
-  }
-  void set_session(std::uint16_t session) {
-    const std::lock_guard<std::mutex> locked(mutex_);
-    session_ = session;
-  }
-  // Whether Python is to have all messages, telemetry too.
-  void set_python_decodes(bool python_decodes) {
-    const std::lock_guard<std::mutex> locked(mutex_);
-    python_decodes_ = python_decodes;
-  }
-  // Whether Python knows of something wrong: a broken link, a refused set-point.
-  void set_needs_attention(bool needs_attention) {
-    const std::lock_guard<std::mutex> locked(mutex_);
-    needs_attention_ = needs_attention;
-  }
-  // The descriptor of the link, for set-points; none from the return of this on if it is kNoDescriptor.
-  void set_file(Descriptor file) {
-    const std::lock_guard<std::mutex> locked(mutex_);
-    file_ = file;
-  }
   bool python_decodes() const {
     const std::lock_guard<std::mutex> locked(mutex_);
-    return python_decodes_;
+    return fields_.python_decodes;
   }
 
   // Counts the latest telemetry as checked.
@@ -169,18 +217,18 @@ class Endpoint {
     const std::lock_guard<std::mutex> locked(mutex_);
     check();
   }
-  // The next check knows nothing of what was before.
+  // The next check ignores what was before.
   void clear_checked() {
     const std::lock_guard<std::mutex> locked(mutex_);
     checks_ = 0;
   }
 
-  // Whether a module that is to follow set-points certainly does, and what it reports can be true: what is not
-  // certain is for Python to find out. By the link's clock in s; set-points live for `ttl`.
+  // Whether a module that should follow set-points certainly does, and its report can be true; Python looks into
+  // what is not certain. By the link's clock in s; set-points live for `ttl`.
   bool is_well(double now, double ttl) {
     const std::lock_guard<std::mutex> locked(mutex_);
-    const bool follows = state_ == 1 || state_ == 2;
-    if (needs_attention_ || !follows || telemetries_ == 0 || !(now - latest_.received <= ttl)) return false;
+    const bool follows = fields_.state == 1 || fields_.state == 2;
+    if (fields_.needs_attention || !follows || telemetries_ == 0 || !(now - latest_.received <= ttl)) return false;
     if (latest_.thermal >= 1.0F) return false;
     if (telemetries_ != checks_) {
       if (!latest_.is_plausible(checks_ == 0 ? nullptr : &checked_)) return false;
@@ -191,17 +239,17 @@ class Endpoint {
 
   enum class Sent { yes, no_link, not_a_number, in_part, broken };
 
-  // Sends SET_TENSION; its number, which is kNotSent where it was not sent.
+  // Sends SET_TENSION; returns its sequence number, or kNotSent.
   std::pair<std::int64_t, Sent> send_tension(double tension, bool brake, std::uint16_t ttl_ms, int& error) {
     const std::lock_guard<std::mutex> locked(mutex_);
-    if (file_ == kNoDescriptor) return {kNotSent, Sent::no_link};
+    if (fields_.file == kNoDescriptor) return {kNotSent, Sent::no_link};
     const auto number = static_cast<float>(tension);
     if (!std::isfinite(number)) return {kNotSent, Sent::not_a_number};
     firmware::Frame frame;
     frame.type = static_cast<std::uint8_t>(firmware::Type::set_tension);
     frame.sequence = static_cast<std::uint8_t>(++set_point_);
     firmware::Writer writer(frame.payload);
-    writer.u16(session_);
+    writer.u16(fields_.session);
     writer.f32(number);
     writer.u8(brake ? 1 : 0);
     writer.u16(ttl_ms);
@@ -209,15 +257,15 @@ class Endpoint {
     frame.size = static_cast<std::uint8_t>(writer.size());
     std::uint8_t bytes[firmware::kMaxFrame];
     const std::size_t size = firmware::write_frame(frame, bytes);
-    const std::int64_t taken = write_now(file_, bytes, size, error);
+    const std::int64_t taken = write_now(fields_.file, bytes, size, error);
     if (taken < 0) return {kNotSent, Sent::broken};
     if (taken != static_cast<std::int64_t>(size)) return {kNotSent, Sent::in_part};
     return {frame.sequence, Sent::yes};
   }
 
  private:
-  // Whether it is newer than the latest: sent after it, or by a module that has restarted since.
-  bool keep(const Telemetry& telemetry, double now) {
+  // Returns whether it is newer than the latest: sent after it, or by a module that has restarted since.
+  bool store(const Telemetry& telemetry, double now) {
     if (telemetries_ > 0 && latest_.time_us - telemetry.time_us < kRestarted) {
       ++stale_;
       ++repeated_;
@@ -227,12 +275,12 @@ class Endpoint {
     latest_ = telemetry;
     latest_.received = now;
     ++telemetries_;
-    // Numbers alone do not tell: an idle module repeats the last of an earlier session, or 0.
+    // The sequence number alone does not tell: an idle module repeats the last of an earlier session, or 0.
     const auto since = static_cast<std::uint8_t>(telemetry.sequence - armed_);
     if (telemetry.follows_set_points() && since <= static_cast<std::uint8_t>(set_point_ - armed_))
       followed_ = true;
-    state_ = telemetry.state;
-    faults_ = telemetry.faults;
+    fields_.state = telemetry.state;
+    fields_.faults = telemetry.faults;
     return true;
   }
 
@@ -246,11 +294,10 @@ class Endpoint {
   std::vector<firmware::Frame> queue_;
   Telemetry latest_{}, checked_{};
   std::uint64_t telemetries_ = 0, checks_ = 0, stale_ = 0, repeated_ = 0;
-  int state_ = kNoState;
-  std::uint16_t faults_ = 0, session_ = 0, set_point_;
+  std::uint16_t set_point_;
   std::uint8_t armed_;
-  bool followed_ = false, python_decodes_ = false, needs_attention_ = false;
-  Descriptor file_ = kNoDescriptor;
+  bool followed_ = false;
+  Fields fields_;
 };
 
 }  // namespace tensionlab

@@ -1,14 +1,14 @@
-// Do the lengths of all cables still belong together, or has one of them drifted away from the truth?
+// Consistency of the lengths of all cables, and detection of one that has drifted.
 //
-// More cables than unknowns leave residuals. A bias b of cable i appears in its own as s_i b, where s_i, from 0 to
-// 1, is how much the other cables know of it; the residual over s_i, both averaged over some time, is the least
-// squares estimate of b. A cable is in doubt where this estimate, in standard deviations of a residual (over the
-// root of s_i), is above a threshold, and the threshold is that at which the bias changes the rendered force by
-// kMaxForceError. So integrity monitoring works in satellite navigation (RAIM): Parkinson and Axelrad 1988,
+// With more cables than unknowns there are residuals. A bias b of cable i appears in its own as s_i b, where s_i,
+// from 0 to 1, is the share that the other cables determine; the residual over s_i, both averaged over some time,
+// is the least squares estimate of b. A cable is in doubt where this estimate, in standard deviations of a
+// residual (over the root of s_i), is above a threshold: that at which the bias changes the rendered force by
+// kMaxForceError. This is integrity monitoring as in satellite navigation (RAIM): Parkinson and Axelrad 1988,
 // Navigation 35(2), for the test; Brown 1992, Navigation 39(3), for the protection level, the largest error that
-// an unnoticed bias can make at the geometry of the moment, which grows without bound near singular poses.
+// an undetected bias can cause at the present geometry, which grows without bound near singular poses.
 //
-// A length must also follow from the cable's own speed, whatever the others say: the creep is what it does not.
+// A length must also agree with the integral of the cable's own speed: the creep is the difference.
 #pragma once
 
 #include <algorithm>
@@ -21,16 +21,16 @@
 
 namespace tensionlab {
 
-constexpr double kMaxForceError = 0.5;     // N: of the force, by a bias that is not in doubt yet
+constexpr double kMaxForceError = 0.5;     // N: error of the force by a bias that is not in doubt
 constexpr double kMinLengthDoubt = 0.008;  // m: residuals below this are noise
-constexpr double kMaxLengthDoubt = 0.04;   // m: residuals above this are in doubt, however little they do
+constexpr double kMaxLengthDoubt = 0.04;   // m: residuals above this are in doubt, whatever their effect
 constexpr double kLengthDoubtTime = 0.25;  // s: time constant of the averages
-constexpr double kReferenceTime = 0.5;     // s: residuals of that time are the calibration's own
-constexpr double kMaxSpeedResidual = 0.3;  // m/s: above this a slack cable is being reeled in
-constexpr double kCreepTime = 10.0;        // s: time constant in which a creep is forgotten
-constexpr double kMaxCreepSpeed = 0.25;    // m/s: what is faster is a jump, which others look for
-constexpr double kMaxCheckPeriod = 0.1;    // s: after a longer pause there is nothing to compare with
-constexpr double kMinLeverage = 1e-9;      // of s_i: the others know nothing
+constexpr double kReferenceTime = 0.5;     // s: the residuals of this time are due to the calibration
+constexpr double kMaxSpeedResidual = 0.3;  // m/s: above this a slack cable is taken up
+constexpr double kCreepTime = 10.0;        // s: time constant of the decay of a creep
+constexpr double kMaxCreepSpeed = 0.25;    // m/s: faster changes are jumps, which are detected elsewhere
+constexpr double kMaxCheckPeriod = 0.1;    // s: after a longer pause lengths are not compared
+constexpr double kMinLeverage = 1e-9;      // s_i below which the others determine nothing
 
 class LengthCheck {
  public:
@@ -53,15 +53,14 @@ class LengthCheck {
   std::size_t size() const { return known_.size(); }
   const std::vector<double>& doubts() const { return doubts_; }
   const std::vector<double>& creeps() const { return creeps_; }
-  // How far a cable's length is from what the others say, in m: in standard deviations, if that of a length is 1
-  // m.
+  // Deviation of a cable's length from the others, in standard deviations, if that of a length is 1 m.
   double residual(std::size_t cable) const {
     return std::abs(residuals_[cable]) / std::sqrt(std::max(shares_[cable], kMinLeverage));
   }
   // Estimate of a cable's bias in m.
   double bias(std::size_t cable) const { return residuals_[cable] / std::max(shares_[cable], kMinLeverage); }
 
-  // Take lengths of one time, which the tracker has followed, so many s after those before.
+  // Takes the lengths that the tracker followed last, the given time after those before.
   Result update(const PoseTracker& tracker, const double* lengths, const double* speeds, const double* tensions,
                 const bool* known, double seconds) {
     if (!std::equal(known_.begin(), known_.end(), known, [](char a, bool b) { return (a != 0) == b; }))
@@ -79,7 +78,7 @@ class LengthCheck {
     return result;
   }
 
-  // Largest change of the force in N by a bias that is not in doubt, at these tensions and the latest pose.
+  // The largest change of the force in N by a bias that is not in doubt, at these tensions and the latest pose.
   double protection(const PoseTracker& tracker, const double* tensions) const {
     if (!solved_) return std::numeric_limits<double>::infinity();
     double largest = 0.0;
@@ -92,12 +91,12 @@ class LengthCheck {
   }
 
  private:
-  // Change of the force by a bias of a cable in N/m; the bias is in standard deviations, if one is 1 m.
+  // Change of the force by a bias of a cable, in N/m of a bias in standard deviations, if one is 1 m.
   double force_change(const PoseTracker& tracker, std::size_t cable, const double* tensions) const {
     return tracker.force_change(motions_[cable], tensions) / std::sqrt(std::max(shares_[cable], kMinLeverage));
   }
 
-  // Bias in m from which on a cable is in doubt that changes the force by so many N/m.
+  // Bias in m from which on a cable is in doubt, by its change of the force in N/m.
   static double threshold(double force) {
     return std::clamp(kMaxForceError / std::max(force, 1e-9), kMinLengthDoubt, kMaxLengthDoubt);
   }
@@ -129,8 +128,8 @@ class LengthCheck {
     return largest;
   }
 
-  // Motions of the platform by a bias of 1 m of each cable, (W W')^-1 W. False at a singular pose, and where there
-  // is no cable more than unknowns.
+  // Motions of the platform by a bias of 1 m of each cable, (W W')^-1 W. False at a singular pose, or without more
+  // cables than unknowns.
   bool solve_motions(const PoseTracker& tracker) {
     const int n = tracker.dof();
     if (std::count(known_.begin(), known_.end(), 1) <= n) return false;
@@ -164,27 +163,27 @@ class LengthCheck {
     return true;
   }
 
-  // What no motion of the platform explains of these numbers, one for each cable.
-  void project(const PoseTracker& tracker, const double* numbers, double* left) const {
+  // The part of these numbers, one for each cable, that no motion of the platform explains.
+  void project(const PoseTracker& tracker, const double* numbers, double* rest) const {
     Vector twist{};
     for (std::size_t k = 0; k < size(); ++k) {
       if (!known_[k]) continue;
       for (int i = 0; i < tracker.dof(); ++i) twist[i] += motions_[k][i] * numbers[k];
     }
     for (std::size_t k = 0; k < size(); ++k) {
-      left[k] = 0.0;
+      rest[k] = 0.0;
       if (!known_[k]) continue;
-      left[k] = numbers[k];
-      for (int i = 0; i < tracker.dof(); ++i) left[k] -= tracker.entry(i, static_cast<int>(k)) * twist[i];
+      rest[k] = numbers[k];
+      for (int i = 0; i < tracker.dof(); ++i) rest[k] -= tracker.entry(i, static_cast<int>(k)) * twist[i];
     }
   }
 
   void average(const PoseTracker& tracker, const double* speeds, double seconds) {
-    std::vector<double>& left = left_;
-    left.resize(size());
-    project(tracker, speeds, left.data());
+    std::vector<double>& rest = rest_;
+    rest.resize(size());
+    project(tracker, speeds, rest.data());
     double squares = 0.0;
-    for (const double speed : left) squares += speed * speed;
+    for (const double speed : rest) squares += speed * speed;
     if (!(squares < kMaxSpeedResidual * kMaxSpeedResidual)) return;
     if (settled_ < kReferenceTime) {
       settled_ += seconds;
@@ -193,7 +192,7 @@ class LengthCheck {
       }
       return;
     }
-    project(tracker, reference_.data(), left.data());
+    project(tracker, reference_.data(), rest.data());
     const double part = std::min(seconds / kLengthDoubtTime, 1.0);
     for (std::size_t i = 0; i < size(); ++i) {
       if (!known_[i]) continue;
@@ -201,13 +200,13 @@ class LengthCheck {
       for (int j = 0; j < tracker.dof(); ++j) {
         share -= tracker.entry(j, static_cast<int>(i)) * motions_[i][static_cast<std::size_t>(j)];
       }
-      residuals_[i] += part * (tracker.residuals()[i] - left[i] - residuals_[i]);
+      residuals_[i] += part * (tracker.residuals()[i] - rest[i] - residuals_[i]);
       shares_[i] += part * (share - shares_[i]);
     }
   }
 
   std::vector<char> known_;
-  std::vector<double> residuals_, shares_, reference_, lengths_, speeds_, doubts_, creeps_, left_;
+  std::vector<double> residuals_, shares_, reference_, lengths_, speeds_, doubts_, creeps_, rest_;
   std::vector<Vector> motions_;
   double settled_ = 0.0;
   bool first_ = true, solved_ = false;

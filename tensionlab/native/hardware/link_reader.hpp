@@ -1,4 +1,4 @@
-// Waits for all links at once, and reads those whose bytes need no interpreter.
+// Waits for all links at once, and reads those that Python does not read itself.
 #pragma once
 
 #include <algorithm>
@@ -27,7 +27,7 @@ inline double seconds_now() {
 
 class LinkReader {
  public:
-  // Wait for a file too. What comes goes to an endpoint, unless that is null: then Python reads it.
+  // Adds a file to those waited for. Its bytes go to the endpoint; if that is null, Python reads them.
   void add(Descriptor file, Endpoint* endpoint) {
     drop(file);
     polled_.push_back(polled_of(file));
@@ -43,8 +43,8 @@ class LinkReader {
     }
   }
 
-  // Reads until there is something for Python to do, and returns the files where: messages are queued, or it is to
-  // read itself, which is also how it learns of an error or an end.
+  // Reads until Python has something to do, and returns the files where: messages are queued, or Python must read
+  // itself, which also tells it of an error or an end.
   std::vector<Descriptor> wait() {
     std::vector<Descriptor> for_python;
     while (for_python.empty()) {
@@ -59,7 +59,7 @@ class LinkReader {
  private:
   static constexpr std::size_t kReadBytes = 4096;
 
-  // Whether nothing is left for Python to do.
+  // Returns whether Python has nothing to do.
   bool read(std::size_t i) {
     Endpoint* const endpoint = endpoints_[i];
     if (polled_[i].revents != POLLIN || endpoint == nullptr || endpoint->python_decodes()) return false;

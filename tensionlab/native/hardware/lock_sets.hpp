@@ -1,5 +1,5 @@
-// Which brakes to lock for one wall after the other: every small set of cables that may be locked, priced.
-// tensionlab/haptics/brakes/choice.py states the rule.
+// Choice of the brakes to lock for each wall: the cheapest small set of the cables that may be locked, by the rule
+// of tensionlab/haptics/brakes/choice.py.
 #pragma once
 
 #include <cmath>
@@ -12,8 +12,8 @@
 namespace tensionlab {
 
 // Walls: structure (size, n, m), normal (size, n), force and stiffness_ratio (size), pushing (size), held (size,
-// m); lower, upper and stronger (m): the motors' limits, and the upper ones with a locked brake; brake (m): is
-// there one?
+// m); lower, upper and stronger (m): the motors' limits, and the upper ones with a locked brake; brake (m):
+// whether the module has one.
 struct Walls {
   Batch motors;  // structure, normal as wrench, lower, upper
   const double *force, *stiffness_ratio, *stronger;
@@ -43,7 +43,7 @@ class LockSets {
     const double* normal = walls_.motors.wrench[wall];
     const double force = walls_.force[wall];
     structure_ = walls_.motors.structure[wall];
-    for (int k = 0; k < walls_.motors.n; ++k) wanted_[k] = force * normal[k];
+    for (int k = 0; k < walls_.motors.n; ++k) desired_[k] = force * normal[k];
     const std::size_t first = wall * static_cast<std::size_t>(m_);
     Set may = 0, held = 0;
     for (int i = 0; i < m_; ++i) {
@@ -60,7 +60,7 @@ class LockSets {
     sets_.assign(1, 0);
     price(0, held, force, wall);
     if (best_ > negligible(force)) {
-      // No set can cost less than its locks do. Where the motors do, there is nothing to gain.
+      // No set costs less than its locks, which may already be more than the best so far.
       const double bonus = held != 0 ? rule_.hysteresis : 0.0;
       for (int size = 1; size <= rule_.most && best_ > (rule_.price * size - bonus) * force; ++size) {
         grow(may, walls_.stiffness_ratio[wall]);
@@ -73,7 +73,8 @@ class LockSets {
  private:
   double negligible(double force) const { return rule_.negligible * std::fmax(1.0, force); }
 
-  // All sets of one cable more: each with every later cable. What is too stiff only becomes stiffer.
+  // Replaces the sets by those with one more cable, a later one each. A set that is too stiff only becomes
+  // stiffer.
   void grow(Set may, double stiffness_ratio) {
     larger_.clear();
     for (const Set set : sets_) {
@@ -103,7 +104,7 @@ class LockSets {
     return most;
   }
 
-  // Solve for all sets, which are of one size, and keep the cheapest if it is cheaper than any before.
+  // Solves for all sets, which are of one size, and keeps the cheapest if it is cheaper than the best so far.
   void price(int size, Set held, double force, std::size_t wall) {
     const std::size_t count = sets_.size(), m = static_cast<std::size_t>(m_);
     const auto n = static_cast<std::size_t>(walls_.motors.n);
@@ -118,17 +119,17 @@ class LockSets {
     }
     const Rows lower{walls_.motors.lower[0], 0};
     const Batch batch{
-        count, walls_.motors.n,      m_, {structure_, 0}, {wanted_, 0}, lower, {upper_.data(), walls_.motors.m},
+        count, walls_.motors.n,      m_, {structure_, 0}, {desired_, 0}, lower, {upper_.data(), walls_.motors.m},
         lower, walls_.motors.weights};
     newton_for_this_processor()(batch, Policy::force, rank_tolerance_, 0.0, {0, count}, 0,
                                 {tensions_.data(), separation_.data(), iterations_.data()});
     for (std::size_t row = 0; row < count; ++row) {
-      const double left = missing(tensions_.data() + row * m);
+      const double error = error_of(tensions_.data() + row * m);
       const double bonus = held != 0 && sets_[row] == held ? rule_.hysteresis : 0.0;
-      const double cost = left + (rule_.price * size - bonus) * force;
+      const double cost = error + (rule_.price * size - bonus) * force;
       if (!(cost < best_ - negligible(force))) continue;  // among equals the first, whatever the rounding
       best_ = cost;
-      answer_.unresisted[wall] = left;
+      answer_.unresisted[wall] = error;
       for (std::size_t i = 0; i < m; ++i) {
         answer_.locked[wall * m + i] = (sets_[row] >> i & 1) != 0;
         answer_.tensions[wall * m + i] = tensions_[row * m + i];
@@ -136,10 +137,10 @@ class LockSets {
     }
   }
 
-  double missing(const double* tensions) const {
+  double error_of(const double* tensions) const {
     double square = 0;
     for (int k = 0; k < walls_.motors.n; ++k) {
-      double sum = -wanted_[k];
+      double sum = -desired_[k];
       for (int i = 0; i < m_; ++i) sum += structure_[k * m_ + i] * tensions[i];
       square += sum * sum;
     }
@@ -152,7 +153,7 @@ class LockSets {
   const LockAnswer& answer_;
   int m_;
   const double* structure_ = nullptr;
-  double wanted_[kMaxComponents], best_ = 0;
+  double desired_[kMaxComponents], best_ = 0;
   std::vector<Set> sets_, larger_;
   std::vector<double> upper_, tensions_, separation_;
   std::vector<std::int64_t> iterations_;

@@ -1,8 +1,8 @@
-// Where is a platform whose cables have these lengths, if it was near here a moment ago? Gauss and Newton's method
-// on the twist, as tensionlab/model/kinematics.py has it for a pose that nobody knows.
+// Pose of a platform from its cable lengths, starting at the pose a moment ago: the Gauss-Newton method on the
+// twist, as in tensionlab/model/kinematics.py.
 //
-// The derivative of the lengths is -W' (W: structure matrix). What the known lengths leave open stays as it was:
-// the step is the shortest one, by the eigenvalues of W W'.
+// The derivative of the lengths is -W' (W: structure matrix). What the known lengths do not determine stays as it
+// was: the step is the shortest one, by the eigenvalues of W W'.
 #pragma once
 
 #include <algorithm>
@@ -15,18 +15,18 @@
 
 namespace tensionlab {
 
-constexpr int kMaxFreedoms = 6;
-// Eigenvalues of W W' below this share of the largest are none: the square of that for singular values of W.
+constexpr int kMaxDof = 6;
+// Eigenvalues of W W' below this share of the largest count as zero: the square of the share for singular values.
 constexpr double kSmallestShare = 1e-12;
 constexpr int kJacobiSweeps = 30;
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kRounding = 1e-6;  // rad: an arc that is negative by more than that has gone round the pulley
+constexpr double kRounding = 1e-6;  // rad: a more negative arc has wrapped around the pulley
 
-using Vector = std::array<double, kMaxFreedoms>;
-using Matrix = std::array<Vector, kMaxFreedoms>;
+using Vector = std::array<double, kMaxDof>;
+using Matrix = std::array<Vector, kMaxDof>;
 
-// The shortest solution x of A x = b in the least-squares sense, for a symmetric A without negative eigenvalues.
-// Jacobi's rotations (Golub and Van Loan, section 8.5).
+// The shortest least-squares solution x of A x = b, for a symmetric A without negative eigenvalues, by Jacobi
+// rotations (Golub and Van Loan, section 8.5).
 inline Vector shortest_solution(Matrix a, const Vector& b, int n) {
   Matrix v{};
   for (int i = 0; i < n; ++i) v[i][i] = 1.0;
@@ -75,8 +75,8 @@ inline Vector shortest_solution(Matrix a, const Vector& b, int n) {
 
 class PoseTracker {
  public:
-  // Anchors, attachments and axes of pulleys are (m, d), row by row; a rig that cannot turn has no attachments.
-  // One radius of a pulley a cable, and none if no cable goes over one.
+  // Anchors, attachments and axes of pulleys are (m, d), row by row, radii of pulleys (m). A rig that cannot turn
+  // has no attachments, one without pulleys no radii and axes.
   PoseTracker(std::vector<double> anchors, std::vector<double> attachments, std::vector<double> position,
               std::vector<double> radii, std::vector<double> axes)
       : anchors_(std::move(anchors)),
@@ -102,21 +102,20 @@ class PoseTracker {
   const std::vector<double>& structure() const { return structure_; }
   const std::vector<double>& residuals() const { return residuals_; }
 
-  // Follow the known ones of these lengths, in at most so many steps; one that is shorter than `found` is the
-  // last.
-  void follow(const double* lengths, const bool* known, int steps, double found) {
-    compare(lengths, known);
+  // Follows the known lengths in at most this many steps, until one is shorter than the tolerance.
+  void follow(const double* lengths, const bool* known, int steps, double tolerance) {
+    update(lengths, known);
     for (int step = 0; step < steps; ++step) {
       const Vector twist = velocity(residuals_.data(), known);
       move(twist);
-      compare(lengths, known);
+      update(lengths, known);
       double longest = 0.0;
       for (int i = 0; i < n_; ++i) longest = std::max(longest, std::abs(twist[i]));
-      if (longest < found) break;
+      if (longest < tolerance) break;
     }
   }
 
-  // Which twist fits the known ones of these speeds of paying out best? At the latest pose.
+  // The twist that fits the known speeds of paying out best, at the latest pose.
   Vector velocity(const double* speeds, const bool* known) const {
     Matrix normal{};
     Vector right{};
@@ -132,35 +131,35 @@ class PoseTracker {
 
   double entry(int row, int cable) const { return structure_[static_cast<std::size_t>(row * m_ + cable)]; }
 
-  // By how much the force of these tensions changes, as the platform goes along a small twist: the cables turn.
+  // The change of the force of these tensions by a small twist of the platform, which turns the cables.
   double force_change(const Vector& twist, const double* tensions) const {
     double change[3] = {0.0, 0.0, 0.0};
     for (int cable = 0; cable < m_; ++cable) {
       const auto index = static_cast<std::size_t>(cable);
       if (!(tensions[cable] > 0.0)) continue;
       const std::array<double, 3>& arm = arms_[index];
-      double way[3] = {twist[0], twist[1], d_ == 3 ? twist[2] : 0.0}, along = 0.0;
+      double motion[3] = {twist[0], twist[1], d_ == 3 ? twist[2] : 0.0}, along = 0.0;
       if (n_ == 6) {
         for (int i = 0; i < 3; ++i) {
           const int j = (i + 1) % 3, k = (i + 2) % 3;
-          way[i] +=
+          motion[i] +=
               twist[static_cast<std::size_t>(3 + j)] * arm[k] - twist[static_cast<std::size_t>(3 + k)] * arm[j];
         }
       } else if (n_ > d_) {
-        way[0] -= twist[2] * arm[1];
-        way[1] += twist[2] * arm[0];
+        motion[0] -= twist[2] * arm[1];
+        motion[1] += twist[2] * arm[0];
       }
-      for (int i = 0; i < d_; ++i) along += entry(i, cable) * way[i];
+      for (int i = 0; i < d_; ++i) along += entry(i, cable) * motion[i];
       for (int i = 0; i < d_; ++i) {
-        change[i] -= tensions[cable] / lengths_[index] * (way[i] - along * entry(i, cable));
+        change[i] -= tensions[cable] / lengths_[index] * (motion[i] - along * entry(i, cable));
       }
     }
     return std::sqrt(change[0] * change[0] + change[1] * change[1] + change[2] * change[2]);
   }
 
  private:
-  // Structure matrix at the pose, and what its lengths are short of those measured; zero where unknown.
-  void compare(const double* lengths, const bool* known) {
+  // Updates the structure matrix at the pose, and the residuals of the lengths measured; zero where unknown.
+  void update(const double* lengths, const bool* known) {
     const auto at = [this](const std::vector<double>& rows, int cable, int axis) {
       return rows[static_cast<std::size_t>(cable * d_ + axis)];
     };
@@ -172,7 +171,7 @@ class PoseTracker {
         }
         u[i] = at(anchors_, cable, i) - position_[static_cast<std::size_t>(i)] - arm[i];
       }
-      const double length = leave(cable, u);
+      const double length = route(cable, u);
       lengths_[static_cast<std::size_t>(cable)] = length;
       arms_[static_cast<std::size_t>(cable)] = {arm[0], arm[1], arm[2]};
       for (int i = 0; i < d_; ++i) set(i, cable, u[i]);
@@ -188,14 +187,14 @@ class PoseTracker {
     }
   }
 
-  // u, from attachment to anchor, becomes a unit vector along the cable; how long that is, from its anchor.
-  double leave(int cable, double (&u)[3]) const {
+  // Turns u, from attachment to anchor, into the unit vector along the cable; returns its length from the anchor.
+  double route(int cable, double (&u)[3]) const {
     if (!radii_.empty()) {
       const double radius = radii_[static_cast<std::size_t>(cable)];
       const double* axis = axes_.data() + static_cast<std::size_t>(cable * d_);
       const auto root = [](double x) { return std::sqrt(x); };
       const auto choose = [](bool test, double yes, double no) { return test ? yes : no; };
-      const auto arc = go_over_pulley(u, d_, radius, axis, root, choose);
+      const auto arc = route_over_pulley(u, d_, radius, axis, root, choose);
       double angle = std::atan2(arc.sine, arc.cosine);
       if (angle < -kRounding) angle += 2.0 * kPi;
       return arc.straight + radius * angle;
@@ -207,7 +206,7 @@ class PoseTracker {
 
   void set(int row, int cable, double value) { structure_[static_cast<std::size_t>(row * m_ + cable)] = value; }
 
-  // Go along a small twist: the platform turns by the exponential map (Rodrigues).
+  // Moves the platform by a small twist; it turns by the exponential map (Rodrigues).
   void move(const Vector& twist) {
     for (int i = 0; i < d_; ++i) position_[static_cast<std::size_t>(i)] += twist[static_cast<std::size_t>(i)];
     if (n_ == d_) return;

@@ -1,7 +1,7 @@
-// Ends the process when Python can do nothing any more: a native call keeps the interpreter, and does not return.
+// Ends the process when Python is blocked: a native call holds the interpreter's lock and does not return.
 //
-// A thread of its own counts down, tick by tick, and needs no interpreter for it. Ticks and not times are counted:
-// a process that was stopped, or got no time on a busy machine, has not missed any.
+// A thread counts ticks down without that lock. It counts ticks and not time: a process that was stopped, or got
+// no time on a busy machine, has not missed any.
 #pragma once
 
 #include <atomic>
@@ -18,13 +18,13 @@ namespace tensionlab {
 
 class Watchdog {
  public:
-  // Said on stderr when time is up; exit status 1 then. It counts from the first kick on.
+  // message: written to stderr when time is up, before the exit with status 1. It counts from the first kick on.
   explicit Watchdog(std::string message) : message_(std::move(message)), thread_([this] { watch(); }) {}
   ~Watchdog() { close(); }
   Watchdog(const Watchdog&) = delete;
   Watchdog& operator=(const Watchdog&) = delete;
 
-  // All is well; the next kick comes within so many s.
+  // Restarts the countdown: the next kick must come within this time in s.
   void kick(double seconds) { ticks_left_ = static_cast<long>(seconds / kTickSeconds) + 1; }
 
   void close() {

@@ -11,6 +11,14 @@ namespace tensionlab {
 constexpr int kMaxComponents = 6;
 constexpr int kMaxCables = 32;
 
+// Routes that only save time. benchmarks/ablation.py builds the module without one, by the bits of
+// TENSIONLAB_WITHOUT, to measure its gain.
+#if !defined(TENSIONLAB_WITHOUT)
+#define TENSIONLAB_WITHOUT 0
+#endif
+enum class Route { sweep, guess, separation_in_sweep, nearest_face, proof_in_face, null_plane, gram_schmidt };
+constexpr bool has(Route route) { return (TENSIONLAB_WITHOUT >> static_cast<int>(route) & 1) == 0; }
+
 // What to render where the wrench is infeasible.
 enum class Policy { force, tension, direction };
 constexpr int kPolicies = 3;

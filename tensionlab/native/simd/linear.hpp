@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "simd/lanes.hpp"
+#include "simd/batch.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
@@ -83,7 +83,7 @@ struct Whitening {
 
   // structure: n x m, row by row; n <= N, m <= M.
   Whitening(const Real* structure, int n, int m, Real rank_tolerance) {
-    if (!orthogonalise(structure, n, m)) decompose(structure, n, m, rank_tolerance);
+    if (!has(Route::gram_schmidt) || !orthogonalise(structure, n, m)) decompose(structure, n, m, rank_tolerance);
   }
 
  private:

@@ -1,23 +1,26 @@
-// How the tensions of one problem change with what they were chosen for, at an answer of the exact solver.
+// Derivatives of the tensions of one problem by its structure, wrench, limits and reference, at an answer of the
+// exact solver.
 //
-// Some cables are free, F; the others are held by a limit. While that stays so, the tensions are smooth:
+// Some cables are free, F; the others are held at a limit. While that does not change, the tensions are smooth:
 //
 //   dt = P (s dw - dW tau - W_held dlimits) + K (dW'z + dreference) + dlimits
 //
-// with P and K zero but in the rows of F, and, with X the pseudo-inverse of D W_F:
+// with P and K zero outside the rows of F, and, with X the pseudo-inverse of D W_F:
 //
-//              s  D                  P                      K                             tau      z
-//   render     1  1                  X                      I_F - P W_F                   t        the multiplier
-//   y force      1  root of weights    X D                    X X'                          t        D'D r tension
-//   1  whitens W          X D                    X X' - P W                    t + W'z  D'D r direction  s  1 X (1
-//   - w d'/(d'w))     0                             t        -
+// clang-format off
+//              s  D                  P                      K               tau      z
+//   render     1  1                  X                      I_F - P W_F     t        the multiplier y
+//   force      1  root of weights    X D                    X X'            t        D'D r
+//   tension    1  whitens W          X D                    X X' - P W      t + W'z  D'D r
+//   direction  s  1                  X (1 - w d'/(d'w))     0               t        -
+// clang-format on
 //
 // r = w - W t is the error, d the normal of the face that w is beyond. dreference counts for `render` alone. Where
 // W has fewer cables than components, all independent, `tension` is W+ w, clipped: K = P W+', z = w - W W+ w.
 //
-// That is smooth only if the columns of F are as many as they have to be and independent, and what holds the
-// others is clear. Elsewhere it is a kink: the numbers are those of the cables as they are held, with the
-// pseudo-inverse.
+// That is smooth only if the columns of F are independent and of the right number, and clear forces hold the
+// others at their limits. Elsewhere there is a kink: the numbers are those for the cables as they are held, with
+// the pseudo-inverse.
 //
 // Sources: Amos and Kolter (2017), "OptNet: differentiable optimization as a layer in neural networks", for the
 // conditions of a quadratic program, differentiated; Golub and Pereyra (1973), "The differentiation of
@@ -33,7 +36,7 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// What the exact solver found, and what was proved of it.
+// An answer of the exact solver and its status.
 struct SolvedProblem {
   Problem<double> problem;
   const double* tensions;
@@ -106,11 +109,11 @@ class AllocationJacobian {
   }
 
  private:
-  // What K is, in the order of the table; `independent` is the last remark there.
+  // Kind of K, in the order of the table; `independent` is the remark below it.
   enum class Kind { projector, gram, gram_less, none, independent };
 
-  // Against its range, how near to a limit a tension is at it; and what share of its possible size is no clear
-  // sign.
+  // Distance from a limit below which a tension counts as at it, as a share of its range; and the share of its
+  // largest size below which a force has no clear sign.
   static constexpr double kWeak = 1e-9;
   // A face whose normal has a cosine with w below this is grazed (solvers/scale_search.hpp).
   static constexpr double kGrazed = 1e-5;
@@ -131,7 +134,7 @@ class AllocationJacobian {
     for (int k = 0; k < N; ++k) sum += d[k] * d[k];
     return std::sqrt(sum);
   }
-  bool has_play(int i) const { return source_.lower[i] < source_.upper[i]; }
+  bool has_range(int i) const { return source_.lower[i] < source_.upper[i]; }
 
   void find_free() {
     for (int i = 0; i < m_; ++i) {
@@ -160,8 +163,8 @@ class AllocationJacobian {
     }
   }
 
-  // X, the pseudo-inverse of the free columns. That of fewer columns than components is the transpose of their
-  // transpose's, whose rows are then independent as a rule.
+  // X, the pseudo-inverse of the free columns; of fewer columns than components by the transpose, whose rows are
+  // then mostly independent.
   void invert(const double (*columns)[N]) {
     if (count_ < N) {
       const Whitening<double, N, N> whitening(columns[0], count_, N, rank_tolerance_);
@@ -222,7 +225,7 @@ class AllocationJacobian {
     nearest(d);
     std::copy_n(t_, m_, tau_);
     kind_ = Kind::gram;
-    settle_dependent();
+    finish_dependent();
   }
 
   void tension() {
@@ -235,11 +238,11 @@ class AllocationJacobian {
     kind_ = Kind::gram_less;
     if (whitening.rank < N && whitening.rank == m_) return render_apart(d);
     kink_ = kink_ || whitening.rank < N;
-    settle_dependent();
+    finish_dependent();
   }
 
-  // z and what holds the others, where tensions come nearest to the wrench. Of a wrench that is rendered, only
-  // free cables have no doubt.
+  // z and the forces on the held cables, where tensions come nearest to the wrench. If it is rendered, the signs
+  // of these forces are unclear.
   void nearest(const double* d) {
     double error[N], whitened[N], size = 0;
     for (int k = 0; k < N; ++k) {
@@ -263,7 +266,7 @@ class AllocationJacobian {
     for (int i = 0; i < m_; ++i) hold(i, none ? 0.0 : along(i, z_), kWeak * length(i) * length(z_));
   }
 
-  // Fewer independent cables than components: each is for itself, W+ w.
+  // Fewer cables than components, all independent: W+ w.
   void render_apart(const double* d) {
     kind_ = Kind::independent;
     for (int i = 0; i < m_; ++i) {
@@ -283,8 +286,8 @@ class AllocationJacobian {
     }
   }
 
-  // Free cables that depend on one another, or leave no error: what the structure does to them is no derivative.
-  void settle_dependent() {
+  // Free cables that are dependent, or leave no error, have no derivative by the structure.
+  void finish_dependent() {
     if (rank_ == count_ && rank_ < N) return;
     kink_ = true;
     kind_ = Kind::projector;
@@ -318,7 +321,7 @@ class AllocationJacobian {
     }
   }
 
-  // A unit vector at right angles to the free columns, the longest shadow of an axis: 1 - W_F X leaves it.
+  // A unit vector perpendicular to the free columns: the longest projection of an axis by 1 - W_F X.
   void normal(double* d) const {
     double rest[N][N];
     int best = 0;
@@ -333,10 +336,10 @@ class AllocationJacobian {
     for (int k = 0; k < N; ++k) d[k] = size > 0 ? rest[best][k] / size : 0.0;
   }
 
-  // What pushes cable i beyond its limit, upwards if positive; up to `weak` it is no clear sign.
+  // Checks the force that pushes cable i beyond its limit, upwards if positive; up to `weak` its sign is unclear.
   void hold(int i, double push, double weak) {
     if (side_[i] == 0) return;
-    if (!has_play(i)) {
+    if (!has_range(i)) {
       side_[i] = push > 0 ? 1 : -1;
     } else if (!(side_[i] * push > weak)) {
       kink_ = true;
@@ -360,7 +363,7 @@ class AllocationJacobian {
     }
   }
 
-  // K' times a cotangent, whose P' is u.
+  // K' times a cotangent; u is P' times it.
   void k_transposed(const double* cotangent, const double* u, double* q) const {
     double v[N] = {};
     for (int f = 0; f < count_; ++f) {

@@ -2,14 +2,13 @@
 //
 //   minimise  sum_i price_i(x_i) + price(s)   subject to   A x + s = b
 //
-// x_i says where cable i is between its limits, s is the part of the wrench that is not rendered. Prices are
-// convex, so a multiplier y of the n wrench components fixes both: x_i(A_i'y) is where the slope of its price is
+// x_i is the position of cable i between its limits, s the part of the wrench that is not rendered. Prices are
+// convex, so a multiplier y of the n wrench components fixes both: x_i(A_i'y) where the slope of its price is
 // A_i'y, and s(y) where the slope of its price is y. The dual is concave; its gradient is r(y) = b - A x(y) -
 // s(y), and its Hessian needs only the derivatives of x_i and s: Newton steps p, with a line search for the root
-// of the slope p'r. Every x_i(q) is inside its limits, so that no feasible start is needed; s takes what the
-// cables can't.
+// of the slope p'r. Every x_i(q) is inside its limits, so that no feasible start is needed.
 //
-// A Law says what x_i and s are: solvers/log_barrier.hpp, solvers/slack_norm.hpp, solvers/box_price.hpp.
+// A Law defines x_i and s (solvers/dual_laws.hpp).
 // Source: Boyd & Vandenberghe (2004), "Convex Optimization", sections 5.5.5 and 9.5.
 #pragma once
 
@@ -31,13 +30,13 @@ class DualAscent {
     for (int l = 0; l < L; ++l) idle(l);
   }
 
-  // Give lane l a problem whose numbers are all zero, so that it rests.
+  // Gives lane l a problem of zeros.
   void idle(int l) {
     const Real zeros[N * M] = {};
     load(l, {zeros, zeros, zeros, zeros, zeros});
   }
 
-  // The lane begins at y = 0, and its first step has no length: it only looks about.
+  // The lane begins at y = 0, and its first step only evaluates.
   void load(int l, const Problem<Real>& problem) {
     Real column[M][N], target[N];
     law_.load(l, m_, problem, column, target);
@@ -76,13 +75,13 @@ class DualAscent {
     bool last = true;
     if constexpr (Law::kTightens) last = law_.tight(l);
     if (last && error <= read<Real>(accepted_, l)) return true;
-    // A small error that no longer falls is what rounding leaves.
+    // A small error that no longer falls is rounding.
     control.stalls = error < control.least / 2 ? 0 : control.stalls + 1;
     control.least = smaller(control.least, error);
     return control.steps > kStepLimit || (control.stalls > kPatience && error <= kSmall * read<Real>(size_, l));
   }
 
-  // The answer of lane l: tensions (m). Returns the Newton steps taken.
+  // Stores the tensions (m) of lane l. Returns its Newton steps.
   int store(int l, Real* tensions) const {
     for (int i = 0; i < m_; ++i) tensions[i] = law_.tension(i, l, read<Real>(value_[i], l));
     return control_[l].steps - 1;
@@ -91,8 +90,8 @@ class DualAscent {
  private:
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
   static constexpr Real kConverged = 1024 * kUlp, kSmall = Real(1e6) * kUlp;
-  static constexpr Real kLeastPivot = 8 * kUlp;  // against the diagonal of the Hessian
-  // Line search: the slope that will do, against the first; a step without bound; how far to go at once.
+  static constexpr Real kLeastPivot = 8 * kUlp;  // as a share of the diagonal of the Hessian
+  // Line search: the accepted share of the first slope; an unbounded step; the largest extension of a step.
   static constexpr Real kRoot = Real(0.02), kFar = Real(1e30), kLeap = 16, kShrink = Real(1e-3);
   static constexpr int kSearchRounds = 40, kPatience = 4, kStepLimit = 300;
 
@@ -101,7 +100,7 @@ class DualAscent {
     Real least = std::numeric_limits<Real>::max();
   };
 
-  // The Newton step p from H p = r, with H = A diag(x') A' + s' = L D L'. Its pivots D stay positive.
+  // Solves H p = r for the Newton step p, with H = A diag(x') A' + s' = L D L' and positive pivots D.
   void direct() {
     const V zero = V{};
     V matrix[N][N], least[N];
@@ -123,13 +122,13 @@ class DualAscent {
     slope_ = inner(direction_, residual_);
   }
 
-  // How far along p: until the slope p'r, which falls, is a small part of what it was. Newton steps inside a
-  // bracket; leaps where there is none yet and the slope hardly falls. Far out of reach x_i changes sides all at
-  // once, and the root may be many orders of magnitude away: brackets are halved in their logarithm.
+  // Goes along p until the slope p'r, which falls, is a small part of the first. Newton steps inside a bracket;
+  // leaps where there is none yet and the slope hardly falls. For wrenches far from feasible x_i jumps from one
+  // side to the other, and the root may be many orders of magnitude away: brackets are halved in their logarithm.
   void search() {
     const V zero = V{}, one = zero + Real(1);
     V step = one, low = zero, high = zero + kFar;
-    look(step);
+    evaluate(step);
     auto open = slope_ > zero;
     full_ = ((open & (magnitude(along_) <= kRoot * slope_)) | (error_ <= accepted_)) ? one : zero;
     for (int round = 0; round < kSearchRounds; ++round) {
@@ -140,16 +139,16 @@ class DualAscent {
       const V newton = step + along_ / (bend_ > zero ? bend_ : zero + Real(1) / kFar);
       const V middle = square_root<Real, L>(V(larger(low, V(kShrink * high)) * high));
       const auto unbounded = high >= zero + kFar;
-      const V patient = round % 3 == 2 ? middle : newton;  // Newton steps alone may creep
-      const V next = unbounded ? (newton > Real(1.9) * step ? V(kLeap * step) : newton) : patient;
+      const V careful = round % 3 == 2 ? middle : newton;  // Newton steps alone may creep
+      const V next = unbounded ? (newton > Real(1.9) * step ? V(kLeap * step) : newton) : careful;
       step = open ? (((next > low) & (next < high)) ? next : middle) : step;
-      look(step);
+      evaluate(step);
     }
     step = open ? low : step;
-    look(step);
+    evaluate(step);
   }
 
-  // After a step of full length the law may ask more of the lane. What depends on s is then another number.
+  // Lets the law tighten after a step of full length, and recomputes what depends on s.
   void tighten() {
     V s[N], error = V{};
     for (int k = 0; k < N; ++k) residual_[k] += slack_[k];
@@ -162,8 +161,8 @@ class DualAscent {
     error_ = error;
   }
 
-  // Tensions, error and their derivatives at y = origin + step p.
-  void look(const V& step) {
+  // Evaluates tensions, error and their derivatives at y = origin + step p.
+  void evaluate(const V& step) {
     const V zero = V{};
     V point[N], residual[N], error = zero, length = zero;
     for (int k = 0; k < N; ++k) {

@@ -4,7 +4,7 @@
 // its gradient is r(y) = w - W t(y), and H = W_F W_F', over the cables F inside their limits, is its curvature.
 // A step evaluates all of these at a trial point. Where the slope along the last direction p has fallen far
 // enough, the point is taken and the next direction solves H p = r; elsewhere the next trial is the point along p
-// where the slope is nought, which is piecewise linear and falls, so that its root is found exactly.
+// where the slope, which is piecewise linear and falls, is zero (solvers/line_search.hpp).
 //
 // With a proximal weight eps the steps maximise the dual less eps |y - c|^2 / 2, and the centre c follows each
 // maximum: the method of multipliers, which also converges where no tensions render w.
@@ -26,18 +26,18 @@ class DualStep {
 
   explicit DualStep(int m) : problem_(m) {}
 
-  // What step() found. Flags are 1 or 0, any of the others in `found`; direction separates, or is that of the
-  // residual which settled.
+  // Results of step(): flags, 1 or 0, with any of the others in `found`; direction separates, or is that of the
+  // residual that settled.
   V direction[N] = {}, converged = {}, settled = {}, separated = {}, found = {};
 
-  // Look for tensions that render the wrench, in lane l.
+  // Begins to look for tensions that render the wrench, in lane l.
   void render(int l, const Problem<Real>& source) {
     source_[l] = source;
     begun_[l] = kRender;
     stale_ = true;
   }
 
-  // Look for the tensions whose wrench is nearest, in lane l, from the multiplier y.
+  // Begins to look for the tensions whose wrench is nearest, in lane l, from the multiplier y.
   void approach(int l, const Problem<Real>& source, const Real* y) {
     render(l, source);
     begun_[l] = kNearest;
@@ -63,23 +63,23 @@ class DualStep {
  private:
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
   static constexpr bool kDouble = kUlp < Real(1e-10);
-  // Error of a rendered wrench, against wrench and tensions. One that is only close gets one more step: where W is
-  // nearly singular, what is missing of the wrench makes much more of the tensions.
+  // Error of a rendered wrench, as a share of wrench and tensions. One that is only close gets another step: where
+  // W is nearly singular, the error of the tensions is much larger.
   static constexpr Real kClose = (kDouble ? 4096 : 64) * kUlp, kConverged = 64 * kUlp;
-  // Least pivots of the factorisation, against the diagonal of W W': at first, what a step leaves of them, and to
-  // finish with. While the free set is still being found, large ones keep steps short; proximal steps need none.
-  // Cables to spare make it likelier that too few of them are free for a while.
+  // Least pivots of the factorisation, as shares of the diagonal of W W': first ones, with few cables and with
+  // many; their reduction by a step; last ones; those of proximal steps. While the free set is still being found,
+  // large ones keep steps short, more so with many cables, of which too few may be free for a while.
   static constexpr Real kLoose = Real(1e-3), kLooser = Real(0.2), kTighten = Real(0.1), kTight = 4096 * kUlp,
                         kSafe = 8 * kUlp;
-  // Proximal weight, against the largest entry of that diagonal: at first, how fast it falls, and its floors. What
-  // rounding leaves of a wrench moves the tensions by so much more.
+  // Proximal weight, as a share of the largest entry of that diagonal: first value, reduction, and floors, which
+  // bound the effect of rounding errors of the wrench on the tensions.
   static constexpr Real kProximal = kDouble ? Real(1e-5) : Real(0.1), kProximalFall = Real(0.03);
   static constexpr Real kProximalFloor = (kDouble ? 64 : 16384) * kUlp, kProximalShare = kProximal / 10;
-  // Line search: what may be left of the first slope, and what the search leaves of it.
+  // Line search: the share of the first slope that is accepted, and the one that the search reaches.
   static constexpr Real kFlat = Real(0.5), kRoot = kDouble ? Real(1e-9) : Real(1e-4);
   static constexpr Real kRender = 1, kNearest = 2;
 
-  // The lanes' problems, and the beginnings of the new ones.
+  // Loads the lanes' problems, and initialises the new ones.
   void reload() {
     const V zero = V{}, one = zero + Real(1);
     problem_.load(source_);
@@ -97,16 +97,16 @@ class DualStep {
     }
     close_ = fresh ? zero : close_;
     proximal_ = fresh ? (nearest ? kProximal * problem_.gain * problem_.gain : zero) : proximal_;
-    looseness_ = fresh ? zero + (problem_.m < 2 * N ? kLoose : kLooser) : looseness_;
+    least_pivot_ = fresh ? zero + (problem_.m < 2 * N ? kLoose : kLooser) : least_pivot_;
     unseen_ = fresh ? (nearest ? one : zero + Real(2)) : unseen_;
     for (int l = 0; l < L; ++l) begun_[l] = 0;
     stale_ = false;
   }
 
-  // Tensions, residual and curvature at the trial point. A lane that begins takes its cables for free.
+  // Evaluates tensions, residual and curvature at the trial point. In a new lane all cables count as free.
   void evaluate(V (&matrix)[N][N], V (&residual)[N]) {
     const V zero = V{};
-    // Copies that cannot alias the members, so that they stay in registers.
+    // Local copies, which cannot alias members and stay in registers.
     V trial[N], h[N][N], r[N], square = zero;
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
@@ -145,7 +145,7 @@ class DualStep {
     size_ = larger(V(problem_.gain * (square_root<Real, L>(square) + problem_.furthest)), least_size_);
   }
 
-  // Rate the trial point and choose the next.
+  // Rates the trial point and chooses the next.
   void advance(V (&matrix)[N][N], const V (&residual)[N]) {
     const V zero = V{}, one = zero + Real(1);
     V gradient[N], error = zero, slope = zero, steepest = zero, furthest = zero, norm = zero, value = value_;
@@ -160,23 +160,23 @@ class DualStep {
       furthest = larger(furthest, magnitude(trial_[k]));
       norm = larger(norm, magnitude(path_[k]));
     }
-    // What rounding leaves of a wrench: the multiplier of an unreachable one grows with every step.
+    // Rounding error of the wrench: the multiplier of an infeasible one grows with every step.
     const V noise = 4 * kUlp * (size_ + problem_.gain * problem_.gain * furthest);
     const V root = kRoot * first_slope_ + noise * norm;
     const auto close = (error <= kClose * size_) & (unseen_ <= one);
     converged = close & ((error <= kConverged * size_) | (close_ > zero)) ? one : zero;
     close_ = close ? one : zero;
     const auto maximal = (proximal_ > zero) & (steepest <= 4 * noise);
-    // The dual is never above the cost of tensions that render w: where few cost more, its multiplier may
-    // separate.
-    const auto doubtful = (proximal_ == zero) & (unseen_ <= one) & (value > problem_.high_cost);
-    const V outside = any(doubtful) ? problem_.separation_margin(trial_) : zero;
-    const auto lost = doubtful & (outside > zero);
-    // Before the root of the slope the dual has grown; beyond it that must be seen.
+    // The dual is at most the cost of tensions that render w: above a high cost, its multiplier may separate.
+    const auto unlikely = (proximal_ == zero) & (unseen_ <= one) & (value > problem_.high_cost);
+    const V outside = any(unlikely) ? problem_.separation_margin(trial_) : zero;
+    const auto infeasible = unlikely & (outside > zero);
+    // Before the root of the slope the dual has grown; beyond it that is checked.
     const auto flat = (magnitude(slope) <= kFlat * first_slope_) & ((slope >= zero) | (value > last_value_));
-    const V take = ((unseen_ > zero) | maximal | flat | lost | close | (magnitude(slope) <= root)) ? one : zero;
+    const V take =
+        ((unseen_ > zero) | maximal | flat | infeasible | close | (magnitude(slope) <= root)) ? one : zero;
 
-    separated = lost ? one : zero;
+    separated = infeasible ? one : zero;
     settled = zero;
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) direction[k] = trial_[k];
@@ -185,17 +185,17 @@ class DualStep {
     if (any(maximal)) recentre(residual, gradient, maximal, noise, error);
     found = converged + separated + settled;
 
-    looseness_ = (proximal_ > zero) | close ? zero + kSafe : looseness_;
+    least_pivot_ = (proximal_ > zero) | close ? zero + kSafe : least_pivot_;
     const auto taken = take > zero;
     const auto rated = taken & (unseen_ == zero);
     const V least = zero + kTight;
-    const V tighter = magnitude(slope) <= root ? least : larger(least, V(kTighten * looseness_));
-    looseness_ = rated ? smaller(looseness_, tighter) : looseness_;
+    const V tighter = magnitude(slope) <= root ? least : larger(least, V(kTighten * least_pivot_));
+    least_pivot_ = rated ? smaller(least_pivot_, tighter) : least_pivot_;
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) matrix[k][k] += proximal_;
     V path[N], least_pivot[N];
     TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) least_pivot[k] = looseness_ * problem_.diagonal[k];
+    for (int k = 0; k < N; ++k) least_pivot[k] = least_pivot_ * problem_.diagonal[k];
     Factor<V, N>(matrix, least_pivot).solve(gradient, path);
     first_slope_ = inner(path, gradient);
     TENSIONLAB_UNROLL
@@ -207,8 +207,8 @@ class DualStep {
     unseen_ = taken ? larger(zero, V(unseen_ - one)) : one;
   }
 
-  // The step to the maximum along the path, where it was not taken. Where the dual grows without end, the path
-  // itself separates.
+  // The step to the maximum along the path, where the trial was not taken. Where the dual grows without bound, the
+  // path itself separates.
   V search(const V& slope, const V& root, const V& take) {
     const V zero = V{}, one = zero + Real(1);
     V pull = zero, curvature = zero;
@@ -219,17 +219,17 @@ class DualStep {
     }
     const auto open = take == zero;
     const V outside = any(open & (slope > zero)) ? problem_.separation_margin(path_) : zero;
-    const auto endless = open & (proximal_ == zero) & (outside > zero);
-    separated = endless ? one : separated;
+    const auto unbounded = open & (proximal_ == zero) & (outside > zero);
+    separated = unbounded ? one : separated;
     TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) direction[k] = endless ? path_[k] : direction[k];
+    for (int k = 0; k < N; ++k) direction[k] = unbounded ? path_[k] : direction[k];
     return LineSearch<Real, L, N, M>(problem_, wanted_, path_, pull, curvature)
-        .root(first_slope_, slope, root, open & !endless);
+        .root(first_slope_, slope, root, open & !unbounded);
   }
 
-  // At the maximum of a proximal lane: could any tension still move along the residual, and does the residual
-  // still change? If so move the centre there. A multiplier that still has far to go, or that converges slowly,
-  // wants less proximity; but no less than keeps the rounding of t small where the wrench is far out of reach.
+  // At the maximum of a proximal lane: finds whether the residual has settled, and no tension can move along it,
+  // and moves the centre there. The proximal weight falls, so that the multiplier converges faster; but not so far
+  // that rounding errors of t grow where the wrench is far from feasible.
   template <class Mask>
   void recentre(const V (&residual)[N], V (&gradient)[N], const Mask& maximal, const V& noise, const V& error) {
     const V zero = V{}, one = zero + Real(1);
@@ -267,10 +267,10 @@ class DualStep {
   LaneProblems<Real, L, N, M> problem_;
   V least_size_ = {}, wanted_[M] = {};
   V path_[N] = {}, trial_[N] = {}, centre_[N] = {}, last_[N] = {};
-  V close_ = {};  // whether the trial before was close
-  V first_slope_ = {}, proximal_ = {}, looseness_ = {}, size_ = {};
+  V close_ = {};  // 1 if the last trial was close
+  V first_slope_ = {}, proximal_ = {}, least_pivot_ = {}, size_ = {};
   V value_ = {}, last_value_ = {};  // of the dual
-  V unseen_ = {};                   // trials to take whatever their slope; above 1, without limits too
+  V unseen_ = {};  // trials that are taken whatever their slope; above 1 they also ignore the limits
 };
 
 }  // namespace TENSIONLAB_BUILD

@@ -2,13 +2,13 @@
 // once.
 //
 // With B from the singular values of W, so that the rows of Q = B W are orthonormal, the pseudo-inverse is Q' B
-// and the projection of x is x + Q' (B w - Q x). Limits aside, the iterates never leave t0 + range(Q'), so n
-// numbers u hold all there is to know, and an iteration, the two projections and the correction, is
+// and the projection of x is x + Q' (B w - Q x). Before clipping, the iterates stay in t0 + range(Q'), so n
+// numbers u represent them, and an iteration, the two projections and the correction, is
 //
 //   z = clip(t0 + Q' u, a, b),   u += B w - Q z
 //
-// A lane is done when |w - W z| is small or, out of reach, when the duality gap proves that z is as close to the
-// equilibrium space as the limits allow.
+// A lane is done when |w - W z| is small or, for an infeasible wrench, when the duality gap proves that z is as
+// close to the equilibrium space as the limits allow.
 //
 // Sources: Boyle & Dykstra (1986) for the method; Bauschke & Borwein (1994) for its limit where nothing
 // intersects.
@@ -28,12 +28,12 @@ class Dykstra {
   // m cables. An error of the wrench up to tolerance max(1, |w|) is accepted.
   Dykstra(int m, Real tolerance, long long iteration_limit, Real rank_tolerance)
       : m_(m), tolerance_(tolerance), limit_(iteration_limit), rank_tolerance_(rank_tolerance) {
-    // A step must end at the limit, whatever the other lanes do.
+    // A step must end at the limit, in every lane.
     while (limit_ % period_ != 0) --period_;
     for (int l = 0; l < L; ++l) idle(l);
   }
 
-  // Give lane l a problem whose numbers are all zero, so that it rests.
+  // Gives lane l a problem of zeros.
   void idle(int l) {
     const Real zeros[N * M] = {};
     load(l, {zeros, zeros, zeros, zeros, zeros});
@@ -85,7 +85,7 @@ class Dykstra {
     return read<Real>(done_, l) != 0 || iterations_[l] >= limit_;
   }
 
-  // The tensions of lane l. Returns the iterations spent.
+  // Stores the tensions of lane l. Returns its iterations.
   long long store(int l, Real* tensions) const {
     for (int i = 0; i < m_; ++i) tensions[i] = read<Real>(tensions_[i], l);
     return iterations_[l];
@@ -94,8 +94,8 @@ class Dykstra {
  private:
   using V = Lanes<Real, L>;
 
-  // One iteration but for its last sum: missing = B w - Q z. The cables go in pairs, so that two sums grow side by
-  // side; a missing partner has zeros.
+  // One iteration except its last sum: missing = B w - Q z. The cables go in pairs, for two independent sums; a
+  // missing partner has zeros.
   template <class Visit>
   void iterate(const V (&pull)[N], V (&missing)[N], const Visit& visit) const {
     V other[N];

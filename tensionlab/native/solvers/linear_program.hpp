@@ -6,14 +6,14 @@
 // solvers/tension_programs.hpp puts the tension programs into this form. Written as an ordinary linear program it
 // would have a row for every limit that moves; here it has those of A.
 //
-// Method: dual simplex for bounded variables. Any direction y bounds S from above, because y'(f - g S) may be no
-// more than the most that y'A t can be, with every cable held at the limit to which y pulls it. Where that bound
-// is attained only free cables, those with y'A_i = 0, are still to be chosen. If they make up the wrench that is
-// missing inside their limits, the bound is the answer. Otherwise y turns: towards what no free cable can make up,
-// or so as to hold the free cable that breaks its limits by most. The bound falls along the turn. At breakpoints
-// other cables change limits, until the one that would stop the fall becomes free (the long-step rule: one step
-// passes many bases). All limits are finite, so that no first phase is needed; dependent rows and columns are like
-// any others. After some steps of no length Bland's rule takes over, which cannot cycle.
+// Method: dual simplex for bounded variables. Any direction y bounds S from above, because y'(f - g S) is at most
+// the largest y'A t, with every cable held at the limit to which y pulls it. Where that bound is attained only the
+// free cables, those with y'A_i = 0, are undetermined. If they render the missing wrench inside their limits, the
+// bound is the answer. Otherwise y turns: towards what no free cable can render, or so as to hold the free cable
+// that breaks its limits most. The bound falls along the turn. At breakpoints other cables change limits, until
+// the one that would stop the fall becomes free (the long-step rule: one step passes many bases). All limits are
+// finite, so that no first phase is needed; dependent rows and columns need no special case. After some steps of
+// length zero Bland's rule takes over, which cannot cycle.
 //
 // Sources: Lemke (1954), "The dual method of solving the linear programming problem"; Maros (2003), "A generalized
 // dual phase-2 simplex algorithm", for the long step; Bland (1977), "New finite pivoting rules for the simplex
@@ -39,9 +39,8 @@ class LinearProgram {
   HeldCables<Real, M> cables;
   Real least = std::numeric_limits<Real>::lowest(), most = std::numeric_limits<Real>::max();
 
-  // start: a direction that bounds S, such as what is missing while all limits are shut; nought if nothing is.
-  // Returns whether there are tensions for any S at all, or false after kStepLimit steps, far beyond what any
-  // known problem takes.
+  // start: a direction that bounds S, such as the error while all limits are closed; zero if there is none.
+  // Returns whether there are tensions for any S, or false after kStepLimit steps, far beyond any known problem.
   bool solve(const Real* start) {
     begin(start);
     for (steps_ = 1; steps_ <= kStepLimit; ++steps_) {
@@ -56,7 +55,7 @@ class LinearProgram {
 
   int steps() const { return steps_; }
 
-  // Limits that all of the best tensions keep, while no others with A t + g S = f do.
+  // Finds limits that the best tensions keep, and no others with A t + g S = f.
   void face(Real* lower, Real* upper) const {
     const Real best = smaller(value_, most);
     int ties = 0;
@@ -67,12 +66,12 @@ class LinearProgram {
     }
     if (best < value_) return;
     for (int i = 0; i < m_; ++i) {
-      // A cable that y pulls must stay where it is held.
+      // A cable that y pulls stays where it is held.
       if (along_[i] != 0) (cables.at_upper[i] ? lower[i] : upper[i]) = cables.at_upper[i] ? upper[i] : lower[i];
     }
     if (ties > columns_.count() || forgiven_ > 0) return;
     for (int j = 0; j < columns_.count(); ++j) {
-      // Independent columns that are alone in making up the rest leave no choice either.
+      // Independent free columns without others are determined, too.
       const int i = columns_.cable(j);
       lower[i] = upper[i] = smaller(larger(tension_[j], lower[i]), upper[i]);
     }
@@ -81,12 +80,12 @@ class LinearProgram {
  private:
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
   static constexpr Real kInfinite = std::numeric_limits<Real>::infinity();
-  static constexpr Real kMissing = 64 * kUlp;   // a wrench that may be missing, against all that there is
-  static constexpr Real kNought = 4096 * kUlp;  // a pull on a cable that counts as none, against its column
-  static constexpr int kPatience = 2 * N;       // steps of no length before Bland's rule
+  static constexpr Real kMissing = 64 * kUlp;   // negligible error of the wrench, as a share of all terms
+  static constexpr Real kNoPull = 4096 * kUlp;  // negligible pull on a cable, as a share of its column
+  static constexpr int kPatience = 2 * N;       // steps of length zero before Bland's rule
   static constexpr int kStepLimit = 50 + 10 * M;
 
-  // d'(f - A t - g S) = excess - rate S for a direction d, with all cables held at their ends but the free ones.
+  // d'(f - A t - g S) = excess - rate S for a direction d, with all cables but the free ones held at their ends.
   struct Cut {
     Real excess, rate;
   };
@@ -116,15 +115,15 @@ class LinearProgram {
     return cut;
   }
 
-  // Lower S to what the direction y + theta turn allows. Limits begin or cease to move on the way, which changes
-  // both cuts. Returns false where no S will do.
+  // Lowers S to what the direction y + theta turn allows. Limits begin or cease to move on the way, which changes
+  // both cuts. Returns false if no S is feasible.
   bool descend(Cut& y, Cut& change, Real theta) {
     const Real rounding = kMissing * size_ * (1 + theta);
     for (Real passed = kInfinite;;) {
       const Real excess = y.excess + theta * change.excess, rate = y.rate + theta * change.rate;
       const Real kink = cables.kink();
       value_ = smaller(rate < 0 ? excess / rate : -kInfinite, passed);
-      // A kink is passed only where that makes a difference: beyond it the bound may have no slope left.
+      // A kink is passed only where that changes something: beyond it the bound may have no slope.
       if (excess - rate * kink <= rounding) value_ = larger(value_, kink);
       if (value_ >= kink) return value_ >= least;
       passed = kink;
@@ -135,7 +134,7 @@ class LinearProgram {
   }
 
   // Whether a wrench is missing along the turn. S is known from y's cut alone, and poorly where its rate is small:
-  // what another S would make up but for rounding is not missing. `rate` is that of y as far as it is turned.
+  // what a slightly different S would render is not missing. rate: that of y as far as it is turned.
   bool missing(Real wrench, Real rate, Real y_rate, Real turn_rate) {
     const Real square = y_rate * y_rate + turn_rate * turn_rate, least_wrench = kMissing * size_;
     if (!(wrench > least_wrench)) return false;
@@ -147,8 +146,8 @@ class LinearProgram {
     return false;
   }
 
-  // The tensions of the free cables where the bound is attained. What they cannot make up becomes the turn, of
-  // unit length; returns its length. closing: how all that they must make up changes with S.
+  // Finds the tensions of the free cables where the bound is attained. What they cannot render becomes the turn,
+  // of unit length; returns its length before. closing: the change with S of what they must render.
   Real attain(Real* closing, Real* closing_part) {
     size_ = 0;
     for (int i = 0; i < m_; ++i) size_ += length_[i] * magnitude(cables.held[i] + cables.held_rate[i] * value_);
@@ -170,7 +169,7 @@ class LinearProgram {
     return normalise<N>(turn_);
   }
 
-  // Choose how to turn y. Returns false where the bound is attained.
+  // Chooses how to turn y. Returns false where the bound is attained.
   bool turn(Real rate) {
     Real closing[N], part[N];
     forgiven_ = 0;
@@ -195,8 +194,8 @@ class LinearProgram {
     return true;
   }
 
-  // The place of the free cable that breaks its limits by most; -1 if none does. Measured is the wrench that would
-  // be missing if it stayed at its limit.
+  // The place of the free cable that breaks its limits most, by the wrench that would be missing if it stayed at
+  // its limit; -1 if none does.
   int worst_free(const Real* closing_part, Real rate) {
     Real worst = 0;
     int found = -1;
@@ -217,7 +216,7 @@ class LinearProgram {
     return found;
   }
 
-  // The free cable in this place will be held at the limit that it breaks: turn to where that pulls.
+  // Holds the free cable in this place at the limit that it breaks, and turns to where that pulls.
   void hold(int place) {
     const int i = columns_.cable(place);
     const bool upper = tension_[place] > cables.end(i, true).at(value_);
@@ -226,7 +225,7 @@ class LinearProgram {
     cables.hold(i, upper);
   }
 
-  // Turn y until the bound falls no further. Returns false where no S will do.
+  // Turns y until the bound falls no further. Returns false if no S is feasible.
   bool search() {
     Real breakpoint[M];
     pull(turn_, turn_along_);
@@ -241,7 +240,7 @@ class LinearProgram {
       for (int i = 1; i < m_; ++i) next = breakpoint[i] < breakpoint[next] ? i : next;
       const Real theta = breakpoint[next];
       if (theta == kInfinite) {
-        // The bound falls all the way, so that the turn itself is the better direction.
+        // The bound falls without end, so that the turn itself is the better direction.
         copy<N>(turn_, direction_);
         stalled_ = 0;
         settle();
@@ -262,7 +261,7 @@ class LinearProgram {
     }
   }
 
-  // The turn ends at theta, where cable i becomes free.
+  // Ends the turn at theta, where cable i becomes free.
   void release(int i, Real theta) {
     Real column[N];
     for (int k = 0; k < N; ++k) {
@@ -275,7 +274,7 @@ class LinearProgram {
     settle();
   }
 
-  // Make y normal to the free columns and of unit length.
+  // Makes y normal to the free columns and of unit length.
   void settle() {
     Real part[N] = {};
     columns_.take_out(direction_, part);
@@ -284,22 +283,22 @@ class LinearProgram {
     pull(direction_, along_);
   }
 
-  // d'A; nought for free cables, and for those that depend on them but for rounding.
+  // d'A, with zeros for free cables, and for those that depend on them up to rounding.
   void pull(const Real* d, Real* along) const {
     for (int i = 0; i < m_; ++i) along[i] = d[0] * rows[0][i];
     for (int k = 1; k < N; ++k) {
       for (int i = 0; i < m_; ++i) along[i] += d[k] * rows[k][i];
     }
     for (int i = 0; i < m_; ++i) {
-      along[i] = cables.free[i] || magnitude(along[i]) <= kNought * length_[i] ? Real(0) : along[i];
+      along[i] = cables.free[i] || magnitude(along[i]) <= kNoPull * length_[i] ? Real(0) : along[i];
     }
   }
 
   bool bland() const { return stalled_ > kPatience; }
 
   int m_, steps_ = 0, stalled_ = 0;
-  Real value_ = 0, size_ = 0;              // the bound on S; what errors are measured against
-  Real forgiven_ = 0, shift_ = 0;          // the largest wrench let pass, and the S that it asks for
+  Real value_ = 0, size_ = 0;              // the bound on S; the sum of all terms of the wrench
+  Real forgiven_ = 0, shift_ = 0;          // the largest error accepted, and the change of S that would remove it
   Real direction_[N] = {}, turn_[N] = {};  // y and where it turns
   Real along_[M] = {}, turn_along_[M] = {}, length_[M] = {};  // y'A, turn'A, sizes of the columns
   FreeColumns<Real, N> columns_;

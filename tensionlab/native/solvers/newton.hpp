@@ -1,17 +1,17 @@
-// The exact tension solver: Newton steps on the dual, and what each policy asks for where no tensions will do.
+// The exact tension solver: Newton steps on the dual, and the policies for infeasible wrenches.
 //
 //   minimise |t - t0|^2 / 2   subject to   W t = w,  a <= t <= b
 //
-// Newton steps (solvers/dual_step.hpp) render w, or come upon a p with p'w > h(p) = sum_i max(p'W_i a_i, p'W_i
-// b_i): then p separates w from all that tensions inside the limits can render, and the policy takes over:
-//   force      proximal steps converge to the nearest reachable wrench and, among its tensions, to those closest
-//              to t0 (Chiche & Gilbert 2016);
+// Newton steps (solvers/dual_step.hpp) render w, or find a p with p'w > h(p) = sum_i max(p'W_i a_i, p'W_i b_i):
+// then p separates w from all feasible wrenches, and the policy applies:
+//   force      proximal steps converge to the nearest feasible wrench and, among its tensions, to those closest to
+//   t0
+//              (Chiche & Gilbert 2016);
 //   tension    the same on B W, B w, with B from the singular values of W;
-//   direction  the largest s for which s w can be rendered (solvers/scale_search.hpp), and all of w within
-//   tolerance.
+//   direction  the largest s for which s w is feasible (solvers/scale_search.hpp), and all of w within tolerance.
 //
 // Sources: Qi & Sun (1993) for the semismooth method; Kunisch & Rendl (2003) for programs with bounds only.
-// No heap, no exceptions; Real may be float, L may be 1: the firmware compiles this file as it is.
+// No heap, no exceptions; Real may be float, and L may be 1, as on a microcontroller.
 #pragma once
 
 #include <cmath>
@@ -29,7 +29,7 @@ template <class Real, int L, int N, int M>
 class Newton {
  public:
   // m cables; weight_roots: square roots of the n wrench weights. tolerance: the error of a wrench that counts as
-  // rendered, where a direction asks for it. separate_only: a lane is done when its wrench is proved infeasible,
+  // rendered, for the direction policy. separate_only: a lane is done when its wrench is proved infeasible,
   // and the caller finds the nearest one.
   Newton(int m, const Real* weight_roots, Policy policy, Real rank_tolerance, Real tolerance,
          bool separate_only = false)
@@ -43,11 +43,11 @@ class Newton {
     for (int l = 0; l < L; ++l) idle(l);
   }
 
-  // Lanes point into the object.
+  // Not copied: lanes point into the object.
   Newton(const Newton&) = delete;
   Newton& operator=(const Newton&) = delete;
 
-  // Give lane l a problem whose numbers are all zero, so that it rests.
+  // Gives lane l a problem of zeros.
   void idle(int l) { load(l, {zeros_, zeros_, zeros_, zeros_, zeros_}); }
 
   void load(int l, const Problem<Real>& problem) {
@@ -58,10 +58,9 @@ class Newton {
     render(l);
   }
 
-  // One Newton step in every lane.
   void step() { steps_.step(); }
 
-  // Whether lane l is done; moves it to its next stage where there is one. Call after step().
+  // Whether lane l is done; if not, moves it to its next stage where one ends. Call after step().
   bool finished(int l) {
     Control& control = control_[l];
     const bool late = ++control.iterations >= control.deadline;
@@ -69,13 +68,13 @@ class Newton {
     return read<Real>(steps_.converged, l) != 0 ? !reopen(l) : conclude(l, late);
   }
 
-  // Whether lane l is done with a direction that separates its wrench, and no more.
+  // Whether lane l is done with a direction that separates its wrench, and nothing else.
   bool separated(int l) const { return control_[l].stage == Stage::separated; }
 
-  // Whether the tensions of lane l took more than Newton steps for its wrench as given.
+  // Whether Newton steps alone did not solve the problem of lane l.
   bool failed(int l) const { return control_[l].failed; }
 
-  // The answer of lane l: tensions (m), a separating direction or zeros (n). Returns the iterations spent.
+  // Stores the answer of lane l: tensions (m), a separating direction or zeros (n). Returns its iterations.
   int store(int l, Real* tensions, Real* separation) const {
     const Control& control = control_[l];
     if (separated(l)) {
@@ -88,20 +87,18 @@ class Newton {
   }
 
  private:
-  // render: look for W t = s w. whitened: the same where the rows of W are orthonormal, if that takes long.
-  // nearest: as close to s w as the limits allow. (s is 1 but for the direction policy.)
-  // separated: w is infeasible, and no more is asked.
+  // render: solves W t = s w. whitened: the same with orthonormal rows of W, if that takes long. nearest: finds
+  // the nearest feasible wrench to s w (s is 1 except for the direction policy). separated: w is infeasible; done.
   enum class Stage { render, whitened, nearest, separated };
 
-  // Iterations of a stage, and of all: far beyond what any known problem takes; one that gets there keeps its best
-  // answer so far.
+  // Iterations of a stage, and of all: far beyond any known problem. One that gets there keeps its best answer.
   static constexpr int kRenderLimit = 50, kNearestLimit = 400, kIterationLimit = 2000;
 
-  // What may be missing of a wrench that is as good as rendered, against the parts it is made of.
+  // Error of a wrench that is as good as rendered, as a share of the sum of its parts.
   static constexpr Real kNegligible = std::numeric_limits<Real>::epsilon() < Real(1e-10) ? Real(1e-9) : Real(1e-4);
 
-  // What the lanes do not share: the rare decisions, in plain numbers. Up to `failed` it is set for every problem,
-  // what follows only for those that cannot be rendered at once.
+  // State of one lane for its rare decisions, in plain numbers. Up to `failed` it is set for every problem, the
+  // rest only for those that Newton steps alone do not solve.
   struct Control {
     Problem<Real> problem;  // in lane coordinates
     Stage stage;
@@ -109,14 +106,14 @@ class Newton {
     bool failed;
     Problem<Real> given;          // the problem as it is
     bool plain;                   // lane coordinates are as given
-    bool hopeless;                // no s keeps the direction
+    bool no_scale;                // no s keeps the direction
     ScaleSearch<Real, N> search;  // of the direction policy
     Real target[N];               // s w in lane coordinates
     Real separation[N];           // the best separating direction so far, of unit length
     Coordinates<Real, N, M> coordinates;
   };
 
-  // Lane l has found something other than its tensions, or is late: is it done?
+  // Handles lane l, which found no tensions or is late; returns whether it is done.
   bool conclude(int l, bool late) {
     Control& control = control_[l];
     if (separate_only_ && !late && control.stage == Stage::render) {
@@ -135,32 +132,32 @@ class Newton {
     if (back) unwhiten(l, d);
     if (back && nearly_rendered(l)) return !reopen(l);
     if (control.stage != Stage::nearest) {
-      // A rough cut comes for nothing; later ones must be good.
+      // A rough first cut costs nothing; later ones must be good.
       if (!late && policy_ == Policy::direction && control.search.fresh() && cut(l, d)) return false;
       approach(l, d);
       return false;
     }
-    if (policy_ == Policy::direction && !control.hopeless) return !cut(l, d) && !reopen(l);
-    if (!control.hopeless) keep(l, d);
+    if (policy_ == Policy::direction && !control.no_scale) return !cut(l, d) && !reopen(l);
+    if (!control.no_scale) keep(l, d);
     return true;
   }
 
   void note_failure(int l) {
     Control& control = control_[l];
     control.failed = control.plain = true;
-    control.hopeless = false;
+    control.no_scale = false;
     control.given = control.problem;
     control.search.begin(control.given, m_, tolerance_);
     for (int k = 0; k < N; ++k) control.separation[k] = 0;
   }
 
-  // So many iterations for the stage that begins, and no more than there are in all.
+  // Bounds the iterations of the stage that begins.
   void allow(int l, int iterations) {
     const int end = control_[l].iterations + iterations;
     control_[l].deadline = end < kIterationLimit ? end : kIterationLimit;
   }
 
-  // Look for tensions that render the wrench of lane l.
+  // Looks for tensions that render the wrench of lane l.
   void render(int l) {
     Control& control = control_[l];
     control.stage = Stage::render;
@@ -168,7 +165,7 @@ class Newton {
     steps_.render(l, control.problem);
   }
 
-  // Look for them where W is as well conditioned as can be, by the surest steps, from the multiplier y.
+  // Looks for them in coordinates where W is well-conditioned, by proximal steps, from the multiplier y.
   void render_whitened(int l, Real* y) {
     Control& control = control_[l];
     whiten(l, y);
@@ -178,7 +175,7 @@ class Newton {
     steps_.approach(l, control.problem, y);
   }
 
-  // Back to the coordinates before; y, a multiplier, follows.
+  // Returns to the given coordinates, with the multiplier y.
   void unwhiten(int l, Real* y) {
     Control& control = control_[l];
     Real whitened[N];
@@ -189,7 +186,7 @@ class Newton {
     aim(l);
   }
 
-  // Whether so little of the wrench is missing that it may well be rounding.
+  // Whether the error is so small that it may be rounding.
   bool nearly_rendered(int l) const {
     const Control& control = control_[l];
     Real error = 0, size = 0;
@@ -206,8 +203,7 @@ class Newton {
     return error <= kNegligible * size;
   }
 
-  // Seek the reachable wrench nearest to s w, from the multiplier y. Only here does it matter how errors are
-  // measured.
+  // Looks for the feasible wrench nearest to s w, from the multiplier y. Only here do the error's weights matter.
   void approach(int l, const Real* y) {
     Control& control = control_[l];
     control.stage = Stage::nearest;
@@ -215,12 +211,12 @@ class Newton {
     Real start[N];
     copy<N>(y, start);
     if (policy_ == Policy::tension) whiten(l, start);
-    if (policy_ == Policy::force || control.hopeless) weigh(l, start);
+    if (policy_ == Policy::force || control.no_scale) weigh(l, start);
     aim(l);
     steps_.approach(l, control.problem, start);
   }
 
-  // Make s w the wrench of lane l.
+  // Makes s w the wrench of lane l.
   void aim(int l) {
     Control& control = control_[l];
     const Real* wrench = control.plain ? control.given.wrench : control.coordinates.wrench;
@@ -242,13 +238,13 @@ class Newton {
     control.problem.structure = control.coordinates.structure;
   }
 
-  // d separates s w from what can be rendered: look for the next. Returns false if s can fall no further.
+  // Lowers s, as d separates s w from the feasible wrenches. Returns false if s cannot fall further.
   bool cut(int l, Real* d) {
     Control& control = control_[l];
     const auto outcome = control.search.cut(control.given, m_, d);
     copy<N>(control.search.proof, control.separation);
-    control.hopeless = outcome == ScaleSearch<Real, N>::Outcome::hopeless;
-    if (control.hopeless) {
+    control.no_scale = outcome == ScaleSearch<Real, N>::Outcome::no_scale;
+    if (control.no_scale) {
       approach(l, d);
       return true;
     }
@@ -257,10 +253,11 @@ class Newton {
     return true;
   }
 
-  // The direction policy renders s w. Could it be more, within tolerance? Then look for that.
+  // Looks for a larger s within tolerance where the direction policy renders s w; returns whether there may be
+  // one.
   bool reopen(int l) {
     Control& control = control_[l];
-    if (policy_ != Policy::direction || !control.failed || control.hopeless) return false;
+    if (policy_ != Policy::direction || !control.failed || control.no_scale) return false;
     if (!control.search.reopen(control.given, m_)) return false;
     Real d[N];
     copy<N>(control.search.proof, d);
@@ -268,7 +265,7 @@ class Newton {
     return true;
   }
 
-  // Look for tensions that render the s w of the search, or, within tolerance, come nearest to it.
+  // Looks for tensions that render the s w of the search, or, within tolerance, are nearest to it.
   void seek(int l, const Real* d) {
     Control& control = control_[l];
     control.plain = true;
@@ -278,7 +275,7 @@ class Newton {
     render(l);
   }
 
-  // d, in lane coordinates, is the best separating direction so far.
+  // Stores d, in lane coordinates, as the best separating direction so far.
   void keep(int l, const Real* d) {
     Control& control = control_[l];
     if (control.plain) {

@@ -30,7 +30,7 @@ class NewtonBatch {
   void solve(const Selection& rows, std::size_t separated = 0) {
     Face face(batch_.m);
     std::size_t begin = 0;
-    if (policy_ == Policy::direction) separated = 0;
+    if (policy_ == Policy::direction || !has(Route::nearest_face)) separated = 0;
     while (begin < separated) {
       for (const std::size_t end = std::min(begin + kChunk, separated); begin < end; ++begin) {
         enqueue(rows[begin], face);
@@ -38,7 +38,8 @@ class NewtonBatch {
       flush(face);
     }
     if (begin == rows.count) return;
-    Block block(batch_.m, roots_, policy_, rank_tolerance_, tolerance_, policy_ != Policy::direction);
+    Block block(batch_.m, roots_, policy_, rank_tolerance_, tolerance_,
+                has(Route::nearest_face) && policy_ != Policy::direction);
     for (; begin < rows.count; begin += kChunk) {
       refill<kLanes>(
           block, begin, std::min(begin + kChunk, rows.count),
@@ -81,7 +82,7 @@ class NewtonBatch {
     }
     face.solve(problem, direction);
     std::fill_n(proved_, waiting_count_, false);
-    if (unweighted_ && answer_.status != nullptr) store_proved(face);
+    if (has(Route::proof_in_face) && unweighted_ && answer_.status != nullptr) store_proved(face);
     for (int l = 0; l < waiting_count_; ++l) {
       const std::size_t row = waiting_[l];
       if (proved_[l]) continue;

@@ -1,11 +1,11 @@
 // The polygon of the tensions that render one wrench inside their limits, where redundancy is at most two.
 //
 // Gouttefarde, Lamaury, Reichert, Bruckmann (2015): on the plane t = origin + x a + y b of all tensions that
-// render the wrench, each limit of each cable is a line, and keeps one side of it. From a crossing of two lines,
-// walk along one of them with the kept side on the left. At the first line whose kept side would be left, turn
-// onto it. At a line that has been missed so far and whose kept side is entered there, go straight on: from here
-// it is kept too, and the round begins anew. A whole round with all lines kept has been around the polygon. A
-// whole round without a gain proves that there is none.
+// render the wrench, each limit of each cable is a line that keeps one side. From a crossing of two lines, walk
+// along one of them with the kept side on the left. At the first line whose kept side would be left, turn onto it.
+// At a line that was violated so far and whose kept side is entered there, go straight on: from here it is kept
+// too, and the round starts again. A whole round with all lines kept has been around the polygon. A whole round
+// without a gain proves that there is none.
 #pragma once
 
 #include <cmath>
@@ -105,16 +105,16 @@ struct Corners {
 enum class Goal { centroid, least_sum, least_squares };
 
 // Lengths are shares of the size of a problem: of the limits next to zero, of the point of the plane closest to
-// them, and of how far from it one looks. A limit without meaning, 1e9 N for none, then makes no other one coarse.
+// them, and of the distance from it. So a dummy limit, such as 1e9 N, makes no other one coarse.
 template <class Real>
 struct PolygonTolerance {
-  static constexpr Real kept = Real(1e-10);         // a limit missed by less is kept
+  static constexpr Real kept = Real(1e-10);         // a limit violated by less is kept
   static constexpr Real parallel = Real(1e-9);      // lines at a smaller angle never meet
   static constexpr Real side_by_side = Real(1e-4);  // lines at a smaller angle meet at a point that rounding moves
   static constexpr Real thin = Real(1e-11);         // a polygon narrower than this is an edge
 };
 
-// One line for each limit: what is left of the limit, rest + normal . p, in N.
+// One line for each limit; the distance to the limit is rest + normal . p, in N.
 template <class Real, int M>
 class Polygon {
   using Is = PolygonTolerance<Real>;
@@ -159,26 +159,26 @@ class Polygon {
     rest_[lines_++] = rest;
   }
   Point<Real> normal(int line) const { return {x_[line], y_[line]}; }
-  Real left(int line, Point<Real> p) const { return rest_[line] + x_[line] * p.x + y_[line] * p.y; }
+  Real room(int line, Point<Real> p) const { return rest_[line] + x_[line] * p.x + y_[line] * p.y; }
 
   // Along a line, with its kept side to the left.
   Point<Real> along(int line) const { return 1 / length_[line] * Point<Real>{y_[line], -x_[line]}; }
 
   // Where two lines cross, from a point near it.
   Point<Real> crossing(int i, int j, Point<Real> near) const {
-    const Real p = left(i, near), q = left(j, near), area = cross(normal(i), normal(j));
+    const Real p = room(i, near), q = room(j, near), area = cross(normal(i), normal(j));
     return near + (1 / area) * Point<Real>{q * y_[i] - p * y_[j], p * x_[j] - q * x_[i]};
   }
 
   bool contains(Point<Real> p) const {
     for (int i = 0; i < lines_; ++i) {
-      if (!(left(i, p) >= 0)) return false;
+      if (!(room(i, p) >= 0)) return false;
     }
     return true;
   }
 
-  // Redundancy one: an interval. Redundancy none: a point. Where the interval is empty, be it by rounding alone,
-  // the two limits that want it so are missed by the same.
+  // Redundancy one: an interval; zero: a point. Where the interval is empty, perhaps by rounding alone, the two
+  // limits that make it so are violated equally.
   Round segment() const {
     const Real most = std::numeric_limits<Real>::max();
     Real low = -most, high = most, low_length = 0, high_length = 0;
@@ -204,11 +204,11 @@ class Polygon {
   struct Walker {
     int on;  // a line
     Point<Real> here, way;
-    Real side[kMost];  // of each line: 1 where it is kept from here on, -1 where it is missed so far
+    Real side[kMost];  // of each line: 1 where it is kept from here on, -1 where it is violated so far
   };
 
-  // At the crossing of the two cables that cross best, on the lines of their lower limits, and along the one that
-  // enters the kept side of the other. Both limits of both are kept there, so the walk cannot lead to infinity.
+  // Starts at the crossing of the two cables that cross best, on the lines of their lower limits, along the one
+  // that enters the kept side of the other. Both limits of both are kept there, so the walk cannot go to infinity.
   Walker start() const {
     int i = 0, j = 0;
     for (int k = 2; k < lines_; k += 2) {
@@ -226,8 +226,8 @@ class Polygon {
   }
 
   struct Look {
-    Real kept = 0;                                // lines kept here, or before
-    Real worst = 0;                               // by how much a limit is missed here at most
+    Real kept = 0;                                // lines kept here or before
+    Real worst = 0;                               // largest violation of a limit here
     int next = -1;                                // the line that is met first ...
     Real far = std::numeric_limits<Real>::max();  // ... and how far away
   };
@@ -236,9 +236,9 @@ class Polygon {
     const Real slack = Is::kept * (size_ + magnitude(walker.here.x) + magnitude(walker.here.y)), never = found.far;
     Real rest[kMost], far[kMost];
     for (int i = 0; i < lines_; ++i) {
-      rest[i] = left(i, walker.here);
+      rest[i] = room(i, walker.here);
       const Real side = rest[i] >= -slack ? Real(1) : walker.side[i];
-      // A kept line is met from inside, where less and less is left; a missed one from outside.
+      // A kept line is met from inside; a violated one from outside.
       const Real speed = -side * (x_[i] * walker.way.x + y_[i] * walker.way.y), gap = side * rest[i];
       far[i] = speed > Is::parallel * length_[i] ? (gap > 0 ? gap : Real(0)) / speed : never;
       walker.side[i] = side;
@@ -287,7 +287,7 @@ class Polygon {
         walker.way = along(walker.on);
       }
     }
-    if (kept < Real(lines_)) {  // out of reach: where the limits are missed by least
+    if (kept < Real(lines_)) {  // infeasible: where the limits are violated least
       round.count = 0;
       round.add(best);
     }
@@ -300,7 +300,7 @@ class Polygon {
   Real x_[kMost] = {}, y_[kMost] = {}, length_[kMost], rest_[kMost];
 };
 
-// Tensions for one problem. Returns the redundancy; more than two is left unanswered.
+// Finds tensions for one problem. Returns the redundancy; above two there are none.
 template <class Real, int N, int M>
 int polygon_tensions(const LooseCables<Real, N, M>& loose, const Real* reference, Goal goal, Real rank_tolerance,
                      Real* tensions, int* steps) {

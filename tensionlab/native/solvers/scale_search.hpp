@@ -1,14 +1,13 @@
-// How much of a wrench can be rendered in its own direction: the largest s in [0, 1] for which tensions inside the
-// limits render s w.
+// The largest s in [0, 1] for which s w is feasible.
 //
-// Any unit vector d shows that s d'w <= h(d) = sum_i max(d'W_i a_i, d'W_i b_i): the line of d. The nearest wrench
+// Any unit vector d shows that s d'w <= h(d) = sum_i max(d'W_i a_i, d'W_i b_i): the line of d. The wrench nearest
 // to s w gives the next d; s falls to the answer from above (Newton's method on the convex distance from s w to
 // the available wrench set).
 //
-// Where w grazes a face of that set, or leaves a set that is flat, a hair off w would take s from 1 to 0. There s
-// w counts as rendered where tensions come within a tolerance of it, that of EXACT where s is 1: s then falls with
-// the distance. How much of the tolerance a line allows depends on its angle to w, so that s stays exact at a face
-// which w meets head on.
+// Where w grazes a face of that set, or leaves a flat set, a tiny change of w would take s from 1 to 0. There s w
+// counts as rendered where tensions come within a tolerance of it, that of EXACT where s is 1: s then falls with
+// the distance. The tolerance that a line allows depends on its angle to w, so that s stays exact at a face that w
+// meets at a right angle.
 #pragma once
 
 #include <cmath>
@@ -21,7 +20,7 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// A line whose normal has a cosine with w below this is grazed.
+// w grazes a line whose normal has a cosine with w below this.
 constexpr double kGrazing = 1e-5;
 
 // s along <= reach, with d of unit length.
@@ -29,13 +28,13 @@ template <class Real>
 struct ScaleLine {
   Real along, reach;  // d'w and h(d)
 
-  // Moved outwards by a share of the tolerance at s = 1, and a little less of it below: that is for rounding.
+  // Moved outwards by the tolerance at s = 1, and a little less below, to allow for rounding.
   ScaleLine moved(Real tolerance) const {
     constexpr Real kRamp = Real(0.1);
     return {along - kRamp * tolerance, reach + (1 - kRamp) * tolerance};
   }
 
-  // The same by what its angle to w allows: all of the tolerance below half of kGrazing, none above it.
+  // The same by the share that its angle to w allows: all below half of kGrazing, none above kGrazing.
   ScaleLine moved_as_allowed(Real tolerance, Real length) const {
     const Real share = 2 - 2 * along / (Real(kGrazing) * length);
     return share <= 0 ? *this : moved(share < 1 ? share * tolerance : tolerance);
@@ -66,13 +65,13 @@ Real direction_tolerance(Real tolerance, Real length, Real size) {
 template <class Real, int N>
 class ScaleSearch {
  public:
-  // less: seek s w. best: s can fall no further. hopeless: no s from 0 to 1 can be rendered.
-  enum class Outcome { less, best, hopeless };
+  // less: try the new s w. best: s cannot fall further. no_scale: no s w with s from 0 to 1 is feasible.
+  enum class Outcome { less, best, no_scale };
 
   Real scale;     // s
-  Real proof[N];  // shows that s can be no larger, or that it is hopeless; of unit length, or nought
+  Real proof[N];  // unit vector that shows that s cannot be larger, or that there is none; or zero
 
-  // Whether no cut has been tried; whether s w is sought within tolerance.
+  // Whether no cut has been tried; whether s w is tried within tolerance.
   bool fresh() const { return phase_ == Phase::exact && scale == 1; }
   bool near() const { return phase_ != Phase::exact; }
 
@@ -85,7 +84,7 @@ class ScaleSearch {
     for (int k = 0; k < N; ++k) proof[k] = 0;
   }
 
-  // d separates s w: take the next s, which is less by at least one number, or none. d is made a unit vector.
+  // Takes the next, smaller s, as d separates s w. Makes d a unit vector.
   Outcome cut(const Problem<Real>& problem, int m, Real* d) {
     normalise<N>(d);
     const Line line = line_of(problem, m, d);
@@ -93,21 +92,21 @@ class ScaleSearch {
     if (phase_ == Phase::exact) return cut_exactly(problem, m, d, line);
     if (phase_ == Phase::last) return Outcome::best;
     const Line most = line.moved(tolerance_);
-    // What is beyond by rounding alone leaves no scale below.
+    // A line that is exceeded by rounding alone does not lower s.
     const bool beyond = most.excludes(scale) && !(most.along > 0 && most.largest() >= scale);
     if (beyond && !(most.along > 0) && scale < 1) {
-      // Too short already, and all that is longer has been excluded.
+      // s w is too short, and all larger s have been excluded.
       mix(problem, d, line.along);
       return give_up(d);
     }
     copy<N>(d, proof);
-    // Whether w itself is near enough is for verification to say.
+    // Verification decides whether w itself is near enough.
     if (scale == 1 && line.along - line.reach <= kHair * tolerance_) return Outcome::best;
     if (!beyond) phase_ = Phase::last;
     return lower(beyond ? most : line.moved_as_allowed(tolerance_, length_));
   }
 
-  // Nothing above s can be rendered exactly. Might more be within tolerance? Then s is where to look from.
+  // No s above this one is feasible exactly. Returns whether a larger one may be within tolerance, and tries it.
   bool reopen(const Problem<Real>& problem, int m) {
     if (phase_ != Phase::exact) return false;
     const Line line = line_of(problem, m, proof);
@@ -121,7 +120,7 @@ class ScaleSearch {
 
  private:
   using Line = ScaleLine<Real>;
-  // exact: what can be rendered. near: what can be within tolerance. last: s is known.
+  // exact: s w is to be rendered. near: within tolerance. last: s is known.
   enum class Phase { exact, near, last };
   static constexpr Real kHair = Real(1 + 1e-5);
 
@@ -139,7 +138,7 @@ class ScaleSearch {
       if (outcome == Outcome::less) copy<N>(d, proof);
       return outcome;
     }
-    // No s at all, as it seems. Is it true beyond the tolerance?
+    // There seems to be no s. Check that this holds beyond the tolerance.
     if (scale < 1) {
       mix(problem, d, line.along);
       if (excluded(line_of(problem, m, d))) return give_up(d);
@@ -149,8 +148,8 @@ class ScaleSearch {
     return Outcome::less;
   }
 
-  // d shows that s w is too short, the proof that it is too long. Their mean that is normal to w shows it for all
-  // s.
+  // Mixes d, which shows that s w is too short, with the proof that it is too long: the mean that is normal to w
+  // excludes all s.
   void mix(const Problem<Real>& problem, Real* d, Real along) const {
     const Real other = dot<N>(proof, problem.wrench);
     for (int k = 0; k < N; ++k) d[k] = std::abs(other) * d[k] + std::abs(along) * proof[k];
@@ -160,7 +159,7 @@ class ScaleSearch {
   Outcome give_up(const Real* d) {
     copy<N>(d, proof);
     scale = 1;
-    return Outcome::hopeless;
+    return Outcome::no_scale;
   }
 
   bool excluded(const Line& line) const {
@@ -177,7 +176,7 @@ class ScaleSearch {
     return {dot<N>(d, problem.wrench), reach};
   }
 
-  // What it may leave in h(d) of a unit vector d, which is rounded itself.
+  // Rounding error of h(d) for a unit vector d.
   Real rounding() const { return 64 * std::numeric_limits<Real>::epsilon() * size_; }
 
   Real length_, size_, tolerance_;

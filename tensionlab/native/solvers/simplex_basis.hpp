@@ -18,7 +18,8 @@ struct ClosingLimits {
   Real most(Real S) const { return upper - fall * smaller(larger(S, open), shut); }
 };
 
-// Followed from large S downwards: between two kinks every limit is constant + rate S.
+// Cables at the ends of closing limits, followed from large S downwards: between two kinks every limit is constant
+// + rate S.
 template <class Real, int M>
 class HeldCables {
  public:
@@ -28,10 +29,10 @@ class HeldCables {
   };
 
   ClosingLimits<Real> limits[M] = {};
-  Real held[M] = {}, held_rate[M] = {};  // the end at which a cable is held; nought if it is free
+  Real held[M] = {}, held_rate[M] = {};  // the end at which a cable is held; zero if it is free
   bool at_upper[M] = {}, free[M] = {};   // change these through hold, flip and release
 
-  // All m cables held at their upper ends, or lower ones, for S without bound.
+  // Holds all m cables at their upper or lower ends, for unbounded S.
   void begin(int m, const Real* pull) {
     m_ = m;
     kink_ = -kInfinite;
@@ -43,7 +44,7 @@ class HeldCables {
     }
   }
 
-  // The largest S at which any limit begins or ceases to move; -infinity if none does any more.
+  // The largest S at which a limit begins or ceases to move; -infinity if there is none.
   Real kink() const { return kink_; }
 
   void pass_kink() {
@@ -92,7 +93,7 @@ class HeldCables {
   End lower_[M] = {}, upper_[M] = {};
 };
 
-// At most N columns of N numbers, none of which depends on the others: columns = basis * triangle.
+// At most N independent columns of N numbers, and an orthogonal basis of their span: columns = basis * triangle.
 template <class Real, int N>
 class FreeColumns {
  public:
@@ -101,7 +102,7 @@ class FreeColumns {
   void clear() { count_ = 0; }
 
   void add(int cable, const Real* column) {
-    if (count_ >= N) return;  // there are no more; the compiler cannot know
+    if (count_ >= N) return;  // never; tells the compiler
     Real *last = basis_[count_], part[N] = {};
     copy<N>(column, last);
     take_out(last, part);
@@ -112,15 +113,15 @@ class FreeColumns {
     cable_[count_++] = cable;
   }
 
-  // The columns behind are taken anew, so that no error builds up.
+  // Adds the columns behind again, so that no error accumulates.
   void drop(int place) {
     const int last = count_;
     count_ = place;
     for (int j = place + 1; j < last; ++j) add(cable_[j], columns_[j]);
   }
 
-  // Take out of x its part in the span, and add the part along each vector of the basis to share. Once leaves some
-  // of it through rounding where x is nearly inside the span; twice does not.
+  // Subtracts from x its part in the span, and adds the part along each vector of the basis to share. Called twice
+  // where x may be nearly inside the span, as rounding leaves some of it.
   void take_out(Real* x, Real* share) const {
     for (int j = 0; j < count_; ++j) {
       const Real part = dot<N>(basis_[j], x);
@@ -129,7 +130,7 @@ class FreeColumns {
     }
   }
 
-  // How much of each column makes up a vector in the span, whose parts along the basis are share; in place.
+  // Converts the parts of a vector along the basis to coefficients of the columns, in place.
   void solve(Real* share) const {
     for (int j = count_ - 1; j >= 0; --j) {
       for (int k = j + 1; k < count_; ++k) share[j] -= triangle_[j][k] * share[k];
@@ -137,8 +138,8 @@ class FreeColumns {
     }
   }
 
-  // A column less its part in the span of the others: its length, and what a vector with the parts share has along
-  // it. Row `place` of the inverse triangle has both.
+  // The length of a column without its part in the span of the others, and the component along it of a vector with
+  // the parts share: row `place` of the inverse triangle has both.
   Real own(int place, const Real* share, Real* along) const {
     Real row[N] = {}, square = 0, sum = 0;
     for (int k = place; k < count_; ++k) {

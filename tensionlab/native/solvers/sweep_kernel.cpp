@@ -29,7 +29,7 @@ class Sweep {
         answer_(answer),
         remainder_(remainder),
         shared_(batch.lower.stride == 0 && batch.upper.stride == 0 && batch.reference.stride == 0),
-        guessed_(batch.m == N + 1 || batch.m == N + 2) {
+        guessed_(has(Route::guess) && (batch.m == N + 1 || batch.m == N + 2)) {
     if (shared_) limits_[0].load(batch, rows_at(0, 1));
   }
 
@@ -151,8 +151,8 @@ class Sweep {
     }
     const Factor<V, N> factor(matrix, least);
     factor.solve(residual, group.dual);
-    if (m_ == N + 1) guess<1>(g, factor);
-    if (m_ == N + 2) guess<2>(g, factor);
+    if (guessed_ && m_ == N + 1) guess<1>(g, factor);
+    if (guessed_ && m_ == N + 2) guess<2>(g, factor);
   }
 
   // Takes the step for the cables at their limits that the null space suggests.
@@ -297,7 +297,8 @@ class Sweep {
     }
     remainder_.invalid = remainder_.invalid || any(!(group.size < V{} + settings_.largest));
     V direction[N];
-    const auto separated = separate(group, limit, !proved, direction);
+    const auto open = has(Route::separation_in_sweep) ? !proved : proved & !proved;
+    const auto separated = separate(group, limit, open, direction);
     for (int l = 0; l < group.count; ++l) {
       const std::size_t row = group.first + static_cast<std::size_t>(l);
       if (holds(proved, l)) {

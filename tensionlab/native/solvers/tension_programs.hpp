@@ -4,8 +4,8 @@
 //   minimax        minimise max t, which is -S                  W t = w,  a <= t <= min(b, -S)
 //   optimally safe maximise S, a + S <= t <= b - alpha S        W t = w
 //
-// In the last two a cable without play, which can do nothing about it, counts for nothing: neither as the largest
-// tension nor as the least margin.
+// In the last two a cable whose limits are equal does not count, neither as the largest tension nor as the least
+// margin.
 #pragma once
 
 #include <limits>
@@ -25,8 +25,8 @@ class TensionProgram {
   // N: wrench components, and one more for the least sum. alpha: of the optimally safe tensions only.
   TensionProgram(int m, Program program, Real alpha) : m_(m), program_(program), alpha_(alpha), linear_(m) {}
 
-  // The limits that all of the best tensions keep, and no others that render the wrench; those of the problem
-  // where it is out of reach. Returns the steps taken.
+  // Finds limits that the best tensions keep, and no others that render the wrench; those of the problem if it is
+  // infeasible. Returns the steps.
   int tighten(const Problem<Real>& problem, Real* lower, Real* upper) {
     const bool found = load(problem);
     if (found) linear_.face(lower, upper);
@@ -43,7 +43,7 @@ class TensionProgram {
   }
 
  private:
-  // Whether the wrench is in reach.
+  // Solves the program; returns whether the wrench is feasible.
   bool load(const Problem<Real>& problem) {
     const bool sum = program_ == Program::least_sum;
     const int n = sum ? N - 1 : N;
@@ -61,13 +61,13 @@ class TensionProgram {
       if (program_ == Program::minimax) limits = {a, 0, 0, 1, -b, -a};
       if (program_ == Program::safe) limits = {a, b, 1, alpha_, 0, (b - a) / (1 + alpha_)};
       if (sum) linear_.rows[n][i] = 1;
-      // Where the first cable has no more room S has its best value, though the others could go on.
+      // S has its best value where the first cable has no more room, though the others have.
       if (!sum && a < b) linear_.most = smaller(linear_.most, limits.shut);
       const Real closed = limits.lower + limits.rise * limits.shut;
       for (int k = 0; k < n; ++k) start[k] -= closed * linear_.rows[k][i];
     }
     if (sum) {
-      // To begin with nothing counts but the sum. Otherwise it is what the cables miss that have no room at all.
+      // The start is the sum alone. Otherwise it is the error of the tensions when all limits are closed.
       for (int k = 0; k < n; ++k) start[k] = 0;
       start[n] = -1;
       linear_.gain[n] = 1;

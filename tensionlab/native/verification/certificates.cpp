@@ -1,10 +1,10 @@
-// Certificates: what is proved about an answer, whoever gave it, behind every status.
+// Certificates: the proof behind every status, whichever solver gave the answer.
 //
 // The tensions are clipped into their limits, the wrench is recomputed, and a verdict needs a certificate:
-//   EXACT    the error |w - W t|, with what rounding may make of it, is within tolerance, whatever the weights;
-//   NEAREST  a direction d with d'w > h(d) = sum_i max(d'W_i a_i, d'W_i b_i) separates w from every wrench
-//            that tensions inside the limits can render, and weak duality bounds the policy's best value to
-//            within tolerance of the answer's.
+//   EXACT    the error |w - W t|, with its rounding error, is within tolerance, whatever the weights;
+//   NEAREST  a direction d with d'w > h(d) = sum_i max(d'W_i a_i, d'W_i b_i) separates w from every feasible
+//   wrench,
+//            and weak duality bounds the policy's best value to within tolerance of the answer's.
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -49,7 +49,7 @@ class Verifier {
     }
     const double desired = dot<N>(problem.wrench, problem.wrench),
                  allowed = tolerance_ * std::sqrt(larger(1.0, desired));
-    // Of sums of m products, each rounded by half of epsilon at most, twice over.
+    // Sums of m products, each rounded by half of epsilon at most, times two.
     const double unit = (m_ + 1) * std::numeric_limits<double>::epsilon();
     double rounding = unit * std::sqrt(sizes);
     if (rounding > 1e-3 * allowed) {
@@ -63,14 +63,14 @@ class Verifier {
       heaviest = larger(heaviest, weights_[k]);
     }
     Finding finding{Verdict::iteration_limit, std::sqrt(error_square), std::numeric_limits<double>::quiet_NaN()};
-    // Weights say which error to prefer where there must be one. They make no error vanish.
+    // Weights choose among errors; they make none vanish.
     if (std::sqrt(dot<N>(error, error)) + rounding <= allowed) {
       for (int k = 0; k < N; ++k) separation[k] = 0;
       finding.status = Verdict::exact;
       finding.scale = 1;
       return finding;
     }
-    // Against what is rendered, not what is desired: a wrench far out of reach excuses nothing.
+    // Relative to the rendered wrench: a desired one that is far from feasible would excuse any error.
     const double tolerance = tolerance_ * std::sqrt(larger(heaviest, rendered_square));
     for (int k = 0; k < N; ++k) {
       if (!std::isfinite(separation[k])) separation[k] = 0;
@@ -90,17 +90,17 @@ class Verifier {
  private:
   using V = Lanes<double, L>;
 
-  // Puts the tensions inside their limits; false if one is no number.
+  // Clips the tensions into their limits; returns false if one is not finite.
   bool clip(const Problem<double>& problem, double* tensions) const {
-    V strange = {};
+    V invalid = {};
     int i = 0;
     for (; i + L <= m_; i += L) {
       const V tension = load<double, L>(tensions + i);
-      strange += tension - tension;  // not nought where infinite or not a number
+      invalid += tension - tension;  // not zero where infinite or NaN
       store(smaller(larger(tension, load<double, L>(problem.lower + i)), load<double, L>(problem.upper + i)),
             tensions + i);
     }
-    bool clean = !any(!(strange == V{}));
+    bool clean = !any(!(invalid == V{}));
     for (; i < m_; ++i) {
       clean = clean && std::isfinite(tensions[i]);
       tensions[i] = smaller(larger(tensions[i], problem.lower[i]), problem.upper[i]);
@@ -108,7 +108,7 @@ class Verifier {
     return clean;
   }
 
-  // Adds the magnitudes of the products to the size.
+  // row . tensions; adds the magnitudes of the products to the size.
   double product(const double* row, const double* tensions, double* size) const {
     V sums = {}, sizes = {};
     int i = 0;
@@ -129,7 +129,7 @@ class Verifier {
     return sum;
   }
 
-  // w - row . t with twice the digits (Ogita, Rump, Oishi, Accurate sum and dot product, 2005).
+  // w - row . t in twice the precision (Ogita, Rump, Oishi, "Accurate sum and dot product", 2005).
   double precise_error(const double* row, const double* tensions, double wrench) const {
     double sum = wrench, rest = 0;
     for (int i = 0; i < m_; ++i) {
@@ -151,7 +151,7 @@ class Verifier {
     return {Verdict::failed, nan, nan};
   }
 
-  // d'w, h(d), the rounding error that either may carry, and h(d) - d'W t.
+  // d'w, h(d), the rounding error of either, and h(d) - d'W t.
   struct Side {
     double wrench, support, rounding, gap;
     bool separates() const { return wrench - support > rounding; }
@@ -200,8 +200,9 @@ class Verifier {
     return s;
   }
 
-  // Any d bounds the least error from below: |Q^(1/2) (w - W t)| >= (d'w - h(d)) / |Q^(-1/2) d|. Tried are the
-  // proposal, Q r without what the free cables could still render of it, and Q r as it is; d is what proves it.
+  // Any d bounds the least error from below: |Q^(1/2) (w - W t)| >= (d'w - h(d)) / |Q^(-1/2) d|. Tries the
+  // proposal, Q r without its part in the span of the free cables, and Q r itself; d becomes the one that proves
+  // it.
   bool nearest_force(const Problem<double>& problem, const double* tensions, const double* error, double tolerance,
                      double* d) const {
     double unit[N];
@@ -222,8 +223,8 @@ class Verifier {
     return proves();
   }
 
-  // The residual less its lower bound is |r| (1 - cos) + (h(d) - d'W t) / |d|. Both terms are sums of what is not
-  // negative, so that nothing cancels, however far away w is.
+  // The residual minus its lower bound is |r| (1 - cos) + (h(d) - d'W t) / |d|. Both terms are sums of nonnegative
+  // numbers, so that nothing cancels, however far w is from feasible.
   double spread(const double* unit, const double* dual) const {
     double square = 0;
     for (int k = 0; k < N; ++k) square += (unit[k] - dual[k]) * (unit[k] - dual[k]);
@@ -236,8 +237,8 @@ class Verifier {
     return length;
   }
 
-  // Take out of d its part in the span of the free cables. At an optimum there is none but for rounding, which
-  // limits far away would magnify.
+  // Subtracts from d its part in the span of the free cables. At an optimum it is rounding alone, which large
+  // limits would magnify.
   void remove_free(const Problem<double>& problem, const double* tensions, double* d) const {
     constexpr double kInside = 1e-6, kNew = 1e-8;
     double basis[N][N];
@@ -267,7 +268,7 @@ class Verifier {
   }
 
   // In the metric (W W')^+ the length of an error r in the range of W is |B r|, and the bound for a d in that
-  // range is |B (w - W t)| >= (d'w - h(d)) / |W'd|. Tried are the proposal, and B'B r as above.
+  // range is |B (w - W t)| >= (d'w - h(d)) / |W'd|. Tries the proposal, and B'B r as above.
   bool nearest_tension(const Problem<double>& problem, const double* tensions, const double* error,
                        double* d) const {
     double columns[N * M];
@@ -289,7 +290,7 @@ class Verifier {
     const double size = scale_to_unit(unit);
     const double tolerance = tolerance_ * larger(1.0, std::sqrt(rendered));
     if (size <= tolerance) {
-      // What W can render at all is rendered; the rest of w is outside its range.
+      // The part of w in the range of W is rendered; the rest separates.
       for (int k = 0; k < N; ++k) d[k] = outside[k];
       if (side(problem, tensions, d).separates()) return true;
     }
@@ -322,8 +323,8 @@ class Verifier {
     }
   }
 
-  // s w is out of reach for every s above the bound of d, which is exact where d is no face that w grazes
-  // (solvers/scale_search.hpp). Weights say which error to prefer; a direction that is kept has none.
+  // s w is infeasible for every s above the bound of d, which is exact unless w grazes the face of d
+  // (solvers/scale_search.hpp). Weights do not matter, as the direction is kept.
   bool longest(const Problem<double>& problem, const double* tensions, const double* rendered, const double* error,
                double tolerance, double* d, Finding* finding) const {
     const Side s = side(problem, tensions, d);
@@ -344,8 +345,8 @@ class Verifier {
     const double off = std::sqrt(dot<N>(missing, missing));
     const double near = tolerance_ * larger(1.0, std::sqrt(dot<N>(rendered, rendered)));
     if (off > (most.reach > line.reach ? larger(near, allowed) : near)) {
-      // More is allowed where w grazes another face, at which tensions end, too: the one that keeps s w away, but
-      // for what it has of d.
+      // More is allowed where w grazes another face, at which the tensions are, too: the one that separates s w,
+      // without its part along d.
       if (off > allowed) return false;
       remove_free(problem, tensions, missing);
       if (!(scale_to_unit(missing) > 0)) return false;

@@ -1,4 +1,4 @@
-// Which share of a box lies beyond planes, with bounds that hold in spite of rounding.
+// The share of a box that lies beyond planes, with bounds that hold despite rounding.
 #pragma once
 
 #include <algorithm>
@@ -15,10 +15,10 @@ struct Share {
 
 // The share of the box |y_i| <= half_i in which value + slope . y < 0.
 //
-// With z_i = |slope_i| half_i it is the chance that a sum of variables, even from 0 to 2 z_i, is below s = sum z_i
-// - value: 1 / (D! prod 2 z_i) times the sum over all corners of the box, with alternating signs, of what s
-// exceeds the corner's own sum by, to the power of D (Lasserre 1983, for polytopes). An axis along which little
-// changes would divide rounding errors by little: it is left out, and s moved by all that it could add.
+// With z_i = |slope_i| half_i it is the probability that a sum of variables, uniform from 0 to 2 z_i, is below s =
+// sum z_i - value: 1 / (D! prod 2 z_i) times the sum over all corners of the box, with alternating signs, of the
+// excess of s over the corner's own sum, to the power of D (Lasserre 1983, for polytopes). An axis along which
+// little changes would magnify rounding errors: it is left out, and s moved by all that it could add.
 template <int D>
 Share share_below(double value, const double* slope, const double* half) {
   constexpr double kLittle = 0x1p-10, kRounding = 1e-7;
@@ -59,13 +59,13 @@ Share share_below(double value, const double* slope, const double* half) {
   return {std::max(0.0, chance(sum - left_out) - kRounding), std::min(1.0, chance(sum) + kRounding)};
 }
 
-// An upper bound of the share of a box that lies in any of some half-spaces value + slope . y < 0.
+// An upper bound of the share of a box that lies in the union of half-spaces value + slope . y < 0.
 template <int D>
 class CoveredShare {
  public:
   explicit CoveredShare(const double* half) : half_(half) {}
 
-  // One that is nearly the same as another is covered by moving that one a little, if this costs less than both.
+  // Adds a half-space. One that is nearly the same as another is covered by moving that one, if this costs less.
   void add(double value, const double* slope) {
     HalfSpace added{value, {}, share_below<D>(value, slope, half_).high};
     if (!(added.share < 1)) all_ = true;  // also where the value is infinite or not a number
@@ -108,8 +108,8 @@ class CoveredShare {
   int count_ = 0;
   bool all_ = false;
 
-  // Lowers the value of one half-space until it holds the other within the box: until it is no more than a
-  // multiple of the other there.
+  // Lowers the value of one half-space until it contains the other within the box: until it is at most a multiple
+  // of the other there.
   void cover(HalfSpace& one, const HalfSpace& other) const {
     double along = 0, square = 0, differs = 0;
     for (int i = 0; i < D; ++i) {

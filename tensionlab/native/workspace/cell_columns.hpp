@@ -1,13 +1,12 @@
 // The columns of the structure matrix over a cell: positions in a box and, for a platform, small turns from one
-// rotation; affine in both and quadratic in the position, with bounds of what is left.
+// rotation; affine in both and quadratic in the position, with bounds of the remainder.
 //
 // The column of a cable is w = [u; r x u], with u the unit vector from its attachment to its anchor and r the arm,
-// torques over the characteristic length. When the anchor moves by d as seen from the attachment, at the distance
-// L from it, and P = 1 - u u', u changes by P d / L - ((u . d) P d + |P d|² u / 2) / L², but for
-// (|d| / (L - |d|))³ / 2 at most: the second and the third derivative of q / |q| are at most 2 / sqrt(3) and 3
-// over |q|² and |q|³, in any direction. In large cells and near anchors that is more than u can change at all;
-// there u counts as constant, but for this change, 2 sin(asin(|d| / L) / 2), or as zero, but for 1, if that is
-// less.
+// torques over the characteristic length. When the anchor moves by d relative to the attachment, at the distance L
+// from it, and P = 1 - u u', u changes by P d / L - ((u . d) P d + |P d|² u / 2) / L², up to (|d| / (L - |d|))³ /
+// 2: the second and the third derivative of q / |q| are at most 2 / sqrt(3) and 3 over |q|² and |q|³, in any
+// direction. In large cells and near anchors that is more than u can change at all; there u counts as constant, up
+// to that change, 2 sin(asin(|d| / L) / 2), or as zero, up to 1, if that is less.
 #pragma once
 
 #include <algorithm>
@@ -30,17 +29,17 @@ struct CellColumns {
 
   int m, moves;           // components of the pose that move: without an angle, those of the position
   double cell[D];         // half its edges
-  double half[D], angle;  // |dp_i| <= half_i, with what coordinates lose to rounding; |turn| <= angle
+  double half[D], angle;  // |dp_i| <= half_i, with the rounding error of coordinates; |turn| <= angle
   double length;          // characteristic
   double u[D][M], arm[D][M];
   double column[N][M];  // w in the middle of the cell
   double inverse[M];    // 1 / L; 0 where u counts as constant
-  double rest[M];       // how far u may be from its quadratic part
-  double bent[M];       // how far from its affine part in the position
-  double change[M];     // how far from its value in the middle
-  double largest[M];    // the most that w can be
-  double turned[M];     // how far r x u / length may be from its affine part, besides
-  double swing[M];      // how far r / length may be from its value in the middle
+  double rest[M];       // largest distance of u from its quadratic part
+  double bent[M];       // ... from its affine part in the position
+  double change[M];     // ... from its value in the middle
+  double largest[M];    // largest |w|
+  double turned[M];     // further distance of r x u / length from its affine part
+  double swing[M];      // largest distance of r / length from its value in the middle
 
   CellColumns(const CertifiedRig& rig, std::size_t rotation, const double* centre, const double* half_edges)
       : m(rig.m),
@@ -69,7 +68,7 @@ struct CellColumns {
         lever_square += r[k] * r[k];
       }
       const double L = std::sqrt(square), reach = std::sqrt(lever_square), moved = diagonal + angle * reach;
-      const bool runs = moved < L && L > kShortest && L < kLongest;  // for sure, out of the cell
+      const bool runs = moved < L && L > kShortest && L < kLongest;  // certainly out of the cell
       for (int k = 0; k < D; ++k) {
         u[k][j] = q[k] / L;
         arm[k][j] = r[k];
@@ -108,8 +107,8 @@ struct CellColumns {
   // Whether a cable may run in any direction.
   bool anywhere(int j) const { return change[j] == 1; }
 
-  // How v . w varies over the cell: value + slope . (dp, turn) + dp' C dp / 2, but for `error`; C row by row up to
-  // its diagonal.
+  // v . w over the cell: value + slope . (dp, turn) + dp' C dp / 2, up to `error`; C row by row up to its
+  // diagonal.
   struct Pull {
     double value[M], slope[kMoves][M], curve[kCurves][M], error[M];
   };
@@ -171,10 +170,10 @@ struct CellColumns {
     }
   }
 
-  // The most that component i of the pose can be.
+  // The largest value of component i of the pose.
   double edge(int i) const { return i < D ? half[i] : angle; }
 
-  // The least and, with the sign turned, the most that dp' C dp / 2 can be.
+  // The least value of dp' C dp / 2 and, with the opposite sign, the largest.
   template <class Curve>
   double dip(const Curve& at) const {
     double sum = 0;
@@ -185,7 +184,7 @@ struct CellColumns {
     return sum;
   }
 
-  // The most that slope . (dp, turn) can be; at(k) is component k of the slope.
+  // The largest value of slope . (dp, turn); at(k) is component k of the slope.
   template <class Slope>
   double reach(const Slope& at) const {
     double sum = 0, square = 0;

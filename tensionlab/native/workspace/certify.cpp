@@ -1,30 +1,30 @@
 // Whether all poses of a cell render every required wrench, or none does.
 //
-// The tensions render all required wrenches if in every direction v they pull at least as far as what is required:
-// h(v) >= s(v), where h(v) is the sum of the larger of lower v . w and upper v . w over all cables, and s(v) the
-// most that a required wrench is along v.
+// The tensions render all required wrenches if h(v) >= s(v) in every direction v, where h(v) is the sum of the
+// larger of lower v . w and upper v . w over all cables, and s(v) the largest component of a required wrench along
+// v.
 //
 // Inside. Cut the directions into cones by the hyperplanes v . w = 0 of the cell's middle
 // (workspace/facet_rays.hpp), and take for each cable the limit that pulls most in a cone, the lower one where it
-// may run anywhere. With these tensions fixed, what they pull along v less s(v) is concave and homogeneous in v,
-// whatever the pose: if it is not negative on the rays of the cone, it is not in the cone, and h(v) is no less. On
-// a ray the cables that it is across may be at either limit, as in the cones around it; so the smaller of both
-// counts.
+// may run anywhere. With these tensions fixed, their pull along v minus s(v) is concave and homogeneous in v,
+// whatever the pose: if it is not negative on the rays of the cone, it is not negative in the cone, and neither is
+// h(v) - s(v). On a ray the cables that it is across may be at either limit, as in the cones around it, so the
+// smaller of both is taken.
 //
 // Outside. One direction for which s(v) > h(v) suffices.
 //
 // In both, directions may move with the pose such that the cables that they are across stay so to first order
-// (workspace/moving_direction.hpp): then the bounds are off by the square of the cell's size alone. Moved rays
-// still span cones that cover all directions: the map that is linear on cones (cut into simplices) and takes each
-// ray to its moved one is the identity in the middle of the cell, and keeps its degree on the way to another pose
-// as long as no direction is taken to zero. None is while there is something to spare on all rays, since for some
-// wrench of the set that is linear on a cone; nor while no ray moves by as much as it is long, in the norm sum of
-// |v . w| over the cables that cut the cones, which is linear on them, too. The first serves for the poses that
-// the middle is one of.
+// (workspace/moving_direction.hpp): then the error of the bounds is quadratic in the cell's size. Moved rays still
+// span cones that cover all directions: the map that is linear on cones (cut into simplices) and takes each ray to
+// its moved one is the identity in the middle of the cell, and keeps its degree on the way to another pose as long
+// as no direction is mapped to zero. None is while the bound is positive on all rays, since for some wrench of the
+// set it is linear on a cone; nor while no ray moves by as much as it is long, in the norm sum of |v . w| over the
+// cables that cut the cones, which is linear on them, too. The first condition holds for poses connected to the
+// middle.
 //
-// Every bound is affine in the pose, so that it also says which share of a cell is proved. Rounding: a bound is a
-// sum of some hundred terms, each within a few roundings of products that are at most `scale_`; 4096 units of that
-// cover it.
+// Every bound is affine in the pose, so that it also gives the share of a cell that is proved. Rounding: a bound
+// is a sum of some hundred terms, each within a few roundings of products that are at most `scale_`; 4096 units of
+// that cover it.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -87,7 +87,7 @@ class CellProof {
     return best;
   }
 
-  // The same of what is inside. Unless the share counts, it is 1 or 0.
+  // The same for inside. Without `share` it is 1 or 0.
   double inside(bool share) const {
     if (!spans_) return 0;
     bool middle = true, far = false;
@@ -113,7 +113,7 @@ class CellProof {
  private:
   using Direction = MovingDirection<N, D>;
   static constexpr int M = kMaxCables;
-  static constexpr double kSure = 0x1p-22;  // error of a ray, as MovingDirection counts on it
+  static constexpr double kSure = 0x1p-22;  // largest error of a ray that MovingDirection allows
   static constexpr double kTiny = 1e-290;   // below that, products lose digits
 
   const CertifiedRig& rig_;
@@ -123,10 +123,10 @@ class CellProof {
   std::uint32_t loose_ = 0;  // the cables that cut the cones
   bool spans_ = false;       // whether the columns span all wrenches
   double scale_, rounding_;
-  double critical_[N];      // the ray on which least is to spare in the middle
+  double critical_[N];      // the ray with the least room in the middle
   std::uint32_t spanning_;  // the cables it is across
-  bool violated_ = false;   // whether something is missing on it
-  double between_[N];       // then, a direction that is across no cable if that is so far from all rays
+  bool violated_ = false;   // whether that room is negative
+  double between_[N];       // if so, a direction between the rays with negative room
 
   static double dot(const double* a, const double* b) {
     double sum = 0;
@@ -141,7 +141,7 @@ class CellProof {
     return sum;
   }
 
-  // s(side v), but for the radius, and the number of the wrench.
+  // s(side v) without the radius, and the index of the wrench.
   double required(const double* v, double side, int& which) const {
     double most = -std::numeric_limits<double>::infinity();
     for (int k = 0; k < rig_.wrenches; ++k) {
@@ -154,7 +154,7 @@ class CellProof {
     return most;
   }
 
-  // Finds the directions along which the cell may be outside.
+  // Finds the directions in which the cell may be outside.
   void look_outside() {
     double least = std::numeric_limits<double>::infinity();
     bool sound = false;
@@ -182,7 +182,7 @@ class CellProof {
     for (double& each : between_) each /= length > 0 ? length : 1;
   }
 
-  // h - s on a ray in the middle; of closure the most that a cable pulls along it.
+  // h - s on a ray in the middle; for closure the largest pull of a cable along it.
   double to_spare(const FacetRay<N>& ray, const double* along, double side) const {
     double most = -std::numeric_limits<double>::infinity(), sum = -rig_.radius;
     for (int j = 0; j < rig_.m; ++j) {
@@ -194,8 +194,8 @@ class CellProof {
     return rig_.closure ? most : sum - required(ray.v, side, which);
   }
 
-  // Away from the point of the columns' convex hull that is nearest to zero, along which they pull least: by the
-  // algorithm of Mitchell, Demyanov and Malozemov (1974), which takes weight from the worst column for the best.
+  // Moves between_ away from the point of the columns' convex hull nearest to zero, by the algorithm of Mitchell,
+  // Demyanov and Malozemov (1974), which moves weight from the worst column to the best.
   void away_from_columns() {
     constexpr int kSteps = 100;
     double weight[M];
@@ -227,8 +227,8 @@ class CellProof {
     }
   }
 
-  // Whether the tensions of the cones around a ray are proved to render what is required all over the cell, in all
-  // turns; adds where they may not to what is missing, and notes whether that is the middle.
+  // Whether the tensions of the cones around a ray are proved to render what is required in the whole cell, for
+  // all turns. Adds the part where they may not to `missing`; clears `middle` if that contains the middle.
   bool spare_everywhere(const FacetRay<N>& ray, const Direction& direction, CoveredShare<D>* missing,
                         bool& middle) const {
     bool everywhere = true;
@@ -244,7 +244,7 @@ class CellProof {
     return everywhere;
   }
 
-  // A lower bound of what is to spare along a ray on one side, with the tensions of the cones around it.
+  // A lower bound of the room along a ray on one side, with the tensions of the cones around it.
   Bound<N, D> to_spare(const FacetRay<N>& ray, const Direction& direction, double side) const {
     const auto& pull = direction.pull;
     Bound<N, D> bound{};
@@ -267,7 +267,7 @@ class CellProof {
     return bound;
   }
 
-  // Takes s(side v) off a bound as far as it is affine, and returns what it may be more.
+  // Subtracts the affine part of s(side v) from a bound, and returns an upper bound of the rest.
   double subtract_required(const Direction& direction, double side, Bound<N, D>& bound) const {
     int which = 0;
     const double most = required(direction.v, side, which);
@@ -290,13 +290,13 @@ class CellProof {
            (direction.torque() + direction.longest) * rig_.slack;
   }
 
-  // A lower bound of the share in which a direction shows that a required wrench is not rendered.
+  // A lower bound of the share in which a direction proves that a required wrench is not rendered.
   double beyond(const Direction& direction) const {
     return rig_.closure ? without_closure(direction) : beyond_reach(direction);
   }
 
-  // The share in which an upper bound of what the cables pull along v is less than required, in one turn: that
-  // suffices, since what is required has to be rendered in all.
+  // The share in which an upper bound of the pull along v is less than required, in one turn: that suffices, since
+  // the wrenches are required in all.
   double beyond_reach(const Direction& direction) const {
     const auto& pull = direction.pull;
     const double length = direction.length();
@@ -322,7 +322,8 @@ class CellProof {
     return std::min(share_below<D>(bound.value, bound.slope, columns_.cell).low, kNotAll);
   }
 
-  // The share in which no cable pulls along v, so that no tensions balance each other, or all lie in a plane.
+  // The share in which no cable pulls along v, so that no tensions are in equilibrium, or all cables lie in a
+  // plane.
   double without_closure(const Direction& direction) const {
     CoveredShare<D> pulled(columns_.cell);
     for (int j = 0; j < rig_.m; ++j) {
@@ -348,7 +349,7 @@ class CellProof {
     for (int i = 0; i < D; ++i) reach += std::abs(bound.slope[i]) * columns_.cell[i];
     return reach;
   }
-  // What a position that is off by rounding may change.
+  // The largest change of a bound by rounding of the position.
   double doubt(const Bound<N, D>& bound) const {
     double change = 0;
     for (int i = 0; i < D; ++i) change += std::abs(bound.slope[i]) * (columns_.half[i] - columns_.cell[i]);

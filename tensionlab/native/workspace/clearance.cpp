@@ -22,7 +22,7 @@ inline V dot(const Point<V>& a, const Point<V>& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
-// A quotient, or the end of 0..1 that is nearest to it; 0 where there is no length to divide by.
+// A quotient clipped to 0..1; 0 if the denominator is 0.
 template <class V>
 inline V nearest_within(const V& numerator, const V& denominator) {
   const V none{}, all = none + 1.0;
@@ -32,10 +32,10 @@ inline V nearest_within(const V& numerator, const V& denominator) {
 // Squared distance from segment (start a, extent u) to segment (start c, extent v).
 //
 // It is the least value of a convex quadratic |r + s u - t v|² over the square 0 <= s, t <= 1. With t free, the
-// best s is that of the two whole lines, or the end nearest to it. If the t that belongs to it lies within the
-// square, this is the least value; if not, one of the sides t = 0 and t = 1 has it, where an end of one segment
-// meets the other segment (Lumelsky 1985). All three are points of the square, so rounding can only overestimate,
-// and nearly parallel segments need no case of their own.
+// best s is that of the two whole lines, clipped. If its t lies within the square, this is the least value; if
+// not, one of the sides t = 0 and t = 1 has it, where an end of one segment meets the other segment (Lumelsky
+// 1985). All three are points of the square, so rounding can only overestimate, and nearly parallel segments need
+// no special case.
 template <class V>
 V squared_distance(const Point<V>& r, const Point<V>& u, const Point<V>& v) {
   const V uu = dot(u, u), vv = dot(v, v), uv = dot(u, v), ur = dot(u, r), vr = dot(v, r);

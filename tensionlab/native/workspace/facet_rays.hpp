@@ -1,10 +1,10 @@
-// The directions v in which a zonotope's facets look, for the proof that a wrench set lies inside it.
+// The normals v of a zonotope's facets, for the proof that a wrench set lies inside it.
 //
 // The hyperplanes v . w_j = 0 cut the space of directions into cones, and every cone is spanned by rays that lie
-// on n - 1 of them. What is concave and homogeneous in v on every cone, and not negative on the rays, is not
-// negative anywhere. For this no ray may be missing, and no two columns may be so nearly dependent that rounding
-// decides where a ray is. So the hyperplanes are those of columns that are moved a little, each in another
-// direction; that costs as little tightness, and nothing of the proof, as any set of hyperplanes would do.
+// on n - 1 of them. A function that is concave and homogeneous in v on every cone, and not negative on the rays,
+// is not negative anywhere. For this no ray may be missing, and no two columns may be so nearly dependent that
+// rounding decides where a ray is. So the columns are moved a little, each in another direction; any set of
+// hyperplanes gives a valid proof, and this one is hardly less tight.
 #pragma once
 
 #include <algorithm>
@@ -23,9 +23,9 @@ inline namespace TENSIONLAB_BUILD {
 template <int N>
 struct FacetRay {
   double v[N];             // of length 1
-  double error;            // how far it may be from the ray itself
+  double error;            // largest distance from the exact ray
   std::uint32_t spanning;  // the N - 1 columns it is across
-  std::uint32_t across;    // these, and those of which rounding leaves the side open
+  std::uint32_t across;    // these, and those whose side is in doubt by rounding
   std::uint32_t positive;  // the columns on whose side it is
 };
 
@@ -67,50 +67,50 @@ class FacetRays {
   int count_;
   double largest_;
 
-  // Numbers from -1/2 to 1/2 that look random: multiples of the golden ratio, by squares.
+  // Pseudo-random numbers from -1/2 to 1/2: multiples of the golden ratio, by squares.
   static double scatter(int number) {
     const double turn = 0.6180339887498949 * (number + 1) * (number + 1);
     return turn - std::floor(turn) - 0.5;
   }
 
-  // `basis` holds N - K orthonormal vectors across the K columns chosen so far, `volume` the product of their
-  // distances from those before. Householder's reflection keeps it orthonormal whatever the columns are.
+  // basis: N - K orthonormal vectors across the K columns chosen so far; volume: the product of their distances
+  // from those before. Householder reflections keep the basis orthonormal for any columns.
   template <int K>
   void choose(const double (&basis)[N][N], double volume, std::uint32_t chosen, double squares, int first) {
     if constexpr (K == N - 1) {
       add(basis[0], volume, chosen, squares);
     } else {
-      constexpr int kLeft = N - K;
+      constexpr int kRest = N - K;
       if (N > 3 && K == 2) checkpoint();
       for (int i = first; i <= count_ - (N - 1 - K); ++i) {
-        double share[kLeft], square = 0, size = 0, smaller[N][N];
-        for (int b = 0; b < kLeft; ++b) {
+        double share[kRest], square = 0, size = 0, smaller[N][N];
+        for (int b = 0; b < kRest; ++b) {
           share[b] = 0;
           for (int k = 0; k < N; ++k) share[b] += basis[b][k] * column_[i][k];
           square += share[b] * share[b];
         }
         for (int k = 0; k < N; ++k) size += column_[i][k] * column_[i][k];
-        const double left = std::sqrt(square);
-        // The reflection that takes the shares to the last of them alone; the others are across the column then.
-        share[kLeft - 1] += share[kLeft - 1] < 0 ? -left : left;
+        const double length = std::sqrt(square);
+        // The reflection that maps the shares to the last one alone; the other vectors are then across the column.
+        share[kRest - 1] += share[kRest - 1] < 0 ? -length : length;
         double norm = 0, sum[N];
-        for (int b = 0; b < kLeft; ++b) norm += share[b] * share[b];
+        for (int b = 0; b < kRest; ++b) norm += share[b] * share[b];
         for (int k = 0; k < N; ++k) {
           sum[k] = 0;
-          for (int b = 0; b < kLeft; ++b) sum[k] += share[b] * basis[b][k];
+          for (int b = 0; b < kRest; ++b) sum[k] += share[b] * basis[b][k];
         }
-        for (int b = 0; b < kLeft - 1; ++b) {
+        for (int b = 0; b < kRest - 1; ++b) {
           const double twice = norm > 0 ? 2 * share[b] / norm : 0;
           for (int k = 0; k < N; ++k) smaller[b][k] = basis[b][k] - twice * sum[k];
         }
-        choose<K + 1>(smaller, volume * left, chosen | 1u << i, squares + size, i + 1);
+        choose<K + 1>(smaller, volume * length, chosen | 1u << i, squares + size, i + 1);
       }
     }
   }
 
-  // How far v is from the ray: what is left of v along the chosen columns, over the least of their singular
-  // values. `volume` is the product of all; with the mean of the others' squares as an upper bound it bounds the
-  // least from below. Where that says little, the size of the dual vectors says more.
+  // The distance of v from the ray is at most the part of v along the chosen columns, over the least of their
+  // singular values. volume, the product of all, bounds the least from below with the mean of the others' squares.
+  // Where that bound is poor, the size of the dual vectors gives a better one.
   void add(const double (&direction)[N], double volume, std::uint32_t chosen, double squares) {
     FacetRay<N> ray{};
     double length = 0;

@@ -13,8 +13,8 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// The capacity margin, with the unit normal of the facet that sets it, away from the set, and the number of the
-// wrench that is nearest to that facet, or furthest beyond. The normal is zero where a wrench lies in a flat set.
+// The capacity margin, with the outward unit normal of the facet that sets it, and the index of the wrench nearest
+// to that facet, or furthest beyond. The normal is zero where a wrench lies in a flat set.
 struct ActiveFacet {
   const Wrenches& wrenches;
   int n;
@@ -27,8 +27,8 @@ struct ActiveFacet {
     V least = V{} + kInfinity, active[Set::kRank] = {}, number{};
     V furthest_off{}, off[Set::kComponents] = {};
     int number_off = 0;
-    for (int first = 0; first < wrenches.count; first += Seen<Set>::kMost) {
-      const Seen<Set> seen(set, wrenches, row, n, first);
+    for (int first = 0; first < wrenches.count; first += RelativeWrenches<Set>::kMost) {
+      const RelativeWrenches<Set> seen(set, wrenches, row, n, first);
       set.zonotope.facets([&](const V* normal, const V& height, const auto& spans) {
         V along = Set::dot(normal, seen.offset[0]), nearest = V{} + first;
         for (int j = 1; j < seen.count; ++j) {
@@ -74,14 +74,12 @@ struct ActiveFacet {
   }
 };
 
-// The tensions in that facet whose wrench is nearest to the one that counts: cables that pull outwards are at
-// their upper limits, those that pull inwards at their lower ones, and those that lie in the facet make up the
-// rest.
+// The tensions in that facet whose wrench is nearest to that wrench: cables that pull outwards are at their upper
+// limits, those that pull inwards at their lower ones, and those that lie in the facet render the rest.
 template <int N>
 void tensions_in_facet(const Pose& pose, int m, const double* normal, const double* wrench, double rank_tolerance,
                        double* tensions) {
-  constexpr double kAlong =
-      1e-9;  // a cable that pulls along the normal by no more than this share lies in the facet
+  constexpr double kAlong = 1e-9;  // largest share of a column along the normal of a cable that lies in the facet
   double in_facet[N * kMaxCables];
   for (int i = 0; i < m; ++i) {
     double along = 0, square = 0;
@@ -96,8 +94,8 @@ void tensions_in_facet(const Pose& pose, int m, const double* normal, const doub
   Pseudoinverse<double, N, kMaxCables>(in_facet, m, rank_tolerance).project(pose.structure, wrench, tensions);
 }
 
-// Unit normals and offsets of half-spaces whose intersection is the set, as many as a pose has, and then copies of
-// the last up to `capacity`. The value is how many it has; beyond the capacity they are left out.
+// Unit normals and offsets of half-spaces whose intersection is the set, followed by copies of the last up to
+// `capacity`. The value is their number; those beyond the capacity are left out.
 struct HalfSpaces {
   int n;
   std::size_t capacity;
@@ -148,13 +146,13 @@ struct HalfSpaces {
     offsets[row * capacity + to] = offsets[row * capacity + from];
   }
 
-  // The plane of a flat set, from both sides: an orthonormal basis of what is off the range.
+  // The plane of a flat set, from both sides, by an orthonormal basis of the complement of the range.
   template <class Set>
   void add_plane(const Set& set, std::size_t row, std::size_t& used) const {
     double left[kMaxComponents][kMaxComponents] = {};
     for (int k = 0; k < n; ++k) {
       left[k][k] = 1;
-      set.take_off(left[k]);
+      set.subtract_range(left[k]);
     }
     for (int found = set.rank; found < n; ++found) {
       const auto square = [](const double* v) { return std::inner_product(v, v + kMaxComponents, v, 0.0); };

@@ -1,4 +1,4 @@
-// What the facets of an available wrench set say about it: measures, one number for the pose in each lane.
+// Measures of an available wrench set by its facets: one number for the pose in each lane.
 #pragma once
 
 #include <algorithm>
@@ -10,9 +10,9 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// The next wrenches of each pose, from number `first` on, seen from the centre of its set.
+// The next wrenches of each pose, from number `first` on, relative to the centre of its set.
 template <class Set>
-struct Seen {
+struct RelativeWrenches {
   using V = typename Set::V;
   static constexpr int kMost = 32;
 
@@ -20,7 +20,8 @@ struct Seen {
   V offset[kMost][Set::kRank];  // the same in the coordinates of the set
   int count;
 
-  Seen(const Set& set, const Wrenches& wrenches, const std::size_t (&row)[Set::kLanes], int n, int first)
+  RelativeWrenches(const Set& set, const Wrenches& wrenches, const std::size_t (&row)[Set::kLanes], int n,
+                   int first)
       : count(std::min(wrenches.count - first, kMost)) {
     checkpoint();
     for (int j = 0; j < count; ++j) {
@@ -37,7 +38,7 @@ struct Seen {
   }
 };
 
-// The least signed distance from one of the wrenches to a facet; off the range of W the set ends at once.
+// The least signed distance from a wrench to a facet; off the range of W a wrench is outside.
 struct CapacityMargin {
   const Wrenches& wrenches;
   int n;
@@ -45,8 +46,8 @@ struct CapacityMargin {
   template <class Set, class V = typename Set::V>
   V operator()(const Set& set, const std::size_t (&row)[Set::kLanes]) const {
     V least = V{} + kInfinity, off_range{};
-    for (int first = 0; first < wrenches.count; first += Seen<Set>::kMost) {
-      const Seen<Set> seen(set, wrenches, row, n, first);
+    for (int first = 0; first < wrenches.count; first += RelativeWrenches<Set>::kMost) {
+      const RelativeWrenches<Set> seen(set, wrenches, row, n, first);
       least = set.least(least, [&](const V* normal, const V& height) {
         V furthest{};
         for (int j = 0; j < seen.count; ++j) {
@@ -77,18 +78,18 @@ struct NullPlane {
 
   explicit NullPlane(const Set& set) {
     const auto& column = set.zonotope.column;
-    V left[kCables];  // how much of each cable's own tension is in the plane, off the basis so far; squared
-    for (int i = 0; i < kCables; ++i) left[i] = V{} + 1 - set.zonotope.square[i];
+    V rest[kCables];  // squared part of each cable's own tension in the plane, off the basis so far
+    for (int i = 0; i < kCables; ++i) rest[i] = V{} + 1 - set.zonotope.square[i];
     for (V* const vector : {basis[0], basis[1]}) {
-      V most = left[0], which{}, sum[R];
+      V most = rest[0], which{}, sum[R];
       for (int r = 0; r < R; ++r) sum[r] = column[0][r];
       for (int i = 1; i < kCables; ++i) {
-        const auto more = left[i] > most;
-        most = more ? left[i] : most;
+        const auto more = rest[i] > most;
+        most = more ? rest[i] : most;
         which = more ? V{} + i : which;
         for (int r = 0; r < R; ++r) sum[r] = more ? column[i][r] : sum[r];
       }
-      // Its projection; the second pass takes away what the first leaves, as the rows are not quite orthonormal.
+      // Its projection, twice, as the rows are not quite orthonormal.
       for (int i = 0; i < kCables; ++i) vector[i] = (which == V{} + i ? V{} + 1 : V{}) - Set::dot(column[i], sum);
       for (int r = 0; r < R; ++r) {
         sum[r] = column[0][r] * vector[0];
@@ -99,7 +100,7 @@ struct NullPlane {
         vector[i] -= Set::dot(column[i], sum);
         square += vector[i] * vector[i];
       }
-      for (int i = 0; i < kCables; ++i) left[i] -= vector[i] * vector[i] / square;
+      for (int i = 0; i < kCables; ++i) rest[i] -= vector[i] * vector[i] / square;
     }
   }
 
@@ -125,13 +126,14 @@ struct NullPlane {
   }
 };
 
-// The largest ratio of least to largest tension without a wrench. Tensions between 1 and tau have one if zero is
-// inside all facets: what pulls along a normal and what pulls against it differ by a factor of at most tau.
+// The largest ratio of least to largest tension without a wrench. It is 1 / tau if tensions between 1 and tau have
+// none: the pulls along a normal and against it then differ by a factor of at most tau.
 struct TensionFactor {
   template <class Set, class V = typename Set::V>
   V operator()(const Set& set, const std::size_t (&)[Set::kLanes]) const {
     if constexpr (Set::kLanes > 1 && Set::kRank > 3) {
-      if (set.zonotope.count == Set::kRank + 2) return NullPlane<Set>(set).tension_factor();
+      if (has(Route::null_plane) && set.zonotope.count == Set::kRank + 2)
+        return NullPlane<Set>(set).tension_factor();
     }
     V sum[Set::kRank];
     set.transform(set.centre, sum);
@@ -143,7 +145,7 @@ struct TensionFactor {
   }
 };
 
-// The largest force that can be rendered in all directions of the first `dimension` components, the others zero.
+// The largest force that is feasible in all directions of the first `dimension` components, with the others zero.
 struct IsotropicForce {
   int dimension;
 
@@ -155,7 +157,7 @@ struct IsotropicForce {
     const V least = set.least(V{} + kInfinity, [&](const V* normal, const V& height) {
       const V away = magnitude(Set::dot(normal, centre)), room = height - away,
               square = set.square(normal, dimension);
-      // A facet along all forces bounds none of them, if zero is inside it.
+      // A facet parallel to all forces bounds none of them, if zero is inside it.
       const V bound = room < -kRounding * (height + away) ? V{} - 1 : V{} + kInfinity;
       return square > kRounding * kRounding * set.square(normal) ? V(room * magnitude(room) / square) : bound;
     });
@@ -164,7 +166,7 @@ struct IsotropicForce {
   }
 
  private:
-  // Whether the range of W, about the centre of a flat set, holds zero and all forces.
+  // Whether the range of W, about the centre of a flat set, contains zero and all forces.
   template <class Set, class V = typename Set::V>
   bool inside(const Set& set) const {
     bool all = !any(set.off_range(set.centre) > V{});
@@ -177,7 +179,7 @@ struct IsotropicForce {
   }
 };
 
-// The share of the wrenches that are no further outside than the tolerance.
+// The fraction of the wrenches that are outside by at most the tolerance.
 struct FeasibleDirectionFraction {
   const Wrenches& wrenches;
   int n;
@@ -186,9 +188,9 @@ struct FeasibleDirectionFraction {
   template <class Set, class V = typename Set::V>
   V operator()(const Set& set, const std::size_t (&row)[Set::kLanes]) const {
     V reached{};
-    for (int first = 0; first < wrenches.count; first += Seen<Set>::kMost) {
-      const Seen<Set> seen(set, wrenches, row, n, first);
-      V outside[Seen<Set>::kMost];
+    for (int first = 0; first < wrenches.count; first += RelativeWrenches<Set>::kMost) {
+      const RelativeWrenches<Set> seen(set, wrenches, row, n, first);
+      V outside[RelativeWrenches<Set>::kMost];
       for (int j = 0; j < seen.count; ++j) outside[j] = set.off_range(seen.wrench[j]);
       set.zonotope.facets([&](const V* normal, const V& height, const auto& spans) {
         const V length = square_root<double, Set::kLanes>(set.square(normal));

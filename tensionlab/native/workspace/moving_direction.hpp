@@ -1,4 +1,4 @@
-// Directions of wrenches that move with the pose of a cell, and what the cables pull along them.
+// Directions of wrenches that move with the pose of a cell, and the pull of the cables along them.
 #pragma once
 
 #include <algorithm>
@@ -11,20 +11,20 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// v + mu, with mu linear in the pose: v . w is then affine in the pose and quadratic in the position, too.
+// v + mu, with mu linear in the pose: then (v + mu) . w is also affine in the pose and quadratic in the position.
 template <int N, int D>
 class MovingDirection {
  public:
   using Columns = CellColumns<N, D>;
   static constexpr int M = kMaxCables;
 
-  // How far it moves: `far` where that is as much as v is long in the norm sum of |v . w|.
+  // far: it moves by as much as v is long in the norm sum of |v . w|.
   enum class Motion { none, near, far };
 
   double v[N];
   typename Columns::Pull pull;
   double mu[N][N];  // for each component of the pose
-  double longest;   // the most that mu can be
+  double longest;   // largest |mu|
 
   MovingDirection(const Columns& columns, const double* direction) : columns_(columns) {
     std::copy(direction, direction + N, v);
@@ -39,8 +39,9 @@ class MovingDirection {
     if (longest > 0) join();
   }
 
-  // Lets it stay across the cables that it is across, to first order. It does not move where it would have to turn
-  // by more than its length, or far and may not. Cables without a bit in `counted` do not count for the norm.
+  // Makes it stay across the cables that it is across, to first order. It does not move where it would have to
+  // move by more than its length, or far and may_move_far is false. Cables without a bit in `counted` do not count
+  // for the norm.
   Motion follow(std::uint32_t spanning, std::uint32_t counted, bool may_move_far) {
     double basis[N][N];
     int own[N], count;
@@ -71,7 +72,7 @@ class MovingDirection {
     return far ? Motion::far : Motion::near;
   }
 
-  // Lets it be across some columns themselves, and not across moved ones.
+  // Makes it across columns themselves, instead of moved ones.
   void straighten(std::uint32_t spanning) {
     double basis[N][N];
     int own[N], count;
@@ -82,9 +83,9 @@ class MovingDirection {
     columns_.pull(v, pull);
   }
 
-  // v, leaned against the cables that it is across so that they pull the other way in all of the cell.
+  // Finds v, tilted against the cables that it is across so that they pull the other way in all of the cell.
   bool lean(std::uint32_t spanning, double* leaning) const {
-    constexpr double kEnough = 1.1;  // since what leaning gains varies over the cell, too
+    constexpr double kEnough = 1.1;  // since the effect of tilting varies over the cell, too
     double basis[N][N];
     int own[N], count;
     if (!dual_to(spanning, own, count, basis)) return false;
@@ -96,7 +97,7 @@ class MovingDirection {
     return true;
   }
 
-  // The most that what a cable pulls may change by, but for the error.
+  // The largest change of the pull of a cable, up to the error.
   double reach(int j) const {
     const double low = columns_.dip([&](int i) { return pull.curve[i][j]; });
     const double high = columns_.dip([&](int i) { return -pull.curve[i][j]; });
@@ -107,8 +108,7 @@ class MovingDirection {
   double torque() const { return length_of(v, D); }
 
  private:
-  // More than rays' errors of 2^-22, and their hyperplanes', which are not quite those of the columns, make of the
-  // norm.
+  // More than the change of the norm by rays' errors of 2^-22, and by hyperplanes that are not quite the columns'.
   static constexpr double kDoubt = 0x1p-20;
 
   const Columns& columns_;
@@ -133,7 +133,7 @@ class MovingDirection {
     }
   }
 
-  // What component i of the motion adds to the pull of cable j; returns the most that it adds to first order.
+  // Adds component i of the motion to the pull of cable j; returns its largest value to first order.
   double add(int i, int j) {
     double a[D], along = 0, square = 0;
     columns_.lever(mu[i], j, a);
@@ -142,7 +142,7 @@ class MovingDirection {
       square += a[k] * a[k];
     }
     added_.slope[i][j] = along;
-    // mu . (w - its value in the middle): what of this is linear in the position makes a curve, twice where both
+    // mu . (w - its value in the middle): its part that is linear in the position is a curve, twice where both
     // components are the same.
     for (int k = 0; k < D && i < D; ++k) {
       const double both = -(a[k] - along * columns_.u[k][j]) * columns_.inverse[j];
@@ -162,7 +162,7 @@ class MovingDirection {
     }
   }
 
-  // The columns of a mask, and vectors dual to them; false where they are nearly dependent.
+  // Finds the columns of a mask, and vectors dual to them; returns false where they are nearly dependent.
   bool dual_to(std::uint32_t chosen, int (&own)[N], int& count, double (&basis)[N][N]) const {
     double column[N][N];
     count = 0;

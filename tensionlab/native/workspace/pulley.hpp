@@ -1,5 +1,5 @@
-// A cable over a swivelling pulley: where it leaves to, and how far. The same as tensionlab/model/pulleys.py,
-// whose formulas and conventions hold here; a radius of 0 is a fixed anchor.
+// Cable over a swivelling pulley: its direction and length, by the formulas and conventions of
+// tensionlab/model/pulleys.py. A radius of 0 is a fixed anchor.
 #pragma once
 
 namespace tensionlab {
@@ -9,10 +9,10 @@ struct PulleyArc {
   V straight, sine, cosine;  // of the angle of the arc
 };
 
-// u, from the attachment to the anchor, becomes the unit vector along the cable. For numbers and for lanes, with
-// their root(x) of x >= 0 and choose(test, yes, no). A straight part of 0: the attachment is in the pulley.
+// Turns u, from the attachment to the anchor, into the unit vector along the cable. For numbers and lanes, with
+// root(x) of x >= 0 and choose(test, yes, no). The straight part is 0 where the attachment is inside the pulley.
 template <int D, class V, class Root, class Choose>
-PulleyArc<V> go_over_pulley(V (&u)[D], int d, double radius, const double* axis, Root root, Choose choose) {
+PulleyArc<V> route_over_pulley(V (&u)[D], int d, double radius, const double* axis, Root root, Choose choose) {
   V z = V{}, square = V{};
   for (int k = 0; k < d; ++k) z -= axis[k] * u[k];
   for (int k = 0; k < d; ++k) {

@@ -1,6 +1,6 @@
-// Structure matrices at many poses, side by side: W has the columns [u; r x u], with u the unit vector from the
-// attachment along the cable, and r the arm of the attachment, in world axes (Verhoeven 2004).
-// The same as tensionlab/model/kinematics.py, whose conventions hold here.
+// Structure matrices at many poses, one in each lane: W has the columns [u; r x u], with u the unit vector from
+// the attachment along the cable, and r the arm of the attachment, in world axes (Verhoeven 2004), by the
+// conventions of tensionlab/model/kinematics.py.
 #pragma once
 
 #include <algorithm>
@@ -30,7 +30,7 @@ class StructureMatrices {
         matrix[l] = answer.structure + row[l] * entries;
       }
       load(poses, row);
-      const auto valid = find();
+      const auto valid = update();
       store_rows<double, L>(structure_, n_ * cables_.m, matrix);
       for (int l = 0; l < L; ++l) answer.valid[row[l]] = holds(valid, l);
     }
@@ -49,8 +49,8 @@ class StructureMatrices {
     transpose<double, L>(matrix, D * D, [&](int j, const V& entry) { rotation_[j] = entry; });
   }
 
-  // The matrices; whether all cables have a length.
-  auto find() {
+  // Computes the matrices; returns whether all cables have a length.
+  auto update() {
     const int m = cables_.m;
     V longest = V{}, shortest = V{};
     for (int i = 0; i < m; ++i) {
@@ -61,7 +61,7 @@ class StructureMatrices {
         u[k] = cables_.anchors[i * D + k] - position_[k];
         if (n_ > D) u[k] -= arm[k];
       }
-      const V length = leave(i, u);
+      const V length = route(i, u);
       longest = i == 0 ? length : larger(longest, length);
       shortest = i == 0 ? length : smaller(shortest, length);
       TENSIONLAB_UNROLL
@@ -80,12 +80,13 @@ class StructureMatrices {
     return shortest > least_share_ * longest;
   }
 
-  // u, from attachment to anchor, becomes a unit vector along the cable; how long that is without its pulley.
-  V leave(int i, V (&u)[D]) const {
+  // Turns u, from attachment to anchor, into the unit vector along the cable; returns its length without the
+  // pulley.
+  V route(int i, V (&u)[D]) const {
     if (cables_.radii != nullptr) {
       const auto root = [](const V& x) { return square_root<double, L>(x); };
       const auto choose = [](const auto& test, const V& yes, const V& no) -> V { return test ? yes : no; };
-      return go_over_pulley(u, D, cables_.radii[i], cables_.axes + i * D, root, choose).straight;
+      return route_over_pulley(u, D, cables_.radii[i], cables_.axes + i * D, root, choose).straight;
     }
     V square = V{};
     TENSIONLAB_UNROLL

@@ -1,9 +1,9 @@
 // The available wrench set of a pose, all W t with t inside the limits, as a zonotope about its centre; one pose
 // in each lane.
 //
-// It is held in coordinates x = B w that make the rows of W orthonormal, so that its facets are well-conditioned
-// however small the platform is beside its cables. A facet whose normal is h there has the normal B'h in wrenches.
-// In up to three dimensions a normal is the product of two columns at most, and B = 1 does as well.
+// Its coordinates x = B w make the rows of W orthonormal, so that its facets are well-conditioned even for a
+// platform that is small compared with its cables. A facet with the normal h there has the normal B'h in wrenches.
+// In up to three dimensions a normal is the product of two columns at most, and B = 1 suffices.
 #pragma once
 
 #include <algorithm>
@@ -76,7 +76,7 @@ struct WrenchSet {
     return sum;
   }
 
-  // Cable i, from its column of W and half its room to move. One without room spans nothing.
+  // Sets cable i, from its column of W and half the range of its tension. One without a range spans nothing.
   void set_segment(int i, const V* pull, const V& room) {
     V* const column = zonotope.column[i];
     transform(pull, column);
@@ -106,7 +106,7 @@ struct WrenchSets : WrenchSet<L, N, N, M, N <= 3 ? Basis::identity : Basis::tria
   static constexpr bool flat() { return false; }
   static V off_range(const V*) { return V{}; }
 
-  // Returns for each lane whether its structure matrix is such a one.
+  // Returns for each lane whether its structure matrix is well-conditioned.
   auto load(const Pose (&poses)[L], int m) {
     V matrix[N * M], room[M], middle[M], gram[N][N];
     read(poses, m, matrix, room, middle);
@@ -151,7 +151,7 @@ struct WrenchSets : WrenchSet<L, N, N, M, N <= 3 ? Basis::identity : Basis::tria
     }
   }
 
-  // Numbers of all poses; those that share their limits give one row for all.
+  // Loads numbers of all poses; poses that share limits have one row.
   static void read_row(const double* const (&row)[L], int m, V* out) {
     if (row[0] == row[L - 1]) {
       for (int i = 0; i < m; ++i) out[i] = V{} + row[0][i];
@@ -160,11 +160,11 @@ struct WrenchSets : WrenchSet<L, N, N, M, N <= 3 ? Basis::identity : Basis::tria
     }
   }
 
-  // Sets B from the Gram matrix W W'; returns where that is sure to be well-conditioned, and far from overflow.
+  // Sets B from the Gram matrix W W'; returns where that is certainly well-conditioned, and far from overflow.
   auto change_basis(const V (&gram)[N][N]) {
     constexpr double kWell = 1e4;  // the condition of W; B is accurate to its square times the rounding error
     constexpr double kLarge =
-        1e60;  // products of columns whose squares add up to more overflow; to 1 / this, vanish
+        1e60;  // of the trace: beyond, products of columns overflow; below 1 / kLarge they vanish
     V trace = gram[0][0];
     for (int k = 1; k < N; ++k) trace += gram[k][k];
     const auto ordinary = (trace < V{} + kLarge) & (trace > V{} + 1 / kLarge);
@@ -212,14 +212,15 @@ struct WrenchSets : WrenchSet<L, N, N, M, N <= 3 ? Basis::identity : Basis::tria
   }
 };
 
-// One pose with any structure matrix, of rank R or, where R is 1, of rank 0. B comes from singular values.
+// The set of one pose with any structure matrix, of rank R or, if R is 1, also of rank 0. It is flat if it has
+// fewer dimensions than wrench components.
 template <int R, int M>
 struct SingleWrenchSet : WrenchSet<1, kMaxComponents, R, M, Basis::full> {
   static constexpr int N = kMaxComponents;
   static constexpr bool kMayBeFlat = true;
   int components, rank;
   double range[R][N];  // orthonormal
-  double size;         // how far the set may reach from zero
+  double size;         // an upper bound of the distance of the set from zero
 
   template <class Whitener>
   SingleWrenchSet(const Pose& pose, int n, int m, const Whitener& whitening)
@@ -250,8 +251,8 @@ struct SingleWrenchSet : WrenchSet<1, kMaxComponents, R, M, Basis::full> {
 
   bool flat() const { return rank < components; }
 
-  // wrench -= what of it the tensions can change
-  void take_off(double* wrench) const {
+  // Subtracts from a wrench its part in the range of W.
+  void subtract_range(double* wrench) const {
     for (int pass = 0; pass < 2; ++pass) {
       for (int r = 0; r < rank; ++r) {
         double share = 0;
@@ -261,11 +262,11 @@ struct SingleWrenchSet : WrenchSet<1, kMaxComponents, R, M, Basis::full> {
     }
   }
 
-  // The rest of a wrench, seen from the centre: all of it is 0 where it is no more than rounding. Returns its
+  // The part of a wrench, relative to the centre, off the range; zeros where it is mere rounding. Returns its
   // length.
   double off_range(const double* wrench, double* off) const {
     std::copy(wrench, wrench + N, off);
-    take_off(off);
+    subtract_range(off);
     double square = 0, length = 0;
     for (int k = 0; k < N; ++k) {
       square += off[k] * off[k];

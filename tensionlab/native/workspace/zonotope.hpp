@@ -3,8 +3,8 @@
 // 2010; Gouttefarde & Krut 2010).
 //
 // The normal is the cross product of the R - 1 columns, built column by column: the wedge product of K columns has
-// a component for each choice of K rows, their determinant, and one more column expands each of them along its
-// last column (Laplace). Choices that begin alike share their products; nothing is divided, and no lane branches.
+// a component for each choice of K rows, their determinant, and another column expands each of them along its last
+// column (Laplace). Choices that begin alike share their products; there are no divisions and no branches by lane.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// Choices of rows are masks; those with equally many rows are numbered in rising order.
+// Choices of rows are masks; those with the same number of rows are numbered in rising order.
 constexpr int rows_in(int mask) { return mask == 0 ? 0 : (mask & 1) + rows_in(mask >> 1); }
 constexpr int number_of(int mask) {
   int number = 0;
@@ -29,7 +29,7 @@ constexpr int mask_of(int rows, int number) {
 }
 constexpr int choices(int n, int k) { return k == 0 || k == n ? 1 : choices(n - 1, k - 1) + choices(n - 1, k); }
 
-// One component of wedge ^ column: what the rows of kMask from kRow down add to its expansion along the column.
+// One component of wedge ^ column: the part of its expansion along the column by the rows of kMask from kRow down.
 template <int kMask, int kRow, class V>
 inline V expansion(const V* wedge, const V* column) {
   constexpr int kBelow = kMask & ((1 << kRow) - 1);
@@ -62,9 +62,9 @@ struct Zonotope {
   V square[M];  // of the column's length; 0 where the segment spans nothing, as one of length 0
   int count;
 
-  // visit(normal, height, spans) for every choice of R - 1 segments, of R or more: the zonotope lies in
-  // |normal . x| <= height and touches both planes, however long the normal is. Where `spans` is false the choice
-  // is dependent, and its normal 0 but for rounding.
+  // Calls visit(normal, height, spans) for every choice of R - 1 segments: the zonotope lies in |normal . x| <=
+  // height and touches both planes; the normal has any length. Where `spans` is false the choice is dependent, and
+  // its normal is zero up to rounding.
   template <class Visit>
   void facets(const Visit& visit) const {
     if (count < R) return;
@@ -81,8 +81,7 @@ struct Zonotope {
   }
 
  private:
-  // A product of columns that is no longer than this share of the product of their lengths is that of dependent
-  // ones.
+  // Columns are dependent if their product is at most this share of the product of their lengths.
   static constexpr Real kDependent = Real(1e-11);
 
   // `least` is the square of the length that a product of independent columns exceeds.
@@ -103,7 +102,7 @@ struct Zonotope {
     }
   }
 
-  // Those chosen lie in the plane.
+  // Half the extent of the zonotope along the normal; the chosen segments have none.
   V height(const V* normal, const int* chosen) const {
     V sum{};
     int next = 0;
