@@ -273,23 +273,23 @@ class Runner:
             desired = None if demand.desired is None else demand.desired + required
             wrench = required if demand.wrench is None else demand.wrench + required
             demand = replace(demand, wrench=wrench, desired=desired)
-        free = state.active
+        free, limits = state.active, modules.limits
         if demand.impedances:
             free = free & [name not in demand.impedances for name in modules.names]
         if demand.wrench is None:
-            wrench = state.structure @ np.where(free, modules.limits.lower, 0.0)
+            wrench = state.structure @ np.where(free, limits.lower, 0.0)
         else:
             wrench = np.asarray(demand.wrench)
             if demand.impedances or not modules.complete:
                 wrench = wrench - state.structure @ modules.fixed_tensions(demand, state)
-        allocation, fallback_used = allocator(state.structure, wrench, free, modules.limits)
+        allocation, fallback_used = allocator(state.structure, wrench, free, limits)
         if not lowest and self._length_monitor.must_limit(allocation.tensions):
             assert demand.wrench is not None
             limited = self._limited_wrench(modules, state, free, required, allocation.tensions)
             desired = demand.wrench if demand.desired is None else demand.desired
             demand = replace(demand, wrench=demand.wrench + limited - wrench, desired=desired)
             wrench = limited
-            allocation, fallback_used = allocator(state.structure, wrench, free, modules.limits)
+            allocation, fallback_used = allocator(state.structure, wrench, free, limits)
         _, commanded, slew_limited = modules.go_to(allocation.tensions, free)
         sequences = modules.send(demand)
         compute_time = time.perf_counter() - began
