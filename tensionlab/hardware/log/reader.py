@@ -49,20 +49,12 @@ class Run(CycleTable):
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import tensionlab as tl
-    >>> from tensionlab.hardware import Demand, RunLog, Runner, RunSettings, World, WorldClock, read_run
-    >>> from tensionlab.support.provenance import manifest
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> world, settings, pull = World(rig), RunSettings(rate=50.0), Demand(np.array([0.0, 0.0, 1.5]))
-    >>> links = {module.name: "sim:" for module in rig.modules}
-    >>> log = RunLog("run.mcap", rig, manifest(["an example"]), "newton", settings, links)
-    >>> clock = WorldClock(world)
-    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, sinks=[log], clock=clock)
-    >>> _ = runner.run(seconds=1.0)
-    >>> run = read_run("run.mcap")
+    >>> from tensionlab.scenarios import load_scenario
+    >>> from tensionlab.scenarios.play import play, simulate_modules
+    >>> recoil = load_scenario("recoil")
+    >>> run = play(recoil, simulate_modules(recoil), seconds=0.1).run
     >>> run.desired.shape, run.commanded.shape
-    ((50, 3), (50, 4))
+    ((20, 3), (20, 2))
     """
 
     rig: Rig

@@ -95,19 +95,14 @@ class RunLog:
 
     Examples
     --------
-    >>> import numpy as np
     >>> import tensionlab as tl
-    >>> from tensionlab.hardware import Demand, RunLog, Runner, RunSettings, World, WorldClock, read_run
+    >>> from tensionlab.hardware import RunLog, RunSettings, read_run
     >>> from tensionlab.support.provenance import manifest
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> world, settings, pull = World(rig), RunSettings(rate=50.0), Demand(np.array([0.0, 0.0, 1.5]))
+    >>> rig = tl.load_rig("floor-3")
     >>> links = {module.name: "sim:" for module in rig.modules}
-    >>> log = RunLog("run.mcap", rig, manifest(["an example"]), "newton", settings, links)
-    >>> clock = WorldClock(world)
-    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, sinks=[log], clock=clock)
-    >>> _ = runner.run(seconds=1.0)
-    >>> run = read_run("run.mcap")
-    >>> run.complete
+    >>> log = RunLog("run.mcap", rig, manifest(["an example"]), "newton", RunSettings(), links)
+    >>> log.close()
+    >>> read_run("run.mcap").complete
     True
     """
 

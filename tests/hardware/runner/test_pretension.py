@@ -7,7 +7,14 @@ import tensionlab as tl
 from tensionlab.demand import Demand, Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Calibration, State
-from tensionlab.hardware.runner.pretension import MISFIT_S, SHAKING_S, WINDOW_S, CableSpeeds, take_up_slack
+from tensionlab.hardware.runner.pretension import (
+    MISFIT_S,
+    SHAKING_S,
+    WINDOW_S,
+    CableSpeeds,
+    require_possible,
+    take_up_slack,
+)
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.runner.state_estimation import MAX_LENGTH_ERROR_M, Observation, PoseTracker
@@ -147,6 +154,21 @@ def test_lengths_at_rest_that_fit_no_pose_are_named_and_a_place_helps(name, wron
     assert {module.sample.state for module in world.modules} == {State.IDLE}
     place = Pose(rig.home)
     begin(world, rig, group=group, tracker=lambda time: place)
+
+
+@pytest.mark.parametrize("name", ["seven-modules", "kntu-planar", "ipanema-1", "cogiro"])
+def test_lengths_of_a_pose_are_possible_with_slack_and_not_once_two_cables_do_not_meet(name):
+    rig, draw = tl.load_rig(name), np.random.default_rng(0)
+    size = np.ptp(rig.anchors, axis=0)
+    for _ in range(50):
+        lengths = rig.lengths(rig.home + draw.uniform(-0.4, 0.4, rig.dimension) * size)
+        require_possible(rig, lengths + draw.exponential(0.5, rig.m))
+    apart = np.linalg.norm(rig.anchors[0] - rig.anchors[-1]) - np.linalg.norm(
+        rig.attachments[0] - rig.attachments[-1]
+    )
+    lengths[[0, -1]] = apart / 2.0 - 1.1 * MAX_LENGTH_ERROR_M
+    with pytest.raises(HardwareError, match=r"need .* m together to meet"):
+        require_possible(rig, lengths)
 
 
 def test_lengths_too_short_for_any_pose_are_refused_before_a_module_is_armed():
