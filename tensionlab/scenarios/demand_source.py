@@ -17,20 +17,14 @@ from tensionlab.model.pose import frame_of
 from tensionlab.scenarios.scenario import BrakeTarget, Scenario
 from tensionlab.support.arrays import Floats
 
-FADE_IN_S = 0.25  # all force fades in: the hand's place is unknown when a run begins
+FADE_IN_S = 0.25  # fade-in of all force: the hand's position is unknown when a run begins
 Notify = Callable[[str, str], None]  # receives a kind of event (phase, brake) and its text
 
 
 class ScenarioDemand:
-    """Demand source of a scenario.
+    """Demand source of a scenario, which may be repeated.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    notify : callable, optional
-        Called when a phase begins, and when the decision about the brakes changes.
-    repeat : bool
-        Whether it begins anew when it is over.
+    ``notify`` is called when a phase begins, and when the decision about the brakes changes.
 
     Examples
     --------
@@ -52,11 +46,13 @@ class ScenarioDemand:
         self._contact: BrakeContact | None = None
         self._brake_text = ""
 
-    def __call__(self, state: RigState, over: Mapping[str, Effect] | None = None, share: float = 1.0) -> Demand:
+    def __call__(
+        self, state: RigState, overrides: Mapping[str, Effect] | None = None, share: float = 1.0
+    ) -> Demand:
         """Return the demand of this cycle.
 
-        Effects ``over`` the scenario's take the place of its own by the same names, in their phases; others are
-        rendered all the time. ``share`` is that of all force, from 0 to 1; at 0 no brake is on, either.
+        Overrides replace the scenario's effects of the same names, in their phases; others are rendered all the
+        time. ``share`` is the share of all force, from 0 to 1; at 0 no brake is on, either.
         """
         scenario = self._scenario
         share = share * min(state.time / FADE_IN_S, 1.0)
@@ -70,9 +66,9 @@ class ScenarioDemand:
         effects: dict[str, Effect] = {}
         for phase in phases:
             effects |= phase.effects
-        for name, each in (over or {}).items():
+        for name, effect in (overrides or {}).items():
             if name in effects or name not in self._own:
-                effects[name] = each
+                effects[name] = effect
         demand = self.renderer(effects, motion, state, share)
         holds = [phase.hold for phase in phases if phase.hold is not None and share > 0.0]
         return replace(demand, brakes=self._brakes(holds[0], motion, state) if holds else self._release())
@@ -80,7 +76,7 @@ class ScenarioDemand:
     def _motion(self, state: RigState) -> Motion:
         """Return the motion of the hand in the frame of the effects.
 
-        Its velocity is that of its positions: that of the cables lacks what they do not see, and anchors move too.
+        Its velocity is the difference of its positions: that of the cables is incomplete, and anchors move too.
         """
         pose = state.pose
         last_time, last = self._last or (-math.inf, None)

@@ -1,7 +1,4 @@
-"""Simulated person whose hand or head the cables hold: it follows a script, and yields to their force.
-
-A script is a motion through waypoints, one after another, with a little sway.
-"""
+"""Simulated person whose hand or head the cables hold: it follows a script, and yields to their force."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from tensionlab.errors import ScenarioError
 from tensionlab.haptics.bridge.messages import HAND
 from tensionlab.haptics.effects import parameters
 from tensionlab.hardware.protocol.codes import State
-from tensionlab.hardware.simulation.simulated_module import Sample, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import SimulatedModule
 from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
 from tensionlab.model.kinematics import structure_matrix
 from tensionlab.model.pose import frame_of
@@ -27,14 +24,14 @@ from tensionlab.model.rig import Cables, Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief
 
-# Frequency ratios of a sway's axes: out of step they make it a loop, not a line; it begins at rest.
+# Frequency ratios of a sway's axes, so that it is a loop and no line.
 AXIS_RATES = np.array([1.0, 0.83, 1.21])
 MAX_STEP_S = 1e-3  # longest step of the integration
 SPEED_STEP_S = 1e-4  # step of the difference that gives the script's velocity
 TRACKER_RATE_HZ = 90.0  # rate of a simulated tracker; those of head-mounted displays have it
-RETURN_S = 1.0  # duration of the way back to the start
+RETURN_S = 1.0  # duration of the return to the start
 PULLING = (State.ARMED, State.RUNNING)  # states of a module that pulls
-MAX_SLACK_M = 0.05  # a cable that hangs loose by more is slack
+MAX_SLACK_M = 0.05  # excess length of a cable that is not slack
 # Receives the positions of bodies by name, in m, and their time, in s since 1970.
 Track = Callable[[Mapping[str, Floats], float], None]
 
@@ -56,7 +53,7 @@ class Waypoint:
 
 @parameters.checked_dataclass(ScenarioError)
 class Sway:
-    """Small motion to and fro: amplitudes in m, one an axis, and a frequency in Hz.
+    """Small oscillation: amplitudes in m, one per axis, and a frequency in Hz.
 
     Examples
     --------
@@ -76,10 +73,10 @@ class Sway:
 
 @parameters.checked_dataclass(ScenarioError)
 class Script:
-    """Motion through at least one waypoint, in order of time, plus a sway if there is one.
+    """Motion through waypoints, in order of time, plus a sway.
 
     Between waypoints it has minimum jerk (Flash and Hogan 1985, "The coordination of arm movements"), from rest to
-    rest; it stays where it is before the first and after the last.
+    rest; before the first and after the last it rests.
 
     Examples
     --------
@@ -133,7 +130,7 @@ class Script:
 class PersonPlan:
     """Parameters of a simulated person: a mass on a spring and a damper whose other end follows a script.
 
-    That is the equilibrium point of an arm (Hogan 1985, "The mechanics of multi-joint posture and movement
+    It models the equilibrium point of an arm (Hogan 1985, "The mechanics of multi-joint posture and movement
     control").
 
     Examples
@@ -145,7 +142,7 @@ class PersonPlan:
     """
 
     mass: parameters.PositiveMass
-    """Mass of the hand with what moves along, or of the head, in kg."""
+    """Effective mass of the hand or the head, in kg."""
     stiffness: parameters.PositiveStiffness
     """Stiffness of the spring, in N/m."""
     damping: parameters.PositiveDamping
@@ -158,16 +155,10 @@ class PersonPlan:
 
 @dataclass(frozen=True, eq=False)
 class PersonRecord:
-    """Motion of a simulated person and the cables' pull on it: rows, one a ms.
+    """Motion of a simulated person and the force of the cables on it, once a ms.
 
-    Attributes
-    ----------
-    time : (K,) array
-        In s since the script began.
-    position, force : (K, d) arrays
-        Of the hand or the head, in m; true force of the cables on it, in N.
-    tensions : (K, m) array
-        True tensions, in N.
+    Time (K,) in s since the script began; position (K, d) of the hand or the head in m, and true force (K, d) of
+    the cables on it in N; true tensions (K, m) in N.
 
     Examples
     --------
@@ -188,8 +179,8 @@ class PersonRecord:
 class Person:
     """Simulated person, called with a time for its pose.
 
-    It stands still where its script starts until `begin` is called. The rig's point is its hand or head; `pose`
-    has its current pose and that of the bodies.
+    It stands still at the start of its script until `begin` is called. The rig's point is its hand or head;
+    ``pose`` is its current pose and that of the bodies.
 
     Examples
     --------
@@ -205,7 +196,7 @@ class Person:
         self._position = plan.script.position(0.0)
         self._velocity: Floats = np.zeros_like(self._position)
         self._tensions: Floats = np.zeros(rig.m)
-        self._required = rig.required.middle(rig)  # the cables hold that of what weighs on the hand
+        self._required = rig.required.middle(rig)  # wrench that the cables hold besides
         self._force: Floats | None = None
         self._cables: Cables | None = None
         self._rows: list[tuple[float, Floats, Floats, Floats]] = []
@@ -220,18 +211,18 @@ class Person:
         self._tensions = tensions
 
     def apply_force(self, force: Floats) -> None:
-        """Set a force from now on, (d,) in N, in place of the cables'."""
+        """Set a force from now on, (d,) in N, instead of the cables' force."""
         self._force = force
 
     @property
     def velocity(self) -> Floats:
-        """Of the hand or the head, (d,) in m/s."""
+        """Velocity of the hand or the head, (d,) in m/s."""
         return self._velocity
 
     def __call__(self, time: float) -> Pose:
         """Return the pose at a time in s, which must not decrease from call to call."""
-        while (left := time - self._time) > 1e-9:
-            step = min(left, MAX_STEP_S)
+        while (remaining := time - self._time) > 1e-9:
+            step = min(remaining, MAX_STEP_S)
             self._time += step
             if self._start < math.inf:
                 self._move(step)
@@ -239,7 +230,7 @@ class Person:
 
     @property
     def cables(self) -> Cables:
-        """Where the cables run at the current pose."""
+        """Cables at the current pose."""
         if self._cables is None:
             self._cables = self._rig.cables(*self.pose)
         return self._cables
@@ -251,7 +242,7 @@ class Person:
 
     @property
     def record(self) -> PersonRecord:
-        """Everything since the script began."""
+        """Record since the script began."""
         time, position, force, tensions = zip(*self._rows, strict=True) if self._rows else ((),) * 4
         d, m = self._rig.dimension, self._rig.m
         return PersonRecord(
@@ -262,7 +253,7 @@ class Person:
         )
 
     def _move(self, step: float) -> None:
-        """Take one step; velocities first, which keeps a spring from gaining energy."""
+        """Take one step of the semi-implicit Euler method, with which a spring gains no energy."""
         plan, now = self._plan, self._time - self._start
         goal = plan.script.position(now)
         speed = (plan.script.position(now + SPEED_STEP_S) - goal) / SPEED_STEP_S
@@ -285,12 +276,11 @@ class Person:
 
 
 class PersonSimulation:
-    """Simulated person that holds the cables of modules served to another process, as often as they are armed.
+    """Simulated person that holds the cables of modules served to another process, each time they are armed.
 
-    It stands still at its start until all modules are armed and have reeled in what is slack; then its script
-    begins. When all have been stopped, it goes back there. Modules that are armed meanwhile find it on its way,
-    and its script begins after that. ``far_ends`` are functions that return the current length of each module's
-    cable, in m; ``track`` is called 90 times a second.
+    It stands still at its start until all modules are armed and have taken up the slack; then its script begins.
+    When all are stopped, it returns there, and the script does not begin before it has arrived. ``far_ends`` are
+    functions that return the current length of each module's cable, in m; ``track`` is called 90 times a second.
     """
 
     def __init__(self, plan: PersonPlan, rig: Rig, track: Track | None = None) -> None:
@@ -304,17 +294,18 @@ class PersonSimulation:
         }
 
     def take(self, modules: Sequence[SimulatedModule]) -> None:
-        """Apply the tensions of all modules and move on: a watcher of `serve`, called each ms."""
+        """Apply the tensions of all modules, and move on; called by `serve` each ms."""
         samples = [module.sample for module in modules]
         now = samples[0].seconds
-        if now == self._latest:  # a message has come; no time has passed
+        if now == self._latest:  # a message was received; no time has passed
             return
         self._latest = now
         pulling = [sample.state in PULLING for sample in samples]
+        slack = any(sample.length - sample.distance > MAX_SLACK_M for sample in samples)
         if self._playing and not any(pulling):
             self._restart(return_plan(self._plan, self._person.pose), now)
             self._playing, self._back_at = False, now + RETURN_S
-        elif not self._playing and all(pulling) and now >= self._back_at and not _slack(samples):
+        elif not self._playing and all(pulling) and now >= self._back_at and not slack:
             self._restart(self._plan, now)
             self._playing = True
         self._person.apply_tensions(np.array([sample.tension for sample in samples]))
@@ -324,7 +315,7 @@ class PersonSimulation:
         due = int(now * TRACKER_RATE_HZ)
         if self._track is not None and due > self._frames_sent:
             self._frames_sent = due
-            # By the modules' time: what they do late, on a busy machine, was not slow.
+            # On the modules' clock, which a busy computer does not distort.
             self._track({HAND: pose.position, **_body_positions(pose)}, self._began + now)
 
     def _restart(self, plan: PersonPlan, now: float) -> None:
@@ -335,12 +326,8 @@ class PersonSimulation:
         return float(self._lengths[index])
 
 
-def _slack(samples: Sequence[Sample]) -> bool:
-    return any(sample.length - sample.distance > MAX_SLACK_M for sample in samples)
-
-
 def return_plan(plan: PersonPlan, pose: Pose) -> PersonPlan:
-    """Return the plan that leads from a pose to the start of another plan."""
+    """Return a plan from a pose to the start of another plan."""
 
     def back(script: Script, here: Floats) -> Script:
         there = script.position(0.0)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tensionlab.demand import Demand, DemandSource, RigState
 from tensionlab.errors import HardwareError
@@ -30,9 +29,6 @@ from tensionlab.scenarios.scenario import Scenario
 from tensionlab.scenarios.scenery import as_mapping
 from tensionlab.support.provenance import manifest
 
-if TYPE_CHECKING:
-    pass
-
 SIMULATED = "sim:"
 
 
@@ -40,8 +36,8 @@ SIMULATED = "sim:"
 class ScenarioModules:
     """Open modules, with their links by name, and the source of the poses of hand and bodies.
 
-    Without a tracker the pose comes from the cables' lengths. The person is who is simulated in this process; the
-    client receives a tracker's frames, and where they fail to come there is no force.
+    Without a tracker the pose comes from the cables' lengths. The person is simulated in this process; the client
+    receives a tracker's frames, and without frames the force is 0.
     """
 
     group: ModuleGroup
@@ -54,7 +50,7 @@ class ScenarioModules:
 
 @dataclass(frozen=True, eq=False)
 class ScenarioResult:
-    """Scenario that was played, the run as the host saw it, and who was simulated in this process."""
+    """Scenario that was played, its run, and the record of a person simulated in this process."""
 
     scenario: Scenario
     run: Run
@@ -69,7 +65,7 @@ class ScenarioResult:
 
 
 def needs_tracker(rig: Rig) -> bool:
-    """Tell whether cable lengths leave the pose open: too few cables, or anchors that move."""
+    """Return whether cable lengths do not determine the pose: too few cables, or moving anchors."""
     return bool(rig.frames) or rig.m < rig.n
 
 
@@ -78,8 +74,8 @@ def simulate_modules(
 ) -> ScenarioModules:
     """Return modules in this process whose cables a simulated person holds.
 
-    The conditions are of the links, the seed of noise and accidents. Time passes as fast as it can, or if
-    ``paced``, no faster than real time.
+    The conditions are those of the links, the seed that of noise and accidents. Time passes as fast as possible
+    or, if ``paced``, no faster than real time.
     """
     person = Person(scenario.person, scenario.rig)
     world = World(scenario.rig, person, seed)
@@ -99,30 +95,25 @@ def play(
     progress: Callable[[float], None] | None = None,
     sinks: Sequence[RunSink] = (),
 ) -> ScenarioResult:
-    """Play a scenario, and read what was logged.
+    """Play a scenario on modules, which stay open, and read its log.
 
     Parameters
     ----------
-    scenario : Scenario
-    modules : ScenarioModules
-        Left open.
-    solver : str
-        As in `tensionlab.allocate`.
     seconds : float, optional
-        Part of it that is played; all if left out.
+        Duration; the whole scenario if left out.
     log : path, optional
-        An MCAP file for every cycle; a temporary one if left out.
+        MCAP file of the run; a temporary one if left out.
     call : sequence of str
-        For the log's manifest.
+        Call in the log's manifest.
     progress : callable, optional
-        Receives the share that has been played, from 0 to 1.
+        Called with the share that has been played, from 0 to 1.
     sinks : sequence of RunSink, optional
-        Further sinks of the run, besides the log.
+        Sinks of the run, besides the log.
 
     Raises
     ------
     HardwareError
-        What went wrong with a module; all have been stopped then.
+        A module failed; all have been stopped.
     """
     with tempfile.TemporaryDirectory() as folder, temporary_slew(modules.group, scenario.slew):
         path = Path(folder) / "scenario.mcap" if log is None else Path(log)
@@ -142,9 +133,9 @@ def perform(
     sinks: Sequence[RunSink] = (),
     progress: Callable[[float], None] | None = None,
 ) -> Statistics:
-    """Play a scenario on modules inside `temporary_slew`; keep nothing of it but in the sinks.
+    """Play a scenario on modules inside `temporary_slew`, without a log.
 
-    Other parameters are those of `play` and, for ``notify``, of `ScenarioDemand`; the run keeps its events anyway.
+    Parameters are those of `play` and, for ``notify``, of `ScenarioDemand`; the sinks get its events as well.
     """
     length = scenario.seconds if seconds is None else seconds
 
@@ -164,18 +155,10 @@ def perform(
             progress(state.time / length)
         return source(state)
 
-    settings, clock, tracker = _settings(scenario), modules.clock, modules.tracker
-    shared = SharedRun(scenario.rig, solver, settings, modules.group.clients, as_mapping(scenario))
-    runner = Runner(
-        scenario.rig,
-        modules.group,
-        solver,
-        demand,
-        settings,
-        sinks=[shared, *sinks],
-        clock=clock,
-        tracker=tracker,
-    )
+    rig, group, settings = scenario.rig, modules.group, _settings(scenario)
+    sinks = [SharedRun(rig, solver, settings, group.clients, as_mapping(scenario)), *sinks]
+    clock, tracker = modules.clock, modules.tracker
+    runner = Runner(rig, group, solver, demand, settings, sinks=sinks, clock=clock, tracker=tracker)
     return runner.run(length)
 
 
@@ -184,7 +167,7 @@ def _settings(scenario: Scenario) -> RunSettings:
 
 
 def module_limits(rig: Rig, group: ModuleGroup) -> ModuleLimits:
-    """Return what every module of a group renders, by its parameters; it refuses impedances that go beyond."""
+    """Return the limits of impedances that every module of a group renders, by its parameters."""
     stiffness, damping, length = (
         min(client.parameter(name) for client in group.clients)
         for name in ("stiffness_limit", "damping_limit", "length_upper")
@@ -205,5 +188,5 @@ def temporary_slew(group: ModuleGroup, slew: float | None) -> Iterator[None]:
         yield
     finally:
         for client, own in zip(group.clients, before, strict=True):
-            with suppress(HardwareError):  # it is gone, or lets go: what ended the run has been said
+            with suppress(HardwareError):  # the module is lost, and the run has said so
                 client.set_parameter("slew", own)

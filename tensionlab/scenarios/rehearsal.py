@@ -1,7 +1,7 @@
-"""Rehearsal of a scenario: what it needs of its rig, found before anything moves.
+"""Rehearsal of a scenario: whether its rig has the reach, forces and brakes that it needs.
 
-The simulated person follows the script on ideal cables, which render all that is desired, and is stopped where
-brakes should stop it. At each pose on that way, the rig is asked for what was desired there.
+The simulated person follows the script on ideal cables, which render every desired force, and ideal brakes. At
+each pose on its path, the desired force is allocated on the rig.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from tensionlab.support.formatting import format_count, format_range, format_sha
 from tensionlab.support.table import Finding
 
 STOP_STIFFNESS_N_M, STOP_DAMPING_N_S_M = 5000.0, 50.0  # ideal brakes
-MIN_FORCE_N = 0.5  # smaller forces are not missed
-MAX_MISSING = 0.07  # share of a desired force that may be missing: people notice no less
+MIN_FORCE_N = 0.5  # smaller desired forces are not checked
+MAX_MISSING = 0.07  # share of a desired force that may be missing: the just noticeable difference
 
 
 @dataclass(frozen=True, eq=False)
 class Rehearsal:
-    """Cycles of a rehearsal: time (K,) in s, position in the world and as the effects have it (K, d) in m.
+    """Cycles of a rehearsal: time (K,) in s, position in the world and in the frame of the effects (K, d) in m.
 
-    With the structure matrices (K, n, m), the lengths of the cables (K, m) in m, and the desired force (K, n).
+    The other fields are structure matrices (K, n, m), cable lengths (K, m) in m, and desired forces (K, n) in N.
     """
 
     time: Floats
@@ -42,7 +42,7 @@ class Rehearsal:
 
 
 def rehearse(scenario: Scenario) -> Rehearsal:
-    """Play a scenario with its simulated person on cables that render all that is desired."""
+    """Play a scenario with its simulated person on ideal cables and brakes."""
     person, step = Person(scenario.person, scenario.rig), 1.0 / scenario.rate
     person.begin()
     memories: dict[str, Memory] = {}
@@ -68,7 +68,7 @@ def rehearse(scenario: Scenario) -> Rehearsal:
 
 
 def _stop(target: BrakeTarget, motion: Motion) -> Floats:
-    """Return the force of ideal brakes, (d,), on a hand that is in their wall: no more than they should hold."""
+    """Return the force of ideal brakes, (d,) in N, on a hand in their wall."""
     wall = target.wall(motion.position)
     normal = np.asarray(wall.normal)
     push = STOP_STIFFNESS_N_M * max(-wall.distance, 0.0)
@@ -78,15 +78,15 @@ def _stop(target: BrakeTarget, motion: Motion) -> Floats:
 
 
 def check_needs(scenario: Scenario) -> list[Finding]:
-    """Check whether a scenario's rig has what the scenario needs: reach, force in each phase, and brakes.
+    """Check whether a scenario's rig has the reach, the forces of each phase, and the brakes.
 
-    A finding fails where the rig has nothing of it, and is a note where it has a part. RigError where the
-    hand comes to an anchor.
+    A finding fails if the rig has nothing of what is needed, and is a note if it has a part. RigError if the hand
+    comes to an anchor.
 
     Parameters
     ----------
     scenario : Scenario
-        With its rig.
+        Scenario with its rig.
 
     Examples
     --------
@@ -106,7 +106,7 @@ def check_needs(scenario: Scenario) -> list[Finding]:
 
 
 def _reach(scenario: Scenario, played: Rehearsal) -> Finding:
-    """Check that the cables hold the hand, inside their limits, wherever it goes."""
+    """Check that the cables hold the hand inside their limits on its whole path."""
     rig = scenario.rig
     low, high = played.position.min(axis=0).round(2) + 0.0, played.position.max(axis=0).round(2) + 0.0
     where = f"{format_vector(low)} to {format_vector(high)} m"
@@ -157,7 +157,7 @@ def _force(scenario: Scenario, phase: Phase, played: Rehearsal, during: Integers
 
 
 def _brakes(scenario: Scenario, phase: Phase, target: BrakeTarget, played: Rehearsal, during: Integers) -> Finding:
-    """Check what brakes and motors hold where the hand is stopped."""
+    """Check the force that brakes and motors hold where the hand is stopped."""
     rig, name = scenario.rig, f"{phase.name}: brakes"
     walls = [target.wall(position) for position in played.seen[during]]
     touched = [index for index, wall in enumerate(walls) if wall.distance <= 0.0]

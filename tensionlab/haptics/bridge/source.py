@@ -25,7 +25,7 @@ class Inner(Protocol):
 
     renderer: Renderer
 
-    def __call__(self, state: RigState, over: Mapping[str, Effect], share: float) -> Demand:
+    def __call__(self, state: RigState, overrides: Mapping[str, Effect], share: float) -> Demand:
         """Return the demand of this cycle. At a share of 0: no force, and no brake."""
         ...
 
@@ -99,9 +99,9 @@ class FreeEffects:
         self._client, self._latest = client, 0.0
         self.renderer = Renderer(client.rig)
 
-    def __call__(self, state: RigState, over: Mapping[str, Effect], share: float) -> Demand:
+    def __call__(self, state: RigState, overrides: Mapping[str, Effect], share: float) -> Demand:
         """Return the demand of this cycle."""
-        return self.renderer(over, self._motion(state), state, share)
+        return self.renderer(overrides, self._motion(state), state, share)
 
     def _motion(self, state: RigState) -> Motion:
         step = max(state.time - self._latest, 1e-4)
