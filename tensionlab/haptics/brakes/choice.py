@@ -17,15 +17,16 @@ Where the motors alone render the force, nothing is locked. The rule and its num
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from tensionlab import _native
 from tensionlab.allocation import RANK_TOLERANCE, TOLERANCE
 from tensionlab.errors import InputError, ShapeError
+from tensionlab.haptics.effects.parameters import Number, checked_dataclass
 from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
@@ -34,34 +35,18 @@ from tensionlab.support.arrays import Floats, as_floats, common_axes, require_fi
 Flags = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@checked_dataclass(InputError)
 class LockRule:
-    """Rule by which sets of brakes are compared.
+    """Rule by which sets of brakes are compared."""
 
-    ``margin`` is the least ``u·n`` of a cable that may be locked: 0.02 is 1.1 degrees before it would keep the
-    hand, or 2 cm of error in the hand's position at 1 m from the anchor; a locked one stays until it is 0. Up to 3
-    cables are locked: any force of a cone is one of three of its cables. ``price`` of each lock, and
-    ``hysteresis``, by which another set must be better than the one that is locked, are shares of the desired
-    force.
-    """
-
-    margin: float = 0.02
-    max_locked: int = 3
-    price: float = 0.02
-    hysteresis: float = 0.05
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.margin < 1.0:
-            raise InputError(
-                f"LockRule(margin={self.margin}): must be above 0 and below 1; at 0 a brake could trap"
-            )
-        if not 0 <= self.max_locked <= 3:
-            raise InputError(
-                f"LockRule(max_locked={self.max_locked}): must be from 0 to 3; a fourth cable adds nothing"
-            )
-        for name in ("price", "hysteresis"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise InputError(f"LockRule({name}={getattr(self, name)}): must be 0 or more")
+    margin: Annotated[Number, Field(gt=0.0, lt=1.0)] = 0.02
+    """Smallest ``u·n`` of a cable to lock, above 0 so that no brake traps; a locked one stays locked down to 0."""
+    max_locked: Annotated[int, Field(ge=0, le=3)] = 3
+    """Largest number of locked cables; three of its cables render any force of a cone."""
+    price: Annotated[Number, Field(ge=0.0)] = 0.02
+    """Price of each lock, as a share of the desired force."""
+    hysteresis: Annotated[Number, Field(ge=0.0)] = 0.05
+    """Advantage of another set over the locked one, as a share of the desired force, before it takes its place."""
 
 
 LOCK_RULE = LockRule()

@@ -10,16 +10,17 @@ All numbers are this project's defaults, not published ones.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
 from tensionlab.allocation import TOLERANCE
 from tensionlab.errors import InputError
 from tensionlab.haptics.brakes.choice import Flags, LockSet, choose_locks
+from tensionlab.haptics.effects.parameters import Number, checked_dataclass
 from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 from tensionlab.support.arrays import Floats, require_finite
@@ -29,23 +30,16 @@ from tensionlab.support.arrays import Floats, require_finite
 Reason = Literal["locked", "motors", "no cable", "too fast", "not near", "leaving"]
 
 
-@dataclass(frozen=True)
+@checked_dataclass(InputError)
 class Timing:
-    """Times and distances at which brakes lock and are released.
+    """Times and distances at which brakes lock and are released."""
 
-    ``latency`` is from the decision to a locked brake, in s; ``slack`` the cable that pays out before the pawl
-    meets a tooth, and ``release`` how far along the normal from where it was held a hand has withdrawn when brakes
-    are released, in m.
-    """
-
-    latency: float = 0.080
-    slack: float = 0.003
-    release: float = 0.005
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not 0.0 <= value < math.inf:
-                raise InputError(f"Timing({name}={value}): must be 0 or more")
+    latency: Annotated[Number, Field(ge=0.0)] = 0.080
+    """Time from the decision to a locked brake, in s."""
+    slack: Annotated[Number, Field(ge=0.0)] = 0.003
+    """Cable that pays out before the pawl meets a tooth, in m."""
+    release: Annotated[Number, Field(ge=0.0)] = 0.005
+    """Withdrawal along the normal, from where the hand was held, at which brakes are released, in m."""
 
     def near(self, distance: ArrayLike, approach: ArrayLike) -> Flags:
         """Return whether brakes must be locked now, so that they hold where the wall is.
@@ -58,26 +52,22 @@ class Timing:
 TIMING = Timing()
 
 
-@dataclass(frozen=True)
+@checked_dataclass(InputError)
 class ImpactCap:
     """Cap on the force with which a body is stopped.
 
-    A body of mass m, stopped by a cable of stiffness k, meets at most ``v sqrt(k m)``. That is the impact: a body
-    that keeps pushing is held with all that the brakes bear, and no sensor measures how much that is. So links
-    that break away below the cap are part of it: without them, 23 of 1,000 random heads met more. A scenario
-    refuses a rig whose motors and brakes could together pull harder than its cap. Links should break away at
-    ``force`` in N; ``stiffness`` in N/m is that of a locked cable with all that gives way at both of its ends; the
-    mass is in kg.
+    A body of mass m, stopped by a cable of stiffness k, meets at most ``v sqrt(k m)``. That is the impact only: a
+    body that keeps pushing is held with the whole strength of the brakes, which no sensor measures. So breakaway
+    links below the cap are part of it: without them, 23 of 1,000 random heads met more. A scenario refuses a rig
+    whose motors and brakes could together pull harder than its cap.
     """
 
-    force: float = 60.0
-    stiffness: float = 5000.0
-    mass: float = 5.0
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not 0.0 < value < math.inf:
-                raise InputError(f"ImpactCap({name}={value}): must be above 0")
+    force: Annotated[Number, Field(gt=0.0)] = 60.0
+    """Force at which links should break away, in N."""
+    stiffness: Annotated[Number, Field(gt=0.0)] = 5000.0
+    """Stiffness of a locked cable with its ends, in N/m."""
+    mass: Annotated[Number, Field(gt=0.0)] = 5.0
+    """Mass of the body, in kg."""
 
     def peak(self, speed: ArrayLike, stiffness_ratio: ArrayLike = 1.0) -> Floats:
         """Return the impact in N, for cables together ``stiffness_ratio`` times as stiff as one."""

@@ -75,12 +75,6 @@ def test_what_is_desired_is_pulled(bridge):
         assert push(bridge, client, 0.1, {}).desired == [0.0, 0.0, 0.0]
 
 
-def test_each_message_has_one_answer_with_its_number(bridge):
-    with BridgeClient(bridge.url) as client:
-        for number in (5, 6, 2**40):
-            assert client.frame(1e-3 * number, HAND, sequence=number).sequence == number
-
-
 def heard(watch, kind):
     """The next event of a kind."""
     while (found := json.loads(watch.recv())).get("kind") != kind:
@@ -131,14 +125,8 @@ BAD = [
         '{"type": "frame", "time": 0, "bodys": {}}',
         "bodys is an unknown key; did you mean",
     ),
-    ('{"type": "stop", "time": 0}', "time is an unknown key; the keys here are type"),
     ('{"type": "frame", "time": 0, "bodies": []}', "bodies is []; give a table"),
-    ('{"type": "frame", "time": 0, "bodies": {"hand": 1}}', "bodies.hand is 1; give a table"),
     ('{"type": "frame", "time": 0, "bodies": {"hand": {}}}', "bodies.hand.position is missing"),
-    (
-        '{"type": "frame", "time": 0, "bodies": {"hand": {"x": 1}}}',
-        "bodies.hand.x is an unknown key; the keys here are",
-    ),
     (
         '{"type": "frame", "time": 0, "bodies": {"hand": {"position": [1e9, 0, 0]}}}',
         "position[0] is 1000000000.0; give 100",
@@ -153,15 +141,7 @@ BAD = [
         '{"type": "frame", "time": 0, "bodies": {"hand": {"position": [0, 0, 0], "rotation": [0, 0, 0, 0]}}}',
         "unit quaternion",
     ),
-    ('{"type": "frame", "time": 0, "effects": {"a": {"kind": "lava"}}}', "kind is 'lava'; give one of wall"),
-    ('{"type": "frame", "time": 0, "effects": {"a": {"kind": "wall", "stif": 1}}}', "stif is an unknown key"),
-    ('{"type": "frame", "time": 0, "effects": {"a": {"kind": "wall", "stiffness": -1}}}', "stiffness is -1"),
-    (
-        '{"type": "frame", "time": 0, "effects": {"a": {"kind": "wall", "stiffness": "x"}}}',
-        "stiffness is 'x'; give a number (Stiffness K",
-    ),
     ("[" * 5000, "not JSON"),
-    ('{"type": "frame", "time": 0, "effects": {"a": {"kind": []}}}', "kind is []"),
     ('{"type": "frame", "time": 0, "effects": {"a": {"kind": "spring", "centre": [0, 0]}}}', "give 3 components"),
     ('{"type": "frame", "time": 0, "bodies": {"hand": {"position": [0, 0]}}}', "has 2 numbers; give 3"),
     ('{"type": "frame", "time": 0, "bodies": {"head": {"position": [0, 0, 0]}}}', "no body 'head'"),
@@ -205,13 +185,6 @@ def test_a_flood_ends_the_connection_and_the_next_client_is_served(bridge):
         assert sum("a flood" in answer for answer in answers) == MAX_REFUSED
     with BridgeClient(bridge.url) as client:
         assert client.frame(0.0, HAND).type == "state"
-
-
-def test_who_is_never_understood_is_turned_away(bridge):
-    with bridge.connect(f"{bridge.url}/command") as line:
-        for _ in range(20):
-            line.send("nonsense")
-        assert closed(line)[0] == 1008
 
 
 def test_one_commands_and_others_watch(bridge):
@@ -321,12 +294,6 @@ def test_who_comes_and_goes_is_a_line_and_an_event(bridge, capsys):
     for line, pattern in zip(lines, what, strict=True):
         assert re.search(rf"^127\.0\.0\.1, port \d+: {pattern}", line), line
         assert line in said
-
-
-def test_a_page_of_this_machine_may_connect(bridge):
-    origin = {"Origin": "http://localhost:8000"}
-    with bridge.connect(f"{bridge.url}/events", additional_headers=origin) as line:
-        assert json.loads(line.recv())["type"] == "welcome"
 
 
 def test_a_client_without_the_token_is_refused(serve, tmp_path):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tensionlab.haptics.effects import Box, HalfSpace, Shape, Sphere, VirtualCoupling
+from tensionlab.haptics.effects import Box, HalfSpace, Shape, Sphere
 from tests.helpers.motions import at, follow
 
 FIELDS = [HalfSpace(), Sphere(), Box(), Box(centre=(0.01, 0.0, 0.0), size=(0.1, 0.2, 0.3))]
@@ -86,13 +86,6 @@ def test_a_batch_is_the_same_as_one_by_one():
     assert np.abs(together).max() > 1.0
     for which in range(5):
         assert follow(Shape(Box()), paths[:, which], 0.01) == pytest.approx(together[:, which], abs=1e-3)
-
-
-def test_the_coupling_is_a_spring_and_a_damper():
-    force = VirtualCoupling(400.0, 3.0).force(
-        at(0.0, 0.0, 0.0, velocity=(0.1, 0.0, 0.0)), np.array([0.01, 0.0, 0.0])
-    )
-    assert force == pytest.approx([4.0 - 0.3, 0.0, 0.0])
 
 
 @given(start=COORDINATES, end=COORDINATES)

@@ -129,10 +129,6 @@ def test_what_is_desired_is_the_effects_own_force_however_soft_and_aslant_it_is_
         assert plan.cut[0]["friction.stiffness"] == (rough.friction.stiffness, 30.0)
 
 
-def test_a_module_whose_cable_is_along_the_axis_cuts_nothing():
-    assert assign((Wall(), Spring()), at(0.0, 0.0, -0.01), CABLES).cut == ({}, {})
-
-
 @pytest.mark.parametrize(
     ("error", "reason"), [(EffectError("as it says"), "as it says"), (KeyError("x"), "KeyError: 'x'")]
 )
@@ -144,10 +140,6 @@ def test_an_effect_that_fails_is_named_with_its_reason(error, reason):
     with pytest.raises(EffectFailed) as caught:
         assign((Viscous(), Broken()), at(0.0, 0.0, 0.0), CABLES)
     assert (caught.value.effect, caught.value.reason) == (1, reason)
-
-
-def test_a_vibration_that_a_module_renders_is_not_in_what_is_desired():
-    assert not assign((Vibration(),), at(0.0, 0.0, -0.01), CABLES).desired.any()
 
 
 @pytest.mark.parametrize(("frequency", "rendered"), [(60.0, False), (26.5, False), (25.0, True), (5.0, True)])
@@ -191,12 +183,3 @@ def test_what_no_cable_can_do_the_host_does():
     assert (
         assign((Wall(),), at(0.0, 0.0, -0.01), CABLES._replace(available=np.zeros(4, dtype=bool))).force[2] == 3.0
     )
-
-
-def test_memory_goes_round():
-    effects, memory = (Viscous(damping=0.0), Texture()), None
-    for k in range(50):
-        motion = Motion(np.array([1e-4 * k, 0.0, -0.01]), np.array([0.1, 0.0, 0.0]))
-        plan = assign(effects, motion, CABLES, memories=memory)
-        memory = plan.memories
-    assert plan.force[0] < -0.5

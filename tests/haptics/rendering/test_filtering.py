@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 
-from tensionlab.errors import EffectError
-from tensionlab.haptics.effects import Motion, Recoil, Viscous, Wall
+from tensionlab.haptics.effects import Recoil, Viscous, Wall
 from tensionlab.haptics.effects.effect import smoothstep
 from tensionlab.haptics.rendering.filtering import (
-    FADE_DELAY_S,
-    FADE_S,
     Stages,
     fade_in,
     limit_force_slew,
@@ -70,21 +67,6 @@ def test_the_controller_sees_what_is_commanded():
         assert memory.stages.observed.forces[-1] == pytest.approx(force)
 
 
-def test_it_works_on_batches():
-    motion = Motion(np.full((4, 5, 3), -0.01), np.zeros((4, 5, 3)), np.zeros((4, 5)))
-    staged = Staged(Wall(), Stages(PassivityController(5.0, delay=3)))
-    memory = None
-    for _ in range(5):
-        force, memory, _ = staged.render(motion, memory)
-    assert force.shape == (4, 5, 3)
-    assert force[..., 2] == pytest.approx(1.0)
-
-
-def test_nonsense_is_refused_by_name():
-    with pytest.raises(EffectError, match="Stages: slew is 0"):
-        Stages(slew=0.0)
-
-
 def shares(ages, before=None, step=0.001):
     """Shares of the force at some ages, one step after the other."""
     for age in ages:
@@ -104,7 +86,3 @@ def test_fresh_input_brings_the_force_back_no_faster():
     assert np.abs(np.diff(forces)).max() <= 3.0 * 1.5 / 150 * 1.01
     assert forces[0] < 0.01
     assert forces[150] == pytest.approx(3.0)
-
-
-def test_silent_by_the_time_modules_give_up():
-    assert pytest.approx(0.25) == FADE_DELAY_S + FADE_S
