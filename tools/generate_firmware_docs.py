@@ -101,7 +101,7 @@ def spaced(content: bytes) -> str:
 def parameters() -> str:
     """Return the table of parameters."""
     rows = [
-        (row.index, f"`{name}`", row.unit, f"{row.lower:g}", f"{row.upper:g}", f"{row.standard:g}", meaning)
+        (row.index, f"`{name}`", row.unit, f"{row.lower:g}", f"{row.upper:g}", f"{row.default:g}", meaning)
         for (name, row), meaning in zip(
             PARAMETERS.items(), explained(PARAMETER_DESCRIPTIONS, PARAMETERS), strict=True
         )
@@ -120,7 +120,7 @@ def explained(meanings: Mapping[str, str], names: Iterable[str]) -> list[str]:
 
 def plant() -> str:
     """Return the table of the simulated hardware."""
-    rows = [(f"`{name}`", row.unit, f"{row.standard:g}", row.about) for name, row in PLANT.items()]
+    rows = [(f"`{name}`", row.unit, f"{row.default:g}", row.about) for name, row in PLANT.items()]
     return table(("Parameter", "Unit", "Value", "What it is, and where the value comes from"), rows)
 
 

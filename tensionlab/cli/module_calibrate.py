@@ -137,8 +137,8 @@ def _open(url: str) -> ModuleClient:
     """Open a module; on the cable of ``sim:`` hangs a mass."""
     if url != "sim:":
         return ModuleClient(url, url)
-    constant = SIMULATED_CONSTANT * PLANT["torque_constant"].standard
-    gain = constant / PLANT["radius"].standard
+    constant = SIMULATED_CONSTANT * PLANT["torque_constant"].default
+    gain = constant / PLANT["radius"].default
     typer.echo(f"Simulated: a module with {gain:.4g} N/A and a mass on its cable.", err=True)
     return ModuleClient("sim", SimulatedLink(HangingMass(0.1, plant={"torque_constant": constant})))
 

@@ -22,6 +22,7 @@ MAX_LENGTH = 1e4
 MAX_TENSION = 1e11
 MAX_MASS = 1e8  # maximum mass of a platform, in kg: that of a large ship
 GRAVITY_M_S2 = 9.81  # acceleration by gravity, in m/s²
+STANDARD_GRAVITY_M_S2 = 9.80665  # for weighing; the local value differs by up to 0.4 %
 
 
 class Kind(NamedTuple):

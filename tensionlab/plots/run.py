@@ -24,7 +24,7 @@ BINS = 1500  # number of bins of a longer run: lines show their minimum and maxi
 COLOURS = (BLUE, ORANGE, GREEN)  # colours of the axes x, y and z
 LIMITER_LOOKS = [
     ("free", "#EDEDED", {Limit.NONE}),
-    ("taut minimum", "#B5D9F0", {Limit.LOWER}),
+    ("minimum tension", "#B5D9F0", {Limit.LOWER}),
     ("slew rate", "#F0E442", {Limit.SLEW}),
     ("max tension", ORANGE, {Limit.UPPER}),
     ("speed, length, brake", "#CC79A7", {Limit.SPEED, Limit.LENGTH, Limit.RELEASING}),

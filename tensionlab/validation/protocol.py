@@ -39,7 +39,7 @@ from tensionlab.validation.error_model import PRESETS, draw_errors, require_poin
 from tensionlab.validation.sensors import ForceSensor, simulated_setup
 
 NO_LIMIT = (Limit.NONE, Limit.LOWER, Limit.UPPER, Limit.IDLE)  # limiters that are not a module's own
-CONTINUOUS_CURRENT_A = PARAMETERS["current_continuous"].standard  # continuous rating of a winding's current
+CONTINUOUS_CURRENT_A = PARAMETERS["current_continuous"].default  # continuous rating of a winding's current
 AXIS_FORCES = 3  # number of forces along the axes, which come first
 ZERO_S = 1.0  # time for which the sensor is averaged with all motors off
 # Shares of a winding's heat budget: above the first, modules rest before a force that needs more than the

@@ -146,7 +146,7 @@ def test_settings_survive_a_restart(simulate, tmp_path, capsys):
     assert capsys.readouterr().err == ""
     file.write_bytes(b"spoilt" + file.read_bytes())
     with simulate("--config-file", file).connected() as client:
-        assert client.ask(GetParameter(index), ParameterValue).value == PARAMETERS["slew"].standard
+        assert client.ask(GetParameter(index), ParameterValue).value == PARAMETERS["slew"].default
         assert "settings.bin: not the settings of a module" in capsys.readouterr().err
 
 

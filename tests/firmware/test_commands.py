@@ -35,7 +35,7 @@ from tests.helpers.modules import SESSION, Host, host_in
 
 NO_NUMBERS = (math.nan, math.inf, -math.inf)
 PLAIN = {"rest": 0.0, "stiffness": 0.0, "damping": 0.0, "feed_forward": 1.0}
-UPPER = PARAMETERS["length_upper"].standard
+UPPER = PARAMETERS["length_upper"].default
 
 
 def raw(host: Host, kind: Type, layout: str, *values) -> Code:
@@ -172,7 +172,7 @@ def test_parameters_out_of_range_or_none_are_refused(name):
     for value in (*NO_NUMBERS, row.lower - 1e-3 * max(1.0, abs(row.lower)), 1.001 * row.upper + 1e-3):
         assert raw(host, Type.SET_PARAMETER, "Bf", row.index, value) == Code.BAD_VALUE
     assert host.module.parameters == before
-    assert host.say(GetParameter(row.index)) == [ParameterValue(row.index, row.standard, row.lower, row.upper)]
+    assert host.say(GetParameter(row.index)) == [ParameterValue(row.index, row.default, row.lower, row.upper)]
 
 
 @pytest.mark.parametrize("index", [len(PARAMETERS), 255])

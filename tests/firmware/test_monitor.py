@@ -175,7 +175,7 @@ def thermal_after(core, seconds, current, *before):
 
 
 def spent(current, seconds):
-    """Return the share that a current spends: the winding stands 1 A for ever, and warms with 20 s."""
+    """Return the share that a current spends: its rating is 1 A, and it warms with 20 s."""
     return current**2 * (1.0 - np.exp(-seconds / 20.0))
 
 

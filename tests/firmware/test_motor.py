@@ -135,7 +135,7 @@ def flick(seconds):
 
 
 def shake(seconds):
-    """0.2 m to and fro, three times a second: faster than the taut minimum can follow."""
+    """0.2 m to and fro, three times a second: faster than the minimum tension can follow."""
     return 1.0 + 0.1 * np.sin(6.0 * np.pi * seconds) * min(seconds, 1.0)
 
 

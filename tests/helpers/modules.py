@@ -92,7 +92,7 @@ class Host:
 
 
 def host_in(state: State, **options) -> Host:
-    """A host whose module is in this state, pulling with more than the taut minimum where it may."""
+    """A host whose module is in this state, pulling with more than the minimum tension where it may."""
     host = Host(**options)
     host.calibrate(length=host.module.sample.distance)
     if state == State.IDLE:

@@ -80,9 +80,6 @@ def _ratio(found: LinearFit, top: int, bottom: int) -> Estimate:
     return around(float(a / b), math.sqrt(gradient @ found.covariance @ gradient), found.freedom)
 
 
-STANDARD_GRAVITY_M_S2 = 9.80665  # the true one differs by up to 0.4 % over the Earth, and N/A with it
-
-
 @dataclass(frozen=True)
 class Balance:
     """Force at the cable's far end, by a weight or a sensor, and the motor current that balances it."""

@@ -24,7 +24,7 @@ NAME_PREFIX = "tensionlab-"  # start of a module's Bluetooth name; its serial nu
 TIMEOUTS_S = (0.3, 0.5, 1.0)
 PARALLEL_PORTS = 8
 PULSES = 3
-PULSE_TENSION_N = 0.5  # above the taut minimum
+PULSE_TENSION_N = 0.5  # above the minimum tension
 PULSE_S = 0.4  # duration of each pulse and of each pause
 SET_POINT_PERIOD_S = 0.05
 

@@ -35,7 +35,7 @@ class ModuleGroup:
     slews : tuple of float
         Largest rates of change of the tensions, in N/s.
     continuous : tuple of float
-        Tensions that the windings can hold for ever, in N. All three are empty before `prepare`.
+        Continuous ratings of the windings as tensions, in N. All three are empty before `prepare`.
 
     Examples
     --------

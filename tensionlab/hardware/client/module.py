@@ -272,7 +272,7 @@ class ModuleClient:
         return self.link.clock() - began, pong.time_us
 
     def arm(self) -> None:
-        """Make the module pull with the taut minimum, and wait for set-points of a new session."""
+        """Make the module pull with the minimum tension, and wait for set-points of a new session."""
         try:
             self.command(self.new_session())
         except ModuleFault as error:

@@ -7,7 +7,7 @@
     firmware = "0.1"
 
     [parameters]
-    tension_lower = 0.5                          # N, 0.1 to 2: the taut minimum
+    tension_lower = 0.5                          # N, 0.1 to 2: minimum tension of an armed module
     ...
 
 A file may leave parameters out; those stay as they are.
@@ -28,7 +28,7 @@ from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.messages import GetParameter, Info, ParameterValue, SetParameter
 from tensionlab.hardware.protocol.parameters import (
-    CHOICES,
+    BINARY_PARAMETERS,
     PARAMETER_DESCRIPTIONS,
     PARAMETERS,
     require_value,
@@ -70,7 +70,7 @@ def dump(client: ModuleClient) -> str:
         "[parameters]",
     ]
     for name, found in parameters(client).items():
-        bounds = "" if name in CHOICES else f", {found.lower:g} to {found.upper:g}"
+        bounds = "" if name in BINARY_PARAMETERS else f", {found.lower:g} to {found.upper:g}"
         comment = f"# {PARAMETERS[name].unit}{bounds}: {PARAMETER_DESCRIPTIONS[name]}"
         lines.append(f"{name} = {plain(found.value)}".ljust(COMMENT_COLUMN) + comment)
     return "\n".join([*lines, ""])
@@ -118,7 +118,7 @@ def checked(values: Mapping[str, object], origin: str) -> dict[str, float]:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise HardwareError(f"{origin}: {name} is {brief(value)}; give a number")
         row, number = PARAMETERS[name], require_value(name, value, origin)
-        if name in CHOICES and number not in (row.lower, row.upper):
+        if name in BINARY_PARAMETERS and number not in (row.lower, row.upper):
             raise HardwareError(f"{origin}: {name} is {row.unit}; got {value:g}")
         found[name] = number
     return found

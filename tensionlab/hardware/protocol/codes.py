@@ -138,7 +138,7 @@ DESCRIPTIONS: dict[type[IntEnum | IntFlag], dict[str, str]] = {
     },
     State: {
         "IDLE": "driver off; settings can be changed",
-        "ARMED": "pulls with the taut minimum and waits for the first set-point",
+        "ARMED": "pulls with the minimum tension and waits for the first set-point",
         "RUNNING": "follows set-points",
         "TIMEOUT": "no set-point came in time, or the link closed: releases the cable in two stages",
         "FAULT": "a fault while the motor was driven: driver off at once",
@@ -146,7 +146,7 @@ DESCRIPTIONS: dict[type[IntEnum | IntFlag], dict[str, str]] = {
     },
     Limit: {
         "NONE": "nothing",
-        "LOWER": "the taut minimum, `tension_lower`",
+        "LOWER": "the minimum tension, `tension_lower`",
         "UPPER": "`tension_upper`",
         "SLEW": "`slew`: on its way to the commanded tension",
         "THERMAL": "the winding's budget: `current_continuous`, `current_peak`, `thermal_time`",

@@ -123,7 +123,7 @@ class Hello(Message, type=Type.HELLO):
 
 @dataclass(frozen=True)
 class Arm(Message, type=Type.ARM):
-    """Pull with the taut minimum and wait for set-points of this session, any number but 0."""
+    """Pull with the minimum tension and wait for set-points of this session, any number but 0."""
 
     session: U16
 

@@ -12,32 +12,32 @@ from tensionlab.errors import ProtocolError
 
 @dataclass(frozen=True)
 class Parameter:
-    """Row of the firmware's table: index in messages, unit, bounds and standard value."""
+    """Row of the firmware's table: index in messages, unit, bounds and default."""
 
     index: int
     unit: str
     lower: float
     upper: float
-    standard: float
+    default: float
 
 
 # The firmware's parameters, by name.
 PARAMETERS = {row[0]: Parameter(index, *row[1:]) for index, row in enumerate(_native.parameter_table())}
 # Parameters that are one of their two bounds.
-CHOICES = frozenset({"timeout_brake", "brake_on_fault", "motor_direction", "calibrated"})
+BINARY_PARAMETERS = frozenset({"timeout_brake", "brake_on_fault", "motor_direction", "calibrated"})
 PARAMETER_DESCRIPTIONS = {
-    "tension_lower": "the taut minimum: the least tension of an armed module",
+    "tension_lower": "minimum tension of an armed module",
     "tension_upper": "the largest tension",
     "slew": "how fast the tension changes at most",
     "newton_per_ampere": "tension for each ampere; calibrated, not computed",
     "friction_coulomb": "dry friction at the cable, compensated",
     "friction_viscous": "friction that grows with speed, compensated",
-    "current_continuous": "current that the winding stands for ever",
-    "current_peak": "current that the winding stands for a while",
+    "current_continuous": "continuous rating of the winding",
+    "current_peak": "peak rating of the winding, held for a while",
     "thermal_time": "time constant of the winding",
     "speed_limit": "reeling in faster, the module pulls less; at 1.4 times it faults",
-    "length_lower": "cable that must stay out; shorter, it pulls only with the taut minimum",
-    "length_upper": "cable there is; longer, it pulls only with the taut minimum",
+    "length_lower": "cable that must stay out; shorter, it pulls only with the minimum tension",
+    "length_upper": "cable there is; longer, it pulls only with the minimum tension",
     "spool_radius": "from encoder angle to cable length",
     "ttl": "time to live of a set-point that says none",
     "stiffness_limit": "of SET_IMPEDANCE",

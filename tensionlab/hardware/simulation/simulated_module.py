@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from tensionlab import _native
 from tensionlab.errors import InputError
-from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2
 from tensionlab.hardware.protocol.codes import Fault, Limit, ResetReason, State
 from tensionlab.hardware.protocol.parameters import PARAMETERS
+from tensionlab.model.module import STANDARD_GRAVITY_M_S2
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class PlantParameter:
 
     unit: str
     lower: float
-    standard: float
+    default: float
     about: str
 
 

@@ -27,7 +27,7 @@ from tensionlab.support.arrays import Floats
 
 def plant_of(module: Module) -> dict[str, float]:
     """Return the hardware parameters of a rig's module that differ from `PLANT`."""
-    spool = PLANT["radius"].standard if module.spool_radius is None else module.spool_radius
+    spool = PLANT["radius"].default if module.spool_radius is None else module.spool_radius
     return {
         "radius": spool,
         "torque_constant": newton_per_ampere(module) * spool,
@@ -71,7 +71,7 @@ def simulated_module(
     if not simulated.loaded:
         taut = PARAMETERS["tension_lower"]
         wanted = {
-            "length_upper": min(max(PARAMETERS["length_upper"].standard, 2.0 * length), longest),
+            "length_upper": min(max(PARAMETERS["length_upper"].default, 2.0 * length), longest),
             "tension_upper": module.upper,
             "tension_lower": min(max(module.lower, taut.lower), taut.upper),
             "spool_radius": built["radius"],
@@ -90,7 +90,7 @@ def newton_per_ampere(module: Module) -> float:
     """Return the N/A that the firmware assumes for a module."""
     if module.newton_per_ampere is not None:
         return module.newton_per_ampere
-    return PARAMETERS["newton_per_ampere"].standard
+    return PARAMETERS["newton_per_ampere"].default
 
 
 def _tell(simulated: SimulatedModule, command: Message, name: str) -> None:

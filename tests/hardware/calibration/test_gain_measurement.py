@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import CalibrationError, HardwareError, InputError, LinkTimeout, ModuleFault
-from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2, gain_from_sensor, gain_from_weights
+from tensionlab.hardware.calibration.gain import gain_from_sensor, gain_from_weights
 from tensionlab.hardware.calibration.gain_measurement import (
     LEVELS,
     balances,
@@ -24,6 +24,7 @@ from tensionlab.hardware.protocol.messages import Calibrate, ConfigureTelemetry,
 from tensionlab.hardware.runner.watchdog import STOPPING_SIGNALS
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, HangingMass, SimulatedModule
+from tensionlab.model.module import STANDARD_GRAVITY_M_S2
 from tensionlab.support.files.tables import table_text
 from tensionlab.support.operating_system import ESTOP_SIGNAL
 from tests.helpers.examples import many

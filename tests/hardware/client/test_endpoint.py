@@ -300,7 +300,7 @@ STEPS = st.lists(
 
 
 class Derating:
-    """As `guard.Derating`, of windings that hold no tension for ever."""
+    """As `guard.Derating`, of windings without a continuous rating."""
 
     def require_holding(self, index, thermal):
         if thermal >= 1.0:

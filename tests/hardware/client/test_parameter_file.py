@@ -12,7 +12,7 @@ from tensionlab.hardware.client import parameter_file as settings
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.parameter_file import MAX_NAME_BYTES, change, dump, file_of, parse
 from tensionlab.hardware.protocol.codes import Calibration
-from tensionlab.hardware.protocol.parameters import CHOICES, PARAMETERS, single
+from tensionlab.hardware.protocol.parameters import BINARY_PARAMETERS, PARAMETERS, single
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
@@ -104,7 +104,7 @@ def random_values(generator):
         values = {}
         for name, row in PARAMETERS.items():
             share = generator.choice([0.0, 1.0, generator.random()])
-            if name in CHOICES:
+            if name in BINARY_PARAMETERS:
                 share = round(share)
             number = float(np.float32(row.lower + share * (row.upper - row.lower)))
             values[name] = min(max(number, row.lower), row.upper)
@@ -133,7 +133,7 @@ def test_the_host_knows_the_rules_of_the_firmware(client):
         number = single(generator.choice([row.lower, row.upper, generator.uniform(row.lower, row.upper)]))
         try:
             settings._require_consistent({**standard, name: number}, "")
-            allowed = name not in CHOICES or number in (row.lower, row.upper)
+            allowed = name not in BINARY_PARAMETERS or number in (row.lower, row.upper)
         except HardwareError:
             allowed = False
         try:

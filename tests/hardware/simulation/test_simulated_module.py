@@ -11,10 +11,10 @@ from tensionlab.hardware.simulation.simulated_module import PARTS, PLANT, STEP_S
 
 
 def test_the_tables_come_from_the_firmware():
-    assert PARAMETERS["tension_upper"].standard == 6.0
+    assert PARAMETERS["tension_upper"].default == 6.0
     assert [row.index for row in PARAMETERS.values()] == list(range(len(PARAMETERS)))
-    assert all(row.lower <= row.standard <= row.upper for row in PARAMETERS.values())
-    assert all(row.lower <= row.standard for row in PLANT.values())
+    assert all(row.lower <= row.default <= row.upper for row in PARAMETERS.values())
+    assert all(row.lower <= row.default for row in PLANT.values())
     assert set(PARTS) == {"encoder", "supply", "motor", "brake", "cable"}
 
 
