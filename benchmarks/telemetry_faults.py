@@ -231,7 +231,9 @@ def play(case: Case, seconds: float = 4.0) -> Outcome:
         noticed = noticed or [own.seconds]
     after = noticed[0] - begin if noticed else float("nan")
     lost = runner.statistics.lost or ({"": error} if error else {})
-    return Outcome(case, _judge(case, rig.modules[victim].name, lost, after, clients[victim].stale_frames), after)
+    return Outcome(
+        case, _judge(case, rig.modules[victim].name, lost, after, clients[victim].endpoint.stale), after
+    )
 
 
 def _judge(case: Case, victim: str, lost: dict[str, str], after: float, stale: int) -> str:

@@ -21,6 +21,7 @@ from tensionlab.hardware.client.discovery import find_all, ports
 from tensionlab.hardware.client.discovery import identify as pulse
 from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient
 from tensionlab.hardware.client.parameter_file import Change, firmware, plain
+from tensionlab.hardware.protocol import messages
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, State
 from tensionlab.hardware.protocol.messages import Clear, EmergencyStop, Info, Message, Stop
 from tensionlab.hardware.protocol.parameters import PARAMETER_DESCRIPTIONS, PARAMETERS
@@ -285,7 +286,7 @@ def _change(links: Mapping[str, str], job: Callable[[ModuleClient], list[Change]
     def change_and_save(client: ModuleClient) -> list[Change]:
         changes = job(client)
         if save:
-            client.save()
+            client.command(messages.Save())
         return changes
 
     answers, failed = call_all(links, change_and_save)

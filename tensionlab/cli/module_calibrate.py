@@ -22,6 +22,7 @@ from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.modules_file import load_modules
 from tensionlab.hardware.protocol.codes import Calibration
+from tensionlab.hardware.protocol.messages import Save
 from tensionlab.hardware.runner.settings import RealClock
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import PLANT, HangingMass
@@ -91,7 +92,7 @@ def gain(
         written = write and uncertainty <= LARGEST_UNCERTAINTY
         if written:
             client.calibrate(Calibration.NEWTON_PER_AMPERE, found.gain.value)
-            client.save()
+            client.command(Save())
     if json:
         output.print_json(
             url=url,

@@ -22,6 +22,7 @@ from tensionlab.hardware.client.locks import Holder, holder, locked_links
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.shared_telemetry import Report, Watcher
 from tensionlab.hardware.protocol.codes import DESCRIPTIONS, Fault, Limit
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry
 from tensionlab.hardware.runner.settings import RealClock
 from tensionlab.support.formatting import format_number
 from tensionlab.support.table import Column, Table
@@ -128,7 +129,7 @@ def _connect(links: dict[str, str]) -> tuple[Monitored, dict[str, HardwareError]
             if user is not None and user.port is not None:
                 return WatchedModule(url, user)
             client = ModuleClient(name, url)
-            client.telemetry_every(TELEMETRY_PERIOD_MS)
+            client.command(ConfigureTelemetry(TELEMETRY_PERIOD_MS))
         except HardwareError as error:
             failed[name] = error
         return client

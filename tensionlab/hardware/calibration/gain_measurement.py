@@ -19,7 +19,7 @@ from tensionlab.errors import CalibrationError, HardwareError, ModuleFault
 from tensionlab.hardware.calibration.gain import Balance
 from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient, Received
 from tensionlab.hardware.protocol.codes import Calibration, Limit, State
-from tensionlab.hardware.protocol.messages import Info, Message, SetParameter, Telemetry
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Info, Message, SetParameter, Telemetry
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.hardware.runner.watchdog import stopping
 from tensionlab.model.module import STANDARD_GRAVITY_M_S2
@@ -98,14 +98,14 @@ def pulling(client: ModuleClient) -> Iterator[Puller]:
         if not info.calibrated:
             client.calibrate(Calibration.NEWTON_PER_AMPERE, info.newton_per_ampere)
         with stopping(client.stop, client.estop):
-            client.telemetry_every(TELEMETRY_MS)
+            client.command(ConfigureTelemetry(TELEMETRY_MS))
             _arm(client, info.tension_lower)
             yield puller
     finally:
         ended = sys.exception()
         client.on_message = before
         with suppress(HardwareError):
-            client.telemetry_every(0)
+            client.command(ConfigureTelemetry(0))
             client.wait(0.3)  # until nothing pulls any more
         if not info.calibrated:  # it is to refuse to be armed again
             try:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from tensionlab.errors import HardwareError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client.links import SerialPort, serial_ports
 from tensionlab.hardware.client.locks import holder
-from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.client.module import ModuleClient, require_ready
 from tensionlab.hardware.protocol.codes import Code
 from tensionlab.hardware.protocol.messages import Hello, Info, printable
 
@@ -94,7 +94,7 @@ def identify(client: ModuleClient, begun: Callable[[], None]) -> None:
     link breaks.
     """
     info = client.hello()
-    client.require_ready(info)
+    require_ready(client, info)
     client.stop()  # one that timed out in an earlier run is still in it
     strong = min(info.tension_lower + PULSE_TENSION_N, info.tension_upper)
     try:

@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 from tensionlab import _native
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
 from tensionlab.hardware.client.links import Link, not_taken
-from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, AnswerType, ModuleClient
+from tensionlab.hardware.client.module import (
+    PATIENT_TIMEOUTS_S,
+    AnswerType,
+    ModuleClient,
+    no_answer,
+    require_ready,
+)
 from tensionlab.hardware.protocol import messages
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit, State
 from tensionlab.hardware.protocol.messages import Acknowledge, Info, Message, Stop
@@ -75,7 +81,7 @@ class ModuleGroup:
     def send_tensions(
         self, tensions: Floats, chosen: NDArray[np.bool_], brakes: NDArray[np.bool_], ttl_ms: int
     ) -> tuple[Integers, list[int], list[tuple[int, LinkError]]]:
-        """Send tensions (m,) in N to the chosen modules (m,) whose links are direct.
+        """Send tensions (m,) in N to the chosen modules (m,) whose links are written natively.
 
         Return sequence numbers (m,), -1 where none was sent; chosen modules that are left; and what failed.
         """
@@ -100,7 +106,7 @@ class ModuleGroup:
         """
         self.infos = self._all(messages.Hello(), Info)
         for client, info, module in zip(self.clients, self.infos, rig.modules, strict=True):
-            client.require_ready(info)
+            require_ready(client, info)
             lower = info.tension_lower * (1.0 - LIMIT_TOLERANCE)
             upper = info.tension_upper * (1.0 + LIMIT_TOLERANCE)
             if not lower <= module.lower <= module.upper <= upper:
@@ -228,7 +234,7 @@ class ModuleGroup:
                     if not all(client.link.lockstep for client in self.clients):
                         time.sleep(POLL_PERIOD_S)
         for client in left:
-            failed[client] = client.unanswered(commands[client], len(PATIENT_TIMEOUTS_S))
+            failed[client] = no_answer(client, commands[client], len(PATIENT_TIMEOUTS_S))
         return answers, failed
 
 

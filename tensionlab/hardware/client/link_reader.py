@@ -1,6 +1,6 @@
-"""Reader of links: one thread of the process for all links that the system can wait for.
+"""Thread that reads all links with a file descriptor.
 
-Telemetry is read natively, without the interpreter, into the endpoint of each module; all else is for Python.
+Telemetry is decoded natively, without holding the GIL, into the endpoint of each module; the rest is for Python.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from contextlib import suppress
 
 from tensionlab import _native
 
-REMOVAL_TIMEOUT_S = 1.0  # how long who closes a link waits for the reader to be done with it
+REMOVAL_TIMEOUT_S = 1.0  # longest wait for the thread as a link is closed
 
 _lock = threading.Lock()
-_readers: dict[int, LinkReader] = {}  # by the number of the process: a fork has the other's, without its thread
+_readers: dict[int, LinkReader] = {}  # by process number: a fork inherits the object without its thread
 
 
 def link_reader() -> LinkReader:
@@ -32,13 +32,13 @@ def link_reader() -> LinkReader:
 
 @atexit.register
 def _end() -> None:
-    """End the reader of this process: a thread in a native call must not meet the end of the interpreter."""
+    """End the thread of this process: the interpreter must not end during a native call."""
     if (reader := _readers.pop(os.getpid(), None)) is not None:
         reader.end()
 
 
 class LinkReader:
-    """Thread that waits for all links at once, and has each read as bytes come."""
+    """Thread that waits for bytes of all links, and reads each link as they come."""
 
     def __init__(self) -> None:
         self._native = _native.LinkReader()
@@ -62,15 +62,15 @@ class LinkReader:
         self._thread.start()
 
     def add(self, file: int, read: Callable[[], bool], endpoint: _native.Endpoint | None = None) -> None:
-        """Have `read` called whenever the file has something to be read, until it returns False.
+        """Feed bytes from a file descriptor to an endpoint, until `read` returns False.
 
-        What comes goes to the endpoint if there is one; `read` is called when that has messages for Python, and
-        when the link is broken or at its end.
+        `read` is called when the endpoint has messages for Python, and when the link is broken or at its end;
+        without an endpoint, whenever there are bytes.
         """
         self._change(lambda: self._add(file, read, endpoint))
 
     def remove(self, file: int, read: Callable[[], bool]) -> None:
-        """Read a file no more, from the return of this on."""
+        """Stop reading a file before this returns."""
 
         def change() -> None:
             if self._reads.get(file) == read:
@@ -85,12 +85,8 @@ class LinkReader:
             done.wait(REMOVAL_TIMEOUT_S)
 
     def end(self) -> None:
-        """Read no link any more, and end the thread."""
-
-        def end() -> None:
-            self._ended = True
-
-        self._change(end)
+        """Stop reading all links, and end the thread."""
+        self._change(lambda: setattr(self, "_ended", True))
         self._thread.join(REMOVAL_TIMEOUT_S)
 
     def _change(self, change: Callable[[], None]) -> None:
@@ -100,7 +96,7 @@ class LinkReader:
 
     def _add(self, file: int, read: Callable[[], bool], endpoint: _native.Endpoint | None) -> None:
         self._reads[file], self._endpoints[file] = read, endpoint
-        self._native.add(file, endpoint)  # in place of one that was closed by somebody else
+        self._native.add(file, endpoint)  # in place of one that was closed elsewhere
 
     def _drop(self, file: int) -> None:
         self._native.drop(file)
@@ -110,11 +106,11 @@ class LinkReader:
         while not self._ended:
             for file in self._native.wait():
                 read = self._reads.get(file)  # none if a change has just dropped it
-                if read is not None and not self._goes_on(read) and self._reads.get(file) is read:
+                if read is not None and not self._read_link(read) and self._reads.get(file) is read:
                     self._drop(file)
 
-    def _goes_on(self, read: Callable[[], bool]) -> bool:
-        """Have a link read; an error ends that link's reading alone."""
+    def _read_link(self, read: Callable[[], bool]) -> bool:
+        """Read a link, and return whether to read it again; an error ends the reading of this link only."""
         try:
             return read()
         except BaseException:

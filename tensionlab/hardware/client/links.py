@@ -1,6 +1,6 @@
 """Links to modules: serial ports, Bluetooth, TCP, and simulated modules, behind one interface.
 
-Each link has its own clock. That of a simulated module advances only while somebody waits for it.
+Each link has its own clock. That of a simulated module advances only while its link is read.
 """
 
 from __future__ import annotations
@@ -51,10 +51,15 @@ class SerialPort:
 
 
 class Link(Protocol):
-    """Link to one module. If it is in `lockstep`, time passes only while somebody waits: no thread may read it.
+    """Link to one module.
 
-    `file` is the number of what the system can wait for; None where it can't. If the link is `direct` (optional,
-    False if left out), its bytes may also be read and written by that number.
+    Attributes
+    ----------
+    url : str
+    lockstep : bool
+        Whether its time passes only in `receive`, so that no thread may read it.
+    file : int or None
+        File descriptor whose bytes are read and written natively; None if there is none.
     """
 
     url: str
@@ -65,7 +70,7 @@ class Link(Protocol):
         """Send bytes; raise a `LinkError` if the link is broken."""
 
     def receive(self, timeout: float) -> bytes:
-        """Return received bytes, or none after so many s; raise a `LinkError` if the link is broken."""
+        """Return received bytes, or b"" after `timeout` s; raise a `LinkError` if the link is broken."""
 
     def clock(self) -> float:
         """Return the time by which timeouts count, in s."""
@@ -119,7 +124,7 @@ def connect(url: str, lock: LinkLock | NoLock) -> Link:
 class SerialLink:
     """Link over a serial port, through pyserial; closing it releases the lock."""
 
-    lockstep, direct = False, True
+    lockstep = False
     clock = staticmethod(time.perf_counter)
 
     def __init__(self, url: str, lock: LinkLock | NoLock) -> None:
@@ -180,7 +185,7 @@ class SerialLink:
 class SocketLink:
     """Link over a connected socket, TCP or Bluetooth; closing it releases the lock."""
 
-    lockstep, direct = False, True
+    lockstep = False
     clock = staticmethod(time.perf_counter)
 
     def __init__(self, url: str, lock: LinkLock | NoLock, connected: socket.socket) -> None:

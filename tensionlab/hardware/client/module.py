@@ -1,4 +1,4 @@
-"""Client of one module: numbered commands out, a method for each; answers and telemetry in."""
+"""Client of one module: sends numbered commands, and receives answers and telemetry."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import random
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from types import TracebackType
@@ -27,22 +27,23 @@ from tensionlab.hardware.protocol.codes import (
     Code,
     Fault,
     State,
+    Type,
 )
 from tensionlab.hardware.protocol.frames import WireFrame
-from tensionlab.hardware.protocol.messages import Acknowledge, Message, Telemetry
-from tensionlab.hardware.protocol.parameters import PARAMETERS, require_name, require_value
+from tensionlab.hardware.protocol.messages import Acknowledge, Info, Message, Telemetry
+from tensionlab.hardware.protocol.parameters import require_name, require_value
 
-ANSWER_TIMEOUTS_S = (0.2, 0.3, 0.45)  # how long each try waits for an answer
-# More tries: a bad link is no reason to give up before a run, at its end, or in an emergency.
+ANSWER_TIMEOUTS_S = (0.2, 0.3, 0.45)  # wait for an answer in each try
+# More tries for a bad link: before a run, at its end, and in an emergency.
 PATIENT_TIMEOUTS_S = (*ANSWER_TIMEOUTS_S, *(ANSWER_TIMEOUTS_S[-1],) * 5)
+SLOW_TIMEOUTS_S = (2.0, 2.0, 2.0)  # for commands that take the module long
+SLOW_COMMANDS = (messages.Save, messages.Calibrate)
 CLOCK_WRAP_US = 1 << 32  # where the clocks of modules wrap around
-READ_TIMEOUT_S = 0.1  # how long the reader waits before it checks whether to end
-SAVE_TIMEOUTS_S = (2.0, 2.0, 2.0)  # how long each try waits for an answer to a command that takes the module long
-NO_FILE, NO_STATE = -1, -1  # those of an endpoint that has none
-SET_POINTS = (messages.SetTension.type, messages.SetImpedance.type)
+READ_TIMEOUT_S = 0.1  # wait for bytes before a thread checks whether its link is closed
+NO_FILE, NO_STATE = -1, -1  # of an endpoint without one
+SET_POINTS = (Type.SET_TENSION, Type.SET_IMPEDANCE)
 UNREQUESTED = (Telemetry, messages.Event, messages.Log)  # messages that a module sends by itself
-# Frames whose damage is an error of the request that waits for them.
-ANSWERS = (messages.Info.type, messages.ParameterValue.type, messages.Pong.type)
+ANSWERS = (Type.INFO, Type.PARAMETER, Type.PONG)  # if unreadable, an error of the request that waits for them
 
 AnswerType = TypeVar("AnswerType", bound=Message)
 MessageType_co = TypeVar("MessageType_co", bound=Message, covariant=True)
@@ -56,19 +57,40 @@ class Received(Generic[MessageType_co]):
     time: float
 
 
-def answers(found: Acknowledge, command: Message) -> bool:
-    """Tell whether an acknowledgement is of this command: of its type, and where it arms a module, its session."""
-    if found.command is not command.type:
-        return False
-    return not (isinstance(command, messages.Arm) and found.code is Code.OK and found.session != command.session)
+def require_ready(client: ModuleClient, info: Info) -> None:
+    """Refuse a module that another program has armed, that has a fault, or is not calibrated; say what to do."""
+    named, url = f'module "{client.name}"', client.link.url
+    if info.state in FOLLOWING_STATES:
+        raise LinkError(
+            f"{named} is {info.state.name}: another program has armed it; stop it there, or with "
+            f"`tensionlab module stop {url}`"
+        )
+    if info.state in LATCHED_STATES:
+        raise ModuleFault(
+            f"{named} is in {info.state.name}: find out why, then `tensionlab module clear {url}`",
+            client.name,
+            info.state,
+        )
+    if not info.calibrated:
+        raise HardwareError(
+            f"{named} is not calibrated, and can't be armed: `tensionlab module calibrate gain {url}`"
+        )
+
+
+def no_answer(client: ModuleClient, command: Message, tries: int) -> LinkTimeout:
+    """Return the error of a command that was sent several times without an answer."""
+    return LinkTimeout(
+        f'module "{client.name}" at {client.link.url} did not answer {type(command).__name__} in {tries} tries; '
+        "is it on, and in range?"
+    )
 
 
 class ModuleClient:
     """Client of one module: commands, their answers, and messages that the module sends by itself.
 
-    A thread reads all links of the process: what ``on_message`` does must not take long. Of a simulated module in
-    this process, messages are read by each request and `listen`. It is a context manager, which closes the link;
-    after an error it stops the module first.
+    A thread reads all links of the process, so ``on_message`` must return soon. Messages of a simulated module in
+    this process are read by each request and `listen`. As a context manager, it closes the link; after an error it
+    stops the module first.
 
     Parameters
     ----------
@@ -77,12 +99,12 @@ class ModuleClient:
     link : Link or str
         A link, or the URL of one.
     seed : int, optional
-        Of the numbers that messages and sessions begin with, for a simulation that is to be the same again.
+        Of the first numbers of messages and sessions, for a reproducible simulation.
 
     Attributes
     ----------
     endpoint
-        What the reader of links needs of it, without Python: latest telemetry, state, numbers of set-points.
+        Native endpoint: decodes telemetry without holding the GIL, and counts set-points and damaged frames.
 
     Examples
     --------
@@ -102,11 +124,11 @@ class ModuleClient:
         self.link = open_link(link, name) if isinstance(link, str) else link
         self._arm_repeated = False
         self._on_message: Callable[[Received[Message]], None] | None = None
-        # Sessions are to be unlike those of any other host and of any earlier run.
+        # Sessions must differ from those of other hosts and earlier runs.
         self._random = random.SystemRandom() if seed is None else random.Random(seed)
         self._sequence = self._random.randrange(256)
         self.endpoint = _native.Endpoint(self._random.randrange(256))
-        self._heard: tuple[int, Received[Telemetry] | None] = (0, None)
+        self._latest: tuple[int, Received[Telemetry] | None] = (0, None)
         self._answers: dict[int, Message | ProtocolError] = {}
         self._refused: Acknowledge | None = None  # the latest refused set-point
         self._unreadable = 0
@@ -114,17 +136,16 @@ class ModuleClient:
         self._arrived = threading.Condition()
         self._closing = False
         self._reader: threading.Thread | None = None
-        if not self.link.lockstep:
-            if self.link.file is not None:
-                direct = getattr(self.link, "direct", False)
-                if direct:
-                    self.endpoint.set_file(self.link.file)
-                link_reader().add(self.link.file, self._read, self.endpoint if direct else None)
-            else:
-                self._reader = threading.Thread(target=self._read_on, name=f"reader of {name}", daemon=True)
-                self._reader.start()
-            if (published := publisher()) is not None:
-                published.reports[self.link.url] = self.report
+        if self.link.lockstep:
+            return
+        if self.link.file is not None:
+            self.endpoint.set_file(self.link.file)
+            link_reader().add(self.link.file, self._read, self.endpoint)
+        else:
+            self._reader = threading.Thread(target=self._read_until_closed, name=f"reader of {name}", daemon=True)
+            self._reader.start()
+        if (published := publisher()) is not None:
+            published.reports[self.link.url] = self.report
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -143,16 +164,17 @@ class ModuleClient:
         """Close the link; a module that was pulling notices, and releases its cable."""
         self._closing = True
         self.endpoint.set_file(NO_FILE)
-        if not self.link.lockstep and (published := publisher()) is not None:
-            published.reports.pop(self.link.url, None)
-        if not self.link.lockstep and self.link.file is not None:
-            link_reader().remove(self.link.file, self._read)
+        if not self.link.lockstep:
+            if (published := publisher()) is not None:
+                published.reports.pop(self.link.url, None)
+            if self.link.file is not None:
+                link_reader().remove(self.link.file, self._read)
         self.link.close()
         if self._reader is not None and self._reader is not threading.current_thread():
             self._reader.join(timeout=1.0)
 
-    def command(self, command: Message, tries: tuple[float, ...] = ANSWER_TIMEOUTS_S) -> None:
-        """Send a command and wait until it is acknowledged.
+    def command(self, command: Message, tries: tuple[float, ...] = ()) -> None:
+        """Send a command and wait until it is acknowledged, for `tries` in s.
 
         Raises
         ------
@@ -165,11 +187,10 @@ class ModuleClient:
         """
         self.request(command, Acknowledge, tries)
 
-    def request(
-        self, command: Message, answer: type[AnswerType], tries: tuple[float, ...] = ANSWER_TIMEOUTS_S
-    ) -> AnswerType:
+    def request(self, command: Message, answer: type[AnswerType], tries: tuple[float, ...] = ()) -> AnswerType:
         """Return the answer to a command, which keeps its number when repeated; errors as those of `command`."""
         sequence: int | None = None
+        tries = tries or (SLOW_TIMEOUTS_S if isinstance(command, SLOW_COMMANDS) else ANSWER_TIMEOUTS_S)
         for timeout in tries:
             sequence = self.send(command, sequence)
             end = self.link.clock() + timeout
@@ -179,20 +200,20 @@ class ModuleClient:
                     break
             if found is not None:
                 return found
-        raise self.unanswered(command, len(tries))
+        raise no_answer(self, command, len(tries))
 
     def send(self, command: Message, sequence: int | None = None) -> int:
         """Send a command without waiting and return its number; sent again, it keeps its number."""
+        arms = isinstance(command, messages.Arm)
         if sequence is None:
-            if isinstance(command, messages.Arm):
-                sequence, self._arm_repeated = self.endpoint.next_arm(), False
-            else:
-                sequence = self._next()
             with self._arrived:
+                if arms:
+                    sequence, self._arm_repeated = self.endpoint.next_arm(), False
+                else:
+                    self._sequence = sequence = (self._sequence + 1) % 256
                 self._answers.pop(sequence, None)
-            self.link.send(command.frame(sequence).pack())
-            return sequence
-        self._arm_repeated |= isinstance(command, messages.Arm)
+        else:
+            self._arm_repeated |= arms
         self.link.send(command.frame(sequence).pack())
         return sequence
 
@@ -206,73 +227,36 @@ class ModuleClient:
             raise ProtocolError(f'module "{self.name}" {found}')
         if isinstance(found, ProtocolError):
             raise ProtocolError(f'module "{self.name}" answered what makes no sense: {found}')
-        if isinstance(found, Acknowledge) and not answers(found, command):
-            return None
-        if isinstance(found, Acknowledge) and found.code is not Code.OK:
-            raise ModuleFault(
-                f'module "{self.name}" refused {type(command).__name__}: {found.code.name} '
-                f"(it is {found.state.name})",
-                self.name,
-                found.code,
-            )
+        if isinstance(found, Acknowledge):
+            other_session = isinstance(command, messages.Arm) and found.session != command.session
+            if found.command is not command.type or (found.code is Code.OK and other_session):
+                return None
+            if found.code is not Code.OK:
+                raise ModuleFault(
+                    f'module "{self.name}" refused {type(command).__name__}: {found.code.name} '
+                    f"(it is {found.state.name})",
+                    self.name,
+                    found.code,
+                )
         return found if isinstance(found, kind) else None
 
-    def unanswered(self, command: Message, tries: int) -> LinkTimeout:
-        """Return the error of a command that was sent so many times."""
-        return LinkTimeout(
-            f'module "{self.name}" at {self.link.url} did not answer {type(command).__name__} in {tries} tries; '
-            "is it on, and in range?"
-        )
-
-    def send_set_point(self, message: messages.SetTension | messages.SetImpedance) -> int:
-        """Send a set-point, which is not answered, and return its number."""
-        rounds, sequence = divmod(self.endpoint.next_set_point(), 256)
-        self.link.send(replace(message, rounds=rounds).frame(sequence).pack())
-        return sequence
-
     def listen(self, seconds: float = 0.0) -> None:
-        """Let a simulated module run for some seconds and read its messages; others are read all the time."""
+        """Let a simulated module run for some seconds and read its messages; other links are read by a thread."""
         if not self.link.lockstep or self._broken is not None:
             return
         try:
             end = self.link.clock() + seconds if seconds else 0.0
             while content := self.link.receive(end - self.link.clock() if seconds else 0.0):
-                self._take(content)
+                self._feed(content)
         except LinkError as error:
-            self._broke(error)
+            self._mark_broken(error)
 
-    def hello(self) -> messages.Info:
+    def hello(self) -> Info:
         """Return the module's description of itself; errors as those of `command`."""
-        return self.request(messages.Hello(), messages.Info)
-
-    def require_ready(self, info: messages.Info) -> None:
-        """Refuse a module that somebody else has armed, that has a fault, or is not calibrated; say what to do."""
-        if info.state in FOLLOWING_STATES:
-            raise LinkError(
-                f'module "{self.name}" is {info.state.name}: somebody else has it armed; stop it there, or with '
-                f"`tensionlab module stop {self.link.url}`"
-            )
-        if info.state in LATCHED_STATES:
-            raise ModuleFault(
-                f'module "{self.name}" is in {info.state.name}: find out why, then '
-                f"`tensionlab module clear {self.link.url}`",
-                self.name,
-                info.state,
-            )
-        if not info.calibrated:
-            raise HardwareError(
-                f'module "{self.name}" is not calibrated, and can\'t be armed: '
-                f"`tensionlab module calibrate gain {self.link.url}`"
-            )
-
-    def ping(self) -> tuple[float, int]:
-        """Return the round-trip time of a message, in s, and the module's clock, in us."""
-        began = self.link.clock()
-        pong = self.request(messages.Ping(self._random.getrandbits(64)), messages.Pong)
-        return self.link.clock() - began, pong.time_us
+        return self.request(messages.Hello(), Info)
 
     def arm(self) -> None:
-        """Make the module pull with the minimum tension, and wait for set-points of a new session."""
+        """Have the module pull with its minimum tension, and wait for set-points of a new session."""
         try:
             self.command(self.new_session())
         except ModuleFault as error:
@@ -283,12 +267,12 @@ class ModuleClient:
     def new_session(self) -> messages.Arm:
         """Draw a session, which a module accepts only once, and return the command that begins it."""
         self.endpoint.session = self._random.randrange(1, 1 << 16)
-        return messages.Arm(self.session)
+        return messages.Arm(self.endpoint.session)
 
     def session_was_used(self, error: HardwareError) -> bool:
-        """Tell whether arming failed because an earlier host drew the same session: one in 65,535 does.
+        """Return whether arming failed because an earlier host drew the same session (one in 65,535 does).
 
-        Not where the command was repeated: it may have armed the module, and been stopped since by somebody else.
+        False where the command was repeated: it may have armed the module, which another host stopped since.
         """
         return isinstance(error, ModuleFault) and error.code is Code.BAD_SESSION and not self._arm_repeated
 
@@ -301,65 +285,49 @@ class ModuleClient:
             time.sleep(left)
 
     def stop(self) -> None:
-        """Make the module release its cable and be idle; a fault or an emergency stop needs `clear`."""
+        """Have the module release its cable and be idle; a fault or an emergency stop needs `clear`."""
         self.command(messages.Stop())
 
     def estop(self) -> None:
-        """Make the module release its cable at once, and stay so until `clear`."""
+        """Have the module release its cable at once, and stay so until `clear`."""
         self.command(messages.EmergencyStop())
 
     def clear(self) -> None:
-        """Make the module leave fault or emergency stop."""
+        """Have the module leave fault or emergency stop."""
         self.command(messages.Clear())
-        self.endpoint.faults = 0
-
-    def telemetry_every(self, period_ms: int) -> None:
-        """Set the period of telemetry, in ms; 0 for none."""
-        self.command(messages.ConfigureTelemetry(period_ms))
 
     def calibrate(self, what: Calibration, value: float = 0.0) -> None:
-        """Give the module a measured length or N/A, or make it find its motor's zero."""
-        self.command(messages.Calibrate(what, value), SAVE_TIMEOUTS_S)
+        """Give the module a measured length or N/A, or have it find its motor's zero."""
+        self.command(messages.Calibrate(what, value))
 
     def parameter(self, name: str) -> float:
         """Return the value of a parameter."""
         return self.request(messages.GetParameter(require_name(name).index), messages.ParameterValue).value
 
     def set_parameter(self, name: str, value: float) -> None:
-        """Change a parameter until the next start, or for good with `save`."""
+        """Change a parameter until the next start, or for good with the command `Save`."""
         require_value(name, value, f'module "{self.name}"')
-        self.command(messages.SetParameter(PARAMETERS[name].index, value))
-
-    def save(self) -> None:
-        """Store the module's parameters for good."""
-        self.command(messages.Save(), SAVE_TIMEOUTS_S)
+        self.command(messages.SetParameter(require_name(name).index, value))
 
     def set_tension(self, tension: float, *, brake: bool = False, ttl_ms: int = 0) -> int:
         """Command a tension, in N; return the sequence number, which telemetry repeats."""
-        return self.send_set_point(messages.SetTension(self.session, tension, brake, ttl_ms))
+        return self._send_set_point(messages.SetTension(self.endpoint.session, tension, brake, ttl_ms))
 
     def set_impedance(self, setting: messages.SetImpedance) -> int:
         """Command a spring and damper, with this session; return the sequence number."""
-        return self.send_set_point(replace(setting, session=self.session))
+        return self._send_set_point(replace(setting, session=self.endpoint.session))
 
     def check(self) -> None:
-        """Raise the error of what has gone wrong since the last call.
-
-        Raises
-        ------
-        LinkError
-            The link broke.
-        ModuleFault
-            The module refused a set-point, or has released its cable.
-        """
+        """Raise a `LinkError` if the link broke, a `ModuleFault` if the module refused a set-point or released."""
         if self._broken is not None:
             raise self._broken
         if self.state in RELEASED_STATES:
-            faults = f": {self.faults.name or int(self.faults)}" if self.faults else ""
+            faults = Fault(self.endpoint.faults)
+            named = f": {faults.name or int(faults)}" if faults else ""
             raise ModuleFault(
-                f'module "{self.name}" has released its cable ({self.state.name}{faults})',
+                f'module "{self.name}" has released its cable ({self.state.name}{named})',
                 self.name,
-                self.faults or self.state,
+                faults or self.state,
             )
         if (refused := self.forget_refusals()) is not None:
             raise ModuleFault(
@@ -374,18 +342,13 @@ class ModuleClient:
         return refused
 
     @property
-    def session(self) -> int:
-        """Session of the last `arm`."""
-        return self.endpoint.session
-
-    @property
     def telemetry(self) -> Received[Telemetry] | None:
         """The latest telemetry."""
-        newer = self.endpoint.latest(self._heard[0])
+        newer = self.endpoint.latest(self._latest[0])
         if newer is not None:
             number, payload, time = newer
-            self._heard = number, Received(Telemetry.unpack(payload), time)
-        return self._heard[1]
+            self._latest = number, Received(Telemetry.unpack(payload), time)
+        return self._latest[1]
 
     def unchecked(self) -> tuple[Received[Telemetry] | None, Received[Telemetry]] | None:
         """Return the telemetry before and the latest, if that is new since this call or another check."""
@@ -399,30 +362,10 @@ class ModuleClient:
         )
 
     @property
-    def stale_frames(self) -> int:
-        """Number of telemetry frames that were ignored: they were no newer than the latest."""
-        return self.endpoint.stale
-
-    @property
-    def repeated(self) -> int:
-        """Number of those since the latest."""
-        return self.endpoint.repeated
-
-    @property
     def state(self) -> State | None:
         """State by the latest message that had it."""
         number = self.endpoint.state
         return None if number == NO_STATE else State(number)
-
-    @property
-    def faults(self) -> Fault:
-        """Faults by the latest message that had them."""
-        return Fault(self.endpoint.faults)
-
-    @property
-    def followed_since_arm(self) -> bool:
-        """Whether telemetry has reported, in ARMED or RUNNING, the latest ARM's number or a set-point since."""
-        return self.endpoint.followed
 
     @property
     def on_message(self) -> Callable[[Received[Message]], None] | None:
@@ -437,64 +380,61 @@ class ModuleClient:
     @property
     def age(self) -> float:
         """Time since the latest telemetry came, in s; infinite before the first."""
-        heard = self.telemetry
-        return math.inf if heard is None else self.link.clock() - heard.time
-
-    def report(self) -> Report:
-        """Return what other processes may know of the module."""
-        heard = self.telemetry
-        telemetry = None if heard is None else heard.message
-        return Report(self.link.url, self.name, telemetry, self.age, self.bad_frames)
+        latest = self.telemetry
+        return math.inf if latest is None else self.link.clock() - latest.time
 
     @property
     def bad_frames(self) -> int:
         """Number of frames that were damaged or could not be read."""
         return self.endpoint.bad_frames + self._unreadable
 
+    def report(self) -> Report:
+        """Return what other processes may know of the module."""
+        latest = self.telemetry
+        telemetry = None if latest is None else latest.message
+        return Report(self.link.url, self.name, telemetry, self.age, self.bad_frames)
+
+    def _send_set_point(self, message: messages.SetTension | messages.SetImpedance) -> int:
+        rounds, sequence = divmod(self.endpoint.next_set_point(), 256)
+        self.link.send(replace(message, rounds=rounds).frame(sequence).pack())
+        return sequence
+
     def _wait(self, sequence: int, seconds: float) -> bool:
         """Wait for an answer; return False if nothing came in time."""
         if self.link.lockstep:
             content = self.link.receive(seconds)
-            self._take(content)
+            self._feed(content)
             return bool(content)
         with self._arrived:
             return self._arrived.wait_for(lambda: sequence in self._answers or self._broken is not None, seconds)
 
-    def _next(self) -> int:
-        with self._arrived:
-            self._sequence = (self._sequence + 1) % 256
-            return self._sequence
-
-    def _read_on(self) -> None:
-        """Read a link that the system cannot wait for, until it ends."""
+    def _read_until_closed(self) -> None:
         while not self._closing and self._read(READ_TIMEOUT_S):
             pass
 
     def _read(self, timeout: float = 0.0) -> bool:
-        """Read what has come, or comes in so many s; False if the link has broken."""
-        self._take_queue()
+        """Read the bytes that come within `timeout` s; return False if the link has broken."""
+        self._store_answers()
         try:
             content = self.link.receive(timeout)
         except LinkError as error:
-            self._broke(error)
+            self._mark_broken(error)
             return False
-        self._take(content)
+        self._feed(content)
         return True
 
-    def _broke(self, error: LinkError) -> None:
+    def _mark_broken(self, error: LinkError) -> None:
         with self._arrived:
             self._broken, self.endpoint.needs_attention = error, True
             self._arrived.notify_all()
 
-    def _take(self, content: bytes) -> None:
-        """Decode received bytes."""
-        if not content:
-            return
-        self.endpoint.feed(content, self.link.clock())
-        self._take_queue()
+    def _feed(self, content: bytes) -> None:
+        if content:
+            self.endpoint.feed(content, self.link.clock())
+            self._store_answers()
 
-    def _take_queue(self) -> None:
-        """Take what the endpoint leaves to Python: answers for those who wait, the rest for `on_message`."""
+    def _store_answers(self) -> None:
+        """Decode the frames that the endpoint leaves to Python: answers, and messages for `on_message`."""
         now = self.link.clock()
         for frame in map(WireFrame._make, self.endpoint.take_queue()):
             try:
@@ -502,33 +442,34 @@ class ModuleClient:
             except ProtocolError as error:
                 self._unreadable += 1
                 if frame.type in ANSWERS:
-                    self._keep({frame.sequence: error})
-                continue
-            if not isinstance(message, UNREQUESTED):
-                if isinstance(message, Acknowledge | messages.Info):
-                    self.endpoint.state = message.state
-                if isinstance(message, Acknowledge) and message.command in SET_POINTS:
-                    with self._arrived:
-                        self._refused, self.endpoint.needs_attention = message, True
-                else:
-                    self._keep({frame.sequence: message})
+                    self._store_answer(frame.sequence, error)
                 continue
             if isinstance(message, Telemetry) and not self.endpoint.take(frame.payload, now):
-                continue
+                continue  # not newer than the latest
+            if isinstance(message, Acknowledge | Info | messages.Event):
+                self.endpoint.state = message.state
             if isinstance(message, messages.Event):
-                self.endpoint.state, self.endpoint.faults = message.state, message.faults
-            if self._on_message is not None:
-                self._call(self._on_message, Received(message, now))
+                self.endpoint.faults = message.faults
+            if isinstance(message, UNREQUESTED):
+                self._notify(Received(message, now))
+            elif isinstance(message, Acknowledge) and message.command in SET_POINTS:
+                with self._arrived:
+                    self._refused, self.endpoint.needs_attention = message, True
+            else:
+                if isinstance(message, Acknowledge) and (message.command, message.code) == (Type.CLEAR, Code.OK):
+                    self.endpoint.faults = 0
+                self._store_answer(frame.sequence, message)
 
-    def _call(self, callback: Callable[[Received[Message]], None], received: Received[Message]) -> None:
-        """Call back; what a callback raises must not end the thread that reads this link, and others."""
+    def _store_answer(self, sequence: int, answer: Message | ProtocolError) -> None:
+        with self._arrived:
+            self._answers[sequence] = answer
+            self._arrived.notify_all()
+
+    def _notify(self, received: Received[Message]) -> None:
+        """Call `on_message`; its errors must not end the thread that reads this link, and others."""
+        if (callback := self._on_message) is None:
+            return
         try:
             callback(received)
         except Exception:
             logging.getLogger(__name__).exception('on_message of module "%s"', self.name)
-
-    def _keep(self, answers: Mapping[int, Message | ProtocolError]) -> None:
-        """Keep answers, by their numbers, for those who wait for them."""
-        with self._arrived:
-            self._answers.update(answers)
-            self._arrived.notify_all()

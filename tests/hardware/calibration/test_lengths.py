@@ -18,6 +18,7 @@ from tensionlab.hardware.calibration.lengths import (
     zero_lengths,
 )
 from tensionlab.hardware.protocol.codes import State
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry
 from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
@@ -62,7 +63,7 @@ def test_lengths_at_home_are_set_in_all_modules(world_of):
     np.testing.assert_allclose(before, RIG.lengths(RIG.home), atol=2e-3)
     assert all(module.sample.state is State.IDLE for module in world.modules)
     for client, length in zip(group.clients, RIG.lengths(RIG.home), strict=True):
-        client.telemetry_every(5)
+        client.command(ConfigureTelemetry(5))
         client.listen(0.02)
         assert client.telemetry.message.length == pytest.approx(length, abs=1e-4)
 
@@ -92,7 +93,7 @@ def test_modules_in_use_or_without_a_length_are_left_alone(world_of):
         record_lengths(group, RIG, WorldClock(world), 5, 2.0)
     world, group = world_of()
     group.clients[0].arm()
-    with pytest.raises(LinkError, match="somebody else has it armed"):
+    with pytest.raises(LinkError, match="another program has armed it"):
         zero_lengths(group, RIG, WorldClock(world))
 
 

@@ -106,7 +106,7 @@ def test_it_is_stopped_if_it_is_interrupted(calibrated):
 
 def test_a_module_that_somebody_has_armed_is_left_alone(calibrated):
     calibrated.arm()
-    with pytest.raises(HardwareError, match='"one" is ARMED: somebody else has it armed; stop it there'):
+    with pytest.raises(HardwareError, match='"one" is ARMED: another program has armed it; stop it there'):
         identify(calibrated, print)
     assert calibrated.link.module.sample.state is State.ARMED
 

@@ -109,10 +109,10 @@ def test_what_a_thread_without_python_reads_is_what_the_module_said(pair):
         far.send(said.frame(0).pack())
         until(lambda said=said: client.telemetry is not None and client.telemetry.message == said)
         assert before <= client.telemetry.time <= client.link.clock()
-        assert (client.state, client.faults) == (State.ARMED, Fault.SPEED)
+        assert (client.state, client.endpoint.faults) == (State.ARMED, Fault.SPEED)
     assert client.telemetry is client.telemetry
     far.send(telemetry(5_000).frame(0).pack())
-    until(lambda: client.stale_frames == 1)
+    until(lambda: client.endpoint.stale == 1)
     far.send(b"rubbish" + bytes(3))
     until(lambda: client.bad_frames == 1)
 
@@ -199,9 +199,9 @@ def test_telemetry_that_is_no_newer_is_left_out(before, now, newer):
     client = scripted().clients[0]
     say(client, telemetry(before), telemetry(now, length=2.0), telemetry(now, length=2.0))
     assert client.telemetry.message.length == (2.0 if newer else 1.0)
-    assert client.stale_frames == client.repeated == (1 if newer else 2)
+    assert client.endpoint.stale == client.endpoint.repeated == (1 if newer else 2)
     say(client, telemetry((now + 2_000_000) % 2**32))
-    assert (client.stale_frames, client.repeated) == ((1 if newer else 2), 0)
+    assert (client.endpoint.stale, client.endpoint.repeated) == ((1 if newer else 2), 0)
 
 
 def test_set_points_go_out_natively_as_python_writes_them(pair):

@@ -195,10 +195,10 @@ def test_a_session_that_an_earlier_host_drew_too_is_drawn_again():
     modules = Modules().pull()
     assert modules.group.stop() == {}
     chosen = modules.group.clients[::2]
-    for client, session in [(client, client.session) for client in chosen]:
+    for client, session in [(client, client.endpoint.session) for client in chosen]:
         client._random = Mock(**{"randrange.side_effect": [session, 4711]})
     modules.group.arm([1.0] * RIG.m)
-    assert [client.session for client in chosen] == [4711, 4711]
+    assert [client.endpoint.session for client in chosen] == [4711, 4711]
     assert set(modules.states) <= {State.ARMED, State.RUNNING}
 
 
@@ -286,7 +286,7 @@ def test_a_module_that_cannot_pull_as_the_rig_says_is_refused(parameter, value, 
 @pytest.mark.parametrize(
     ("trouble", "error", "said"),
     [
-        (lambda client: client.arm(), LinkError, "is ARMED: somebody else has it armed"),
+        (lambda client: client.arm(), LinkError, "is ARMED: another program has armed it"),
         (lambda client: client.estop(), ModuleFault, "is in ESTOP: find out why"),
         (lambda client: client.link.freeze(), LinkTimeout, "did not answer Hello in 1 tries"),
     ],

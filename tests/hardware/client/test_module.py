@@ -4,7 +4,7 @@ from tensionlab.errors import LinkError, LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.client.links import open_link
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, Code, State
-from tensionlab.hardware.protocol.messages import Stop
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Stop
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
@@ -20,7 +20,7 @@ def client():
 
 def test_a_module_says_what_it_is_and_pulls_what_it_is_told(client):
     assert client.hello().calibrated
-    client.telemetry_every(10)
+    client.command(ConfigureTelemetry(10))
     client.arm()
     sequence = client.set_tension(3.0)
     client.listen(0.1)
@@ -33,7 +33,7 @@ def test_a_module_says_what_it_is_and_pulls_what_it_is_told(client):
 
 
 def test_silence_makes_it_let_go_and_the_next_check_says_so(client):
-    client.telemetry_every(10)
+    client.command(ConfigureTelemetry(10))
     client.arm()
     client.set_tension(2.0, ttl_ms=100)
     client.listen(0.3)

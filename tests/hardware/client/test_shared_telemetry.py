@@ -15,7 +15,7 @@ from tensionlab.hardware.client.locks import LinkLock, holder
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.shared_telemetry import Publisher, Report, Watcher
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
-from tensionlab.hardware.protocol.messages import Telemetry
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Telemetry
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.world import World
 
@@ -168,7 +168,7 @@ def test_a_client_is_published_while_it_is_open_whatever_its_name():
     assert published.reports["COM77"]() == Report("COM77", "a/b → c", None, np.inf, 0)
     came = threading.Event()
     client.on_message = lambda message: came.set()
-    client.telemetry_every(20)
+    client.command(ConfigureTelemetry(20))
     assert came.wait(60.0)
     told = published.reports["COM77"]()
     assert told.telemetry.length == pytest.approx(world.modules[0].sample.length, abs=1e-3)

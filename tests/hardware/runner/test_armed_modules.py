@@ -27,7 +27,7 @@ def test_a_module_that_was_stopped_from_outside_does_not_follow_any_more():
     simulated.advance(STEP_S)
     with ModuleClient("one", SimulatedLink(simulated)) as client:
         client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
-        client.telemetry_every(10)
+        client.command(ConfigureTelemetry(10))
         client.arm()
         for _ in range(5):
             client.set_tension(2.0)
@@ -60,7 +60,7 @@ def test_telemetry_of_before_it_was_armed_is_not_taken_for_a_stop(seed):
     link = InterruptedLink(simulated)
     with ModuleClient("one", link, seed=seed) as client:
         client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
-        client.telemetry_every(10)
+        client.command(ConfigureTelemetry(10))
         client.listen(0.05)
         idle = client.telemetry.message
         client.arm()
@@ -141,7 +141,7 @@ class Client:
 
     def __init__(self, name):
         self.name, self.link = name, SimpleNamespace(url=f"sim:{name}")
-        self.state, self.followed_since_arm, self.repeated = State.RUNNING, True, 0
+        self.state, self.endpoint = State.RUNNING, SimpleNamespace(followed=True, repeated=0)
         self.telemetry, self.sent, self.broken = telemetry(), [], None
         self.checked = None
 
@@ -288,10 +288,10 @@ def test_a_timeout_by_a_stall_of_this_computer_says_so(stalled, code):
 
 def test_a_module_that_has_not_followed_since_it_was_armed_may_say_what_it_was_before():
     watched = Watched()
-    watched.clients[0].state, watched.clients[0].followed_since_arm = State.IDLE, False
+    watched.clients[0].state, watched.clients[0].endpoint.followed = State.IDLE, False
     assert watched.cycle() == []
-    watched.clients[0].followed_since_arm = True
-    watched.clients[1].state, watched.clients[1].followed_since_arm = None, False  # it has said nothing at all
+    watched.clients[0].endpoint.followed = True
+    watched.clients[1].state, watched.clients[1].endpoint.followed = None, False  # it has said nothing at all
     watched.clients[2].telemetry = None
     assert watched.cycle() == [(0, ModuleFault), (1, ModuleFault)]
     assert watched.lost[1][1].code is State.IDLE

@@ -228,7 +228,7 @@ def test_modules_that_cannot_run_are_refused_before_any_is_armed(rig):
     modules = [tl.Module(each.name, each.anchor, 0.5, 9.0) for each in rig.modules]
     strong = tl.Rig(rig.name, rig.kind, modules, rig.home)
     refused(HardwareError, r'"floor-1" pulls with 0\.5 to 6 N, but the rig wants 0\.5 to 9 N', wanted=strong)
-    refused(LinkError, '"floor-2" is (ARMED|RUNNING): somebody else has it armed', lambda client: client.arm())
+    refused(LinkError, '"floor-2" is (ARMED|RUNNING): another program has armed it', lambda client: client.arm())
     refused(ModuleFault, '"floor-2" is in ESTOP: find out why, then', lambda client: client.estop())
     refused(HardwareError, "cable lengths of floor-2 are not known", forget_length)
 

@@ -7,10 +7,11 @@ import threading
 import pytest
 
 from tensionlab.errors import InputError, LinkError, LinkTimeout, ModuleFault
+from tensionlab.hardware.client.latency import measure
 from tensionlab.hardware.client.links import open_link
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, State
-from tensionlab.hardware.protocol.messages import Hello, Info
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Hello, Info
 from tensionlab.hardware.simulation.links import POLL_PERIOD_S, Channel, Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.serve import TcpPort
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
@@ -105,13 +106,13 @@ def pair():
 def test_a_perfect_one_changes_nothing():
     with ModuleClient("one", lockstep()) as client:
         client.hello()
-        trips = sorted(client.ping()[0] for _ in range(20))
+        trips = sorted(measure(client, 20, lambda done: True).times)
         assert trips[-1] < 5e-3
 
 
 def test_bytes_take_their_time_both_ways():
     with ModuleClient("one", lockstep(Conditions(latency=0.03, jitter=0.01))) as client:
-        trips = sorted(client.ping()[0] for _ in range(20))
+        trips = sorted(measure(client, 20, lambda done: True).times)
         assert trips[0] >= 0.06
         assert trips[-1] < 0.08 + 5e-3
         assert trips[-1] - trips[0] > 0.005
@@ -139,7 +140,7 @@ def test_bytes_take_their_time_both_ways_where_a_thread_reads(pair):
 def test_bytes_are_on_their_way_at_the_same_time():
     with ModuleClient("one", lockstep(Conditions(latency=0.05))) as client:
         client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
-        client.telemetry_every(5)
+        client.command(ConfigureTelemetry(5))
         client.arm()
         began = client.link.clock()
         for _ in range(10):
@@ -166,12 +167,12 @@ def test_what_is_lost_and_damaged_is_made_good_by_asking_again():
         answered = 0
         for _ in range(10):
             try:
-                client.ping()
+                client.hello()
                 answered += 1
             except LinkTimeout:
                 pass
         assert answered >= 8
-        client.telemetry_every(5)
+        client.command(ConfigureTelemetry(5))
         client.listen(1.0)
         assert client.bad_frames > 3
 
@@ -225,7 +226,7 @@ def test_a_thread_of_the_client_reads_the_link_until_it_is_cut(monkeypatch):
     module.start()
     with ModuleClient("one", FaultyLink(open_link(port.url), Conditions(latency=0.005))) as client:
         assert client.request(Hello(), Info, (60.0,)).state is State.IDLE
-        assert client.ping()[0] >= 0.01
+        assert min(measure(client, 1, lambda done: True).times) >= 0.01
         client.link.freeze()
         asked, send = threading.Event(), client.link.send
         monkeypatch.setattr(client.link, "send", lambda content: (send(content), asked.set()))
@@ -253,7 +254,7 @@ def test_a_module_whose_link_is_cut_lets_go():
 def test_a_frozen_link_is_silent_and_a_thawed_one_forgets_what_was_said():
     with ModuleClient("one", lockstep(Conditions(latency=0.01))) as client:
         client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
-        client.telemetry_every(5)
+        client.command(ConfigureTelemetry(5))
         client.arm()
         client.set_tension(3.0, ttl_ms=100)
         client.link.freeze()
@@ -318,7 +319,7 @@ def test_time_passes_for_who_waits_at_a_frozen_link():
 def test_the_same_seed_has_the_same_accidents_on_a_link_to_a_module():
     def echoes(seed):
         with ModuleClient("one", lockstep(Conditions(drop=0.01), seed)) as client:
-            client.telemetry_every(5)
+            client.command(ConfigureTelemetry(5))
             client.listen(0.5)
             return client.bad_frames, client.telemetry
 
