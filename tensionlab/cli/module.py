@@ -17,8 +17,9 @@ from tensionlab.cli.module_calibrate import calibrate
 from tensionlab.cli.module_monitor import monitor, ping
 from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.hardware.client import parameter_file
-from tensionlab.hardware.client.discovery import find_all, ports
-from tensionlab.hardware.client.discovery import identify as pulse
+from tensionlab.hardware.client.diagnostics import find_all, ports
+from tensionlab.hardware.client.diagnostics import identify as pulse
+from tensionlab.hardware.client.links import load_modules
 from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient
 from tensionlab.hardware.client.parameter_file import Change, firmware, plain
 from tensionlab.hardware.protocol import messages
@@ -251,7 +252,7 @@ def dump(
         else:
             make_folder(folder)
             for name, text in texts.items():
-                file = parameter_file.file_of(folder, name)
+                file = parameter_file.parameter_path(folder, name)
                 if writer.write("", file, partial(write_text, text=text)):
                     typer.echo(file)
         exit_if_failed(failed)
@@ -272,7 +273,7 @@ def restore(
     serves several modules; in a folder, each has its NAME.toml.
     """
     urls = find_links(links, modules)
-    files = {name: parameter_file.file_of(path, name) if path.is_dir() else path for name in urls}
+    files = {name: parameter_file.parameter_path(path, name) if path.is_dir() else path for name in urls}
     values = {
         name: parameter_file.parse(read_text(file, "a file of parameters (*.toml)", HardwareError), str(file))
         for name, file in files.items()

@@ -19,8 +19,8 @@ from tensionlab.hardware.calibration import lengths as length_calibration
 from tensionlab.hardware.calibration.anchors import AnchorEstimate
 from tensionlab.hardware.calibration.gain import Balance, GainEstimate, gain_from_sensor, gain_from_weights
 from tensionlab.hardware.client.group import ModuleGroup, connect
+from tensionlab.hardware.client.links import load_modules
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.client.modules_file import load_modules
 from tensionlab.hardware.protocol.codes import Calibration
 from tensionlab.hardware.protocol.messages import Save
 from tensionlab.hardware.runner.settings import RealClock

@@ -16,7 +16,7 @@ from tensionlab.cli.common import output
 from tensionlab.cli.common.links import Links, ModulesFile, call_all, exit_if_failed, find_links
 from tensionlab.cli.common.verbs import Json
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
-from tensionlab.hardware.client.latency import RoundTrips, is_bluetooth, measure, safe_rates
+from tensionlab.hardware.client.diagnostics import RoundTrips, is_bluetooth, measure, safe_rates
 from tensionlab.hardware.client.links import OPENERS
 from tensionlab.hardware.client.locks import Holder, holder, locked_links
 from tensionlab.hardware.client.module import ModuleClient

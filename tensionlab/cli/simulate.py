@@ -13,7 +13,7 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.runs import load_rig_or_scenario
 from tensionlab.haptics.bridge.osc import OscTracker
-from tensionlab.hardware.client.modules_file import modules_to_toml
+from tensionlab.hardware.client.links import modules_to_toml
 from tensionlab.hardware.simulation import serve as serving
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.simulated_module import SimulatedModule

@@ -11,8 +11,8 @@ from tensionlab.support.lazy import importer
 if TYPE_CHECKING:
     from tensionlab.demand import Demand, Impedance, Pose, RigState
     from tensionlab.hardware.client.group import ModuleGroup, connect
+    from tensionlab.hardware.client.links import load_modules
     from tensionlab.hardware.client.module import ModuleClient
-    from tensionlab.hardware.client.modules_file import load_modules
     from tensionlab.hardware.log.reader import Run, read_run
     from tensionlab.hardware.log.writer import RunLog
     from tensionlab.hardware.runner.program import Program, load_program
@@ -47,7 +47,7 @@ _NAMES = {
     "tensionlab.demand": ("Demand", "Impedance", "Pose", "RigState"),
     "tensionlab.hardware.client.group": ("ModuleGroup", "connect"),
     "tensionlab.hardware.client.module": ("ModuleClient",),
-    "tensionlab.hardware.client.modules_file": ("load_modules",),
+    "tensionlab.hardware.client.links": ("load_modules",),
     "tensionlab.hardware.log.reader": ("Run", "read_run"),
     "tensionlab.hardware.log.writer": ("RunLog",),
     "tensionlab.hardware.runner.program": ("Program", "load_program"),

@@ -11,7 +11,7 @@ import pytest
 
 from tensionlab.errors import CalibrationError
 from tensionlab.hardware.calibration import gain_measurement
-from tensionlab.hardware.client.modules_file import modules_to_toml
+from tensionlab.hardware.client.links import modules_to_toml
 from tensionlab.model.files import load_rig
 from tensionlab.support.files.tables import read_table, table_text
 from tests.helpers.reachable import ReachableRig

@@ -28,7 +28,7 @@ from typing import NamedTuple
 import pytest
 
 import tensionlab as tl
-from tensionlab.hardware.client.modules_file import modules_to_toml
+from tensionlab.hardware.client.links import modules_to_toml
 from tests.helpers.reachable import ReachableRig
 from tests.helpers.shown import differences
 from tests.helpers.simulated_bridge import SimulatedServe

@@ -19,7 +19,7 @@ import numpy as np
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.calibration import gain_measurement
 from tensionlab.hardware.calibration.lengths import load_lengths
-from tensionlab.hardware.client.modules_file import load_modules
+from tensionlab.hardware.client.links import load_modules
 from tensionlab.hardware.client.parameter_file import parse
 from tensionlab.hardware.log.mcap_file import McapWriter
 from tensionlab.hardware.log.reader import flat_columns, read_run, report

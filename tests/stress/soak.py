@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.processes import process, simulated
 from tensionlab.demand import Pose
-from tensionlab.hardware.client.modules_file import modules_to_toml
+from tensionlab.hardware.client.links import modules_to_toml
 from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.protocol.codes import Limit, State

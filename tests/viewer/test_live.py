@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.processes import process, simulated
+from tensionlab.hardware.client.links import modules_to_toml
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.client.modules_file import modules_to_toml
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.sharing import find_runs
 from tests.helpers.browsers import BROWSER, HANGS_S, OPTIONS, chromium, needs_browser, until

@@ -11,10 +11,9 @@ import typer
 
 from tensionlab.cli.common.output import if_interrupted, print_error
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.client.links import URL_KINDS, require_known
+from tensionlab.hardware.client.links import URL_KINDS, load_modules, require_known
 from tensionlab.hardware.client.locks import normalised
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.client.modules_file import load_modules
 
 if TYPE_CHECKING:
     from tensionlab.model.rig import Rig

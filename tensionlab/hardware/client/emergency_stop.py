@@ -1,4 +1,4 @@
-"""Emergency stop from outside: of free modules, and of those that another process uses."""
+"""Emergency stop of modules, whether they are free or in use by another process."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient
 from tensionlab.hardware.protocol.messages import EmergencyStop
 from tensionlab.support.operating_system import kill_command, send_estop
 
-RELEASE_TIMEOUT_S = 6.0  # how long a signalled process may take to stop its modules and close their links
+RELEASE_TIMEOUT_S = 6.0  # longest wait for a signalled process to stop its modules and close their links
 POLL_PERIOD_S = 0.01
 
 
@@ -29,11 +29,11 @@ class Outcome:
 
 
 def emergency_stop(links: Mapping[str, str]) -> dict[str, Outcome]:
-    """Make modules, URLs by name, release their cables at once, whichever process uses them.
+    """Have modules, URLs by name, release their cables at once, whichever process uses them.
 
-    Processes that use some of them get `ESTOP_SIGNAL` first, before the name of any host is looked up. Modules are
-    commanded from here as soon as their links are free, each in a thread, and confirm it. No link is locked for
-    that, so no full disk and no folder of somebody else is in the way.
+    Processes that use some of them get `ESTOP_SIGNAL` first, before any host name is looked up. Modules are
+    commanded from here as soon as their links are free, each in a thread, and confirm it. Links are opened without
+    a lock, so neither a full disk nor a folder of another user is in the way.
     """
     signals = _Signals()
     found = locked_links()
@@ -54,13 +54,15 @@ def _stop_module(name: str, url: str, who: Holder | None, signals: _Signals) -> 
             _command(name, url)
             return Outcome(who)
         except HardwareError as error:
-            now = holder(url)  # it may have the link by another name of the host, or have just taken it
+            now = holder(url)  # by another name of the host, or since just now
             who = who or now
             problem = signals.send(now) if now is not None else ""
-            # The process that had it when this try began may have closed it since: then it is free now.
             if (now is None and before is None) or problem or time.perf_counter() > end:
-                return Outcome(who, problem or (str(error) if now is None else _still_has_it(now)))
-            before = now
+                if now is not None and not problem:
+                    end_it = kill_command(now.pid)
+                    problem = f"{now} was signalled, and still has it; end it ({end_it}), and its modules stop"
+                return Outcome(who, problem or str(error))
+            before = now  # it may have closed the link since this try began: then the link is free now
         time.sleep(POLL_PERIOD_S)
 
 
@@ -83,21 +85,10 @@ class _Signals:
         """Signal a process to stop its modules, once; return why that failed, empty if it did not."""
         with self._sending:
             if who.pid not in self._problems:
-                self._problems[who.pid] = _signal(who)
+                self._problems[who.pid] = "this process has it" if who.pid == os.getpid() else ""
+                try:
+                    if who.pid != os.getpid():
+                        send_estop(who.pid)
+                except PermissionError as error:
+                    self._problems[who.pid] = f"{who} cannot be signalled: {error.strerror}"
             return self._problems[who.pid]
-
-
-def _signal(who: Holder) -> str:
-    """Signal a process to stop its modules; return why that failed, empty if it did not."""
-    if who.pid == os.getpid():
-        return "this process has it"
-    try:
-        send_estop(who.pid)
-    except PermissionError as error:
-        return f"{who} cannot be signalled: {error.strerror}"
-    return ""
-
-
-def _still_has_it(who: Holder) -> str:
-    """Return why a module did not stop whose process was signalled in vain."""
-    return f"{who} was signalled, and still has it; end it ({kill_command(who.pid)}), and its modules stop"

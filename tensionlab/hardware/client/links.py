@@ -1,4 +1,4 @@
-"""Links to modules: serial ports, Bluetooth, TCP, and simulated modules, behind one interface.
+"""Links to modules (serial ports, Bluetooth, TCP, simulated modules) and the file that names them.
 
 Each link has its own clock. That of a simulated module advances only while its link is read.
 """
@@ -11,13 +11,15 @@ import re
 import select
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
-from tensionlab.errors import LinkError, optional_import
+from tensionlab.errors import HardwareError, LinkError, optional_import
 from tensionlab.hardware.client.locks import LinkLock, NoLock, tcp_address
+from tensionlab.support.files.reading import MAX_NAME, brief, read_toml
 
 READ_BYTES = 4096  # most bytes read at a time
 BAUD_RATE = 921_600  # bits a second over USB; Bluetooth and TCP ignore it
@@ -270,3 +272,46 @@ def _connect_bluetooth(url: str) -> socket.socket:
         connected.close()
         raise LinkError(f"{url} cannot be reached: {error}; is the module on, paired, and in range?") from None
     return connected
+
+
+def modules_to_toml(links: Mapping[str, str]) -> str:
+    """Return the text of a modules file."""
+    import tomli_w
+
+    return tomli_w.dumps({"modules": dict(links)})
+
+
+def load_modules(path: str | Path) -> dict[str, str]:
+    """Return the link of each module by its name, from a modules file.
+
+    ``tensionlab simulate`` prints such a file (TOML)::
+
+        [modules]
+        floor-1 = "socket://127.0.0.1:40001"         # a simulated module, over TCP
+        floor-2 = "/dev/rfcomm0"                      # Bluetooth, bound on Linux
+        top     = "/dev/cu.tensionlab-1a2b3c4d"       # Bluetooth on macOS; "COM5" on Windows
+
+    Names are those of the rig's modules. A `HardwareError` names the file and the key.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensionlab.hardware import load_modules
+    >>> _ = Path("modules.toml").write_text('modules = {left = "socket://127.0.0.1:7000"}')
+    >>> load_modules("modules.toml")
+    {'left': 'socket://127.0.0.1:7000'}
+    """
+    document = read_toml(path, "a modules file (*.toml)", HardwareError)
+    links = document.get("modules")
+    if not isinstance(links, dict) or not links or len(document) > 1:
+        raise HardwareError(f'{path}: give one table, [modules], with lines such as name = "/dev/rfcomm0"')
+    for name, link in links.items():
+        if not name.isprintable() or not 0 < len(name) <= MAX_NAME:
+            raise HardwareError(
+                f"{path}: modules: a name is {brief(name)}; give 1 to {MAX_NAME} printable characters"
+            )
+        if not isinstance(link, str) or not link:
+            raise HardwareError(f'{path}: modules: "{name}" is {brief(link)}; give a link as text, as "COM5"')
+        if list(links.values()).count(link) > 1:
+            raise HardwareError(f"{path}: modules: {link:.60} is there twice; give each its own")
+    return dict(links)

@@ -15,12 +15,12 @@ A file may leave parameters out; those stay as they are.
 
 from __future__ import annotations
 
-import difflib
-import hashlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 
@@ -43,11 +43,7 @@ LOWER_BOUNDS = frozenset({"tension_lower", "length_lower", "supply_lower"})
 # Parameters whose change makes a module forget its cable's length.
 LENGTH_PARAMETERS = frozenset({"spool_radius", "motor_direction"})
 COMMENT_COLUMN = 34
-# Characters that file names do not have on some system.
-UNFIT_CHARACTERS = re.compile(r'[%/\\:*?"<>|\x00-\x1f\x7f]')
-# Names that are no files on Windows, whatever follows behind a full stop.
-DEVICE_NAMES = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?")
-MAX_NAME_BYTES = 200  # length of a file name before its suffix; most systems take 255 bytes
+UNFIT_CHARACTERS = re.compile(r'[%/\\:*?"<>|]')  # in a file name, on some system
 
 
 @dataclass(frozen=True)
@@ -76,52 +72,34 @@ def dump(client: ModuleClient) -> str:
     return "\n".join([*lines, ""])
 
 
-def file_of(folder: Path, module: str) -> Path:
-    """Return the path of a module's file in a folder, NAME.toml, with a slash as %2F and a per cent as %25.
-
-    The first letter of a name that Windows keeps for devices is written so, too: %6Eul. The end of a name that is
-    too long is a checksum.
-    """
-    name = UNFIT_CHARACTERS.sub(lambda each: f"%{ord(each[0]):02X}", module)
-    if DEVICE_NAMES.fullmatch(name):
-        name = f"%{ord(name[0]):02X}{name[1:]}"
-    if len(name.encode()) > MAX_NAME_BYTES:
-        checksum = hashlib.sha256(name.encode()).hexdigest()[:16]
-        name = name.encode()[: MAX_NAME_BYTES - len(checksum)].decode(errors="ignore") + checksum
-    return folder / f"{name}.toml"
+def parameter_path(folder: Path, module: str) -> Path:
+    """Return the path of a module's file in a folder, NAME.toml, with a slash as %2F and a per cent as %25."""
+    return folder / (UNFIT_CHARACTERS.sub(lambda found: quote(found[0], safe=""), module) + ".toml")
 
 
 def parse(text: str, origin: str) -> dict[str, float]:
     """Return the values in a text of `dump`, or part of it; a `HardwareError` names origin and key."""
     document = parse_toml(text, origin, HardwareError)
-    for key in document:
-        if key not in ("module", "parameters"):
-            raise HardwareError(f'{origin}: unknown key "{key:.40}"; the file has [module] and [parameters]')
     values = document.get("parameters")
-    if not isinstance(values, dict) or not values:
-        raise HardwareError(f"{origin}: no parameters; write [parameters] and lines such as slew = 60")
+    if not isinstance(values, dict) or not values or document.keys() - {"module", "parameters"}:
+        raise HardwareError(f"{origin}: give [parameters] with lines such as slew = 60, and [module] at most")
     return checked(values, origin)
 
 
 def checked(values: Mapping[str, object], origin: str) -> dict[str, float]:
-    """Return values as a module stores them; a `HardwareError` names what is no parameter, or out of bounds."""
-    found = {}
+    """Return values as a module stores them; a `HardwareError` names what is unknown or out of bounds."""
+    stored = {}
     for name, value in values.items():
         if name not in PARAMETERS:
-            close = difflib.get_close_matches(name, PARAMETERS)
-            advice = (
-                f"is it {' or '.join(close)}?"
-                if close
-                else "`tensionlab module config get MODULE` shows those that they have"
-            )
+            close = " or ".join(get_close_matches(name, PARAMETERS))
+            advice = f"is it {close}?" if close else "`tensionlab module config get MODULE` shows them all"
             raise HardwareError(f'{origin}: modules have no parameter "{name:.40}"; {advice}')
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise HardwareError(f"{origin}: {name} is {brief(value)}; give a number")
-        row, number = PARAMETERS[name], require_value(name, value, origin)
-        if name in BINARY_PARAMETERS and number not in (row.lower, row.upper):
+        row, stored[name] = PARAMETERS[name], require_value(name, value, origin)
+        if name in BINARY_PARAMETERS and stored[name] not in (row.lower, row.upper):
             raise HardwareError(f"{origin}: {name} is {row.unit}; got {value:g}")
-        found[name] = number
-    return found
+    return stored
 
 
 def change(client: ModuleClient, values: Mapping[str, float], origin: str) -> list[Change]:
@@ -129,7 +107,7 @@ def change(client: ModuleClient, values: Mapping[str, float], origin: str) -> li
 
     All values are checked before the first is changed, together with those that stay. They are changed in an order
     in which parameters that bound each other never conflict, and read back. A `HardwareError` names origin and
-    parameter where there is none of that name, or it can't have that value.
+    parameter.
     """
     wanted = checked(values, origin)
     before = {name: found.value for name, found in parameters(client).items()}
@@ -171,17 +149,17 @@ def plain(value: float) -> str:
 
 def _require_consistent(values: Mapping[str, float], origin: str) -> None:
     """Refuse values that contradict each other, as the firmware does."""
-    forever = single(values["current_continuous"] * values["newton_per_ampere"])
+    continuous = single(values["current_continuous"] * values["newton_per_ampere"])
     rules = (
         ("tension_lower", "tension_upper", values["tension_lower"] <= values["tension_upper"]),
-        ("tension_lower", "current_continuous times newton_per_ampere", values["tension_lower"] <= forever),
+        ("tension_lower", "current_continuous times newton_per_ampere", values["tension_lower"] <= continuous),
         ("current_continuous", "current_peak", values["current_continuous"] <= values["current_peak"]),
         ("length_lower", "length_upper", values["length_lower"] < values["length_upper"]),
         ("supply_lower", "supply_upper", values["supply_lower"] < values["supply_upper"]),
     )
     for less, more, holds in rules:
         if not holds:
-            limit = values.get(more, forever)
+            limit = values.get(more, continuous)
             raise HardwareError(f"{origin}: {less} would be {values[less]:g}, but {more} {limit:g}; change either")
 
 

@@ -1,4 +1,4 @@
-"""Groups of modules, and the file that names the modules of a rig and their links."""
+"""Groups of modules: connected, prepared, armed, stopped and closed together."""
 
 import threading
 from collections import Counter
@@ -13,48 +13,11 @@ from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client import group
 from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.client.modules_file import load_modules, modules_to_toml
 from tensionlab.hardware.protocol.codes import Code, State
 from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import Acknowledge
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.world import World
-
-
-def test_what_is_written_is_read_again(tmp_path):
-    links = {"floor-1": "socket://127.0.0.1:40001", "x- y+": "/dev/rfcomm0", "ü": "COM5"}
-    file = tmp_path / "modules.toml"
-    file.write_text(modules_to_toml(links), encoding="utf-8")
-    assert list(load_modules(file).items()) == list(links.items())
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("[modules", "not valid TOML"),
-        ("", r"no modules; write \[modules\]"),
-        ("[modules]", "no modules"),
-        ('modules = "COM5"', "no modules"),
-        ('[module]\na = "COM5"', 'unknown key "module"; the file has one table'),
-        ("[modules]\na = 5", '"a" is 5; give a link as text'),
-        ('[modules]\na = ""', "\"a\" is ''"),
-        ('[modules]\n"" = "COM5"', "a name is ''; give 1 to 100 characters"),
-        ('[modules]\n"a\\nb" = "COM5"', "all of them printable"),
-        (f'[modules]\n{101 * "a"} = "COM5"', "give 1 to 100 characters"),
-        ('[modules]\na = "COM5"\nb = "COM5"', "COM5 is there twice"),
-    ],
-)
-def test_what_is_wrong_is_named_with_its_file(tmp_path, text, message):
-    file = tmp_path / "modules.toml"
-    file.write_text(text, encoding="utf-8")
-    with pytest.raises(HardwareError, match=message) as found:
-        load_modules(file)
-    assert "modules.toml" in str(found.value)
-
-
-def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(HardwareError, match=r"none\.toml: no such file"):
-        load_modules(tmp_path / "none.toml")
 
 
 def test_modules_stay_armed_while_one_is_slow_to_answer_however_fast_this_machine_simulates(monkeypatch):
@@ -242,10 +205,6 @@ def test_links_that_are_slow_to_close_are_closed_side_by_side():
     assert not together.broken
 
 
-def test_a_group_of_none_is_closed_at_once():
-    ModuleGroup([]).close()
-
-
 def test_before_a_run_modules_tell_what_they_can_do_and_begin_to_report():
     modules = Modules()
     for client in modules.group.clients:
@@ -273,22 +232,22 @@ def test_modules_whose_lengths_are_unknown_are_named():
 
 
 @pytest.mark.parametrize(
-    ("parameter", "value", "said"),
-    [("tension_upper", 5.9, "0.5 to 5.9 N"), ("tension_lower", 0.6, "0.6 to 6 N")],
-)
-def test_a_module_that_cannot_pull_as_the_rig_says_is_refused(parameter, value, said):
-    modules = Modules()
-    modules.group.clients[2].set_parameter(parameter, value)
-    with pytest.raises(HardwareError, match=f'"{NAMES[2]}" pulls with {said}, but the rig wants 0.5 to 6 N'):
-        modules.group.prepare(RIG, 10)
-
-
-@pytest.mark.parametrize(
     ("trouble", "error", "said"),
     [
         (lambda client: client.arm(), LinkError, "is ARMED: another program has armed it"),
         (lambda client: client.estop(), ModuleFault, "is in ESTOP: find out why"),
         (lambda client: client.link.freeze(), LinkTimeout, "did not answer Hello in 1 tries"),
+        (lambda client: client.set_parameter("calibrated", 0.0), HardwareError, "is not calibrated"),
+        (
+            lambda client: client.set_parameter("tension_upper", 5.9),
+            HardwareError,
+            "0.5 to 5.9 N, but the rig wants 0.5 to 6 N",
+        ),
+        (
+            lambda client: client.set_parameter("tension_lower", 0.6),
+            HardwareError,
+            "0.6 to 6 N, but the rig wants 0.5 to 6 N",
+        ),
     ],
 )
 def test_a_module_that_is_not_ready_for_a_run_is_refused_and_the_others_are_left_alone(
@@ -301,13 +260,6 @@ def test_a_module_that_is_not_ready_for_a_run_is_refused_and_the_others_are_left
         modules.group.prepare(RIG, 10)
     modules.world.advance(0.1)
     assert [modules.links[name].receive(0.0) for name in NAMES[:2]] == [b""] * 2, "they report nothing yet"
-
-
-def test_a_module_that_is_not_calibrated_is_refused():
-    modules = Modules()
-    modules.group.clients[2].set_parameter("calibrated", 0.0)
-    with pytest.raises(HardwareError, match=f'module "{NAMES[2]}" is not calibrated'):
-        modules.group.prepare(RIG, 10)
 
 
 def test_a_module_that_timed_out_in_an_earlier_run_can_be_armed_again():

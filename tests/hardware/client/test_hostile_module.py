@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from tensionlab.errors import HardwareError, LinkTimeout, ProtocolError
-from tensionlab.hardware.client import discovery as discover
+from tensionlab.hardware.client import diagnostics as discover
 from tensionlab.hardware.client import group
 from tensionlab.hardware.client.links import SerialPort
 from tensionlab.hardware.client.module import ModuleClient
@@ -91,7 +91,7 @@ def test_endless_bytes_are_not_kept(noise):
 def test_refusals_without_end_are_not_kept():
     liar = client(lambda frame: b"")
     refused = Acknowledge(Type.SET_TENSION, Code.BAD_VALUE, 0)
-    liar._take(b"".join(refused.frame(number % 256).pack() for number in range(10_000)))
+    liar._feed(b"".join(refused.frame(number % 256).pack() for number in range(10_000)))
     with pytest.raises(HardwareError, match="refused a set-point: BAD_VALUE"):
         liar.check()
     liar.check()
@@ -104,7 +104,7 @@ def test_whatever_a_frame_holds_no_other_error_comes_of_it():
         kind = rng.choice([*Type, rng.randrange(256)])
         size = rng.choice((0, 3, 4, 12, 13, 30, 40, rng.randrange(57)))
         payload = bytes(rng.choice((0, 1, 2, PROTOCOL, 0xFF, rng.randrange(256))) for _ in range(size))
-        liar._take(WireFrame(kind, rng.randrange(256), payload).pack())
+        liar._feed(WireFrame(kind, rng.randrange(256), payload).pack())
     assert len(liar._answers) <= 256
 
 

@@ -13,9 +13,17 @@ from collections.abc import Iterator
 
 import pytest
 
-from tensionlab.errors import LinkError
+from tensionlab.errors import HardwareError, LinkError
 from tensionlab.hardware.client import links
-from tensionlab.hardware.client.links import READ_BYTES, SerialLink, SocketLink, connect, open_link
+from tensionlab.hardware.client.links import (
+    READ_BYTES,
+    SerialLink,
+    SocketLink,
+    connect,
+    load_modules,
+    modules_to_toml,
+    open_link,
+)
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, State
 from tensionlab.hardware.protocol.messages import Hello, Info
@@ -368,3 +376,33 @@ def test_a_client_speaks_with_a_module_at_a_com_port(port, com, monkeypatch):
     with ModuleClient("one", com) as client:
         assert client.request(Hello(), Info, (LONG_S,)).state is State.IDLE
         assert client.hello()
+
+
+# Modules files
+
+
+def test_a_modules_file_is_read_as_it_was_written(tmp_path):
+    links = {"floor-1": "socket://127.0.0.1:40001", "x- y+": "/dev/rfcomm0", "ü": "COM5"}
+    file = tmp_path / "modules.toml"
+    file.write_text(modules_to_toml(links), encoding="utf-8")
+    assert list(load_modules(file).items()) == list(links.items())
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[modules", "not valid TOML"),
+        ("", r"give one table, \[modules\]"),
+        ('modules = "COM5"', "give one table"),
+        ('[module]\na = "COM5"', "give one table"),
+        ('[modules]\na = "COM5"\n[rig]', "give one table"),
+        ("[modules]\na = 5", '"a" is 5; give a link as text'),
+        ('[modules]\n"a\\nb" = "COM5"', "printable characters"),
+        (f'[modules]\n{101 * "a"} = "COM5"', "give 1 to 100"),
+        ('[modules]\na = "COM5"\nb = "COM5"', "COM5 is there twice"),
+    ],
+)
+def test_what_is_wrong_in_a_modules_file_is_named(tmp_path, text, message):
+    (tmp_path / "modules.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(HardwareError, match=rf"modules\.toml: .*{message}"):
+        load_modules(tmp_path / "modules.toml")

@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from tensionlab.errors import InputError, LinkError, LinkTimeout, ModuleFault
-from tensionlab.hardware.client.latency import measure
+from tensionlab.hardware.client.diagnostics import measure
 from tensionlab.hardware.client.links import open_link
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, State

@@ -1,0 +1,189 @@
+"""Ports that may have a module, the pulse that identifies it, and the round trips of its link."""
+
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from tensionlab.errors import ModuleFault
+from tensionlab.hardware.client import diagnostics
+from tensionlab.hardware.client.diagnostics import (
+    PULSE_TENSION_N,
+    PULSES,
+    RoundTrips,
+    identify,
+    is_bluetooth,
+    measure,
+    safe_rates,
+)
+from tensionlab.hardware.client.links import SerialPort
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.protocol.codes import Calibration, State
+from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
+
+
+@pytest.mark.parametrize(
+    ("port", "ours"),
+    [
+        (
+            SerialPort("/dev/ttyUSB0", "CP2102N USB to UART Bridge Controller", "USB VID:PID=10C4:EA60", 0x10C4),
+            True,
+        ),
+        (SerialPort("/dev/cu.wchusbserial1410", "USB Serial", "USB VID:PID=1A86:7523", 0x1A86), True),
+        (SerialPort("/dev/rfcomm0", "", "n/a", None), True),
+        (SerialPort("/dev/cu.tensionlab-0000001a", "", "n/a", None), True),
+        (SerialPort("COM5", "Standard Serial over Bluetooth link (COM5)", "BTHENUM\\{00001101-0000", None), True),
+        (SerialPort("/dev/ttyS0", "", "n/a", None), False),
+        (SerialPort("/dev/ttyACM0", "Arduino Uno", "USB VID:PID=2341:0043", 0x2341), False),
+        (SerialPort("/dev/cu.Bluetooth-Incoming-Port", "", "n/a", None), False),
+    ],
+)
+def test_what_looks_like_a_module(port, ours):
+    assert diagnostics.looks_like_ours(port) == ours
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a script stands in for a program of Linux")
+def test_what_linux_knows_by_bluetooth(tmp_path, monkeypatch):
+    program = tmp_path / "bluetoothctl"
+    program.write_text(
+        "#!/bin/sh\n[ \"$*\" = 'devices Paired' ] || exit 1\n"
+        "echo 'Device 00:11:22:33:44:55 Headphones'\necho 'Device AA:BB:CC:DD:EE:0F tensionlab-0000001a'\n"
+    )
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    assert diagnostics.paired() == {"bt://AA:BB:CC:DD:EE:0F/1": "tensionlab-0000001a"}
+    program.write_text("#!/bin/sh\nexit 1\n")
+    assert diagnostics.paired() == {}
+    monkeypatch.setenv("PATH", "")
+    assert diagnostics.paired() == {}
+
+
+def test_a_port_that_nobody_uses_is_asked_for_its_module():
+    found = diagnostics.find("sim:")
+    assert found.info is not None
+    assert not found.in_use
+
+
+def faulty(conditions, seed=1, start_us=0):
+    module = SimulatedModule(start_us=start_us)
+    module.advance(STEP_S)
+    return ModuleClient("one", FaultyLink(SimulatedLink(module), conditions, seed=seed))
+
+
+@pytest.fixture
+def calibrated():
+    simulated = SimulatedModule()
+    simulated.advance(STEP_S)
+    with ModuleClient("one", SimulatedLink(simulated)) as client:
+        client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
+        yield client
+
+
+def test_three_pulses_of_half_a_newton_and_then_nothing(calibrated):
+    pulled, advance = [], calibrated.link.module.advance
+
+    def watched(seconds):
+        advance(seconds)
+        pulled.append(calibrated.link.module.sample.commanded)
+
+    calibrated.link.module.advance = watched
+    begun = []
+    identify(calibrated, lambda: begun.append(calibrated.state))
+    assert begun == [State.ARMED]
+    pulled = np.array(pulled)
+    assert pulled.max() == pytest.approx(0.5 + PULSE_TENSION_N)
+    strong = pulled > 0.75
+    assert np.count_nonzero(np.diff(strong.astype(int)) == 1) == PULSES
+    assert calibrated.state is State.IDLE
+    assert pulled.size * STEP_S < 3.0
+
+
+def test_it_is_stopped_if_it_is_interrupted(calibrated):
+    def interrupt():
+        raise KeyboardInterrupt
+
+    calibrated.check = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        identify(calibrated, print)
+    assert calibrated.state is State.IDLE
+
+
+def test_one_that_let_go_must_be_cleared_but_a_timeout_is_no_obstacle(calibrated):
+    calibrated.estop()
+    with pytest.raises(ModuleFault, match='"one" is in ESTOP: find out why, then `tensionlab module clear sim:`'):
+        identify(calibrated, print)
+    calibrated.clear()
+    calibrated.arm()
+    calibrated.listen(0.4)
+    assert calibrated.link.module.sample.state is State.TIMEOUT
+    identify(calibrated, print)
+    assert calibrated.state is State.IDLE
+
+
+def test_one_that_is_broken_says_where_to_see_it(calibrated):
+    calibrated.link.module.damage("encoder")
+    calibrated.listen(0.1)
+    with pytest.raises(
+        ModuleFault, match=r"FAULT_PRESENT .*; something is wrong with it, see `tensionlab module mon"
+    ):
+        identify(calibrated, print)
+
+
+def test_trips_are_as_long_as_the_link_makes_them():
+    with faulty(Conditions(latency=0.03, jitter=0.02)) as one:
+        trips = measure(one, 200, lambda done: True)
+    assert trips.lost == 0
+    assert 0.060 <= min(trips.times) < 0.066
+    assert trips.percentile(50) == pytest.approx(0.08, abs=0.003)
+    assert trips.percentile(50) < trips.percentile(95) < trips.percentile(99) <= trips.percentile(100) < 0.102
+
+
+def test_the_modules_clock_is_found_as_exactly_as_the_shortest_trip_allows():
+    with faulty(Conditions(latency=0.01, jitter=0.005), start_us=5_000_000) as one:
+        trips = measure(one, 50, lambda done: True)
+    assert trips.offset_error == min(trips.times) / 2
+    assert abs(trips.offset - 5.0) < trips.offset_error
+    assert abs(trips.offset - 5.0) < 0.004
+
+
+def test_what_does_not_come_back_is_lost_and_no_late_answer_is_taken_for_another():
+    with faulty(Conditions(latency=0.01, drop=0.01), seed=4) as one:
+        trips = measure(one, 100, lambda done: True)
+    assert len(trips.times) + trips.lost == 100
+    assert 10 < trips.lost < 50
+    assert max(trips.times) < 0.03
+
+
+def test_nothing_that_comes_back_is_no_rate():
+    trips = RoundTrips((), 5, math.nan, math.nan)
+    assert math.isnan(trips.percentile(50))
+    assert trips.loss == 1.0
+    assert safe_rates(trips, 0.25, bluetooth=False) is None
+
+
+@pytest.mark.parametrize(
+    ("trip", "lost", "ttl", "bluetooth", "expected"),
+    [
+        (0.1, 0, 0.25, True, (3 / 0.2, 100.0)),
+        (0.1, 0, 0.25, False, (3 / 0.2, 1000.0)),
+        (0.1, 25, 0.25, True, (10 / 0.2, 100.0)),  # of four, one is lost: 0.25**10 < 1e-6 < 0.25**9
+        (0.1, 225, 0.25, True, None),  # 49 in 200 ms
+        (0.45, 0, 0.25, True, None),  # 3 in 25 ms
+        (0.45, 0, 0.25, False, (120.0, 1000.0)),
+        (0.6, 0, 0.25, False, None),
+    ],
+)
+def test_the_rule_of_the_safe_rate(trip, lost, ttl, bluetooth, expected):
+    found = safe_rates(RoundTrips((trip,) * 75, lost, 0.0, 0.0), ttl, bluetooth=bluetooth)
+    assert found == (None if expected is None else pytest.approx(expected))
+
+
+def test_what_is_bluetooth(monkeypatch):
+    hardware = {"COM3": "USB VID:PID=10C4:EA60 SER=1", "COM5": r"BTHENUM\{00001101-0000-1000-8000-00805F9B34FB}"}
+    ports = [SerialPort(url, "", text, None) for url, text in hardware.items()]
+    monkeypatch.setattr(diagnostics, "serial_ports", lambda: ports)
+    links = ["bt://AA:BB:CC:DD:EE:FF/1", "/dev/rfcomm0", "/dev/cu.tensionlab-1a2b3c4d", "com5", "COM5"]
+    assert all(map(is_bluetooth, links))
+    assert not any(map(is_bluetooth, ["COM3", "COM4", "/dev/ttyUSB0", "socket://127.0.0.1:1", "sim:"]))
