@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tensionlab.errors import InputError, RigError
-from tensionlab.hardware.simulation.world import plant_of
+from tensionlab.hardware.simulation.world import plant_parameters
 from tensionlab.model.kinematics import exponential
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
@@ -109,7 +109,7 @@ def true_plants(rig: Rig, errors: RigErrors) -> dict[str, dict[str, float]]:
     """Return the hardware parameters of each module, by its name."""
     plants = {}
     for module, gain in zip(rig.modules, errors.gains.tolist(), strict=True):
-        torque_constant = gain * plant_of(module)["torque_constant"]
+        torque_constant = gain * plant_parameters(module)["torque_constant"]
         plants[module.name] = IDEAL_PLANT | {"dry_friction": errors.play, "torque_constant": torque_constant}
     return plants
 

@@ -291,7 +291,7 @@ def load_modules(path: str | Path) -> dict[str, str]:
         floor-2 = "/dev/rfcomm0"                      # Bluetooth, bound on Linux
         top     = "/dev/cu.tensionlab-1a2b3c4d"       # Bluetooth on macOS; "COM5" on Windows
 
-    Names are those of the rig's modules. A `HardwareError` names the file and the key.
+    Names are those of the rig's modules. A `HardwareError` names what is wrong in the file at ``path``.
 
     Examples
     --------

@@ -16,8 +16,8 @@ from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedMod
 class Conditions:
     """Conditions of a link, in each of its two directions.
 
-    Bytes take `latency` s and up to `jitter` s more, evenly distributed, and none overtakes another. Shares of
-    them, 0 to 1, are lost (`drop`) or arrive with one bit flipped (`corrupt`).
+    Bytes arrive in order after `latency` s and up to `jitter` s more, uniformly distributed. Shares of them, 0 to
+    1, are lost (`drop`) or arrive with one bit flipped (`corrupt`).
     """
 
     latency: float = 0.0
@@ -26,17 +26,15 @@ class Conditions:
     corrupt: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("latency", "jitter"):
-            if not 0.0 <= getattr(self, name) <= 60.0:
-                raise InputError(f"{name} is from 0 to 60 s; got {getattr(self, name)}")
-        for name in ("drop", "corrupt"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise InputError(f"{name} is a share, from 0 to 1; got {getattr(self, name)}")
+        for name, value in vars(self).items():
+            largest, unit = (60, "60 s") if name in ("latency", "jitter") else (1, "1")
+            if not 0.0 <= value <= largest:
+                raise InputError(f"{name} is from 0 to {unit}; got {value}")
 
 
 @dataclass
 class Channel:
-    """Direction of a link: bytes come out in the same order, some time later; None is its end."""
+    """Direction of a link: bytes come out later, in the same order; None is its end."""
 
     conditions: Conditions
     random: random.Random
@@ -75,7 +73,7 @@ class Channel:
 
 
 class SimulatedLink:
-    """Link to a simulated module of this process, whose time passes while somebody waits, and in `advance`."""
+    """Link to a simulated module of this process, whose time passes in `receive`, and in `advance`."""
 
     lockstep = True
     file: int | None = None
@@ -114,17 +112,16 @@ class SimulatedLink:
             raise LinkError(f"{self.url} is closed")
 
 
-POLL_PERIOD_S = 1e-3  # how late bytes may be beyond their delay; with a simulated module, a step of its firmware
+POLL_PERIOD_S = 1e-3  # largest delay beyond the conditions; with a simulated module, a step of its firmware
 
 
 class FaultyLink:
-    """Link around another, which it owns, whose bytes are late, lost and damaged; it can be cut, and frozen.
+    """Link that owns another one and delays, loses and damages its bytes; it can be cut, and frozen.
 
-    Bytes move on while somebody receives or sends: there is a thread that reads each real link, and the time of a
-    simulated module passes only while somebody waits. The seed is that of the damage.
+    Bytes move only during `receive` and `send`. The seed is that of the damage.
     """
 
-    file: int | None = None  # bytes that come late come from here
+    file: int | None = None  # so that bytes are read by `receive`
 
     def __init__(self, inner: Link, conditions: Conditions | None = None, *, seed: int = 0) -> None:
         self.inner = inner
@@ -134,32 +131,32 @@ class FaultyLink:
         self._outbound = Channel(conditions, random.Random(f"out {seed}"))
         self._inbound = Channel(conditions, random.Random(f"in {seed}"))
         self._grain = STEP_S if inner.lockstep else POLL_PERIOD_S
-        self._turn = threading.Lock()  # one thread receives, others send
+        self._lock = threading.Lock()  # one thread receives, others send
         self._cut = False
         self._frozen = False
 
     def send(self, content: bytes) -> None:
         """Send bytes, which may come late, damaged or never."""
         self._require_whole()
-        with self._turn:
+        with self._lock:
             if not self._frozen:
                 self._outbound.put(content, self.clock())
         self._deliver(self.clock())
 
     def receive(self, timeout: float) -> bytes:
-        """Wait for bytes, and meanwhile deliver what others sent."""
+        """Wait for bytes, and deliver sent ones meanwhile."""
         now = self.clock()
         end = now + timeout
         while True:
             self._require_whole()
             self._deliver(now)
-            with self._turn:
+            with self._lock:
                 arrived = b"".join(content for content in self._inbound.take(now) if content)
             if arrived:
                 return arrived
             content = self.inner.receive(min(max(end - now, 0.0), self._grain))
             before, now = now, self.clock()
-            with self._turn:
+            with self._lock:
                 if content and not self._frozen:
                     self._inbound.put(content, now)
                     continue
@@ -175,13 +172,13 @@ class FaultyLink:
         self.inner.close()
 
     def cut(self) -> None:
-        """Break for good: users get a `LinkError`, and the module finds its link closed."""
+        """Break the link: its user gets a `LinkError`, and the module finds it closed."""
         self._cut = True
         self.inner.close()
 
     def freeze(self) -> None:
-        """Lose all bytes from now on, those on their way too, without a sign of it."""
-        with self._turn:
+        """Lose all bytes silently from now on, and those under way."""
+        with self._lock:
             self._frozen = True
             self._outbound.clear()
             self._inbound.clear()
@@ -192,7 +189,7 @@ class FaultyLink:
 
     def _deliver(self, now: float) -> None:
         """Deliver what has arrived at the module's end by now."""
-        with self._turn:
+        with self._lock:
             for content in self._outbound.take(now):
                 if content:
                     self.inner.send(content)

@@ -12,42 +12,21 @@ from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from tensionlab.errors import HardwareError, InputError, cannot_listen
 from tensionlab.hardware.simulation.links import Channel, Conditions
 from tensionlab.hardware.simulation.simulated_module import PARTS, STEP_S, SimulatedModule
 from tensionlab.support.files import writing
+from tensionlab.support.files.reading import read_bytes
 
-READ_BYTES = 65536  # most bytes read at a time
-
-
-class Port(Protocol):
-    """Port for one client at a time; `url` is that of the link to it."""
-
-    url: str
-
-    def files(self) -> list[int]:
-        """Return the file descriptors to wait for."""
-
-    def connected(self) -> bool:
-        """Return whether a client is connected."""
-
-    def receive(self) -> bytes | None:
-        """Return the bytes since the last call; None if the client has gone since then."""
-
-    def send(self, content: bytes) -> None:
-        """Send what the client has room for; as over Bluetooth, the rest is lost."""
-
-    def close(self) -> None:
-        """Close the client and the port."""
+READ_BYTES = 65536
 
 
 class TcpPort:
-    """TCP port for clients on this machine (host 127.0.0.1) or all that reach it (0.0.0.0); 0 takes a free one.
+    """TCP port for one client at a time; a second one is disconnected at once.
 
-    A second client is refused: its connection is closed at once. A `HardwareError` if the port is taken, or the
-    host is not one of this machine.
+    Host 127.0.0.1 serves clients on this machine, 0.0.0.0 all that reach it; port 0 takes a free one. `url` is the
+    link's. A `HardwareError` if the port is taken, or the host is not one of this machine.
     """
 
     def __init__(self, host: str = "127.0.0.1", port: int = 0) -> None:
@@ -59,7 +38,7 @@ class TcpPort:
             raise cannot_listen("a module", host, port, error) from None
         self._listener.setblocking(False)
         self._client: socket.socket | None = None
-        self._newcomer: socket.socket | None = None  # until it is known whether the client has gone before it came
+        self._newcomer: socket.socket | None = None  # until it is known whether the client has left
         self.url = f"socket://{host}:{self._listener.getsockname()[1]}"
 
     def files(self) -> list[int]:
@@ -71,7 +50,7 @@ class TcpPort:
         return self._client is not None
 
     def receive(self) -> bytes | None:
-        """Return the bytes since the last call; None if the client has gone since then."""
+        """Return the bytes since the last call; None if the client has left since then."""
         self._accept()
         content = self._read()
         if content is None:
@@ -86,7 +65,7 @@ class TcpPort:
     def send(self, content: bytes) -> None:
         """Send what the client has room for; as over Bluetooth, the rest is lost."""
         if self._client is not None:
-            with suppress(OSError):  # full, or about to be found gone
+            with suppress(OSError):  # full, or closed, as `receive` will find
                 self._client.send(content)
 
     def close(self) -> None:
@@ -108,7 +87,7 @@ class TcpPort:
 
     def _accept(self) -> None:
         if self._newcomer is None:
-            with suppress(BlockingIOError, ConnectionError):  # nobody, or somebody who has gone again
+            with suppress(BlockingIOError, ConnectionError):  # no client, or one that left again
                 self._newcomer, _ = self._listener.accept()
                 self._newcomer.setblocking(False)
                 self._newcomer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -120,27 +99,25 @@ class TcpPort:
 
 
 Watcher = Callable[[Sequence[SimulatedModule]], None]  # function that sees the modules after each step
-TICK_S, IDLE_TICK_S = 1e-3, 20e-3  # how often time passes in a module that has a client, and in one that has none
-# What the server is late beyond this is time that does not pass in its modules at once: a busy machine must not
-# make them time out.
+TICK_S, IDLE_TICK_S = 1e-3, 20e-3  # period of steps of a module with a client, and without
+# Delay of the server that passes in its modules at once; a longer one must not make them time out.
 MAX_LATE_S = 20e-3
-# Modules that are behind are so much faster until they are not: a host goes by its own time meanwhile.
-CATCH_UP = 0.5
+CATCH_UP = 0.5  # share by which modules run faster until they have caught up with the clock
 MAX_BEHIND_S = 2.0  # delay beyond this is not made up for
-PIECE_BYTES = 64  # bytes a module reads at a time, as on the ESP32: answers to more may not fit
+PIECE_BYTES = 64  # read by a module at a time, as on the ESP32: answers to more may not fit
 FAULT_PATTERN = re.compile(r"(?P<part>[a-z]+)@(?P<when>\d+(\.\d+)?)(?P<unit>ms|s)?")
 
 
 @dataclass(frozen=True)
 class PlannedFault:
-    """Part that breaks, and how many s after the start."""
+    """Part that breaks, and the time in s after the start."""
 
     part: str
     seconds: float
 
 
 def parse_fault(text: str) -> PlannedFault:
-    """Return the fault that a text such as ``encoder@2s`` plans; times are in s, or ms if that is written."""
+    """Return the fault of a text such as ``encoder@2s`` or ``supply@800ms``."""
     found = FAULT_PATTERN.fullmatch(text)
     if found is None or found["part"] not in PARTS:
         raise InputError(f"no fault {text!r}; write one of {', '.join(PARTS)} and a time, such as encoder@2s")
@@ -148,16 +125,16 @@ def parse_fault(text: str) -> PlannedFault:
 
 
 class ServedModule:
-    """Simulated module at a port, behind a link of given conditions; the seed is that of the link's accidents.
+    """Simulated module at a port, behind a link of given conditions, whose damage has the seed.
 
-    The settings file is written when the module saves. `far_end`, called at each step, returns the length of the
-    cable in m; it stays as it is if left out.
+    The settings file is written when the module saves. `far_end`, if given, is called at each step and returns the
+    length of the cable in m.
     """
 
     def __init__(
         self,
         module: SimulatedModule,
-        port: Port,
+        port: TcpPort,
         *,
         conditions: Conditions | None = None,
         seed: int = 0,
@@ -181,7 +158,7 @@ class ServedModule:
         if came != b"":
             self._inbound.put(came, now)
         self._advance(now)
-        self._listen(now)  # what the module said as time passed
+        self._listen(now)
         for arrived in self._inbound.take(now):
             if arrived is None:
                 self.module.close_link()
@@ -199,9 +176,8 @@ class ServedModule:
         return min((int(now / tick + 1e-6) + 1) * tick, self._inbound.due, self._outbound.due)
 
     def _listen(self, now: float) -> None:
-        said = self.module.transmit()
-        if said:
-            self._outbound.put(said, now)
+        if content := self.module.transmit():
+            self._outbound.put(content, now)
 
     def _advance(self, now: float) -> None:
         while self._faults and self._faults[-1].seconds <= now:
@@ -215,11 +191,10 @@ class ServedModule:
 
 
 class Server:
-    """Server of simulated modules, whose time passes `speed` times as fast as that of the clock, which is in s.
+    """Server of simulated modules, whose time passes `speed` times as fast as that of `clock`, in s.
 
-    One thread for all: a module needs some 3 % of a processor, and they can't keep each other from running.
-    Deadlines are absolute, so that no delay adds to another. After each step, which is no longer than `longest` s,
-    the watchers see the modules; they may pull at them.
+    All run in one thread; a module needs 3 % of a processor. Deadlines are absolute, so delays do not add up.
+    After each step, of at most `longest` s, the watchers see the modules, and may move their cables.
     """
 
     def __init__(
@@ -239,7 +214,7 @@ class Server:
         return [file for served in self._modules for file in served.port.files()]
 
     def wait(self) -> float:
-        """Return how long to wait for them until the next step, in s here."""
+        """Return the longest wait for those files until the next step, in s of the clock."""
         return min(max(self._start + self._due() / self._speed - self._clock(), 0.0), IDLE_TICK_S)
 
     def step(self) -> None:
@@ -277,10 +252,5 @@ def serve(server: Server, stopped: Callable[[], bool]) -> None:
 
 
 def read_settings(path: Path) -> bytes | None:
-    """Return what an earlier module stored in a file; None if there is no such file."""
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        raise HardwareError(f"{path}: cannot be read ({error.strerror}); name a file for settings") from None
+    """Return the settings that an earlier module stored in a file; None if there is no such file."""
+    return read_bytes(path, "a file for settings", HardwareError) if path.exists() else None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +30,7 @@ class PlantParameter:
 PLANT = {row[0]: PlantParameter(*row[1:]) for row in _native.plant_table()}
 PARTS = tuple(_native.plant_parts())  # parts that can fail
 STEP_S = 1e-6 * _native.step_microseconds()  # time from one step of the firmware to the next, in s
-TENSION = 3  # place of the cable's tension in a sample of the native module
+TENSION = 3  # index of the cable's tension in a native sample
 # The firmware's supervisor: for each event (arm, set-point, stop, estop, clear, expire, fault) and each `State`,
 # whether it is accepted, and the state after it.
 TRANSITIONS = [[(accepted, State(to)) for accepted, to in row] for row in _native.transition_table()]
@@ -70,22 +69,13 @@ class Trace:
     driver_on: NDArray[np.bool_]
     pawl_down: NDArray[np.bool_]
 
-    @classmethod
-    def from_table(cls, table: NDArray[np.float64]) -> Self:
-        """Name the columns of a table of samples, one a row."""
-        columns = table.T
-        return cls(*columns[:7], *columns[7:9].astype(np.int64), *(columns[9:] != 0.0))
-
 
 class SimulatedModule:
     """Simulated module: bytes in, bytes out, in lockstep with calls of `advance`.
 
-    The firmware runs at 4 kHz, and time passes only in `advance` and `trace`. The far end of the cable is at a
-    `distance` in m, where they put it; nothing else moves it. `plant` has changes to the hardware's parameters in
-    `PLANT`. After any reset reason but power the module takes its motor for hot. `settings` is what an earlier
-    module had stored. Damaged ones are left alone, as the firmware does: see `loaded`.
-
-    An `InputError` refuses names that `PLANT` does not hold, and numbers that cannot be.
+    The firmware runs at 4 kHz. Time passes, and the cable's far end moves to a `distance` in m, only in `advance`
+    and `trace`. `plant` replaces parameters in `PLANT`. After any reset reason but power the module assumes a hot
+    motor. `settings` is what an earlier module stored; `loaded` is whether it was intact.
     """
 
     def __init__(
@@ -132,10 +122,11 @@ class SimulatedModule:
 
     def trace(self, seconds: float, distance: float | None = None) -> Trace:
         """Let time pass as `advance` does, and return a row for each step of the firmware."""
-        return Trace.from_table(self._module.trace(*self._steps(seconds, distance)))
+        columns = self._module.trace(*self._steps(seconds, distance)).T
+        return Trace(*columns[:7], *columns[7:9].astype(np.int64), *(columns[9:] != 0.0))
 
     def pause(self, seconds: float) -> None:
-        """Let the firmware's next step come so much later, as a loop that hangs would."""
+        """Delay the firmware's next step by some seconds, as if its loop hung."""
         if not 0.0 <= seconds <= 60.0:
             raise InputError(f"a pause takes 0 to 60 s; got {seconds}")
         self._module.pause(round(1e6 * seconds))
@@ -143,8 +134,7 @@ class SimulatedModule:
     @property
     def seconds(self) -> float:
         """Time since the start."""
-        since: float = self._module.sample()[0]
-        return since
+        return float(self._module.sample()[0])
 
     @property
     def sample(self) -> Sample:
@@ -155,12 +145,11 @@ class SimulatedModule:
     @property
     def tension(self) -> float:
         """Tension of the cable now, in N."""
-        now: float = self._module.sample()[TENSION]
-        return now
+        return float(self._module.sample()[TENSION])
 
     @property
     def faults(self) -> Fault:
-        """Faults that the firmware finds now, or found before and nobody cleared."""
+        """Faults that the firmware finds now, or found before and that were not cleared."""
         return Fault(self._module.faults())
 
     @property
@@ -174,7 +163,7 @@ class SimulatedModule:
         return self._module.stored()
 
     def damage(self, part: str, *, broken: bool = True) -> None:
-        """Break a part of the hardware, one of `PARTS`, or make it whole again."""
+        """Break a part of the hardware, one of `PARTS`, or repair it."""
         if part not in PARTS:
             raise InputError(f"a module has no part {part!r}; it has {', '.join(PARTS)}")
         self._module.set_broken(part, broken)
@@ -194,11 +183,10 @@ def _require_distance(distance: float) -> None:
 
 
 class HangingMass(SimulatedModule):
-    """Simulated module with a mass in kg on its cable, above a floor so many m below the module.
+    """Simulated module with a mass in kg on its cable, first on a floor at a distance in m below the module.
 
-    ``m x'' = m g - T``, with x down from the module and T the cable's tension; the floor takes all speed. The mass
-    stands there at first, and may be changed then. Time passes as in `SimulatedModule`, but nobody else can move
-    the far end.
+    ``m x'' = m g - T``, with x down from the module and T the cable's tension; the floor takes all speed. On the
+    floor, `mass` may be changed.
     """
 
     def __init__(

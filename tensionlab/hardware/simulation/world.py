@@ -13,10 +13,8 @@ from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import Calibration, Code
-from tensionlab.hardware.protocol.frames import Decoder
-from tensionlab.hardware.protocol.messages import Acknowledge, Calibrate, Message, SetParameter, read
-from tensionlab.hardware.protocol.parameters import PARAMETERS, require_value
+from tensionlab.hardware.protocol.codes import Calibration
+from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import PLANT, STEP_S, SimulatedModule, Trace
 from tensionlab.model.module import Module
@@ -25,7 +23,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
 
-def plant_of(module: Module) -> dict[str, float]:
+def plant_parameters(module: Module) -> dict[str, float]:
     """Return the hardware parameters of a rig's module that differ from `PLANT`."""
     spool = PLANT["radius"].default if module.spool_radius is None else module.spool_radius
     return {
@@ -46,10 +44,10 @@ def simulated_module(
 ) -> SimulatedModule:
     """Return a simulated module of a rig, calibrated and with the rig's limits, as a maker would leave it.
 
-    Its cable is so many m long. What the rig does not say is as in `PLANT`; without ``brake`` it has none. `plant`
-    is what the hardware really is where it is not as the rig says; the firmware does not know of it. Stored
-    settings take the place of all that but the cable's length, which no module remembers. A `HardwareError` names
-    the module, for what no module of this kind can do.
+    Its cable has the length in m. What the rig does not say is as in `PLANT`; without ``brake`` it has none.
+    `plant` replaces parameters of the hardware without the firmware's knowledge. Stored settings replace all but
+    the cable's length, which no module remembers. A `HardwareError` names the module and what none of its kind can
+    do.
     """
     longest = PARAMETERS["length_upper"].upper
     if length > longest:
@@ -63,26 +61,24 @@ def simulated_module(
             f'module "{module.name}": its upper limit is {module.upper:g} N, and a module pulls with '
             f"{strongest:g} N at most; give the rig lower limits, or make a smaller one to simulate"
         )
-    built = plant_of(module)
-    made = built | ({} if plant is None else dict(plant))
-    simulated = SimulatedModule(serial_number, plant=made, distance=length, seed=seed, settings=settings)
+    built = plant_parameters(module)
+    simulated = SimulatedModule(
+        serial_number, plant=built | dict(plant or {}), distance=length, seed=seed, settings=settings
+    )
     simulated.advance(STEP_S)  # before its first step, a module knows nothing
-    commands: list[Message] = []
+    client = ModuleClient(module.name, SimulatedLink(simulated), seed)
     if not simulated.loaded:
-        taut = PARAMETERS["tension_lower"]
+        lower = PARAMETERS["tension_lower"]
         wanted = {
             "length_upper": min(max(PARAMETERS["length_upper"].default, 2.0 * length), longest),
             "tension_upper": module.upper,
-            "tension_lower": min(max(module.lower, taut.lower), taut.upper),
+            "tension_lower": min(max(module.lower, lower.lower), lower.upper),
             "spool_radius": built["radius"],
         }
-        origin = f'module "{module.name}"'
         for name, value in wanted.items():
-            commands.append(SetParameter(PARAMETERS[name].index, require_value(name, value, origin)))
-        commands.append(Calibrate(Calibration.NEWTON_PER_AMPERE, newton_per_ampere(module)))
-    commands.append(Calibrate(Calibration.LENGTH, length))
-    for command in commands:
-        _tell(simulated, command, module.name)
+            client.set_parameter(name, value)
+        client.calibrate(Calibration.NEWTON_PER_AMPERE, newton_per_ampere(module))
+    client.calibrate(Calibration.LENGTH, length)
     return simulated
 
 
@@ -93,21 +89,9 @@ def newton_per_ampere(module: Module) -> float:
     return PARAMETERS["newton_per_ampere"].default
 
 
-def _tell(simulated: SimulatedModule, command: Message, name: str) -> None:
-    """Carry out a command, as if it had come over the link."""
-    simulated.receive(command.frame(0).pack())
-    for frame in Decoder().feed(simulated.transmit()):
-        answer = read(frame)
-        if isinstance(answer, Acknowledge) and answer.code is Code.OK:
-            return
-        raise HardwareError(f'module "{name}" answered {answer} to {command}')
-    raise HardwareError(f'module "{name}" did not answer {command}')
-
-
-MOTION_STEP_S = 5e-3  # time over which the cables' far ends move evenly; in between, the pose is computed
-# The same where what they hold gives way to them: a cable of 5 kN/m shakes a hand at 20 Hz.
-COMPLIANT_STEP_S = 1e-3
-Motion = Callable[[float], Pose]  # pose of what the cables hold, at a time in s
+MOTION_STEP_S = 5e-3  # time between two poses, over which the cables' far ends move evenly
+COMPLIANT_STEP_S = 1e-3  # the same for a `CompliantMotion`: a cable of 5 kN/m shakes a hand at 20 Hz
+Motion = Callable[[float], Pose]  # pose of the platform at a time in s
 
 
 @runtime_checkable
@@ -120,7 +104,7 @@ class CompliantMotion(Protocol):
         ...
 
     def __call__(self, time: float) -> Pose:
-        """Return the pose at a time that does not go back."""
+        """Return the pose at a time, no earlier than the last."""
 
     def apply_tensions(self, tensions: Floats) -> None:
         """Set the tensions of the cables from now on, (m,) in N."""
@@ -133,11 +117,11 @@ class World:
     ----------
     rig : Rig
     motion : callable, optional
-        Where the platform is at each time, at the rig's home if left out. A `CompliantMotion` gives way.
+        Pose of the platform at each time; the rig's home if left out. A `CompliantMotion` reacts to the tensions.
     seed : int
         Of the sensors' noise.
     plants : mapping of str to mapping, optional
-        What the hardware of a module, by its name, really is: see `simulated_module`.
+        Parameters of the hardware by the module's name, as in `simulated_module`.
 
     Attributes
     ----------
@@ -148,7 +132,7 @@ class World:
     pose : Pose
         At that time.
     watch : callable or None
-        Sees each step of all modules while time passes in `advance`: a `Trace` of each, in the rig's order.
+        Called in `advance` with a `Trace` of each module, in the rig's order.
 
     Examples
     --------
@@ -170,15 +154,20 @@ class World:
     ) -> None:
         self._rig = rig
         self._motion = motion if motion is not None else lambda time: Pose(rig.home, frames=rig.at_rest)
-        self._given = motion if isinstance(motion, CompliantMotion) else None
-        self._piece = math.inf if motion is None else MOTION_STEP_S if self._given is None else COMPLIANT_STEP_S
+        self._compliant = motion if isinstance(motion, CompliantMotion) else None
+        self._step = math.inf if motion is None else MOTION_STEP_S
+        if self._compliant is not None:
+            self._step = COMPLIANT_STEP_S
         self.time = 0.0
         self.pose = self._motion(0.0)
         self.watch: Callable[[Sequence[Trace]], None] | None = None
-        plants = {} if plants is None else plants
         self.modules = tuple(
             simulated_module(
-                module, length, serial_number=index + 1, seed=seed + index, plant=plants.get(module.name)
+                module,
+                length,
+                serial_number=index + 1,
+                seed=seed + index,
+                plant=None if plants is None else plants.get(module.name),
             )
             for index, (module, length) in enumerate(zip(rig.modules, self._lengths(), strict=True))
         )
@@ -187,10 +176,10 @@ class World:
         """Let time pass in all modules while the platform moves."""
         end = self.time + seconds
         while (left := end - self.time) > 1e-9:
-            step = min(left, self._piece)
+            step = min(left, self._step)
             self.time += step
-            if self._given is not None:
-                self._given.apply_tensions(self.tensions)
+            if self._compliant is not None:
+                self._compliant.apply_tensions(self.tensions)
             self.pose = self._motion(self.time)
             moved = list(zip(self.modules, self._lengths(), strict=True))
             if self.watch is None:
@@ -207,8 +196,8 @@ class World:
     @property
     def wrench(self) -> Floats:
         """True wrench on the platform, in N and N·m."""
-        structure: Floats = self._rig.structure_matrix(*self.pose) @ self.tensions
-        return structure
+        wrench: Floats = self._rig.structure_matrix(*self.pose) @ self.tensions
+        return wrench
 
     def group(self, conditions: Conditions | None = None, seed: int = 0) -> ModuleGroup:
         """Return clients of these modules, over links of given conditions; the seed is of numbers and damage."""
@@ -221,15 +210,15 @@ class World:
         return ModuleGroup(clients)
 
     def _lengths(self) -> list[float]:
-        lengths = self._rig.lengths(*self.pose) if self._given is None else self._given.lengths
+        lengths = self._rig.lengths(*self.pose) if self._compliant is None else self._compliant.lengths
         return list(lengths.tolist())
 
 
-APPROACH_GAIN_1_S = 20.0  # close to where it is to be, a hand is so many times as fast as it is far
+APPROACH_GAIN_1_S = 20.0  # largest speed of a hand per distance from its target
 MAX_HAND_SPEED_M_S = 1.5  # modules let the cable in and out at 2 m/s
-# At twice that, with a body that moves as well, modules still keep their cables taut.
+# At twice that, as where a body moves too, modules still keep their cables taut.
 MAX_HAND_ACCELERATION_M_S2 = 10.0
-TINY_M = 1e-12  # a distance that is none
+TINY_M = 1e-12  # smallest distance to divide by
 MAX_INTEGRATION_STEP_S = 0.01
 
 
@@ -245,7 +234,7 @@ class GuidedHand:
         self._time = 0.0
 
     def __call__(self, time: float) -> Pose:
-        """Return the pose at a time, which must not go back."""
+        """Return the pose at a time, no earlier than the last."""
         wanted = self._guide(time)
         step, self._time = time - self._time, time
         position = self._follow("", wanted.position, step)
@@ -261,7 +250,7 @@ class GuidedHand:
             step = min(seconds, MAX_INTEGRATION_STEP_S)
             gap = wanted - place
             far = float(np.linalg.norm(gap))
-            # So that it can brake in time.
+            # slow enough to brake in time
             speed = min(MAX_HAND_SPEED_M_S, math.sqrt(MAX_HAND_ACCELERATION_M_S2 * far), APPROACH_GAIN_1_S * far)
             change = gap * (speed / max(far, TINY_M)) - velocity
             most = MAX_HAND_ACCELERATION_M_S2 * step

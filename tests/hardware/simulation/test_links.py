@@ -80,7 +80,7 @@ def test_the_same_seed_has_the_same_accidents():
     [
         ({"latency": -1e-3}, "latency is from 0 to 60 s; got -0.001"),
         ({"jitter": float("nan")}, "jitter"),
-        ({"drop": 1.5}, "drop is a share, from 0 to 1; got 1.5"),
+        ({"drop": 1.5}, "drop is from 0 to 1; got 1.5"),
         ({"corrupt": -0.1}, "corrupt"),
     ],
 )

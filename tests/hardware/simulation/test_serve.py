@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 import pytest
 
-from tensionlab.errors import HardwareError, InputError
+from tensionlab.errors import InputError
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import (
@@ -142,11 +142,6 @@ def test_settings_are_written_when_the_module_saves_and_only_then(tmp_path):
     file.unlink()
     served.serve(0.04)
     assert not file.exists()
-
-
-def test_a_file_that_cannot_be_used_is_named(tmp_path):
-    with pytest.raises(HardwareError, match="cannot be read"):
-        read_settings(tmp_path)
 
 
 def test_serving_ends_when_it_is_told_to_and_closes_the_ports():
