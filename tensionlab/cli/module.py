@@ -19,7 +19,6 @@ from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.hardware.client import parameter_file
 from tensionlab.hardware.client.diagnostics import find_all, ports
 from tensionlab.hardware.client.diagnostics import identify as pulse
-from tensionlab.hardware.client.links import load_modules
 from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient
 from tensionlab.hardware.client.parameter_file import Change, firmware, plain
 from tensionlab.hardware.protocol import messages

@@ -13,7 +13,7 @@ import pytest
 from benchmarks.processes import simulated
 from tensionlab.cli import main
 from tensionlab.errors import LinkError
-from tensionlab.hardware.client.modules_file import load_modules
+from tensionlab.hardware.client.links import load_modules
 from tensionlab.hardware.protocol.codes import Calibration, Code, State
 from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import (

@@ -189,9 +189,9 @@ class ModuleMonitor:
             require_plausible(client.name, *unchecked)
         if age <= self._ttl + self._stall.seconds:
             return
-        if client.repeated and client.telemetry is not None:
+        if client.endpoint.repeated and client.telemetry is not None:
             why = (
-                f"repeats its report of {age:.2f} s ago ({client.repeated} times time_us "
+                f"repeats its report of {age:.2f} s ago ({client.endpoint.repeated} times time_us "
                 f"{client.telemetry.message.time_us}): its firmware or its link hangs; switch it off and on"
             )
         else:
@@ -268,7 +268,7 @@ class Stall:
 def require_following(client: ModuleClient) -> None:
     """Refuse a module that has released, refused a set-point, was stopped from outside or restarted."""
     client.check()
-    late = client.state is State.IDLE and not client.followed_since_arm  # what it was before
+    late = client.state is State.IDLE and not client.endpoint.followed  # what it was before
     if client.state not in FOLLOWING_STATES and not late:
         state = State.IDLE if client.state is None else client.state
         raise ModuleFault(

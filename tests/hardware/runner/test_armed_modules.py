@@ -10,7 +10,7 @@ from tensionlab.demand import Demand, Impedance
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client.module import ModuleClient, Received
 from tensionlab.hardware.protocol.codes import BrakeState, Calibration, Code, Fault, Limit, State
-from tensionlab.hardware.protocol.messages import Stop, Telemetry
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Stop, Telemetry
 from tensionlab.hardware.runner.armed_modules import (
     TELEMETRY_UNITS,
     ModuleMonitor,
@@ -209,7 +209,7 @@ def test_a_module_may_be_silent_for_as_long_as_set_points_live():
 
 def test_a_module_that_repeats_its_telemetry_is_told_from_a_silent_one():
     watched = Watched("stop")
-    watched.clients[0].repeated, watched.clients[0].telemetry = 3, telemetry(1234)
+    watched.clients[0].endpoint.repeated, watched.clients[0].telemetry = 3, telemetry(1234)
     with pytest.raises(LinkTimeout, match=r"repeats its report of 0\.26 s ago \(3 times time_us 1234\)"):
         watched.cycle(ages=(0.26, 0.01, 0.01))
 
