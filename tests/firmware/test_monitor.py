@@ -109,7 +109,7 @@ def test_a_step_that_comes_too_late_or_before_the_last_one_is_a_fault_and_moves_
 
 
 def test_what_is_left_of_a_windings_budget_may_be_spent_within_a_tenth_of_its_time(tmp_path):
-    """It stands 1 A for ever, 2.2 A at most, and warms with 20 s: at 2 A its budget is spent after 5.8 s."""
+    """Its rating is 1 A, its peak 2.2 A, and it warms with 20 s: at 2 A its budget is spent after 5.8 s."""
     stands, spent = np.array(run_program(compile_program("thermal", tmp_path), 2.0, 1200), dtype=float).T
     warmth = 4.0 * (1.0 - (1.0 - 0.01 / 20.0) ** np.arange(1, 1201))
     np.testing.assert_allclose(spent, np.minimum(warmth, 1.0), atol=1e-4)
