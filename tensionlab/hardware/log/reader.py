@@ -47,6 +47,23 @@ MAX_EVENTS = 12  # number of events shown below a table; JSON has all
 class Run(CycleTable):
     """Run read from its log: arrays over its K cycles, as in `CycleTable`, and the rest of the log.
 
+    Attributes
+    ----------
+    rig : Rig
+    manifest : mapping
+        Origin of the run: `tensionlab.support.provenance.manifest`.
+    setup : RunSetup
+    modules : mapping of str to mapping
+        Fields of `protocol.Info` by the name of the module.
+    summary : mapping
+        `Statistics.summary` at the end; empty in a log that was cut off.
+    events : tuple of RunEvent
+    began : float
+        Seconds since 1970 at the run's time 0, by the host's clock; NaN if there is no cycle.
+    complete : bool
+        Whether the log was closed. If not, the process was killed or the disk was full, and the last cycles may be
+        missing.
+
     Examples
     --------
     >>> from tensionlab.scenarios import load_scenario
@@ -58,13 +75,13 @@ class Run(CycleTable):
     """
 
     rig: Rig
-    manifest: Mapping[str, Any]  # origin of the run: `tensionlab.support.provenance.manifest`
+    manifest: Mapping[str, Any]
     setup: RunSetup
-    modules: Mapping[str, Mapping[str, Any]]  # fields of `protocol.Info` by the name of the module
-    summary: Mapping[str, Any]  # `Statistics.summary` at the end; empty in a log that was cut off
+    modules: Mapping[str, Mapping[str, Any]]
+    summary: Mapping[str, Any]
     events: tuple[RunEvent, ...]
-    began: float  # s since 1970 at the run's time 0, by the host's clock; NaN if there is no cycle
-    complete: bool  # whether the log was closed; if not, the last cycles may be missing
+    began: float
+    complete: bool
 
     def __len__(self) -> int:
         """Count the cycles."""
