@@ -15,7 +15,7 @@ from tensionlab.haptics.effects import Bow, Magnet, Recoil, Shape, Sphere, Textu
 from tensionlab.haptics.effects.contact import Plane, Wall
 from tensionlab.haptics.effects.effect import Motion
 from tensionlab.haptics.rendering.renderer import DELAY_CYCLES, HAND_DAMPING
-from tensionlab.haptics.rendering.stability import capped, stiffness_cap
+from tensionlab.haptics.rendering.stability import cap_stiffness, stiffness_cap
 from tensionlab.scenarios.checks import (
     NOTICEABLE,
     Check,
@@ -231,7 +231,7 @@ def check_magnet(result: ScenarioResult) -> tuple[Check, ...]:
     for cap in np.unique(stiffness):
         there = stiffness == cap
         motion = Motion(rendered.position[there], velocity[there])
-        wanted[there] = -capped(magnet, float(cap)).render(motion).force @ magnet.plane.n
+        wanted[there] = -cap_stiffness(magnet, float(cap))[0].render(motion).force @ magnet.plane.n
     down = -rendered.force @ magnet.plane.n
     leaving = (height > 0.0) & (height < magnet.reach) & (velocity @ magnet.plane.n > 0.01)
     return (
@@ -244,7 +244,7 @@ def check_texture(result: ScenarioResult) -> tuple[Check, ...]:
     """Check friction where the hand slides, and the period of ripples that the host can make perceptible."""
     rough, begin, end = find_effect(result, Texture)
     rendered = rendered_force(result).during(begin, end)
-    ripples = capped(rough.ripples, float(host_stiffness_limit(result, rendered.time).min()))
+    ripples, _ = cap_stiffness(rough.ripples, float(host_stiffness_limit(result, rendered.time).min()))
     normal, across = rough.wall.plane.n, np.asarray(ripples.direction)
     load, speed = rendered.force @ normal, _velocity(rendered) @ across
     slides = (load > TOUCH_N) & (speed > 0.01)

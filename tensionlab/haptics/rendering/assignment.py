@@ -1,7 +1,7 @@
-"""Assignment of effects: which part a module renders at its own rate, and what is left for the host.
+"""Assignment of effects: the parts that modules render at their own rate, and the remainder for the host.
 
 A module knows its own cable only: it pulls with ``feed_forward + stiffness max(length - rest, 0) + damping
-max(speed of paying out, 0) + amplitude sin(2 pi frequency t)``. A `SplitEffect` says what happens along one axis,
+max(speed of paying out, 0) + amplitude sin(2 pi frequency t)``. A `SplitEffect` has an impedance along one axis,
 and `assign` finds the cable that lies best along it.
 """
 
@@ -17,22 +17,20 @@ from numpy.typing import NDArray
 
 from tensionlab.demand import Impedance
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
-from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, Rendered, is_split
-from tensionlab.haptics.rendering.stability import capped, cut_stiffnesses
+from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, is_split
+from tensionlab.haptics.rendering.stability import cap_stiffness
 from tensionlab.support.arrays import Floats
 
-# Further out of contact than this, no module renders a wall: set-points come many times before it could.
-MAX_APPROACH_M = 0.5
-# Between axis and cable, below which no cable is good enough: the published threshold of a convincing direction.
-MIN_COSINE = math.cos(math.radians(45.0))
+MAX_APPROACH_M = 0.5  # farther from a wall no module renders it: set-points come many times before contact
+MIN_COSINE = math.cos(math.radians(45.0))  # between axis and cable: published threshold of a convincing direction
 
 
 @dataclass(frozen=True)
 class ModuleLimits:
-    """What a module renders at most, in N, N/m, N s/m and m; it refuses an impedance as a whole that goes beyond.
+    """Limits of a module in N, N/m, N s/m and m; it refuses an impedance that exceeds one of them.
 
-    The defaults are those of the firmware's parameters. The lower tension is held under a vibration too, by as
-    much more feed-forward; ``length`` is that of a cable at rest.
+    The defaults are those of the firmware. The lower tension holds under a vibration too, by more feed-forward;
+    ``length`` is that of a cable at rest.
     """
 
     lower: float = 0.5
@@ -43,17 +41,12 @@ class ModuleLimits:
 
 
 STANDARD_LIMITS = ModuleLimits()
-# Fastest vibration that the host renders, per step: above half a cycle it would come out as another frequency
-# (Nyquist's); 5 % more, as steps are not all of one length.
+# Fastest vibration of the host, in cycles per step: above half a cycle it would alias; 5 % more, since steps vary.
 MAX_CYCLES_PER_STEP = 0.525
 
 
 class CableState(NamedTuple):
-    """Cables of a rig as they are now.
-
-    Their lengths (m,) in m, unit vectors (m, d) from the hand to the modules, and which modules may render an
-    impedance (m,).
-    """
+    """Lengths (m,) in m, unit vectors (m, d) from the hand, and modules (m,) that may render an impedance."""
 
     lengths: Floats
     directions: Floats
@@ -61,7 +54,7 @@ class CableState(NamedTuple):
 
 
 class EffectMemory(NamedTuple):
-    """What an effect remembers as it is rendered, and as it is desired: at its own stiffness."""
+    """Memories of an effect as rendered, and as desired: at its own stiffness."""
 
     rendered: Memory = None
     desired: Memory = None
@@ -75,13 +68,13 @@ class Cut(NamedTuple):
 
 
 class RenderPlan(NamedTuple):
-    """Which module renders what, and what is left for the host.
+    """Impedances of the modules, and the remainder for the host.
 
     ``force`` (d,) in N is host-side, for the other cables; ``impedances`` are module-side, by the number of the
-    cable, and ``expected`` (d,) is the force on the hand by those (`expected_force`). ``desired`` (d,) is the
-    force that the effects would exert at their own stiffness, without the vibrations that modules render. Memories
-    are those of the effects; ``cut`` has, for each effect, the stiffnesses that are not rendered as they are, and
-    the ``frequency`` of a vibration that is left out.
+    cable, and ``expected`` (d,) is their force on the hand (`expected_force`). ``desired`` (d,) is the force of
+    the effects at their own stiffness, without the vibrations that modules render. ``memories`` and ``cut`` are by
+    effect; ``cut`` has the stiffnesses that are not rendered as desired, and the ``frequency`` of a vibration that
+    is left out.
     """
 
     force: Floats
@@ -94,7 +87,7 @@ class RenderPlan(NamedTuple):
 
 
 class EffectFailed(EffectError):  # noqa: N818 - what happened
-    """Effect, by its index or name, that could not be rendered, or whose force is no number."""
+    """Effect, by its index or name, that failed or whose force is not finite."""
 
     def __init__(self, effect: int | str, reason: str) -> None:
         super().__init__(f"effect {effect!r} failed: {reason}"[:MAX_MESSAGE_CHARACTERS])
@@ -109,13 +102,12 @@ def assign(
     host_stiffness: float = math.inf,
     memories: Sequence[EffectMemory] | None = None,
 ) -> RenderPlan:
-    """Return which module renders which part of some effects, and the force that is left for the host.
+    """Return the impedances of modules that render parts of effects, and the remaining force of the host.
 
-    In the order of the effects, the most important first, each part goes to the cable that lies best along its
-    axis and is still free. An effect that finds none within 45 degrees is rendered by the host as a whole, no
-    stiffer than ``host_stiffness`` in N/m: see `tensionlab.haptics.rendering.stability.stiffness_cap`; a vibration
-    faster than half the host's rate is left out. Whatever goes wrong in an effect, and a force that is not finite,
-    raises `EffectFailed`.
+    In the order of the effects, the most important first, each part goes to the free cable that lies best along
+    its axis. The host renders an effect without a cable within 45 degrees, no stiffer than ``host_stiffness`` in
+    N/m (see `tensionlab.haptics.rendering.stability.stiffness_cap`); a vibration faster than half its rate is left
+    out. Any error in an effect, and a force that is not finite, raises `EffectFailed`.
     """
     free = np.array(cables.available, dtype=bool)
     force, expected, desired = (np.zeros_like(motion.position) for _ in range(3))
@@ -128,30 +120,36 @@ def assign(
         try:
             part = _module_side(effect, motion, memory)
             cable = None if part is None else _best_cable(part, cables.directions, free)
-            if cable is None and part is not None and _too_fast(part, motion):
-                rendered = wanted = _without_vibration(effect, part, motion, memory)
+            aliased = part is not None and part.amplitude and part.frequency * motion.step > MAX_CYCLES_PER_STEP
+            if part is not None and cable is None and aliased:
+                assert is_split(effect)
+                rest = effect.host_side(motion, memory)
+                rendered = wanted = rest._replace(force=rest.force + part.push(motion.velocity))
                 cut.append({"frequency": Cut(part.frequency, 0.0)})
             elif part is None or cable is None:
-                rendered = wanted = capped(effect, host_stiffness).render(motion, memory)
-                idle = is_split(effect) and part is None  # its stiff part is not where the hand is
-                softer = _cut(cut_stiffnesses(effect, host_stiffness), host_stiffness)
+                soft, softer = cap_stiffness(effect, host_stiffness)
+                rendered = wanted = soft.render(motion, memory)
                 if softer:
                     wanted = effect.render(motion, desired_memory)
-                cut.append({} if idle else softer)
+                idle = is_split(effect) and part is None  # its stiff part is not where the hand is
+                cut.append({} if idle else _cut(softer, host_stiffness))
             else:
                 free[cable] = False
                 direction = cables.directions[cable]
                 impedances[cable] = along_cable(part, float(cables.lengths[cable]), direction, limits)
                 expected = expected + expected_force(part, direction, motion.velocity, host_stiffness)
-                rest = capped(effect, host_stiffness, host_side=True)
+                soft, softer = cap_stiffness(effect, host_stiffness, host_side=True)
                 assert is_split(effect)
-                assert is_split(rest)
-                rendered = wanted = rest.host_side(motion, memory)
-                softer = _cut(cut_stiffnesses(effect, host_stiffness, host_side=True), host_stiffness)
+                assert is_split(soft)
+                rendered = wanted = soft.host_side(motion, memory)
                 if softer:
                     wanted = effect.host_side(motion, desired_memory)
                 desired = desired + part.push(motion.velocity)
-                cut.append(softer | _cut_by_module(effect, impedances[cable], float(part.axis @ direction)))
+                by_module = impedances[cable].stiffness * float(part.axis @ direction) ** 2
+                above = by_module * (1.0 + 1e-9)  # rounding is no cut
+                on_host = cap_stiffness(effect, above, host_side=True)[1]
+                on_module = {n: k for n, k in cap_stiffness(effect, above)[1].items() if n not in on_host}
+                cut.append(_cut(softer, host_stiffness) | _cut(on_module, by_module))
             force, desired = force + rendered.force, desired + wanted.force
         except Exception as error:
             reason = str(error) if isinstance(error, EffectError) else f"{type(error).__name__}: {error}"
@@ -163,33 +161,12 @@ def assign(
     return RenderPlan(force, impedances, expected, desired, tuple(kept), bypass, tuple(cut))
 
 
-def _too_fast(part: AxisImpedance, motion: Motion) -> bool:
-    """Return whether the host cannot render the vibration of a part."""
-    return part.amplitude > 0.0 and part.frequency * motion.step > MAX_CYCLES_PER_STEP
-
-
-def _without_vibration(effect: Effect, part: AxisImpedance, motion: Motion, memory: Memory) -> Rendered:
-    """Return the force of an effect whose part for a module the host renders without its vibration."""
-    assert is_split(effect)
-    rest = effect.host_side(motion, memory)
-    return rest._replace(force=rest.force + part.push(motion.velocity))
-
-
 def _cut(stiffnesses: Mapping[str, float], rendered: float) -> dict[str, Cut]:
     return {name: Cut(stiffness, rendered) for name, stiffness in stiffnesses.items()}
 
 
-def _cut_by_module(effect: Effect, impedance: Impedance, cosine: float) -> dict[str, Cut]:
-    """Return which stiffness of an effect its module does not render, whose cable is at a cosine to the axis."""
-    rendered = impedance.stiffness * cosine**2
-    above = rendered * (1.0 + 1e-9)  # rounding is no cut
-    hosts = cut_stiffnesses(effect, above, host_side=True)
-    cut = {name: each for name, each in cut_stiffnesses(effect, above).items() if name not in hosts}
-    return _cut(cut, rendered)
-
-
 def _module_side(effect: Effect, motion: Motion, memory: Memory) -> AxisImpedance | None:
-    """Return what a module is to render of an effect; None for one that the hand is far away from."""
+    """Return the part of an effect for a module; None if the hand is far away from it."""
     part = effect.module_side(motion, memory) if is_split(effect) else None
     if part is None or part.compression >= -MAX_APPROACH_M or part.feed_forward or part.amplitude:
         return part
@@ -197,7 +174,7 @@ def _module_side(effect: Effect, motion: Motion, memory: Memory) -> AxisImpedanc
 
 
 def _best_cable(part: AxisImpedance, directions: Floats, free: NDArray[np.bool_]) -> int | None:
-    """Return the free cable that lies best along the axis of a part; None where none lies within 45 degrees."""
+    """Return the free cable that lies best along the axis of a part; None if none lies within 45 degrees."""
     if not free.any():
         return None
     cosines = np.where(free, directions @ part.axis, -1.0)
@@ -210,10 +187,9 @@ def along_cable(
 ) -> Impedance:
     """Return the impedance of a cable (length in m, unit vector from the hand) that renders a part along its axis.
 
-    Where the hand goes in by dx, a cable at cosine c to the axis pays out c dx, and only c of its tension is along
-    the axis; so stiffness and damping grow with ``1/c²``, forces with ``1/c``. The module damps whenever its cable
-    pays out, in contact or not: it gets the damping only once there is contact. What is beyond the module's limits
-    is cut to them.
+    If the hand goes in by dx, a cable at cosine c to the axis pays out c dx, and the share c of its tension is
+    along the axis; so stiffness and damping grow with ``1/c²``, forces with ``1/c``. The module damps whenever its
+    cable pays out, so it gets the damping only in contact. Values are cut to the module's limits.
     """
     c = float(part.axis @ direction)
     amplitude = min(part.amplitude / c, (limits.upper - limits.lower) / 2)
@@ -231,14 +207,13 @@ def along_cable(
 def expected_force(
     part: AxisImpedance, direction: Floats, velocity: Floats, host_stiffness: float = math.inf
 ) -> Floats:
-    """Return the force (d,) on the hand that is expected of a module's part, vibration aside, in N.
+    """Return the force (d,) on the hand that is expected of a module's part, without vibration, in N.
 
-    A cable at the angle a to the axis also pulls across it, by tan a; the host takes that back, as late as it is.
-    So a spring K on the module looks, to a slow hand, like one along the axis and a matrix of damping, ``tau K
-    [[0, tan a], [tan a, tan² a]]``. With the hand's own b it takes no energy out of nowhere up to ``tau K = b
-    (1 + sqrt(1 + 4/tan² a))/2``: the bound of a host that renders it all, if the cable lies across, and none if it
-    lies along the axis. Of what is stiffer, only that share is taken back, and the force is off the axis, by
-    no more than the cable is. This project's own.
+    A cable at the angle a to the axis also pulls across it, by tan a; the host, being late, compensates that. So a
+    spring K on the module looks, to a slow hand, like one along the axis and a damping matrix ``tau K [[0, tan a],
+    [tan a, tan² a]]``. With the hand's own b it is passive up to ``tau K = b (1 + sqrt(1 + 4/tan² a))/2``: the
+    host's own bound if the cable lies across, and none if it lies along the axis. Of a stiffer part only that
+    share is compensated, and the force is off the axis, by no more than the cable. This project's own.
     """
     push, c = part.push(velocity), float(part.axis @ direction)
     cable = float(push @ part.axis) / c * direction

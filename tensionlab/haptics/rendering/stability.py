@@ -4,35 +4,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import NamedTuple, TypeVar
+from dataclasses import fields, is_dataclass, replace
+from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
+from pydantic import Field
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects.effect import Motion, dot, is_split
+from tensionlab.haptics.effects.parameters import Number, checked_dataclass
 from tensionlab.support.arrays import Floats
 
 T = TypeVar("T")
 
-MARGIN = 0.5  # share of the bound that a host may use: a default of this project
-# Allowed share of the damping `m/(T/2 + t_d)`: a late damper oscillates at about pi/2 of that (our default).
+MARGIN = 0.5  # share of the bound that a host may use (our default)
+# Allowed share of the damping `m/(T/2 + t_d)`; a late damper oscillates at about pi/2 of it (our default).
 DAMPING_SHARE = 0.8
-
-# Of what the forces on their way take while the hand goes against them: so much it may get back by turning round
-# before the host knows. A default of this project: at 0 a wall of three times the bound gives too much once over
-# 20 and 30 ms; at 1 also a stable one is rendered as damped, from 5 ms on.
+# Share of the energy that forces in transit take from the hand which it may get back by turning round (our
+# default). At 0 a wall of three times the bound gives too much over 20 and 30 ms; at 1 a stable one is damped from
+# 5 ms on.
 TURNING_SHARE = 0.25
 
 
 def stiffness_bound(
     delay: float | Floats, step: float, hand_damping: float | Floats, damping: float | Floats = 0.0
 ) -> Floats:
-    """Return up to which stiffness a hand against a spring does not shake, in N/m.
+    """Return the stiffness below which a hand against a spring is stable, in N/m.
 
-    ``K < (b + B)/(T/2 + t_d)``: a force held for a step T is on average T/2 late; a spring that is late by tau
-    gives back ``K tau`` of negative damping, and the dampers have to make up for it. Exact for a heavy hand. For
-    one of 0.3 kg and 30 ms it is 3 % too low without B, and 3 % too high where B is as large as b.
+    ``K < (b + B)/(T/2 + t_d)``: a force held for a step T is T/2 late on average; a spring that is late by tau has
+    the negative damping ``K tau``, for which the dampers must make up. Exact for a heavy hand. For 0.3 kg and 30
+    ms it is 3 % too low without B, and 3 % too high if B is as large as b.
 
     Parameters
     ----------
@@ -67,11 +68,11 @@ def stiffness_cap(
     damping: float = 0.0,
     margin: float = MARGIN,
 ) -> float:
-    """Return how stiff the host may make an effect over a link, in N/m.
+    """Return the largest stiffness of effects that the host renders over a link, in N/m.
 
-    Round trips are measured, in s, or a single one; the 99th percentile counts: shaking needs only a few periods
-    to start. ``step`` is the period of the host's loop, or of the telemetry if that is longer, in s; dampings are
-    as in `stiffness_bound`, of which the ``margin`` is a share.
+    It is the ``margin``, a share, of `stiffness_bound` at the 99th percentile of the measured round trips in s,
+    since shaking needs only a few periods to start. ``step`` is the period of the host's loop, or of the telemetry
+    if that is longer, in s.
     """
     trips = np.atleast_1d(np.asarray(round_trips, dtype=np.float64))
     if trips.size == 0 or not (np.isfinite(trips) & (trips >= 0.0)).all():
@@ -80,56 +81,40 @@ def stiffness_cap(
     return margin * float(stiffness_bound(late, step, hand_damping, damping))
 
 
-def capped(effect: T, cap: float, *, host_side: bool = False) -> T:
-    """Return an effect whose stiffness, and that of its parts, does not exceed a cap in N/m.
+def cap_stiffness(effect: T, cap: float, *, host_side: bool = False) -> tuple[T, dict[str, float]]:
+    """Return an effect whose stiffness does not exceed a cap in N/m, and the stiffnesses that were above it.
 
-    Every parameter called stiffness counts: that of a wall, of a friction's bristle, of a coupling. On the
+    Every parameter called stiffness counts, also of parts, which have names such as ``friction.stiffness``. On the
     ``host_side`` of a split effect its own stiffness, which a module renders, stays, but not that of its parts.
     """
     changes: dict[str, object] = {}
+    cut: dict[str, float] = {}
     for each in fields(effect) if is_dataclass(effect) else ():
         value = getattr(effect, each.name)
         if each.name == "stiffness" and value > cap and not (host_side and is_split(effect)):
-            changes[each.name] = cap
-        elif is_dataclass(value) and (part := capped(value, cap, host_side=host_side)) is not value:
-            changes[each.name] = part
-    return replace(effect, **changes) if changes else effect  # type: ignore[type-var]
-
-
-def cut_stiffnesses(effect: object, cap: float, above: str = "", *, host_side: bool = False) -> dict[str, float]:
-    """Return the stiffnesses that `capped` cuts, by their names, as they were, in N/m.
-
-    ``above`` is the name of what the effect is part of, with a dot.
-    """
-    found: dict[str, float] = {}
-    for each in fields(effect) if is_dataclass(effect) else ():
-        value = getattr(effect, each.name)
-        if each.name == "stiffness" and value > cap and not (host_side and is_split(effect)):
-            found[f"{above}stiffness"] = value
+            changes[each.name], cut[each.name] = cap, value
         elif is_dataclass(value):
-            found |= cut_stiffnesses(value, cap, f"{above}{each.name}.", host_side=host_side)
-    return found
+            part, cut_in_part = cap_stiffness(value, cap, host_side=host_side)
+            if cut_in_part:
+                changes[each.name] = part
+                cut |= {f"{each.name}.{name}": stiffness for name, stiffness in cut_in_part.items()}
+    return (replace(effect, **changes) if changes else effect), cut  # type: ignore[type-var]
 
 
 def max_damping(mass: float, delay: float, step: float) -> float:
-    """Return how much a late damper may damp, in N s/m: ``0.8 m/(T/2 + t_d)``.
+    """Return the largest damping of a late damper, ``0.8 m/(T/2 + t_d)`` in N s/m.
 
-    A damper that is late by tau and a mass m shake where its damping is above ``pi/2 m/tau``. m is the lightest
-    hand that there may be, in kg; t_d the delay there and back, and T the step for which a force is held, in s.
+    A damper that is late by tau and a mass m are unstable above ``pi/2 m/tau``. m is the mass of the lightest hand
+    in kg; t_d the delay there and back, and T the step for which a force is held, in s.
     """
-    if not (mass > 0.0 and delay >= 0.0 and step > 0.0):
-        raise EffectError(
-            f"max damping: mass {mass}, delay {delay}, step {step}; give them above 0, the delay 0 or more"
-        )
     return DAMPING_SHARE * mass / (step / 2 + delay)
 
 
 class Observed(NamedTuple):
     """Memory of the observer.
 
-    ``energy`` (...) in J is what the loop has taken from the hand, less what it gave; ``position`` (..., d) is
-    that of the step before; ``forces`` are commanded, and not yet at the hand as far as is known, the oldest
-    first.
+    ``energy`` (...) in J is the energy that the loop has taken from the hand, less what it gave; ``position``
+    (..., d) is the previous one; ``forces`` are commanded and in transit, the oldest first.
     """
 
     energy: Floats
@@ -138,51 +123,38 @@ class Observed(NamedTuple):
 
 
 class Corrected(NamedTuple):
-    """Force (..., d) to command in N, damping (...) that was added in N s/m, and what to remember."""
+    """Force (..., d) to command in N, added damping (...) in N s/m, and memory."""
 
     force: Floats
     damping: Floats
     memory: Observed
 
 
-@dataclass(frozen=True)
+@checked_dataclass(EffectError)
 class PassivityController:
-    """Passivity controller: adds a damper to the desired force where energy would come out of nowhere.
+    """Passivity controller: adds a damper to the desired force if the loop would give energy.
 
-    The observer adds up ``E_k = E_k-1 - F_k-1·dp``. A force acts on the hand as late as the host sees the hand,
-    so each dp is taken with the force that was commanded a round trip ago. Where the forces that are on their way
-    would make E negative, at the present velocity or with a hand that turns round, a damper is added: ``F - alpha
-    v`` with ``alpha = min(-E/(T |v|²), alpha_max)``. What it takes is observed with the rest, so E needs no
-    correction. A surplus is forgotten where nothing acts: it would let the loop give out as much later.
+    The observer adds up ``E_k = E_k-1 - F_k-1·dp``. A force acts on the hand as late as the host sees the hand, so
+    each dp is paired with the force that was commanded a round trip ago. If the forces in transit would make E
+    negative, at the present velocity or with a hand that turns round, a damper is added: ``F - alpha v`` with
+    ``alpha = min(-E/(T |v|²), alpha_max)``. The energy that it takes is observed with the rest, so E needs no
+    correction. A surplus is dropped while no force acts: later the loop could give it out.
 
-    With a delay the damper comes late and E may dip, by no more than the hand's own 2 N s/m make up for, up to
-    three times the bound of stiffness and 30 ms. The price: over 20 ms, a hand of 0.3 m/s meets a wall of half the
-    bound with twice the force.
+    With a delay the damper is late and E may dip, by no more than the hand's own 2 N s/m dissipate, up to three
+    times the bound of stiffness and 30 ms. The price: over 20 ms, a hand of 0.3 m/s meets a wall of half the bound
+    with twice the force.
 
     After Hannaford and Ryu 2002, "Time-domain passivity control of haptic interfaces", with no delay, which look
-    one step ahead; the pairing with the round trip and the look at what is on its way are this project's own.
-
-    Parameters
-    ----------
-    max_damping : float
-        alpha_max in N s/m, see `max_damping`.
-    delay : int
-        Round trip, in steps.
+    one step ahead; the pairing with the round trip and the forecast of forces in transit are this project's own.
     """
 
-    max_damping: float
-    delay: int = 0
-
-    def __post_init__(self) -> None:
-        if not (np.isfinite(self.max_damping) and self.max_damping >= 0.0):
-            raise EffectError(
-                f"PassivityController: max_damping is {self.max_damping}; give a damping in N s/m, 0 or more"
-            )
-        if self.delay < 0 or self.delay != int(self.delay):
-            raise EffectError(f"PassivityController: delay is {self.delay}; give a number of steps, 0 or more")
+    max_damping: Annotated[Number, Field(ge=0.0)]
+    """Largest damping alpha_max, in N s/m, see `max_damping`."""
+    delay: Annotated[int, Field(ge=0)] = 0
+    """Round trip, in steps."""
 
     def correct(self, force: Floats, motion: Motion, memory: Observed | None = None) -> Corrected:
-        """Return the force to command now in place of the desired one, (..., d) in N."""
+        """Return the force to command instead of the desired one, (..., d) in N."""
         if memory is None:
             nothing = (np.zeros_like(motion.position),) * (self.delay + 1)
             memory = Observed(np.zeros(motion.position.shape[:-1]), motion.position, nothing)
