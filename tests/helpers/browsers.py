@@ -1,5 +1,6 @@
 """A real browser at a design page: Debian's Chromium, driven by Playwright, with WebGL in software."""
 
+import re
 import time
 from contextlib import contextmanager
 
@@ -121,3 +122,8 @@ class Tab:
             mouse.move(x0 + share * (x1 - x0), y0 + share * (y1 - y0))
             self.tab.wait_for_timeout(30.0)
         mouse.up()
+
+
+def plain(html):
+    """The words of HTML."""
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", html)).strip()

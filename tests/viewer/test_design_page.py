@@ -1,4 +1,4 @@
-"""The design page in real browsers, with real drags and clicks."""
+"""The design page: what it says and saves, and real drags and clicks in real browsers."""
 
 import subprocess
 import sys
@@ -9,13 +9,16 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 import tensionlab as tl
-from tensionlab.errors import TensionlabError
-from tensionlab.viewer.design_page import dragged, load_space, on_plane
+from tensionlab.errors import TensionlabError, WriteError
+from tensionlab.viewer import state as edits
+from tensionlab.viewer.design_page import dragged, load_space, on_plane, save_below
+from tensionlab.viewer.design_panel import share_html, status_html, tensions_html
 from tensionlab.viewer.design_scene import Grab, draw
 from tensionlab.viewer.evaluation import evaluate
-from tensionlab.viewer.scene import force_scale
+from tensionlab.viewer.scene import bounds, force_scale
 from tensionlab.viewer.state import HAND, begin
-from tests.helpers.browsers import HANGS_S, VISER, Tab, chromium, needs_browser, served, until
+from tensionlab.viewer.workspace import sweep
+from tests.helpers.browsers import HANGS_S, VISER, Tab, chromium, needs_browser, plain, served, until
 
 # Complaint of the browser about how viser listens to the mouse.
 VISERS_OWN = "Unable to preventDefault inside passive event listener"
@@ -50,6 +53,76 @@ def test_a_space_whose_name_is_half_written_is_none_yet(tmp_path):
         assert load_space(word, tmp_path) is None
     with pytest.raises(TensionlabError, match="my-room"):
         load_space("my-room.toml", tmp_path)
+
+
+@pytest.fixture
+def point():
+    return begin(tl.load_rig("bartels2026-validation"))
+
+
+def test_a_feasible_force_is_exact(point):
+    state = edits.set_wrench(point, [1.0, 0.5, 1.0])
+    said = plain(status_html(state, evaluate(state)))
+    assert said.startswith("EXACT the desired force is rendered desired force 1.5 N (1, 0.5, 1)")
+    assert "capacity margin 3.68 N at the hand" in said
+
+
+def test_an_infeasible_force_is_nearest_and_says_by_which_policy(point):
+    state = edits.set_fields(policy="direction")(edits.set_wrench(point, [20.0, 0.0, 0.0]))
+    said = plain(status_html(state, evaluate(state)))
+    assert said.startswith("NEAREST certified infeasible: the longest wrench in the desired direction is rendered")
+    assert "24.4 % of it" in said
+    assert "error 15.1 N" in said
+
+
+def test_bars_name_the_limit_that_is_reached(point):
+    state = edits.set_wrench(point, [1.0, 0.5, 1.0])
+    assert "floor-3 0.50 N lower limit" in plain(tensions_html(state, evaluate(state)))
+
+
+def test_names_of_modules_are_text(point):
+    state = edits.rename(point, "top", "<b>top</b>")
+    assert "&lt;b&gt;top" in tensions_html(state, evaluate(state))
+
+
+def test_the_share_of_the_box_is_said(point):
+    state = edits.set_fields(level=1.0)(point)
+    volume = sweep(state, bounds(state.rig), 10, lambda: True)
+    said = plain(share_html(state, volume))
+    assert f"{100 * volume.share(1.0):.1f} % of the box" in said
+    assert "evaluated at positions" in said
+    assert "capacity margin above 1 N" in plain(share_html(state, volume))
+
+
+def test_what_is_saved_is_the_very_same_rig(point, tmp_path):
+    moved = edits.move_anchor(point, "floor-1", [0.7, 0.0, 0.1])
+    save_below(tmp_path, moved.rig, "mine.toml")
+    assert tl.load_rig(tmp_path / "mine.toml") == moved.rig
+
+
+def test_a_rig_that_cannot_work_is_not_saved(point, tmp_path):
+    below = edits.move_anchor(point, "top", [0.0, -0.5, 0.0])
+    with pytest.raises(
+        tl.errors.RigError, match=r"cannot work at home, so it is not saved\. balance: no tensions hold"
+    ):
+        save_below(tmp_path, below.rig, "mine.toml")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("path", ["", "rig.txt", "rig"])
+def test_a_file_of_another_kind_is_refused(point, path, tmp_path):
+    with pytest.raises(WriteError, match=r"must end in \.toml"):
+        save_below(tmp_path, point.rig, path)
+
+
+@pytest.mark.parametrize("path", ["../mine.toml", "/mine.toml", "link/mine.toml", "a/../../mine.toml", "a\0.toml"])
+def test_a_file_elsewhere_is_refused(point, path, tmp_path):
+    here = tmp_path / "here"
+    here.mkdir()
+    (here / "link").symlink_to(tmp_path)
+    with pytest.raises(WriteError, match=r"uses files below it only|is no path"):
+        save_below(here, point.rig, path)
+    assert [each.name for each in tmp_path.iterdir()] == ["here"]
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The page of a log: how it is played, its turns without a browser, and once in a real one with a real log."""
+"""The page of a log: instants, events, how it is played, and once in a real browser with a real log."""
 
 import re
 from dataclasses import replace
@@ -6,22 +6,36 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import tensionlab as tl
+from tensionlab.errors import LogError
 from tensionlab.hardware.log.reader import read_run
+from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit
+from tensionlab.hardware.runner.records import RunEvent
 from tensionlab.solvers.base import Status
 from tensionlab.support.colours import GREEN, ORANGE
 from tensionlab.viewer import replay
 from tensionlab.viewer.html import render
-from tensionlab.viewer.replay import KINDS, Playback, ReplayPage, curves, cycle_heading
+from tensionlab.viewer.replay import (
+    GAP_S,
+    KINDS,
+    Playback,
+    ReplayPage,
+    RunMark,
+    curves,
+    cycle_heading,
+    info_of,
+    instant_at,
+    marks,
+    report_at,
+    require_drawable,
+    spells,
+)
 from tensionlab.viewer.server import PageServer
 from tests.helpers import runs
-from tests.helpers.browsers import HANGS_S, chromium, needs_browser, until
+from tests.helpers.browsers import HANGS_S, chromium, needs_browser, plain, until
 from tests.helpers.simulated_time import SimulatedTime
 
 AT_4 = Playback(1.0, 9.0, 4.0)
-
-
-def plain(text):
-    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", text)).strip()
 
 
 def test_time_passes_at_the_chosen_speed_and_stops_at_the_end():
@@ -89,6 +103,146 @@ def test_the_timeline_has_marks_and_the_time_that_is_shown_where_they_are():
     text = render("run.timeline", [], 1.0, [(0.75, KINDS["fault"])], 0.25)
     assert re.search(rf'x1="0.7500" x2="0.7500" .* stroke="{KINDS["fault"]}"', text)
     assert 'x1="0.25000" x2="0.25000"' in text
+
+
+@pytest.fixture
+def quiet(four):
+    """A run in which nothing happens."""
+    m = four.rig.m
+    calm = np.zeros((100, m), np.int64)
+    return replace(
+        four, events=(), status=np.full(100, Status.EXACT, np.int8), faults=calm, limiters=calm,
+        brake_states=calm, commanded_brakes=np.zeros((100, m), bool), fallback_used=np.zeros(100, bool),
+    )  # fmt: skip
+
+
+def during(first, last, value, quiet, name, module=None):
+    """The run with a value of a column from one cycle to another."""
+    changed = getattr(quiet, name).copy()
+    changed[first : last + 1, *([] if module is None else [module])] = value
+    return replace(quiet, **{name: changed})
+
+
+def test_where_nothing_happens_there_are_no_marks(quiet):
+    assert marks(quiet) == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "module", "mark"),
+    [
+        ("status", Status.NEAREST, None, RunMark(0.2, "status", "NEAREST, for 0.40 s")),
+        ("fallback_used", True, None, RunMark(0.2, "status", "unproven: newton's answer was sent, for 0.40 s")),
+        ("faults", Fault.ENCODER | Fault.LOOP, 1, RunMark(0.2, "fault", "{}: ENCODER, for 0.40 s")),
+        ("limiters", Limit.THERMAL, 2, RunMark(0.2, "limiter", "{}: THERMAL, for 0.40 s")),
+        ("commanded_brakes", True, 3, RunMark(0.2, "brake", "{}: brake commanded on, for 0.40 s")),
+        ("brake_states", BrakeState.CLOSED, 3, RunMark(0.2, "brake", "{}: brake closed, for 0.40 s")),
+    ],
+)
+def test_what_lasts_has_a_mark_at_its_begin(quiet, name, value, module, mark):
+    found = marks(during(10, 29, value, quiet, name, module))
+    text = mark.text.format("" if module is None else quiet.rig.modules[module].name)
+    assert found[0].time == pytest.approx(mark.time)
+    assert (found[0].kind, found[0].text) == (mark.kind, text)
+    assert len(found) == (2 if name == "faults" else 1)
+
+
+def test_what_lasts_to_the_end_says_so(quiet):
+    [found] = marks(during(90, 99, Status.NEAREST, quiet, "status"))
+    assert found.text == "NEAREST, to the end"
+
+
+def test_noted_events_have_the_kind_of_phases_brakes_or_the_run(quiet):
+    noted = (
+        RunEvent(-1, 0.0, "armed", "4 modules", ""),
+        RunEvent(5, 0.1, "phase", "draw", ""),
+        RunEvent(6, 0.12, "brake", "contact: top", ""),
+        RunEvent(9, 0.18, "lost", "it is silent", "top"),
+    )
+    found = marks(replace(quiet, events=noted[::-1]))
+    assert [(mark.kind, mark.text) for mark in found] == [
+        ("run", "armed: 4 modules"), ("phase", "draw"),
+        ("brake", "contact: top"), ("run", "lost: top: it is silent"),
+    ]  # fmt: skip
+
+
+def test_the_marks_of_a_real_run_are_in_order_and_of_known_kinds(four):
+    found = marks(four)
+    assert {mark.kind for mark in found} <= set(KINDS)
+    assert [mark.time for mark in found] == sorted(mark.time for mark in found)
+    assert {"run", "limiter", "brake"} <= {mark.kind for mark in found}
+
+
+def test_short_gaps_do_not_end_a_spell():
+    time = 0.1 * np.arange(20)
+    short, long = round(GAP_S / 0.1 - 0.5), round(GAP_S / 0.1 + 1.5)
+    flags = np.full(20, True)
+    flags[5 : 5 + short] = False
+    assert spells(time, flags) == [(0, 19)]
+    flags[10 : 10 + long] = False
+    assert spells(time, flags) == [(0, 9), (10 + long, 19)]
+    assert spells(time, np.zeros(20, bool)) == []
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    file = tmp_path_factory.mktemp("logs") / "run.mcap"
+    runs.logged(file, runs.seven(), 120, solver="dykstra", lost=2)
+    return read_run(file)
+
+
+def test_an_instant_has_what_the_cycle_had(recorded):
+    instant = instant_at(recorded, 70)
+    assert instant.time == recorded.time[70]
+    assert instant.hand == pytest.approx(recorded.position[70])
+    assert instant.anchors == pytest.approx(recorded.rig.anchors)
+    assert instant.tensions == pytest.approx(recorded.measured[70])
+    assert instant.desired == pytest.approx(recorded.desired[70])
+    assert instant.active.tolist() == [True, True, False, True, True, True, True]
+
+
+def test_before_the_first_telemetry_cables_have_the_tension_that_was_sent(recorded):
+    assert np.isnan(recorded.measured[0]).all()
+    instant = instant_at(recorded, 0)
+    assert instant.tensions == pytest.approx(recorded.commanded[0])
+    assert not instant.measured.any()  # what was not measured is not shown as measured
+
+
+def test_a_report_knows_what_had_happened_until_then(recorded):
+    name = recorded.rig.modules[2].name
+    before, after = report_at(recorded, 59), report_at(recorded, 60)
+    assert (before.lost, before.cycles, [event.kind for event in before.events]) == ({}, 60, ["armed"])
+    assert set(after.lost) == {name}
+    assert [event.kind for event in after.events] == ["armed", "lost"]
+    end = report_at(recorded, 119)
+    assert end.answers == tl.hardware.log.reader.recount(recorded).answers
+    assert end.start_delays.tolist() == recorded.start_delay.tolist()
+
+
+def test_missed_deadlines_are_counted_until_then(recorded):
+    late = replace(recorded, time=recorded.time + np.where(np.arange(120) >= 50, 3 / recorded.setup.rate, 0.0))
+    late = replace(late, start_delay=np.zeros(120))
+    assert (report_at(late, 49).missed, report_at(late, 50).missed, report_at(late, 119).missed) == (0, 3, 3)
+
+
+def test_the_setup_is_that_of_the_log(recorded):
+    info = info_of(recorded)
+    assert (info.program, info.solver, info.rate) == ("tensionlab run", "dykstra", 50.0)
+    assert info.rig == recorded.rig
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda run: {"time": np.empty(0), "cycle": np.empty(0)}, "ended before its first cycle"),
+        (lambda run: {"time": run.time[::-1]}, "not in the order of time"),
+        (lambda run: {"position": run.position * np.nan}, "in cycle 0 it is not known where the hand"),
+        (lambda run: {"anchors": run.anchors * np.nan}, "where the hand and all anchors are"),
+    ],
+)
+def test_a_run_of_which_nothing_can_be_drawn_is_refused_with_the_name_of_its_file(recorded, change, message):
+    require_drawable(recorded, "good.mcap")
+    with pytest.raises(LogError, match=rf"bad\.mcap: .*{message}"):
+        require_drawable(replace(recorded, **change(recorded)), "bad.mcap")
 
 
 @pytest.fixture

@@ -1,11 +1,16 @@
 """Edits of the design page's state: pure functions, without a browser."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import tensionlab as tl
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.state import History, begin
+from tensionlab.viewer.design_page import dragged
+from tensionlab.viewer.design_scene import Grab
+from tensionlab.viewer.state import History, begin, nearest_on_surfaces, outlines
+from tensionlab.workspace.layout.task import load_task
 
 
 @pytest.fixture
@@ -42,19 +47,11 @@ def test_an_anchor_on_a_turned_body_is_put_where_the_world_has_it():
     rig = tl.load_rig("body-mounted")
     quarter = tl.RestPose(rig.frames[0], np.array([0.0, 0.9, 0.0]), np.array([0.0, np.pi / 2, 0.0]))
     others = tuple(each for each in rig.rest if each.name != quarter.name)
-    state = begin(tl.Rig(**{**vars_of(rig), "rest": (*others, quarter)}))
+    state = begin(replace(rig, rest=(*others, quarter)))
     rider = next(module.name for module in rig.modules if module.frame == quarter.name)
     moved = edits.move_anchor(state, rider, [0.3, 1.0, -0.2])
-    assert moved.anchors[names(moved).index(rider)] == pytest.approx([0.3, 1.0, -0.2])
+    assert moved.anchors[moved.names.index(rider)] == pytest.approx([0.3, 1.0, -0.2])
     assert edits.find(moved, rider).anchor == pytest.approx([0.2, 0.1, 0.3])  # turned by a quarter
-
-
-def vars_of(rig):
-    return {name: getattr(rig, name) for name in rig.__dataclass_fields__}
-
-
-def names(state):
-    return [module.name for module in state.rig.modules]
 
 
 def test_a_module_that_changes_its_frame_stays_where_it_is(point):
@@ -68,16 +65,16 @@ def test_a_module_that_changes_its_frame_stays_where_it_is(point):
 
 def test_a_module_is_added_with_a_name_of_its_own_and_is_selected(point):
     twice = edits.add_module(edits.add_module(point))
-    assert names(twice) == [*names(point), "module 1", "module 2"]
+    assert list(twice.names) == [*point.names, "module 1", "module 2"]
     assert twice.selected == "module 2"
     assert twice.rig.modules[4].upper == point.rig.modules[0].upper
     assert twice.anchors[4][1] > twice.position[1]  # above the hand
 
 
 def test_modules_are_removed_down_to_the_last(point):
-    for name in names(point)[1:]:
+    for name in point.names[1:]:
         point = edits.remove_module(edits.set_fields(selected=name)(point), name)
-    assert names(point) == ["floor-1"]
+    assert point.names == ("floor-1",)
     assert point.selected == ""
     with pytest.raises(tl.errors.RigError, match="only module"):
         edits.remove_module(point, "floor-1")
@@ -86,19 +83,19 @@ def test_modules_are_removed_down_to_the_last(point):
 def test_a_renamed_module_stays_selected(point):
     renamed = edits.rename(edits.set_fields(selected="top")(point), "top", "ceiling")
     assert renamed.selected == "ceiling"
-    with pytest.raises(tl.errors.RigError, match="used by modules"):
-        edits.rename(point, "top", "floor-1")
 
 
-def test_limits_that_no_module_can_have_are_refused(point):
-    assert edits.set_limits(point, "top", 1.0, 9.0).rig.limits.upper[3] == 9.0
-    with pytest.raises(tl.errors.RigError, match='above "upper"'):
-        edits.set_limits(point, "top", 9.0, 1.0)
-
-
-def test_a_module_that_is_not_there_is_named_with_those_that_are(point):
-    with pytest.raises(tl.errors.RigError, match='no module "roof"; it has floor-1, floor-2, floor-3, top'):
-        edits.move_anchor(point, "roof", [0.0, 0.0, 0.0])
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda state: edits.rename(state, "top", "floor-1"), "used by modules"),
+        (lambda state: edits.set_limits(state, "top", 9.0, 1.0), 'above "upper"'),
+        (lambda state: edits.move_anchor(state, "roof", [0.0] * 3), 'no module "roof"; it has floor-1, floor-2'),
+    ],
+)
+def test_what_no_rig_can_be_is_refused(point, edit, message):
+    with pytest.raises(tl.errors.RigError, match=message):
+        edit(point)
 
 
 def test_attachments_turn_with_the_platform(platform):
@@ -110,7 +107,7 @@ def test_attachments_turn_with_the_platform(platform):
 
 def test_what_a_rig_requires_is_exerted_beside_what_is_desired():
     rig = tl.load_rig("cogiro")
-    lifting = tl.Rig(**{**vars_of(rig), "required": tl.Requirement(gravity=True)})
+    lifting = replace(rig, required=tl.Requirement(gravity=True))
     state = edits.set_wrench(begin(lifting), [0.0, 0.0, 10.0, 0.0, 0.0, 0.0])
     assert state.exerted[2] == pytest.approx(10.0 + 9.81 * rig.platform.mass)
 
@@ -156,3 +153,39 @@ def test_how_it_is_looked_at_is_not_undone(point):
 def test_an_anchor_that_stays_where_it_is_leaves_the_state_and_so_the_workspace():
     state = begin(tl.load_rig("bartels2026-validation"))
     assert edits.move_anchor(state, "top", state.anchors[3]) is state
+
+
+# From -2 to 2 in x and z, from 0 to 2 in y.
+ROOM = tl.workspace.Space(tl.workspace.room([4.0, 2.0, 4.0]), counts=(4,))
+RAIL = tl.workspace.Space((tl.workspace.Surface("rail", [-1.0, 2.0, 0.0], [[2.0, 0.0, 0.0]]),), counts=(1,))
+
+
+@pytest.mark.parametrize(
+    ("space", "place", "nearest"),
+    [
+        (ROOM, [1.8, 1.0, 0.0], [2.0, 1.0, 0.0]),
+        (ROOM, [0.0, 0.3, 0.0], [0.0, 0.0, 0.0]),
+        (ROOM, [5.0, 5.0, 0.5], [2.0, 2.0, 0.5]),
+        (RAIL, [0.3, 0.0, 0.4], [0.3, 2.0, 0.0]),
+        (RAIL, [3.0, 0.0, 0.4], [1.0, 2.0, 0.0]),
+    ],
+)
+def test_a_place_snaps_to_the_nearest_point_of_the_surfaces(space, place, nearest):
+    assert nearest_on_surfaces(space, np.array(place)) == pytest.approx(nearest)
+
+
+def test_outlines_are_the_edges_of_all_surfaces():
+    assert outlines(RAIL).tolist() == [[[-1.0, 2.0, 0.0], [1.0, 2.0, 0.0]]]
+    lines = outlines(ROOM)
+    assert lines.shape == (24, 2, 3)  # four for each wall
+    assert np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).sum() == 16 * 4.0 + 8 * 2.0
+
+
+def test_an_anchor_that_is_dragged_stays_on_the_walls():
+    state = edits.set_fields(task=load_task("four-in-a-room"))(begin(tl.load_rig("seven-modules")))
+    name = state.rig.modules[0].name
+    for place in np.random.default_rng(0).uniform(-3.0, 3.0, (20, 3)):
+        for eye in (None, np.array([0.0, 1.2, 12.0])):
+            anchor = edits.find(dragged(state, Grab(name, "update", place, eye)), name).anchor
+            sides = np.abs(anchor - [0.0, 1.25, 0.0]) - [2.0, 1.25, 2.0]
+            assert sides.max() == pytest.approx(0.0, abs=1e-4)

@@ -20,16 +20,13 @@ from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.scenery import scenery
 from tensionlab.support.colours import GREEN, ORANGE, RED
 from tensionlab.viewer.html import render
-from tensionlab.viewer.live import StopOutcome, live_heading, renewed
+from tensionlab.viewer.live import StopOutcome, live_heading
 from tensionlab.viewer.run_page import events_html, forces_html, modules_html, times_html
 from tensionlab.viewer.run_scene import Instant
+from tests.helpers.browsers import plain
 from tests.helpers.runs import four
 
 INFO = RunInfo(0, 4711, "tensionlab run <floor>", four(), "newton", 50.0, 0.25, {})
-
-
-def plain(text):
-    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", text)).strip()
 
 
 @pytest.fixture
@@ -166,7 +163,7 @@ def test_what_came_of_a_stop_is_told():
 
 
 def test_each_text_that_is_sent_is_another_so_that_browsers_know_it_is_new():
-    assert renewed("a", 1, fresh=True) != renewed("a", 2, fresh=True)
+    assert render("run.renewed", "a", 1, True, 3.0) != render("run.renewed", "a", 2, True, 3.0)
     assert render("run.renewed_heading", "a", 1, 3.0) != render("run.renewed_heading", "a", 2, 3.0)
     assert "NO NEWS" in render("run.renewed_heading", "a", 1, 3.0)
 

@@ -1,16 +1,62 @@
-"""The thread that evaluates the workspace of the newest state."""
+"""Workspaces of the design page: values, shares, and the thread that evaluates the newest."""
 
 import threading
 
+import numpy as np
 import pytest
 
 import tensionlab as tl
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.scene import bounds
 from tensionlab.viewer.state import begin
-from tensionlab.viewer.workspace import COARSE, FINE, Latest, WorkspaceWorker
+from tensionlab.viewer.workspace import COARSE, FINE, Latest, Volume, WorkspaceWorker, surface, sweep
 
 HANGS_S = 600.0
+
+
+def swept(state, count, wanted=lambda: True):
+    return sweep(state, bounds(state.rig), count, wanted)
+
+
+def test_the_values_are_those_of_a_sweep_with_the_platform_turned_as_at_the_hand():
+    state = edits.set_fields(metric="tension-factor")(begin(tl.load_rig("ipanema-2")))
+    turned = edits.turn_platform(state, tl.workspace.roll_pitch_yaw(0.0, 0.0, 0.3)[0])
+    for each in (state, turned):
+        volume = swept(each, 4)
+        grid = tl.workspace.Grid(*volume.axes, each.rotation[None])
+        expected = tl.sweep(each.rig, grid, "tension-factor")["tension-factor"].values.reshape(4, 4, 4)
+        assert volume.values == pytest.approx(expected, nan_ok=True)
+
+
+def test_a_sweep_ends_as_soon_as_it_is_not_wanted():
+    asked = []
+    assert swept(begin(tl.load_rig("seven-modules")), 60, lambda: asked.append(1)) is None
+    assert len(asked) == 1
+
+
+@pytest.mark.parametrize("name", tl.datasets.names("rigs"))
+def test_the_box_has_room_around_every_rig(name):
+    rig = tl.load_rig(name.removeprefix("rigs/"))
+    low, high = bounds(rig)
+    assert (low <= rig.home).all()
+    assert (rig.home <= high).all()
+    assert (high - low).min() >= 0.5 * (high - low).max() - 1e-9
+
+
+def test_share_and_surface_are_those_above_the_level():
+    axis = np.linspace(-1.5, 1.5, 60)
+    ball = Volume((axis,) * 3, 1.0 - np.linalg.norm(np.stack(np.meshgrid(axis, axis, axis)), axis=0))
+    assert ball.share(0.25) == pytest.approx(4 / 3 * np.pi * 0.75**3 / 27.0, rel=0.01)
+    assert np.linalg.norm(surface(ball, 0.25).vertices, axis=1) == pytest.approx(0.75, abs=2e-3)
+    assert surface(ball, 2.0) is None
+
+
+def test_in_the_plane_the_region_is_filled():
+    axis = np.linspace(-1.0, 1.0, 21)
+    x, y = np.meshgrid(axis, axis, indexing="ij")
+    mesh = surface(Volume((axis, axis), 0.5 - np.abs(x) + 0.0 * y), 0.0)
+    assert np.abs(mesh.vertices[:, 0]).max() == pytest.approx(0.45)  # 0.4 is the last above, a square has 0.05
+    assert not mesh.vertices[:, 2].any()
 
 
 class Found:
