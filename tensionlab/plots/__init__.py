@@ -6,12 +6,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from tensionlab.errors import InputError
-from tensionlab.plots.allocation import plot_allocation
 from tensionlab.plots.benchmark import plot_continuity, plot_pareto, plot_profile
 from tensionlab.plots.certified import plot_certified
 from tensionlab.plots.comparison import plot_comparison
 from tensionlab.plots.layout import plot_front, plot_search
-from tensionlab.plots.rig import plot_rig
+from tensionlab.plots.rig import plot_allocation, plot_rig
 from tensionlab.plots.run import plot_run
 from tensionlab.plots.scenario import plot_scenario
 from tensionlab.plots.style import METADATA, save_figure, styled

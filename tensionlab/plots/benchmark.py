@@ -55,14 +55,14 @@ def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Fig
     problems: across, the median call in the feasible sets, as the geometric mean over the sets; up, the largest
     error of all, of the wrench or the limits. Those that did not answer all problems are at the top. Of a
     comparison, each solver with its own policy: across, the median call; up, how much larger than the smallest of
-    all solvers its error is for the same force, at most. With ``ax``, a panel of another figure is drawn into.
+    all solvers its error is for the same force, at most.
 
     Parameters
     ----------
     results : Results or Comparison
         From `tensionlab.benchmark.run`, `tensionlab.datasets.load` or `tensionlab.compare`.
-    ax : Axes, optional
-        Panel of another figure to draw into.
+    ax
+        As in `plot_rig`.
 
     Examples
     --------
@@ -203,7 +203,8 @@ def plot_profile(results: Results) -> Figure:
     """
     table = _pooled(results)
     seconds = table.pivot(index=["problem_set", "problem"], columns="label", values="call_s")
-    solved = table.assign(solved=_error(table) <= EXACT_N).pivot(
+    error = table[["error", "violation"]].max(axis=1, skipna=False)  # NaN without an answer
+    solved = table.assign(solved=error <= EXACT_N).pivot(
         index=["problem_set", "problem"], columns="label", values="solved"
     )
     kinds = table.drop_duplicates("label").set_index("label")["kind"]
@@ -303,11 +304,6 @@ def _pooled(results: Results) -> pandas.DataFrame:
         raise InputError("no answers in these results that could be drawn")
     kinds = [kind(solver, setting) for solver, setting in zip(table["solver"], table["setting"], strict=True)]
     return table.assign(kind=kinds, label=table["label"].map(short_name))
-
-
-def _error(table: pandas.DataFrame) -> pandas.Series:
-    """Return the larger of the error of the wrench and the violation of a limit; NaN without an answer."""
-    return table[["error", "violation"]].max(axis=1, skipna=False)
 
 
 def _grid(figure: Any, names: Sequence[str], draw: Callable[[Axes, str], None], across: str, up: str) -> None:

@@ -27,15 +27,14 @@ OFF_FRONT: dict[str, Any] = {"color": GREY, "marker": "o", "linestyle": "", "fil
 def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure:
     """Draw the score of the layouts that a search found against their number of modules.
 
-    The line joins those that no other beats with as many modules or fewer. With ``ax``, a panel of another figure
-    is drawn into.
+    The line joins those that no other beats with as many modules or fewer.
 
     Parameters
     ----------
     found : LayoutSearch
         From `tensionlab.workspace.search_layout`.
-    ax : Axes, optional
-        Panel of another figure to draw into.
+    ax
+        As in `plot_rig`.
 
     Examples
     --------
@@ -59,14 +58,13 @@ def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure:
 
 
 def plot_search(space: Space, target: Grid, found: LayoutSearch) -> Figure:
-    """Draw a search for a layout: where modules might stand, where the best layout has them, and what each buys.
+    """Draw a search for a layout: where modules might stand, where the best layout has them, and the score.
 
     The last panel, that of `plot_front`, is there where several numbers of modules were searched for.
 
     Parameters
     ----------
     space : Space
-        With the surfaces.
     target : Grid
         Positions of the hand.
     found : LayoutSearch
