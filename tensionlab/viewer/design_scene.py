@@ -19,7 +19,7 @@ from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, Colours, ramp, rgb
 from tensionlab.support.formatting import format_number
-from tensionlab.viewer.evaluation import StateEvaluation
+from tensionlab.viewer.evaluation import Certificate, StateEvaluation
 from tensionlab.viewer.scene import (
     NO_LINES,
     Arrow,
@@ -68,33 +68,39 @@ class DesignScene:
 
 def draw(state: DesignState, found: StateEvaluation) -> DesignScene:
     """Return what is drawn of a state and its evaluation."""
+    rig, ghost, task, labels = state.rig, ghost_state(state), state.task, state.names
     anchors, ends, hand = (in_space(points) for points in (state.anchors, state.attachments, state.position))
-    scale = force_scale(state.rig)
-    force = in_space(state.wrench[: state.rig.dimension])
-    available, edges = _available(found, hand, scale)
+    scale = force_scale(rig)
+    tip, shortest = scale * in_space(state.wrench[: rig.dimension]), TIP_SHARE * size(rig)
+    if float(np.linalg.norm(tip)) < shortest:
+        tip = shortest * np.array([0.8, 0.6, 0.0])  # clear of the hand
+    if found.allocation is not None:
+        tensions = found.allocation.tensions
+        labels = tuple(f"{name} · {format_number(t)} N" for name, t in zip(labels, tensions, strict=True))
+    available, edges, plane = None, NO_LINES, None
+    if found.available is not None:
+        corners = hand + scale * in_space(found.available.corners)
+        available, edges = Mesh(corners, found.available.faces), plain_lines(corners[found.available.edges], BLUE)
     arrows = _arrows(state, found, hand, scale)
-    certificate = _certificate(state, found, hand, scale)
-    if certificate is not None:
-        arrows["certificate"] = certificate[0]
-    rig = RigScene(
-        cables=cable_lines(_cable_points(state), tension_colours(state.rig, found)),
-        platform=platform_lines(hand, ends),
-        anchors=anchors,
-        colours=module_colours(state.rig),
-        hand=hand,
-        labels=_labels(state, found),
-        arrows=arrows,
+    if found.certificate is not None:
+        arrows["certificate"], plane = _draw_certificate(state, found.certificate, hand, scale)
+    return DesignScene(
+        rig=RigScene(
+            cables=cable_lines(_cable_points(state), tension_colours(rig, found)),
+            platform=platform_lines(hand, ends),
+            anchors=anchors,
+            colours=module_colours(rig),
+            hand=hand,
+            labels=labels,
+            arrows=arrows,
+        ),
+        tip=hand + tip,
+        ghost=NO_LINES if ghost is None else cable_lines(_cable_points(ghost), rgb(GREY)),
+        walls=NO_LINES if task is None else plain_lines(in_space(outlines(task.space)), GREY),
+        edges=edges,
+        available=available,
+        plane=plane,
     )
-    plane = None if certificate is None else certificate[1]
-    tip = _tip(hand, scale * force, size(state.rig))
-    return DesignScene(rig, tip, _ghost(state), _walls(state), edges, available, plane)
-
-
-def _tip(hand: Floats, force: Floats, reach: float) -> Floats:
-    """Return where the arrow of the desired force is grabbed: at its end, or near the hand if it is short."""
-    if float(np.linalg.norm(force)) >= TIP_SHARE * reach:
-        return np.asarray(hand + force)
-    return np.asarray(hand + TIP_SHARE * reach * np.array([0.8, 0.6, 0.0]))
 
 
 def tension_colours(rig: Rig, found: StateEvaluation) -> Colours:
@@ -105,27 +111,6 @@ def tension_colours(rig: Rig, found: StateEvaluation) -> Colours:
 
 def _cable_points(state: DesignState) -> Floats:
     return in_space(ways(state.attachments, state.anchors, state.rig.pulleys_in_world(state.rig.at_rest)))
-
-
-def _ghost(state: DesignState) -> Lines:
-    """Return the cables of the other rig, from its anchors to the same hand."""
-    other = ghost_state(state)
-    return NO_LINES if other is None else cable_lines(_cable_points(other), np.tile(rgb(GREY), (other.rig.m, 1)))
-
-
-def _walls(state: DesignState) -> Lines:
-    """Return the edges of the surfaces to which anchors snap."""
-    return NO_LINES if state.task is None else plain_lines(in_space(outlines(state.task.space)), GREY)
-
-
-def _labels(state: DesignState, found: StateEvaluation) -> tuple[str, ...]:
-    names = tuple(module.name for module in state.rig.modules)
-    if found.allocation is None:
-        return names
-    return tuple(
-        f"{name} · {format_number(tension)} N"
-        for name, tension in zip(names, found.allocation.tensions, strict=True)
-    )
 
 
 def _arrows(state: DesignState, found: StateEvaluation, hand: Floats, scale: float) -> dict[str, Arrow]:
@@ -140,24 +125,13 @@ def _arrows(state: DesignState, found: StateEvaluation, hand: Floats, scale: flo
     return arrows
 
 
-def _available(found: StateEvaluation, hand: Floats, scale: float) -> tuple[Mesh | None, Lines]:
-    """Return the faces and edges of the available forces, to scale around the hand."""
-    if found.available is None:
-        return None, NO_LINES
-    corners = hand + scale * in_space(found.available.corners)
-    return Mesh(corners, found.available.faces), plain_lines(corners[found.available.edges], BLUE)
-
-
-def _certificate(
-    state: DesignState, found: StateEvaluation, hand: Floats, scale: float
-) -> tuple[Arrow, Mesh] | None:
+def _draw_certificate(
+    state: DesignState, certificate: Certificate, hand: Floats, scale: float
+) -> tuple[Arrow, Mesh]:
     """Return the direction that certifies the desired force infeasible, and the plane across it.
 
     The plane touches the set of available forces, and the desired force is beyond it.
     """
-    certificate = found.certificate
-    if certificate is None:
-        return None
     along, d = in_space(certificate.direction), state.rig.dimension
     foot = hand + scale * (in_space(state.wrench[:d]) + (certificate.reach - certificate.desired) * along)
     reach = PLANE_SHARE * scale * float(state.rig.limits.upper.max())

@@ -175,7 +175,11 @@ class LivePage(RunPage):
             return
         instant = Instant.of(info.rig, report.cycle)
         self.show_texts(
-            info, report, instant, fresh=fresh, wrap=lambda html: renewed(html, self._beat, fresh=fresh)
+            info,
+            report,
+            instant,
+            fresh=fresh,
+            wrap=lambda html: render("run.renewed", html, self._beat, fresh, SILENT_S),
         )
 
     def abandoned(self) -> Callable[[], bool]:
@@ -203,11 +207,6 @@ def live_heading(condition: str, age: float, info: RunInfo | None, report: RunSn
         report.ended in (DURATION_REACHED, DEMAND_STOPPED) or report.ended.startswith("signal")
     )
     return render("run.live_heading", condition, age, info, report, well)
-
-
-def renewed(html: str, beat: int, *, fresh: bool) -> str:
-    """Return HTML that browsers show faintly if it is not fresh, or not renewed for `SILENT_S`."""
-    return render("run.renewed", html, beat, fresh, SILENT_S)
 
 
 def open_page() -> str:

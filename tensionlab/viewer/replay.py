@@ -277,20 +277,20 @@ class RunMark:
 
 def marks(run: Run) -> tuple[RunMark, ...]:
     """Return the events of a run in order of time; a lasting one at its begin, with its duration."""
-    found = [
-        *_noted(run),
-        *(mark for kind, text, flags in _flags(run) for mark in _spell_marks(run, kind, text, flags)),
-    ]
-    return tuple(sorted(found, key=lambda mark: mark.time))
-
-
-def _noted(run: Run) -> Iterator[RunMark]:
+    found = []
     for event in run.events:
         who = f"{event.module}: " if event.module else ""
-        if event.kind in ("phase", "brake"):
-            yield RunMark(event.time, event.kind, f"{who}{event.text}")
-        else:
-            yield RunMark(event.time, "run", f"{event.kind}: {who}{event.text}")
+        noted = event.kind in ("phase", "brake")
+        kind, what = (event.kind, "") if noted else ("run", f"{event.kind}: ")
+        found.append(RunMark(event.time, kind, f"{what}{who}{event.text}"))
+    for kind, text, flags in _flags(run):
+        for first, last in spells(run.time, flags):
+            begin = float(run.time[first])
+            lasts = "to the end"
+            if last < len(run) - 1:
+                lasts = f"for {format_number(float(run.time[last + 1]) - begin)} s"
+            found.append(RunMark(begin, kind, f"{text}, {lasts}"))
+    return tuple(sorted(found, key=lambda mark: mark.time))
 
 
 def _flags(run: Run) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
@@ -309,25 +309,8 @@ def _flags(run: Run) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
         yield "brake", f"{module.name}: brake closed", run.brake_states[:, index] == BrakeState.CLOSED
 
 
-def _spell_marks(run: Run, kind: str, text: str, flags: NDArray[np.bool_]) -> Iterator[RunMark]:
-    for first, last in spells(run.time, flags):
-        to_end = last == len(run) - 1
-        duration = (
-            "to the end" if to_end else f"for {format_number(float(run.time[last + 1] - run.time[first]))} s"
-        )
-        yield RunMark(float(run.time[first]), kind, f"{text}, {duration}")
-
-
 def spells(time: NDArray[np.float64], flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the first and the last index of each spell of flags (K,), over gaps shorter than `GAP_S`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.viewer.replay import spells
-    >>> spells(np.arange(6.0), np.array([False, True, True, False, False, True]))
-    [(1, 2), (5, 5)]
-    """
+    """Return the first and the last index of each spell of flags (K,), over gaps shorter than `GAP_S`."""
     at = np.flatnonzero(flags)
     if not len(at):
         return []

@@ -243,17 +243,13 @@ class SceneryDrawing:
                 colour = GREEN if surface.brakes else SURFACE_COLOUR
                 node.color = as_rgb(colour if phase in active else GREY)
                 node.opacity = ACTIVE_OPACITY if phase in active else IDLE_OPACITY
-        self._show_person(person(self._scenery, self._rig, places))
-        for node, (name, place) in zip(self._labels, places.items(), strict=True):
-            node.text, node.position = name, place
-
-    def _show_person(self, figure: StickFigure | None) -> None:
+        figure = person(self._scenery, self._rig, places)
         self._person.visible = self._head.visible = figure is not None
         if figure is not None:
-            self._person.points = np.concatenate(
-                [np.stack([line[:-1], line[1:]], axis=1) for line in figure.lines]
-            )
-            self._head.position = figure.head
+            limbs = [np.stack([line[:-1], line[1:]], axis=1) for line in figure.lines]
+            self._person.points, self._head.position = np.concatenate(limbs), figure.head
+        for node, (name, place) in zip(self._labels, places.items(), strict=True):
+            node.text, node.position = name, place
 
 
 def _add_solid(scene: Any, index: int, placed: Solid) -> Any:

@@ -105,9 +105,9 @@ def module_colours(rig: Rig) -> Colours:
 
 
 def cable_lines(points: Floats, colours: Colours) -> Lines:
-    """Return the lines of cables through points (k, m, 3) from their attachments on, with colours (m, 3)."""
-    pieces = np.stack([points[:-1], points[1:]], axis=2).reshape(-1, 2, 3)
-    return Lines(pieces, np.tile(colours, (len(points) - 1, 1)))
+    """Return the lines of cables through points (k, m, 3) from their attachments on, of colours (m, 3) or (3,)."""
+    pieces = np.stack([points[:-1], points[1:]], axis=2)
+    return Lines(pieces.reshape(-1, 2, 3), np.broadcast_to(colours, (*pieces.shape[:2], 3)).reshape(-1, 3))
 
 
 def plain_lines(points: Floats, colour: str) -> Lines:
