@@ -33,7 +33,7 @@ STRENGTH_RATIO = 1.5  # of the tension limit of two cables to the weight that th
 
 @dataclass(frozen=True)
 class Case:
-    """What is to be proved; ``volume`` is that of the workspace where it is known, NaN elsewhere."""
+    """Workspace to prove; ``volume`` is that of the workspace where it is known, NaN elsewhere."""
 
     name: str
     rig: Rig

@@ -1,4 +1,4 @@
-"""Proved workspaces beside interval analysis: ``python -m benchmarks.interval_analysis``.
+"""Proved workspaces compared with interval analysis: ``python -m benchmarks.interval_analysis``.
 
 Gouttefarde, Daney and Merlet, "Interval-analysis-based determination of the wrench-feasible workspace of parallel
 cable-driven robots", 2011, give a cell of poses an interval for each entry of the structure matrix. The cell is

@@ -1,4 +1,4 @@
-"""Derivatives of the tensions: agreement with central differences, and times beside the solver's.
+"""Derivatives of the tensions: agreement with central differences, and times compared with the solver's.
 
 `python -m benchmarks.jacobian` compares at random problems of all sizes with 1 to 6 wrench components and 1 to 16
 cables, under every policy, and then times the derivatives; exit status 1 if any differ by more than `TOLERANCE`.

@@ -44,7 +44,7 @@ MAX_DRIFT_M = 0.35  # a drift ends the run without being noticed at this length
 
 @dataclass(frozen=True)
 class Case:
-    """One run. Without a drift rate, in m/s, nothing is wrong for so many `seconds`."""
+    """Make one run. Without a drift rate, in m/s, it takes `seconds` and nothing is wrong."""
 
     seed: int
     rig: str
@@ -76,7 +76,7 @@ class DriftingLink(TamperedLink):
         self._rate, self._speed = rate, rate if speed_agrees else 0.0
 
     def offset(self, age: float = 0.0) -> float:
-        """Return by how much the length is wrong that was reported so many s ago."""
+        """Return the error of the length that was reported this many seconds ago."""
         return self._rate * max(self.clock() - age - self._begin, 0.0)
 
     def _changed(self, frame: WireFrame) -> bytes:
@@ -190,7 +190,7 @@ def drifts(count: int, seed: int = 0, rigs: tuple[str, ...] = RIGS) -> Iterator[
 
 
 def clean(hours: float, seed: int = 0, rigs: tuple[str, ...] = RIGS, minutes: float = 5.0) -> Iterator[Case]:
-    """Yield cases in which nothing is wrong, so many simulated hours in runs of some minutes."""
+    """Yield cases in which nothing is wrong: a number of simulated hours, in runs of some minutes."""
     for number in range(seed, seed + round(60.0 * hours / minutes)):
         yield Case(number, rigs[number % len(rigs)], seconds=60.0 * minutes)
 

@@ -47,21 +47,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--rate", type=float, default=100.0)
-    asked = parser.parse_args()
+    options = parser.parse_args()
     lsl = require_lsl()
     rig = load_rig(RIG)
-    streams = Timed(rig, "newton", asked.rate)
+    streams = Timed(rig, "newton", options.rate)
     streams.times, streams.spent, streams.events = [], [], 1  # the first says that the run begins
     inlets = {}
     for what in STREAMS:
         (found,) = lsl.resolve_byprop("name", f"{RIG} {what}", timeout=TIMEOUT_S)
-        inlets[what] = lsl.StreamInlet(found, max_buflen=int(asked.seconds) + 60)
+        inlets[what] = lsl.StreamInlet(found, max_buflen=int(options.seconds) + 60)
         inlets[what].open_stream(timeout=TIMEOUT_S)
     world = World(rig)
-    pull, settings = Demand(np.array([0.0, 0.5, 0.0])), RunSettings(rate=asked.rate)
+    pull, settings = Demand(np.array([0.0, 0.5, 0.0])), RunSettings(rate=options.rate)
     clock = WorldClock(world, paced=True)
     runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, sinks=[streams], clock=clock)
-    runner.run(asked.seconds)
+    runner.run(options.seconds)
     wrong = False
     for what, inlet in inlets.items():
         expected = streams.events if what == "markers" else len(streams.times)
@@ -76,8 +76,10 @@ def main() -> None:
         line = f"{what:9} {len(stamps):7,d} of {expected:7,d} samples{'' if ordered else ', out of order'}"
         if what != "markers" and len(stamps) == expected:
             spread = float(np.ptp(np.array(stamps) - streams.times))
-            wrong |= spread >= 1.0 / asked.rate
-            line += f"; stamps within {1e3 * spread:.2f} ms of the cycles, which are {1e3 / asked.rate:g} ms apart"
+            wrong |= spread >= 1.0 / options.rate
+            line += (
+                f"; stamps within {1e3 * spread:.2f} ms of the cycles, which are {1e3 / options.rate:g} ms apart"
+            )
         print(line)
     spent = 1e6 * np.array(streams.spent)
     print(f"sending: {np.median(spent):.0f} µs a cycle (median), {np.quantile(spent, 0.99):.0f} µs (p99)")

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 from tensionlab.errors import HardwareError
 
-ENDING = 60.0  # how long a process may take to end, in s, once it is told to
+ENDING = 60.0  # how long a process may take to end, in s, after the signal
 
 
 def command(*words: object) -> list[str]:
@@ -22,7 +22,7 @@ def command(*words: object) -> list[str]:
 
 @contextmanager
 def process(*words: object) -> Iterator[subprocess.Popen[str]]:
-    """Run a verb of ``tensionlab`` beside this process; killed at the end, if it still runs."""
+    """Run a verb of ``tensionlab`` in another process; kill it at the end if it still runs."""
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
     running = subprocess.Popen(
         command(*words), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
@@ -44,7 +44,7 @@ def simulated(*words: object) -> Iterator[tuple[dict[str, str], subprocess.Popen
     Raises
     ------
     HardwareError
-        If it does not start, or does not end well when it is told to (it may be gone by then).
+        If it does not start, or does not end well after the signal (it may have ended before).
     """
     with process("simulate", *words) as running:
         assert running.stdout is not None

@@ -28,7 +28,7 @@ SEVEN = "seven-modules"
 
 @dataclass
 class Turning:
-    """A force that turns, and what the processor's time was when it was asked for."""
+    """A force that turns, and the processor's time at each call."""
 
     rig: Rig
     spent: list[float] = field(default_factory=list)

@@ -100,11 +100,11 @@ def connected(url: str) -> Iterator[None]:
 
 
 def require_connection(url: str) -> None:
-    """Refuse a page to which nobody is connected."""
+    """Refuse a page without a connected browser."""
     port = f":{urlsplit(url).port:04X}"
     lines = Path("/proc/net/tcp").read_text().splitlines()[1:]
     if not any(line.split()[1].endswith(port) and line.split()[3] == ESTABLISHED for line in lines):
-        raise SystemExit(f"nobody is connected to {url}")
+        raise SystemExit(f"no browser is connected to {url}")
 
 
 CASES: dict[str, Callable[[], AbstractContextManager[None]]] = {

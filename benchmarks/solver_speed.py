@@ -1,7 +1,7 @@
 """Speed of the exact solver, as tables: ``python -m benchmarks.solver_speed``.
 
-A hundred thousand problems in one call, beside DAQP's C code and a Python loop over DAQP; and one call for one
-problem, beside qpsolvers on the same problems.
+A hundred thousand problems in one call, compared with DAQP's C code and a Python loop over DAQP; and one call for
+one problem, compared with qpsolvers.
 """
 
 from __future__ import annotations

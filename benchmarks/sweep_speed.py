@@ -71,7 +71,7 @@ def write_seconds(rig: Rig, poses: Grid, chunks: int) -> float:
 
 
 def cluster_rate(rig: Rig, poses: Grid, workers: int) -> float:
-    """Return poses a second through a Dask scheduler with so many workers on this machine, to disk."""
+    """Return poses a second through a Dask scheduler with a number of workers on this machine, to disk."""
     from distributed import Client, LocalCluster
 
     with (

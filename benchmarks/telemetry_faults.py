@@ -41,7 +41,7 @@ PUBLISHED = Conditions(latency=0.02, jitter=0.01, drop=2e-4)
 LATE_S, SET_POINTS_LATE_S, CREEP = 1.0, 0.4, 0.4
 JUMP_M = 0.3
 TTL = 0.25  # of set-points, in s: as runs have it
-CYCLES = 3.0  # so many cycles are right for what a single frame shows, besides the link's latency
+CYCLES = 3.0  # right for what a single frame shows, in cycles, besides the link's latency
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Kind:
     Attributes
     ----------
     said : str
-        Part of the reason that a run must give; empty for what a run must do without a word.
+        Part of the reason that a run must give; empty for what needs none.
     within : float
         How soon, as a multiple of the time to live.
     """
@@ -63,7 +63,7 @@ class Kind:
 KINDS = {
     "frozen": Kind("repeats its report", 1.0),
     "late": Kind("has been silent for", 1.0),
-    "late from the start": Kind("is late", 2.0 + (LATE_S + 0.2) / TTL),  # when it is heard of at all
+    "late from the start": Kind("is late", 2.0 + (LATE_S + 0.2) / TTL),  # if it is reported
     "later and later": Kind("is late", 1.0 / CREEP + 2.0),
     "set-points late": Kind("is late", 1.0 / CREEP + 2.0),
     "jump": Kind("than its speed explains", 0.0),
@@ -74,7 +74,7 @@ KINDS = {
 
 
 class TamperedLink:
-    """A link to a simulated module that changes what it says from some time on.
+    """A link to a simulated module whose reports change from some time on.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ class Outcome:
 
 
 def play(case: Case, seconds: float = 4.0) -> Outcome:
-    """Play a run, in which the hand moves, and see what it says of its modules."""
+    """Play a run, in which the hand moves, and return what it reports of its modules."""
     draw = np.random.default_rng(case.seed)
     rig = load_rig(RIGS[case.seed % len(RIGS)])
     world = World(rig, _hand(rig, draw), seed=case.seed)
@@ -244,7 +244,7 @@ def _judge(case: Case, victim: str, lost: dict[str, str], after: float, stale: i
         return "" if case.kind is None or stale else "not noticed"
     kind = KINDS[case.kind]
     if list(lost) != [victim]:
-        return f"lost {lost or 'nobody'} in place of {victim}"
+        return f"lost {lost or 'no module'} in place of {victim}"
     if kind.said not in lost[victim]:
         return f"called {lost[victim]!r}"
     bound = kind.within * TTL + CYCLES * 0.02 + 0.1 + (0.06 if case.published_link else 0.0)
@@ -264,7 +264,7 @@ def _hand(rig: Rig, draw: np.random.Generator) -> Callable[[float], Pose]:
 
 
 def campaign(count: int, seed: int = 0, processes: int = 1) -> Iterator[Outcome]:
-    """Play so many runs with a fault, and as many without, behind perfect links and published ones by turns."""
+    """Play runs with a fault, and as many without, behind perfect and published links by turns."""
     kinds = list(KINDS)
     cases = [
         Case(seed + index, kind, bool(index // len(kinds) % 2))

@@ -141,7 +141,7 @@ class Shown:
             time.sleep(max(0.0, MOVE_S - (time.perf_counter() - began)))
 
     def place(self, turns: float, reach: float) -> Floats:
-        """Return a place in the window on a figure of eight beside the anchor, in pixels."""
+        """Return a place in the window on a figure of eight next to the anchor, in pixels."""
         angle = 2 * np.pi * turns / 7
         return self.anchor + reach * np.array([np.sin(angle), 0.5 * np.sin(2 * angle) + 0.4 * np.sin(angle)])
 

@@ -179,7 +179,7 @@ def main() -> None:
     parser.add_argument("--moves", type=int, default=60, help="single moves of each rig")
     given = parser.parse_args()
     if installed() is None:
-        raise SystemExit("no Chromium: there is nothing to measure in")
+        raise SystemExit("no Chromium found; install it to measure")
     for name in given.rigs:
         rig = load_rig(name)
         print(f"\n{name}: {rig.m} cables, {rig.n} wrench components; load {os.getloadavg()[0]:.1f}")

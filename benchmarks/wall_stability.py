@@ -103,7 +103,7 @@ def measured_bound(
 ) -> Floats:
     """Return the largest stiffness of the wall that does not shake, in N/m.
 
-    Each is tried on a grid of ratios to the predicted bound, 1 % apart, beginning a little beside the rest point.
+    Each is tried on a grid of ratios to the predicted bound, 1 % apart, beginning a little off the rest point.
 
     Parameters
     ----------

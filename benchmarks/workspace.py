@@ -1,6 +1,6 @@
 """Times of the workspace metrics, and agreement with a linear program for each pose.
 
-`python -m benchmarks.workspace` times them, one core and all, beside HiGHS and NumPy in turn;
+`python -m benchmarks.workspace` times them, on one core and on all, and HiGHS and NumPy in turn;
 with `--verify` it compares the sign of the capacity margin with feasibility by HiGHS at 100,000 random poses, and
 what is required of suspended robots, weight and pushes, with `scipy.optimize.linprog` at 10,000 poses each.
 """

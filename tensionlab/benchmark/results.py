@@ -94,23 +94,9 @@ class Results:
     Attributes
     ----------
     rows : DataFrame
-        A row for each problem set, solver, setting and policy; NaN where nothing was measured. ``policy`` is ""
-        for a solver without one, whose answers to infeasible wrenches are compared with "force". ``comparable``
-        tells whether the objective is that of the sets; if not, the gap is a difference of objectives, not an
-        error. ``note`` says why it did not take part, or which part it refused.
-
-        Of the ``problems`` in the set, some were ``tried`` in its share of time, of those some ``refused``,
-        ``failed`` (without tensions) and ``proved`` (EXACT or NEAREST; 0 for baselines). ``solved_1e3`` and the
-        like are shares of the tried ones with an error above the least possible, and raw tensions outside their
-        limits, of no more than the accuracy; ``error_max`` and ``violation_max`` are the largest of either, in N.
-        Gaps are largest differences of a tension to a verified optimum, in N.
-
-        Times in s are of one call, each problem the fastest of its repeats: shifted geometric mean (``sgm_s``),
-        median, quantiles and worst over the problems. ``jitter_s`` is the slowest call of all, interruptions
-        included; ``build_s`` the median time to bring the arrays into the baseline's form, such as the identity
-        matrix of its cost; ``prebuilt_s`` is ``sgm_s`` without that; ``setup_s`` and ``solve_s`` are medians by
-        its own clock; ``batch_s`` is the time of a problem in one large batch, for built-in solvers.
-        ``iterations_max`` is 0 where none are reported. ``label`` is the name in tables and figures.
+        A row for each problem set, solver, setting and policy, with the columns that
+        ``datasets/benchmarks/README.md`` describes and ``label``, the name in tables and figures. NaN where
+        nothing was measured. ``policy`` is "" for a solver without one, which is compared with "force".
     manifest : dict
         As of `provenance.manifest`; under ``bench`` what the report says of the run: ``sets`` (by name: title,
         reachable, groups, problems, verified), ``plan``, ``instruction_set``, ``processor_share``, ``batches`` and

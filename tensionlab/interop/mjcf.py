@@ -135,7 +135,7 @@ def _pulley(body: Xml.Element, site: Xml.Element, cable: Xml.Element, module: Mo
 
 
 def _inertia(rig: Rig) -> tuple[float, Floats, Floats]:
-    """Return mass, centre of mass and inertia in space; assumed where the rig doesn't know them."""
+    """Return mass, centre of mass and inertia in space; assumed where the rig has none."""
     held = rig.platform
     mass = MASS if held is None else held.mass
     com = np.zeros(rig.dimension) if held is None or held.com is None else held.com

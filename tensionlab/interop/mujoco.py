@@ -303,7 +303,7 @@ class RigBody:
 
 
 class _Swivels:
-    """Pulleys of a rig in space whose bodies MuJoCo keeps where they are told to be.
+    """Pulleys of a rig in space whose bodies MuJoCo keeps at given poses.
 
     A pulley turns at once: its inertia is negligible against the pull of its cable.
     """

@@ -67,8 +67,8 @@ class ImprovedClosedForm:
     Starts from the middle, ``t = t_m + W⁺ (w - W t_m)``. While a cable misses its limits, the one that misses them
     by most is fixed at the limit, the wrench that it takes over is subtracted, its column is dropped, and the rest
     is solved again; at most (free cables - rank of W) times. The answer is exact far more often than that of one
-    pseudo-inverse, but it is no minimum of anything once a cable has been fixed, and a failure doesn't certify the
-    wrench infeasible. The reference plays no part. Iterations are the cables fixed.
+    pseudo-inverse, but it is no minimum of anything once a cable has been fixed, and a failure does not certify
+    the wrench infeasible. The reference plays no part. Iterations are the cables fixed.
 
     Source: Pott, "An improved force distribution algorithm for over-constrained cable-driven parallel robots",
     2014.

@@ -134,7 +134,7 @@ class Spidar:
     others torque. On a planar platform, with its torque in row three, ``wrench_weights`` set the balance: they
     multiply both prices row by row.
 
-    There is an answer for every wrench and it is continuous, but inside the workspace it doesn't render the
+    There is an answer for every wrench and it is continuous, but inside the workspace it does not render the
     wrench: the error is ``(mu / price) y``, with y the multiplier of the wrench, which for one cable is its
     tension. With the default mu that is of the order of 1e-3 of the tensions over the number of cables that share
     the load: far more than `TOLERANCE`, so the status is UNPROVEN nearly everywhere. For an infeasible

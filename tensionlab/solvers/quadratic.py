@@ -102,7 +102,7 @@ class QuadraticProgram:
     ----------
     backend : str
         A name in `BACKENDS`. Iterations are those of all programs together; 0 from clarabel, daqp and highs,
-        which don't tell.
+        which report none.
     """
 
     backend: str = "clarabel"
