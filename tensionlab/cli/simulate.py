@@ -156,7 +156,7 @@ def simulate(
         for each in served:
             ports.callback(each.port.close)
         text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
-        watchers: list[serving.Watcher] = [] if person is None else [person.take]
+        watchers: list[serving.StepObserver] = [] if person is None else [person.take]
         if loaded is not None and errors is not None and sensor_port is not None:
             sensor = serving.TcpPort(listen, sensor_port)
             opened.callback(sensor.close)

@@ -1,7 +1,7 @@
-"""The run of this process as other processes on this computer may read it, and the reading there.
+"""The run of this process, published for other processes on this computer, and its watchers there.
 
-The publisher of telemetry (`tensionlab.hardware.client.shared_telemetry`) answers with what is known of a run at
-that moment. It is packed in the publisher's thread, and only when somebody asks: a cycle does nothing for it.
+The publisher of telemetry (`tensionlab.hardware.client.shared_telemetry`) packs the state of the run in its own
+thread, and only on request: a cycle does nothing for it.
 """
 
 from __future__ import annotations
@@ -33,34 +33,33 @@ from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers
 
-RUN, SETUP = "run", "setup"  # topics of the publisher: a run as it is now, and what does not change while it lasts
+RUN, SETUP = "run", "setup"  # topics of the publisher: the state of a run, and its constant part
 MAX_EVENTS = 30  # latest events that are kept for other processes
-MAX_TIMES = 100  # latest cycles whose times go into an answer: at 1 kHz, all of them between two answers
+MAX_TIMES = 100  # latest cycles whose times are in an answer: all since the last one, at 1 kHz
 # Between polls of a watcher; answers come no faster than every `shared_telemetry.MIN_PERIOD_S`.
 POLL_S = 1.0 / 30.0
-ASK_AGAIN_S = 0.25  # a request that is not answered for so long was lost
-# A run without a newer cycle for so long, and so many periods, is shown as stale.
-MIN_STALE_S, STALE_PERIODS = 0.5, 5.0
-FIND_TIMEOUT_S = 2.0  # how long processes that have modules may take to tell of their run
+ASK_AGAIN_S = 0.25  # a request without an answer after this time was lost
+MIN_STALE_S, STALE_PERIODS = 0.5, 5.0  # least time, and number of periods, after which a run is stale
+FIND_TIMEOUT_S = 2.0  # longest wait for processes to describe their run
 Condition = Literal["waiting", "arming", "live", "stale", "ended", "gone"]
 _numbers = count()
 
 
 @dataclass(frozen=True)
 class RunInfo:
-    """What does not change while a run lasts.
+    """Constant part of a run.
 
     Attributes
     ----------
     number : int
         Of the run in its process.
     pid, program : int, str
-        The process, and how it was called.
+        Number and command line of the process.
     rig : Rig
     solver, rate, ttl : str, float, float
         As in `RunSettings`; the solver by its name, or that of its class.
     links : mapping of str to str
-        Where each module is reached, by its name.
+        URL of each module, by its name.
     scenery : mapping
         What pages draw around the rig.
     """
@@ -77,9 +76,7 @@ class RunInfo:
 
 
 class SharedRun:
-    """Run of this process, as its publisher answers about it: a sink of the run.
-
-    The last one stays until another run begins. Without a publisher nothing is shared.
+    """Sink of a run that publishes it, until another run begins; without a publisher it does nothing.
 
     Parameters
     ----------
@@ -113,19 +110,19 @@ class SharedRun:
             self._published.topics |= {SETUP: lambda: setup, RUN: self.pack}
 
     def begin(self, infos: Mapping[str, Info], statistics: Statistics) -> None:
-        """Answer with these statistics from now on."""
+        """Publish these statistics from now on."""
         self._statistics = statistics
 
     def write(self, cycle: Cycle) -> None:
-        """Answer with this cycle as the latest."""
+        """Publish the latest cycle."""
         self._latest = cycle
 
     def note(self, event: RunEvent) -> None:
-        """Add an event to the answers."""
+        """Publish an event."""
         self._events.append(event)
 
     def close(self, statistics: Statistics) -> None:
-        """Tell watchers how the run has ended; later ones are told the same."""
+        """Publish how the run has ended, and tell watchers."""
         self._statistics = statistics
         last = self.pack(over=True)
         if self._published is not None:
@@ -135,13 +132,13 @@ class SharedRun:
     def pack(self, *, over: bool = False) -> bytes:
         """Return the run as it is now; ``over`` when its modules have been commanded to stop."""
         cycle, statistics = self._latest, self._statistics
-        heard = [client.telemetry for client in self._clients]
+        telemetry = [client.telemetry for client in self._clients]
         row: dict[str, Any] = {
             "number": self._number,
             "over": over,
             "bad_frames": [client.bad_frames for client in self._clients],
-            "currents": [None if each is None else each.message.current for each in heard],
-            "supplies": [None if each is None else each.message.supply for each in heard],
+            "currents": [None if each is None else each.message.current for each in telemetry],
+            "supplies": [None if each is None else each.message.supply for each in telemetry],
             "start_delays": latest(statistics.start_delays),
             "compute_times": latest(statistics.compute_times),
             "cycles": statistics.cycles,
@@ -161,26 +158,26 @@ class SharedRun:
 def latest(times: deque[float]) -> list[float]:
     """Return the newest `MAX_TIMES` values, the newest last, while another thread may add to them."""
     while True:
-        with suppress(RuntimeError):  # it did, just now
+        with suppress(RuntimeError):  # another value was just added
             return list(islice(reversed(times), MAX_TIMES))[::-1]
 
 
 @dataclass(frozen=True, eq=False)
 class RunSnapshot:
-    """A run at one moment, as its process told it.
+    """State of a run, as its process published it.
 
     Attributes
     ----------
     number : int
         Of the run in its process.
     over : bool
-        Whether its modules have been commanded to stop, and `ended` says why.
+        Whether its modules have been commanded to stop; `ended` says why.
     cycle : mapping of str to array, or None
-        The newest one, by the names of `CycleTable`; None before the first.
+        The latest one, by the names of `CycleTable`; None before the first.
     bad_frames, currents, supplies : (m,) arrays
-        Of the modules: damaged frames; in A and V.
+        Damaged frames, currents in A and supply voltages in V of the modules.
     start_delays, compute_times : (k,) arrays
-        Of the latest cycles, in s, the newest last.
+        Of the latest cycles, in s, the latest last.
     cycles, missed, fallback_used, answers, lost, unconfirmed, ended, emergency
         As in `Statistics`.
     events : tuple of RunEvent
@@ -207,16 +204,16 @@ class RunSnapshot:
 
     @classmethod
     def unpack(cls, row: dict[str, Any], rig: Rig) -> RunSnapshot:
-        """Return what an answer about a run of this rig says; KeyError, TypeError or ValueError if it is none."""
-        said = dict(row)
-        if said["cycle"] is not None:
-            found = decode([json.dumps(said["cycle"]).encode()], rig)
-            said["cycle"] = {name: values[0] for name, values in found.items()}
+        """Read an answer about a run of this rig; KeyError, TypeError or ValueError if it is none."""
+        values = dict(row)
+        if values["cycle"] is not None:
+            columns = decode([json.dumps(values["cycle"]).encode()], rig)
+            values["cycle"] = {name: column[0] for name, column in columns.items()}
         for name in ("currents", "supplies", "start_delays", "compute_times"):
-            said[name] = np.array(said[name], np.float64)
-        said["bad_frames"] = np.array(said["bad_frames"], np.int64)
-        said["events"] = tuple(RunEvent(**each) for each in said["events"])
-        return cls(**said)
+            values[name] = np.array(values[name], np.float64)
+        values["bad_frames"] = np.array(values["bad_frames"], np.int64)
+        values["events"] = tuple(RunEvent(**event) for event in values["events"])
+        return cls(**values)
 
 
 class RunWatcher:
@@ -225,8 +222,8 @@ class RunWatcher:
     Attributes
     ----------
     info : RunInfo or None
-        Of the run; None until it has been told. Another run of the process takes the place of one that has ended.
-    report : RunReport or None
+        None before the first answer. A new run of the process replaces the one that has ended.
+    report : RunSnapshot or None
         The latest.
     """
 
@@ -239,18 +236,18 @@ class RunWatcher:
         self._advances = False
 
     def poll(self) -> None:
-        """Take what has come, and ask again."""
+        """Read the answers, and ask again."""
         now = time.perf_counter()
         answered = False
         for content in self._watcher.answers():
             with suppress(ValueError, ArithmeticError, LookupError, TypeError, TensionlabError):
-                self._take(json.loads(content), now)
+                self._store(json.loads(content), now)
                 answered = True
         if not self._watcher.refused and (answered or now > self._asked + ASK_AGAIN_S):
             self._asked = now
             self._watcher.ask(SETUP if self.info is None else RUN)
 
-    def _take(self, row: dict[str, Any], now: float) -> None:
+    def _store(self, row: dict[str, Any], now: float) -> None:
         if "rig" in row:
             self.info = RunInfo(**row | {"rig": rig_from_toml(str(row["rig"]), "the rig of the run")})
             self.report, self._advances, self._newer = None, False, now
@@ -264,16 +261,16 @@ class RunWatcher:
 
     @property
     def age(self) -> float:
-        """Time since a newer cycle came than those before, or before the first one, an answer, in s."""
+        """Time since the latest cycle came, in s; before the first one, since the latest answer."""
         begun = self.report is not None and self.report.cycle is not None
         return time.perf_counter() - (self._newer if begun else self._came)
 
     @property
     def condition(self) -> Condition:
-        """How the run is, as far as it is known here.
+        """Condition of the run.
 
-        "waiting" for an answer, "arming" before the first cycle, "live", "stale" without newer cycles, "ended",
-        or "gone": its process has ended without a word.
+        "waiting" for an answer, "arming" before the first cycle, "live", "stale" without newer cycles, "ended", or
+        "gone": its process ended unexpectedly.
         """
         if self.report is not None and self.report.over:
             return "ended"
@@ -293,7 +290,7 @@ class RunWatcher:
 
 
 def find_runs() -> list[RunWatcher]:
-    """Return a watcher of each run in progress whose process has modules of this user's."""
+    """Return a watcher of each run whose process has modules of this user."""
     holders = {(who.port, who.token) for who in locked_links().values() if who.port is not None}
     watchers = [RunWatcher(port, token) for port, token in holders]
     end = time.perf_counter() + FIND_TIMEOUT_S

@@ -40,6 +40,13 @@ def watcher(published):
     made.close()
 
 
+@pytest.fixture
+def passing(monkeypatch):
+    made = SimulatedTime()
+    monkeypatch.setattr(sharing, "time", made)
+    return made
+
+
 def wait(watcher):
     """Wait until something comes, or it is time to ask again; then poll."""
     select.select([watcher._watcher._socket], [], [], 2 * ASK_AGAIN_S)
@@ -154,43 +161,27 @@ def test_the_next_run_of_the_process_takes_the_place_of_one_that_has_ended(watch
     assert (watcher.info.rig.name, second.over) == ("floor-3", True)
 
 
-def test_nothing_is_shared_where_nobody_can_ask(monkeypatch):
-    monkeypatch.setattr(shared_telemetry, "_publisher", None)
-    _, runner = runner_of()
-    runner.run(0.1)
-    assert shared_telemetry.started() is None
-
-
-def test_a_wrong_token_gets_nothing(watcher, published):
-    runner_of()[1].run(0.1)
-    stranger = RunWatcher(published.port, "x" + published.token[1:])
-    stranger.poll()
-    hear(watcher, lambda report: True)  # asked after the stranger
-    stranger.poll()
-    assert (stranger.info, stranger.report, stranger.condition) == (None, None, "waiting")
-    stranger.close()
-
-
-def test_what_makes_no_sense_is_left_out():
+def test_a_lost_request_is_repeated_and_answers_that_make_no_sense_are_ignored(passing):
     other = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     other.bind(("127.0.0.1", 0))
     watcher = RunWatcher(other.getsockname()[1], "token")
-    watcher.poll()
-    request, address = other.recvfrom(100)
-    assert request == b"token setup"
+    for _ in range(2):
+        watcher.poll()
+        watcher.poll()
+        request, address = other.recvfrom(100)
+        assert request == b"token setup"
+        passing.jump(1.5 * ASK_AGAIN_S)
     for content in (b"", b"null", b"{}", b"[]", b'{"rig": "x"}', b'{"rig": 3}', b'{"number": 3}', b"\xff"):
         other.sendto(content, address)
         wait(watcher)
     assert (watcher.info, watcher.report) == (None, None)
     other.close()
+    for _ in range(2):
+        passing.jump(1.5 * ASK_AGAIN_S)
+        watcher.poll()
+    wait(watcher)
+    assert watcher.condition == "gone", "its process ended unexpectedly"
     watcher.close()
-
-
-@pytest.fixture
-def passing(monkeypatch):
-    made = SimulatedTime()
-    monkeypatch.setattr(sharing, "time", made)
-    return made
 
 
 def test_a_run_is_live_only_while_its_cycles_advance(watcher, passing):
@@ -220,30 +211,6 @@ def test_a_run_is_live_only_while_its_cycles_advance(watcher, passing):
     _, runner = runner_of(demand=demand)
     runner.run(0.4)
     assert conditions == ["waiting", "live", "live", "stale"]
-
-
-def test_a_request_that_is_lost_is_sent_again(passing):
-    deaf = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    deaf.bind(("127.0.0.1", 0))
-    watcher = RunWatcher(deaf.getsockname()[1], "token")
-    for _ in range(2):
-        watcher.poll()
-        watcher.poll()
-        assert deaf.recvfrom(100)[0] == b"token setup"
-        passing.jump(1.5 * ASK_AGAIN_S)
-    deaf.close()
-    watcher.close()
-
-
-def test_a_process_that_ended_without_a_word_is_gone():
-    other = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    other.bind(("127.0.0.1", 0))
-    watcher = RunWatcher(other.getsockname()[1], "token")
-    other.close()
-    watcher.poll()
-    wait(watcher)
-    assert watcher.condition == "gone"
-    watcher.close()
 
 
 def test_runs_are_found_by_the_locks_of_their_processes(published, locks_folder, monkeypatch):

@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ from tensionlab.support.arrays import Floats, Integers
 POLL_PERIOD_S = 2e-3
 KEEP_ALIVE_PERIOD_S = 0.04  # period of set-points to a module that is armed while others are still being armed
 LIMIT_TOLERANCE = 1e-6  # relative; the module stores its limits in 32 bits
+
+Key = TypeVar("Key")
 
 
 class ModuleGroup:
@@ -61,20 +64,20 @@ class ModuleGroup:
         self._lockstep = tuple(client for client in self.clients if client.link.lockstep)
 
     def observe(self) -> tuple[Floats, Integers]:
-        """Return the latest telemetry that has come by now, row by row.
+        """Return the latest telemetry, a row for each quantity.
 
         Lengths, speeds, tensions, ages and thermal shares (5, m); states, faults, limiters, brakes and sequence
-        numbers (5, m). Of a module that has reported nothing: NaN, an infinite age, IDLE, -1.
+        numbers (5, m). A module without telemetry has NaN, an infinite age, IDLE and -1.
         """
         for client in self._lockstep:
             client.listen()
         return self._endpoints.observe(self._clocks(), State.IDLE, Limit.IDLE)
 
     def suspects(self, active: NDArray[np.bool_], delays: Floats, ttl: float) -> list[int]:
-        """Return which of the active modules (m,) may not be well, and are to be checked one by one.
+        """Return the indices of active modules (m,) that need a check in Python.
 
-        Those certainly are well that follow set-points not older than `ttl` s, by `delays` (m,), and whose latest
-        telemetry is not older either, and plausible.
+        The others follow set-points no older than `ttl` s, by their `delays` (m,), and their latest telemetry is
+        plausible and no older.
         """
         return self._endpoints.suspects(self._clocks(), active, delays, ttl)
 
@@ -83,13 +86,14 @@ class ModuleGroup:
     ) -> tuple[Integers, list[int], list[tuple[int, LinkError]]]:
         """Send tensions (m,) in N to the chosen modules (m,) whose links are written natively.
 
-        Return sequence numbers (m,), -1 where none was sent; chosen modules that are left; and what failed.
+        Return the sequence numbers (m,), -1 where none was sent; the chosen modules still to send to; the errors.
         """
-        sequences, left, failed = self._endpoints.send(tensions, chosen, brakes, ttl_ms)
-        return sequences, left, [(index, not_taken(self.clients[index].link.url, why)) for index, why in failed]
+        sequences, remaining, failed = self._endpoints.send(tensions, chosen, brakes, ttl_ms)
+        errors = [(index, not_taken(self.clients[index].link.url, why)) for index, why in failed]
+        return sequences, remaining, errors
 
     def clear_checked(self) -> None:
-        """Let the next check of each module know nothing of telemetry before."""
+        """Have the next check of each module ignore earlier telemetry."""
         for client in self.clients:
             client.endpoint.clear_checked()
 
@@ -102,7 +106,7 @@ class ModuleGroup:
         Raises
         ------
         HardwareError
-            Naming the module: it is in use, has a fault, is not calibrated, or has other limits than the rig.
+            Names the module that is in use, has a fault, is not calibrated, or has other limits than the rig.
         """
         self.infos = self._all(messages.Hello(), Info)
         for client, info, module in zip(self.clients, self.infos, rig.modules, strict=True):
@@ -115,7 +119,7 @@ class ModuleGroup:
                     f"the rig wants {module.lower:g} to {module.upper:g} N; change the rig's limits, or the "
                     f"module's parameters tension_lower and tension_upper"
                 )
-        self._all(Stop(), Acknowledge)  # one that timed out in an earlier run is still in it
+        self._all(Stop(), Acknowledge)  # a module may still be in TIMEOUT from an earlier run
         self._all(messages.ConfigureTelemetry(telemetry_ms), Acknowledge)
         self.slews = self._values("slew")
         self.continuous = tuple(
@@ -143,13 +147,13 @@ class ModuleGroup:
             A module refuses, or does not answer. The others may be armed by then: `stop` them.
         """
         commands: dict[ModuleClient, Message] = {client: client.new_session() for client in self.clients}
-        taut = dict(zip(self.clients, tensions, strict=True))
-        _, failed = self._together(commands, Acknowledge, taut)
+        kept = dict(zip(self.clients, tensions, strict=True))
+        _, failed = self._together(commands, Acknowledge, kept)
         if again := [client for client, error in failed.items() if client.session_was_used(error)]:
-            _, still = self._together({client: client.new_session() for client in again}, Acknowledge, taut)
+            _, still = self._together({client: client.new_session() for client in again}, Acknowledge, kept)
             failed = {client: error for client, error in failed.items() if client not in again} | still
         for client in self.clients:
-            client.forget_refusals()  # of set-points that were there before the module was armed
+            client.forget_refusals()  # of set-points that came before the module was armed
         for error in failed.values():
             raise error
 
@@ -162,13 +166,13 @@ class ModuleGroup:
         return self._release(messages.EmergencyStop())
 
     def close(self) -> None:
-        """Close all links; modules that are still pulling notice, and release their cables."""
+        """Close all links; modules that are still pulling release their cables."""
 
         def close(client: ModuleClient) -> None:
             with suppress(HardwareError):
                 client.close()
 
-        with ThreadPoolExecutor(len(self.clients) or 1) as threads:  # each waits for its reader
+        with ThreadPoolExecutor(len(self.clients) or 1) as threads:  # each waits for its thread
             list(threads.map(close, self.clients))
 
     def _release(self, command: Message) -> dict[str, HardwareError]:
@@ -195,11 +199,11 @@ class ModuleGroup:
         self,
         commands: Mapping[ModuleClient, Message],
         kind: type[AnswerType],
-        taut: Mapping[ModuleClient, float],
+        keep_alive: Mapping[ModuleClient, float],
     ) -> tuple[dict[ModuleClient, AnswerType], dict[ModuleClient, HardwareError]]:
-        """Send commands to all modules before any answer is waited for; return answers and errors.
+        """Send commands to all modules before waiting for any answer; return answers and errors.
 
-        Meanwhile, modules in ``taut`` are sent that tension, so that none times out.
+        Meanwhile, modules in ``keep_alive`` are sent that tension, so that none times out.
         """
         answers: dict[ModuleClient, AnswerType] = {}
         failed: dict[ModuleClient, HardwareError] = {}
@@ -210,7 +214,7 @@ class ModuleGroup:
         def elapsed() -> float:  # by the links' clocks, as the modules' own timeouts count
             return max(client.link.clock() - begin for client, begin in zip(self.clients, begins, strict=True))
 
-        alive = 0.0
+        next_keep_alive = 0.0
         for timeout in PATIENT_TIMEOUTS_S:
             for client in left:
                 with _collecting(failed, client):
@@ -223,9 +227,9 @@ class ModuleGroup:
                         if (found := client.answer(commands[client], waiting[client], kind)) is not None:
                             answers[client] = found
                             del waiting[client]
-                if elapsed() >= alive:
-                    alive = elapsed() + KEEP_ALIVE_PERIOD_S
-                    for client, tension in taut.items():
+                if elapsed() >= next_keep_alive:
+                    next_keep_alive = elapsed() + KEEP_ALIVE_PERIOD_S
+                    for client, tension in keep_alive.items():
                         with _collecting(failed, client):
                             client.set_tension(tension)
                 if waiting:
@@ -239,30 +243,29 @@ class ModuleGroup:
 
 
 @contextmanager
-def _collecting(failed: dict[ModuleClient, HardwareError], client: ModuleClient) -> Iterator[None]:
+def _collecting(failed: dict[Key, HardwareError], key: Key) -> Iterator[None]:
     """Store the error of one module, and continue with the others."""
     try:
         yield
     except HardwareError as error:
-        failed[client] = error
+        failed[key] = error
 
 
 def connect(rig: Rig, links: Mapping[str, str | Link]) -> ModuleGroup:
-    """Connect to all modules of a rig, by the link of each or its URL, by name.
+    """Connect to all modules of a rig.
 
     Parameters
     ----------
     rig : Rig
-        Whose modules are reached.
     links : mapping of str to str or Link
-        A link of each module, or its URL, by the module's name.
+        The link of each module, or its URL, by the module's name.
 
     Raises
     ------
     LinkError
         A link cannot be opened; the others are closed again.
     HardwareError
-        Names that are not those of the rig's modules.
+        The names are not those of the rig's modules.
 
     Examples
     --------
@@ -284,17 +287,16 @@ def connect(rig: Rig, links: Mapping[str, str | Link]) -> ModuleGroup:
     if missing:
         raise HardwareError(f'rig "{rig.name}": no link for {", ".join(missing)}; give each module its own')
 
-    def reach(name: str) -> ModuleClient | HardwareError:
-        try:
+    failed: dict[str, HardwareError] = {}
+
+    def reach(name: str) -> ModuleClient | None:
+        with _collecting(failed, name):
             return ModuleClient(name, links[name])
-        except HardwareError as error:
-            return error
+        return None
 
     with ThreadPoolExecutor(len(names)) as threads:  # Bluetooth takes seconds for each
-        reached = list(threads.map(reach, names))
-    clients = [each for each in reached if isinstance(each, ModuleClient)]
-    for each in reached:
-        if isinstance(each, HardwareError):
-            ModuleGroup(clients).close()
-            raise each
-    return ModuleGroup(clients)
+        group = ModuleGroup([client for client in threads.map(reach, names) if client is not None])
+    for error in failed.values():
+        group.close()
+        raise error
+    return group

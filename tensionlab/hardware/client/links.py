@@ -21,11 +21,10 @@ from tensionlab.errors import HardwareError, LinkError, optional_import
 from tensionlab.hardware.client.locks import LinkLock, NoLock, tcp_address
 from tensionlab.support.files.reading import MAX_NAME, brief, read_toml
 
-READ_BYTES = 4096  # most bytes read at a time
+READ_BYTES = 4096  # read at a time
 BAUD_RATE = 921_600  # bits a second over USB; Bluetooth and TCP ignore it
 CONNECT_TIMEOUT_S = 10.0
-# Links that are neither ports nor sockets, by URL; `tensionlab.hardware` adds `sim:`.
-OPENERS: dict[str, Callable[[], Link]] = {}
+OPENERS: dict[str, Callable[[], Link]] = {}  # of other links, by URL; `tensionlab.hardware` adds `sim:`
 URL_KINDS = """
   bt://AA:BB:CC:DD:EE:FF/1   Bluetooth, by address and channel
   /dev/ttyUSB0, COM5         a serial port
@@ -38,7 +37,7 @@ URL_PATTERN = re.compile(r"sim:|bt://.+|/dev/.+|socket://.+:\d+/?|(?i:COM)\d+")
 class SerialPort:
     """Serial port, as the system describes it; `vendor` is the number of the USB chip's maker.
 
-    `hardware` is such as ``USB VID:PID=10C4:EA60 ...``, or ``BTHENUM...`` for Bluetooth on Windows.
+    `hardware` is text such as ``USB VID:PID=10C4:EA60 ...``, or ``BTHENUM...`` for Bluetooth on Windows.
     """
 
     url: str
@@ -48,7 +47,7 @@ class SerialPort:
 
     @property
     def bluetooth(self) -> bool:
-        """Whether it is one by Bluetooth, as far as the system tells."""
+        """Whether it is a Bluetooth port, as far as the system tells."""
         return "/dev/rfcomm" in self.url or self.hardware.startswith("BTHENUM")
 
 
@@ -82,7 +81,7 @@ class Link(Protocol):
 
 
 def serial_ports() -> list[SerialPort]:
-    """Return the serial ports of this computer, by USB or Bluetooth, free or not."""
+    """Return the serial ports of this computer (USB and Bluetooth), free or not."""
     with optional_import("hardware", "finding serial ports"):
         from serial.tools import list_ports
     return [
@@ -100,8 +99,8 @@ def require_known(url: str) -> None:
 def open_link(url: str, module: str = "", *, locked: bool = True) -> Link:
     """Open the link of a URL, of a kind in `URL_KINDS`, for this process alone unless ``locked`` is False.
 
-    ``module`` is its name, for other processes to read. A `LinkError` if the URL is of no known kind, nothing
-    answers there, or the module is in use.
+    ``module`` is a name for other processes to read. A `LinkError` if the URL is of no known kind, nothing answers
+    there, or the module is in use.
     """
     require_known(url)
     if url in OPENERS:
@@ -172,8 +171,8 @@ class SerialLink:
             raise LinkError(f"{self.url} broke: {error}") from None
 
     def _read(self, timeout: float) -> bytes:
-        """Wait for bytes in pyserial, where there is no file to wait for."""
-        if self._port.timeout != timeout:  # the port is configured anew; but readers wait for the same each time
+        """Wait for bytes in pyserial, without a file descriptor."""
+        if self._port.timeout != timeout:  # setting it configures the port anew
             self._port.timeout = timeout
         first = self._port.read(1)
         return bytes(first + self._port.read(min(self._port.in_waiting, READ_BYTES - 1)) if first else b"")
@@ -220,21 +219,21 @@ class SocketLink:
         return content
 
     def close(self) -> None:
-        """Close the socket; the module hears of it at once, even while another thread waits for bytes."""
-        with suppress(OSError):  # of one that is closed, or whose far end has gone
+        """Close the socket; the module notices at once, even while another thread waits for bytes."""
+        with suppress(OSError):  # of a closed socket
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
         self._lock.release()
 
 
 def _require_all(url: str, taken: int, content: bytes) -> None:
-    """Raise a `LinkError` if a link took less than the whole: what follows would be out of step."""
+    """Raise a `LinkError` if a link took only a part: later bytes would be out of step."""
     if taken != len(content):
         raise not_taken(url, 0)
 
 
 def not_taken(url: str, error: int) -> LinkError:
-    """Return the error of a link that did not take bytes: the system's error, or 0 if it took only a part."""
+    """Return the error of a link that did not take bytes; `error` is the system's, or 0 if it took a part."""
     if error:
         return LinkError(f"{url} broke: {os.strerror(error)}")
     return LinkError(f"{url} takes no more bytes; does the module still read?")
@@ -244,10 +243,10 @@ def _connect_tcp(url: str) -> socket.socket:
     """Connect to host and port; small messages are sent at once."""
     try:
         connected = socket.create_connection(tcp_address(url), CONNECT_TIMEOUT_S)
-    except (OSError, UnicodeError) as error:  # the latter of a name that cannot be one
+    except (OSError, UnicodeError) as error:  # UnicodeError: an impossible host name
         why = getattr(error, "strerror", None) or error
         raise LinkError(f"{url} cannot be opened: {why}; is it served there, and in reach?") from None
-    with suppress(OSError):  # of a connection that has ended again: reading says so
+    with suppress(OSError):  # of a connection that has ended again, as reading will find
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return connected
 

@@ -1,8 +1,8 @@
-"""Locks on links, so that one process at a time uses a module, and notes of which process that is.
+"""Locks on links, so that one process at a time uses a module, and notes that name the process.
 
 Locks and notes are files named after the link, in each folder that all processes of the user share
-(`user_folders`): one that is full, or that ends with the user's session, does not hide a lock. The system releases
-the locks of a process that ends, however it ends, so nothing has to be cleared up after one that was killed.
+(`user_folders`): a folder that is full, or that is removed with the user's session, does not hide a lock. The
+system releases the locks of a process that ends or is killed.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ MAX_PROGRAM_CHARACTERS = 100  # length of a command line in messages
 
 @dataclass(frozen=True)
 class Holder:
-    """Process that has a link: its number, when it started, its command line, what it calls the module there.
+    """Process that has a link: its number, start, and command line, and its name of the module.
 
-    `port` and `token` lead to the telemetry that it publishes.
+    `port` and `token` are those of the telemetry that it publishes.
     """
 
     pid: int
@@ -60,12 +60,12 @@ class LinkLock:
     url : str
         The link.
     module : str, optional
-        Name of the module there, for others to read.
+        Name of the module, for other processes to read.
 
     Raises
     ------
     LinkError
-        If another process has it, which is named; or no folder of the user's can be written to.
+        Another process has it, which is named; or none of the user's folders can be written to.
     """
 
     def __init__(self, url: str, module: str = "") -> None:
@@ -107,13 +107,13 @@ class LinkLock:
         """Release the lock; a released one may be released again."""
         while self._held:
             lock, note = self._held.pop()
-            with suppress(OSError):  # of a free link, a note names nobody
+            with suppress(OSError):  # a note without its lock is ignored
                 retry_while_locked(partial(note.unlink, missing_ok=True))
             lock.release()
 
 
 class NoLock:
-    """Lock of a link that an emergency stop opens without one."""
+    """Stand-in for the lock of a link that an emergency stop opens."""
 
     def release(self) -> None:
         """Do nothing."""
@@ -122,17 +122,14 @@ class NoLock:
 def holder(url: str, *, look_up: bool = True) -> Holder | None:
     """Return the process that has a link; None if there is none, or it left no note.
 
-    A host's name, which may take seconds to be looked up, finds nothing if ``look_up`` is False.
+    Without ``look_up``, host names, which may take seconds to look up, find only links by the same name.
     """
     name = _file_name(url, look_up=look_up)
     return next((who for folder in _private_folders() if (who := _holder(folder / name))), None)
 
 
 def locked_links() -> dict[str, Holder]:
-    """Return the links that processes of this user have, as they wrote them, and the process of each.
-
-    No host's name is looked up for that.
-    """
+    """Return the process of each link that processes of this user have, without looking up host names."""
     found = {}
     for folder in _private_folders():
         for note in sorted(folder.glob("*.json")):
@@ -146,7 +143,7 @@ def locked_links() -> dict[str, Holder]:
 def _holder(path: Path) -> Holder | None:
     """Return the process that has a lock; None if it is free, or its note is of a process that has ended.
 
-    A lock that cannot be tried counts as held by the process of its note.
+    A lock that cannot be tried counts as held.
     """
     who = _read(path.with_suffix(".json"))
     if who is None or process_start(who.pid) != who.started:
@@ -160,7 +157,7 @@ def _holder(path: Path) -> Holder | None:
 
 
 def normalised(url: str, *, look_up: bool = True) -> str:
-    """Return one URL for all those that reach the same module, if need be by looking up the name of a host."""
+    """Return the same URL for all that reach the same module; ``look_up`` allows to look up host names."""
     if url.startswith("socket://"):
         host, port = tcp_address(url)
         return f"socket://{_address(host, look_up)}:{port}"
@@ -182,7 +179,7 @@ def tcp_address(url: str) -> tuple[str, int]:
 
 
 def _address(host: str, look_up: bool) -> str:
-    """Return the address of a host, or its name if it is not known."""
+    """Return the address of a host, or its name if that is unknown."""
     flags = 0 if look_up else socket.AI_NUMERICHOST
     with suppress(OSError, UnicodeError):
         host = str(socket.getaddrinfo(host, None, type=socket.SOCK_STREAM, flags=flags)[0][4][0])
@@ -198,7 +195,7 @@ def _file_name(url: str, *, look_up: bool = True) -> str:
 
 
 def _private_folders() -> Iterator[Path]:
-    """Yield the folders of locks that are there, this user's own and closed to others."""
+    """Yield the existing folders of locks that are this user's own and closed to others."""
     for folder in user_folders():
         with suppress(OSError):
             if is_private(folder):
@@ -206,7 +203,7 @@ def _private_folders() -> Iterator[Path]:
 
 
 def _make_private(folder: Path) -> Path:
-    """Return a folder of locks, made if it is missing; a `PermissionError` if others own it or may enter it."""
+    """Make a folder of locks if it is missing; a `PermissionError` if others own it or may enter it."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if not is_private(folder):
         problem = "must be yours and closed to others (mode 0700); remove it, or correct that"

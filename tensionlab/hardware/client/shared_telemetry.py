@@ -1,10 +1,9 @@
-"""Telemetry of modules for other processes: the one that has their links answers requests on this computer.
+"""Telemetry of modules for other processes on this computer, published by the process that has their links.
 
-A thread of it waits at a UDP port of 127.0.0.1, and answers whoever knows the token, which is in the notes of its
-locks, with one datagram for each module: JSON, with the latest telemetry as a frame. A request may name a topic
-instead, such as the run of that process (`tensionlab.hardware.sharing`). Nothing is kept for a watcher that
-is slow, and nothing is sent unasked but a last word; neither the loop of a run nor the readers of links take part.
-Nothing that comes to this port reaches a module.
+A thread waits at a UDP port of 127.0.0.1 and answers requests with the right token, which is in the notes of the
+locks, with one datagram per module: JSON, with the latest telemetry as a frame. A request may name a topic
+instead, such as the run of that process (`tensionlab.hardware.sharing`). The thread is apart from the loop of a
+run and from the reader of links, and nothing that comes to its port reaches a module.
 """
 
 from __future__ import annotations
@@ -27,17 +26,16 @@ from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import Telemetry, read
 
 HOST = "127.0.0.1"
-# Requests that come faster are lost in the system: a flood must not take the processor from a run.
-MIN_PERIOD_S = 0.05
+MIN_PERIOD_S = 0.05  # between requests; faster ones get lost, so that a flood does not slow down a run
 MAX_REQUEST_BYTES, MAX_REPLY_BYTES = 64, 1 << 16
-MAX_REMEMBERED = 8  # watchers that get the last word on a topic
+MAX_REMEMBERED = 8  # watchers that get the last state of a topic
 
 
 @dataclass(frozen=True)
 class Report:
     """Reply about a module: its link and name, its latest telemetry, if any, and the age of that in s.
 
-    `bad_frames` were damaged on their way to the process that has the module.
+    `bad_frames` is the number of frames that arrived damaged.
     """
 
     url: str
@@ -55,7 +53,7 @@ class Report:
 
     @classmethod
     def unpack(cls, content: bytes) -> Report:
-        """Return what a datagram says; a `ValueError` or the like if it is none."""
+        """Return the report of a datagram; ValueError, KeyError, TypeError or `ProtocolError` if it is none."""
         row: dict[str, Any] = json.loads(content)
         frames = Decoder().feed(bytes.fromhex(row["telemetry"]))
         telemetry = read(frames[0]) if frames else None
@@ -71,18 +69,18 @@ class Publisher:
     Attributes
     ----------
     port, token : int, str
-        Where it listens, and what a request must be, or begin with: a space and the name of a topic may follow.
+        Where it listens, and what a request must be or begin with, followed by a space and a topic.
     reports : dict
-        By the URLs of links, a function that returns the `Report` of each.
+        Function that returns the `Report`, by the URL of the link.
     topics : dict
-        By the names of topics, a function that returns the answer, at most `MAX_REPLY_BYTES`.
+        Function that returns the answer, of at most `MAX_REPLY_BYTES`, by the name of the topic.
     """
 
     def __init__(self) -> None:
         self.reports: dict[str, Callable[[], Report]] = {}
         self.topics: dict[str, Callable[[], bytes]] = {}
         self.token = secrets.token_hex(16)
-        self._watchers: deque[Any] = deque(maxlen=MAX_REMEMBERED)  # addresses of those who asked for topics
+        self._watchers: deque[Any] = deque(maxlen=MAX_REMEMBERED)  # addresses of clients that asked for topics
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setsockopt(
             socket.SOL_SOCKET, socket.SO_SNDBUF, MAX_REPLY_BYTES
@@ -93,7 +91,7 @@ class Publisher:
 
     def _serve(self) -> None:
         while True:
-            with suppress(OSError):  # a watcher that has gone, or reads nothing
+            with suppress(OSError):  # of a watcher that has ended, or does not read
                 request, watcher = self._socket.recvfrom(MAX_REQUEST_BYTES)
                 token, _, topic = request.partition(b" ")
                 if secrets.compare_digest(token, self.token.encode()):
@@ -103,30 +101,30 @@ class Publisher:
             time.sleep(MIN_PERIOD_S)
 
     def _send(self, topic: str, watcher: Any) -> None:
-        """Send each answer that can be packed; one that cannot must end neither the thread nor the others."""
+        """Send each answer that can be packed; the error of another is logged."""
         known: dict[str, Callable[[], bytes | Report]] = dict(self.topics if topic else self.reports)
         for name, ask in known.items():
             if topic not in ("", name):
                 continue
             try:
-                said = ask()
-                answer = said.pack() if isinstance(said, Report) else said
+                found = ask()
+                answer = found.pack() if isinstance(found, Report) else found
             except Exception:
                 logging.getLogger(__name__).exception("an answer about %s", name)
                 continue
             self._socket.sendto(answer, watcher)
 
     def announce(self, topic: str) -> None:
-        """Send a topic unasked to the latest who asked for one: a request might come too late for a last word."""
+        """Send a topic unasked to the latest watchers, for whom a request may be too late."""
         for watcher in list(self._watchers):
             with suppress(OSError):
                 self._send(topic, watcher)
 
 
 class Watcher:
-    """Watcher of the modules of another process, which has them published, or of one of its topics.
+    """Watcher of the published modules of another process, or of one of its topics.
 
-    `refused` is whether nobody listens there any more: that process has ended.
+    `refused` is whether that process has ended.
     """
 
     def __init__(self, port: int, token: str) -> None:

@@ -98,7 +98,7 @@ class TcpPort:
             self._client = None
 
 
-Watcher = Callable[[Sequence[SimulatedModule]], None]  # function that sees the modules after each step
+StepObserver = Callable[[Sequence[SimulatedModule]], None]  # called with the modules after each step
 TICK_S, IDLE_TICK_S = 1e-3, 20e-3  # period of steps of a module with a client, and without
 # Delay of the server that passes in its modules at once; a longer one must not make them time out.
 MAX_LATE_S = 20e-3
@@ -201,7 +201,7 @@ class Server:
         self,
         modules: Sequence[ServedModule],
         speed: float = 1.0,
-        watchers: Sequence[Watcher] = (),
+        watchers: Sequence[StepObserver] = (),
         longest: float = math.inf,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:

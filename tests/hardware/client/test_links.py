@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import socket
 import struct
@@ -65,15 +64,11 @@ def test_bytes_go_both_ways_and_small_ones_at_once(far_end):
     assert far_end.socket.recv(READ_BYTES) == b"there"
     far_end.socket.sendall(b"and back")
     assert far_end.link.receive(LONG_S) == b"and back"
+    began = far_end.link.clock()
+    assert [far_end.link.receive(0.0), far_end.link.receive(0.02)] == [b"", b""]
+    assert far_end.link.clock() - began >= 0.02
     assert far_end.link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
     assert not far_end.link.lockstep
-
-
-def test_reading_waits_no_longer_than_it_is_to(far_end):
-    assert far_end.link.receive(0.0) == b""
-    began = far_end.link.clock()
-    assert far_end.link.receive(0.02) == b""
-    assert far_end.link.clock() - began >= 0.02
 
 
 def test_so_many_bytes_are_read_at_a_time_and_the_rest_then(far_end):
@@ -158,6 +153,8 @@ def test_an_address_of_version_6():
         ("socket://[::1:4001", "give a host and a port"),
         ("socket://@:4001", "give a host and a port"),
         (f"socket://{'a' * 64}:4001", "cannot be opened: .*label"),
+        ("tcp://there", "is no link to a module"),
+        ("bt://nobody/1", "give an address and a channel"),
         ("/dev/no-such-port", "cannot be opened: .*No such file.*; is it there"),
     ],
 )
@@ -166,17 +163,7 @@ def test_what_cannot_be_opened_says_why_and_is_free_again(url, message):
     for _ in range(2):
         with pytest.raises(LinkError, match=message) as raised:
             open_link(url)
-        assert str(raised.value).startswith(url)
-
-
-def test_nobody_waits_for_longer_for_who_does_not_answer(monkeypatch):
-    def hang(address: tuple[str, int], timeout: float) -> None:
-        assert timeout == links.CONNECT_TIMEOUT_S == 10.0
-        raise TimeoutError("timed out")
-
-    monkeypatch.setattr(socket, "create_connection", hang)
-    with pytest.raises(LinkError, match=r"socket://192\.0\.2\.1:4001 cannot be opened: timed out; is it served"):
-        connect("socket://192.0.2.1:4001", NoLock())
+        assert url in str(raised.value)[: len(url) + 2]
 
 
 def test_a_bluetooth_link_is_one_of_these(monkeypatch):
@@ -255,24 +242,6 @@ def test_a_port_that_has_no_file_to_wait_for_is_read():
             use()
 
 
-def test_a_thread_that_waits_at_such_a_port_ends_when_it_is_closed():
-    link, waiting, ended = SerialLink("loop://", NoLock()), threading.Event(), []
-
-    def read() -> None:
-        waiting.set()
-        try:
-            ended.append(link.receive(LONG_S))
-        except LinkError as error:
-            ended.append(error)
-
-    thread = threading.Thread(target=read)
-    thread.start()
-    waiting.wait(LONG_S)
-    link.close()
-    thread.join(LONG_S / 2)
-    assert len(ended) == 1
-
-
 # Ports on Windows
 
 
@@ -288,14 +257,9 @@ def com(port):
     link.close()
 
 
-def test_a_com_port_has_no_file_and_resets_no_board(port, com):
+def test_bytes_of_a_com_port_come_together_and_reading_does_not_configure_it_anew(port, com):
     assert port.name == r"\\.\COM12"
     assert (port.dcb.BaudRate, port.dcb.fDtrControl, port.dcb.fRtsControl) == (links.BAUD_RATE, 0, 0)
-    with pytest.raises(io.UnsupportedOperation):
-        com._port.fileno()
-
-
-def test_bytes_of_a_com_port_come_together_and_reading_does_not_configure_it_anew(port, com):
     assert com.receive(0.001) == b""
     before = port.configured
     for count in (1, 2, READ_BYTES):
@@ -309,27 +273,11 @@ def test_bytes_of_a_com_port_come_together_and_reading_does_not_configure_it_ane
     assert com.receive(0.0) == b"a"
 
 
-def test_what_arrives_at_a_com_port_ends_the_wait_for_it(port, com):
-    coming = threading.Timer(0.01, port.come, [b"here"])
-    began = com.clock()
-    coming.start()
-    assert com.receive(LONG_S) == b"here"
-    assert com.clock() - began < LONG_S / 2, "it does not wait for more"
-    coming.join()
-
-
 def test_a_com_port_is_written_without_waiting(port, com):
     com.send(b"one")
     com.send(b"two")
     assert port.written == b"onetwo"
     assert port.timeouts.WriteTotalTimeoutConstant == MAX_DWORD
-
-
-def test_a_com_port_whose_device_is_gone_is_a_broken_link(port, com):
-    port.unplug()
-    for use in (lambda: com.receive(0.001), lambda: com.send(b"a")):
-        with pytest.raises(LinkError, match=r"^COM12 broke: .*of Windows"):
-            use()
 
 
 def test_a_thread_that_waits_at_a_com_port_ends_when_its_device_goes_or_it_is_closed(port, com):
@@ -351,9 +299,9 @@ def test_a_thread_that_waits_at_a_com_port_ends_when_its_device_goes_or_it_is_cl
         thread.join(LONG_S / 2)
         assert len(ended) == 1
         assert not ended[0] or "COM12 broke" in str(ended[0])
-    for use in (lambda: com.receive(0.0), lambda: com.send(b"a")):
-        with pytest.raises(LinkError, match="COM12 broke"):
-            use()
+        for use in (lambda: com.receive(0.001), lambda: com.send(b"a")):
+            with pytest.raises(LinkError, match="COM12 broke"):
+                use()
 
 
 def test_a_com_port_that_another_program_has_says_so(port):

@@ -1,7 +1,6 @@
 import pytest
 
-from tensionlab.errors import LinkError, LinkTimeout, ModuleFault, ProtocolError
-from tensionlab.hardware.client.links import open_link
+from tensionlab.errors import LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, Code, State
 from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Stop
@@ -75,6 +74,12 @@ def test_a_module_that_was_stopped_before_arm_was_repeated_stays_stopped(client)
 
 
 def test_what_a_module_refuses_is_an_error_with_its_code(client):
+    client.set_parameter("slew", 50.0)
+    assert client.parameter("slew") == 50.0
+    with pytest.raises(ProtocolError, match="no parameter 'speed'; they have tension_lower"):
+        client.parameter("speed")
+    with pytest.raises(ProtocolError, match="slew is from"):
+        client.set_parameter("slew", 1e6)
     client.arm()
     with pytest.raises(ModuleFault, match="refused SetParameter: BAD_STATE") as caught:
         client.set_parameter("slew", 50.0)
@@ -85,15 +90,6 @@ def test_what_a_module_refuses_is_an_error_with_its_code(client):
         client.check()
 
 
-def test_parameters_by_name(client):
-    client.set_parameter("slew", 50.0)
-    assert client.parameter("slew") == 50.0
-    with pytest.raises(ProtocolError, match="no parameter 'speed'; they have tension_lower"):
-        client.parameter("speed")
-    with pytest.raises(ProtocolError, match="slew is from"):
-        client.set_parameter("slew", 1e6)
-
-
 def test_a_module_that_does_not_answer_is_named(client, monkeypatch):
     monkeypatch.setattr(client.link.module, "receive", lambda content: None)
     before = client.link.clock()
@@ -101,11 +97,3 @@ def test_a_module_that_does_not_answer_is_named(client, monkeypatch):
         client.stop()
     assert client.link.clock() - before == pytest.approx(0.95, abs=0.01)
     monkeypatch.undo()
-
-
-@pytest.mark.parametrize(
-    "url", ["tcp://there", "bt://nobody/1", "/dev/no-such-port", "socket://127.0.0.1:1", "socket://127.0.0.1"]
-)
-def test_links_that_cannot_be_opened_say_why(url):
-    with pytest.raises(LinkError, match=r"no link to a module|address and a channel|cannot be opened"):
-        open_link(url)

@@ -22,16 +22,6 @@ def channel(seed=1, **conditions):
     return Channel(Conditions(**conditions), random.Random(seed))
 
 
-def test_a_perfect_link_gives_at_once_what_it_got():
-    link = channel()
-    link.put(b"ab", 1.0)
-    link.put(None, 1.0)
-    assert link.due == 1.0
-    assert link.take(1.0) == [b"ab", None]
-    assert link.take(9.0) == []
-    assert link.due == float("inf")
-
-
 def test_bytes_take_the_latency_and_up_to_the_jitter_and_never_overtake():
     link, delays, arrived = channel(latency=0.03, jitter=0.02), [], []
     for index in range(1000):
@@ -66,15 +56,6 @@ def test_the_share_of_the_bytes_that_was_asked_for_has_one_bit_flipped():
     assert len(set(damaged)) == 8
 
 
-def test_the_same_seed_has_the_same_accidents():
-    first, second, other = (channel(seed, drop=0.3) for seed in (1, 1, 2))
-    for link in (first, second, other):
-        link.put(bytes(range(256)), 0.0)
-    found = first.take(0.0)
-    assert found == second.take(0.0)
-    assert found != other.take(0.0)
-
-
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -103,21 +84,6 @@ def pair():
     link.far.close()
 
 
-def test_a_perfect_one_changes_nothing():
-    with ModuleClient("one", lockstep()) as client:
-        client.hello()
-        trips = sorted(measure(client, 20, lambda done: True).times)
-        assert trips[-1] < 5e-3
-
-
-def test_bytes_take_their_time_both_ways():
-    with ModuleClient("one", lockstep(Conditions(latency=0.03, jitter=0.01))) as client:
-        trips = sorted(measure(client, 20, lambda done: True).times)
-        assert trips[0] >= 0.06
-        assert trips[-1] < 0.08 + 5e-3
-        assert trips[-1] - trips[0] > 0.005
-
-
 def test_bytes_take_their_time_both_ways_where_a_thread_reads(pair):
     link = FaultyLink(pair, Conditions(latency=0.03, jitter=0.01))
     out, back = [], []
@@ -135,20 +101,6 @@ def test_bytes_take_their_time_both_ways_where_a_thread_reads(pair):
         assert min(delays) >= 0.03 - 1e-9
         assert max(delays) < 0.04 + 3 * POLL_PERIOD_S
         assert max(delays) - min(delays) > 0.005
-
-
-def test_bytes_are_on_their_way_at_the_same_time():
-    with ModuleClient("one", lockstep(Conditions(latency=0.05))) as client:
-        client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
-        client.command(ConfigureTelemetry(5))
-        client.arm()
-        began = client.link.clock()
-        for _ in range(10):
-            sequence = client.set_tension(2.0)
-        while client.telemetry is None or client.telemetry.message.sequence != sequence:
-            client.listen(0.005)
-            assert client.link.clock() - began < 0.2
-        client.stop()
 
 
 def test_bytes_are_on_their_way_at_the_same_time_where_a_thread_reads(pair):
@@ -187,17 +139,6 @@ def test_the_same_seed_has_the_same_accidents_where_a_thread_reads(pair):
         expected.put(content, 0.0)
         assert [came] == expected.take(0.0)
         assert came != content
-
-
-def test_a_cut_link_is_an_error_from_then_on():
-    client = ModuleClient("one", lockstep())
-    client.hello()
-    client.link.cut()
-    with pytest.raises(LinkError, match="it was cut"):
-        client.link.send(b"\0")
-    with pytest.raises(LinkError):
-        client.stop()
-    client.close()
 
 
 def test_a_cut_link_is_closed_where_a_thread_reads(pair):
@@ -314,14 +255,3 @@ def test_time_passes_for_who_waits_at_a_frozen_link():
         before = client.link.clock()
         assert client.link.receive(0.1) == b""
         assert client.link.clock() - before == pytest.approx(0.1)
-
-
-def test_the_same_seed_has_the_same_accidents_on_a_link_to_a_module():
-    def echoes(seed):
-        with ModuleClient("one", lockstep(Conditions(drop=0.01), seed)) as client:
-            client.command(ConfigureTelemetry(5))
-            client.listen(0.5)
-            return client.bad_frames, client.telemetry
-
-    assert echoes(1) == echoes(1)
-    assert echoes(1) != echoes(2)
