@@ -1,4 +1,4 @@
-"""The firmware on the simulated hardware: what a cable really feels."""
+"""The firmware on the simulated hardware: the tension of the cable."""
 
 import numpy as np
 import pytest
@@ -24,14 +24,14 @@ def calibrated(**options) -> Host:
 
 
 def scale(host: Host, tension: float, speed: float) -> float:
-    """What a luggage scale shows that draws the cable out, or follows it in, at an even speed."""
+    """Return the force on a scale that draws the cable out, or follows it in, at constant speed."""
     start = host.module.sample.distance
     trace = joined(host.hold(tension, 0.4, distance=start + 0.4 * speed))
     return trace.tension[len(trace.tension) // 2 :].mean()  # it swings at first
 
 
 def calibrate_with_scale(host: Host) -> None:
-    """N/A and friction from forces at some currents and speeds, by least squares: as one would on the bench."""
+    """Calibrate N/A and friction from forces at some currents and speeds, by least squares, as on a bench."""
     rows, forces = [], []
     host.arm()
     for tension in (1.5, 3.0):
@@ -67,7 +67,7 @@ def test_calibrated_tension_is_within_3_per_cent(plant, tension, speed):
     assert scale(host, tension, speed) == pytest.approx(tension, rel=0.03)
 
 
-def test_a_step_from_the_taut_minimum_to_3_newton_settles_in_50_ms():
+def test_a_step_from_the_minimum_tension_to_3_newton_settles_in_50_ms():
     host = calibrated()
     host.hold(0.5, 0.3)
     host.pull(3.0)
@@ -77,7 +77,7 @@ def test_a_step_from_the_taut_minimum_to_3_newton_settles_in_50_ms():
     assert trace.tension[after < 0.01].max() < 1.5, "and not faster than the slew"
 
 
-def test_6_newton_are_pulled_for_a_while_and_3_for_ever():
+def test_6_newton_are_pulled_for_a_while_and_3_continuously():
     host = calibrated()
     trace = joined(host.hold(6.0, 100.0))
     full = trace.commanded >= 5.999
@@ -88,7 +88,7 @@ def test_6_newton_are_pulled_for_a_while_and_3_for_ever():
     assert derated.max() < 3.2
     assert derated.min() > 2.9
     assert trace.limit[-1] == Limit.THERMAL
-    # It sinks smoothly, and the winding never has to stand more than its budget: the mean square over its time
+    # It sinks smoothly, and the winding never has to bear more than its budget: the mean square over its time
     # constant stays below the continuous current's.
     assert np.diff(trace.commanded[round(0.2 / STEP_S) :]).min() > -1e-3
     warmth = 0.0
@@ -393,7 +393,7 @@ def test_reeling_in_too_fast_the_tension_gives_way():
 
 
 @pytest.mark.parametrize(("edge", "beyond"), [("length_lower", -0.03), ("length_upper", 0.03)])
-def test_outside_the_allowed_length_only_the_taut_minimum_is_left(edge, beyond):
+def test_outside_the_allowed_length_only_the_minimum_tension_remains(edge, beyond):
     host = Host(distance=1.0)
     host.set(length_lower=0.9, length_upper=1.1)
     host.calibrate(length=1.0)
@@ -405,7 +405,7 @@ def test_outside_the_allowed_length_only_the_taut_minimum_is_left(edge, beyond):
     assert host.state == State.RUNNING
 
 
-def test_friction_is_compensated_but_never_beyond_what_the_winding_stands():
+def test_friction_is_compensated_but_never_beyond_what_the_winding_bears():
     plant = {"dry_friction": 2.0, "viscous_friction": 5.0}
     host = Host(plant=plant, reset_reason=ResetReason.WATCHDOG)  # so that it has only its continuous current
     host.calibrate()

@@ -201,7 +201,7 @@ def test_parameters_that_contradict_the_others_are_refused(name, value):
     assert host.code(SetParameter(PARAMETERS[name].index, value)) == Code.BAD_VALUE
 
 
-def test_a_taut_minimum_that_the_winding_cannot_hold_is_refused():
+def test_a_minimum_tension_that_the_winding_cannot_hold_is_refused():
     host = Host()
     host.set(tension_lower=2.0)
     assert host.code(Calibrate(Calibration.NEWTON_PER_AMPERE, 1.9)) == Code.BAD_VALUE
@@ -274,7 +274,7 @@ def test_what_is_stored_is_what_was_aligned_and_no_command_but_an_end_gives_an_a
     host.module.advance(0.01)
     assert [answer.code for answer in host.hear()] == [Code.OK]
     assert host.say(Save()) == []
-    assert [answer.command for answer in host.say(Stop())] == [Type.STOP], "storing goes on"
+    assert [answer.command for answer in host.say(Stop())] == [Type.STOP], "storing continues"
     host.module.advance(0.01)
     assert [(answer.command, answer.code) for answer in host.hear()] == [(Type.SAVE, Code.OK)]
     assert Host(settings=host.module.settings).module.parameters["motor_zero"] == 1.0
@@ -367,7 +367,7 @@ def test_the_length_is_forgotten_when_turns_or_their_meaning_may_be_lost(event):
         assert host.code(Calibrate(Calibration.LENGTH, length)) == code, length
 
 
-def test_the_length_is_what_it_is_calibrated_to_wherever_the_spool_stands():
+def test_the_length_is_what_it_is_calibrated_to_at_any_angle_of_the_spool():
     host = host_in(State.ARMED)
     host.hold(3.0, 1.0, distance=host.module.sample.distance + 0.2)  # pays out 0.2 m
     host.say(Stop())
@@ -395,9 +395,9 @@ def test_telemetry_tells_the_truth():
     host.module.receive(b"rubbish" + DELIMITER)
     host.pull(3.0)
     host.module.advance(0.1)
-    told = host.hear()
-    assert len(told) == 5
-    last, sample = told[-1], host.module.sample
+    reports = host.hear()
+    assert len(reports) == 5
+    last, sample = reports[-1], host.module.sample
     assert isinstance(last, Telemetry)
     assert (last.state, last.limit, last.faults) == (State.RUNNING, Limit.NONE, Fault(0))
     assert last.tension == pytest.approx(sample.commanded)
@@ -418,8 +418,8 @@ def test_telemetry_that_is_not_fetched_leaves_room_for_answers():
         host.sequence += 1
         host.module.advance(0.1)
     host.module.receive(EmergencyStop().frame(9).pack())
-    told = host.hear()
-    assert told[-1] == Acknowledge(Type.ESTOP, Code.OK, State.ESTOP, SESSION)
+    reports = host.hear()
+    assert reports[-1] == Acknowledge(Type.ESTOP, Code.OK, State.ESTOP, SESSION)
     host.module.advance(0.01)
     assert host.hear()[-1].lost_frames > 300
 

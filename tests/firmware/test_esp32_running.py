@@ -81,7 +81,7 @@ def available(file):
 
 
 class Board:
-    """The running program: `usb` and `bluetooth` to talk to it, its time `now` in s, and `told` what happened."""
+    """The running program: `usb` and `bluetooth` to talk to it, its time `now` in s, `events`."""
 
     def __init__(self, program, blocking_ms):
         (usb_in, usb_to), (usb_from, usb_out), (noted, notes) = os.pipe(), os.pipe(), os.pipe()
@@ -98,7 +98,7 @@ class Board:
         )
         for end in (usb_in, usb_out, notes, *theirs):
             os.close(end)
-        self.now, self.told, self._noted, self._half = 0.0, [], noted, b""
+        self.now, self.events, self._noted, self._half = 0.0, [], noted, b""
         times = (self._time_to, self._time_from)
         self._ours = [usb_to, usb_from, noted, self.air_to, air_from, *times, self._happen_to]
         self.usb, self._air = Wire(usb_to, usb_from, self.advance), Wire(self.air_to, air_from, self.advance)
@@ -132,17 +132,17 @@ class Board:
         *lines, self._half = (self._half + available(self._noted)).split(b"\n")
         for line in lines:
             at, what, number = line.decode().split()
-            self.told.append((what, float(number), float(at)))
+            self.events.append((what, float(number), float(at)))
 
     def numbers(self, what):
-        return [number for name, number, _ in self.told if name == what]
+        return [number for name, number, _ in self.events if name == what]
 
     def until(self, what, number, seconds=10.0):
         for _ in range(round(1e3 * seconds)):
             if number in self.numbers(what):
                 return
             self.advance(0.001)
-        raise TimeoutError(f"no {what} {number}: {self.told}")
+        raise TimeoutError(f"no {what} {number}: {self.events}")
 
 
 @contextmanager
@@ -171,7 +171,7 @@ def test_it_boots_with_the_driver_off_and_each_task_on_its_processor(program):
         info = module.usb.ask(Hello(), Info)
         assert (info.state, info.reset_reason, info.calibrated) == (State.IDLE, ResetReason.WATCHDOG, False)
         assert info.serial_number == 0xA1B2C3D4
-        assert module.told[0][:2] == ("output", 33)  # before all else
+        assert module.events[0][:2] == ("output", 33)  # before all else
         assert module.numbers("driver") == []
         assert module.numbers("offsets_with_driver_on") == []
         assert (module.numbers("task_foc"), module.numbers("task_read"), module.numbers("task_write")) == (
@@ -214,8 +214,8 @@ def test_a_cable_that_is_cut_takes_the_driver_off_within_60_ms(program, directio
         begin = module.now
         module.happen("P")
         assert module.usb.wait(Event).faults == Fault.SPEED
-        assert module.told[-1][:2] == ("driver", 0)
-        assert module.told[-1][2] - begin < 0.06
+        assert module.events[-1][:2] == ("driver", 0)
+        assert module.events[-1][2] - begin < 0.06
 
 
 @pytest.mark.parametrize("error", [np.pi, 2.1, -2.1])
@@ -225,7 +225,7 @@ def test_a_wrong_electrical_zero_takes_the_driver_off_within_60_ms(program, erro
         pull(module, module.usb, zero=(ZERO + error) % (2.0 * np.pi))
         module.happen("P")  # a cable does not push back
         assert module.usb.wait(Event, state=State.FAULT).faults == Fault.MOTOR
-        (on, _), (off, _) = [(at, number) for what, number, at in module.told if what == "driver"]
+        (on, _), (off, _) = [(at, number) for what, number, at in module.events if what == "driver"]
         assert off - on < 0.06
 
 
@@ -239,7 +239,7 @@ def test_the_electrical_zero_is_found_with_the_driver_on_only_meanwhile(program)
         module.until("driver", 0)
         zero = usb.ask(GetParameter(PARAMETERS["motor_zero"].index), ParameterValue).value
         assert zero == pytest.approx(ZERO, abs=0.02)
-        (on, _), (off, _) = [(at, number) for what, number, at in module.told if what == "driver"]
+        (on, _), (off, _) = [(at, number) for what, number, at in module.events if what == "driver"]
         assert 3.0 < off - on < 3.6
 
 
@@ -250,7 +250,7 @@ def test_an_emergency_stop_ends_the_search_for_the_zero(program):
         module.until("driver", 1)
         assert usb.ask(EmergencyStop()).state is State.ESTOP
         module.until("driver", 0)
-        (on, _), (off, _) = [(at, number) for what, number, at in module.told if what == "driver"]
+        (on, _), (off, _) = [(at, number) for what, number, at in module.events if what == "driver"]
         assert off - on < 1.5
         module.advance(0.2)
         assert module.numbers("driver") == [1, 0]
@@ -298,7 +298,7 @@ def test_an_emergency_stop_is_heard_while_bluetooth_cannot_send(program):
         begin = module.now
         air.send(EmergencyStop())
         module.until("driver", 0)
-        [off] = [at for what, number, at in module.told if (what, number) == ("driver", 0)]
+        [off] = [at for what, number, at in module.events if (what, number) == ("driver", 0)]
         assert abs(off - begin) < 0.01
 
 
@@ -327,7 +327,7 @@ def test_strangers_pair_only_for_a_while_after_the_button_was_pressed(program):
         assert set(module.numbers("connectable")) == {1}, "those that have paired connect at any time"
 
 
-def test_nobody_pairs_with_a_module_that_pulls(program):
+def test_a_module_that_pulls_does_not_pair(program):
     with board(program) as module:
         module.usb.ask(Hello(), Info)
         module.happen("bB")
@@ -376,9 +376,9 @@ def test_a_hang_takes_the_driver_off_within_the_watchdogs_50_ms_before_the_panic
         begin = module.now
         module.happen("h")
         module.until("panic", 1, 0.2)
-        [off] = [at for what, number, at in module.told if (what, number) == ("driver", 0)]
+        [off] = [at for what, number, at in module.events if (what, number) == ("driver", 0)]
         assert off - begin < 0.053
-        assert [what for what, *_ in module.told][-2:] == ["driver", "panic"]
+        assert [what for what, *_ in module.events][-2:] == ["driver", "panic"]
 
 
 def test_a_hang_with_the_driver_off_may_last_a_second(program):

@@ -1,4 +1,4 @@
-"""What the firmware makes of its sensors: faults, how far a step may move anything, how warm the winding is."""
+"""The firmware's monitor of its sensors: faults, bounds of a step, and the winding's temperature."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ RADIUS, SPEED_LIMIT, PEAK = 0.0195, 1.5, 2.2  # as a module has them at first
 
 @pytest.fixture(scope="module")
 def monitor(tmp_path_factory):
-    """Return a function: faults, seconds and length after each of some samples, given by what is unusual."""
+    """Return a function: faults, seconds and length after each sample, given by its unusual values."""
     program = compile_program("monitor", tmp_path_factory.mktemp("monitor"))
 
     def watch(*samples):
@@ -61,9 +61,9 @@ def monitor(tmp_path_factory):
 def test_what_is_wrong_for_a_while_is_a_fault_until_it_has_been_right_for_ten_times_as_long(
     monitor, unusual, enough, fault
 ):
-    told = [found for found, _, _ in monitor(*[unusual] * enough, *[{}] * (10 * enough))]
+    reports = [found for found, _, _ in monitor(*[unusual] * enough, *[{}] * (10 * enough))]
     right = 10 * enough
-    assert told == [Fault(0)] * (enough - 1) + [fault] * right + [Fault(0)]
+    assert reports == [Fault(0)] * (enough - 1) + [fault] * right + [Fault(0)]
 
 
 @pytest.mark.parametrize(
@@ -84,10 +84,10 @@ def test_what_may_last_is_no_fault(monitor, usual):
 
 
 def test_what_the_encoder_cannot_have_seen_moves_nothing(monitor):
-    told = monitor(
+    reports = monitor(
         {"angle": 20.0}, {"angle": "nan"}, {"angle": 30.0, "speed": "inf"}, {"angle": 40.0, "ok": 0}, {}
     )
-    assert [length for _, _, length in told] == pytest.approx([20.0 * RADIUS] * 4 + [10.0 * RADIUS])
+    assert [length for _, _, length in reports] == pytest.approx([20.0 * RADIUS] * 4 + [10.0 * RADIUS])
 
 
 @pytest.mark.parametrize(
@@ -103,20 +103,20 @@ def test_what_the_encoder_cannot_have_seen_moves_nothing(monitor):
 def test_a_step_that_comes_too_late_or_before_the_last_one_is_a_fault_and_moves_little(
     monitor, elapsed, fault, seconds
 ):
-    told = monitor({}, {"elapsed": elapsed}, {})
-    assert [found for found, _, _ in told] == [Fault(0), Fault(fault), Fault(0)]
-    assert told[1][1] == pytest.approx(seconds)
+    reports = monitor({}, {"elapsed": elapsed}, {})
+    assert [found for found, _, _ in reports] == [Fault(0), Fault(fault), Fault(0)]
+    assert reports[1][1] == pytest.approx(seconds)
 
 
-def test_what_is_left_of_a_windings_budget_may_be_spent_within_a_tenth_of_its_time(tmp_path):
-    """Its rating is 1 A, its peak 2.2 A, and it warms with 20 s: at 2 A its budget is spent after 5.8 s."""
-    stands, spent = np.array(run_program(compile_program("thermal", tmp_path), 2.0, 1200), dtype=float).T
+def test_the_rest_of_a_windings_budget_may_be_spent_within_a_tenth_of_its_time(tmp_path):
+    """It bears 1 A continuously, 2.2 A at most, and warms with 20 s: at 2 A its budget is spent after 5.8 s."""
+    allowed, spent = np.array(run_program(compile_program("thermal", tmp_path), 2.0, 1200), dtype=float).T
     warmth = 4.0 * (1.0 - (1.0 - 0.01 / 20.0) ** np.arange(1, 1201))
     np.testing.assert_allclose(spent, np.minimum(warmth, 1.0), atol=1e-4)
-    left = np.maximum(1.0 - warmth, 0.0)
-    np.testing.assert_allclose(stands, np.minimum(np.sqrt(1.0 + 10.0 * left), PEAK), atol=1e-3)
-    assert stands[0] == pytest.approx(PEAK)
-    assert stands[-1] == 1.0
+    rest = np.maximum(1.0 - warmth, 0.0)
+    np.testing.assert_allclose(allowed, np.minimum(np.sqrt(1.0 + 10.0 * rest), PEAK), atol=1e-3)
+    assert allowed[0] == pytest.approx(PEAK)
+    assert allowed[-1] == 1.0
 
 
 # The core step by step, with made-up samples
@@ -127,7 +127,7 @@ READY = (Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0), Arm(77))
 
 @pytest.fixture(scope="module")
 def core(tmp_path_factory):
-    """Return a function: what the core asks for after each step of a story of commands and samples."""
+    """Return a function: the core's outputs after each step of a story of commands and samples."""
     program = compile_program("module", tmp_path_factory.mktemp("module"), *FIRMWARE.glob("core/*.cpp"))
 
     def play(*story):
@@ -153,7 +153,7 @@ def parameter(name, value):
 
 
 @pytest.mark.parametrize("off", [(), (*READY, {}, Stop(), *[{}] * 100), (*READY, {}, EmergencyStop())])
-def test_while_the_driver_is_off_nothing_is_asked_of_the_motor_however_the_spool_turns(core, off):
+def test_while_the_driver_is_off_the_motor_gets_no_current_however_the_spool_turns(core, off):
     """Friction is compensated, and a spool that runs down reels in: that is no reason to pull, nor warms it."""
     turning = [{"speed": -5.0}] * 300
     on, current, _, sent = core(
@@ -161,9 +161,9 @@ def test_while_the_driver_is_off_nothing_is_asked_of_the_motor_however_the_spool
     )
     assert not on[-380:].any()
     assert not current[-380:].any()
-    told = [message for step in sent[-380:] for message in step if isinstance(message, Telemetry)]
-    assert {message.faults for message in told} == {Fault(0)}, "as if a wire were off"
-    assert told[-1].thermal == pytest.approx(told[0].thermal, rel=2e-3)
+    reports = [message for step in sent[-380:] for message in step if isinstance(message, Telemetry)]
+    assert {message.faults for message in reports} == {Fault(0)}, "as if a wire were off"
+    assert reports[-1].thermal == pytest.approx(reports[0].thermal, rel=2e-3)
 
 
 def thermal_after(core, seconds, current, *before):
@@ -175,11 +175,11 @@ def thermal_after(core, seconds, current, *before):
 
 
 def spent(current, seconds):
-    """Return the share that a current spends: its rating is 1 A, and it warms with 20 s."""
+    """Return the share that a current spends: the winding bears 1 A continuously, and warms with 20 s."""
     return current**2 * (1.0 - np.exp(-seconds / 20.0))
 
 
-def test_a_winding_is_warmed_by_the_larger_of_what_is_measured_and_what_is_asked_for(core):
+def test_a_winding_is_warmed_by_the_larger_of_measured_and_commanded_current(core):
     assert thermal_after(core, 0.5, 0.9) == pytest.approx(spent(0.9, 0.505), rel=1e-3), "also while it is off"
     assert thermal_after(core, 0.5, -0.9) == pytest.approx(spent(0.9, 0.505), rel=1e-3)
     assert thermal_after(core, 0.2, 0.9, *READY) == pytest.approx(spent(0.9, 0.205), rel=1e-3)
@@ -209,9 +209,3 @@ def test_two_seconds_after_the_timeout_to_the_step_the_cable_is_released(core):
     begin = int(np.argmax(state == State.TIMEOUT))
     assert current[begin : begin + 8000] == pytest.approx(TAUT_A)
     assert current[begin + 8000] < TAUT_A - 1e-4
-
-
-def test_telemetry_comes_in_the_step_in_which_its_period_is_over(core):
-    sent = core({}, ConfigureTelemetry(20), *[{}] * 400)[3]
-    steps = [index for index, step in enumerate(sent) if any(isinstance(each, Telemetry) for each in step)]
-    assert steps == [80, 160, 240, 320, 400]

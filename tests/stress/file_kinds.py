@@ -172,7 +172,7 @@ def _read_parameters(place: Path) -> object:
 def _published() -> dict[str, Any]:
     value = {"value": 182, "unit": "", "meaning": "directions"}
     return {
-        "source": "somebody",
+        "source": "an author",
         "protocol": {"vectors": value},
         "results": {"angle": {**value, "reading": "mean"}},
     }

@@ -80,7 +80,7 @@ def frames(dimension: int, names: list[str], home: list[float]) -> Json:
     body = st.fixed_dictionaries({"position": place}, optional={"rotation": turn})
     odd_body = st.fixed_dictionaries({"position": place | ODD}, optional={"rotation": turn | ODD, "x": ODD})
     bodies = st.dictionaries(st.sampled_from(names), body, max_size=3)
-    odd_bodies = st.dictionaries(st.sampled_from([*names, "nobody"]), odd_body | ODD, max_size=3)
+    odd_bodies = st.dictionaries(st.sampled_from([*names, "unknown"]), odd_body | ODD, max_size=3)
     effects = st.dictionaries(st.sampled_from("abcd"), effect(dimension), max_size=3)
     time = st.just(1e4) | st.floats(0.0, 1e4)  # one that goes back is refused
     fitting = st.fixed_dictionaries(
@@ -109,10 +109,10 @@ def datagrams(dimension: int, names: list[str], home: list[float]) -> st.SearchS
     odd_places = st.lists(st.floats() | st.text(max_size=3), max_size=8)
     body = st.builds(_osc, st.sampled_from([f"/body/{name}" for name in names]), places)
     odd_body = st.builds(
-        _osc, st.sampled_from(["/body/nobody", "/body", "/x", "/effect", "/body/hand"]), odd_places
+        _osc, st.sampled_from(["/body/unknown", "/body", "/x", "/effect", "/body/hand"]), odd_places
     )
-    told = st.builds(_osc, st.sampled_from(["/effect/a", "/effect/b"]), effect(dimension).map(_words))
-    message = st.one_of(body, body, told, told, odd_body)
+    effects = st.builds(_osc, st.sampled_from(["/effect/a", "/effect/b"]), effect(dimension).map(_words))
+    message = st.one_of(body, body, effects, effects, odd_body)
     size = st.integers(-(2**31), 2**31 - 1)
     bundle = st.builds(_bundle, st.lists(message, max_size=4), st.none() | size)
     nested = st.builds(_nest, bundle, st.integers(1, 12))
@@ -121,7 +121,7 @@ def datagrams(dimension: int, names: list[str], home: list[float]) -> st.SearchS
 
 
 def draw(strategy: st.SearchStrategy[Any], count: int, number_of_draw: int) -> list[Any]:
-    """Return so many examples of a strategy, the same ones for the same number."""
+    """Return `count` examples of a strategy, the same ones for the same number."""
     found: list[Any] = []
 
     @seed(number_of_draw)

@@ -131,7 +131,7 @@ def test_other_damage_passes_only_by_the_chance_of_a_checksum(damage):
 
 
 class Careless:
-    """Decoder that compares so many bytes of a checksum, and whose pieces have at most so many bytes."""
+    """Decoder that compares only the first bytes of a checksum, and truncates pieces."""
 
     def __init__(self, compared=3, longest=MAX_PIECE):
         self.compared, self.longest, self.rest, self.bad_frames = compared, longest, b"", 0

@@ -156,8 +156,8 @@ def _check(problem: Problem, feasible: NDArray[np.bool_]) -> tuple[NDArray[np.in
     room = ((problem.lower <= better) & (better <= problem.upper)).all(axis=1)
     room &= left <= 1e-3 * error
     distance += np.where(exact & room & rendered, np.linalg.norm(change, axis=1), 0.0)
-    asked = np.maximum(1.0, np.linalg.norm(problem.wrench, axis=1))
-    missed = (exact & (error > TOLERANCE * asked)) | (feasible & ~(exact & rendered))
+    desired = np.maximum(1.0, np.linalg.norm(problem.wrench, axis=1))
+    missed = (exact & (error > TOLERANCE * desired)) | (feasible & ~(exact & rendered))
     return found.status, np.where(missed, np.inf, distance / np.maximum(1.0, limit)), found.iterations
 
 

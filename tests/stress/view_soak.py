@@ -1,4 +1,4 @@
-"""Soak of ``tensionlab view``: a page on which somebody drags for a long time, and the memory that it takes.
+"""Soak of ``tensionlab view``: a page on which an anchor is dragged for a long time, and its memory.
 
 ``python -m tests.stress.view_soak`` (also ``make soak-view``). An anchor is dragged, released and put back again
 and again, with the workspace drawn. Each minute it is noted how much memory the server's process has, and how
