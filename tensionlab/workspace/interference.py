@@ -48,11 +48,11 @@ class Clearance(NamedTuple):
 def cable_distance(
     rig: Rig, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
 ) -> Clearance:
-    """Return the minimum distance between two cables, and which they are.
+    """Return the minimum distance between two cables, and their indices.
 
     Cables that share an attachment, or an anchor, touch there by design, and two straight cables through one point
-    meet nowhere else: such pairs are left out (`cable_pairs`). So all cables of a point rig are, and its distance
-    is infinite. Cables are lines without thickness: compare the distance with their diameter.
+    meet nowhere else: such pairs are left out. A point rig has no others, and its distance is infinite. Cables are
+    lines without thickness: compare the distance with their diameter.
 
     Source: Lumelsky, "On fast computation of distance between line segments", 1985; Perreault, Cardou, Gosselin
     and Otis, "Geometric determination of the interference-free constant-orientation workspace of parallel
@@ -147,7 +147,7 @@ def body_segments(bodies: Sequence[Capsule], dimension: int) -> tuple[list[Float
 
 
 def closest(segments: Floats, pairs: Integers, radii: NDArray[np.float64]) -> Clearance:
-    """Return the closest of some pairs of segments, (..., S, 2, d), less the radii of both."""
+    """Return the minimum distance over pairs of segments, (..., S, 2, d), less the radii of both."""
     *shape, count, _, d = segments.shape
     if count > _native.MAX_SEGMENTS:
         raise InputError(f"{count} cables and bodies; at most {_native.MAX_SEGMENTS} can be measured at once")

@@ -17,8 +17,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, flatten_batch, require_finite
 from tensionlab.workspace.wrench_set import StructureBatch, TensionRange, structure_batch, structure_matrices
 
-# Required wrench set, as `capacity_margin` takes it.
-RequiredWrenches = ArrayLike | tuple[ArrayLike, ArrayLike] | None
+RequiredWrenches = ArrayLike | tuple[ArrayLike, ArrayLike] | None  # as in `capacity_margin`
 
 
 class MarginGradient(NamedTuple):
@@ -82,9 +81,9 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Requir
 def required_margin(
     rig: Rig, structure: Floats, required: Requirement, rotation: ArrayLike | None = None
 ) -> Floats:
-    """Return the capacity margin (...) of a rig about what is required of it, in N.
+    """Return the capacity margin (...) of a rig about its required wrenches, in N.
 
-    Torques, of the structure matrices (..., n, m) of its poses as of what is required, are divided by the
+    Torques, of the structure matrices (..., n, m) of its poses and of the required wrenches, are divided by the
     characteristic length of the requirement. The rotation, whose leading axes are those of the matrices, is as in
     `Rig.structure_matrix`.
     """

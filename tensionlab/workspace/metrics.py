@@ -106,7 +106,7 @@ class Metric:
 
     @property
     def identity(self) -> str:
-        """Text that tells the metric from others: its function and parameters."""
+        """Text that identifies the metric: its function and parameters."""
         given = ", ".join(f"{name}={value!r}" for name, value in self.parameters.items())
         return f"{self.function.__module__}.{self.function.__qualname__}({given})"
 
@@ -170,7 +170,7 @@ def _least_singular_value(batch: Batch) -> Floats:
 
 
 def _condition_number(batch: Batch) -> Floats:
-    """Ratio of the strongest to the weakest direction: 1 is even, infinite lost."""
+    """Ratio of the strongest to the weakest direction: 1 is even, infinite means a direction is lost."""
     _, n, m = batch.structure.shape
     sigma = np.linalg.svd(batch.structure, compute_uv=False)
     regular = (sigma[:, -1] > RANK_TOLERANCE * sigma[:, 0]) & (m >= n)

@@ -10,7 +10,7 @@ from tensionlab.model import kinematics
 from tensionlab.support.arrays import Floats, require_finite
 from tensionlab.support.files.tables import read_table
 
-MAX_ORIENTATIONS = 100_000  # more are taken for a slip of the step
+MAX_ORIENTATIONS = 100_000  # more are taken for a mistaken step
 
 
 def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> Floats:
@@ -102,7 +102,7 @@ def roll_pitch_yaw_of(rotations: Floats) -> Floats:
 
 
 def parse_rotations(text: str, dimension: int, axis: ArrayLike) -> Floats:
-    """Return the orientations that the text of ``--rotations`` means: (k, 3, 3), or (k,) in the plane.
+    """Parse the text of ``--rotations`` into orientations: (k, 3, 3), or (k,) in the plane.
 
     Angles are in degrees: ``cone:ANGLE[:STEP]`` about the axis, ``rpy:ROLL,PITCH,YAW[:STEP]`` with a number or
     ``FROM..TO`` for each, in the plane ``angle:FROM..TO[:STEP]``; the step is 5 if left out. Or the path of a CSV

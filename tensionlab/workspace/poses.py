@@ -26,7 +26,7 @@ from tensionlab.workspace.volume import equal_weights, node_weights
 
 POSE_FILE_SUFFIXES = (".csv", ".parquet", ".npz")
 ROTATION_COLUMNS = ["rx", "ry", "rz"]  # axis times angle of an orientation in space, in rad
-MAX_ANGLE_RAD = 1000.0  # more is taken for another unit
+MAX_ANGLE_RAD = 1000.0  # a larger angle is taken for another unit
 MAX_AXIS_POSES = 10_000_000  # more along one axis are taken for a mistaken step
 
 # Coordinate of a dataset, as xarray takes it: axes, values and attributes.
@@ -40,7 +40,7 @@ def label(dims: tuple[str, ...], values: NDArray[Any], units: str, long_name: st
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Every combination of coordinates, and of orientations if there are any; ShapeError for what is neither.
+    """Every combination of coordinates, and of orientations if there are any; ShapeError for wrong arrays.
 
     Attributes
     ----------
@@ -371,7 +371,7 @@ def _axis(name: str, ends: ArrayLike, step: float) -> Floats:
 
 
 def _checked_rotations(values: ArrayLike, dimension: int, what: str) -> Floats:
-    """Return angles or matrices; refuse those that are none."""
+    """Return angles or matrices; refuse matrices that are no rotations."""
     pose.rotations(values, dimension, what)
     return as_floats(what, values)
 

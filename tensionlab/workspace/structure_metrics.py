@@ -189,10 +189,7 @@ def squared_tension(
 
 
 def feasibility_tolerance(wrenches: Floats) -> float:
-    """Return how far outside the available wrench set a wrench may be and count as feasible, in N.
-
-    The tolerance of an exact allocation: a share of the largest of the wrenches.
-    """
+    """Return the tolerance of an exact allocation, in N: a share of the largest of the wrenches (..., n)."""
     return TOLERANCE * max(1.0, math.sqrt(np.einsum("...n,...n", wrenches, wrenches).max(initial=0.0)))
 
 

@@ -38,7 +38,7 @@ def weighted_share(holds: ArrayLike, weights: Sequence[Floats]) -> Floats:
 
 
 def describe_step(axes: Iterable[Floats | None]) -> str:
-    """Return how far apart the nodes of a grid are, such as "0.1 m apart" or "0.1 x 0.2 m apart"."""
+    """Return the step of a grid in words, such as "0.1 m apart" or "0.1 x 0.2 m apart"."""
     steps = [float(np.ptp(axis)) / (len(axis) - 1) for axis in axes if axis is not None and len(axis) > 1]
     texts = [f"{step:.3g}" for step in steps]
     return f"{' x '.join(texts if len(set(texts)) > 1 else texts[:1])} m apart" if texts else ""

@@ -150,7 +150,7 @@ class Cells(NamedTuple):
 
 
 class CellTask(NamedTuple):
-    """Cells of one level (k, d), and the problem to prove of them."""
+    """Cells of one level (k, d), and the statement to prove of them."""
 
     problem: CellProblem
     cells: Subdivision
@@ -158,7 +158,7 @@ class CellTask(NamedTuple):
     places: Integers
 
     def evaluate(self) -> Verdicts:
-        """Return what is proved."""
+        """Prove what is inside and outside."""
         centres = self.cells.centres(self.level, self.places)
         return self.problem.prove(centres, self.cells.edges(self.level) / 2, self.level == self.cells.levels)
 
@@ -188,7 +188,7 @@ class CellSearch:
             yield CellTask(self._problem, self._cells, level, chunk)
 
     def settle(self, task: CellTask, verdicts: Verdicts) -> None:
-        """Store what is proved of a task's cells; undecided ones are divided, and examined later."""
+        """Store the verdicts of a task; undecided cells are divided, and examined later."""
         self.waiting = [each for each in self.waiting if each[1] is not task.places]
         self.evaluations += len(task.places)
         open_cells = (verdicts.verdict == 0) & (task.level < self._cells.levels)
@@ -236,7 +236,7 @@ class CellSearch:
         self.waiting = [(int(level), places[levels == level]) for level in np.unique(levels)]
 
     def _identity(self) -> NDArray[np.uint8]:
-        """Return what tells this search from every other."""
+        """Return a digest of the statement and the cells."""
         from tensionlab import __version__
 
         *statement, clearance = self._problem

@@ -20,21 +20,21 @@ from tensionlab.workspace.interference import Capsule, body_pairs, body_segments
 
 # Required in place of wrenches: that some tensions above zero balance each other, whatever the limits.
 WRENCH_CLOSURE = "wrench-closure"
-MAX_ANGLE_RAD = 0.5  # largest angle about a rotation; beyond, the bounds are of no use
+MAX_ANGLE_RAD = 0.5  # largest angle about a rotation; beyond it, the bounds are useless
 ROUNDING = 1e-7  # error of a distance relative to the longest cable; the kernel has 1e-8 where segments cross
 
 Required = Requirement | ArrayLike | tuple[ArrayLike, float] | Literal["wrench-closure"] | None
 
 
 class Verdicts(NamedTuple):
-    """Verdicts about cells, 1 inside, -1 outside, 0 neither, and the shares (k, 2) of each that are so surely."""
+    """Verdicts about cells, 1 inside, -1 outside, 0 neither, and the proved shares (k, 2) inside and outside."""
 
     verdict: NDArray[np.int8]
     shares: Floats
 
 
 class ClearanceProblem(NamedTuple):
-    """Pairs of cables, and of cables and bodies, that must be so far apart, in m.
+    """Pairs of cables, and of cables and bodies, and the distance that they must keep, in m.
 
     Segments of bodies are (b, 2, d); radii are those of cables, zero, and bodies.
     """
@@ -67,7 +67,7 @@ class ClearanceProblem(NamedTuple):
 
 
 def clearance_problem(rig: Rig, least: float | None, bodies: Sequence[Capsule]) -> ClearanceProblem | None:
-    """Return which pairs must be apart, or None if no distance is required; see `body_distance` for errors."""
+    """Return the distances to prove, or None if none is required; see `body_distance` for errors."""
     if least is None:
         if bodies:
             raise InputError("bodies are given without a clearance; give the distance in m that cables must keep")
@@ -135,7 +135,7 @@ def cell_problem(
     frames: Frames | None,
     clearance: ClearanceProblem | None,
 ) -> CellProblem:
-    """Return what has to be proved; InputError, ShapeError or RigError names the argument that does not suit.
+    """Return the statement to prove; InputError, ShapeError or RigError names the argument that does not suit.
 
     ``rotations`` is one or several, as in `Rig.structure_matrix`; None is the identity.
     """
@@ -202,7 +202,7 @@ def _whole(verdict: NDArray[np.int8]) -> Floats:
 
 
 def _turning_torque(rig: Rig, required: Requirement, angle: float) -> float:
-    """Return by how much the torque of the weight may differ within an angle of a rotation, in N·m."""
+    """Return the largest change of the weight's torque within an angle of a rotation, in N·m."""
     if not (required.gravity and angle and rig.platform is not None and rig.platform.com is not None):
         return 0.0
     weight = float(np.linalg.norm(rig.gravity()[: rig.dimension]))

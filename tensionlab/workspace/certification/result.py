@@ -30,8 +30,7 @@ MARKS = {
 }  # of each verdict
 UNITS = {1: "m", 2: "m²", 3: "m³"}  # unit of a volume, by the number of axes with an extent
 SUM_ROUNDING = 1e-12  # relative rounding error of sums of volumes
-# Cells along the shortest edge to begin with: fewer would make the finest much smaller than they need be.
-MIN_ROOTS = 4
+MIN_ROOTS = 4  # first cells along the shortest edge: fewer would make the finest much smaller than needed
 MAX_AXIS_CELLS = 2**30  # largest number of cells along one axis; more are taken for a mistaken resolution
 
 
@@ -117,7 +116,7 @@ def subdivide(region: ArrayLike, resolution: ArrayLike, dimension: int) -> Subdi
 
 
 class Bounds(NamedTuple):
-    """Two numbers between which a third lies for sure."""
+    """Lower and upper bound of a number."""
 
     lower: float
     upper: float
@@ -132,7 +131,7 @@ class Bounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CertifiedWorkspace:
-    """What is proved of a region: in which cells every pose renders all that is required, and in which none does.
+    """Proof about a region: in which cells every pose renders all that is required, and in which none does.
 
     Cells are boxes of positions, each of which comes once; those that are undecided are of the finest size.
 
@@ -222,7 +221,7 @@ class CertifiedWorkspace:
 
     @property
     def share(self) -> Bounds:
-        """The same as a share of the region."""
+        """Bounds of the same volume as a share of the region."""
         low, high = self.volume
         return Bounds(low / self.region_volume * (1 - SUM_ROUNDING), min(1.0, high / self.region_volume))
 
@@ -270,7 +269,7 @@ class CertifiedWorkspace:
         return found.reshape(given.shape[:-1])[()]
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return a row for each cell: its verdict, the shares inside and outside for sure, its centre and edges.
+        """Return a row for each cell: its verdict, the shares proved inside and outside, its centre and edges.
 
         MissingDependency if xarray is not installed.
         """

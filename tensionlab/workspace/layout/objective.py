@@ -19,9 +19,8 @@ from tensionlab.workspace.margin import capacity_margin, margin_gradient
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.volume import describe_step
 
-TIE_WEIGHT = 0.1  # weight of missing or spare force next to the share: enough to lead a search among equals
-
-MAX_CHUNK_POINTS = 50_000  # points of layouts that are worked on at once; it bounds the memory
+TIE_WEIGHT = 0.1  # of missing or spare force, relative to the share: enough to lead a search among equals
+MAX_CHUNK_POINTS = 50_000  # points of layouts that are evaluated together; it bounds the memory
 
 
 @dataclass(frozen=True)
@@ -64,10 +63,10 @@ class Objective:
         return self._mean(margins >= self.force)
 
     def merit(self, margins: Floats) -> Floats:
-        """Return the number (...) by which a search ranks layouts with these margins (..., P), in N.
+        """Return the rank (...) of layouts with these margins (..., P), in N: the higher the better.
 
-        The minimum margin; or the share, which moves in steps, and what tells apart layouts of the same share: the
-        force that is missing on average or, where none is, what the worst point has to spare.
+        The minimum margin; or the share, plus a little to rank layouts of the same share: for the force to spare
+        at the worst point or, where force is missing, less for the mean of what is missing.
         """
         if self.force is None:
             return self.score(margins)
@@ -111,7 +110,7 @@ class Objective:
 
 
 def target_margins(space: Space, anchors: Floats, limits: TensionLimits, target: Floats) -> Floats:
-    """Return the capacity margins of layouts about what is required, (..., P), in N, at each point of the target.
+    """Return the capacity margins of layouts about the required wrenches, (..., P), in N, at points of the target.
 
     ``anchors`` are (..., m, d) in the world, ``target`` is (P, d), both in m.
     """

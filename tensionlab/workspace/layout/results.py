@@ -29,7 +29,7 @@ class Layout:
     worst: float
     """Force in N that is feasible in every direction everywhere in the target; below zero where none is."""
     contributions: tuple[float, ...]
-    """For each module, the score lost when it is taken away and the others stay: all of it, and never more, where
+    """For each module, the score lost when it is removed and the others stay: all of it, and never more, where
     they render no force at all. Below zero where they do better without it."""
     proved: float | None = None
     """Force in N that is proved feasible in every direction everywhere in the box around the target, up to that of
@@ -92,7 +92,7 @@ class LayoutSearch:
         return Table(columns, rows, f"score: {self.describe()}")
 
     def describe(self) -> str:
-        """Return in a few words what the score is."""
+        """Return the meaning of the score in words."""
         return self.objective.describe(self.best.rig)
 
     @property

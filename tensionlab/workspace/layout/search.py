@@ -23,14 +23,14 @@ from tensionlab.workspace.poses import Grid
 
 POPULATION_FACTOR = 10  # layouts in a generation, for each number that describes one
 INITIAL_STEP, MIN_STEP, MAX_STEP = 0.1, 1e-4, 0.3  # trust region: how far a module may move, as a share of an edge
-MAX_STEPS = 80  # 30 are usual
+MAX_STEPS = 80  # in a trust region; 30 are usual
 MIN_GAIN = 1e-9  # of the objective, for a step to be kept
 CLOUD_POINTS = 100  # points that surround a small target
 CLOUD_RADIUS_M = 1e-3  # distance of the cloud from the target
 DECIMALS = 6  # coordinates are rounded to micrometres
 SHARPNESS = (1.0, 0.1, 0.01)  # how closely shares are followed: blunt ones lead further, sharp ones count right
-PROOF_CELLS = 64  # finest cells of a proof along the longest edge
-BISECTIONS = 8  # of a force, which find it to less than half a percent
+PROOF_CELLS = 64  # number of finest cells of a proof along the longest edge
+BISECTIONS = 8  # of a proved force, down to half a percent
 MAX_PROVED = 5  # layouts that are proved; later ones are worse
 
 Progress = Callable[[float], None]
@@ -290,7 +290,7 @@ def _best_step(
 
 
 def evaluate(space: Space, target: Floats, objective: Objective, places: Placement, name: str) -> Layout:
-    """Return the rig of a layout, its score, and what each module adds to that."""
+    """Return the rig of a layout, its score, and the contribution of each module."""
     order = np.lexsort((*places.along.T[::-1], places.surfaces))
     places = Placement(places.surfaces[order], places.along[order])
     modules = (*_modules(space, places), *space.fixed)
@@ -328,9 +328,9 @@ def _modules(space: Space, places: Placement) -> list[Module]:
 
 
 def proved_force(rig: Rig, target: Floats, most: float) -> float:
-    """Return the force in N, up to the most, that is proved of all positions in the box around a target (P, d).
+    """Return the force in N, up to ``most``, that is proved at all positions in the box around a target (P, d).
 
-    In every direction about what is required of the rig. NaN if not even that is proved, without a force.
+    In every direction about the required wrenches of the rig. NaN if not even those are proved.
     """
     region = np.stack([target.min(axis=0), target.max(axis=0)], axis=1)
     edge = float(np.ptp(region, axis=1).max())
@@ -341,7 +341,7 @@ def proved_force(rig: Rig, target: Floats, most: float) -> float:
 
     if not most >= 0 or (edge and not proved(0.0)):
         return float("nan")
-    if not edge or proved(most):  # a single position is what the search itself looks at
+    if not edge or proved(most):  # the search itself evaluates a single position
         return most
     low, high = 0.0, most
     for _ in range(BISECTIONS):
@@ -351,10 +351,9 @@ def proved_force(rig: Rig, target: Floats, most: float) -> float:
 
 
 def most_proved(layouts: Iterable[Layout], target: Floats, force: float | None) -> Layout:
-    """Return the layout of which the most is proved, up to a force, if one is given.
+    """Return the layout with the largest proved force, up to a force, if one is given.
 
-    Layouts come the best first. Those are left out that have no more, at the points of the target, than is proved
-    of one before them.
+    Layouts come the best first; one that cannot surpass what is proved of an earlier one is left out.
     """
     found: list[Layout] = []
     for layout in islice(layouts, MAX_PROVED):

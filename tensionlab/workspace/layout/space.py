@@ -30,7 +30,7 @@ GENE_BORDER = 0.15  # share of an edge's genes that decode to each of its two en
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Rail, rectangle or box on which modules may be put: ``corner + x @ edges``, every entry of x from 0 to 1.
+    """Rail, rectangle or box for modules: all ``corner + x @ edges``, with the entries of x from 0 to 1.
 
     RigError names the surface and the wrong key, also for edges that do not span k dimensions.
 
@@ -193,7 +193,7 @@ class Space:
         lower, upper = self.limits
         if lower > upper:
             raise RigError(f"limits is {lower} to {upper}; give 0 <= lower <= upper, both in N")
-        _ = self.one_module, self.placed  # refuse what no rig has, and frames that are missing
+        _ = self.one_module, self.placed  # refuses wrong limits and hardware, and missing frames
 
     @property
     def dimension(self) -> int:

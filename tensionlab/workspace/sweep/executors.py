@@ -17,10 +17,10 @@ CLUSTER_TIMEOUT_S = 10  # longest time until a scheduler answers
 
 
 class ExecutorTask(Protocol):
-    """Part of the work, with all that it takes: small enough to send to another machine."""
+    """Part of the work, with all its data: small enough to send to another machine."""
 
     def evaluate(self) -> Any:
-        """Do it, and return what was found."""
+        """Return the result."""
 
 
 AnyTask = TypeVar("AnyTask", bound=ExecutorTask)

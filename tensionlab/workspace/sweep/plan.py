@@ -30,7 +30,7 @@ MIN_CHUNK_VALUES = 1_024  # a smaller chunk is not worth its overhead
 
 @dataclass(frozen=True, eq=False)
 class ChunkTask:
-    """One chunk of a sweep, with all that it takes to evaluate it: small enough to send to another machine."""
+    """One chunk of a sweep, with all its data: small enough to send to another machine."""
 
     number: int
     block: Block
@@ -114,7 +114,7 @@ class Plan:
         return ChunkTask(number, block, rigs, self.poses.block(block[count:]), self.metrics, self.frames, required)
 
     def requirement(self, rig: Rig) -> Requirement:
-        """Return what is required of a rig."""
+        """Return the required wrenches of a rig."""
         return rig.required if self.required is None else self.required
 
     def own_frames(self, rig: Rig) -> Frames:

@@ -107,7 +107,7 @@ class ZarrStore:
         """Open the whole; values are read when they are needed."""
         with _explain_damage(self._path):
             data: xarray.Dataset = provenance.import_xarray().open_zarr(self._path, chunks=None)
-        ordered = {each.name: data[each.name] for each in self._plan.metrics}  # a folder has them by the alphabet
+        ordered = {each.name: data[each.name] for each in self._plan.metrics}  # a folder sorts them by name
         return data.drop_vars(list(ordered)).assign(ordered)
 
     def close(self) -> None:
@@ -182,7 +182,7 @@ def _create(path: Path, plan: Plan, empty: xarray.Dataset) -> None:
             try:
                 new.rename(path)
             except OSError:
-                if not path.exists():  # else another sweep was quicker, and this one looks whether it is the same
+                if not path.exists():  # else another sweep was quicker; the caller compares
                     raise
     except OSError as error:
         raise SweepError(f"{path}: cannot be made ({error.strerror}); give another place") from None

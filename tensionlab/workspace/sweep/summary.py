@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-MEDIAN_SAMPLE = (
-    4_000_000  # values of which the median is exact; of more, every second or third is taken, and so on
-)
+MEDIAN_SAMPLE = 4_000_000  # values of which the median is exact; of more, every second is taken, or third, ...
 
 
 def summary(swept: xarray.Dataset) -> pandas.DataFrame:
@@ -65,10 +63,7 @@ def configuration_names(swept: xarray.Dataset) -> list[str]:
 
 
 def _statistics(values: xarray.DataArray) -> dict[str, float]:
-    """Return the columns of a variable's part in the summary; a slab along the first axis is read at a time.
-
-    A pose without a value counts as one where the metric is not above zero.
-    """
+    """Return a variable's columns of the summary, a slab along the first axis at a time. NaN is not above zero."""
     weights = [
         node_weights(values[dim].to_numpy()) if dim in ("x", "y", "z") else equal_weights(length)
         for dim, length in values.sizes.items()
