@@ -145,11 +145,8 @@ def assign(
                 if softer:
                     wanted = effect.host_side(motion, desired_memory)
                 desired = desired + part.push(motion.velocity)
-                by_module = impedances[cable].stiffness * float(part.axis @ direction) ** 2
-                above = by_module * (1.0 + 1e-9)  # rounding is no cut
-                on_host = cap_stiffness(effect, above, host_side=True)[1]
-                on_module = {n: k for n, k in cap_stiffness(effect, above)[1].items() if n not in on_host}
-                cut.append(_cut(softer, host_stiffness) | _cut(on_module, by_module))
+                by_module = _cut_by_module(effect, part, impedances[cable], float(part.axis @ direction))
+                cut.append(_cut(softer, host_stiffness) | by_module)
             force, desired = force + rendered.force, desired + wanted.force
         except Exception as error:
             reason = str(error) if isinstance(error, EffectError) else f"{type(error).__name__}: {error}"
@@ -163,6 +160,16 @@ def assign(
 
 def _cut(stiffnesses: Mapping[str, float], rendered: float) -> dict[str, Cut]:
     return {name: Cut(stiffness, rendered) for name, stiffness in stiffnesses.items()}
+
+
+def _cut_by_module(effect: Effect, part: AxisImpedance, impedance: Impedance, cosine: float) -> dict[str, Cut]:
+    """Return the stiffness that a module does not render as desired, whose cable is at a cosine to the axis."""
+    rendered = impedance.stiffness * cosine**2
+    if part.stiffness <= rendered * (1.0 + 1e-9):  # rounding is no cut
+        return {}
+    on_host = cap_stiffness(effect, rendered, host_side=True)[1]
+    cut = {name: each for name, each in cap_stiffness(effect, rendered)[1].items() if name not in on_host}
+    return _cut(cut, rendered)
 
 
 def _module_side(effect: Effect, motion: Motion, memory: Memory) -> AxisImpedance | None:

@@ -157,6 +157,14 @@ def test_the_host_leaves_out_a_vibration_that_would_come_out_as_another_frequenc
     assert assign((Vibration(frequency=frequency),), motion, CABLES).impedances[0].frequency == frequency
 
 
+def test_a_spring_that_does_not_act_is_not_cut():
+    """Far from a magnet a module renders its pull as a constant force, and of a loosed bow only the hum."""
+    magnet = assign((Magnet(),), at(0.0, 0.0, 0.05), CABLES._replace(directions=-DIRECTIONS))
+    loosed = assign((Bow(loosed=0.0),), at(-0.5, 0.0, 0.0, time=0.1), CABLES)
+    assert [magnet.cut, loosed.cut] == [({},), ({},)]
+    assert len(magnet.impedances) == len(loosed.impedances) == 1
+
+
 def test_a_bow_that_is_loosed_falls_without_its_hum_where_no_module_can_render_it():
     none = CABLES._replace(available=np.zeros(4, dtype=bool))
     bow, position = Bow(loosed=0.0), np.array([0.5, 0.0, 0.0])
