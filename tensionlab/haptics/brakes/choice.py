@@ -1,17 +1,17 @@
-"""Choice of brakes: which to lock so that a wall holds more than the motors can, and lets the hand go.
+"""Choice of brakes to lock, so that a wall holds more than the motors can and the hand can leave it.
 
-The user pushes with F newtons against the normal n of a wall. Motors pull with at most some newtons each; a locked
-one-way brake holds its cable against up to its own strength. `choose_locks` tries every small set L of cables
-that may be locked and prices it: the force that stays unresisted, plus a share of F for each lock.
+The user pushes with F newtons against the normal n of a wall. A locked one-way brake holds its cable up to its own
+strength. `choose_locks` tries every small set L of cables that may be locked, at the cost of the unresisted force
+plus a share of F per lock.
 
-- A cable is locked only if it pulls the hand out of the wall, ``u_i·n > margin``. Then every locked cable reels
-  in when the hand withdraws along n, so no set can keep it. A non-negative least squares alone does not see to it.
-- For each L, the tensions nearest to the desired force are a bounded least squares, with the brakes' strength as
-  upper limit in L: the exact solver's, of `tensionlab.solvers`. The motors pull with as much of it as they can.
-- What a brake holds is there only while the user pushes. It is reported apart from what the motors pull.
+- A cable is locked only if it pulls the hand out of the wall, ``u_i·n > margin``. Then every locked cable reels in
+  when the hand withdraws along n, so no set can trap it; a non-negative least squares alone does not ensure that.
+- For each L, the tensions nearest to the desired force are a bounded least squares by the exact solver of
+  `tensionlab.solvers`, with the brakes' strength as upper limit in L. The motors pull as much of it as they can.
+- The force of a brake exists only while the user pushes. It is reported apart from the motors' tensions.
 
-Where the motors alone render the force, nothing is locked. The rule and its numbers are this project's own. A
-`brake_map` is the choice for a whole set of walls.
+If the motors alone render the force, nothing is locked. The rule and its numbers are this project's own. A
+`brake_map` is the choice for many walls.
 """
 
 from __future__ import annotations
@@ -50,21 +50,20 @@ class LockRule:
 
 
 LOCK_RULE = LockRule()
-CONVINCING_ANGLE = np.pi / 4  # a force this far off its direction is still taken for the intended one, in rad
+CONVINCING_ANGLE = np.pi / 4  # largest error of a convincing direction, in rad
 
 
 class LockSet(NamedTuple):
-    """Set of brakes to lock, tensions of the motors, and what comes of it.
+    """Brakes to lock, and the tensions against a push with the desired force.
 
     Attributes
     ----------
     locked, available : (..., m) arrays of bool
-        Brakes to lock, and those that may be locked for this wall. Where none is, the motors are all there is.
+        Brakes to lock, and brakes that may be locked for this wall.
     motors, brakes : (..., m) arrays
-        Tensions of the motors, inside their limits, and what each brake adds while the user pushes with the
-        desired force, in N; 0 where it is not locked.
+        Tensions of the motors, inside their limits, and further tension by each brake, in N; 0 if not locked.
     unresisted : (...) array
-        Norm of what is missing to the desired force while the user pushes with it, in N.
+        Norm of the missing force, in N.
     """
 
     locked: Flags
@@ -75,7 +74,7 @@ class LockSet(NamedTuple):
 
 
 def brake_strengths(rig: Rig) -> Floats:
-    """Return how hard the brake of each module holds, in N: (m,) array, 0 for a module without one."""
+    """Return the strength of each module's brake in N, (m,); 0 without one."""
     return np.array([module.brake or 0.0 for module in rig.modules])
 
 
@@ -92,7 +91,7 @@ def choose_locks(
 ) -> LockSet:
     """Return the brakes to lock to hold a push against a wall, and the tensions of the motors.
 
-    Leading axes of all arrays broadcast: one hand at one wall, or ten thousand.
+    Leading axes of all arrays broadcast.
 
     Parameters
     ----------
@@ -101,16 +100,15 @@ def choose_locks(
     normal : (..., d) array
         Unit normal of the wall, towards the free side.
     force : (...) array
-        What the wall should hold, in N, 0 or more.
+        Force that the wall should hold, in N, 0 or more.
     limits : TensionLimits
-        Of the motors.
+        Limits of the motors.
     strengths : (m,) array
-        What each brake may be loaded with, in N: its own strength or a lower cap for safety; 0 for none.
+        Largest load of each brake, in N: its strength or a lower cap for safety; 0 for none.
     pushing : (...) array of bool
-        Whether the contact takes energy from the user: the hand moves into the wall or is held by it. Where it
-        does not, nothing new is locked.
+        Whether the hand moves into the wall or is held by it; otherwise no further brake is locked.
     held : (..., m) array of bool, optional
-        Which brakes are locked now. Leave it out where there are none.
+        Brakes that are locked now.
     stiffness_ratio : (...) array, optional
         Largest stiffness of a locked set, as a multiple of that of one cable; less than 1 refuses all. See
         `tensionlab.haptics.brakes.contact.ImpactCap`.
@@ -184,7 +182,7 @@ def _checked(
 
 
 def _rows(array: NDArray[Any], shape: tuple[int, ...], inner: int) -> NDArray[Any]:
-    """Return an array with one leading axis, one row a wall; in one piece."""
+    """Return a contiguous array with one row per wall."""
     own = array.shape[array.ndim - inner :]
     if array.shape != shape + own:
         array = np.broadcast_to(array, shape + own)
@@ -192,10 +190,10 @@ def _rows(array: NDArray[Any], shape: tuple[int, ...], inner: int) -> NDArray[An
 
 
 class BrakeMap(NamedTuple):
-    """Force that meets a push in N against each of many walls with unit normals (k, d), towards the free side.
+    """Resistance to a push with a force in N against many walls with unit normals (k, d), towards the free side.
 
-    The lock sets have leading axes (..., k); ``angles`` (..., k) lead from the normal to the force that meets the
-    push, in rad, from 0 to pi; pi where no force does.
+    The lock sets have leading axes (..., k); ``angles`` (..., k) are between the normal and the resisting force,
+    in rad; pi where no force resists.
     """
 
     normals: Floats
@@ -204,7 +202,7 @@ class BrakeMap(NamedTuple):
     angles: Floats
 
     def share(self, within: float = CONVINCING_ANGLE) -> Floats:
-        """Return for which share (...) of the walls the force comes from within this angle of the normal."""
+        """Return the share (...) of walls whose resisting force is within an angle of the normal, in rad."""
         return np.asarray((self.angles <= within).mean(axis=-1))
 
 
@@ -216,23 +214,10 @@ def brake_map(
     strengths: ArrayLike,
     rule: LockRule = LOCK_RULE,
 ) -> BrakeMap:
-    """Return which walls a rig can hold against a push, with motors and brakes together.
+    """Return how motors and brakes resist a push against walls with unit normals (k, d).
 
-    Parameters
-    ----------
-    structure : (..., d, m) array
-        Structure matrices of a point, one for each position.
-    normals : (k, d) array
-        Unit vectors, as those of `tensionlab.model.directions`.
-    force : float
-        In N, above 0.
-    limits, strengths, rule
-        As in `choose_locks`; strengths of 0 make a map of the motors alone.
-
-    Raises
-    ------
-    ShapeError
-        As `choose_locks`, and for a force of 0.
+    The force is in N, above 0; other arguments and errors are as in `choose_locks`. Strengths of 0 make a map of
+    the motors alone.
     """
     U, n = require_finite("structure", structure, 0), require_finite("normals", normals, 0)
     if not force > 0.0 or U.ndim < 2 or n.ndim != 2:

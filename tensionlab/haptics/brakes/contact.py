@@ -1,9 +1,8 @@
-"""Contact with a wall over time: when to lock brakes and when to release them, for one hand or one head.
+"""Contact of a hand or a head with a wall over time: when to lock and when to release brakes.
 
 A brake takes time to lock and its teeth leave slack, so it is locked before the wall is reached; the faster the
-approach, the further off. A fast body is not stopped at all: the force on it would be too large. Locked brakes
-stay locked until the hand has left the place where it was held by some millimetres, so that a hand at rest does
-not make them chatter.
+approach, the earlier. A fast body is not stopped at all: the force on it would be too large. Brakes stay locked
+until the hand has withdrawn by some millimetres, so that a hand at rest does not make them chatter.
 
 All numbers are this project's defaults, not published ones.
 """
@@ -25,7 +24,7 @@ from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 from tensionlab.support.arrays import Floats, require_finite
 
-# What decided: brakes are locked; the motors do, or no set of brakes is worth its price; no brake may be locked
+# Reasons: brakes are locked; the motors suffice, or no set of brakes is worth its price; no brake may be locked
 # for this wall; the impact would exceed the cap; the wall is not near yet; the hand does not move into it.
 Reason = Literal["locked", "motors", "no cable", "too fast", "not near", "leaving"]
 
@@ -42,7 +41,7 @@ class Timing:
     """Withdrawal along the normal, from where the hand was held, at which brakes are released, in m."""
 
     def near(self, distance: ArrayLike, approach: ArrayLike) -> Flags:
-        """Return whether brakes must be locked now, so that they hold where the wall is.
+        """Return whether brakes must be locked now, so that they hold at the wall.
 
         The distance to the wall is in m, below zero inside it; the approach ``-n·v`` in m/s.
         """
@@ -76,22 +75,17 @@ class ImpactCap:
         )
 
     def stiffness_ratio(self, speed: ArrayLike) -> Floats:
-        """Return how many times as stiff as one cable all locked ones together may be, at a speed in m/s.
+        """Return the largest stiffness of all locked cables, as a multiple of one cable's, at a speed in m/s.
 
-        Below 1 not even one may be locked: that is above the speed ``force / sqrt(stiffness mass)``, 0.38 m/s.
-        Along no direction is a locked set stiffer than the largest eigenvalue of ``U_L U_L'``, for which
-        `choose_locks` has a bound.
+        Below 1, above the speed ``force / sqrt(stiffness mass)`` of 0.38 m/s, no cable may be locked. The
+        stiffness of a set is at most the largest eigenvalue of ``U_L U_L'``, for which `choose_locks` has a bound.
         """
         with np.errstate(divide="ignore"):
             return np.asarray(self.force**2 / (np.square(speed) * self.stiffness * self.mass))
 
 
 class BrakeWall(NamedTuple):
-    """Wall, as seen from the point that the cables hold.
-
-    The unit normal (d,) leads towards the free side; the distance to the surface is in m, below zero inside; the
-    force that it should hold is in N.
-    """
+    """Wall: unit normal (d,) towards the free side, distance in m, below zero inside, and force to hold in N."""
 
     normal: ArrayLike
     distance: float
@@ -100,7 +94,7 @@ class BrakeWall(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BrakeContact:
-    """Brakes (m,) that hold a hand, and the position (d,) where it was deepest in the wall, in m."""
+    """Brakes (m,) that hold a hand, and its deepest position (d,) in the wall, in m."""
 
     locked: Flags
     position: Floats
@@ -108,10 +102,9 @@ class BrakeContact:
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """Brakes (m,) to lock in this cycle, all others being released; why; and the contact for the next cycle.
+    """Brakes (m,) to lock in this cycle (others are released), the reason, and the contact for the next cycle.
 
-    The motors' tensions for the wall (m,), in N, are those of the chosen lock set, with which a push with the
-    whole force of the wall is met; before the wall is reached they are the least ones.
+    The motors' tensions (m,) in N are those of the chosen lock set inside the wall, and the lower limits before.
     """
 
     locked: Flags
@@ -134,10 +127,10 @@ def decide(
 ) -> Decision:
     """Return the brakes to lock in this cycle, and why.
 
-    The structure matrix (d, m), position and velocity (d,) in m and m/s are those of a point; where anchors move
-    with the user's body, as seen from there. Limits are those of the motors, strengths as in `choose_locks`, the
-    contact is what the last cycle decided. A cap, for what must not be hurt, limits what each brake may be loaded
-    with as well. Raise `ShapeError` as `choose_locks` does.
+    The structure matrix (d, m), position and velocity (d,) in m and m/s are those of a point, relative to the
+    user's body if anchors move with it. Limits are those of the motors, strengths as in `choose_locks`, the
+    contact that of the previous decision. A cap, for the safety of a body, also limits the load of each brake.
+    Raise `ShapeError` as `choose_locks` does.
     """
     n = require_finite("normal", wall.normal, 0)
     p, v = pose.points(position, n.size, "position"), pose.points(velocity, n.size, "velocity")

@@ -17,15 +17,15 @@ from tensionlab.haptics.rendering.stability import Observed, PassivityController
 from tensionlab.support.arrays import Floats
 
 MAX_FORCE_N = 1000.0  # largest force that is desired of any rig
-# Age of a motion that changes nothing, and how long a force then takes to go: defaults of this project. The delay
-# is five frames at 50 Hz; both together are the 0.25 s after which modules give up.
+# Age of a motion at which the force begins to fade (five frames at 50 Hz), and duration of the fade; together the
+# 0.25 s after which modules time out. Defaults of this project.
 FADE_DELAY_S, FADE_S = 0.10, 0.15
 
 
 def low_pass(new: Floats, before: Floats | None, cutoff: float, step: float) -> Floats:
     """Return a low-passed signal, first order: ``y + (1 - exp(-2 pi f T)) (x - y)``.
 
-    x is new, y that of the step before (None: it begins with x), f the cutoff in Hz, and T the step in s.
+    x is new, y the previous result (None: it starts with x), f the cutoff in Hz, and T the step in s.
     """
     if before is None:
         return new
@@ -35,7 +35,7 @@ def low_pass(new: Floats, before: Floats | None, cutoff: float, step: float) -> 
 def limit_force_slew(
     desired: Floats, before: Floats, change: float, bypass: bool | NDArray[np.bool_] = False
 ) -> Floats:
-    """Return forces (..., d) towards the desired ones, by at most ``change`` N; all the way where ``bypass``."""
+    """Return forces (..., d) moved towards the desired ones by at most ``change`` N, or fully where ``bypass``."""
     way = desired - before
     return before + np.where(np.asarray(bypass)[..., None], way, limit_force(way, change))
 
@@ -46,18 +46,17 @@ def limit_force(force: Floats, limit: float) -> Floats:
 
 
 def fade_in(age: float | Floats, step: float, before: float | Floats | None) -> Floats:
-    """Return how far faded in is what depends on messages, from 0 to 1. The share of force is `smoothstep` of it.
+    """Return the fade of a force that depends on messages, from 0 to 1; its share of the force is `smoothstep`.
 
-    It is out when nothing has come for ``FADE_DELAY_S + FADE_S``, and comes in no faster than in ``FADE_S``.
-    ``age`` is the time in s since the latest message, ``step`` that since the step before, whose fade is
-    ``before``.
+    It is 0 when no message has come for ``FADE_DELAY_S + FADE_S``, and rises to 1 in ``FADE_S`` at the fastest.
+    ``age`` is the time in s since the latest message, ``step`` the time since the previous fade ``before``.
     """
     allowed = np.clip((FADE_DELAY_S + FADE_S - np.asarray(age)) / FADE_S, 0.0, 1.0)
     return allowed if before is None else np.minimum(allowed, before + step / FADE_S)
 
 
 class StageMemory(NamedTuple):
-    """Memory of the stages: low-passed velocity, slewed force, and the passivity observer's own."""
+    """Memory of the stages: low-passed velocity, slewed force, and the passivity observer's memory."""
 
     velocity: Floats
     force: Floats
@@ -68,11 +67,10 @@ class StageMemory(NamedTuple):
 class Stages:
     """Stages that every force passes.
 
-    Effects see the low-passed velocity; their force is limited, changes only so fast, and then the passivity
-    controller looks after its energy. A force that is meant to jump, such as a recoil, bypasses the slew limit;
-    modules have their own, 60 N/s a cable by default. Without ``max_force``, a force that no rig renders would
-    take as long to go as it took to come. The defaults are choices of this project. What the rig cannot render
-    is scaled down later, by the allocator.
+    Effects see the low-passed velocity; their force is limited in size and slew, and then the passivity controller
+    corrects it. A force that is meant to jump, such as a recoil, bypasses the slew limit; modules have their own,
+    60 N/s per cable by default. Without ``max_force``, a force that no rig renders would be as slow to fade as to
+    build up. The defaults are choices of this project. The allocator scales down infeasible forces later.
     """
 
     controller: PassivityController | None = None
@@ -91,14 +89,14 @@ class Stages:
     def filter(
         self, force: Floats, motion: Motion, bypass: bool | NDArray[np.bool_], memory: StageMemory | None
     ) -> tuple[Floats, StageMemory]:
-        """Return the force to demand in place of that of the effects (..., d), and the memory for the next step.
+        """Return the force to demand instead of the effects' force (..., d), and the memory for the next step.
 
-        The motion is as `smooth` returned it; ``bypass`` is where the force is meant to jump.
+        The motion is that of `smooth`; ``bypass`` is true where the force is meant to jump.
         """
         before = np.zeros_like(force) if memory is None else memory.force
         slewed = limit_force_slew(limit_force(force, self.max_force), before, self.slew * motion.step, bypass)
         if self.controller is None:
             return slewed, StageMemory(motion.velocity, slewed)
-        # After the slew: the observer has to know what is really commanded, and its damper must not wait.
+        # After the slew: the observer must know the commanded force, and its damper must not be slowed.
         safe, _, observed = self.controller.correct(slewed, motion, None if memory is None else memory.observed)
         return safe, StageMemory(motion.velocity, slewed, observed)

@@ -1,7 +1,7 @@
 """Renderer: from effects and the state of a rig to a demand, once a cycle.
 
-What is stiff or vibrates goes to the modules whose cables lie along it (`assignment`). The rest is the host's, no
-stiffer than a loop as late as this one can be without shaking (`stability`), and passes the stages of `filtering`.
+Stiff and vibrating parts go to the modules whose cables lie along them (`assignment`). The host renders the
+remainder, no stiffer than is stable with the loop's delay (`stability`), through the stages of `filtering`.
 """
 
 from __future__ import annotations
@@ -33,36 +33,36 @@ from tensionlab.haptics.rendering.stability import PassivityController, max_damp
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
-# Of the desired force to all upper tensions together. At 1 it would take away what can be rendered: where cables
-# pull aslant, more is rendered of a desired force that is too large by some.
+# Largest desired force over the sum of all upper tensions. At 1 it would cost feasible force: if cables pull
+# aslant, a desired force that is somewhat too large is rendered better.
 MAX_FORCE_RATIO = 2.0
 HAND_DAMPING = 2.0  # b of a hand that holds something, in N s/m: a default of this project
 MIN_HAND_MASS_KG = 0.3  # smallest effective mass of a hand (our default)
-INITIAL_DELAY_S = 0.25  # how late a loop is taken to be before it is known: as long as set-points live
-DELAY_CYCLES = 100  # cycles whose delays and lengths count for how late the loop is
-# Effects that give no energy which they have not been given before: the passivity controller looks after these. A
-# magnet, a spring or a lift may have some to give at first, and a weight, a shot or a vibration is meant to.
+INITIAL_DELAY_S = 0.25  # assumed delay before the first measurement: the lifetime of set-points
+DELAY_CYCLES = 100  # recent cycles whose delays and durations count
+# Effects for the passivity controller: they only return energy. A magnet, a spring or a lift may store some at
+# first, and a weight, a shot or a vibration is meant to give it.
 PASSIVE_EFFECTS = (Wall, Shape, Viscous, Friction)
 
 
 class GroupMemory(NamedTuple):
-    """Memory of the effects that pass the same stages, by their names and with their kinds, and of the stages."""
+    """Memory of effects, by name and with their kinds, and of the stages that they pass."""
 
     effects: dict[str, tuple[type, EffectMemory]]
     stages: StageMemory | None
 
 
 class Renderer:
-    """Renderer of effects: makes a demand of them each cycle, and keeps what they remember.
+    """Renderer of effects: makes a demand of them each cycle, and keeps their memories.
 
-    The demand is what a loop as late as this one can render of what the effects desire, and no more than twice
-    what all cables together pull. What a cycle that fails would have remembered is not kept: without the effect
-    that failed, the next one continues from the previous force, by the slew limit.
+    The demand is the part of the desired force that is stable with the loop's delay, and at most twice the force
+    of all cables together. A failed cycle leaves no memory: without the failed effect, the next cycle continues
+    from the previous force, by the slew limit.
 
-    Effects act on the rig's point or reference point. ``limits`` are those of all modules: the firmware's as it
-    comes and the rig's tensions, unless they are set. ``delay`` is the loop latency, the largest of the last 100
-    cycles, in s; ``ceiling`` the host stiffness limit in N/m with that delay and the longest of those cycles;
-    ``cut`` has, by the names of effects, the stiffnesses that were not rendered as desired in the latest cycle.
+    Effects act on the rig's point or reference point. ``limits`` are those of all modules, by default the
+    firmware's and the rig's tensions. ``delay`` is the loop latency, the largest of the last 100 cycles, in s;
+    ``ceiling`` the host stiffness limit in N/m, with that delay and the longest of those cycles; ``cut`` has, by
+    the names of effects, the stiffnesses that were not rendered as desired in the latest cycle.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -84,9 +84,9 @@ class Renderer:
     ) -> Demand:
         """Return the demand of this cycle.
 
-        Effects have any names; one that is changed keeps what it remembers, unless it becomes another kind.
-        ``share`` is of everything, from 0 to 1; at 0 the cables are held taut. Raises `EffectFailed`, naming the
-        effect that could not be rendered.
+        An effect keeps its memory by name, also with other parameters, but not as another kind. ``share`` scales
+        the whole demand, from 0 to 1; at 0 the cables are held taut. Raises `EffectFailed`, which names the
+        effect.
         """
         self._measure_delay(state, motion.step)
         available = state.active & (self._rig.n == self._rig.dimension)
@@ -120,7 +120,7 @@ class Renderer:
         state: RigState,
         available: NDArray[np.bool_],
     ) -> tuple[Floats, RenderPlan]:
-        """Return the host-side force of some effects after the stages, and the plan of who renders what."""
+        """Return the host-side force of effects after the stages, and their plan."""
         stages = Stages(self._controller if passive else None, max_force=self._max_force)
         before = self._memories[passive]
         smooth = stages.smooth(motion, before.stages)
@@ -130,7 +130,7 @@ class Renderer:
             kind, memory = before.effects.get(name, (None, EffectMemory()))
             memories.append(memory if kind is type(effect) else EffectMemory())
         try:
-            with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # what is not finite is refused
+            with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # `assign` refuses infinite forces
                 plan = assign(tuple(effects.values()), smooth, cables, self.limits, self.ceiling, memories)
                 force, stage_memory = stages.filter(plan.force, smooth, plan.bypass_slew, before.stages)
         except EffectFailed as failed:
@@ -151,19 +151,19 @@ class Renderer:
         if delay == self.delay and self._controller is not None:
             return
         self.delay = delay
-        step = statistics.median(self._steps)  # one cycle that came late says nothing of the others
+        step = statistics.median(self._steps)  # a single late cycle does not count
         steps = delay / step
-        # A step more or less is no change: steps are not all of one length.
+        # A step more or less is no change, since steps vary.
         if self._controller is None or not -1.5 < steps - self._controller.delay < 0.5:
             self._controller = PassivityController(max_damping(MIN_HAND_MASS_KG, delay, step), math.ceil(steps))
             effects, stages = self._memories[True]
-            if stages is not None:  # the observer paired forces with what came after another time
+            if stages is not None:  # the observer paired forces and motions by another delay
                 self._memories[True] = GroupMemory(effects, stages._replace(observed=None))
 
     def _balance(self, force: Floats, impedances: Mapping[int, Impedance], state: RigState) -> Floats:
-        """Return how much harder than its impedance each cable must pull so that the others can do the rest, in N.
+        """Return the tension in N that each cable needs besides its impedance.
 
-        As hard as it would if there were no impedances, and all cables rendered the force together.
+        Together they are the tensions with which all cables would render the force without impedances.
         """
         key = state.active.tobytes()
         if key not in self._allocators:
@@ -174,7 +174,7 @@ class Renderer:
         return np.maximum(extra, 0.0)
 
     def _scaled(self, cable: Impedance, share: float, balance: float) -> Impedance:
-        """Return a share of an impedance, with what other cables need; a vibrating cable stays taut."""
+        """Return a share of an impedance plus a balance in N; a vibrating cable stays taut."""
         amplitude = share * cable.amplitude
         lowest = self.limits.lower + amplitude if amplitude else 0.0
         feed_forward = min(max(share * cable.feed_forward + balance, lowest), self.limits.upper)
