@@ -94,7 +94,7 @@ def _compared(comparison: Comparison) -> list[Dot]:
     first: dict[str, int] = {}
     for place, row in enumerate(comparison.rows):
         first.setdefault(row.solver, place)
-    error = np.array([each.residual for each in comparison.allocations])
+    error = np.array([allocation.residual for allocation in comparison.allocations])
     excess = np.where(np.isnan(error), np.inf, error - np.nanmin(error, axis=0)).max(axis=1)
     return [
         Dot(name, kind(name), comparison.rows[place].call_median_s, float(excess[place]))

@@ -47,10 +47,12 @@ def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure:
     """
     with one_panel(ax, (6.5, 4.2)) as (figure, axes):
         for layouts, look in ((found.layouts, OFF_FRONT), (found.front, ON_FRONT)):
-            axes.plot([each.rig.m for each in layouts], [each.score for each in layouts], clip_on=False, **look)
-        axes.set_xticks([each.rig.m for each in found.layouts])
+            axes.plot(
+                [layout.rig.m for layout in layouts], [layout.score for layout in layouts], clip_on=False, **look
+            )
+        axes.set_xticks([layout.rig.m for layout in found.layouts])
         axes.set(xlabel="modules", ylabel="score", title=f"score: {found.describe()}")
-        axes.set_ylim(bottom=min(0.0, *(each.score for each in found.layouts)))
+        axes.set_ylim(bottom=min(0.0, *(layout.score for layout in found.layouts)))
         axes.grid(axis="y")
         looks = [("best with as many modules or fewer", ON_FRONT), ("no better than with fewer", OFF_FRONT)]
         panel_legend(figure, ax, 2, looks[: 1 + (len(found.front) < len(found.layouts))])

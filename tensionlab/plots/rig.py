@@ -133,10 +133,10 @@ def _label_anchors(axes: Any, rig: Rig) -> None:
         points = np.column_stack([x, y])
     points, home = points[:-1], points[-1]
     near = 0.05 * float(np.ptp(points, axis=0).max())
-    left = list(range(rig.m))
-    while left:
-        together = [index for index in left if np.linalg.norm(points[index] - points[left[0]]) <= near]
-        left = [index for index in left if index not in together]
+    remaining = list(range(rig.m))
+    while remaining:
+        together = [index for index in remaining if np.linalg.norm(points[index] - points[remaining[0]]) <= near]
+        remaining = [index for index in remaining if index not in together]
         place = points[together].mean(axis=0)
         outward = (place - home) / (np.linalg.norm(place - home) + 1e-12)
         axes.annotate(

@@ -1,7 +1,7 @@
 """Layout of a scenario to scale, seen from the side: floor, person, modules, cables, paths, surfaces and brakes.
 
 Drawn in a cabinet projection: what lies across the view keeps its lengths and angles, and depth goes up to the
-right, shortened. So sizes can be read off, and what stands behind one another can still be distinguished.
+right, shortened. So sizes can be read off, and parts behind one another are still seen apart.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 DEPTH = (0.40, 0.25)  # right and up, for each metre of depth
 FLOOR_COLOUR, SURFACE_COLOUR, PERSON_COLOUR = "#DDDDDD", "#56B4E9", "#D3D3D3"
 TILE_M = 0.5  # side of a tile of the floor, in m
-PATCH_M = 0.25  # half the side of the patch that stands for a wall, in m
+PATCH_M = 0.25  # half the side of the patch that is drawn for a wall, in m
 ARC = np.radians(np.linspace(-16.0, 16.0, 33))  # angles of the arc that marks the end of a reach
 LOOKS: dict[str, dict[str, Any]] = {
     "module in the room": {"color": BLUE, "marker": "s", "linestyle": "", "markersize": 9},
@@ -68,7 +68,7 @@ def scripted_moment(scenario: Scenario, time: float) -> Moment:
     """Return where the script has everything at a time."""
     bodies = {name: script.position(time) for name, script in scenario.person.bodies.items()}
     nowhere = np.zeros(scenario.rig.dimension)
-    anchors = np.array([each.anchor + bodies.get(each.frame, nowhere) for each in scenario.rig.modules])
+    anchors = np.array([module.anchor + bodies.get(module.frame, nowhere) for module in scenario.rig.modules])
     return Moment(scenario.person.script.position(time), anchors, bodies)
 
 

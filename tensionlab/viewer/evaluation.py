@@ -85,10 +85,10 @@ def _certificate(
         return None
     pulls = direction @ structure
     limits = state.rig.limits
-    most = float(np.maximum(pulls * limits.lower, pulls * limits.upper).sum())
-    rest = float(direction @ required) + float(direction[d:] @ state.wrench[d:])
+    reach = float(np.maximum(pulls * limits.lower, pulls * limits.upper).sum())
+    reach -= float(direction @ required) + float(direction[d:] @ state.wrench[d:])
     along = direction[:d] / length
-    return Certificate(along, (most - rest) / length, float(along @ state.wrench[:d]))
+    return Certificate(along, reach / length, float(along @ state.wrench[:d]))
 
 
 def force_set(structure: Floats, state: DesignState, required: Floats) -> ForceSet | None:

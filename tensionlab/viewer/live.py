@@ -65,8 +65,8 @@ def stop_modules(watcher: RunWatcher) -> StopOutcome:
     if len(links) < len(info.links) and (problem := _stop_process(watcher, info.pid)):
         wrong.append(problem)
     if wrong:
-        others = sum(not each.error for each in outcomes.values())
-        return StopOutcome(False, (*wrong, f"confirmed by {format_count(others, 'module')}"))
+        confirmed = sum(not outcome.error for outcome in outcomes.values())
+        return StopOutcome(False, (*wrong, f"confirmed by {format_count(confirmed, 'module')}"))
     return StopOutcome(True, (f"confirmed by {format_count(len(info.links), 'module')}",))
 
 
@@ -203,16 +203,16 @@ class LivePage(RunPage):
 
 def live_heading(condition: str, age: float, info: RunInfo | None, report: RunSnapshot | None) -> str:
     """Return the condition of a run as HTML, with its age in s where no newer cycle comes."""
-    well = report is not None and (
+    ended_well = report is not None and (
         report.ended in (DURATION_REACHED, DEMAND_STOPPED) or report.ended.startswith("signal")
     )
-    return render("run.live_heading", condition, age, info, report, well)
+    return render("run.live_heading", condition, age, info, report, ended_well)
 
 
 def open_page() -> str:
     """Start a process with the page of what this process will run, which opens a browser; return the address.
 
-    It ends by itself when the run has ended and no browser shows it any more.
+    It ends when the run has ended and no browser shows it any more.
 
     Raises
     ------

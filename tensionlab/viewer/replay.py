@@ -74,8 +74,8 @@ class Playback:
     def step(self, times: Floats, direction: int) -> Playback:
         """Go to the next of ascending times, or to the previous one for -1, and stop there."""
         later = times > self.time + SAME_S if direction > 0 else times < self.time - SAME_S
-        found = times[later]
-        return self.seek(float(found[0 if direction > 0 else -1]) if len(found) else self.time)
+        ahead = times[later]
+        return self.seek(float(ahead[0 if direction > 0 else -1]) if len(ahead) else self.time)
 
 
 Change = Callable[[Playback], Playback]
@@ -187,8 +187,8 @@ def curves(run: Run) -> tuple[list[tuple[str, str, str]], float]:
     measured = np.linalg.norm(run.structure[:, :d] @ np.nan_to_num(run.measured)[..., None], axis=(1, 2))
     sizes = {"desired": np.linalg.norm(run.desired[:, :d], axis=1), "measured": measured}
     known = np.concatenate([size[np.isfinite(size)] for size in sizes.values()])
-    most = float(known.max(initial=0.0)) or 1.0
-    return [(name, FORCE_COLOURS[name], _path(run.time, size / most)) for name, size in sizes.items()], most
+    largest = float(known.max(initial=0.0)) or 1.0
+    return [(name, FORCE_COLOURS[name], _path(run.time, size / largest)) for name, size in sizes.items()], largest
 
 
 def _path(time: Floats, share: Floats) -> str:

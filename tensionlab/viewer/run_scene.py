@@ -215,7 +215,7 @@ def points_to_see(scenery: Scenery, rig: Rig, instant: Instant) -> Floats:
     figure = person(scenery, rig, named_places(scenery, rig, instant))
     joints = [] if figure is None else [*figure.lines, figure.head[None]]
     return np.concatenate(
-        [np.empty((0, 3)), *joints, *(each.centre[None] for each in solids(scenery, rig, instant))]
+        [np.empty((0, 3)), *joints, *(placed.centre[None] for placed in solids(scenery, rig, instant))]
     )
 
 

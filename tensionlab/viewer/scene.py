@@ -120,8 +120,8 @@ NO_LINES = plain_lines(np.empty((0, 2, 3)), GREY)
 
 def platform_lines(hand: Floats, ends: Floats) -> Lines:
     """Return lines from the reference point to the attachments; none for a point."""
-    apart = ends[np.linalg.norm(ends - hand, axis=1) > 0.0]
-    return plain_lines(np.stack([np.broadcast_to(hand, apart.shape), apart], axis=1), GREY)
+    arms = ends[np.linalg.norm(ends - hand, axis=1) > 0.0]
+    return plain_lines(np.stack([np.broadcast_to(hand, arms.shape), arms], axis=1), GREY)
 
 
 class RigDrawing:

@@ -158,7 +158,7 @@ class SolverPanel:
             answers = []
         table = solver_table(answers)._repr_html_() if answers else "Choose solvers to compare with."
         self._table.content = f'<div style="font-size:11px;margin:.2em .75em">{table}</div>'
-        known = {each.solver: each.study for each in answers if each.study is not None}
+        known = {answer.solver: answer.study for answer in answers if answer.study is not None}
         index = state.names.index(state.selected) if state.selected in state.names else 0
         lines = {
             "error N": [found.residual for found in known.values()],

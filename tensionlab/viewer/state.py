@@ -102,13 +102,13 @@ def find(state: DesignState, name: str) -> Module:
 def _replaced(state: DesignState, old: Module, **changes: Any) -> DesignState:
     """Return the state with some keys of a module changed."""
     new = replace(old, **changes)
-    return _with_modules(state, tuple(new if each is old else each for each in state.rig.modules))
+    return _with_modules(state, tuple(new if module is old else module for module in state.rig.modules))
 
 
 def _with_modules(state: DesignState, modules: tuple[Module, ...]) -> DesignState:
     """Return the state with other modules, without the rest poses of frames that carry none of them."""
     carried = {module.frame for module in modules}
-    rest = tuple(each for each in state.rig.rest if each.name in carried)
+    rest = tuple(at_rest for at_rest in state.rig.rest if at_rest.name in carried)
     return replace(state, rig=replace(state.rig, modules=modules, rest=rest))
 
 
@@ -133,12 +133,12 @@ def snap(state: DesignState, place: ArrayLike) -> Floats:
 
 def nearest_on_surfaces(space: Space, place: Floats) -> Floats:
     """Return the point of the surfaces nearest to a place, (d,), in m; the place if none is in the world."""
-    found = [place]
+    candidates = [place]
     for corner, edges in _surfaces(space):
         # Of a rectangle or a box this is the nearest point, of a skew surface one that is near.
         share = np.clip(np.linalg.lstsq(edges.T, place - corner, rcond=None)[0], 0.0, 1.0)
-        found.append(corner + share @ edges)
-    return min(found[1:] or found, key=lambda point: float(np.linalg.norm(point - place)))
+        candidates.append(corner + share @ edges)
+    return min(candidates[1:] or candidates, key=lambda point: float(np.linalg.norm(point - place)))
 
 
 def outlines(space: Space) -> Floats:
@@ -153,7 +153,7 @@ def outlines(space: Space) -> Floats:
 
 def _surfaces(space: Space) -> list[tuple[Floats, Floats]]:
     """Return corner (d,) and edges (k, d) of the surfaces in the world."""
-    return [(each.corner, each.edges) for each in space.surfaces if each.frame == WORLD]
+    return [(surface.corner, surface.edges) for surface in space.surfaces if surface.frame == WORLD]
 
 
 def move_anchor(state: DesignState, name: str, place: ArrayLike) -> DesignState:
@@ -189,7 +189,7 @@ def set_frame(state: DesignState, name: str, frame: str) -> DesignState:
 
 def move_body(state: DesignState, name: str, position: ArrayLike) -> DesignState:
     """Move the body of a module, with all modules on it, to a place, (d,), in m; a module in the world stays."""
-    frame, rest = find(state, name).frame, {each.name: each for each in state.rig.rest}
+    frame, rest = find(state, name).frame, {at_rest.name: at_rest for at_rest in state.rig.rest}
     if frame not in state.rig.frames:
         return state
     rotation = rest[frame].rotation if frame in rest else None
@@ -218,7 +218,7 @@ def remove_module(state: DesignState, name: str) -> DesignState:
     removed = find(state, name)
     if state.rig.m == 1:
         raise RigError(f'"{name}" is the only module of the rig; add another before it is removed')
-    others = tuple(each for each in state.rig.modules if each is not removed)
+    others = tuple(module for module in state.rig.modules if module is not removed)
     return replace(_with_modules(state, others), selected="" if state.selected == name else state.selected)
 
 

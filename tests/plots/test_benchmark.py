@@ -68,7 +68,7 @@ def test_without_a_trajectory_there_is_no_picture_of_one(bench_results):
             plot_continuity(replace(bench_results, measurements=without))
 
 
-def test_the_front_is_who_nobody_surpasses_and_the_exact_are_equal():
+def test_the_front_has_the_entries_that_no_other_surpasses_and_exact_ones_are_equal():
     points = [(1.0, 1e-2), (2.0, 1e-3), (3.0, 1e-1), (4.0, 1e-9), (5.0, 1e-15)]
     assert pareto_front(points) == [(1.0, 1e-2), (2.0, 1e-3), (4.0, EXACT_N)]
 
@@ -88,7 +88,7 @@ def test_a_comparison_is_drawn_by_the_error_above_the_smallest():
     found = tl.compare(rig, solvers=[tl.solvers.Dykstra(iteration_limit=5), "newton", "spidar"])
     dots = {dot.name: dot for dot in _compared(found)}
     assert dots["dykstra(iteration_limit=5)"].kind == "own"
-    assert dots["newton"].error < 1e-12  # of what can be rendered at all, nobody renders more
+    assert dots["newton"].error < 1e-12  # no solver renders more of what can be rendered
     rows = {row.solver: row for row in reversed(found.rows)}
     assert dots["spidar"].error > rows["spidar"].residual_mean - rows["newton"].residual_mean > 0
     words = words_in(content_of(plot_pareto(found)))
@@ -105,11 +105,11 @@ def test_a_name_avoids_what_is_there_and_stays_inside():
     frame = np.array([[0.0, 0.0], [200.0, 200.0]])
     place = np.array([100.0, 100.0])
     crowd = [np.array([105.0, 60.0, 200.0, 140.0])]  # everything to the right is taken
-    nobody = np.zeros((0, 2))
-    best = min(_places(place, 30.0, 10.0), key=lambda box: _cost(box, place, nobody, crowd, frame))
+    no_points = np.zeros((0, 2))
+    best = min(_places(place, 30.0, 10.0), key=lambda box: _cost(box, place, no_points, crowd, frame))
     assert best[2] <= 105.0
     corner = np.array([2.0, 2.0])
-    best = min(_places(corner, 30.0, 10.0), key=lambda box: _cost(box, corner, nobody, crowd, frame))
+    best = min(_places(corner, 30.0, 10.0), key=lambda box: _cost(box, corner, no_points, crowd, frame))
     assert best[:2].min() >= 0.0
 
 

@@ -1,4 +1,4 @@
-"""Figures of one panel draw into a panel of somebody else's, and leave its style as it is; notebooks show them."""
+"""Figures of one panel draw into a panel of another figure, and keep its style; notebooks show them."""
 
 import importlib
 from base64 import b64decode

@@ -53,7 +53,7 @@ def test_the_figure_names_what_is_in_it(bow):
     ):
         assert word in words, word
     assert "module in the room" not in words
-    assert "along y" not in words  # the force there is nothing beside that along x
+    assert "along y" not in words  # the force there is small against that along x
 
 
 def test_the_same_play_makes_the_same_figure_also_without_rows_and_who_felt_it(bow):

@@ -60,7 +60,7 @@ def watched(run):
 
 
 def goes_on(watcher, cycles):
-    """Wait until a run has done so many cycles more; what it reports then."""
+    """Wait until a run has done a number of further cycles; return its report then."""
 
     def report(least):
         watcher.poll()
@@ -79,7 +79,7 @@ def opened(browser, url):
 
 
 def ask(links):
-    """States of modules, told by themselves."""
+    """States that modules report."""
     found = []
     for name, url in links.items():
         with ModuleClient(name, url) as client:

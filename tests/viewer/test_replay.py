@@ -316,7 +316,7 @@ def test_a_real_log_is_scrubbed_and_played(tmp_path, run):
             sees(f"cycle {played.cycle[index]} at 50 Hz")
             sees(f"{played.measured[index, -1]:.2f} N")
             tab.get_by_role("button", name="Play", exact=True).click()
-            sees("NEAREST")  # by itself, after 0.6 s
+            sees("NEAREST")  # played, after 0.6 s
             tab.get_by_role("button", name="Previous event", exact=True).click()
             tab.get_by_role("tab", name="Events").click()
             sees("NEAREST, ")

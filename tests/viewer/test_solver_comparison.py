@@ -68,7 +68,7 @@ def test_a_solver_that_serves_no_such_rig_says_so(point):
     assert "serves no such problem" in answer(state, "polygon", problems(state)).problem
 
 
-def test_a_comparison_ends_as_soon_as_nobody_wants_it(point):
+def test_a_comparison_ends_as_soon_as_it_is_not_wanted(point):
     assert compare(point, lambda: False) is None
 
 

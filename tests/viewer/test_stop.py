@@ -106,7 +106,7 @@ def test_a_process_that_may_not_be_signalled_is_named(monkeypatch):
 
 
 @pytest.mark.parametrize("condition", ["ended", "gone"])
-def test_nobody_is_signalled_who_has_ended(condition, monkeypatch):
+def test_a_process_that_has_ended_is_not_signalled(condition, monkeypatch):
     """Another process may have its number by now."""
     run = Watched(SIMULATED)
     run.condition = condition
