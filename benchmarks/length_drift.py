@@ -25,8 +25,7 @@ from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.frames import WireFrame
-from tensionlab.hardware.protocol.messages import Telemetry, read
+from tensionlab.hardware.protocol.messages import Telemetry, WireFrame, read
 from tensionlab.hardware.runner.records import Cycle
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock

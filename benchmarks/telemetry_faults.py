@@ -24,8 +24,7 @@ from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Fault
-from tensionlab.hardware.protocol.frames import Decoder, WireFrame
-from tensionlab.hardware.protocol.messages import SetTension, Telemetry, read
+from tensionlab.hardware.protocol.messages import Decoder, SetTension, Telemetry, WireFrame, read
 from tensionlab.hardware.runner.armed_modules import TELEMETRY_UNITS
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock

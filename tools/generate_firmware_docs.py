@@ -17,10 +17,8 @@ from typing import get_type_hints
 
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol import codes
-from tensionlab.hardware.protocol.codes import DESCRIPTIONS, EVENTS
-from tensionlab.hardware.protocol.frames import CHECKSUM_BYTES, DELIMITER
-from tensionlab.hardware.protocol.messages import MESSAGES, Message, SetTension
-from tensionlab.hardware.protocol.parameters import PARAMETER_DESCRIPTIONS, PARAMETERS
+from tensionlab.hardware.protocol.codes import DESCRIPTIONS, EVENTS, PARAMETER_DESCRIPTIONS, PARAMETERS
+from tensionlab.hardware.protocol.messages import CHECKSUM_BYTES, DELIMITER, MESSAGES, Message, SetTension
 from tensionlab.hardware.simulation.simulated_module import PLANT, TRANSITIONS
 
 FOLDER = Path("firmware")

@@ -22,9 +22,8 @@ from tensionlab.hardware.client.diagnostics import identify as pulse
 from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient
 from tensionlab.hardware.client.parameter_file import Change, firmware, plain
 from tensionlab.hardware.protocol import messages
-from tensionlab.hardware.protocol.codes import LATCHED_STATES, State
+from tensionlab.hardware.protocol.codes import LATCHED_STATES, PARAMETER_DESCRIPTIONS, PARAMETERS, State
 from tensionlab.hardware.protocol.messages import Clear, EmergencyStop, Info, Message, Stop
-from tensionlab.hardware.protocol.parameters import PARAMETER_DESCRIPTIONS, PARAMETERS
 from tensionlab.support.files.reading import read_text
 from tensionlab.support.files.writing import make_folder, write_text
 from tensionlab.support.table import Column, Table

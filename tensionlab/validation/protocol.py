@@ -21,8 +21,7 @@ from tensionlab.allocation import allocate
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import HardwareError, InputError, LogError, WriteError
 from tensionlab.hardware.client.group import ModuleGroup
-from tensionlab.hardware.protocol.codes import Limit
-from tensionlab.hardware.protocol.parameters import PARAMETERS
+from tensionlab.hardware.protocol.codes import PARAMETERS, Limit
 from tensionlab.hardware.runner.records import DEMAND_STOPPED, Cycle
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings

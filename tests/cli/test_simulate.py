@@ -14,11 +14,11 @@ from benchmarks.processes import simulated
 from tensionlab.cli import main
 from tensionlab.errors import LinkError
 from tensionlab.hardware.client.links import load_modules
-from tensionlab.hardware.protocol.codes import Calibration, Code, State
-from tensionlab.hardware.protocol.frames import Decoder
+from tensionlab.hardware.protocol.codes import PARAMETERS, Calibration, Code, State
 from tensionlab.hardware.protocol.messages import (
     Arm,
     Calibrate,
+    Decoder,
     EmergencyStop,
     Event,
     GetParameter,
@@ -33,7 +33,6 @@ from tensionlab.hardware.protocol.messages import (
     Stop,
     read,
 )
-from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.model.files import load_rig
 from tests.helpers.served import Simulation
 from tests.helpers.wire import connected

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tensionlab.hardware.protocol.codes import Calibration, Code, Fault, Limit, State, Type
-from tensionlab.hardware.protocol.frames import DELIMITER, WireFrame
+from tensionlab.hardware.protocol.codes import PARAMETERS, Calibration, Code, Fault, Limit, State, Type
 from tensionlab.hardware.protocol.messages import (
+    DELIMITER,
     Acknowledge,
     Arm,
     Calibrate,
@@ -28,8 +28,8 @@ from tensionlab.hardware.protocol.messages import (
     SetTension,
     Stop,
     Telemetry,
+    WireFrame,
 )
-from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 from tests.helpers.modules import SESSION, Host, host_in
 

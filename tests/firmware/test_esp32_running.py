@@ -13,13 +13,13 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from tensionlab.hardware.protocol.codes import Calibration, Code, Fault, ResetReason, State
-from tensionlab.hardware.protocol.frames import Decoder
+from tensionlab.hardware.protocol.codes import PARAMETERS, Calibration, Code, Fault, ResetReason, State
 from tensionlab.hardware.protocol.messages import (
     Acknowledge,
     Arm,
     Calibrate,
     ConfigureTelemetry,
+    Decoder,
     EmergencyStop,
     Event,
     GetParameter,
@@ -34,7 +34,6 @@ from tensionlab.hardware.protocol.messages import (
     Telemetry,
     read,
 )
-from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tests.helpers.compiled import FIRMWARE, compile_program
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the fakes are for POSIX")

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from tensionlab.hardware.protocol.codes import Calibration, Fault, State
-from tensionlab.hardware.protocol.frames import Decoder
+from tensionlab.hardware.protocol.codes import PARAMETERS, Calibration, Fault, State
 from tensionlab.hardware.protocol.messages import (
     Arm,
     Calibrate,
     ConfigureTelemetry,
+    Decoder,
     EmergencyStop,
     SetParameter,
     SetTension,
@@ -16,7 +16,6 @@ from tensionlab.hardware.protocol.messages import (
     Telemetry,
     read,
 )
-from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tests.helpers.compiled import FIRMWARE, compile_program, run_program
 
 USUAL = {

@@ -9,7 +9,7 @@ import pytest
 from tensionlab import _native
 from tensionlab.hardware.protocol import messages as protocol
 from tensionlab.hardware.protocol.codes import State
-from tensionlab.hardware.protocol.frames import DELIMITER, Decoder, WireFrame
+from tensionlab.hardware.protocol.messages import DELIMITER, Decoder, WireFrame
 from tests.helpers.modules import Host
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"

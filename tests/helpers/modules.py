@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 
-from tensionlab.hardware.protocol.codes import Calibration, Code, State
-from tensionlab.hardware.protocol.frames import Decoder
+from tensionlab.hardware.protocol.codes import PARAMETERS, Calibration, Code, State
 from tensionlab.hardware.protocol.messages import (
     Acknowledge,
     Arm,
     Calibrate,
+    Decoder,
     EmergencyStop,
     Message,
     SetImpedance,
@@ -15,7 +15,6 @@ from tensionlab.hardware.protocol.messages import (
     SetTension,
     read,
 )
-from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 SESSION = 77

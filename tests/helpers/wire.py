@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from tensionlab.hardware.client.links import Link, connect
-from tensionlab.hardware.protocol.frames import Decoder
-from tensionlab.hardware.protocol.messages import Acknowledge, Message, Ping, Pong, read
+from tensionlab.hardware.protocol.messages import Acknowledge, Decoder, Message, Ping, Pong, read
 
 
 class NoLock:

@@ -14,8 +14,15 @@ import pytest
 
 from tensionlab.errors import ProtocolError
 from tensionlab.hardware.protocol.codes import Type
-from tensionlab.hardware.protocol.frames import DELIMITER, MAX_PAYLOAD, MAX_PIECE, Decoder, WireFrame
-from tensionlab.hardware.protocol.messages import PROTOCOL, read
+from tensionlab.hardware.protocol.messages import (
+    DELIMITER,
+    MAX_PAYLOAD,
+    MAX_PIECE,
+    PROTOCOL,
+    Decoder,
+    WireFrame,
+    read,
+)
 from tests.stress import cases
 
 CHANCE = 2.0**-16  # that the checksum of anything is right

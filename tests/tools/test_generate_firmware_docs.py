@@ -7,9 +7,8 @@ import pytest
 
 from benchmarks.processes import simulated
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.protocol.codes import State
+from tensionlab.hardware.protocol.codes import PARAMETERS, State
 from tensionlab.hardware.protocol.messages import Info, Telemetry
-from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.hardware.simulation.simulated_module import TRANSITIONS
 from tools import generate_firmware_docs as documents
 

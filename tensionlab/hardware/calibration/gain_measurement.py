@@ -18,9 +18,8 @@ import numpy as np
 from tensionlab.errors import CalibrationError, HardwareError, ModuleFault
 from tensionlab.hardware.calibration.gain import Balance
 from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient, Received
-from tensionlab.hardware.protocol.codes import Calibration, Limit, State
+from tensionlab.hardware.protocol.codes import PARAMETERS, Calibration, Limit, State
 from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Info, Message, SetParameter, Telemetry
-from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.hardware.runner.watchdog import stopping
 from tensionlab.model.module import STANDARD_GRAVITY_M_S2
 from tensionlab.support.arrays import Floats

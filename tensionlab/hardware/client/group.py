@@ -22,9 +22,8 @@ from tensionlab.hardware.client.module import (
     require_ready,
 )
 from tensionlab.hardware.protocol import messages
-from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit, State
+from tensionlab.hardware.protocol.codes import LATCHED_STATES, PARAMETERS, Limit, State
 from tensionlab.hardware.protocol.messages import Acknowledge, Info, Message, Stop
-from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers
 

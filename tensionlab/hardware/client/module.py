@@ -28,10 +28,10 @@ from tensionlab.hardware.protocol.codes import (
     Fault,
     State,
     Type,
+    require_name,
+    require_value,
 )
-from tensionlab.hardware.protocol.frames import WireFrame
-from tensionlab.hardware.protocol.messages import Acknowledge, Info, Message, Telemetry
-from tensionlab.hardware.protocol.parameters import require_name, require_value
+from tensionlab.hardware.protocol.messages import Acknowledge, Info, Message, Telemetry, WireFrame
 
 ANSWER_TIMEOUTS_S = (0.2, 0.3, 0.45)  # wait for an answer in each try
 # More tries for a bad link: before a run, at its end, and in an emergency.

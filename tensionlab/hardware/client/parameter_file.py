@@ -26,14 +26,14 @@ import numpy as np
 
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.messages import GetParameter, Info, ParameterValue, SetParameter
-from tensionlab.hardware.protocol.parameters import (
+from tensionlab.hardware.protocol.codes import (
     BINARY_PARAMETERS,
     PARAMETER_DESCRIPTIONS,
     PARAMETERS,
     require_value,
     single,
 )
+from tensionlab.hardware.protocol.messages import GetParameter, Info, ParameterValue, SetParameter
 from tensionlab.support.files.reading import brief, parse_toml
 
 # Parameters that allow others more as they grow.

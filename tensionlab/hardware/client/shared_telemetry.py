@@ -22,8 +22,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tensionlab.errors import ProtocolError
-from tensionlab.hardware.protocol.frames import Decoder
-from tensionlab.hardware.protocol.messages import Telemetry, read
+from tensionlab.hardware.protocol.messages import Decoder, Telemetry, read
 
 HOST = "127.0.0.1"
 MIN_PERIOD_S = 0.05  # between requests; faster ones get lost, so that a flood does not slow down a run

@@ -1,6 +1,8 @@
-"""Messages of the module protocol and their payloads; ``firmware/PROTOCOL.md`` has the same as tables.
+"""Messages of the module protocol and their frames; ``firmware/PROTOCOL.md`` has the same as tables.
 
-A message's fields, in their order, are its payload: little-endian, in SI units unless they say otherwise.
+A message's fields, in their order, are its payload: little-endian, in SI units unless they say otherwise. A frame
+is COBS(type, sequence number, payload), its CRC-16, and three zeros; one or two flipped bits are always detected.
+The codec is the firmware's own, compiled in.
 """
 
 from __future__ import annotations
@@ -11,8 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from inspect import get_annotations
-from typing import Annotated, Any, ClassVar, Self, get_type_hints
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_type_hints
 
+from tensionlab import _native
 from tensionlab.errors import ProtocolError
 from tensionlab.hardware.protocol.codes import (
     BrakeState,
@@ -24,8 +27,11 @@ from tensionlab.hardware.protocol.codes import (
     State,
     Type,
 )
-from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, WireFrame
 
+# Most bytes of payload in a frame, and between two delimiters.
+MAX_PAYLOAD, MAX_PIECE = _native.MAX_PAYLOAD, _native.MAX_PIECE
+DELIMITER = b"\0\0\0"  # end of a frame. It takes three flips to make one of other bytes, none of which is zero.
+CHECKSUM_BYTES = 3  # bytes of a checksum
 PROTOCOL = 3  # version of the protocol; `Info` has the module's
 MESSAGES: dict[int, type[Message]] = {}  # message class of each type of frame
 
@@ -37,6 +43,40 @@ U64 = Annotated[int, "Q"]
 F32 = Annotated[float, "f"]
 Flag = Annotated[bool, "?"]
 Text = Annotated[str, ""]
+
+
+class WireFrame(NamedTuple):
+    """Frame: type (bit 7: from a module), sequence number (an answer has the command's) and payload."""
+
+    type: int
+    sequence: int
+    payload: bytes = b""
+
+    def pack(self) -> bytes:
+        """Return the frame's bytes on the wire; a `ProtocolError` if a number or the payload is too large."""
+        try:
+            return _native.build_frame(*self)
+        except ValueError as error:
+            raise ProtocolError(str(error)) from None
+
+
+class Decoder:
+    """Decoder of a stream of bytes, however it is cut into pieces.
+
+    `bad_frames` counts those that were damaged, too long or too short.
+    """
+
+    def __init__(self) -> None:
+        self._native = _native.FrameDecoder()
+
+    def feed(self, content: bytes) -> list[WireFrame]:
+        """Return the frames that these bytes complete."""
+        return [WireFrame(*found) for found in self._native.feed(content)]
+
+    @property
+    def bad_frames(self) -> int:
+        """Number of bad frames up to now."""
+        return self._native.bad_frames
 
 
 class OtherProtocolError(ProtocolError):

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from tensionlab import _native
 from tensionlab.errors import InputError
-from tensionlab.hardware.protocol.codes import Fault, Limit, ResetReason, State
-from tensionlab.hardware.protocol.parameters import PARAMETERS
+from tensionlab.hardware.protocol.codes import PARAMETERS, Fault, Limit, ResetReason, State
 from tensionlab.model.module import STANDARD_GRAVITY_M_S2
 
 

@@ -13,8 +13,7 @@ from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import Calibration
-from tensionlab.hardware.protocol.parameters import PARAMETERS
+from tensionlab.hardware.protocol.codes import PARAMETERS, Calibration
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import PLANT, STEP_S, SimulatedModule, Trace
 from tensionlab.model.module import Module

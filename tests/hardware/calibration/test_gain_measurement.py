@@ -19,8 +19,7 @@ from tensionlab.hardware.calibration.gain_measurement import (
 )
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, State
-from tensionlab.hardware.protocol.frames import Decoder
-from tensionlab.hardware.protocol.messages import Calibrate, ConfigureTelemetry, SetParameter, read
+from tensionlab.hardware.protocol.messages import Calibrate, ConfigureTelemetry, Decoder, SetParameter, read
 from tensionlab.hardware.runner.watchdog import STOPPING_SIGNALS
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, HangingMass, SimulatedModule

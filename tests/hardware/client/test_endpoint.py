@@ -21,8 +21,16 @@ from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.links import SocketLink
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import FOLLOWING_STATES, BrakeState, Code, Fault, Limit, State, Type
-from tensionlab.hardware.protocol.frames import Decoder, WireFrame
-from tensionlab.hardware.protocol.messages import Acknowledge, Event, Log, SetTension, Telemetry, read
+from tensionlab.hardware.protocol.messages import (
+    Acknowledge,
+    Decoder,
+    Event,
+    Log,
+    SetTension,
+    Telemetry,
+    WireFrame,
+    read,
+)
 from tensionlab.hardware.runner.armed_modules import TELEMETRY_UNITS, ModuleMonitor
 
 LONG_S = 30.0

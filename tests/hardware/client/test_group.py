@@ -14,8 +14,7 @@ from tensionlab.hardware.client import group
 from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Code, State
-from tensionlab.hardware.protocol.frames import Decoder
-from tensionlab.hardware.protocol.messages import Acknowledge
+from tensionlab.hardware.protocol.messages import Acknowledge, Decoder
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.world import World
 

@@ -12,8 +12,17 @@ from tensionlab.hardware.client import group
 from tensionlab.hardware.client.links import SerialPort
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Code, Type
-from tensionlab.hardware.protocol.frames import DELIMITER, Decoder, WireFrame
-from tensionlab.hardware.protocol.messages import PROTOCOL, Acknowledge, Hello, Info, Log, read
+from tensionlab.hardware.protocol.messages import (
+    DELIMITER,
+    PROTOCOL,
+    Acknowledge,
+    Decoder,
+    Hello,
+    Info,
+    Log,
+    WireFrame,
+    read,
+)
 
 INFO = struct.pack("<BHI5BH4f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, 0.5, 6.0, 3.0, 0.02)
 

@@ -10,8 +10,7 @@ from tensionlab.errors import HardwareError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client import parameter_file as settings
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.parameter_file import change, dump, parse
-from tensionlab.hardware.protocol.codes import Calibration
-from tensionlab.hardware.protocol.parameters import BINARY_PARAMETERS, PARAMETERS, single
+from tensionlab.hardware.protocol.codes import BINARY_PARAMETERS, PARAMETERS, Calibration, single
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 

@@ -8,13 +8,7 @@ from hypothesis import strategies as st
 
 from tensionlab import _native
 from tensionlab.errors import ProtocolError
-from tensionlab.hardware.protocol.frames import (
-    DELIMITER,
-    MAX_FRAME,
-    MAX_PAYLOAD,
-    Decoder,
-    WireFrame,
-)
+from tensionlab.hardware.protocol.messages import DELIMITER, MAX_PAYLOAD, MAX_PIECE, Decoder, WireFrame
 
 FRAMES = st.builds(WireFrame, st.integers(0, 255), st.integers(0, 255), st.binary(max_size=MAX_PAYLOAD))
 # Streams that are mostly frames, with damage in between.
@@ -49,7 +43,7 @@ def test_a_frame_worked_out_by_hand():
 def test_a_frame_comes_back(frame):
     packed = frame.pack()
     assert packed == stated(frame)
-    assert len(packed) <= MAX_FRAME
+    assert len(packed) <= MAX_PIECE + len(DELIMITER)
     assert packed.index(0) == len(packed) - 3
     assert Decoder().feed(packed) == [frame]
 
@@ -79,7 +73,7 @@ def test_bytes_without_end_are_not_kept(byte):
     decoder = Decoder()
     for _ in range(100):
         assert decoder.feed(byte * 10_000) == []
-        assert decoder.kept < 2 * MAX_FRAME
+        assert decoder._native.kept < 2 * MAX_PIECE + 10
     assert decoder.feed(DELIMITER + WireFrame(1, 2, b"three").pack()) == [WireFrame(1, 2, b"three")]
     assert decoder.bad_frames == (byte != b"\0")
 

@@ -14,16 +14,18 @@ from tensionlab.errors import HardwareError, ProtocolError
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol import codes
 from tensionlab.hardware.protocol.codes import Code, Fault, State, Type
-from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, Decoder, WireFrame
 from tensionlab.hardware.protocol.messages import (
+    MAX_PAYLOAD,
     MESSAGES,
     PROTOCOL,
     Acknowledge,
+    Decoder,
     Info,
     Log,
     Ping,
     SetTension,
     Telemetry,
+    WireFrame,
     read,
 )
 from tensionlab.hardware.simulation.links import SimulatedLink

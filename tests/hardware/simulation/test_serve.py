@@ -7,16 +7,7 @@ import pytest
 
 from tensionlab.errors import InputError
 from tensionlab.hardware.protocol.codes import State
-from tensionlab.hardware.protocol.frames import Decoder
-from tensionlab.hardware.protocol.messages import (
-    ConfigureTelemetry,
-    Hello,
-    Info,
-    Ping,
-    Pong,
-    Save,
-    read,
-)
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Decoder, Hello, Info, Ping, Pong, Save, read
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.serve import (
     CATCH_UP,

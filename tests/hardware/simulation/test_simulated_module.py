@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import InputError
-from tensionlab.hardware.protocol.parameters import PARAMETERS
+from tensionlab.hardware.protocol.codes import PARAMETERS
 from tensionlab.hardware.simulation.simulated_module import PARTS, PLANT, STEP_S, SimulatedModule
 
 

@@ -8,10 +8,10 @@ import pytest
 from tensionlab.demand import Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import State
-from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import (
     Arm,
     ConfigureTelemetry,
+    Decoder,
     Hello,
     Info,
     Save,
