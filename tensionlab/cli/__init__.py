@@ -68,7 +68,7 @@ VERBS = {
     "simulate": ("simulate", "Simulate the modules of a rig, with their firmware."),
     "validate": ("validate", "Repeat the published validation and compare with it."),
     "estop": ("estop", "Stop modules at once, also those of other processes."),
-    "module": ("module", "Find modules, show how they are, set them up and stop them."),
+    "module": ("module", "Find, inspect, set up and stop modules."),
     "new": ("new", "Write a rig, a space, a scenario or a program to start from."),
     "view": ("view", "Design a rig in the browser, or watch a run there."),
     "rig": ("rig", "Show, check, import and export rigs."),

@@ -27,8 +27,8 @@ from tensionlab.support.formatting import format_number
 from tensionlab.support.table import Column, Table
 
 problems = Verbs("List, show and export the benchmark's problem sets.")
-Count = Annotated[int, typer.Option(min=1, help="About so many problems in the set.")]
-Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same problems.")]
+Count = Annotated[int, typer.Option(metavar="N", min=1, help="Approximate number of problems in the set.")]
+Seed = Annotated[int, typer.Option(metavar="N", min=0, help="The same seed gives the same problems.")]
 COMPLETE_SETS = options.complete(lambda: PROBLEM_SETS)
 
 
@@ -45,9 +45,10 @@ def bench(
         ),
     ] = None,
     count: Annotated[
-        int | None, typer.Option(help="Problems in each set. Left out: 1000, or 60 with --quick.", min=1)
+        int | None,
+        typer.Option(metavar="N", help="Problems in each set. Left out: 1000, or 60 with --quick.", min=1),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of problems and order.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of problems and order.", min=0)] = 0,
     quick: Annotated[bool, typer.Option("--quick", help="Two minutes instead of twenty.")] = False,
     json: Json = False,
 ) -> None:
@@ -61,7 +62,7 @@ def bench(
     what = process.plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
         written = process.measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
-    rest = f"the results are in {written}, but not all figures and the report; the same command measures anew"
+    rest = f"the results are in {written}, but not all figures and the report; the same command measures again"
     with output.if_interrupted(rest), output.ResultWriter(quiet=json) as writer:
         results = read(written)
         _write(results, out, writer)

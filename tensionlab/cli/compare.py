@@ -48,7 +48,9 @@ def compare(
     at: At = None,
     magnitude: Annotated[
         float | None,
-        typer.Option(help="Size of each force in N. Left out: 1.5, or the radius of a required ball."),
+        typer.Option(
+            metavar="NEWTON", help="Size of each force in N. Left out: 1.5, or the radius of a required ball."
+        ),
     ] = None,
     directions: Annotated[
         str | None,

@@ -15,9 +15,9 @@ from tensionlab.hardware.client.locks import locked_links
 def estop(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Stop modules at once, also those of other processes.
 
-    They stay stopped until they are cleared. Without links and file: all modules that processes of yours use on
-    this computer. Each such process gets some seconds to stop and release its modules; then each module has to
-    confirm. Exit status 1 if one did not. ``tensionlab module clear`` leads out of it.
+    They stay stopped until ``tensionlab module clear``. Without links and file: all modules that your processes
+    use on this computer. Each such process gets some seconds to stop and release its modules; then each module has
+    to confirm. Exit status 1 if one did not.
 
     This is software. Whatever it says, only cutting the motors' supply protects.
     """

@@ -38,7 +38,7 @@ def search(
     wrench: Wrench = None,
     gravity: Gravity = None,
     required: Required = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed in place of the file's.")] = None,
+    seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Seed in place of the file's.")] = None,
     certify: Annotated[
         bool,
         typer.Option(

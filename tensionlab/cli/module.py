@@ -28,7 +28,7 @@ from tensionlab.support.files.reading import read_text
 from tensionlab.support.files.writing import make_folder, write_text
 from tensionlab.support.table import Column, Table
 
-module = Verbs("Find modules, show how they are, set them up and stop them.")
+module = Verbs("Find, inspect, set up and stop modules.")
 config = Verbs("Get and set the parameters of modules. The modules must be idle.")
 LinksAndParameters = Annotated[
     list[str] | None,

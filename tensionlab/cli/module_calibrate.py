@@ -52,7 +52,7 @@ def gain(
     mass: Annotated[
         list[float] | None, typer.Option(metavar="KG", help="Mass to hang on the cable; two or more are better.")
     ] = None,
-    repeat: Annotated[int, typer.Option(help="How often each mass is lifted.", min=2, max=100)] = 5,
+    repeat: Annotated[int, typer.Option(metavar="N", help="How often each mass is lifted.", min=2, max=100)] = 5,
     sensor: Annotated[
         Path | None,
         typer.Option(metavar="CSV", help="Recording of a force sensor: columns time (s) and force (N)."),
@@ -208,8 +208,10 @@ def record(
     path: RigArgument,
     modules: ModulesOfRig,
     out: Annotated[Path, options.writes("Write the lengths to this file.", ".csv", metavar="CSV")],
-    poses: Annotated[int, typer.Option(help="End after this number of poses.", min=1)] = 30,
-    seconds: Annotated[float, typer.Option(help="End after this time at the latest, in s.", min=1.0)] = 300.0,
+    poses: Annotated[int, typer.Option(metavar="N", help="End after this number of poses.", min=1)] = 30,
+    seconds: Annotated[
+        float, typer.Option(metavar="S", help="End after this time at the latest, in s.", min=1.0)
+    ] = 300.0,
 ) -> None:
     """Record cable lengths at poses, for `anchors`.
 

@@ -69,7 +69,9 @@ Monitored = dict[str, ModuleClient | WatchedModule]
 def monitor(
     links: Links = None,
     modules: ModulesFile = None,
-    seconds: Annotated[float, typer.Option(help="How long; until Ctrl-C if left out.", min=0.1)] = math.inf,
+    seconds: Annotated[
+        float, typer.Option(metavar="S", help="How long; until Ctrl-C if left out.", min=0.1)
+    ] = math.inf,
     json: Json = False,
 ) -> None:
     """Show the telemetry of modules in a live table, also of those in a run.
@@ -194,7 +196,7 @@ def _telemetry_json(url: str, each: ModuleClient | WatchedModule) -> dict[str, A
 def ping(
     links: Links = None,
     modules: ModulesFile = None,
-    count: Annotated[int, typer.Option(help="Pings to each module.", min=1)] = 200,
+    count: Annotated[int, typer.Option(metavar="N", help="Pings to each module.", min=1)] = 200,
     json: Json = False,
 ) -> None:
     """Measure the latency of links to modules.
@@ -213,7 +215,7 @@ def ping(
     done = dict.fromkeys(urls, 0)
     ttls: dict[str, float] = {}
 
-    with output.until_interrupted("nothing was changed; the same command measures anew") as interrupted:
+    with output.until_interrupted("nothing was changed; the same command measures again") as interrupted:
 
         def job(client: ModuleClient) -> RoundTrips:
             ttls[client.name] = 1e-3 * client.hello().ttl_ms

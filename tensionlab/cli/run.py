@@ -52,10 +52,13 @@ def run(
             metavar="X Y Z", help="Position of the point in m; computed from the cable lengths if left out."
         ),
     ] = None,
-    rate: Annotated[float, typer.Option(callback=options.require_positive, help="Cycles per second.")] = 50.0,
+    rate: Annotated[
+        float, typer.Option(metavar="HZ", callback=options.require_positive, help="Cycles per second.")
+    ] = 50.0,
     ttl: Annotated[
         float,
         typer.Option(
+            metavar="S",
             callback=options.require_positive,
             help="Time to live of a set-point in a module, in s; a module that is silent for longer is lost.",
         ),
@@ -110,7 +113,7 @@ def run(
 
 
 def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
-    """Return what is to be rendered."""
+    """Return the source of the desired wrenches."""
     if force is not None and program is not None:
         raise typer.BadParameter("--force and --program are both given; give one of them")
     if program is not None:

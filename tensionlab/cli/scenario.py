@@ -26,7 +26,7 @@ from tensionlab.scenarios.play import ScenarioModules, ScenarioResult, needs_tra
 from tensionlab.support.files.named import list_names
 from tensionlab.support.table import Column, Finding, Table, findings_table
 
-LIST = "list"  # shows the scenarios, in the place of a name
+LIST = "list"  # in place of a name: lists the scenarios
 
 
 def scenario(

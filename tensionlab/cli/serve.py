@@ -58,7 +58,9 @@ def serve(
     rate: Annotated[
         float | None,
         typer.Option(
-            callback=options.require_positive, help="Cycles per second.  [default: 50, or the scenario's]"
+            metavar="HZ",
+            callback=options.require_positive,
+            help="Cycles per second.  [default: 50, or the scenario's]",
         ),
     ] = None,
     seconds: Duration = None,
@@ -69,14 +71,16 @@ def serve(
             f"{TOKEN_VARIABLE}."
         ),
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Of the WebSocket; 0 takes a free one.", min=0, max=65535)] = 8765,
+    port: Annotated[
+        int, typer.Option(metavar="PORT", help="Port of the WebSocket; 0 takes a free one.", min=0, max=65535)
+    ] = 8765,
     osc: Annotated[
         int | None, typer.Option(metavar="PORT", help="Also listen for OSC at this UDP port.", min=0, max=65535)
     ] = None,
     osc_host: Annotated[
         str,
         typer.Option(
-            help="Address to listen at for OSC, whatever --host is. OSC has no token: whoever reaches it sets "
+            help="Address to listen at for OSC, whatever --host is. OSC has no token: anyone who reaches it sets "
             "forces."
         ),
     ] = "127.0.0.1",
@@ -97,8 +101,9 @@ def serve(
 ) -> None:
     """Let a game engine drive a rig over a WebSocket.
 
-    It sends poses and effects, and gets the state; the site's page on the bridge describes the messages. Without
-    --modules, the simulated hand is where the client says it is. Ctrl-C ends it, and all modules are stopped.
+    The engine sends poses and effects, and receives the state; the site's page on the bridge describes the
+    messages. Without --modules, the simulated hand is where the client says it is. Ctrl-C stops all modules and
+    ends it.
     """
     loaded, played = load_rig_or_scenario(rig, scenario)
     if loaded is None:

@@ -43,6 +43,7 @@ def simulate(
     port: Annotated[
         int,
         typer.Option(
+            metavar="PORT",
             help="TCP port of the first module served, the next ones following; 0 takes free ones.",
             min=0,
             max=65535,
@@ -51,12 +52,18 @@ def simulate(
     modules: Annotated[
         Path | None, options.writes("Also write the modules file here.", ".toml", names=["--modules"])
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of all random noise and losses.", min=0)] = 0,
-    latency_ms: Annotated[float, typer.Option(help="Time that bytes take, one way.", min=0, max=60_000)] = 0.0,
-    jitter_ms: Annotated[float, typer.Option(help="Random time that is added, at most.", min=0, max=60_000)] = 0.0,
-    drop_pct: Annotated[float, typer.Option(help="Per cent of the bytes that are lost.", min=0, max=100)] = 0.0,
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of all random noise and losses.", min=0)] = 0,
+    latency_ms: Annotated[
+        float, typer.Option(metavar="MS", help="Delay of bytes, one way.", min=0, max=60_000)
+    ] = 0.0,
+    jitter_ms: Annotated[
+        float, typer.Option(metavar="MS", help="Largest random delay added to it.", min=0, max=60_000)
+    ] = 0.0,
+    drop_pct: Annotated[
+        float, typer.Option(metavar="PCT", help="Per cent of the bytes that are lost.", min=0, max=100)
+    ] = 0.0,
     corrupt_pct: Annotated[
-        float, typer.Option(help="Per cent of the bytes with a flipped bit.", min=0, max=100)
+        float, typer.Option(metavar="PCT", help="Per cent of the bytes with a flipped bit.", min=0, max=100)
     ] = 0.0,
     fault: Annotated[
         list[str] | None,
@@ -65,7 +72,9 @@ def simulate(
             help="A fault, such as encoder@2s in all modules, or floor-1:cable@800ms in one; also repeated.",
         ),
     ] = None,
-    speed: Annotated[float, typer.Option(help="How much faster than real time the modules' time passes.")] = 1.0,
+    speed: Annotated[
+        float, typer.Option(metavar="X", help="How many times faster than real time the modules run.")
+    ] = 1.0,
     only: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Only these modules of the rig; also repeated.")
     ] = None,
@@ -89,6 +98,7 @@ def simulate(
     sensor_port: Annotated[
         int | None,
         typer.Option(
+            metavar="PORT",
             help="Also simulate a force sensor that holds the point. It sends three forces (N, in its own axes, Z "
             "up) 1000 times per second from this TCP port; 0 takes a free one.",
             min=0,

@@ -51,9 +51,12 @@ def validate(
             help="Errors of the simulated rig: none, or such as the paper may have had.  [default: paper-like]",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the simulated rig's errors and noise.", min=0)] = 0,
+    seed: Annotated[
+        int, typer.Option(metavar="N", help="Seed of the simulated rig's errors and noise.", min=0)
+    ] = 0,
     hold: Annotated[
-        float, typer.Option(help="How long each force is held, in s; the first 0.3 s are not averaged.")
+        float,
+        typer.Option(metavar="S", help="How long each force is held, in s; the first 0.3 s are not averaged."),
     ] = 1.0,
     json: Json = False,
 ) -> None:
@@ -92,7 +95,7 @@ def validate(
 def _plan(
     rig: str | None, modules: str | None, sensor: str, solver: str, preset: str | None, seed: int, hold: float
 ) -> ValidationPlan:
-    """Return what is to be measured; refuse options that do not go together."""
+    """Return the plan of the measurements; refuse options that exclude each other."""
     if modules is not None and sensor == SIMULATED:
         raise typer.BadParameter(
             "--modules needs --sensor: what do they pull on? `tensionlab simulate --sensor-port` has one as well"

@@ -41,7 +41,7 @@ def view(
     if live:
         watcher, name = _watcher(rig)
         shown = LivePage(watcher, PageServer(host, port))
-        with if_interrupted("the run goes on; the same command shows it again"), closing(shown):
+        with if_interrupted("the run continues; the same command shows it again"), closing(shown):
             open_page(shown.server, f"the run of {name}", browser=browser)
             shown.serve(lambda: False)
         return
@@ -67,7 +67,7 @@ def _watcher(name: str | None) -> tuple[RunWatcher, str]:
     if not found:
         what = "on modules that are not simulated in it" if name is None else f'with the rig "{name}"'
         output.print_error(
-            f"no process of yours has a run in progress {what}; give a run --view to see it from its begin"
+            f"none of your processes has a run in progress {what}; --view shows a run from its start"
         )
         raise typer.Exit(1)
     if len(found) > 1:
@@ -77,7 +77,7 @@ def _watcher(name: str | None) -> tuple[RunWatcher, str]:
 
 
 def _names(rig: str | None) -> set[str]:
-    """Return the names of rigs that a word stands for: itself, and that of the rig with that name or file."""
+    """Return the names of rigs that a word may mean: itself, and the name in the rig file."""
     if rig is None:
         return set()
     try:

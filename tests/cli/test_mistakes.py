@@ -141,7 +141,7 @@ MISTAKES = {
     "module info com5 COM5": "two of these links reach the same module; give each once",
     "module info m.toml": "m.toml is a modules file, not a link; give it as --modules m.toml",
     "module info --modules none.toml": "none.toml: no such file",
-    "view --live": "no process of yours has a run in progress on modules that are not simulated in it",
+    "view --live": "none of your processes has a run in progress on modules that are not simulated in it",
     "simulate --listen 192.0.2.1": "cannot listen at 192.0.2.1",
     "module info": f"no modules; give --modules FILE, or links: {LINKS.partition(': ')[2]}",
     "module info --modules modules.toml floor": "modules.toml has no module 'floor'; it has top",
@@ -200,7 +200,7 @@ MISSING = {
         "distributed",
         'a cluster needs distributed: pip install "tensionlab[cluster]"',
     ),
-    "serve cube-8 --port 0": ("websockets", 'pip install "tensionlab[haptics]"'),
+    "serve cube-8 --port 0 --seconds 0.1": ("websockets", 'pip install "tensionlab[haptics]"'),
     "view cube-8 --no-browser": ("viser", 'the view needs viser: pip install "tensionlab[view]"'),
 }  # a library that is not installed, and what must be said, by command
 
@@ -289,7 +289,8 @@ def test_an_option_with_one_value_is_there_once_for_every_verb(run):
 @pytest.mark.parametrize("command", MISSING)
 def test_a_library_that_is_not_installed_is_named_with_its_extra(mistaken, monkeypatch, command):
     library, said = MISSING[command]
-    monkeypatch.setitem(sys.modules, library, None)
+    for name in [library, *(name for name in sys.modules if name.startswith(f"{library}."))]:
+        monkeypatch.setitem(sys.modules, name, None)
     assert said in mistaken(command, 2)
 
 

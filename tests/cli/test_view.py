@@ -37,7 +37,7 @@ def running(monkeypatch, locks_folder):
 def test_a_run_with_another_rig_is_not_the_one(run, running):
     status, out, err = run("view", "--live", "floor-3")
     assert (status, out) == (1, "")
-    assert 'no process of yours has a run in progress with the rig "floor-3"' in err
+    assert 'none of your processes has a run in progress with the rig "floor-3"' in err
 
 
 def test_of_several_runs_one_is_named_by_its_rig(run, monkeypatch):
@@ -66,7 +66,7 @@ def test_a_run_whose_rig_only_its_program_knows_is_found_by_that_name(run, monke
     watched = Mock(info=SimpleNamespace(rig=rig, program="python my_run.py"))
     monkeypatch.setattr("tensionlab.cli.view.find_runs", lambda: [watched])
     assert _watcher("mine") == (watched, "mine")
-    assert "no process of yours has a run in progress" in run("view", "--live", RIG)[2]
+    assert "none of your processes has a run in progress" in run("view", "--live", RIG)[2]
     assert "nowhere.toml" in run("view", "--live", "nowhere.toml")[2]
 
 

@@ -207,4 +207,4 @@ def test_a_run_in_progress_is_found_and_shown(tmp_path):
         opened(browser, url)
         view.send_signal(signal.SIGINT)
         assert view.wait(HANGS_S) == 130
-        assert "the run goes on" in view.stderr.read()
+        assert "the run continues" in view.stderr.read()

@@ -245,7 +245,9 @@ BodyFrames = Annotated[
 Solver = Annotated[
     str,
     typer.Option(
-        help="Name of a solver, as `tensionlab solvers` lists them.", autocompletion=complete(every_solver)
+        metavar="NAME",
+        help="Name of a solver, as `tensionlab solvers` lists them.",
+        autocompletion=complete(every_solver),
     ),
 ]
 Solvers = Annotated[
@@ -278,14 +280,18 @@ Lsl = Annotated[
         "--lsl", callback=_require_lsl, help="Stream forces, tensions, pose and markers by Lab Streaming Layer."
     ),
 ]
-PagePort = Annotated[int, typer.Option("--port", help="Of the page; 0 takes a free one.", min=0, max=65535)]
+PagePort = Annotated[
+    int, typer.Option("--port", metavar="PORT", help="Port of the page; 0 takes a free one.", min=0, max=65535)
+]
 Browser = Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open a browser.")]
 View = Annotated[
     bool, typer.Option("--view", help="Show the run in the browser, with a button that stops its modules.")
 ]
 Duration = Annotated[
     float | None,
-    typer.Option(callback=require_positive, help="Duration in s; to the end, or until Ctrl-C, if left out."),
+    typer.Option(
+        metavar="S", callback=require_positive, help="Duration in s; to the end, or until Ctrl-C, if left out."
+    ),
 ]
 Modules = Annotated[
     str | None,
