@@ -17,7 +17,7 @@ from tensionlab.hardware.protocol.codes import FOLLOWING_STATES, Code, Fault, St
 from tensionlab.hardware.protocol.messages import SetImpedance, Stop, Telemetry
 from tensionlab.hardware.runner.guard import Derating, NextTensions, ReleasedModules, next_tensions
 from tensionlab.hardware.runner.records import Statistics
-from tensionlab.hardware.runner.settings import Clock, OnLoss, RunSettings
+from tensionlab.hardware.runner.settings import Clock, RunSettings
 from tensionlab.hardware.runner.state_estimation import Flags, Observation, any_exceeds, observe, set_point_delays
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
@@ -38,10 +38,20 @@ STALL_SHARE = 0.75  # a cycle that comes later than this share of the time to li
 
 
 class ArmedModules:
-    """Modules of a run, in the order of the rig; made when the group has been prepared.
+    """Modules of a run, in the order of the rig: checks each in every cycle, and sends set-points.
 
-    `tensions` (m,) in N are those of the latest set-points, at first the minimum tensions. `note` takes the kind
-    of an event, its text, and the name of the module.
+    It is made when the group has been prepared. A module that is silent for the time to live of set-points is
+    lost, and so is one that follows older ones for that long; one that is lost does not come back. `note` is
+    called with the kind of an event, its text, and the name of the module.
+
+    Attributes
+    ----------
+    active : (m,) array of bool
+        Modules that take part; it changes as modules are lost.
+    complete : bool
+        Whether all modules take part.
+    tensions : (m,) array
+        Those of the latest set-points in N, at first the minimum tensions.
     """
 
     def __init__(
@@ -53,28 +63,24 @@ class ArmedModules:
         statistics: Statistics,
         note: Callable[[str, str, str], None],
     ) -> None:
-        self._rig, self._group, self._settings, self._clock = rig, group, settings, clock
+        self._rig, self._group, self._clients = rig, group, group.clients
+        self._settings, self._clock = settings, clock
         self._statistics, self._note = statistics, note
         self.names = [client.name for client in group.clients]
+        self.active: Flags = np.ones(rig.m, dtype=bool)
+        self.complete = True
         minimum = np.array([info.tension_lower for info in group.infos])
         self.tensions = np.minimum(minimum, rig.limits.lower)  # equal, but for single precision, or below
         self._max_change = min(group.slews) / settings.rate  # of a tension from one cycle to the next, in N
         self._derating = Derating(rig.limits, np.array(group.continuous), self.names)
         self._released = ReleasedModules(rig.limits.lower, group.slews, settings.ttl)
-        self._monitor = ModuleMonitor(group, settings.ttl, settings.on_loss, self._lost)
         self._delays = set_point_delays(rig.m, settings.rate)
+        self._stall = Stall(settings.ttl)
+        self._late_since = np.full(rig.m, np.nan)
         self._late_ages = np.full(rig.m, 2e-3 * settings.telemetry_ms)
+        self._no_brakes = np.zeros(rig.m, dtype=bool)
         self._seen: Observation | None = None
-
-    @property
-    def active(self) -> Flags:
-        """Modules that take part, (m,); it changes as modules are lost."""
-        return self._monitor.active
-
-    @property
-    def complete(self) -> bool:
-        """Whether all modules take part."""
-        return self._monitor.complete
+        group.clear_checked()
 
     @property
     def limits(self) -> TensionLimits:
@@ -84,15 +90,65 @@ class ArmedModules:
     def read(self) -> tuple[Observation, Floats]:
         """Read and check the modules; return what they report, and the ages (m,) of their set-points in s."""
         now = self._clock.now()
-        seen = self._seen = observe(self._group)
+        seen = observe(self._group)
         for index, text in self._derating.update(seen.thermal):
             self._note("derated", text, self.names[index])
         self._statistics.derated = self._derating.lowest
         delays, at_least = self._delays.delays(seen.last_sequence, now)
-        self._monitor.check(seen, at_least, self._derating, now)
+        self.check(seen, at_least, now)
         if not self.complete:  # the last report of a silent module is no measurement any more
             seen = seen._replace(tensions=np.where(seen.ages > self._settings.ttl, np.nan, seen.tensions))
         return seen, delays
+
+    def check(self, seen: Observation, delays: Floats, now: float) -> None:
+        """Check all modules by their latest telemetry and its age.
+
+        `delays` (m,) are the ages of the newest set-points that modules report to follow, in s. A `HardwareError`
+        if a module is lost and the run is to stop, or none is left.
+        """
+        self._seen = seen
+        self._stall.update(now)
+        ttl = self._settings.ttl
+        suspects = self._group.suspects(self.active, delays, ttl)
+        if not suspects:
+            self._late_since.fill(np.nan)
+            return
+        self._late_since = np.where(delays > ttl, np.fmin(self._late_since, now), np.nan)
+        ages, thermal, late = seen.ages.tolist(), seen.thermal.tolist(), (now - self._late_since).tolist()
+        for index in suspects:
+            client = self._clients[index]
+            try:
+                self._require_healthy(client, ages[index])
+                if not self._stall.seconds and late[index] > ttl:
+                    raise LinkTimeout(
+                        f'module "{client.name}" is late: the newest set-point that it reports to follow was '
+                        f"sent {delays[index]:.2f} s ago, and lives {ttl:g} s; its link is slow or crowded"
+                    )
+                self._derating.require_holding(index, thermal[index])
+            except HardwareError as error:
+                self._lose(index, error)
+
+    def _require_healthy(self, client: ModuleClient, age: float) -> None:
+        try:
+            require_following(client)
+        except ModuleFault as fault:
+            if fault.code is State.TIMEOUT and self._stall.seconds:
+                raise ModuleFault(f"{fault}: {self._stall}", fault.module, fault.code) from None
+            raise
+        if (unchecked := client.unchecked()) is not None:
+            require_plausible(client.name, *unchecked)
+        if age <= self._settings.ttl + self._stall.seconds:
+            return
+        if client.endpoint.repeated and client.telemetry is not None:
+            why = (
+                f"repeats its report of {age:.2f} s ago ({client.endpoint.repeated} times time_us "
+                f"{client.telemetry.message.time_us}): its firmware or its link hangs; switch it off and on"
+            )
+        else:
+            why = (
+                f"has been silent for {age:.2f} s; has it power, is its link whole? A longer --ttl allows for more"
+            )
+        raise LinkTimeout(f'module "{client.name}" at {client.link.url} {why}')
 
     def count_late(self, seen: Observation) -> None:
         """Count the modules whose telemetry is late."""
@@ -107,8 +163,27 @@ class ArmedModules:
         return guarded
 
     def send(self, demand: Demand) -> Integers:
-        """Send set-points, and return their sequence numbers (m,); -1 where none was sent."""
-        sequences = self._monitor.send(self.tensions, demand, self._settings.ttl_ms)
+        """Send set-points to modules that take part; return their numbers (m,), -1 where none was sent."""
+        brakes, chosen, ttl_ms = self._no_brakes, self.active, self._settings.ttl_ms
+        if demand.brakes:
+            brakes = np.array([client.name in demand.brakes for client in self._clients])
+        springs = [index for index, client in enumerate(self._clients) if client.name in demand.impedances]
+        if springs:
+            chosen = chosen.copy()
+            chosen[springs] = False
+        sequences, left, failed = self._group.send_tensions(self.tensions, chosen, brakes, ttl_ms)
+        for index in [*left, *(index for index in springs if self.active[index])]:
+            client, brake = self._clients[index], bool(brakes[index])
+            try:
+                if index in springs:
+                    spring = vars(demand.impedances[client.name])
+                    sequences[index] = client.set_impedance(SetImpedance(0, **spring, brake=brake, ttl_ms=ttl_ms))
+                else:
+                    sequences[index] = client.set_tension(float(self.tensions[index]), brake=brake, ttl_ms=ttl_ms)
+            except LinkError as error:
+                failed.append((index, error))
+        for index, why in failed:
+            self._lose(index, why)
         self._delays.send(sequences, self._clock.now())
         return sequences
 
@@ -123,117 +198,18 @@ class ArmedModules:
                 tensions[index] = min(max(tension, least), most)
         return tensions
 
-    def _lost(self, index: int, error: HardwareError) -> None:
+    def _lose(self, index: int, error: HardwareError) -> None:
+        self.active[index] = self.complete = False
         self._statistics.lost[self.names[index]] = str(error)
         self._note("lost", str(error), self.names[index])
         assert self._seen is not None
-        now, client = self._clock.now(), self._group.clients[index]
-        heard = now - float(self._seen.ages[index])
-        self._released.add(index, float(self.tensions[index]), heard, now, client.state, error)
-
-
-class ModuleMonitor:
-    """Monitor of the modules: checks each in every cycle, and sends set-points to those that take part.
-
-    A module that is silent for `ttl` s, the time to live of set-points, is lost, and so is one that follows older
-    ones for that long. `on_lost` is called with the index and the error of each; `active` (m,) has those that take
-    part, and `complete` is whether all do. One that is lost does not come back.
-    """
-
-    def __init__(
-        self, group: ModuleGroup, ttl: float, on_loss: OnLoss, on_lost: Callable[[int, HardwareError], None]
-    ) -> None:
-        self.active: Flags = np.ones(len(group.clients), dtype=bool)
-        self.complete = True
-        self._group, self._clients = group, group.clients
-        self._ttl, self._on_loss, self._on_lost = ttl, on_loss, on_lost
-        self._no_brakes = np.zeros(len(group.clients), dtype=bool)
-        group.clear_checked()
-        self._late_since = np.full(len(group.clients), np.nan)
-        self._stall = Stall(ttl)
-
-    def check(self, seen: Observation, delays: Floats, derating: Derating, now: float) -> None:
-        """Check all modules by their latest telemetry and its age.
-
-        `delays` (m,) are the ages of the newest set-points that modules report to follow, in s. A `HardwareError`
-        if a module is lost and the run is to stop, or none is left.
-        """
-        self._stall.update(now)
-        suspects = self._group.suspects(self.active, delays, self._ttl)
-        if not suspects:
-            self._late_since.fill(np.nan)
-            return
-        self._late_since = np.where(delays > self._ttl, np.fmin(self._late_since, now), np.nan)
-        ages, thermal, late = seen.ages.tolist(), seen.thermal.tolist(), (now - self._late_since).tolist()
-        for index in suspects:
-            client = self._clients[index]
-            try:
-                self._require_healthy(client, ages[index])
-                if not self._stall.seconds and late[index] > self._ttl:
-                    raise LinkTimeout(
-                        f'module "{client.name}" is late: the newest set-point that it reports to follow was '
-                        f"sent {delays[index]:.2f} s ago, and lives {self._ttl:g} s; its link is slow or crowded"
-                    )
-                derating.require_holding(index, thermal[index])
-            except HardwareError as error:
-                self._lose(index, error)
-
-    def _require_healthy(self, client: ModuleClient, age: float) -> None:
-        try:
-            require_following(client)
-        except ModuleFault as fault:
-            if fault.code is State.TIMEOUT and self._stall.seconds:
-                raise ModuleFault(f"{fault}: {self._stall}", fault.module, fault.code) from None
-            raise
-        if (unchecked := client.unchecked()) is not None:
-            require_plausible(client.name, *unchecked)
-        if age <= self._ttl + self._stall.seconds:
-            return
-        if client.endpoint.repeated and client.telemetry is not None:
-            why = (
-                f"repeats its report of {age:.2f} s ago ({client.endpoint.repeated} times time_us "
-                f"{client.telemetry.message.time_us}): its firmware or its link hangs; switch it off and on"
-            )
-        else:
-            why = (
-                f"has been silent for {age:.2f} s; has it power, is its link whole? A longer --ttl allows for more"
-            )
-        raise LinkTimeout(f'module "{client.name}" at {client.link.url} {why}')
-
-    def send(self, tensions: Floats, demand: Demand, ttl_ms: int) -> Integers:
-        """Send set-points to modules that take part; return their sequence numbers (m,), -1 where none was sent.
-
-        Tensions are in N, NaN where an impedance is commanded.
-        """
-        brakes, chosen = self._no_brakes, self.active
-        if demand.brakes:
-            brakes = np.array([client.name in demand.brakes for client in self._clients])
-        springs = [index for index, client in enumerate(self._clients) if client.name in demand.impedances]
-        if springs:
-            chosen = chosen.copy()
-            chosen[springs] = False
-        sequences, left, failed = self._group.send_tensions(tensions, chosen, brakes, ttl_ms)
-        for index in [*left, *(index for index in springs if self.active[index])]:
-            client, brake = self._clients[index], bool(brakes[index])
-            try:
-                if index in springs:
-                    spring = vars(demand.impedances[client.name])
-                    sequences[index] = client.set_impedance(SetImpedance(0, **spring, brake=brake, ttl_ms=ttl_ms))
-                else:
-                    sequences[index] = client.set_tension(float(tensions[index]), brake=brake, ttl_ms=ttl_ms)
-            except LinkError as error:
-                failed.append((index, error))
-        for index, why in failed:
-            self._lose(index, why)
-        return sequences
-
-    def _lose(self, index: int, error: HardwareError) -> None:
-        self.active[index] = self.complete = False
-        self._on_lost(index, error)
-        if self._on_loss == "stop":
+        now, client = self._clock.now(), self._clients[index]
+        last_heard = now - float(self._seen.ages[index])
+        self._released.add(index, float(self.tensions[index]), last_heard, now, client.state, error)
+        if self._settings.on_loss == "stop":
             raise error
         with suppress(HardwareError):
-            self._clients[index].send(Stop())
+            client.send(Stop())
         if not self.active.any():
             raise HardwareError(f"no module is left; the last one: {error}")
 

@@ -8,6 +8,7 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,7 +32,10 @@ from tensionlab.hardware.protocol.messages import (
     WireFrame,
     read,
 )
-from tensionlab.hardware.runner.armed_modules import TELEMETRY_UNITS, ModuleMonitor
+from tensionlab.hardware.runner.armed_modules import TELEMETRY_UNITS, ArmedModules
+from tensionlab.hardware.runner.records import Statistics
+from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.model.module import TensionLimits
 
 LONG_S = 30.0
 TTL_S = 0.25
@@ -43,6 +47,16 @@ def telemetry(time_us=0, **changes):
     usual |= {"tension": 2.0, "current": 0.75, "length": 1.0, "speed": 0.0, "supply": 12.0, "thermal": 0.125}
     usual |= {"brake": BrakeState.OPEN, "bad_frames": 0, "lost_frames": 0, "longest_step_us": 250}
     return Telemetry(time_us, **(usual | changes))
+
+
+def armed(group, notes, on_loss="continue"):
+    """Return the armed modules of a group, whose windings bear next to nothing; losses are added to the notes."""
+    count = len(group.clients)
+    group.infos = [SimpleNamespace(tension_lower=0.5)] * count
+    group.slews, group.continuous = [60.0] * count, [1e-3] * count
+    rig = SimpleNamespace(limits=TensionLimits(np.full(count, 0.5), np.full(count, 6.0)), m=count)
+    settings, clock = RunSettings(ttl=TTL_S, on_loss=on_loss), SimpleNamespace(now=lambda: 0.0)
+    return ArmedModules(rig, group, settings, clock, Statistics(), lambda *note: notes.append(note))
 
 
 class Lock:
@@ -237,9 +251,10 @@ def test_what_cannot_be_sent_natively_is_left_to_python_which_says_why(pair):
         sequences, left, _ = group.send_tensions(np.array([wrong, 1.0]), both, none, 250)
         assert (sequences.tolist(), left) == ([-1, -1], [0, 1])
     assert group.send_tensions(np.ones(2), none, none, 250)[0].tolist() == [-1, -1]
-    monitor = ModuleMonitor(group, TTL_S, "stop", lambda *loss: None)
+    modules = armed(group, [])
+    modules.tensions = np.array([math.nan, 1.0])
     with pytest.raises(ProtocolError, match="all numbers must be finite"):
-        monitor.send(np.array([math.nan, 1.0]), Demand(), 250)
+        modules.send(Demand())
 
 
 def test_a_link_that_breaks_or_takes_no_more_is_told_by_its_name(pair):
@@ -307,14 +322,6 @@ STEPS = st.lists(
 )
 
 
-class Derating:
-    """As `guard.Derating`, of windings without a continuous rating."""
-
-    def require_holding(self, index, thermal):
-        if thermal >= 1.0:
-            raise ModuleFault("too hot", "", Limit.THERMAL)
-
-
 class Everyone(ModuleGroup):
     """Group that suspects everyone, so that all checks are Python's."""
 
@@ -324,8 +331,8 @@ class Everyone(ModuleGroup):
 
 def lost(group, steps):
     """Which module is lost in which cycle, and why."""
-    found, now = [], 0.0
-    monitor = ModuleMonitor(group, TTL_S, "continue", lambda index, error: found.append((now, index, str(error))))
+    found, notes, now = [], [], 0.0
+    modules = armed(group, notes)
     said = telemetry(1_000_000)
     for client in group.clients:
         say(client, said)
@@ -346,7 +353,9 @@ def lost(group, steps):
         measured, _ = group.observe()
         seen = type("Seen", (), {"ages": measured[3], "thermal": measured[4]})
         with suppress(HardwareError):
-            monitor.check(seen, np.array([delay, 0.0]), Derating(), now)
+            modules.check(seen, np.array([delay, 0.0]), now)
+        found += [(now, *note) for note in notes]
+        notes.clear()
     return found
 
 
@@ -363,7 +372,7 @@ def test_who_is_not_suspected_would_have_passed_every_check(steps):
 
 def test_a_module_that_is_well_is_not_suspected():
     group, rng = scripted(3), random.Random(1)
-    ModuleMonitor(group, TTL_S, "stop", lambda *loss: None)
+    group.clear_checked()
     length, speed, now = 1.0, 0.0, 0
     for _ in range(200):
         now += 10_000
@@ -395,13 +404,13 @@ def test_errors_of_other_kinds_stay_what_they_are():
     """A module that is silent is lost by that, however the check comes to it."""
     group = scripted()
     say(group.clients[0], telemetry(1))
-    errors = []
-    monitor = ModuleMonitor(group, TTL_S, "stop", lambda index, error: errors.append(error))
+    notes = []
+    modules = armed(group, notes, "stop")
     group.clients[0].link.now += 0.3
     measured, _ = group.observe()
     seen = type("Seen", (), {"ages": measured[3], "thermal": measured[4]})
     with pytest.raises(LinkTimeout, match=r"silent for 0\.30 s"):
-        monitor.check(seen, np.zeros(1), Derating(), 1.0)
+        modules.check(seen, np.zeros(1), 1.0)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])

@@ -13,13 +13,16 @@ from tensionlab.hardware.protocol.codes import BrakeState, Calibration, Code, Fa
 from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Stop, Telemetry
 from tensionlab.hardware.runner.armed_modules import (
     TELEMETRY_UNITS,
-    ModuleMonitor,
+    ArmedModules,
     Stall,
     require_following,
     require_plausible,
 )
+from tensionlab.hardware.runner.records import Statistics
+from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
+from tensionlab.model.module import TensionLimits
 
 
 def test_a_module_that_was_stopped_from_outside_does_not_follow_any_more():
@@ -133,7 +136,7 @@ def test_a_cycle_that_takes_over_three_quarters_of_a_time_to_live_is_a_stall_for
     assert str(stall).startswith("this computer took 2.00 s from one cycle to the next, and set-points live 0.5 s")
 
 
-# The monitor itself, of modules that say what the test wants
+# All of it, with modules that report what the test wants
 
 
 class Client:
@@ -170,12 +173,29 @@ class Client:
 
 
 class Watched:
-    """Three modules under a monitor; `cycle` is one in which all is well but what it is told."""
+    """Three armed modules, and their group; in a `cycle` all is well but what the test says.
+
+    The continuous rating of the last one is less than its lower limit.
+    """
+
+    slews, continuous = [60.0] * 3, [3.0, 3.0, 0.3]
 
     def __init__(self, on_loss="continue"):
-        self.clients, self.lost, self.now = [Client(name) for name in "abc"], [], 50.0
-        self.monitor = ModuleMonitor(self, 0.25, on_loss, lambda *loss: self.lost.append(loss))
-        self.too_hot = set()
+        self.clients, self.now, self.noted = [Client(name) for name in "abc"], 50.0, []
+        self.infos = [SimpleNamespace(tension_lower=0.5)] * 3
+        rig = SimpleNamespace(limits=TensionLimits(np.full(3, 0.5), np.full(3, 6.0)), m=3)
+        clock = SimpleNamespace(now=lambda: self.now)
+        self.statistics = Statistics()
+        settings = RunSettings(on_loss=on_loss)
+        self.modules = ArmedModules(
+            rig, self, settings, clock, self.statistics, lambda *note: self.noted.append(note)
+        )
+
+    @property
+    def lost(self):
+        """Names of lost modules."""
+        assert [note[2] for note in self.noted] == list(self.statistics.lost)
+        return "".join(self.statistics.lost)
 
     def clear_checked(self):
         pass
@@ -186,25 +206,21 @@ class Watched:
     def send_tensions(self, tensions, chosen, brakes, ttl_ms):
         return np.full(3, -1), np.flatnonzero(chosen).tolist(), []
 
-    def require_holding(self, index, thermal):
-        if thermal >= 1.0:
-            raise ModuleFault(f"{index} is too hot", "abc"[index], Limit.THERMAL)
-
     def cycle(self, seconds=0.02, ages=(0.01,) * 3, delays=(0.03,) * 3, thermal=(0.0,) * 3):
         self.now += seconds
         seen = SimpleNamespace(ages=np.array(ages), thermal=np.array(thermal))
-        self.monitor.check(seen, np.array(delays), self, self.now)
-        return [(index, type(error)) for index, error in self.lost]
+        self.modules.check(seen, np.array(delays), self.now)
+        return self.lost
 
 
 def test_a_module_may_be_silent_for_as_long_as_set_points_live():
     watched = Watched()
-    assert watched.cycle(ages=(0.25, 0.01, 0.01)) == []
-    assert watched.cycle(ages=(0.26, 0.01, 0.01)) == [(0, LinkTimeout)]
-    assert str(watched.lost[0][1]).startswith('module "a" at sim:a has been silent for 0.26 s; has it power')
-    np.testing.assert_array_equal(watched.monitor.active, [False, True, True])
+    assert watched.cycle(ages=(0.25, 0.01, 0.01)) == ""
+    assert watched.cycle(ages=(0.26, 0.01, 0.01)) == "a"
+    assert watched.statistics.lost["a"].startswith('module "a" at sim:a has been silent for 0.26 s; has it power')
+    np.testing.assert_array_equal(watched.modules.active, [False, True, True])
     assert watched.clients[0].sent == [(Stop(),)], "it is told, should it hear"
-    assert watched.cycle(ages=(9.0, 0.01, 0.01)) == [(0, LinkTimeout)], "and lost only once"
+    assert watched.cycle(ages=(9.0, 0.01, 0.01)) == "a", "and lost only once"
 
 
 def test_a_module_that_repeats_its_telemetry_is_told_from_a_silent_one():
@@ -217,40 +233,39 @@ def test_a_module_that_repeats_its_telemetry_is_told_from_a_silent_one():
 def test_after_a_stall_a_module_has_the_time_of_it_more():
     watched = Watched()
     watched.cycle()
-    assert watched.cycle(1.0, ages=(1.2, 0.01, 0.01), delays=(2.0,) * 3) == []
-    assert watched.cycle(0.02, ages=(1.27, 0.01, 0.01)) == [(0, LinkTimeout)]
+    assert watched.cycle(1.0, ages=(1.2, 0.01, 0.01), delays=(2.0,) * 3) == ""
+    assert watched.cycle(0.02, ages=(1.27, 0.01, 0.01)) == "a"
 
 
 def test_a_module_that_follows_old_set_points_for_as_long_as_they_live_is_lost():
     watched = Watched()
     for cycle in range(100):  # the last one follows newer ones in between
         lost = watched.cycle(delays=(0.03, 0.26 if cycle > 5 else 0.25, 0.1 if cycle % 12 == 0 else 0.26))
-        assert lost == ([] if cycle < 6 + 13 else [(1, LinkTimeout)]), cycle
-    assert 'module "b" is late: the newest set-point that it reports to follow was sent 0.26 s ago' in str(
-        watched.lost[0][1]
-    )
+        assert lost == ("" if cycle < 6 + 13 else "b"), cycle
+    late = 'module "b" is late: the newest set-point that it reports to follow was sent 0.26 s ago'
+    assert watched.statistics.lost["b"].startswith(late)
 
 
 def test_a_module_that_follows_late_by_a_stall_of_this_computer_is_not_lost():
     watched = Watched()
     for _ in range(10):
         watched.cycle(delays=(0.3, 0.03, 0.03))
-    assert watched.cycle(0.5, delays=(0.3, 0.03, 0.03)) == []
+    assert watched.cycle(0.5, delays=(0.3, 0.03, 0.03)) == ""
 
 
 def test_a_module_too_hot_to_hold_its_cable_taut_is_lost():
-    assert Watched().cycle(thermal=(np.nan, 0.99, 1.0)) == [(2, ModuleFault)]
+    assert Watched().cycle(thermal=(np.nan, 0.99, 1.0)) == "c"
 
 
 def test_what_cannot_be_true_is_found_once_for_each_telemetry():
     watched = Watched()
     watched.cycle()
     watched.clients[1].telemetry = telemetry(20_000, 0.02, length=1.5)
-    assert watched.cycle() == [(1, ModuleFault)]
+    assert watched.cycle() == "b"
     watched.clients[0].telemetry = telemetry(20_000, 0.02, length=1.04)
     watched.cycle()
     watched.clients[0].telemetry = telemetry(40_000, 0.04, length=1.08)  # by the one before, and not the first
-    assert watched.cycle() == [(1, ModuleFault)]
+    assert watched.cycle() == "b"
 
 
 def test_a_run_that_is_to_stop_raises_what_is_wrong_with_the_first_module():
@@ -258,7 +273,7 @@ def test_a_run_that_is_to_stop_raises_what_is_wrong_with_the_first_module():
     watched.clients[1].state = State.IDLE
     with pytest.raises(ModuleFault, match='"b" is IDLE'):
         watched.cycle()
-    assert [index for index, _ in watched.lost] == [1]
+    assert watched.lost == "b"
     assert watched.clients[1].sent == [], "the run stops all modules"
 
 
@@ -266,7 +281,7 @@ def test_with_the_last_module_the_run_ends():
     watched = Watched()
     watched.clients[0].broken = LinkError("a is cut")
     watched.clients[1].broken = LinkError("b is cut")
-    assert watched.cycle() == [(0, LinkError), (1, LinkError)]
+    assert watched.cycle() == "ab"
     watched.clients[2].broken = LinkError("c is cut")
     with pytest.raises(HardwareError, match="no module is left; the last one: c is cut"):
         watched.cycle()
@@ -289,31 +304,32 @@ def test_a_timeout_by_a_stall_of_this_computer_says_so(stalled, code):
 def test_a_module_that_has_not_followed_since_it_was_armed_may_say_what_it_was_before():
     watched = Watched()
     watched.clients[0].state, watched.clients[0].endpoint.followed = State.IDLE, False
-    assert watched.cycle() == []
+    assert watched.cycle() == ""
     watched.clients[0].endpoint.followed = True
     watched.clients[1].state, watched.clients[1].endpoint.followed = None, False  # it has said nothing at all
     watched.clients[2].telemetry = None
-    assert watched.cycle() == [(0, ModuleFault), (1, ModuleFault)]
-    assert watched.lost[1][1].code is State.IDLE
+    assert watched.cycle() == "ab"
+    assert '"b" is IDLE' in watched.statistics.lost["b"]
     watched = Watched()
     watched.clients[1].state = State.TIMEOUT  # it released since its client was checked
-    watched.cycle()
-    assert [(index, error.code) for index, error in watched.lost] == [(1, State.TIMEOUT)]
+    assert watched.cycle() == "b"
+    assert '"b" is TIMEOUT' in watched.statistics.lost["b"]
 
 
 def test_those_that_take_part_are_sent_set_points_and_a_broken_link_loses_its_module():
     watched = Watched()
     demand = Demand(np.zeros(3), brakes=frozenset("c"), impedances={"b": Impedance(1.0, 30.0)})
-    tensions = np.array([1.0, np.nan, 3.0])
-    np.testing.assert_array_equal(watched.monitor.send(tensions, demand, 250), [1, 1, 1])
+    watched.cycle()
+    watched.modules.tensions = np.array([1.0, np.nan, 3.0])
+    np.testing.assert_array_equal(watched.modules.send(demand), [1, 1, 1])
     assert [client.sent for client in watched.clients] == [
         [("tension", 1.0, False, 250)],
         [("impedance", 30.0, False, 250)],
         [("tension", 3.0, True, 250)],
     ]
     watched.clients[0].broken = LinkError("a is cut")
-    np.testing.assert_array_equal(watched.monitor.send(tensions, demand, 250), [-1, 2, 2])
-    assert [index for index, _ in watched.lost] == [0]
+    np.testing.assert_array_equal(watched.modules.send(demand), [-1, 2, 2])
+    assert watched.lost == "a"
     watched.clients[0].broken = None
-    np.testing.assert_array_equal(watched.monitor.send(tensions, demand, 250), [-1, 3, 3])
+    np.testing.assert_array_equal(watched.modules.send(demand), [-1, 3, 3])
     assert watched.clients[0].sent == [("tension", 1.0, False, 250)], "it does not come back"
