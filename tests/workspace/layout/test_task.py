@@ -126,6 +126,7 @@ MISTAKES = {
     "backwards": ("y = [1.0, 1.2]", "y = [1.2, 1.0]", "y goes from 1.2 to 1 m"),
     "three ends": ("y = [1.0, 1.2]", "y = [1.0, 1.1, 1.2]", 'target.y has 3 entries; give 2 at most'),
     "step of zero": ("step = 0.1", "step = 0.0", "step is 0.0"),
+    "too many positions": ("step = 0.1", "step = 0.0001", 'key "step" gives 4,004,001 positions'),
     "force of zero": ("force = 1.5", "force = 0.0", "objective: force is 0.0"),
     "limits crossed": ("upper = 6.0", "upper = 0.1", 'limits is 0.5 to 0.1'),
     "no such face": ('"ceiling"', '"roof"', "room.faces[0] is 'roof'; give 'left wall'"),
