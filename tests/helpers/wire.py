@@ -9,13 +9,6 @@ from tensionlab.hardware.client.links import Link, connect
 from tensionlab.hardware.protocol.messages import Acknowledge, Decoder, Message, Ping, Pong, read
 
 
-class NoLock:
-    """Stands in for the lock on a link: the module may be locked by whom the test is about."""
-
-    def release(self) -> None:
-        pass
-
-
 class Client:
     """One connection. `messages` holds what came and was not waited for."""
 
@@ -63,7 +56,7 @@ class Client:
 @contextmanager
 def connected(where: str | Link) -> Iterator[Client]:
     """A client at a URL or a link, which is closed at the end."""
-    client = Client(connect(where, NoLock()) if isinstance(where, str) else where)
+    client = Client(connect(where) if isinstance(where, str) else where)
     try:
         yield client
     finally:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from tensionlab.errors import HardwareError, LinkError, optional_import
-from tensionlab.hardware.client.locks import LinkLock, NoLock, tcp_address
+from tensionlab.hardware.client.locks import LinkLock, tcp_address
 from tensionlab.support.files.reading import MAX_NAME, brief, read_toml
 
 READ_BYTES = 4096  # read at a time
@@ -105,20 +105,21 @@ def open_link(url: str, module: str = "", *, locked: bool = True) -> Link:
     require_known(url)
     if url in OPENERS:
         return OPENERS[url]()
-    lock = LinkLock(url, module) if locked else NoLock()
+    lock = LinkLock(url, module) if locked else None
     try:
         return connect(url, lock)
     except BaseException:
-        lock.release()
+        if lock is not None:
+            lock.release()
         raise
 
 
-def connect(url: str, lock: LinkLock | NoLock) -> Link:
-    """Connect to a port or a socket, which is locked; errors as those of `open_link`."""
+def connect(url: str, lock: LinkLock | None = None) -> Link:
+    """Connect to a port or a socket that is locked, if at all; errors as those of `open_link`."""
     if url.startswith("socket://"):
-        return SocketLink(url, lock, _connect_tcp(url))
+        return SocketLink(url, _connect_tcp(url), lock)
     if url.startswith("bt://"):
-        return SocketLink(url, lock, _connect_bluetooth(url))
+        return SocketLink(url, _connect_bluetooth(url), lock)
     return SerialLink(url, lock)
 
 
@@ -128,7 +129,7 @@ class SerialLink:
     lockstep = False
     clock = staticmethod(time.perf_counter)
 
-    def __init__(self, url: str, lock: LinkLock | NoLock) -> None:
+    def __init__(self, url: str, lock: LinkLock | None = None) -> None:
         with optional_import("hardware", "a serial port"):
             import serial
         self.url, self._lock = url, lock
@@ -180,7 +181,8 @@ class SerialLink:
     def close(self) -> None:
         """Close the port."""
         self._port.close()
-        self._lock.release()
+        if self._lock is not None:
+            self._lock.release()
 
 
 class SocketLink:
@@ -189,7 +191,7 @@ class SocketLink:
     lockstep = False
     clock = staticmethod(time.perf_counter)
 
-    def __init__(self, url: str, lock: LinkLock | NoLock, connected: socket.socket) -> None:
+    def __init__(self, url: str, connected: socket.socket, lock: LinkLock | None = None) -> None:
         self.url, self._lock, self._socket = url, lock, connected
         self.file: int | None = connected.fileno()
         connected.setblocking(False)
@@ -223,7 +225,8 @@ class SocketLink:
         with suppress(OSError):  # of a closed socket
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
-        self._lock.release()
+        if self._lock is not None:
+            self._lock.release()
 
 
 def _require_all(url: str, taken: int, content: bytes) -> None:

@@ -112,13 +112,6 @@ class LinkLock:
             lock.release()
 
 
-class NoLock:
-    """Stand-in for the lock of a link that an emergency stop opens."""
-
-    def release(self) -> None:
-        """Do nothing."""
-
-
 def holder(url: str, *, look_up: bool = True) -> Holder | None:
     """Return the process that has a link; None if there is none, or it left no note.
 

@@ -105,7 +105,7 @@ def say(client, *messages):
 def pair():
     """A client of a socket that a native thread reads, and the module's end of it."""
     near, far = socket.socketpair()
-    with ModuleClient("one", SocketLink("pair:one", Lock(), near), seed=3) as client:
+    with ModuleClient("one", SocketLink("pair:one", near), seed=3) as client:
         yield client, far
     far.close()
 
@@ -413,22 +413,21 @@ def test_errors_of_other_kinds_stay_what_they_are():
         modules.check(seen, np.zeros(1), 1.0)
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("field", TELEMETRY_UNITS)
-def test_what_is_not_finite_is_left_to_python(field, value):
+@pytest.mark.parametrize(
+    ("changes", "well"),
+    [({field: value}, False) for field in TELEMETRY_UNITS for value in (math.nan, math.inf, -math.inf)]
+    + [
+        ({"state": state, "faults": faults}, state in FOLLOWING_STATES and not faults)
+        for state in State
+        for faults in (Fault(0), Fault.LOOP)
+    ],
+    ids=str,
+)
+def test_telemetry_that_is_not_finite_or_of_a_module_that_does_not_follow_is_left_to_python(changes, well):
     group = scripted()
     say(group.clients[0], telemetry(1))
     assert group.suspects(np.ones(1, dtype=bool), np.zeros(1), TTL_S) == []
-    say(group.clients[0], telemetry(2, **{field: value}))
-    assert group.suspects(np.ones(1, dtype=bool), np.zeros(1), TTL_S) == [0]
-
-
-@pytest.mark.parametrize("state", State)
-@pytest.mark.parametrize("faults", [Fault(0), Fault.LOOP])
-def test_a_module_that_does_not_follow_or_has_a_fault_is_left_to_python(state, faults):
-    group = scripted()
-    say(group.clients[0], telemetry(1, state=state, faults=faults))
-    well = state in FOLLOWING_STATES and not faults
+    say(group.clients[0], telemetry(2, **changes))
     assert group.suspects(np.ones(1, dtype=bool), np.zeros(1), TTL_S) == [0] * (not well)
 
 

@@ -17,11 +17,6 @@ from tensionlab.hardware.client.module import ModuleClient
 LONG_S = 30.0
 
 
-class Lock:
-    def release(self):
-        pass
-
-
 class Read:
     """Socket that is read into `content`; each `send` waits until it has been."""
 
@@ -133,6 +128,6 @@ def test_the_modules_of_a_process_have_one_thread():
         for name in "abc":
             near, far = socket.socketpair()
             stack.callback(far.close)
-            stack.enter_context(ModuleClient(name, SocketLink(f"pair:{name}", Lock(), near)))
+            stack.enter_context(ModuleClient(name, SocketLink(f"pair:{name}", near)))
         new = {thread.name for thread in threading.enumerate()} - before
         assert new <= {"telemetry for watchers"}

@@ -29,7 +29,6 @@ from tensionlab.hardware.protocol.messages import Hello, Info
 from tensionlab.hardware.simulation.serve import ServedModule, Server, serve
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 from tests.helpers.windows_port import MAX_DWORD, as_on_windows
-from tests.helpers.wire import NoLock
 
 LONG_S = 60.0  # no test waits for so long, unless something that should come does not
 
@@ -40,7 +39,7 @@ class FarEnd:
     def __init__(self, host: str = "127.0.0.1") -> None:
         self._listener = socket.create_server((host, 0), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
         shown = f"[{host}]" if ":" in host else host
-        self.link = connect(f"socket://{shown}:{self._listener.getsockname()[1]}", NoLock())
+        self.link = connect(f"socket://{shown}:{self._listener.getsockname()[1]}")
         self.socket, _ = self._listener.accept()
         self.socket.settimeout(LONG_S)
 
@@ -187,7 +186,7 @@ def test_a_bluetooth_link_is_one_of_these(monkeypatch):
     monkeypatch.setattr(socket, "BTPROTO_RFCOMM", 3, raising=False)
     with monkeypatch.context() as patch:
         patch.setattr(socket, "socket", Rfcomm)
-        link = connect("bt://AA:BB:CC:DD:EE:FF/2", NoLock())
+        link = connect("bt://AA:BB:CC:DD:EE:FF/2")
     assert opened == [(31, socket.SOCK_STREAM, 3), ("AA:BB:CC:DD:EE:FF", 2)]
     assert isinstance(link, SocketLink)
     link.send(b"ping")
@@ -209,7 +208,7 @@ def test_a_module_at_a_serial_port_notices_that_its_client_has_gone():
     thread = threading.Thread(target=serve, args=(server, ended.is_set))
     thread.start()
     try:
-        with ModuleClient("floor-1", SerialLink(port.url, NoLock())) as client:
+        with ModuleClient("floor-1", SerialLink(port.url)) as client:
             client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
             client.arm()
             client.set_tension(1.0, ttl_ms=60_000)
@@ -218,7 +217,7 @@ def test_a_module_at_a_serial_port_notices_that_its_client_has_gone():
                 pass
         while module.sample.state is not State.TIMEOUT and time.monotonic() < end:
             time.sleep(0.01)
-        with ModuleClient("floor-1", SerialLink(port.url, NoLock())) as client:
+        with ModuleClient("floor-1", SerialLink(port.url)) as client:
             assert client.hello().state is State.TIMEOUT
     finally:
         ended.set()
@@ -226,7 +225,7 @@ def test_a_module_at_a_serial_port_notices_that_its_client_has_gone():
 
 
 def test_a_port_that_has_no_file_to_wait_for_is_read():
-    link = SerialLink("loop://", NoLock())
+    link = SerialLink("loop://")
     link._port.write_timeout = None  # else a loop takes nothing: it is as slow as its baud rate
     link.send(b"all of it")
     assert link.receive(LONG_S) == b"all of it"
@@ -252,7 +251,7 @@ def port(monkeypatch):
 
 @pytest.fixture
 def com(port):
-    link = SerialLink("COM12", NoLock())
+    link = SerialLink("COM12")
     yield link
     link.close()
 
@@ -307,7 +306,7 @@ def test_a_thread_that_waits_at_a_com_port_ends_when_its_device_goes_or_it_is_cl
 def test_a_com_port_that_another_program_has_says_so(port):
     port.taken = True
     with pytest.raises(LinkError, match=r"COM5 cannot be opened: could not open port 'COM5': .*of Windows"):
-        SerialLink("COM5", NoLock())
+        SerialLink("COM5")
 
 
 def test_a_client_speaks_with_a_module_at_a_com_port(port, com, monkeypatch):

@@ -38,21 +38,13 @@ def heard(watcher, count):
     return [next(reports) for _ in range(count)]
 
 
-@pytest.mark.parametrize("telemetry", [SAID, None])
+@pytest.mark.parametrize("telemetry", [SAID, replace(SAID, supply=np.nan, length=np.inf), None])
 @pytest.mark.parametrize("name", ["floor-1", "a/b c", "ü→😀", 100 * "😀"])
 def test_a_report_is_read_as_it_was_written(telemetry, name):
     age = np.inf if telemetry is None else 0.25
     report = Report("socket://127.0.0.1:4001", name, telemetry, age, 2)
     assert len(report.pack()) <= shared_telemetry.MAX_REPLY_BYTES
-    assert Report.unpack(report.pack()) == report
-
-
-def test_numbers_that_are_none_reach_the_watcher_as_they_are():
-    broken = replace(SAID, supply=np.nan, length=np.inf)
-    heard = Report.unpack(Report("COM1", "left", broken, 0.25, 2).pack()).telemetry
-    assert np.isnan(heard.supply)
-    assert heard.length == np.inf
-    assert heard.tension == SAID.tension
+    assert repr(Report.unpack(report.pack())) == repr(report), "NaN is itself"
 
 
 def test_a_report_that_fails_ends_neither_the_publisher_nor_the_others(published, caplog):

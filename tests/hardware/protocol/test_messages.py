@@ -13,16 +13,14 @@ from hypothesis import strategies as st
 from tensionlab.errors import HardwareError, ProtocolError
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol import codes
-from tensionlab.hardware.protocol.codes import Code, Fault, State, Type
+from tensionlab.hardware.protocol.codes import Fault, Type
 from tensionlab.hardware.protocol.messages import (
     MAX_PAYLOAD,
     MESSAGES,
     PROTOCOL,
-    Acknowledge,
     Decoder,
     Info,
     Log,
-    Ping,
     SetTension,
     Telemetry,
     WireFrame,
@@ -176,13 +174,6 @@ def test_words_are_those_of_the_firmware(enum, header, declaration):
     ):
         words[re.sub("^kFault", "", word).upper()] = int(number, 0) if number else len(words)
     assert words == {member.name: member.value for member in enum}
-
-
-def test_an_acknowledgement_reads_as_words():
-    message = read(WireFrame(Type.ACKNOWLEDGE, 9, bytes([Type.ARM, Code.NOT_CALIBRATED, State.IDLE, 2, 1])))
-    assert message == Acknowledge(Type.ARM, Code.NOT_CALIBRATED, State.IDLE, 0x0102)
-    assert "NOT_CALIBRATED" in str(message)
-    assert read(Ping(2**63).frame(0)).echo == 2**63
 
 
 @pytest.mark.parametrize(("spoken", "advice"), [(2, "put the firmware"), (4, "install the tensionlab")])
