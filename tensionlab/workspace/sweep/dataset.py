@@ -33,6 +33,8 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
     rigs = list(plan.configurations.rigs())
     if unknown := sorted(set(plan.frames) - {name for rig in rigs for name in rig.frames}):
         raise SweepError(f'frames: no module is attached to "{unknown[0]}"; leave it out')
+    for rig in rigs:
+        plan.check_dimension(rig)
     axes, poses, of_rigs = plan.configurations.labels(), plan.poses.labels(), _rig_labels(plan, rigs)
     for rig in {(rig.kind, rig.m): rig for rig in reversed(rigs)}.values():
         plan.check(rig)

@@ -121,13 +121,16 @@ class Plan:
         """Return the poses of a rig's body frames."""
         return {name: self.frames[name] for name in rig.frames if name in self.frames}
 
-    def check(self, rig: Rig) -> None:
-        """Refuse a rig that does not suit the poses, lacks a body frame, or that a metric refuses."""
+    def check_dimension(self, rig: Rig) -> None:
+        """Refuse a rig with other dimensions than the poses."""
         if rig.dimension != self.poses.dimension:
             raise SweepError(
                 f"the poses have {self.poses.dimension} coordinates; "
                 f'rig "{rig.name}" ({rig.kind}) needs {rig.dimension}; give it other poses, or a sweep of its own'
             )
+
+    def check(self, rig: Rig) -> None:
+        """Refuse a rig that cannot turn as the poses do, lacks a body frame, or that a metric refuses."""
         position, rotation = self.poses.block(tuple(slice(0, 1) for _ in self.poses.shape)).arrays()
         if rotation is not None and rig.n == rig.dimension:
             raise SweepError(
