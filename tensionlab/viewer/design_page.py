@@ -43,11 +43,6 @@ class DesignPage:
     People's edits wait in a queue. One thread takes them in their order, evaluates the state, and brings the scene
     and the panel up to date; others evaluate the workspace and compare solvers. So however fast a mouse moves,
     there is one allocation for each picture.
-
-    Attributes
-    ----------
-    server : PageServer
-    history : History
     """
 
     def __init__(self, rig: Rig, server: PageServer, source: str = "") -> None:
@@ -223,7 +218,6 @@ def view(rig: Rig) -> DesignPage:
     Parameters
     ----------
     rig : Rig
-        Rig to design.
 
     Returns
     -------
@@ -282,13 +276,7 @@ def on_plane(eye: Floats, through: Floats) -> Floats:
 
 
 def place_below(folder: Path, path: str) -> Path:
-    """Return the place of a path that a browser gives, which must lie below a folder.
-
-    Raises
-    ------
-    WriteError
-        If it lies elsewhere; symbolic links are followed.
-    """
+    """Return the place of a path that a browser gives; WriteError unless it is below a folder, links followed."""
     try:
         place = (folder / path.strip()).resolve()
         inside = place.is_relative_to(folder.resolve())
@@ -300,15 +288,7 @@ def place_below(folder: Path, path: str) -> Path:
 
 
 def save_below(folder: Path, rig: Rig, path: str) -> Path:
-    """Write a rig to a TOML file below a folder, unless ``rig check`` says that it cannot work.
-
-    Raises
-    ------
-    RigError
-        With the findings of the checks that failed.
-    WriteError
-        If the file cannot be written, or lies elsewhere.
-    """
+    """Write a rig to a TOML file below a folder; RigError with the findings of ``rig check`` if it cannot work."""
     place = place_below(folder, path)
     writing.require_writable(place, (SUFFIX,))
     failed = [check for check in check_rig(rig) if check.passed is False]

@@ -48,7 +48,7 @@ class StopOutcome:
 
 
 def stop_modules(watcher: RunWatcher) -> StopOutcome:
-    """Stop the modules of a run by an emergency stop, and wait for what comes of it.
+    """Stop the modules of a run by an emergency stop, and wait for its outcome.
 
     Modules that are simulated in the process of the run have no link of their own: that process is signalled
     to stop them, and reports that it did to the watcher, which must be polled meanwhile.
@@ -212,12 +212,7 @@ def live_heading(condition: str, age: float, info: RunInfo | None, report: RunSn
 def open_page() -> str:
     """Start a process with the page of what this process will run, which opens a browser; return the address.
 
-    It ends when the run has ended and no browser shows it any more.
-
-    Raises
-    ------
-    HardwareError
-        If the page cannot be served.
+    It ends when the run has ended and no browser shows it any more. HardwareError if it cannot be served.
     """
     published = publisher()
     if published is None:

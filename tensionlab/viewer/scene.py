@@ -125,15 +125,7 @@ def platform_lines(hand: Floats, ends: Floats) -> Lines:
 
 
 class RigDrawing:
-    """Nodes of a rig; `show` brings them up to date in place.
-
-    Attributes
-    ----------
-    hand : node
-        The ball at the hand.
-    reach : float
-        Size of the rig when `look_at` was last called, in m.
-    """
+    """Nodes of a rig; `show` brings them up to date in place."""
 
     def __init__(
         self,
@@ -144,7 +136,7 @@ class RigDrawing:
         """``colours`` are those of the arrows; ``on_new_module`` gets the ball of each module that is added."""
         self._server, self._on_new_module = server, on_new_module
         self._scene = scene = server.scene
-        self.reach = 1.0
+        self.reach = 1.0  # size of the rig when `look_at` was last called, in m
         scene.world_axes.visible = False
         self._cables = add_lines(scene, "cables", CABLE_PIXELS)
         self._platform = add_lines(scene, "platform")

@@ -26,15 +26,7 @@ class PageServer:
     """Server of a page, ``viser``, behind its ``gate``; ``url`` is its address with the token."""
 
     def __init__(self, host: str = "127.0.0.1", port: int = 0) -> None:
-        """Listen at an address; a free port is taken where it is 0.
-
-        Raises
-        ------
-        InputError
-            If nothing can listen there.
-        MissingDependency
-            If viser is not installed.
-        """
+        """Listen at an address, at a free port for 0; InputError if nothing can listen there."""
         _require_free(host, port)
         self._opened: Path | None = None
         self.gate = Gate(secrets.token_urlsafe(16), local=host in LOOPBACK)
