@@ -24,18 +24,18 @@ if TYPE_CHECKING:
     import pandas
 
 Kind = TypeVar("Kind", bound=Effect)
-NOTICEABLE = 0.07  # share by which forces differ noticeably
-MIN_FORCE_N = 0.5  # smaller forces have no direction that matters
-REVERSAL_S = 0.1  # time in which modules follow a force that turns round: 6 N at 60 N/s
-# Why a force may point elsewhere: no force above 0.5 N is desired, and the cables are only taut; it points where
-# it should have within the loop's delay and 0.1 s; it is certified infeasible; a module is at a limit of its own
-# (slew, speed, heat, a brake that opens). The first that applies counts.
+NOTICEABLE = 0.07  # just noticeable difference of forces, as a share
+MIN_FORCE_N = 0.5  # the direction of smaller forces does not count
+REVERSAL_S = 0.1  # time in which modules follow a reversed force: 6 N at 60 N/s
+# Reasons for another direction: no force above 0.5 N is desired, and the cables are only taut; the direction was
+# desired within the loop's delay and 0.1 s; the force is certified infeasible; a module is at a limit (slew,
+# speed, heat, a brake that opens). The first that applies counts.
 REASONS = ("none desired", "delayed", "infeasible", "module limited", "unexplained")
 ALIGNED_CYCLE, WEAK_CYCLE = -1, -2  # in place of a reason: the force is within 45 degrees, or weaker than 0.5 N
 
 
 class Check(NamedTuple):
-    """Measured number, and the bounds between which it is expected."""
+    """Measured number, and its expected bounds."""
 
     name: str
     unit: str
@@ -50,7 +50,7 @@ class Check(NamedTuple):
 
 
 class Checks(tuple[Check, ...]):
-    """Checks of a scenario, which a notebook shows as a table."""
+    """Checks of a scenario, as a table in notebooks."""
 
     __slots__ = ()
 
@@ -89,7 +89,7 @@ class ForceRecord:
 
 
 def rendered_force(result: ScenarioResult) -> ForceRecord:
-    """Return the true force on the simulated person, each ms, or else the measured one, each cycle."""
+    """Return the true force on the simulated person, each ms, or the measured one, each cycle."""
     run, person, frame = result.run, result.person, result.scenario.frame
     if person is not None:
         position = person.position
@@ -98,7 +98,7 @@ def rendered_force(result: ScenarioResult) -> ForceRecord:
             position = position - np.array([script.position(each) for each in person.time])
         return ForceRecord(person.time, position, person.force)
     position = run.position
-    if frame is not None:  # as the cable of a module that rides there shows
+    if frame is not None:  # by the cable of a module on that body
         index = [module.frame for module in run.rig.modules].index(frame)
         position = run.rig.anchors[index] - run.structure[:, :, index] * run.lengths[:, index, None]
     return ForceRecord(run.time, position, measured_force(run))
@@ -114,7 +114,7 @@ def find_effect(result: ScenarioResult, kind: type[Kind]) -> tuple[Kind, float, 
 
 
 def check_near(name: str, unit: str, expected: float, measured: float, share: float = NOTICEABLE) -> Check:
-    """Return a check of a number that may differ from the expected one by a share of it."""
+    """Return a check of a number that may differ from the expected one by a share."""
     slack = share * abs(expected)
     return Check(name, unit, expected - slack, expected + slack, measured)
 
@@ -140,7 +140,7 @@ def maximum(values: Floats) -> float:
 
 
 def onset(time: Floats, there: NDArray[np.bool_]) -> float:
-    """Return how long after the first time a condition holds first, in s; NaN if it never does."""
+    """Return the time from the first one until a condition holds, in s; NaN if it never does."""
     return float(time[there][0] - time[0]) if there.any() else float("nan")
 
 
@@ -158,7 +158,7 @@ def dominant_frequency(time: Floats, values: Floats) -> float:
 
 @dataclass(frozen=True)
 class Directions:
-    """Counts of cycles with a force above 0.5 N, of those within 45 degrees, and of the others by `REASONS`."""
+    """Numbers of cycles with a force above 0.5 N, of those within 45 degrees, and of the others by `REASONS`."""
 
     cycles: int
     within: int
@@ -166,7 +166,7 @@ class Directions:
 
 
 def check_directions(run: Run) -> Directions:
-    """Count the cycles, by direction, of a run whose rig holds a point."""
+    """Count the cycles of a point's run by their direction."""
     found = direction_reasons(run)
     counts = {reason: int((found == number).sum()) for number, reason in enumerate(REASONS)}
     return Directions(int((found != WEAK_CYCLE).sum()), int((found == ALIGNED_CYCLE).sum()), counts)
@@ -188,12 +188,12 @@ def direction_reasons(run: Run) -> NDArray[np.int64]:
 
 
 def desired_force(run: Run) -> Floats:
-    """Return the desired force on the hand, (K, n) in N: without what the rig requires."""
+    """Return the desired force on the hand, (K, n) in N, without the rig's required wrench."""
     return run.desired - run.rig.required.middle(run.rig)
 
 
 def measured_force(run: Run) -> Floats:
-    """Return the force on the hand of the tensions that the modules report, (K, n) in N."""
+    """Return the force on the hand by the reported tensions, (K, n) in N."""
     force: Floats = np.einsum("knm,km->kn", run.structure, np.nan_to_num(run.measured))
     return force - run.rig.required.middle(run.rig)
 
@@ -205,7 +205,7 @@ def _aligned(measured: Floats, desired: Floats) -> NDArray[np.bool_]:
 
 
 def _delayed(run: Run, measured: Floats, desired: Floats) -> NDArray[np.bool_]:
-    """Return where the force points as it should have shortly before."""
+    """Return where the force has a direction that was desired shortly before."""
     delay = np.nanmax(run.delays, initial=0.0) + REVERSAL_S
     found = np.zeros(len(run), dtype=bool)
     for back in range(1, min(math.ceil(delay * run.setup.rate), len(run) - 1) + 1):

@@ -1,7 +1,7 @@
-"""Expected values of each scenario of this package, checked against what was rendered.
+"""Expected values of each scenario of this package, checked against the rendered force.
 
-Forces differ noticeably by some 7 per cent at 2.5 to 10 N. What the host renders lags by the loop's delay, and is
-no stiffer than that allows: bounds follow the delay that was found. All of them are this project's own.
+The just noticeable difference of forces is some 7 per cent at 2.5 to 10 N. The host's forces lag by the loop's
+delay, which also limits their stiffness: bounds follow the measured delay. All bounds are this project's own.
 """
 
 from __future__ import annotations
@@ -35,24 +35,23 @@ from tensionlab.scenarios.play import ScenarioResult
 from tensionlab.scenarios.scenario import BrakeTarget, Scenario
 from tensionlab.support.arrays import Floats, angles
 
-START_S = 0.3  # time in which modules come up; what is rendered before does not count
+START_S = 0.3  # start-up time of modules, which does not count
 LOCKING_S = 0.1  # time in which a brake locks
 SHOT_S = 0.3  # duration of a shot: five time constants
-WITHDRAWN_M = 0.002  # way back of a head that withdraws
-RELEASE_S = 0.2  # time until it is free then: a release, and the pawl on its way up
-SPEED_ERROR = 0.1  # error of the speed of a tracked head, in m/s: brakes may be locked so much the earlier
-TOUCH_N = 0.5  # force above which there is a touch
+WITHDRAWN_M = 0.002  # distance from the deepest position at which a head withdraws
+RELEASE_S = 0.2  # longest time until it is free: the release, and the motion of the pawl
+SPEED_ERROR = 0.1  # error of the speed of a tracked head, in m/s, by which brakes may lock earlier
+TOUCH_N = 0.5  # smallest force of a touch
 RIPPLE_N = 0.15  # force that makes a ripple perceptible
 
 
 def check_scenario(result: ScenarioResult) -> Checks:
-    """Check what was rendered against what is expected; no checks of scenarios that are not of this package."""
-    check = EXPECTED.get(result.scenario.name)
-    return Checks(() if check is None else check(result))
+    """Check the rendered forces; no checks for scenarios that are not of this package."""
+    return Checks(each for check in EXPECTED.get(result.scenario.name, ()) for each in check(result))
 
 
 def check_recoil(result: ScenarioResult) -> tuple[Check, ...]:
-    """Check impulse, peak and direction of the shots, beyond the force that keeps the cables taut."""
+    """Check impulse, peak and direction of the shots, without the force of taut cables."""
     pistol, _, _ = find_effect(result, Recoil)
     rendered, way = rendered_force(result), np.asarray(pistol.direction) / np.linalg.norm(pistol.direction)
     shares, peaks, off = [], [], []
@@ -76,7 +75,7 @@ def check_recoil(result: ScenarioResult) -> tuple[Check, ...]:
 
 
 def check_weight(result: ScenarioResult) -> tuple[Check, ...]:
-    """Check gravity and inertia of what is lifted, and a box that does not come up, but may go down."""
+    """Check gravity and inertia of the weight, and a box that brakes hold down."""
     held, _, _ = find_effect(result, Weight)
     rendered, path = rendered_force(result), result.scenario.person.script.waypoints
     down = -rendered.force[:, 2]
@@ -84,8 +83,8 @@ def check_weight(result: ScenarioResult) -> tuple[Check, ...]:
     rest = between(rendered.time, path[1].time + START_S, path[2].time)
     gravity = -held.mass * held.gravity[2]
     height, seconds = path[1].position[2] - path[0].position[2], path[1].time - path[0].time
-    peak = gravity + held.mass * min(5.77 * height / seconds**2, held.limit)  # of the way with minimum jerk
-    above = 1.12 if result.person is not None else 1.12 + NOTICEABLE  # a tracked speed is known less well
+    peak = gravity + held.mass * min(5.77 * height / seconds**2, held.limit)  # motion with minimum jerk
+    above = 1.12 if result.person is not None else 1.12 + NOTICEABLE  # a tracked speed is less accurate
     sideways = float(np.linalg.norm(rendered.force[lift, :2], axis=1).max())
     checks = [
         check_near("weight of what is held still", "N", gravity, float(down[rest].mean())),
@@ -105,7 +104,7 @@ def check_weight(result: ScenarioResult) -> tuple[Check, ...]:
 
 
 def check_bow(result: ScenarioResult) -> tuple[Check, ...]:
-    """Check force and energy against the draw, the stop at its end, and the string once it is loosed."""
+    """Check force and energy of the draw, the stop at its end, and the released string."""
     string, _, _ = find_effect(result, Bow)
     rendered = rendered_force(result)
     far = np.linalg.norm(rendered.position, axis=1)
@@ -126,7 +125,7 @@ def check_bow(result: ScenarioResult) -> tuple[Check, ...]:
         check_near("work of the draw", "J", energy, work),
         Check("time from the loose to a slack string", "s", 0.0, 0.04 + loop_delay(result), slack_after),
     ]
-    if result.person is not None:  # telemetry comes too seldom to show it
+    if result.person is not None:  # telemetry is too slow to show it
         hum = dominant_frequency(rendered.time[humming], pull[humming])
         checks.append(Check("hum", "Hz", 0.9 * string.frequency, 1.1 * string.frequency, hum))
     held = between(rendered.time, begin + LOCKING_S, end)
@@ -140,14 +139,19 @@ def check_bow(result: ScenarioResult) -> tuple[Check, ...]:
 
 
 def check_collision(result: ScenarioResult) -> tuple[Check, ...]:
-    """Check cue, stop and release of the brakes, and that they refuse what is too fast.
+    """Check cue, stop and release of the brakes, and their refusal of a fast head.
 
-    The force of a brake is known of a simulated person only.
+    The force of a brake is known for a simulated person only.
     """
     target, wall = find_brake_wall(result.scenario)
     rendered = rendered_force(result)
     push, depth = rendered.force @ wall.n, -wall.height(rendered.position)
-    begin, end = _first_lock(result)
+    locks: NDArray[np.bool_] = np.asarray(result.run.commanded_brakes.any(axis=1))
+    begin = end = np.inf
+    if locks.any():
+        first = int(np.argmax(locks))
+        released = np.flatnonzero(~locks[first:])
+        begin, end = result.run.time[first], result.run.time[first + released[0] if released.size else -1]
     leaning = (rendered.time > begin) & (rendered.time < end)
     refused, speed = _first_refusal(result, rendered.time, depth)
     early = 0.0 if result.person is not None else SPEED_ERROR * target.delayed_timing(loop_delay(result)).latency
@@ -188,19 +192,8 @@ def find_brake_wall(scenario: Scenario) -> tuple[BrakeTarget, Plane]:
     raise LookupError(f"{scenario.name} has no hold with a plane")
 
 
-def _first_lock(result: ScenarioResult) -> tuple[float, float]:
-    """Return when brakes were locked first, and when they were released; infinite if they never were."""
-    run = result.run
-    locked: NDArray[np.bool_] = np.asarray(run.commanded_brakes.any(axis=1))
-    if not locked.any():
-        return np.inf, np.inf
-    first = int(np.argmax(locked))
-    rest = np.flatnonzero(~locked[first:])
-    return float(run.time[first]), float(run.time[first + rest[0] if rest.size else -1])
-
-
 def _first_refusal(result: ScenarioResult, time: Floats, depth: Floats) -> tuple[float, float]:
-    """Return when an approach was first too fast, and its speed, in s and m/s."""
+    """Return the time of the first approach that was too fast, and its speed, in s and m/s."""
     for event in result.run.events:
         if event.kind == "brake" and event.text == "too fast":
             return event.time, float(np.interp(event.time, time, np.gradient(depth, time)))
@@ -208,7 +201,7 @@ def _first_refusal(result: ScenarioResult, time: Floats, depth: Floats) -> tuple
 
 
 def _release_time(time: Floats, depth: Floats, leaning: NDArray[np.bool_], held: NDArray[np.bool_]) -> float:
-    """Return for how long cables are held once the head withdraws, in s."""
+    """Return how long cables are held after the head withdraws, in s."""
     if not leaning.any():
         return float("nan")
     back = time[leaning & (depth > depth[leaning].max() - WITHDRAWN_M)][-1]
@@ -216,14 +209,8 @@ def _release_time(time: Floats, depth: Floats, leaning: NDArray[np.bool_], held:
     return float(time[soon][-1] - back) if soon.any() else 0.0
 
 
-def check_materials(result: ScenarioResult) -> tuple[Check, ...]:
-    """Check each of the five materials."""
-    parts = (check_magnet, check_texture, check_shape, check_vibration, check_water)
-    return tuple(check for part in parts for check in part(result))
-
-
 def check_magnet(result: ScenarioResult) -> tuple[Check, ...]:
-    """Check that it pulls the hand down by its largest force, as stiffly as the host may, also on the way off."""
+    """Check the largest pull and its profile on the way off, with the host's stiffness limit."""
     magnet, begin, end = find_effect(result, Magnet)
     rendered = rendered_force(result).during(begin, end)
     height, velocity = magnet.plane.height(rendered.position), _velocity(rendered)
@@ -241,7 +228,7 @@ def check_magnet(result: ScenarioResult) -> tuple[Check, ...]:
 
 
 def check_texture(result: ScenarioResult) -> tuple[Check, ...]:
-    """Check friction where the hand slides, and the period of ripples that the host can make perceptible."""
+    """Check friction of a sliding hand, and the period of ripples if the host can make them perceptible."""
     rough, begin, end = find_effect(result, Texture)
     rendered = rendered_force(result).during(begin, end)
     ripples, _ = cap_stiffness(rough.ripples, float(host_stiffness_limit(result, rendered.time).min()))
@@ -249,7 +236,7 @@ def check_texture(result: ScenarioResult) -> tuple[Check, ...]:
     load, speed = rendered.force @ normal, _velocity(rendered) @ across
     slides = (load > TOUCH_N) & (speed > 0.01)
     x, friction = rendered.position[slides] @ across, -(rendered.force @ across)[slides] / load[slides]
-    # Against the way, not the time, the ripples are even; the mean is the friction.
+    # Ripples are even by position, not by time; the mean is the friction.
     way, order = np.arange(x[0], x[-1], ripples.period / 50), np.argsort(x)
     along = np.interp(way, x[order], friction[order])
     checks = [check_near("rough: friction coefficient", "1", rough.friction.dynamic, float(along.mean()), 0.25)]
@@ -278,7 +265,7 @@ def check_shape(result: ScenarioResult) -> tuple[Check, ...]:
 
 
 def check_vibration(result: ScenarioResult) -> tuple[Check, ...]:
-    """Check frequency and amplitude, and that the cables stay taut; telemetry comes too seldom to show it."""
+    """Check frequency and amplitude, and that the cables stay taut; telemetry is too slow to show it."""
     hum, begin, end = find_effect(result, Vibration)
     if result.person is None:
         return ()
@@ -294,7 +281,7 @@ def check_vibration(result: ScenarioResult) -> tuple[Check, ...]:
 
 
 def check_water(result: ScenarioResult) -> tuple[Check, ...]:
-    """Check drag, and lift of a hand at rest."""
+    """Check the drag, and the lift of a hand at rest."""
     sea, begin, end = find_effect(result, Water)
     rendered = rendered_force(result).during(begin + 0.3, end)
     velocity = _velocity(rendered)
@@ -312,7 +299,7 @@ def check_water(result: ScenarioResult) -> tuple[Check, ...]:
 
 
 def host_stiffness_limit(result: ScenarioResult, time: Floats) -> Floats:
-    """Return the largest stiffness of the host at each time, in N/m, by the loop's delay found until then."""
+    """Return the host stiffness limit at each time, in N/m, by the delay measured until then."""
     run, rate = result.run, result.scenario.rate
     delays = np.nanmax(run.delays, axis=1, initial=0.0)
     worst = np.array([delays[max(cycle + 1 - DELAY_CYCLES, 0) : cycle + 1].max() for cycle in range(len(run))])
@@ -326,10 +313,10 @@ def _velocity(rendered: ForceRecord) -> Floats:
     return velocity
 
 
-EXPECTED: dict[str, Callable[[ScenarioResult], tuple[Check, ...]]] = {
-    "materials": check_materials,
-    "collision": check_collision,
-    "recoil": check_recoil,
-    "weight": check_weight,
-    "bow": check_bow,
-}  # by the scenario's name
+EXPECTED: dict[str, tuple[Callable[[ScenarioResult], tuple[Check, ...]], ...]] = {
+    "materials": (check_magnet, check_texture, check_shape, check_vibration, check_water),
+    "collision": (check_collision,),
+    "recoil": (check_recoil,),
+    "weight": (check_weight,),
+    "bow": (check_bow,),
+}  # checks by the scenario's name
