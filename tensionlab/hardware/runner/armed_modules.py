@@ -18,7 +18,7 @@ from tensionlab.hardware.protocol.messages import SetImpedance, Stop, Telemetry
 from tensionlab.hardware.runner.guard import Derating, NextTensions, ReleasedModules, next_tensions
 from tensionlab.hardware.runner.records import Statistics
 from tensionlab.hardware.runner.settings import Clock, RunSettings
-from tensionlab.hardware.runner.state_estimation import Flags, Observation, any_exceeds, observe, set_point_delays
+from tensionlab.hardware.runner.state_estimation import Flags, Observation, observe, set_point_delays
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers
@@ -152,7 +152,7 @@ class ArmedModules:
 
     def count_late(self, seen: Observation) -> None:
         """Count the modules whose telemetry is late."""
-        if any_exceeds(seen.ages, self._late_ages):
+        if _native.any_exceeds(seen.ages, self._late_ages):
             late = seen.ages >= self._late_ages
             self._statistics.late_telemetry.update(np.array(self.names)[late].tolist())
 

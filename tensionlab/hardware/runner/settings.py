@@ -13,7 +13,6 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.simulation.world import World
 
 OnLoss = Literal["stop", "continue"]  # reaction to a lost module: end the run, or continue with the others
-ON_LOSS: tuple[OnLoss, ...] = get_args(OnLoss)
 MIN_TTL_S, MAX_TTL_S = 0.05, 2.0  # range that modules accept
 SET_POINTS_PER_TTL = 2  # set-points that must be due within a time to live
 MAX_RATE_HZ = 10_000.0
@@ -61,8 +60,8 @@ class RunSettings:
                 f"rate is from {slowest:g} Hz, which is {SET_POINTS_PER_TTL} set-points in a ttl of "
                 f"{self.ttl:g} s, to {MAX_RATE_HZ:g} Hz; got {self.rate:g}"
             )
-        if self.on_loss not in ON_LOSS:
-            raise HardwareError(f"on_loss is {self.on_loss!r}; give one of {', '.join(ON_LOSS)}")
+        if self.on_loss not in (choices := get_args(OnLoss)):
+            raise HardwareError(f"on_loss is {self.on_loss!r}; give one of {', '.join(choices)}")
 
     @property
     def ttl_ms(self) -> int:

@@ -121,11 +121,6 @@ def synchronise(lengths: Floats, speeds: Floats, ages: Floats) -> Floats:
     return _native.synchronise(lengths, speeds, ages, MAX_EXTRAPOLATION_S)
 
 
-def any_exceeds(values: Floats, thresholds: Floats) -> bool:
-    """Return whether any value (m,) is at least its threshold (m,); NaN is not."""
-    return _native.any_exceeds(values, thresholds)
-
-
 def velocity(structure: Floats, speeds: Floats, known: Flags) -> Floats:
     """Return the shortest twist (n,) that fits the cables' speeds of paying out best, ``-W' twist = speeds``."""
     found = np.linalg.lstsq(structure.T * known[:, None], np.where(known, speeds, 0.0), rcond=1e-6)[0]
