@@ -66,7 +66,7 @@ def test_values_are_those_of_a_direct_call_whatever_the_chunks():
 @pytest.mark.parametrize("count", [1, 8, 13])
 def test_structure_matrices_of_a_batch_are_those_of_the_rig(kind, dimension, count):
     rng = np.random.default_rng(count)
-    rig = held(kind, dimension) if kind != "point" else CUBE if dimension == 3 else tl.load_rig("two-cable-plane")
+    rig = CUBE if kind == "point" else held(kind, dimension)
     position = rng.uniform(-0.4, 0.4, (count, dimension))
     turns, matrices = None, None
     if rig.n > rig.dimension:
@@ -208,6 +208,7 @@ FLAT_BODY = metric("body-distance", bodies=(Capsule([0, 0]),))
         ({"rigs": vary(tl.ring_plus_top, side=[1.0, -1.0])}, RigError, "side is -1.0"),
         ({"rigs": vary(CUBE, limits=[(6, 1)])}, RigError, '"lower" is 6.0'),
         ({"rigs": vary(CUBE, anchors={"a": [[0, 0, 0]]})}, RigError, 'no module "a"'),
+        ({"rigs": [CUBE, tl.load_rig("kntu-planar")]}, SweepError, 'rig "kntu-planar" .* needs 2'),
         ({"rigs": CLASHING, "poses": Grid(0.0, 0.0, 0.0)}, SweepError, 'are called "x"'),
         ({"poses": [[0, 0]]}, SweepError, '2 coordinates; rig "box-corners".*needs 3'),
         ({"poses": [[0, np.nan, 0]]}, ShapeError, r"position\[0, 1\] is nan"),
