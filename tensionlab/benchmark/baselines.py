@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib.util
 import threading
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,28 +59,6 @@ class Reply(NamedTuple):
     setup_s: float = NAN
     solve_s: float = NAN
     failure: str = ""
-
-
-class Baseline(Protocol):
-    """Solver of the plain program: two timed steps, and the reading of their result."""
-
-    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
-        """Put one problem, (n, m), (n,), (m,), (m,), into the form that the library takes."""
-
-    def run(self, program: Any) -> Any:
-        """Solve it; return the library's result, or the exception that it raised."""
-
-    def read(self, program: Any, result: Any) -> Reply:
-        """Read the reply out of the result of `run`."""
-
-
-def make_baseline(name: str, tolerance: Tolerance = "default") -> Baseline:
-    """Return a baseline of `BASELINES`; MissingDependency if its library is not installed."""
-    if name == "daqp":
-        return DirectDaqp(tolerance)
-    if name == "cvxpy:plain":
-        return PlainConvex(tolerance)
-    return PlainProgram(name.partition(":")[2], tolerance)
 
 
 def load_daqp() -> Any:
@@ -219,6 +197,20 @@ class PlainConvex:
         tensions, stats = finite_tensions(program.t.value, program.t.size), program.closest.solver_stats
         failure = "" if tensions is not None else f"gave no tensions ({program.closest.status})"
         return Reply(tensions, stats.num_iters or 0, stats.setup_time or NAN, stats.solve_time or NAN, failure)
+
+
+# Solvers of the plain program. `build` puts one problem, (n, m), (n,), (m,), (m,), into the library's form, `run`
+# solves it, and `read` reads the reply from the result, or from the exception that `run` returned.
+Baseline = DirectDaqp | PlainProgram | PlainConvex
+
+
+def make_baseline(name: str, tolerance: Tolerance = "default") -> Baseline:
+    """Return a baseline of `BASELINES`; MissingDependency if its library is not installed."""
+    if name == "daqp":
+        return DirectDaqp(tolerance)
+    if name == "cvxpy:plain":
+        return PlainConvex(tolerance)
+    return PlainProgram(name.partition(":")[2], tolerance)
 
 
 def solve_qp(structure: Floats, wrench: Floats, lower: Floats, upper: Floats, backend: str) -> Floats | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -117,25 +117,6 @@ class CallTimes(NamedTuple):
     solve: float = np.nan
 
 
-class Driver(Protocol):
-    """Interface through which the benchmark runs one entry."""
-
-    def answers(self, problem: Problem) -> Answer:
-        """Return raw answers to a block of problems, nothing clipped; raises ValueError to refuse the shape."""
-        ...
-
-    def call(self, problem: Problem, row: int) -> CallTimes:
-        """Time one call for one problem of a block."""
-        ...
-
-
-def driver(entry: Entry) -> Driver:
-    """Return the driver of an entry."""
-    if entry.instance is not None:
-        return _Interface(entry.instance, entry.policy)
-    return _Baseline(make_baseline(entry.solver, "tight" if entry.setting == "tight" else "default"))
-
-
 @dataclass
 class _Interface:
     """Driver of a solver: one `Allocator` for each set of limits, prepared as for a control loop."""
@@ -145,10 +126,12 @@ class _Interface:
     prepared: dict[tuple[int, bytes, bytes], Allocator] = field(default_factory=dict)
 
     def answers(self, problem: Problem) -> Answer:
+        """Return raw answers to a block of problems, nothing clipped; raises ValueError to refuse the shape."""
         problem = replace(problem, policy=self.policy)
         return require_answer(problem, self.solver.solve(problem))
 
     def call(self, problem: Problem, row: int) -> CallTimes:
+        """Time one call for one problem of a block."""
         structure, wrench, lower, upper = _one(problem, row)
         key = (len(wrench), lower.tobytes(), upper.tobytes())
         if key not in self.prepared:
@@ -184,6 +167,16 @@ class _Baseline:
         ended = time.perf_counter()
         reply = self.solver.read(program, result)
         return CallTimes(ended - began, built - began, reply.setup_s, reply.solve_s)
+
+
+Driver = _Interface | _Baseline
+
+
+def driver(entry: Entry) -> Driver:
+    """Return the driver of an entry."""
+    if entry.instance is not None:
+        return _Interface(entry.instance, entry.policy)
+    return _Baseline(make_baseline(entry.solver, "tight" if entry.setting == "tight" else "default"))
 
 
 def _one(problem: Problem, row: int) -> list[Floats]:

@@ -198,10 +198,6 @@ def test_angles_are_exact_where_arccos_is_not():
     np.testing.assert_allclose(angles(desired, rendered), np.degrees(tilt), rtol=1e-6, atol=1e-20)
 
 
-def test_a_force_of_nothing_has_no_angle():
-    assert np.isnan(angles(np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([[0.0, 0.0], [np.nan, 0.0]]))).all()
-
-
 @dataclasses.dataclass(frozen=True)
 class BreaksUpwards:
     """Solver that has not thought of forces upwards."""

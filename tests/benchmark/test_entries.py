@@ -39,7 +39,7 @@ def test_for_infeasible_wrenches_every_policy_runs_and_wrappers_get_theirs():
     assert [each.policy for each in entries("all") if each.solver == "newton"] == ["force"]
 
 
-def test_those_asked_for_in_their_order():
+def test_selected_entries_keep_their_order():
     found = entries("all", ["daqp", "qp:daqp", "daqp"])
     assert [(each.solver, each.setting) for each in found] == [
         ("daqp", "default"),

@@ -41,7 +41,7 @@ def measured(*groups, reachable="all", solvers=None, effort=EFFORT):
 
 
 def enter(monkeypatch, name, answer):
-    """A solver of the house that answers a batch with ``answer(problem)``."""
+    """A built-in solver that answers a batch with ``answer(problem)``."""
 
     @dataclass(frozen=True)
     class Entered:

@@ -13,7 +13,6 @@ import qpbenchmark
 import qpsolvers
 
 import tensionlab as tl
-from tensionlab.benchmark.problem_files import qp_rows
 from tensionlab.benchmark.problem_sets import problem_set
 from tensionlab.cli import main
 
@@ -81,23 +80,3 @@ def test_the_file_says_where_it_came_from(folder):
     assert (manifest["set"], manifest["reachable"], manifest["seed"]) == ("edge", "all", 3)
     assert manifest["count"] == COUNT
     assert "numpy" in manifest["versions"]
-
-
-def test_rows_are_the_problems_written_out():
-    found = problem_set("mixed-limits", 8)
-    rows = qp_rows(found)
-    assert len({row["name"] for row in rows}) == len(rows) == 8
-    group, row = found.groups[3], rows[7]
-    assert (row["name"], row["group"], row["path_mm"]) == ("mixed-limits/n = 6, m = 8/1", "n = 6, m = 8", None)
-    np.testing.assert_array_equal(row["P"].reshape(8, 8), np.eye(8))
-    np.testing.assert_array_equal(row["q"], np.zeros(8))
-    np.testing.assert_array_equal(row["A"].reshape(6, 8), group.structure[1])
-    np.testing.assert_array_equal(row["b"], group.wrench[1])
-    np.testing.assert_array_equal(row["lb"], group.lower[1])
-    np.testing.assert_array_equal(row["ub"], group.upper[1])
-
-
-def test_samples_of_a_path_keep_its_length():
-    found = problem_set("trajectory", 200)
-    lengths = [row["path_mm"] for row in qp_rows(found)]
-    np.testing.assert_array_equal(lengths, np.concatenate([group.path_mm for group in found.groups]))

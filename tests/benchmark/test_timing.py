@@ -29,7 +29,7 @@ def test_a_quantile_is_a_value_that_was_measured():
 
 
 def test_a_performance_profile_by_hand():
-    # Problems by row; entries A, B and C. A fails the third, C is not asked the first, nobody solves the last.
+    # Problems by row; entries A, B and C. A fails the third, C does not try the first, no entry solves the last.
     seconds = np.array([[1.0, 2.0, NAN], [4.0, 1.0, 2.0], [1.0, 3.0, 6.0], [1.0, 1.0, 1.0]])
     solved = np.array([[1, 1, 0], [1, 1, 1], [0, 1, 1], [0, 0, 0]], dtype=bool)
     tried = np.array([[1, 1, 0], [1, 1, 1], [1, 1, 1], [1, 1, 1]], dtype=bool)

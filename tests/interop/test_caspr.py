@@ -173,11 +173,6 @@ def test_cables_of_the_same_name_are_told_apart(write):
     assert [module.name for module in rig.modules] == ["a", "b", "a (3)"]
 
 
-def test_the_base_of_the_body_moves_home(write):
-    rig = load_caspr(*model(write, {"parent": "10 20 30"}))
-    assert rig.home.tolist() == [11, 22, 33]
-
-
 def test_the_plane_in_which_a_body_moves_goes_through_its_base(write):
     body = {"joint": {"type": "PLANAR_XY", "q_initial": "1 2 0"}, "com": "0 0 0", "parent": "0 0 0.5"}
     cables = [{**CABLE, "att": [["0", [4, 3, z]], ["1", [0.1, 0.2, 0]]]} for z in (0.5, -0.5)]

@@ -86,14 +86,14 @@ def test_inlets_get_every_cycle_and_every_event(tmp_path):
     place, _ = samples(pose, count)
     np.testing.assert_array_equal(place, run.position)
     assert ((before < stamps) & (stamps < after)).all()
-    # By less than a cycle, whoever is busy meanwhile: both are the begin of the cycle, on two clocks.
+    # By less than a cycle, whatever else runs: both are the start of the cycle, on two clocks.
     offset = stamps - run.time
     assert np.ptp(offset) < 1.0 / 50.0
     texts, times = samples(markers, 1 + len(run.events))
-    told = [event.text for event in run.events]
+    texts_of_events = [event.text for event in run.events]
     assert texts[0] == ["begins: floor-3"]
     assert [text for (text,) in texts[1:]] == [f"{event.kind}: {event.text}" for event in run.events]
-    assert told[-1] == "duration reached"
+    assert texts_of_events[-1] == "duration reached"
     assert (np.diff(times) >= 0).all()
 
 

@@ -173,8 +173,8 @@ def test_a_turned_body_frame_is_where_it_rests():
 def test_motors_only_pull_and_stay_within_their_limits():
     rig = tl.load_rig(RIGS / "bartels2026-validation.toml")
     model, data = judge(rig, None)
-    for asked, applied in ((-5.0, 0.5), (0.0, 0.5), (3.0, 3.0), (99.0, 6.0)):
-        data.ctrl[:] = asked
+    for control, applied in ((-5.0, 0.5), (0.0, 0.5), (3.0, 3.0), (99.0, 6.0)):
+        data.ctrl[:] = control
         mujoco.mj_forward(model, data)
         np.testing.assert_allclose(data.qfrc_actuator, rig.structure_matrix(rig.home) @ np.full(4, applied))
 

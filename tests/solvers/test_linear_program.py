@@ -93,22 +93,10 @@ def test_two_cables_pull_against_each_other(name, tensions):
     np.testing.assert_allclose(found.tensions, tensions, atol=1e-12)
 
 
-def test_strong_cables_have_the_least_sum():
-    # The first renders 2 N for each newton of tension; it does all it can.
-    found = allocate([[2, 1, 1]], [12], (1, 4), "least-sum")
-    np.testing.assert_allclose(found.tensions, [4, 2, 2], atol=1e-12)
-
-
 @pytest.mark.parametrize(("reference", "tensions"), [((0, 0, 0), (3, 2, 2)), ((1, 3, 0), (3, 3, 1))])
 def test_of_equal_sums_the_closest_to_the_reference(reference, tensions):
     found = allocate([[2, 1, 1]], [10], ([1, 1, 1], [3, 3, 3]), "least-sum", reference)
     np.testing.assert_allclose(found.tensions, tensions, atol=1e-12)
-
-
-def test_a_largest_tension_passes_the_limits_of_weak_cables():
-    # Two cables can give 1 N and 2 N. The others share what is left, 4 N each.
-    found = allocate([[1, 1, 1, 1]], [11], (0, [1, 2, 9, 9]), "minimax")
-    np.testing.assert_allclose(found.tensions, [1, 2, 4, 4], atol=1e-12)
 
 
 def test_a_largest_tension_that_a_lower_limit_sets_leaves_the_others_a_choice():
@@ -123,13 +111,6 @@ def test_a_narrow_cable_sets_the_margin():
     np.testing.assert_allclose(found.tensions, [0.5, 0.5, 1.5], atol=1e-12)
     found = allocate([[1, -1, 0]], [0], ([0, 0, 1], [10, 10, 2]), "safe", [4, 4, 0])
     np.testing.assert_allclose(found.tensions, [4, 4, 1.5], atol=1e-12)
-
-
-def test_cables_without_play_do_not_count():
-    limits = ([0, 0, 7], [10, 10, 7])
-    np.testing.assert_allclose(allocate([[1, -1, 0]], [0], limits, "safe").tensions, [5, 5, 7], atol=1e-12)
-    np.testing.assert_allclose(allocate([[1, -1, 0]], [2], limits, "minimax").tensions, [2, 0, 7], atol=1e-12)
-    np.testing.assert_allclose(allocate([[1, -1, 1]], [9], limits, "least-sum").tensions, [2, 0, 7], atol=1e-12)
 
 
 # --- Optimal: against other solvers of the same programs ----------------------------------------------------
@@ -240,8 +221,8 @@ def test_of_equal_sums_newton_takes_the_same(n):
     reference = rng.uniform(0, 6, (200, 7))
     found = allocate(W, wrench, (1, 5), "least-sum", reference)
     with_sum = np.concatenate([W, np.ones((200, 1, 7))], axis=1)
-    asked = np.column_stack([wrench, found.tensions.sum(axis=1)])
-    same = allocate(with_sum, asked, (1, 5), "newton", reference)
+    desired = np.column_stack([wrench, found.tensions.sum(axis=1)])
+    same = allocate(with_sum, desired, (1, 5), "newton", reference)
     np.testing.assert_allclose(found.tensions, same.tensions, rtol=0, atol=1e-6)
     assert np.any(
         np.all((found.tensions > 1.01) & (found.tensions < 4.99), axis=1) | (found.tensions % 1 > 0.01).any()

@@ -100,17 +100,6 @@ def test_the_first_solve_loads_nothing():
     assert loaded.strip() == "[]"
 
 
-def test_least_squares_of_three_equal_cables_is_an_equal_share():
-    result = tl.allocate([[1.0, 1.0, 1.0]], [6.0], (LOWER, UPPER))
-    np.testing.assert_allclose(result.tensions, [2.0, 2.0, 2.0], atol=1e-12)
-
-
-def test_more_components_than_cables():
-    result = tl.allocate([[1.0], [1.0], [0.0]], [3.0, 1.0, 5.0], (LOWER, UPPER))
-    np.testing.assert_allclose(result.tensions, [2.0], atol=1e-9)  # projection of (3, 1, 5) on (1, 1, 0)
-    assert result.status == tl.Status.NEAREST
-
-
 def test_numbers_that_are_not_finite_are_left_to_the_caller():
     one = np.ones((1, 2))
     problem = tl.solvers.Problem(one[:, None], one[:, :1], 0.0 * one, one, 0.0 * one, np.ones(1), "force")

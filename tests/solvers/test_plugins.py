@@ -1,4 +1,4 @@
-"""Solvers of other distributions: found when asked for, never before, and harmless when broken."""
+"""Solvers of other distributions: loaded when named, never before, and harmless when broken."""
 
 import json
 import re
@@ -61,7 +61,7 @@ def offer(tmp_path, monkeypatch):
     return call
 
 
-def test_nobody_offers_a_solver_here():
+def test_no_distribution_offers_a_solver_here():
     assert offered_plugins() == {}
 
 
@@ -77,7 +77,7 @@ def test_a_solver_of_another_distribution_is_one_like_any(offer):
     assert "fixed" not in tl.SOLVERS
 
 
-def test_variants_are_checked_as_those_of_the_house(offer):
+def test_variants_are_checked_as_those_of_built_in_solvers(offer):
     offer("fixed")
     with pytest.raises(UnknownSolver, match=r"'fixed:much', 'much' is no value for fixed's newtons"):
         make("fixed:much")
@@ -85,7 +85,7 @@ def test_variants_are_checked_as_those_of_the_house(offer):
         make("fixed:-1")
 
 
-def test_names_that_nobody_offers_are_unknown_and_hinted_at(offer):
+def test_unknown_names_are_unknown_and_hinted_at(offer):
     offer("fixed")
     with pytest.raises(UnknownSolver, match="did you mean 'fixed'"):
         make("fixt")
@@ -93,7 +93,7 @@ def test_names_that_nobody_offers_are_unknown_and_hinted_at(offer):
         make("xyz")
 
 
-def test_the_house_keeps_its_names(offer, capsys):
+def test_built_in_solvers_keep_their_names(offer, capsys):
     offer("newton")
     assert type(make("newton")) is tl.solvers.Newton
     assert every_solver()["newton"]
@@ -119,7 +119,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize(("text", "target", "message"), BROKEN.values(), ids=BROKEN)
-def test_a_broken_solver_is_an_error_only_when_asked_for(offer, capsys, text, target, message):
+def test_a_broken_solver_is_an_error_only_when_named(offer, capsys, text, target, message):
     offer("fixed", text, target)
     for ask in (lambda: make("fixed"), lambda: select_solvers(["fixed"])):
         with pytest.raises(PluginError, match=rf"fixed.* of fable-solvers 1\.0 .*({message})"):

@@ -32,13 +32,6 @@ def slack_slope(solver, slack):
     return solver.kappa * (slack / np.sqrt(slack**2 + solver.epsilon) + 2 * solver.gamma * slack)
 
 
-def test_without_a_barrier_to_speak_of_it_is_the_least_change_in_shares_of_the_ranges():
-    # Least (t1 / 2)² + (t2 / 4)² with 2 t1 + t2 = 6 from the reference 0: t1 = 1.5, t2 = 3.
-    faint = SlackNorm(c1=1e-9, c2=1e-9, epsilon=1e-20)
-    found = allocate([[2.0, 1.0]], [6.0], ([0.0, 0.0], [4.0, 8.0]), faint)
-    np.testing.assert_allclose(found.tensions, [1.5, 3.0], atol=1e-6)
-
-
 def test_out_of_reach_a_cable_keeps_the_distance_at_which_wrench_is_worth_as_much():
     # x from -1 to 1 between the limits: 2 x + c / (1 - x) - c / (1 + x) = kappa (1 + 2 gamma s), s = (12 - t) / 2.
     found = allocate([[1.0]], [12.0], (1.0, 5.0), SlackNorm(gamma=0.5), "middle")

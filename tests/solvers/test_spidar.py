@@ -40,17 +40,6 @@ def test_weights_multiply_the_prices():
     np.testing.assert_allclose(found.tensions, [1.5 / 0.501], rtol=1e-12)
 
 
-def test_nothing_is_lost_where_the_reference_renders_the_wrench():
-    found = allocate([[1.0, -1.0]], [2.0], (1.0, 5.0), "spidar", [4.0, 2.0])
-    np.testing.assert_allclose(found.tensions, [4.0, 2.0], atol=1e-12)
-    assert found.status == Status.EXACT
-
-
-def test_at_a_limit_the_error_is_what_the_limit_leaves():
-    found = allocate([[1.0, -1.0]], [7.0], (1.0, 5.0), "spidar")
-    np.testing.assert_array_equal(found.tensions, [5.0, 1.0])
-
-
 def assert_optimal(case, solver, tensions):
     """Solve for the tensions that are clear of their limits, given the others, and look at all gradients there."""
     q = prices(solver, len(case.wrench), case.weights) / solver.mu
