@@ -1,7 +1,23 @@
 import numpy as np
+import pytest
 
 import tensionlab as tl
-from tensionlab.plots import plot_rig
+from tensionlab.plots import plot_allocation, plot_rig
+from tests.helpers.figures import content_of, words_in
+from tests.helpers.runs import four, seven
+
+
+@pytest.mark.parametrize("name", tl.datasets.names("rigs"))
+def test_every_rig_is_drawn_with_the_names_of_its_modules(name):
+    rig = tl.load_rig(name.removeprefix("rigs/"))
+    content = content_of(plot_rig(rig))
+    assert content == content_of(plot_rig(rig))
+    drawn = words_in(content)
+    assert "x (m)" in drawn
+    assert ("z (m)" in drawn) == (rig.dimension == 3)
+    names = {name for words in drawn for name in words.split(", ")}
+    # Two hyphens would end the comment in which matplotlib keeps the word.
+    assert all(module.name.replace("--", "- -") in names for module in rig.modules)
 
 
 def test_a_flat_rig_has_a_flat_picture_with_all_of_it():
@@ -13,3 +29,23 @@ def test_a_flat_rig_has_a_flat_picture_with_all_of_it():
     assert np.diff(rows).max() < 0.6 * flat.dpi, "no white band"
     names = [text.get_text() for text in flat.axes[0].texts]
     assert names == ["floor-1", "floor-2", "floor-3"]
+
+
+def test_tensions_are_drawn_between_their_limits_by_status():
+    rig = four()
+    forces = np.array([[0.0, 1.0, 0.0], [0.0, 90.0, 0.0]])
+    found = tl.allocate(rig.structure_matrix(rig.home), forces, rig.limits)
+    figure = tl.plot(found, rig)
+    (axes,) = figure.axes
+    drawn = [line.get_xdata() for line in axes.get_lines()]
+    assert [list(each) for each in drawn[:4]] == [[0.5, 6.0]] * 4
+    assert sorted(float(each[0]) for each in drawn[4:]) == sorted(found.tensions.ravel())
+    content = content_of(figure)
+    assert {"floor-1", "tension (N)", "exact", "certified infeasible", "limits"} <= set(words_in(content))
+    assert content == content_of(plot_allocation(found, rig))
+
+
+def test_a_rig_with_other_cables_is_refused():
+    rig = four()
+    with pytest.raises(tl.errors.ShapeError, match="4 cables, and seven-modules has 7"):
+        tl.plot(tl.allocate(rig.structure_matrix(rig.home), np.zeros(3), rig.limits), seven())

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from tensionlab.errors import InputError
 from tensionlab.plots import plot_rig
 from tensionlab.plots.style import save_figure, two_scales
 from tests.helpers.runs import four
@@ -39,3 +40,9 @@ def test_six_newtons_and_fifty_can_both_be_read(sign):
     ticks = sign * axes.get_yticks()
     assert {2.0, 6.0, 20.0, 40.0} <= set(ticks)
     assert (ticks >= 0.0).all()
+
+
+def test_other_suffixes_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"\.png, \.pdf, \.svg"):
+        save_figure(plot_rig(four()), tmp_path / "rig.bmp")
+    assert not list(tmp_path.iterdir())
