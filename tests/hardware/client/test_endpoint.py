@@ -59,11 +59,6 @@ def armed(group, notes, on_loss="continue"):
     return ArmedModules(rig, group, settings, clock, Statistics(), lambda *note: notes.append(note))
 
 
-class Lock:
-    def release(self):
-        pass
-
-
 class Scripted:
     """Link without a file, whose clock and bytes are those of a test."""
 
