@@ -113,7 +113,7 @@ print(json.dumps({str(number): tried(lambda: end.recv(1 << 16)) for number, end 
     watcher = Watcher(published.port, published.token)
     watcher._socket.settimeout(60.0)
     watcher.ask()
-    assert next(watcher.take()).name == "left"
+    assert next(watcher.reports()).name == "left"
     watcher.close()
 
 

@@ -107,7 +107,7 @@ def monitor(
                 for watcher in watchers:
                     watcher.ask()
                 clock.wait_until(clock.now() + REFRESH_PERIOD_S)
-                reports = {report.url: report for watcher in watchers for report in watcher.take()}
+                reports = {report.url: report for watcher in watchers for report in watcher.reports()}
                 for name, each in found.items():
                     if isinstance(each, WatchedModule) and each.url in reports:
                         each.take(reports[each.url])

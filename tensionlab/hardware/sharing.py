@@ -291,7 +291,7 @@ class RunWatcher:
 
 def find_runs() -> list[RunWatcher]:
     """Return a watcher of each run whose process has modules of this user."""
-    holders = {(who.port, who.token) for who in locked_links().values() if who.port is not None}
+    holders = {(owner.port, owner.token) for owner in locked_links().values() if owner.port is not None}
     watchers = [RunWatcher(port, token) for port, token in holders]
     end = time.perf_counter() + FIND_TIMEOUT_S
     while any(each.info is None for each in watchers) and time.perf_counter() < end:

@@ -257,9 +257,9 @@ class Elsewhere:
         self.holders = dict.fromkeys(urls.values(), process)
 
         class Patient(Watcher):
-            def take(self):
+            def reports(self):
                 self._socket.settimeout(60.0)
-                return islice(super().take(), len(publisher.reports))
+                return islice(super().reports(), len(publisher.reports))
 
         verb = "tensionlab.cli.module_monitor"
         monkeypatch.setattr(f"{verb}.Watcher", Patient)

@@ -38,38 +38,38 @@ def emergency_stop(links: Mapping[str, str]) -> dict[str, Outcome]:
     signals = _Signals()
     found = locked_links()
     holders = {name: found.get(url) or holder(url, look_up=False) for name, url in links.items()}
-    for who in holders.values():
-        if who is not None:
-            signals.send(who)
+    for owner in holders.values():
+        if owner is not None:
+            signals.send(owner)
     with ThreadPoolExecutor(len(links)) as threads:
         outcomes = threads.map(lambda name: _stop_module(name, links[name], holders[name], signals), links)
         return dict(zip(links, outcomes, strict=True))
 
 
-def _stop_module(name: str, url: str, who: Holder | None, signals: _Signals) -> Outcome:
+def _stop_module(name: str, url: str, owner: Holder | None, signals: _Signals) -> Outcome:
     """Command a module as soon as the process that has its link, if any, has closed it."""
-    before, end = who, time.perf_counter() + RELEASE_TIMEOUT_S
+    before, end = owner, time.perf_counter() + RELEASE_TIMEOUT_S
     while True:
         try:
             _command(name, url)
-            return Outcome(who)
+            return Outcome(owner)
         except HardwareError as error:
             now = holder(url)  # by another name of the host, or since just now
-            who = who or now
+            owner = owner or now
             problem = signals.send(now) if now is not None else ""
             if (now is None and before is None) or problem or time.perf_counter() > end:
                 if now is not None and not problem:
                     end_it = kill_command(now.pid)
                     problem = f"{now} was signalled, and still has it; end it ({end_it}), and its modules stop"
-                return Outcome(who, problem or str(error))
+                return Outcome(owner, problem or str(error))
             before = now  # it may have closed the link since this try began: then the link is free now
         time.sleep(POLL_PERIOD_S)
 
 
 def _command(name: str, url: str) -> None:
     """Command a module whose link is free to stop, and wait until it confirms it; else a `HardwareError`."""
-    if (who := holder(url, look_up=False)) is not None:
-        raise LinkError(f"{url} is in use by {who}")
+    if (owner := holder(url, look_up=False)) is not None:
+        raise LinkError(f"{url} is in use by {owner}")
     with ModuleClient(name, open_link(url, locked=False)) as client:
         client.command(EmergencyStop(), PATIENT_TIMEOUTS_S)
 
@@ -81,14 +81,14 @@ class _Signals:
         self._problems: dict[int, str] = {}
         self._sending = threading.Lock()
 
-    def send(self, who: Holder) -> str:
+    def send(self, owner: Holder) -> str:
         """Signal a process to stop its modules, once; return why that failed, empty if it did not."""
         with self._sending:
-            if who.pid not in self._problems:
-                self._problems[who.pid] = "this process has it" if who.pid == os.getpid() else ""
+            if owner.pid not in self._problems:
+                self._problems[owner.pid] = "this process has it" if owner.pid == os.getpid() else ""
                 try:
-                    if who.pid != os.getpid():
-                        send_estop(who.pid)
+                    if owner.pid != os.getpid():
+                        send_estop(owner.pid)
                 except PermissionError as error:
-                    self._problems[who.pid] = f"{who} cannot be signalled: {error.strerror}"
-            return self._problems[who.pid]
+                    self._problems[owner.pid] = f"{owner} cannot be signalled: {error.strerror}"
+            return self._problems[owner.pid]

@@ -71,13 +71,13 @@ class LinkLock:
     def __init__(self, url: str, module: str = "") -> None:
         self._url = url
         self._held: list[tuple[BaseFileLock, Path]] = []
-        who = Holder(os.getpid(), process_start(os.getpid()), program(), module)
+        owner = Holder(os.getpid(), process_start(os.getpid()), program(), module)
         if (published := publisher()) is not None:
-            who = replace(who, port=published.port, token=published.token)
+            owner = replace(owner, port=published.port, token=published.token)
         name, problems = _file_name(url), ["this user has no home"]
         for folder in user_folders():
             try:
-                self._take(_make_private(folder) / name, json.dumps(asdict(who) | {"url": url}))
+                self._take(_make_private(folder) / name, json.dumps(asdict(owner) | {"url": url}))
             except LinkError:
                 raise
             except OSError as error:
@@ -118,7 +118,7 @@ def holder(url: str, *, look_up: bool = True) -> Holder | None:
     Without ``look_up``, host names, which may take seconds to look up, find only links by the same name.
     """
     name = _file_name(url, look_up=look_up)
-    return next((who for folder in _private_folders() if (who := _holder(folder / name))), None)
+    return next((owner for folder in _private_folders() if (owner := _holder(folder / name))), None)
 
 
 def locked_links() -> dict[str, Holder]:
@@ -128,8 +128,8 @@ def locked_links() -> dict[str, Holder]:
         for note in sorted(folder.glob("*.json")):
             with suppress(OSError, ValueError, KeyError, TypeError):
                 url = str(json.loads(note.read_text(encoding="utf-8"))["url"])
-                if url not in found and (who := _holder(note.with_suffix(".lock"))) is not None:
-                    found[url] = who
+                if url not in found and (owner := _holder(note.with_suffix(".lock"))) is not None:
+                    found[url] = owner
     return found
 
 
@@ -138,15 +138,15 @@ def _holder(path: Path) -> Holder | None:
 
     A lock that cannot be tried counts as held.
     """
-    who = _read(path.with_suffix(".json"))
-    if who is None or process_start(who.pid) != who.started:
+    owner = _read(path.with_suffix(".json"))
+    if owner is None or process_start(owner.pid) != owner.started:
         return None
     with suppress(OSError):
         lock = acquire_lock(path, 0.0, "hardware")
         if lock is not None:
             lock.release()
             return None
-    return who
+    return owner
 
 
 def normalised(url: str, *, look_up: bool = True) -> str:

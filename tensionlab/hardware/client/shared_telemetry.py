@@ -154,7 +154,7 @@ class Watcher:
             except OSError:
                 return
 
-    def take(self) -> Iterator[Report]:
+    def reports(self) -> Iterator[Report]:
         """Yield the reports that have come."""
         for content in self.answers():
             with suppress(ValueError, ArithmeticError, LookupError, TypeError, ProtocolError):

@@ -170,7 +170,7 @@ class Arm(Message, type=Type.ARM):
 
 @dataclass(frozen=True)
 class SetTension(Message, type=Type.SET_TENSION):
-    """Pull with so many N until the next set-point, for at most `ttl_ms` (0: as long as the module's own).
+    """Pull with a tension in N until the next set-point, for at most `ttl_ms` (0: the module's own).
 
     `rounds` is how often the sequence numbers have begun again since ARM.
     """
@@ -254,7 +254,7 @@ class Ping(Message, type=Type.PING):
 
 @dataclass(frozen=True)
 class ConfigureTelemetry(Message, type=Type.CONFIGURE_TELEMETRY):
-    """Send `Telemetry` every so many ms, 5 or more; 0: never."""
+    """Send `Telemetry` with this period, 5 ms or more; 0: never."""
 
     period_ms: U16
 
@@ -279,7 +279,7 @@ class Info(Message, type=Type.INFO):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """Read a payload; besides the errors of others, another protocol is an `OtherProtocolError`."""
+        """Read a payload; another protocol is an `OtherProtocolError`, impossible numbers a `ProtocolError`."""
         if payload and payload[0] != PROTOCOL:  # the rest may have changed
             raise OtherProtocolError(payload[0])
         info = super().unpack(payload)

@@ -244,7 +244,7 @@ class Server:
 
 
 def serve(server: Server, stopped: Callable[[], bool]) -> None:
-    """Serve in real time until it is to stop; all ports are closed at the end."""
+    """Serve in real time until `stopped` returns True, and close all ports."""
     with closing(server):
         while not stopped():
             select.select(server.files(), [], [], server.wait())

@@ -34,7 +34,7 @@ def published(monkeypatch):
 def heard(watcher, count):
     """Return so many reports, whenever they come."""
     watcher._socket.settimeout(60.0)
-    reports = watcher.take()
+    reports = watcher.reports()
     return [next(reports) for _ in range(count)]
 
 
@@ -67,14 +67,14 @@ def test_who_knows_the_token_is_told_of_all_modules_and_only_if_it_asks(publishe
         Watcher(published.port, published.token),
         Watcher(published.port, "x" + published.token[1:]),
     )
-    assert list(watcher.take()) == []
+    assert list(watcher.reports()) == []
     for _ in range(2):
         stranger.ask()
         watcher.ask()
         assert [(each.url, each.telemetry, each.age) for each in heard(watcher, 3)] == [
             (f"COM{index}", SAID, 0.1 * index) for index in range(3)
         ]
-    assert list(stranger.take()) == [], "it was answered before the watcher, if at all"
+    assert list(stranger.reports()) == [], "it was answered before the watcher, if at all"
     watcher.close()
     stranger.close()
 
