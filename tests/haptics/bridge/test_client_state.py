@@ -75,14 +75,6 @@ def test_a_quaternion_is_made_a_unit_one_within_a_thousandth():
             frame(0.0, 0.0, 0.0, 0.0, rotation=wrong)
 
 
-def test_bodies_that_nobody_mentioned_are_nowhere():
-    box = ClientState(four())
-    assert box.motion("hand", 0.0) is None
-    assert box.age(0.0) == np.inf
-    box.put(frame(0.0, 0.0, 0.0, 0.0), 1.0)
-    assert box.motion("hip", 1.0) is None
-
-
 def test_a_quaternion_turns_about_its_axis():
     box, rng = ClientState(four()), np.random.default_rng(1)
     for vector in (*np.pi * np.eye(3), *2 * np.pi * np.eye(3), *rng.uniform(-3.0, 3.0, (20, 3))):

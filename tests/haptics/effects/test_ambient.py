@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
-from tensionlab.haptics.effects import Motion, Spring, Vibration, Viscous, Water
+from tensionlab.haptics.effects import Motion, Spring, Vibration, Water
 from tests.helpers.motions import at
-
-
-def test_viscous_brakes():
-    assert Viscous().render(at(1.0, 0.0, 0.0, velocity=(0.5, 0.0, -1.0))).force == pytest.approx([-1.0, 0.0, 2.0])
 
 
 def test_spring_draws_to_its_centre_and_damps():

@@ -78,13 +78,6 @@ def test_ripples_hold_a_hand_no_more_stiffly_than_they_may(most):
     assert np.abs(np.diff(force) / np.diff(x)).max() == pytest.approx(most, rel=1e-3)
 
 
-def test_texture_rubs_by_the_walls_push():
-    texture = Texture(ripples=Ripples(height=0.0))
-    path = np.stack([np.arange(0.0, 0.05, 0.0001), np.zeros(500), np.full(500, -0.01)], axis=-1)
-    force = follow(texture, path, 0.001, np.zeros_like(path))
-    assert force[-1] == pytest.approx([-0.35 * 3.0, 0.0, 3.0])
-
-
 def drawn(friction, step_length, steps, step=0.001):
     x = step_length * np.arange(steps)
     return -follow(friction, np.stack([x, 0 * x, 0 * x], axis=-1), step)[:, 0]
@@ -108,12 +101,6 @@ def test_at_rest_friction_does_not_creep():
     force = follow(friction, np.stack([x, 0 * x, 0 * x], axis=-1), 0.001)[:, 0]
     assert force[-1] == pytest.approx(-400.0 * 0.0005)
     assert force[-1000:] == pytest.approx(force[-1])
-
-
-def test_friction_resists_in_the_direction_of_motion():
-    along = np.array([3.0, 4.0, 0.0]) / 5
-    path = 1e-4 * np.arange(300)[:, None] * along
-    assert follow(Friction(), path, 0.001)[-1] == pytest.approx(-0.35 * along)
 
 
 def test_pulled_by_a_spring_friction_sticks_and_slips():
