@@ -173,6 +173,11 @@ def test_cables_of_the_same_name_are_told_apart(write):
     assert [module.name for module in rig.modules] == ["a", "b", "a (3)"]
 
 
+def test_the_base_of_the_body_moves_home(write):
+    rig = load_caspr(*model(write, {"parent": "10 20 30"}))
+    assert rig.home.tolist() == [11, 22, 33]
+
+
 def test_the_plane_in_which_a_body_moves_goes_through_its_base(write):
     body = {"joint": {"type": "PLANAR_XY", "q_initial": "1 2 0"}, "com": "0 0 0", "parent": "0 0 0.5"}
     cables = [{**CABLE, "att": [["0", [4, 3, z]], ["1", [0.1, 0.2, 0]]]} for z in (0.5, -0.5)]
@@ -247,14 +252,24 @@ def test_elastic_cables_and_passive_springs_are_told_of(write):
 
 REFUSED = {
     "another joint": ("bodies", "SPATIAL_EULER_XYZ", "S_EULER_XYZ", r'line 6: <joint>: .* "type" is'),
+    "no joint": ("bodies", "<joint type", "<hinge type", r"<link_rigid> 'plate': has no elements <joint>"),
     "too few coordinates": ("bodies", "1 2 3 0 0 0", "1 2 3", r'<joint>: attribute "q_initial" is .1 2 3.; give'),
+    "no coordinates": ("bodies", "q_initial", "q_start", r'attribute "q_initial" is missing'),
     "no mass": ("bodies", "<mass>2", "<mass>heavy", r"line 8: <mass>: its text is 'heavy'; give 1 finite number"),
+    "negative mass": ("bodies", "<mass>2", "<mass>-2", r'"mass" is -2'),
+    "infinite mass": ("bodies", "<mass>2", "<mass>inf", r"give 1 finite number"),
+    "unknown reference of inertia": ("bodies", 'ref="com"', 'ref="tip"', r'<inertia>: attribute "ref" is .tip.'),
+    "other file": ("bodies", "bodies_system", "robots", r"root element must be <bodies_system>"),
     "broken": ("bodies", "</links>", "", r"not well-formed XML: .*line"),
     "unknown entity": ("bodies", "<mass>2", "<mass>&two;", r'line 8: entity "two"'),
+    "no default set": ("cables", 'default_cable_set="s"', "", r'attribute "default_cable_set" is missing'),
     "default set that is not there": ("cables", 'set="s"', 'set="t"', r"no <cable_set> with the id 't'; .* are s"),
+    "no reference": ("cables", ' attachment_reference="joint"', "", r"'a': attribute .attachment_reference. is"),
     "other reference": ("cables", '"joint"', '"tip"', r"'a': attribute .attachment_reference. is .tip"),
     "muscle": ("cables", "cable_ideal", "muscle_hill_type", r"<muscle_hill_type> 'a': no cable of a rig"),
+    "no limits": ("cables", "force_max", "force_most", r"<properties>: has no elements <force_max>"),
     "two locations": ("cables", "<link>1</link>", "<link>1</link><location/>", r"2 elements <location>"),
+    "flat location": ("cables", "4 0 5", "4 0", r"<location>: its text is '4 0'; give 3 finite numbers"),
     "second link": ("cables", "<link>1</link>", "<link>2</link>", r"two attachments, to the links 0 and 1"),
     "limits the wrong way round": ("cables", "<force_min>1<", "<force_min>10<", r'"a".*"lower" is 10'),
 }  # fmt: skip
@@ -317,6 +332,18 @@ def test_other_pulleys_are_refused(write):
         load_caspr(*over(write, body=plane))
 
 
+def test_several_bodies_are_refused(write):
+    bodies, cables = write(bodies_xml([BODY, BODY]), cables_xml({"s": [CABLE]}, "s"))
+    with pytest.raises(RigError, match="2 bodies; a rig has one"):
+        load_caspr(bodies, cables)
+
+
+def test_a_cable_out_of_the_plane_is_refused(write):
+    body = {"joint": {"type": "PLANAR_XY", "q_initial": "0 0 0"}}
+    with pytest.raises(RigError, match="'a': leaves the xy plane"):
+        load_caspr(*model(write, body))
+
+
 @pytest.mark.parametrize(
     "doctype",
     [
@@ -343,12 +370,16 @@ def test_files_that_cannot_be_read_are_named(write, tmp_path):
     bodies.write_bytes(b'<?xml version="1.0" encoding="martian"?><bodies_system/>')
     with pytest.raises(RigError, match="not well-formed XML"):
         load_caspr(bodies, cables)
-    bodies.write_bytes(b'<?xml version="1.0" encoding="utf-7"?><bodies_system/>')  # several bytes a character
-    with pytest.raises(RigError, match="not well-formed XML"):
-        load_caspr(bodies, cables)
+    for encoding in ("utf-7", "shift_jis", "big5", "gb18030", "utf-32"):  # several bytes a character
+        bodies.write_bytes(f'<?xml version="1.0" encoding="{encoding}"?><bodies_system/>'.encode())
+        with pytest.raises(RigError, match="not well-formed XML"):
+            load_caspr(bodies, cables)
     bodies.write_text("<bodies_system>" * 5000 + "</bodies_system>" * 5000)
     with pytest.raises(RigError, match="stands in 31 others"):
         load_caspr(bodies, cables)
     bodies.write_text(f"<bodies_system>{'x' * 2_000_000}</bodies_system>")
     with pytest.raises(RigError, match="has more than 1,000,000 bytes"):
+        load_caspr(bodies, cables)
+    bodies.write_bytes(b"\x00\x01")
+    with pytest.raises(RigError, match="not well-formed XML"):
         load_caspr(bodies, cables)
