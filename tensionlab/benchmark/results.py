@@ -155,7 +155,9 @@ class Results:
     def each_problem(self) -> pandas.DataFrame:
         """Return the measurements; InputError where there are none, as in the committed results."""
         if self.measurements is None:
-            raise InputError("these results have no measurements of single problems; give the folder of a run")
+            raise InputError(
+                "these results have no measurements of single problems: use `rows`, or read the folder of a run"
+            )
         return self.measurements
 
     def summary(self) -> pandas.DataFrame:

@@ -240,7 +240,7 @@ def test_every_result_shows_itself_in_one_line_and_in_html(name):
         html = result._repr_html_()
         assert all(html.count(f"<{tag}") == html.count(f"</{tag}>") for tag in ("table", "tr", "td", "th", "div"))
         assert len({len(row) for row in words(html.partition("</table>")[0])}) == 1
-    if hasattr(result, "to_pandas"):
+    if hasattr(result, "to_pandas") and name != "benchmark":  # the committed results have no single problems
         assert len(result.to_pandas())
 
 
