@@ -1,7 +1,8 @@
 """Schema of rig files: which keys there are, and of which type.
 
-What the numbers mean is checked by `Rig`, `Module` and `Platform`, for files and programs alike. Imported only
-when a file is read, because pydantic takes its time.
+A new key needs three places: its field here; the field of the same name in `Rig`, `Module` or `Platform`, which
+checks its value; and `rig_to_toml` in ``files.py``, which writes it. ``datasets/README.md`` shows every key.
+Imported only when a file is read, because pydantic takes its time.
 """
 
 from __future__ import annotations

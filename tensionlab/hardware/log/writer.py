@@ -1,4 +1,7 @@
-"""Log of a run, written while it runs: every cycle, every event between, and a scene for viewers of robots."""
+"""Log of a run, written while it runs: every cycle, every event between, and a scene for viewers of robots.
+
+The columns of a cycle are those of ``hardware/runner/cycle_table.py``.
+"""
 
 from __future__ import annotations
 

@@ -2,7 +2,10 @@
 
 A message's fields, in their order, are its payload: little-endian, in SI units unless they say otherwise. A frame
 is COBS(type, sequence number, payload), its CRC-16, and three zeros; one or two flipped bits are always detected.
-The codec is the firmware's own, compiled in.
+Frames are coded by the firmware's own code, compiled in.
+
+Payloads are not: a field of `Telemetry` is also in ``firmware/core/answers.cpp``, which writes it, and in
+``tensionlab/native/hardware/endpoint.hpp``, which reads it; then run ``firmware/vectors.py``.
 """
 
 from __future__ import annotations

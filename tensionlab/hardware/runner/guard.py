@@ -1,4 +1,9 @@
-"""Guard of the set-points: verified answers, limits, slew, derating, releases."""
+"""Guard of the set-points of a run.
+
+Only certified answers are sent (`GuardedAllocator`), inside limits and slew (`next_tensions`; the check itself is
+in ``tensionlab/native/hardware/set_points.hpp``), and lower where a winding is warm (`Derating`). Cables of lost
+modules are released slowly (`ReleasedModules`).
+"""
 
 from __future__ import annotations
 
