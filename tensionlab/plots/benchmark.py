@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 
@@ -48,7 +48,11 @@ class Dot(NamedTuple):
     error: float
 
 
-def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Figure:
+@overload
+def plot_pareto(results: Results | Comparison, *, ax: None = None) -> Figure: ...
+@overload
+def plot_pareto(results: Results | Comparison, *, ax: Axes) -> None: ...
+def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Figure | None:
     """Draw the time and the worst error of each solver, and which of them no other one surpasses in both.
 
     Solvers that do not come with tensionlab are stars. Of a benchmark, which needs no measurements of single
@@ -102,14 +106,14 @@ def _compared(comparison: Comparison) -> list[Dot]:
     ]
 
 
-def _plot_dots(dots: Sequence[Dot], across: str, up: str, ax: Axes | None) -> Figure:
+def _plot_dots(dots: Sequence[Dot], across: str, up: str, ax: Axes | None) -> Figure | None:
     """Draw entries as dots with names; a line leads from a baseline's default settings to its tight ones."""
     with one_panel(ax, SIZE) as (figure, axes):
         points = _draw_dots(axes, dots)
         axes.set(xlabel=across, ylabel=up)
         add_kind_legend(figure, [dot.kind for dot in dots], ax=ax, also=[("Pareto front", FRONT_LINE)])
         label_points(figure, axes, points)
-    return figure
+    return figure if ax is None else None
 
 
 def _draw_dots(axes: Axes, dots: Sequence[Dot]) -> dict[str, list[tuple[float, float]]]:

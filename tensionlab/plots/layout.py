@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -24,7 +24,11 @@ ON_FRONT: dict[str, Any] = {"color": BLUE, "marker": "o", "linewidth": 1.4, "dra
 OFF_FRONT: dict[str, Any] = {"color": GREY, "marker": "o", "linestyle": "", "fillstyle": "none"}
 
 
-def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure:
+@overload
+def plot_front(found: LayoutSearch, *, ax: None = None) -> Figure: ...
+@overload
+def plot_front(found: LayoutSearch, *, ax: Axes) -> None: ...
+def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure | None:
     """Draw the score of the layouts that a search found against their number of modules.
 
     The line joins those that no other beats with as many modules or fewer.
@@ -56,7 +60,7 @@ def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure:
         axes.grid(axis="y")
         looks = [("best with as many modules or fewer", ON_FRONT), ("no better than with fewer", OFF_FRONT)]
         panel_legend(figure, ax, 2, looks[: 1 + (len(found.front) < len(found.layouts))])
-    return figure
+    return figure if ax is None else None
 
 
 def plot_search(space: Space, target: Grid, found: LayoutSearch) -> Figure:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -33,7 +33,11 @@ SPREAD = 0.12  # half the height of a row's dots, as a share of the row: spread 
 MARGIN_INCHES = 0.5  # above and below a rig in space, for the title and the legend
 
 
-def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure:
+@overload
+def plot_rig(rig: Rig, *, ax: None = None) -> Figure: ...
+@overload
+def plot_rig(rig: Rig, *, ax: Axes) -> None: ...
+def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
     """Draw where a rig's modules stand and how its cables run at home, to scale.
 
     The rig's vertical axis is upright. Body frames are drawn at the origin of the world.
@@ -83,7 +87,7 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure:
         ])  # fmt: skip
     if spatial and ax is None:
         _crop(figure, axes)
-    return figure
+    return figure if ax is None else None
 
 
 def frame_panel(axes: Any, low: Floats, high: Floats, vertical: str) -> Floats:
@@ -147,7 +151,11 @@ def _label_anchors(axes: Any, rig: Rig) -> None:
         )  # fmt: skip
 
 
-def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes | None = None) -> Figure:
+@overload
+def plot_allocation(allocation: Allocation, rig: Rig, *, ax: None = None) -> Figure: ...
+@overload
+def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes) -> None: ...
+def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes | None = None) -> Figure | None:
     """Draw the tensions of each cable between its limits, a row a cable, by status.
 
     One wrench is one dot a cable, several are a cloud of dots for each status.
@@ -206,4 +214,4 @@ def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes | None = None)
         ]
         limits = ("limits", {"color": GREY, "linewidth": 0.8, "marker": "|", "markersize": 10})
         panel_legend(figure, ax, 1 + len(words), [*words, limits])
-    return figure
+    return figure if ax is None else None

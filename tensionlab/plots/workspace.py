@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,7 +41,11 @@ def curve_look(index: int) -> dict[str, Any]:
     return {"color": CURVES[index % len(CURVES)], "linestyle": DASHES[index // len(CURVES) % len(DASHES)]}
 
 
-def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | None = None) -> Figure:
+@overload
+def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: None = None) -> Figure: ...
+@overload
+def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes) -> None: ...
+def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | None = None) -> Figure | None:
     """Draw metrics over a slice of space for each rig, with the rig in it; a row for each of several metrics.
 
     In space the slice is the one that the grid is, where one axis has one point only; else the upright one through
@@ -75,7 +79,7 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
         require_one(field, fields)
         with one_panel(ax, (0.0, 0.0)) as (figure, axes):
             _colour_bar(figure, draw_slice(axes, field, 0, shade_levels([field])), axes, field)
-        return figure
+        return figure if ax is None else None
     several, count = len(fields) > 1, len(field.names)
     columns = count if several else min(COLUMNS, count)
     rows = len(fields) if several else -(-count // columns)
@@ -93,7 +97,7 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
         if title := cut_title(field):
             figure.suptitle(title, fontsize="medium")
         add_legend(figure, 3, SLICE_LEGEND[: 2 if field.yes_or_no and not several else 3])
-    return figure
+    return figure if ax is None else None
 
 
 def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
@@ -150,7 +154,11 @@ def shade_levels(fields: list[Field]) -> Floats:
     return np.asarray([1e-9 * top, *steps[steps > 1e-6 * top]])
 
 
-def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | None = None) -> Figure:
+@overload
+def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: None = None) -> Figure: ...
+@overload
+def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes) -> None: ...
+def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | None = None) -> Figure | None:
     """Draw, for each rig, the share of the volume in which a metric has at least each value.
 
     Parameters and errors as in `plot_slices`, but any number of rigs is one panel, and the metric left out is the
@@ -168,7 +176,7 @@ def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
     with one_panel(ax, (7.5, 5.0)) as (figure, axes):
         draw_shares(axes, field)
         axes.legend(title="rig", loc="upper right")
-    return figure
+    return figure if ax is None else None
 
 
 def draw_shares(axes: Any, field: Field) -> None:
@@ -191,9 +199,15 @@ def share_above(field: Field, number: int, levels: ArrayLike) -> Floats:
     return np.array([weighted_share((values >= level) & (values > 0), weights) for level in np.atleast_1d(levels)])
 
 
+@overload
+def plot_volume(
+    swept: xarray.Dataset, level: float = 0.0, metric: str | None = None, *, ax: None = None
+) -> Figure: ...
+@overload
+def plot_volume(swept: xarray.Dataset, level: float = 0.0, metric: str | None = None, *, ax: Axes) -> None: ...
 def plot_volume(
     swept: xarray.Dataset, level: float = 0.0, metric: str | None = None, *, ax: Axes | None = None
-) -> Figure:
+) -> Figure | None:
     """Draw, for each rig, the volume in which a metric is above a level, in its unit.
 
     Other parameters and errors as in `plot_shares`; a panel is of one rig and has the projection "3d". The sweep
@@ -212,7 +226,7 @@ def plot_volume(
         require_one(field)
         with one_panel(ax, (0.0, 0.0), "3d") as (figure, axes):
             draw_volume(axes, field, 0, level)
-        return figure
+        return figure if ax is None else None
     columns = min(3, len(field.names))
     rows = -(-len(field.names) // columns)
     with new_figure((4.6 * columns, 0.8 + 4.2 * rows)) as figure:
@@ -221,7 +235,7 @@ def plot_volume(
             draw_volume(axes, field, number, level)
         figure.suptitle(f"{field.label} above {level:g}", fontsize="medium")
         add_legend(figure, 2, SLICE_LEGEND[:2])
-    return figure
+    return figure if ax is None else None
 
 
 def draw_volume(axes: Any, field: Field, number: int, level: float) -> None:

@@ -38,6 +38,7 @@ def served(*words, what=(RIG,)):
     with process("serve", *what, "--port", 0, *words) as running:
         first = running.stdout.readline()
         assert first.startswith("ws://"), running.stderr.read()
+        assert running.stdout.readline().startswith("http://")
         yield first.split("/command")[0], running
 
 
