@@ -174,7 +174,7 @@ class ModuleClient:
             self._reader.join(timeout=1.0)
 
     def command(self, command: Message, tries: tuple[float, ...] = ()) -> None:
-        """Send a command and wait until it is acknowledged, for `tries` in s.
+        """Send a command and wait until it is acknowledged, for ``tries`` in s.
 
         Raises
         ------
