@@ -79,7 +79,7 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
         require_one(field, fields)
         with one_panel(ax, (0.0, 0.0)) as (figure, axes):
             _colour_bar(figure, draw_slice(axes, field, 0, shade_levels([field])), axes, field)
-        return figure if ax is None else None
+        return None
     several, count = len(fields) > 1, len(field.names)
     columns = count if several else min(COLUMNS, count)
     rows = len(fields) if several else -(-count // columns)
@@ -97,7 +97,7 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
         if title := cut_title(field):
             figure.suptitle(title, fontsize="medium")
         add_legend(figure, 3, SLICE_LEGEND[: 2 if field.yes_or_no and not several else 3])
-    return figure if ax is None else None
+    return figure
 
 
 def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
@@ -226,7 +226,7 @@ def plot_volume(
         require_one(field)
         with one_panel(ax, (0.0, 0.0), "3d") as (figure, axes):
             draw_volume(axes, field, 0, level)
-        return figure if ax is None else None
+        return None
     columns = min(3, len(field.names))
     rows = -(-len(field.names) // columns)
     with new_figure((4.6 * columns, 0.8 + 4.2 * rows)) as figure:
@@ -235,7 +235,7 @@ def plot_volume(
             draw_volume(axes, field, number, level)
         figure.suptitle(f"{field.label} above {level:g}", fontsize="medium")
         add_legend(figure, 2, SLICE_LEGEND[:2])
-    return figure if ax is None else None
+    return figure
 
 
 def draw_volume(axes: Any, field: Field, number: int, level: float) -> None:
