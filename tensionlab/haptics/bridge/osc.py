@@ -2,9 +2,10 @@
 
 ::
 
-    /body/hand x y z [qx qy qz qw]        position of a body, in m, and its rotation /effect/NAME KIND [parameter
-    value]*  an effect; a vector has several values, a part's name a dot: wall.stiffness /effect/NAME
-    remove it /stop                                 end the run
+    /body/hand x y z [qx qy qz qw]        position of a body, in m, and its rotation
+    /effect/NAME KIND [parameter value]*  an effect; a vector has several values, a part a dot: wall.stiffness
+    /effect/NAME                          remove it
+    /stop                                 end the run
 
 The messages of a bundle are simultaneous, at the time of its tag, if it has one. A datagram is taken as a whole or
 not at all; other addresses are ignored. Packets are read within bounds: sizes first, then contents. `OscTracker`
