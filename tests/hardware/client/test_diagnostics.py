@@ -19,7 +19,7 @@ from tensionlab.hardware.client.diagnostics import (
 )
 from tensionlab.hardware.client.links import SerialPort
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import Calibration, State
+from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
@@ -72,63 +72,54 @@ def faulty(conditions, seed=1, start_us=0):
     return ModuleClient("one", FaultyLink(SimulatedLink(module), conditions, seed=seed))
 
 
-@pytest.fixture
-def calibrated():
-    simulated = SimulatedModule()
-    simulated.advance(STEP_S)
-    with ModuleClient("one", SimulatedLink(simulated)) as client:
-        client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
-        yield client
-
-
-def test_three_pulses_of_half_a_newton_and_then_nothing(calibrated):
-    pulled, advance = [], calibrated.link.module.advance
+def test_three_pulses_of_half_a_newton_and_then_nothing(client):
+    pulled, advance = [], client.link.module.advance
 
     def watched(seconds):
         advance(seconds)
-        pulled.append(calibrated.link.module.sample.commanded)
+        pulled.append(client.link.module.sample.commanded)
 
-    calibrated.link.module.advance = watched
+    client.link.module.advance = watched
     begun = []
-    identify(calibrated, lambda: begun.append(calibrated.state))
+    identify(client, lambda: begun.append(client.state))
     assert begun == [State.ARMED]
     pulled = np.array(pulled)
     assert pulled.max() == pytest.approx(0.5 + PULSE_TENSION_N)
     strong = pulled > 0.75
     assert np.count_nonzero(np.diff(strong.astype(int)) == 1) == PULSES
-    assert calibrated.state is State.IDLE
+    assert client.state is State.IDLE
     assert pulled.size * STEP_S < 3.0
 
 
-def test_it_is_stopped_if_it_is_interrupted(calibrated):
+def test_it_is_stopped_if_it_is_interrupted(client):
     def interrupt():
         raise KeyboardInterrupt
 
-    calibrated.check = interrupt
+    client.check = interrupt
     with pytest.raises(KeyboardInterrupt):
-        identify(calibrated, print)
-    assert calibrated.state is State.IDLE
+        identify(client, print)
+    assert client.state is State.IDLE
 
 
-def test_one_that_let_go_must_be_cleared_but_a_timeout_is_no_obstacle(calibrated):
-    calibrated.estop()
+def test_one_that_let_go_must_be_cleared_but_a_timeout_is_no_obstacle(client):
+    client.estop()
     with pytest.raises(ModuleFault, match='"one" is in ESTOP: find out why, then `tensionlab module clear sim:`'):
-        identify(calibrated, print)
-    calibrated.clear()
-    calibrated.arm()
-    calibrated.listen(0.4)
-    assert calibrated.link.module.sample.state is State.TIMEOUT
-    identify(calibrated, print)
-    assert calibrated.state is State.IDLE
+        identify(client, print)
+    client.clear()
+    client.arm()
+    client.listen(0.4)
+    assert client.link.module.sample.state is State.TIMEOUT
+    identify(client, print)
+    assert client.state is State.IDLE
 
 
-def test_one_that_is_broken_says_where_to_see_it(calibrated):
-    calibrated.link.module.damage("encoder")
-    calibrated.listen(0.1)
+def test_one_that_is_broken_says_where_to_see_it(client):
+    client.link.module.damage("encoder")
+    client.listen(0.1)
     with pytest.raises(
         ModuleFault, match=r"FAULT_PRESENT .*; something is wrong with it, see `tensionlab module mon"
     ):
-        identify(calibrated, print)
+        identify(client, print)
 
 
 def test_trips_are_as_long_as_the_link_makes_them():

@@ -2,19 +2,9 @@ import pytest
 
 from tensionlab.errors import LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import Calibration, Code, State
+from tensionlab.hardware.protocol.codes import Code, State
 from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Stop
 from tensionlab.hardware.simulation.links import SimulatedLink
-from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
-
-
-@pytest.fixture
-def client():
-    simulated = SimulatedModule()
-    simulated.advance(STEP_S)
-    with ModuleClient("one", SimulatedLink(simulated)) as found:
-        found.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
-        yield found
 
 
 def test_a_module_says_what_it_is_and_pulls_what_it_is_told(client):
