@@ -122,16 +122,9 @@ def is_private(folder: Path) -> bool:
 def opened_by_other_user(peer: Any, own: Any) -> bool:
     """Return whether another user, not root, opened a TCP connection within this machine.
 
-    Parameters
-    ----------
-    peer, own : tuple
-        Address of the end that opened it, and of the end in this process, as sockets have them. What is no such
-        address belongs to a pair of sockets of this process.
-
-    Notes
-    -----
-    Linux alone tells; elsewhere it is False. A connection that its other end has closed has no owner and
-    counts as another user's.
+    ``peer`` and ``own`` are the addresses of its other end and of that in this process, as sockets have them; any
+    other object belongs to a pair of sockets of this process. Linux alone tells: elsewhere it is False. A
+    connection that its other end has closed has no owner and counts as another user's.
     """
     if sys.platform != "linux" or not isinstance(own, tuple):
         return False

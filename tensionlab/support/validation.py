@@ -52,16 +52,8 @@ WANTED = {
 def validate(kind: type[T], values: object, error: type[TensionlabError], source: str | PathLike[str] = "") -> T:
     """Return an object of a model, dataclass or other type from the values of a document.
 
-    Parameters
-    ----------
-    kind : type
-        Pydantic model, dataclass or annotated type.
-    values : object
-        Contents of a TOML or JSON document.
-    error : type
-        Raised with one line for each problem.
-    source : str or path, optional
-        Name of the document, with which the message begins.
+    ``kind`` is a pydantic model, a dataclass or an annotated type. The error has a line for each problem and
+    begins with ``source``, the name of the document.
     """
     try:
         checked: T = _adapter(kind).validate_python(values)  # type: ignore[arg-type]
@@ -99,14 +91,8 @@ def describe(value: object) -> str:
 def explain(error: ValidationError, kind: Any = None, values: object = None) -> str:
     """Return the problems in words, such as ``modules[0] ("left"): lower is 'a'; give a number``.
 
-    Parameters
-    ----------
-    error : ValidationError
-        What pydantic raised.
-    kind : type, optional
-        Type that was validated; with it, messages suggest keys and describe what to give.
-    values : object, optional
-        What was validated; with it, messages name entries of lists and leave out steps that are no keys.
+    With ``kind``, the type, messages suggest keys and describe what to give; with ``values``, the validated ones,
+    they name entries of lists and leave out steps that are no keys.
     """
     # Pydantic counts no entries that have problems of their own, and then finds a list too short as well.
     problems = [

@@ -9,6 +9,7 @@ import math
 import zipfile
 from array import array
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from os import PathLike
 from typing import Any, NamedTuple, TypeVar
 
@@ -59,7 +60,11 @@ def read_table(
         if len(cells) != len(heading):
             raise error(f"{path}: line {number} has {len(cells)} values for {len(heading)} columns")
         for column, word in zip(heading, cells, strict=True):
-            values.append(number_of(word, f'{path}: line {number}, column "{column}"', error))
+            with suppress(ValueError):
+                if math.isfinite(value := float(word)):
+                    values.append(value)
+                    continue
+            raise error(f'{path}: line {number}, column "{column}": {brief(word)} is no finite number')
     if not values:
         raise error(f"{path}: no numbers; the first line names the columns {', '.join(needed)}")
     table = np.array(values).reshape(-1, len(heading))
@@ -86,27 +91,15 @@ def check_columns(
     for name in (*needed, *optional):
         if names.count(name) > 1:
             raise error(f'{source}: column "{name}" is there twice; there must be {", ".join(needed)}')
-    for name in needed:
-        if name not in names:
+        if name in needed and name not in names:
             there = ", ".join(names[:20]) or "none"
             raise error(
                 f'{source}: column "{name}" is missing; there must be {", ".join(needed)}, there are {there:.100}'
             )
+    known = [*needed, *optional]
     for name in names:
-        if name not in needed and name not in optional:
-            known = ", ".join([*needed, *optional])
-            raise error(f'{source}: unknown column "{name:.40}"; there may be {known}')
-
-
-def number_of(word: str, where: str, error: type[TensionlabError]) -> float:
-    """Return a finite number from its text."""
-    try:
-        value = float(word)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise error(f"{where}: {brief(word)} is no finite number")
-    return value
+        if name not in known:
+            raise error(f'{source}: unknown column "{name:.40}"; there may be {", ".join(known)}')
 
 
 class ParquetTable(NamedTuple):
@@ -144,10 +137,6 @@ class ParquetTable(NamedTuple):
                     f'{self.source}: column "{name:.40}", row {number}: {brief(value)} is no {kind.__name__}'
                 )
         return values
-
-    def rows(self, kind: type[Row], error: type[TensionlabError]) -> list[Row]:
-        """Return the rows as instances of a dataclass, whose fields are the columns."""
-        return from_mappings(self.columns.to_pylist(), kind, self.source, error)
 
     def _missing(self, name: str, error: type[TensionlabError]) -> TensionlabError:
         there = ", ".join(self.columns.column_names[:20]) or "none"
