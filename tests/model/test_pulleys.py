@@ -373,8 +373,7 @@ def test_the_design_page_and_runs_draw_them_so(name):
     row = {name: np.asarray(value(cycle, rig)) for name, value in VALUES.items()}
     scene = run_scene.draw_instant(rig, run_scene.Instant.of(rig, row))
     np.testing.assert_allclose(lengths_of_lines(scene.cables.points, rig), lengths, rtol=1e-3)
-    found = {name: json.loads(content) for name, content in SceneEncoder(rig).messages(cycle, 0)}
-    (line,) = found["scene/cables"]["entities"][0]["lines"]
+    (line,) = json.loads(SceneEncoder(rig).encode(cycle, 0))["entities"][0]["lines"]
     points = np.array([[each[axis] for axis in "xyz"] for each in line["points"]]).reshape(-1, 2, 3)
     np.testing.assert_allclose(lengths_of_lines(points, rig), lengths, rtol=1e-3)
     assert len(line["colors"]) == len(line["points"])

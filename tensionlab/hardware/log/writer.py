@@ -18,8 +18,8 @@ from typing import Any
 
 from tensionlab.allocation import Policy, Solver, resolve_solver
 from tensionlab.errors import LogError, WriteError
+from tensionlab.hardware.log import scene
 from tensionlab.hardware.log.mcap_file import McapWriter
-from tensionlab.hardware.log.scene import CHANNELS, SceneEncoder
 from tensionlab.hardware.protocol.messages import Info
 from tensionlab.hardware.runner import cycle_table
 from tensionlab.hardware.runner.records import Cycle, RunEvent, Statistics
@@ -139,14 +139,14 @@ class RunLog:
         self._summary: Mapping[str, Any] = {}
         self._begin_ns: int | None = None
         self._time = 0.0
-        self._scene = SceneEncoder(rig)
+        self._scene = scene.SceneEncoder(rig)
         self._file = self._open(manifest, setup)
         self._thread = threading.Thread(target=self._run, name=f"log {self.path.name}", daemon=True)
         self._thread.start()
 
     def _open(self, manifest: Mapping[str, Any], setup: RunSetup) -> McapWriter:
         """Begin the file with what is known before the run; leave none behind where that fails."""
-        schemas = {"cycle": cycle_table.schema(self._rig), "event": EVENT_SCHEMA, **CHANNELS}
+        schemas = {"cycle": cycle_table.schema(self._rig), "event": EVENT_SCHEMA, scene.TOPIC: scene.SCHEMA}
         try:
             file = McapWriter(self.path, schemas)
             try:
@@ -253,9 +253,9 @@ class RunLog:
             self._file.message(topic, when, now, json.dumps(what).encode())
         else:
             self._file.message(topic, when, now, cycle_table.encode(what, self._rig))
-            for channel, content in self._scene.messages(what, when):
-                self._file.message(channel, when, now, content)
-                self._yield()
+            self._yield()
+            if (picture := self._scene.encode(what, when)) is not None:
+                self._file.message(scene.TOPIC, when, now, picture)
 
 
 def _unwritable(path: Path, error: OSError) -> LogError:

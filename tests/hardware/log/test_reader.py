@@ -12,7 +12,7 @@ from tensionlab.demand import Pose
 from tensionlab.errors import LogError, TensionlabError
 from tensionlab.hardware.log.mcap_file import McapWriter, read_records
 from tensionlab.hardware.log.reader import read_run, report
-from tensionlab.hardware.log.scene import CHANNELS
+from tensionlab.hardware.log.scene import TOPIC
 from tensionlab.hardware.log.writer import EVENT_SCHEMA, RunSetup
 from tensionlab.hardware.runner.cycle_table import (
     COLUMNS,
@@ -307,7 +307,7 @@ def test_other_readers_find_their_way(seven):
     with file.open("rb") as stream:
         reader = make_reader(stream)
         summary = reader.get_summary()
-        assert {channel.topic for channel in summary.channels.values()} == {"cycle", "event", *CHANNELS}
+        assert {channel.topic for channel in summary.channels.values()} == {"cycle", "event", TOPIC}
         assert {each.encoding for each in summary.schemas.values()} == {"jsonschema"}
         counts = {
             summary.channels[number].topic: count
