@@ -9,15 +9,13 @@ from __future__ import annotations
 import json
 import struct
 from binascii import crc_hqx
-from collections.abc import Iterable, Mapping
-from enum import IntEnum, IntFlag
+from collections.abc import Iterable
 from inspect import get_annotations, getdoc
 from pathlib import Path
 from typing import get_type_hints
 
-from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol import codes
-from tensionlab.hardware.protocol.codes import DESCRIPTIONS, EVENTS, PARAMETER_DESCRIPTIONS, PARAMETERS
+from tensionlab.hardware.protocol.codes import EVENTS, PARAMETERS, DescribedCode, Fault
 from tensionlab.hardware.protocol.messages import CHECKSUM_BYTES, DELIMITER, MESSAGES, Message, SetTension
 from tensionlab.hardware.simulation.simulated_module import PLANT, TRANSITIONS
 
@@ -62,11 +60,9 @@ def described(message: type[Message]) -> str:
     return text
 
 
-def words(kind: type[IntEnum | IntFlag]) -> str:
+def words(kind: type[DescribedCode | Fault]) -> str:
     """Return the table of an enumeration."""
-    names = [member.name or "" for member in kind]
-    rows = zip([f"`{member.value}`" for member in kind], names, explained(DESCRIPTIONS[kind], names), strict=True)
-    return table(("Number", "Name", "Meaning"), rows)
+    return table(("Number", "Name", "Meaning"), [(f"`{each.value}`", each.name, each.meaning) for each in kind])
 
 
 def example() -> str:
@@ -99,21 +95,10 @@ def spaced(content: bytes) -> str:
 def parameters() -> str:
     """Return the table of parameters."""
     rows = [
-        (row.index, f"`{name}`", row.unit, f"{row.lower:g}", f"{row.upper:g}", f"{row.default:g}", meaning)
-        for (name, row), meaning in zip(
-            PARAMETERS.items(), explained(PARAMETER_DESCRIPTIONS, PARAMETERS), strict=True
-        )
+        (row.index, f"`{name}`", row.unit, f"{row.lower:g}", f"{row.upper:g}", f"{row.default:g}", row.meaning)
+        for name, row in PARAMETERS.items()
     ]
     return table(("", "Parameter", "Unit", "Least", "Most", "Standard", "What it is"), rows)
-
-
-def explained(meanings: Mapping[str, str], names: Iterable[str]) -> list[str]:
-    """Return the description of each name; a missing one is an error, and so is one too many."""
-    names = list(names)
-    wrong = set(names) ^ set(meanings)
-    if wrong:
-        raise HardwareError(f"hardware/protocol: explain, or drop, {', '.join(sorted(wrong))}")
-    return [meanings[name] for name in names]
 
 
 def plant() -> str:

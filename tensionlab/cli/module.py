@@ -22,7 +22,7 @@ from tensionlab.hardware.client.diagnostics import identify as pulse
 from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient
 from tensionlab.hardware.client.parameter_file import Change, firmware, plain
 from tensionlab.hardware.protocol import messages
-from tensionlab.hardware.protocol.codes import LATCHED_STATES, PARAMETER_DESCRIPTIONS, PARAMETERS, State
+from tensionlab.hardware.protocol.codes import LATCHED_STATES, PARAMETERS, State
 from tensionlab.hardware.protocol.messages import Clear, EmergencyStop, Info, Message, Stop
 from tensionlab.support.files.reading import read_text
 from tensionlab.support.files.writing import make_folder, write_text
@@ -194,7 +194,7 @@ def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Jso
     elif answers:
         rows = [
             [each, *(found[each].value for found in answers.values()), PARAMETERS[each].unit,
-             PARAMETER_DESCRIPTIONS[each] if len(answers) == 1 else ""]
+             PARAMETERS[each].meaning if len(answers) == 1 else ""]
             for each in named
         ]  # fmt: skip
         columns = ["parameter", *(Column(name, format=plain) for name in answers), "unit", "what it is"]

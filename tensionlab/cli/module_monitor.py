@@ -21,7 +21,7 @@ from tensionlab.hardware.client.links import OPENERS
 from tensionlab.hardware.client.locks import Holder, holder, locked_links
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.shared_telemetry import Report, Watcher
-from tensionlab.hardware.protocol.codes import DESCRIPTIONS, Fault, Limit
+from tensionlab.hardware.protocol.codes import Fault, Limit
 from tensionlab.hardware.protocol.messages import ConfigureTelemetry
 from tensionlab.hardware.runner.settings import RealClock
 from tensionlab.support.formatting import format_number
@@ -175,8 +175,8 @@ def _telemetry_table(found: Monitored, failed: dict[str, HardwareError]) -> Tabl
              message.speed, limit, named or "–", 100.0 * message.thermal, message.supply, 1e3 * report.age,
              damaged, message.lost_frames]
         )  # fmt: skip
-    notes = [f"{limit.name.lower()}: {DESCRIPTIONS[Limit][limit.name]}" for limit in sorted(limits - {Limit.NONE})]
-    notes += [f"{fault.name.lower()}: {DESCRIPTIONS[Fault][fault.name]}" for fault in faults if fault.name]
+    notes = [f"{limit.name.lower()}: {limit.meaning}" for limit in sorted(limits - {Limit.NONE})]
+    notes += [f"{fault.name.lower()}: {fault.meaning}" for fault in faults if fault.name]
     notes += [f"as {user} receives them: {', '.join(names)}" for user, names in users.items()]
     return Table(TELEMETRY, rows, notes=[note.replace("`", "") for note in notes])
 

@@ -28,7 +28,6 @@ from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import (
     BINARY_PARAMETERS,
-    PARAMETER_DESCRIPTIONS,
     PARAMETERS,
     require_value,
     single,
@@ -67,7 +66,7 @@ def dump(client: ModuleClient) -> str:
     ]
     for name, found in parameters(client).items():
         bounds = "" if name in BINARY_PARAMETERS else f", {found.lower:g} to {found.upper:g}"
-        comment = f"# {PARAMETERS[name].unit}{bounds}: {PARAMETER_DESCRIPTIONS[name]}"
+        comment = f"# {PARAMETERS[name].unit}{bounds}: {PARAMETERS[name].meaning}"
         lines.append(f"{name} = {plain(found.value)}".ljust(COMMENT_COLUMN) + comment)
     return "\n".join([*lines, ""])
 

@@ -6,6 +6,7 @@ import math
 import struct
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from typing import Self
 
 from tensionlab import _native
 from tensionlab.errors import ProtocolError
@@ -36,15 +37,26 @@ class Type(IntEnum):
     LOG = 0x92
 
 
-class State(IntEnum):
+class DescribedCode(IntEnum):
+    """Code with a meaning in words."""
+
+    meaning: str
+
+    def __new__(cls, number: int, meaning: str = "") -> Self:  # noqa: D102 - documented by the class
+        member = int.__new__(cls, number)
+        member._value_, member.meaning = number, meaning
+        return member
+
+
+class State(DescribedCode):
     """State of a module; ``firmware/README.md`` draws the transitions."""
 
-    IDLE = 0
-    ARMED = 1
-    RUNNING = 2
-    TIMEOUT = 3
-    FAULT = 4
-    ESTOP = 5
+    IDLE = 0, "driver off; settings can be changed"
+    ARMED = 1, "pulls with the minimum tension and waits for the first set-point"
+    RUNNING = 2, "follows set-points"
+    TIMEOUT = 3, "no set-point came in time, or the link closed: releases the cable in two stages"
+    FAULT = 4, "a fault while the motor was driven: driver off at once"
+    ESTOP = 5, "emergency stop: driver off at once"
 
 
 FOLLOWING_STATES = frozenset((State.ARMED, State.RUNNING))  # states in which a module pulls, and takes set-points
@@ -54,163 +66,108 @@ LATCHED_STATES = frozenset((State.FAULT, State.ESTOP))
 RELEASED_STATES = LATCHED_STATES | {State.TIMEOUT}
 
 
-class Code(IntEnum):
+class Code(DescribedCode):
     """Result of a command: OK, or why it was refused or failed."""
 
-    OK = 0
-    UNKNOWN_TYPE = 1
-    BAD_LENGTH = 2
-    BAD_VALUE = 3
-    BAD_STATE = 4
-    BAD_SESSION = 5
-    STALE = 6
-    NOT_CALIBRATED = 7
-    FAULT_PRESENT = 8
-    UNKNOWN_PARAMETER = 9
-    FAILED = 10
+    OK = 0, "done"
+    UNKNOWN_TYPE = 1, "no such command in this firmware"
+    BAD_LENGTH = 2, "the payload has another length than the command's"
+    BAD_VALUE = 3, "a number is not finite, out of its bounds, or at odds with another parameter"
+    BAD_STATE = 4, "not in this state, or not while the module is busy with something else"
+    BAD_SESSION = 5, "the session is not the one that armed the module, or has armed it before"
+    STALE = 6, "the sequence number is not after that of the last set-point (never sent: such a one is dropped)"
+    NOT_CALIBRATED = 7, "N/A is not calibrated; or the cable's length is not known, for an impedance"
+    FAULT_PRESENT = 8, "something is wrong with the hardware now; see the faults"
+    UNKNOWN_PARAMETER = 9, "no parameter has this index"
+    FAILED = 10, "it was tried, and did not work"
 
 
-class Limit(IntEnum):
+class Limit(DescribedCode):
     """Limiter that keeps the tension from the commanded one; the strongest of several."""
 
-    NONE = 0
-    LOWER = 1
-    UPPER = 2
-    SLEW = 3
-    THERMAL = 4
-    SPEED = 5
-    LENGTH = 6
-    RELEASING = 7
-    TIMEOUT = 8
-    IDLE = 9
+    NONE = 0, "nothing"
+    LOWER = 1, "the minimum tension, `tension_lower`"
+    UPPER = 2, "`tension_upper`"
+    SLEW = 3, "`slew`: on its way to the commanded tension"
+    THERMAL = 4, "the winding's budget: `current_continuous`, `current_peak`, `thermal_time`"
+    SPEED = 5, "the cable reels in faster than `speed_limit`"
+    LENGTH = 6, "the cable is as short or as long as it may be: `length_lower`, `length_upper`"
+    RELEASING = 7, "the brake is being released: at least `brake_release_tension`"
+    TIMEOUT = 8, "the module timed out"
+    IDLE = 9, "the driver is off, or going off"
 
 
 class Fault(IntFlag):
-    """Faults of a module's hardware."""
+    """Faults of a module's hardware, each with a meaning in words."""
 
-    ENCODER = 1
-    SUPPLY = 2
-    SPEED = 4
-    CURRENT = 8
-    LOOP = 16
-    MOTOR = 32
-    CABLE = 64
+    meaning: str
+
+    def __new__(cls, number: int, meaning: str = "") -> Self:  # noqa: D102 - documented by the class
+        member = int.__new__(cls, number)
+        member._value_, member.meaning = number, meaning
+        return member
+
+    ENCODER = 1, "parity, error flag, magnet out of range, or a sensor's number is not finite"
+    SUPPLY = 2, "outside `supply_lower` to `supply_upper`; the cut of the motor supply looks like this"
+    SPEED = 4, "reels in at 1.4 times `speed_limit`, or pays out at 2.25 times for 0.1 s"
+    CURRENT = 8, "measured above `current_peak` by half as much again, or none flows although commanded"
+    LOOP = 16, "a step came more than 5 ms after the one before"
+    MOTOR = 32, "voltage, current and speed are not those of one motor: a wrong electrical zero, N/A or phase"
+    CABLE = (
+        64,
+        "nothing holds the cable: reels in more than 1 m at 1.1 times `speed_limit`, or more "
+        "than `length_upper` before it was taut",
+    )
 
 
-class Calibration(IntEnum):
+class Calibration(DescribedCode):
     """Quantity to calibrate: the cable's length, in m; the measured N/A; the motor's electrical zero."""
 
-    LENGTH = 0
-    NEWTON_PER_AMPERE = 1
-    ENCODER = 2
+    LENGTH = 0, "the cable is `value` m long now; not stored"
+    NEWTON_PER_AMPERE = 1, "measured: `value` N/A; from then on the module counts as calibrated"
+    ENCODER = (
+        2,
+        "find the motor's electrical zero; takes some 3 s and turns the spool by a pole pair; `value` is ignored",
+    )
 
 
-class BrakeState(IntEnum):
+class BrakeState(DescribedCode):
     """State of the brake: a servo lays the pawl on and lifts it, after reeling in has unloaded it."""
 
-    OPEN = 0
-    CLOSING = 1
-    CLOSED = 2
-    RELEASING = 3
-    OPENING = 4
+    OPEN = 0, "lifted"
+    CLOSING = 1, "the servo is on its way down"
+    CLOSED = 2, "laid on: the cable reels in but does not pay out"
+    RELEASING = 3, "reels in, to take the load off the pawl"
+    OPENING = 4, "the servo is on its way up"
 
 
-class ResetReason(IntEnum):
+class ResetReason(DescribedCode):
     """Reason why a module started."""
 
-    POWER = 0
-    SOFTWARE = 1
-    WATCHDOG = 2
-    BROWNOUT = 3
-    OTHER = 4
+    POWER = 0, "it was switched on"
+    SOFTWARE = 1, "a restart was commanded"
+    WATCHDOG = 2, "its loop hung"
+    BROWNOUT = 3, "its supply sank"
+    OTHER = 4, "the reset button, a crash, or unknown"
 
 
 # The supervisor's events, in the order of the firmware's table.
 EVENTS = ("arm", "set-point", "stop", "estop", "clear", "expire", "fault")
 
-DESCRIPTIONS: dict[type[IntEnum | IntFlag], dict[str, str]] = {
-    Code: {
-        "OK": "done",
-        "UNKNOWN_TYPE": "no such command in this firmware",
-        "BAD_LENGTH": "the payload has another length than the command's",
-        "BAD_VALUE": "a number is not finite, out of its bounds, or at odds with another parameter",
-        "BAD_STATE": "not in this state, or not while the module is busy with something else",
-        "BAD_SESSION": "the session is not the one that armed the module, or has armed it before",
-        "STALE": "the sequence number is not after that of the last set-point (never sent: such a one is dropped)",
-        "NOT_CALIBRATED": "N/A is not calibrated; or the cable's length is not known, for an impedance",
-        "FAULT_PRESENT": "something is wrong with the hardware now; see the faults",
-        "UNKNOWN_PARAMETER": "no parameter has this index",
-        "FAILED": "it was tried, and did not work",
-    },
-    State: {
-        "IDLE": "driver off; settings can be changed",
-        "ARMED": "pulls with the minimum tension and waits for the first set-point",
-        "RUNNING": "follows set-points",
-        "TIMEOUT": "no set-point came in time, or the link closed: releases the cable in two stages",
-        "FAULT": "a fault while the motor was driven: driver off at once",
-        "ESTOP": "emergency stop: driver off at once",
-    },
-    Limit: {
-        "NONE": "nothing",
-        "LOWER": "the minimum tension, `tension_lower`",
-        "UPPER": "`tension_upper`",
-        "SLEW": "`slew`: on its way to the commanded tension",
-        "THERMAL": "the winding's budget: `current_continuous`, `current_peak`, `thermal_time`",
-        "SPEED": "the cable reels in faster than `speed_limit`",
-        "LENGTH": "the cable is as short or as long as it may be: `length_lower`, `length_upper`",
-        "RELEASING": "the brake is being released: at least `brake_release_tension`",
-        "TIMEOUT": "the module timed out",
-        "IDLE": "the driver is off, or going off",
-    },
-    Fault: {
-        "ENCODER": "parity, error flag, magnet out of range, or a sensor's number is not finite",
-        "SUPPLY": "outside `supply_lower` to `supply_upper`; the cut of the motor supply looks like this",
-        "SPEED": "reels in at 1.4 times `speed_limit`, or pays out at 2.25 times for 0.1 s",
-        "CURRENT": "measured above `current_peak` by half as much again, or none flows although commanded",
-        "LOOP": "a step came more than 5 ms after the one before",
-        "MOTOR": "voltage, current and speed are not those of one motor: a wrong electrical zero, N/A or phase",
-        "CABLE": "nothing holds the cable: reels in more than 1 m at 1.1 times `speed_limit`, or more than "
-        "`length_upper` before it was taut",
-    },
-    Calibration: {
-        "LENGTH": "the cable is `value` m long now; not stored",
-        "NEWTON_PER_AMPERE": "measured: `value` N/A; from then on the module counts as calibrated",
-        "ENCODER": "find the motor's electrical zero; takes some 3 s and turns the spool by a pole pair; "
-        "`value` is ignored",
-    },
-    BrakeState: {
-        "OPEN": "lifted",
-        "CLOSING": "the servo is on its way down",
-        "CLOSED": "laid on: the cable reels in but does not pay out",
-        "RELEASING": "reels in, to take the load off the pawl",
-        "OPENING": "the servo is on its way up",
-    },
-    ResetReason: {
-        "POWER": "it was switched on",
-        "SOFTWARE": "a restart was commanded",
-        "WATCHDOG": "its loop hung",
-        "BROWNOUT": "its supply sank",
-        "OTHER": "the reset button, a crash, or unknown",
-    },
-}  # what each code means
-
 
 @dataclass(frozen=True)
 class Parameter:
-    """Row of the firmware's table: index in messages, unit, bounds and default."""
+    """Row of the firmware's table: index in messages, unit, bounds, default, and meaning."""
 
     index: int
     unit: str
     lower: float
     upper: float
     default: float
+    meaning: str
 
 
-# The firmware's parameters, by name.
-PARAMETERS = {row[0]: Parameter(index, *row[1:]) for index, row in enumerate(_native.parameter_table())}
-# Parameters that are one of their two bounds.
-BINARY_PARAMETERS = frozenset({"timeout_brake", "brake_on_fault", "motor_direction", "calibrated"})
-PARAMETER_DESCRIPTIONS = {
+_MEANINGS = {
     "tension_lower": "minimum tension of an armed module",
     "tension_upper": "the largest tension",
     "slew": "how fast the tension changes at most",
@@ -240,7 +197,14 @@ PARAMETER_DESCRIPTIONS = {
     "motor_direction": "sign of the encoder while the cable pays out",
     "motor_zero": "electrical angle at the encoder's zero; CALIBRATE finds it",
     "calibrated": "whether the module may be armed; CALIBRATE sets it",
-}  # what each parameter means
+}  # of the parameters
+# The firmware's parameters, by name.
+PARAMETERS = {
+    row[0]: Parameter(index, *row[1:], meaning=_MEANINGS[row[0]])
+    for index, row in enumerate(_native.parameter_table())
+}
+# Parameters that are one of their two bounds.
+BINARY_PARAMETERS = frozenset({"timeout_brake", "brake_on_fault", "motor_direction", "calibrated"})
 
 
 def single(value: float) -> float:

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from inspect import get_annotations
-from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_type_hints
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, dataclass_transform, get_type_hints
 
 from tensionlab import _native
 from tensionlab.errors import ProtocolError
@@ -94,6 +94,7 @@ class OtherProtocolError(ProtocolError):
         super().__init__(f"speaks protocol {spoken}, this tensionlab {PROTOCOL}: {advice}")
 
 
+@dataclass_transform(frozen_default=True)
 class Message:
     """Message of one type of frame; each class below is a frozen dataclass of its fields."""
 
@@ -105,13 +106,13 @@ class Message:
 
     def __init_subclass__(cls, type: Type) -> None:  # noqa: A002 - it is the frame's type
         hints = get_type_hints(cls, include_extras=True)
-        fields = {name: hints[name] for name in get_annotations(cls)}
+        layouts = {name: hints[name] for name in get_annotations(cls)}
         cls.type = type
-        cls._kinds = {name: hint.__origin__ for name, hint in fields.items()}
+        cls._layout = struct.Struct("<" + "".join(hint.__metadata__[0] for hint in layouts.values()))
+        cls._kinds = {name: hint.__origin__ for name, hint in layouts.items()}
         kinds = enumerate(cls._kinds.values())
         cls._codes = tuple((at, cache(kind)) for at, kind in kinds if kind not in (int, float, bool))
-        cls._layout = struct.Struct("<" + "".join(hint.__metadata__[0] for hint in fields.values()))
-        MESSAGES[type] = cls
+        MESSAGES[type] = dataclass(frozen=True)(cls)
 
     def pack(self) -> bytes:
         """Return the payload; numbers too large, or (but in telemetry) not finite, are a `ProtocolError`."""
@@ -159,19 +160,16 @@ def read(frame: WireFrame) -> Message:
     return MESSAGES[frame.type].unpack(frame.payload)
 
 
-@dataclass(frozen=True)
 class Hello(Message, type=Type.HELLO):
     """Request `Info`."""
 
 
-@dataclass(frozen=True)
 class Arm(Message, type=Type.ARM):
     """Pull with the minimum tension and wait for set-points of this session, any number but 0."""
 
     session: U16
 
 
-@dataclass(frozen=True)
 class SetTension(Message, type=Type.SET_TENSION):
     """Pull with a tension in N until the next set-point, for at most `ttl_ms` (0: the module's own).
 
@@ -185,7 +183,6 @@ class SetTension(Message, type=Type.SET_TENSION):
     rounds: U8 = 0
 
 
-@dataclass(frozen=True)
 class SetImpedance(Message, type=Type.SET_IMPEDANCE):
     """Render a spring, a damper and a vibration, at the module's own rate.
 
@@ -205,29 +202,24 @@ class SetImpedance(Message, type=Type.SET_IMPEDANCE):
     rounds: U8 = 0
 
 
-@dataclass(frozen=True)
 class Stop(Message, type=Type.STOP):
     """Release the cable in any state, and be idle."""
 
 
-@dataclass(frozen=True)
 class EmergencyStop(Message, type=Type.ESTOP):
     """Release the cable at once, and stay so until `Clear`."""
 
 
-@dataclass(frozen=True)
 class Clear(Message, type=Type.CLEAR):
     """Leave fault or emergency stop."""
 
 
-@dataclass(frozen=True)
 class GetParameter(Message, type=Type.GET_PARAMETER):
     """Request value and bounds of a parameter; the answer is `ParameterValue`."""
 
     index: U8
 
 
-@dataclass(frozen=True)
 class SetParameter(Message, type=Type.SET_PARAMETER):
     """Change a parameter until the next start, or for good with `Save`."""
 
@@ -235,12 +227,10 @@ class SetParameter(Message, type=Type.SET_PARAMETER):
     value: F32
 
 
-@dataclass(frozen=True)
 class Save(Message, type=Type.SAVE):
     """Store all parameters."""
 
 
-@dataclass(frozen=True)
 class Calibrate(Message, type=Type.CALIBRATE):
     """Take over something measured, a length in m or the N/A; or find the motor's zero (value ignored)."""
 
@@ -248,21 +238,18 @@ class Calibrate(Message, type=Type.CALIBRATE):
     value: F32 = 0.0
 
 
-@dataclass(frozen=True)
 class Ping(Message, type=Type.PING):
     """Send this number back in `Pong`, with the module's clock."""
 
     echo: U64
 
 
-@dataclass(frozen=True)
 class ConfigureTelemetry(Message, type=Type.CONFIGURE_TELEMETRY):
     """Send `Telemetry` with this period, 5 ms or more; 0: never."""
 
     period_ms: U16
 
 
-@dataclass(frozen=True)
 class Info(Message, type=Type.INFO):
     """Description of a module. firmware: major and minor version, a byte each; spool_radius in m."""
 
@@ -296,7 +283,6 @@ class Info(Message, type=Type.INFO):
         return info
 
 
-@dataclass(frozen=True)
 class ParameterValue(Message, type=Type.PARAMETER):
     """Value and bounds of a parameter."""
 
@@ -306,7 +292,6 @@ class ParameterValue(Message, type=Type.PARAMETER):
     upper: F32
 
 
-@dataclass(frozen=True)
 class Pong(Message, type=Type.PONG):
     """Echo of `Ping`, with the module's clock in us, which wraps around after 71 minutes."""
 
@@ -314,7 +299,6 @@ class Pong(Message, type=Type.PONG):
     time_us: U32
 
 
-@dataclass(frozen=True)
 class Telemetry(Message, type=Type.TELEMETRY):
     """Measurements and state of a module.
 
@@ -342,7 +326,6 @@ class Telemetry(Message, type=Type.TELEMETRY):
     longest_step_us: U16
 
 
-@dataclass(frozen=True)
 class Acknowledge(Message, type=Type.ACKNOWLEDGE):
     """Result of a command; `session` is the one that armed the module last, 0 if none did."""
 
@@ -352,7 +335,6 @@ class Acknowledge(Message, type=Type.ACKNOWLEDGE):
     session: U16 = 0
 
 
-@dataclass(frozen=True)
 class Event(Message, type=Type.EVENT):
     """Change of state without a command."""
 
@@ -361,7 +343,6 @@ class Event(Message, type=Type.EVENT):
     limit: Annotated[Limit, "B"]
 
 
-@dataclass(frozen=True)
 class Log(Message, type=Type.LOG):
     """Line of text."""
 
