@@ -17,9 +17,8 @@ from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.cli.compare import STATUS_LEGEND, print_scores
 from tensionlab.errors import LogError
 from tensionlab.hardware.log import reader
-from tensionlab.hardware.log.reader import MAX_EVENTS
 from tensionlab.support import provenance
-from tensionlab.support.formatting import format_count, format_duration
+from tensionlab.support.formatting import format_count
 
 log = Verbs("Show, export, draw, play and replay logs of runs.")
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).")]
@@ -33,11 +32,12 @@ step: largest change of a tension from one cycle to the next, before the runner 
 def info(path: RunFile, json: Json = False) -> None:
     """Show how a run went: answers, timing, limits and events."""
     run = _read(path)
-    found = reader.report(run)
     if json:
-        output.print_json(**found.summary(), setup=run.setup, manifest=run.manifest)
-    else:
-        _print_info(found)
+        output.print_json(**reader.summarise(run), setup=run.setup, manifest=run.manifest)
+        return
+    for table in reader.report(run):
+        output.print_table(table)
+        output.print_line()
 
 
 @log.command()
@@ -128,33 +128,3 @@ def view(path: RunFile, port: PagePort = 0, browser: Browser = True) -> None:
 def _read(path: Path) -> reader.Run:
     with output.progress(f"Reading {path.name}") as progress:
         return reader.read_run(path, progress)
-
-
-def _print_info(found: reader.RunReport) -> None:
-    statistics = found.statistics
-    policy = f", nearest in {found.policy}" if found.policy else ""
-    output.print_line(f"{found.rig}, {found.solver}{policy}", "bold")
-    output.print_line(
-        f"{statistics.cycles} cycles in {found.duration_s:.2f} s, {found.rate_hz:g} Hz desired, "
-        f"{statistics.missed} missed"
-    )
-    counts = statistics.counts()["statuses"].items()
-    answers = ", ".join(f"{count} {name}" for name, count in counts if count) or "none"
-    fallback, slewed = statistics.fallback_used, statistics.slew_limited
-    output.print_line(f"answers: {answers}; {fallback} by newton as fallback, {slewed} slew-rate limited")
-    for name, times in zip(("start jitter", "compute time"), statistics.percentiles().values(), strict=True):
-        written = ", ".join(format_duration(value) for value in times)
-        output.print_line(f"{name}: {written} (median, 99 %, max)")
-    if found.complete:
-        output.print_line(f"finished: {statistics.ended or 'the log does not say why'}")
-    else:
-        output.print_line("cut off: the log was never closed, so its last moments may be missing", "bold")
-    output.print_line()
-    output.print_table(found.table())
-    if found.events:
-        output.print_line()
-    for event in found.events[:MAX_EVENTS]:
-        who = f" {event.module}:" if event.module else ""
-        output.print_line(f"{event.time:9.3f} s  {event.kind}:{who} {event.text}")
-    if len(found.events) > MAX_EVENTS:
-        output.print_line(f"and {len(found.events) - MAX_EVENTS} more events; --json has all", "dim")

@@ -61,7 +61,7 @@ class ScenarioResult:
         return f"<ScenarioResult {self.scenario.name}: {self.statistics.title}, {self.statistics.answers}>"
 
     def _repr_html_(self) -> str:
-        return self.statistics.table(f"{self.scenario.title}: {self.statistics.title}")._repr_html_()
+        return self.statistics._repr_html_()
 
 
 def needs_tracker(rig: Rig) -> bool:

@@ -22,7 +22,7 @@ from tensionlab.hardware.calibration.lengths import load_lengths
 from tensionlab.hardware.client.links import load_modules
 from tensionlab.hardware.client.parameter_file import parse
 from tensionlab.hardware.log.mcap_file import McapWriter
-from tensionlab.hardware.log.reader import flat_columns, read_run, report
+from tensionlab.hardware.log.reader import flat_columns, read_run, report, summarise
 from tensionlab.hardware.runner.cycle_table import COLUMNS, TYPES, sizes
 from tensionlab.hardware.runner.program import load_program
 from tensionlab.interop.caspr import load_caspr
@@ -326,7 +326,7 @@ def _mcap(document: Any) -> bytes:
 
 def _read_log(place: Path) -> object:
     run = read_run(place)
-    return report(run), flat_columns(run), run.allocation
+    return summarise(run), report(run), flat_columns(run), run.allocation
 
 
 def _sweep(place: Path) -> object:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import math
 import os
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from itertools import product
@@ -16,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.allocation import Allocation
+from tensionlab.allocation import Allocation, Status
 from tensionlab.errors import LogError
 from tensionlab.hardware.log.mcap_file import read_records
 from tensionlab.hardware.log.writer import RunSetup
 from tensionlab.hardware.protocol.codes import Fault, Limit
 from tensionlab.hardware.runner import cycle_table
-from tensionlab.hardware.runner.cycle_table import COLUMNS, IMPEDANCE, CycleTable
+from tensionlab.hardware.runner.cycle_table import COLUMNS, CycleTable, labels
 from tensionlab.hardware.runner.records import PERCENTILES, RunEvent, Statistics, percentiles
 from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.rig import Rig
@@ -41,6 +40,7 @@ if TYPE_CHECKING:
 
 BLOCK_CYCLES = 1000  # number of cycles decoded at a time: as text and lists they take many times the memory
 MAX_EVENTS = 12  # number of events shown below a table; JSON has all
+EXTREMES = ("min", "mean", "max")  # columns of a module's commanded tensions
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -97,7 +97,7 @@ class Run(CycleTable):
         return f"<Run of {self.rig.name} by {self.setup.solver}: {len(self)} cycles at {self.setup.rate:g} Hz>"
 
     def _repr_html_(self) -> str:
-        return report(self)._repr_html_()
+        return "".join(table._repr_html_() for table in report(self))
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each cycle, with the columns of `flat_columns`, such as ``chosen.floor-1``."""
@@ -110,37 +110,25 @@ class Run(CycleTable):
         The attributes have the rest of the log: ``rig`` in TOML; ``manifest``, ``setup``, ``modules``, ``summary``
         and ``events`` in JSON; ``began``, in s since 1970; ``complete``, 1 or 0.
         """
-        table: dict[str, Any] = {
+        variables: dict[str, Any] = {
             name: (("cycle", *dims), getattr(self, name), {"units": unit, "long_name": meaning})
             for name, (_, unit, meaning, dims) in COLUMNS.items()
         }
-        limits = {
-            name: (
-                "module",
-                np.array(getattr(self.setup, name)),
-                {"units": "N", "long_name": f"{name} limit of the tension that the solver may choose"},
-            )
-            for name in ("lower", "upper")
+        for name in ("lower", "upper"):
+            described = {"units": "N", "long_name": f"{name} limit of the tension that the solver may choose"}
+            variables[name] = ("module", np.array(getattr(self.setup, name)), described)
+        documents = {name: dict(getattr(self, name)) for name in ("manifest", "modules", "summary")}
+        documents["setup"] = asdict(self.setup)
+        attributes = {
+            "title": f"tensionlab run: {self.rig.name}, {self.setup.solver}",
+            "rig": rig_to_toml(self.rig),
+            **{name: json.dumps(document) for name, document in documents.items()},
+            "events": json.dumps([asdict(event) for event in self.events]),
+            "began": self.began,
+            "complete": int(self.complete),
         }
-        documents = {
-            "manifest": dict(self.manifest),
-            "setup": asdict(self.setup),
-            "modules": dict(self.modules),
-            "summary": dict(self.summary),
-            "events": [asdict(event) for event in self.events],
-        }
-        dataset: xarray.Dataset = provenance.import_xarray().Dataset(
-            table,
-            {**dimension_labels(self.rig), "cycle": table.pop("cycle"), "time": table.pop("time"), **limits},
-            {
-                "title": f"tensionlab run: {self.rig.name}, {self.setup.solver}",
-                "rig": rig_to_toml(self.rig),
-                **{name: json.dumps(document) for name, document in documents.items()},
-                "began": self.began,
-                "complete": int(self.complete),
-            },
-        )
-        return dataset
+        dataset: xarray.Dataset = provenance.import_xarray().Dataset(variables, labels(self.rig), attributes)
+        return dataset.set_coords(["cycle", "time", "lower", "upper"])
 
 
 def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | None = None) -> Run:
@@ -241,31 +229,15 @@ def _setup(path: Path, values: Mapping[str, Any], rig: Rig) -> RunSetup:
     return setup
 
 
-def dimension_labels(rig: Rig) -> dict[str, list[str]]:
-    """Return the names of the entries along each dimension of the columns."""
-    axes = list("xyz"[: rig.dimension])
-    torques = [] if rig.n == rig.dimension else ["z"] if rig.dimension == 2 else axes
-    return {
-        "module": [module.name for module in rig.modules],
-        "component": [f"F{axis}" for axis in axes] + [f"M{axis}" for axis in torques],
-        "axis": axes,
-        "platform_axis": axes,
-        "impedance": list(IMPEDANCE),
-    }
-
-
 def flat_columns(run: Run) -> dict[str, NDArray[Any]]:
     """Return a run as columns of one number per cycle: ``chosen.floor-1``, ``structure.Fx.floor-1``, ..."""
-    labels = dimension_labels(run.rig)
-    return {
-        ".".join((name, *entry)): values
-        for name, column in COLUMNS.items()
-        for entry, values in zip(
-            product(*(labels[dim] for dim in column.dims)),
-            getattr(run, name).reshape(len(run), math.prod(len(labels[dim]) for dim in column.dims)).T,
-            strict=True,
-        )
-    }
+    names = labels(run.rig)
+    columns: dict[str, NDArray[Any]] = {}
+    for name, column in COLUMNS.items():
+        entries = list(product(*(names[dim] for dim in column.dims)))
+        values = getattr(run, name).reshape(len(run), len(entries)).T
+        columns |= {".".join((name, *entry)): each for entry, each in zip(entries, values, strict=True)}
+    return columns
 
 
 def write_netcdf(run: Run, path: str | PathLike[str]) -> None:
@@ -273,137 +245,102 @@ def write_netcdf(run: Run, path: str | PathLike[str]) -> None:
     writing.write_bytes(path, bytes(run.to_xarray().to_netcdf(engine="scipy")))
 
 
-@dataclass(frozen=True)
-class ModuleReport:
-    """One module in a run."""
-
-    name: str
-    link: str
-    commanded_min_n: float  # of its set-points; NaN if none was sent
-    commanded_mean_n: float
-    commanded_max_n: float
-    limiters: dict[str, float]  # share of the cycles in which each held the tension back, if any
-    faults: list[str]  # all that it reported
-    telemetry_age_s: dict[str, float]  # median, 99th percentile and largest
-    lost_at_s: float | None  # time from which it did not take part any more
-
-    @property
-    def limited_by(self) -> str:
-        """Limiters with the share of the cycles, faults, and the time at which it was lost."""
-        limits = [
-            f"{name.lower()} {f'{100 * share:.0f} %' if share >= 0.005 else '<1 %'}"
-            for name, share in self.limiters.items()
-        ]
-        lost = [] if self.lost_at_s is None else [f"lost at {self.lost_at_s:.3f} s"]
-        return ", ".join([*limits, *(f"fault {name}" for name in self.faults), *lost])
-
-
-@dataclass(frozen=True)
-class RunReport:
-    """Report of a run, as far as its log goes."""
-
-    rig: str
-    solver: str
-    policy: str | None
-    rate_hz: float  # desired cycles per second
-    duration_s: float  # from the first cycle to the last
-    statistics: Statistics  # recounted from the cycles; `ended` is empty if the log does not say
-    complete: bool  # whether the log was closed
-    modules: tuple[ModuleReport, ...]
-    events: tuple[RunEvent, ...]
-
-    def __repr__(self) -> str:
-        return f"<RunReport of {self.rig} by {self.solver}: {self.statistics.title}, {self.statistics.answers}>"
-
-    def _repr_html_(self) -> str:
-        policy = f", nearest in {self.policy}" if self.policy else ""
-        cut = "" if self.complete else "; cut off, the log was never closed"
-        title = f"{self.rig}, {self.solver}{policy}: {self.duration_s:.2f} s at {self.rate_hz:g} Hz{cut}"
-        notes = [
-            f"{event.time:.3f} s, {event.kind} {event.module}".strip() + f": {event.text}" for event in self.events
-        ]
-        modules = self.table()
-        modules.notes = notes[:MAX_EVENTS]
-        return self.statistics.table(title)._repr_html_() + modules._repr_html_()
-
-    def table(self) -> Table:
-        """Return a row for each module."""
-        columns: list[Any] = ["module"]
-        columns += [Column(f"tension {name}", "N", format_number) for name in ("min", "mean", "max")]
-        columns += [Column(f"age {name}", format=format_duration) for name in ("median", "99 %", "max")]
-        rows = [
-            [each.name, each.commanded_min_n, each.commanded_mean_n, each.commanded_max_n,
-             *each.telemetry_age_s.values(), each.limited_by]
-            for each in self.modules
-        ]  # fmt: skip
-        return Table([*columns, "limited by"], rows)
-
-    def summary(self) -> dict[str, Any]:
-        """Return it as plain numbers and texts, for JSON."""
-        return {
-            "rig": self.rig,
-            "solver": self.solver,
-            "policy": self.policy,
-            "rate_hz": self.rate_hz,
-            "duration_s": self.duration_s,
-            **self.statistics.counts(),
-            "ended": self.statistics.ended,
-            "complete": self.complete,
-            "modules": [asdict(module) for module in self.modules],
-            "events": [asdict(event) for event in self.events],
-        }
-
-
-def report(run: Run) -> RunReport:
-    """Return the report of a run."""
-    return RunReport(
-        rig=run.rig.name,
-        solver=run.setup.solver,
-        policy=run.setup.policy,
-        rate_hz=run.setup.rate,
-        duration_s=float(run.time[-1] - run.time[0]) if len(run) else 0.0,
-        statistics=recount(run),
-        complete=run.complete,
-        modules=tuple(_module(run, index) for index in range(run.rig.m)),
-        events=run.events,
-    )
-
-
 def recount(run: Run) -> Statistics:
     """Return the statistics of a run by its cycles, whether or not the runner wrote its own."""
     deadlines = np.round((run.time - run.start_delay) * run.setup.rate)
-    missed = int(deadlines[-1] - deadlines[0]) + 1 - len(run) if len(run) else 0
     changed = np.isfinite(run.commanded) & (abs(run.commanded - run.chosen) > 0.0)
-    found = Statistics(
-        missed=missed, ended=str(run.summary.get("ended", "")), start_delays=deque(), compute_times=deque()
+    return Statistics(
+        cycles=len(run),
+        missed=int(deadlines[-1] - deadlines[0]) + 1 - len(run) if len(run) else 0,
+        fallback_used=int(run.fallback_used.sum()),
+        slew_limited=int(changed.any(axis=1).sum()),
+        statuses=Counter(Status(number) for number in run.status.tolist()),
+        ended=str(run.summary.get("ended", "")),
+        start_delays=deque(run.start_delay.tolist()),
+        compute_times=deque(run.compute_time.tolist()),
     )
-    columns = (run.status, run.start_delay, run.compute_time, run.fallback_used, changed.any(axis=1))
-    for status, delay, compute, fallback, slewed in zip(*(each.tolist() for each in columns), strict=True):
-        found.add(status, delay, compute, fallback_used=fallback, slew_limited=slewed)
-    return found
 
 
-def _module(run: Run, index: int) -> ModuleReport:
-    name = run.rig.modules[index].name
-    commanded = run.commanded[:, index]
-    commanded = commanded[np.isfinite(commanded)]
-    gone = np.flatnonzero(~run.active[:, index])
-    limiters, names = (
-        np.unique(run.limiters[:, index], return_counts=True),
-        {int(each): each.name for each in Limit},
+def describe_modules(run: Run) -> list[dict[str, Any]]:
+    """Return name, link, commanded tensions, limiters, faults and ages of telemetry of each module.
+
+    Limiters are shares of the cycles; `lost_at_s` is the time from which the module did not take part.
+    """
+    names = {int(limit): limit.name for limit in Limit}
+    rows = []
+    for index, module in enumerate(run.rig.modules):
+        commanded = run.commanded[:, index][np.isfinite(run.commanded[:, index])]
+        tensions = [commanded.min(), commanded.mean(), commanded.max()] if commanded.size else [np.nan] * 3
+        limiters = np.unique(run.limiters[:, index], return_counts=True)
+        lost = run.time[~run.active[:, index]]
+        rows.append(
+            {
+                "name": module.name,
+                "link": run.setup.links.get(module.name, ""),
+                **{f"commanded_{word}_n": float(each) for word, each in zip(EXTREMES, tensions, strict=True)},
+                "limiters": {
+                    names.get(number, f"limiter {number}"): count / len(run)
+                    for number, count in zip(*(each.tolist() for each in limiters), strict=True)
+                    if number != Limit.NONE
+                },
+                "faults": [str(fault.name) for fault in Fault if (run.faults[:, index] & fault).any()],
+                "telemetry_age_s": dict(zip(PERCENTILES, percentiles(run.ages[:, index]), strict=True)),
+                "lost_at_s": float(lost[0]) if lost.size else None,
+            }
+        )
+    return rows
+
+
+def summarise(run: Run) -> dict[str, Any]:
+    """Return how a run went, as far as its log goes, as plain numbers and texts."""
+    statistics = recount(run)
+    return {
+        "rig": run.rig.name,
+        "solver": run.setup.solver,
+        "policy": run.setup.policy,
+        "rate_hz": run.setup.rate,
+        "duration_s": float(np.ptp(run.time)) if len(run) else 0.0,
+        **statistics.counts(),
+        "ended": statistics.ended,
+        "complete": run.complete,
+        "modules": describe_modules(run),
+        "events": [asdict(event) for event in run.events],
+    }
+
+
+def report(run: Run) -> tuple[Table, Table]:
+    """Return how a run went as a table of the whole and a table of its modules, with its events as notes."""
+    found, statistics = summarise(run), recount(run)
+    if run.complete:
+        end = ("finished", statistics.ended or "the log does not say why")
+    else:
+        end = ("cut off", "the log was never closed, so its last moments may be missing")
+    cycles = f"{statistics.cycles} in {found['duration_s']:.2f} s, {run.setup.rate:g} Hz desired"
+    policy = f", nearest in {run.setup.policy}" if run.setup.policy else ""
+    whole = Table(
+        ["", ""], [("cycles", cycles), *statistics.rows(), end], f"{run.rig.name}, {run.setup.solver}{policy}"
     )
-    return ModuleReport(
-        name=name,
-        link=run.setup.links.get(name, ""),
-        commanded_min_n=float(commanded.min()) if commanded.size else np.nan,
-        commanded_mean_n=float(commanded.mean()) if commanded.size else np.nan,
-        commanded_max_n=float(commanded.max()) if commanded.size else np.nan,
-        limiters={
-            names.get(number, f"limiter {number}"): count / len(run)
-            for number, count in zip(*(each.tolist() for each in limiters), strict=True)
-            if number != Limit.NONE
-        },
-        faults=[str(fault.name) for fault in Fault if (run.faults[:, index] & fault).any()],
-        telemetry_age_s=dict(zip(PERCENTILES, percentiles(run.ages[:, index]), strict=True)),
-        lost_at_s=float(run.time[gone[0]]) if gone.size else None,
-    )
+    columns = ["module", *(Column(f"tension {word}", "N", format_number) for word in EXTREMES)]
+    columns += [Column(f"age {word}", format=format_duration) for word in PERCENTILES]
+    rows = [
+        [each["name"], *(each[f"commanded_{word}_n"] for word in EXTREMES), *each["telemetry_age_s"].values(),
+         _limited_by(each)]
+        for each in found["modules"]
+    ]  # fmt: skip
+    notes = [
+        f"{event.time:.3f} s  {event.kind}: {f'{event.module}: ' * bool(event.module)}{event.text}"
+        for event in run.events[:MAX_EVENTS]
+    ]
+    if len(run.events) > MAX_EVENTS:
+        notes.append(f"and {len(run.events) - MAX_EVENTS} more events; --json has all")
+    return whole, Table([*columns, "limited by"], rows, notes=notes)
+
+
+def _limited_by(module: Mapping[str, Any]) -> str:
+    """Return the limiters of a module with their shares of the cycles, its faults, and when it was lost."""
+    limits = [
+        f"{name.lower()} {f'{100 * share:.0f} %' if share >= 0.005 else '<1 %'}"
+        for name, share in module["limiters"].items()
+    ]
+    lost = [] if module["lost_at_s"] is None else [f"lost at {module['lost_at_s']:.3f} s"]
+    return ", ".join([*limits, *(f"fault {name}" for name in module["faults"]), *lost])

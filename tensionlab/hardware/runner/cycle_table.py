@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import astuple, dataclass, field, fields
 from enum import IntEnum, IntFlag
 from operator import attrgetter
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from tensionlab.allocation import Status
 from tensionlab.demand import Impedance
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.hardware.runner.records import Cycle
+from tensionlab.model.kinematics import planar_rotation
 from tensionlab.model.pose import place_anchors
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers
@@ -25,12 +26,6 @@ from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers
 IMPEDANCE = tuple(each.name for each in fields(Impedance))  # the numbers of an impedance, in their order
 Flags = NDArray[np.bool_]
 Statuses = NDArray[np.int8]
-DTYPES: dict[Any, type[np.generic]] = {
-    Floats: np.float64,
-    Integers: np.int64,
-    Flags: np.bool_,
-    Statuses: np.int8,
-}  # by the annotation of a column
 
 
 def rotation_matrix(cycle: Cycle, rig: Rig) -> Floats:
@@ -38,10 +33,7 @@ def rotation_matrix(cycle: Cycle, rig: Rig) -> Floats:
     rotation = cycle.state.pose.rotation
     if rotation is None:
         return np.eye(rig.dimension)
-    if rig.dimension == 2:
-        c, s = np.cos(rotation), np.sin(rotation)
-        return np.array([[c, -s], [s, c]])
-    return np.asarray(rotation, dtype=np.float64)
+    return planar_rotation(rotation) if rig.dimension == 2 else np.asarray(rotation, dtype=np.float64)
 
 
 def desired_wrench(cycle: Cycle, rig: Rig) -> Floats:
@@ -65,11 +57,6 @@ def impedance_rows(cycle: Cycle, rig: Rig) -> list[tuple[float, ...]]:
 def anchors_in_world(cycle: Cycle, rig: Rig) -> Floats:
     """Return the anchors in the world, those on bodies by the bodies' poses."""
     return place_anchors(rig.modules, rig.anchors, cycle.state.pose.frames)
-
-
-def brakes_on(cycle: Cycle, rig: Rig) -> list[bool]:
-    """Return whether each module's brake is on in the demand."""
-    return [module.name in cycle.demand.brakes for module in rig.modules]
 
 
 def codes(kind: type[IntEnum | IntFlag]) -> str:
@@ -145,7 +132,12 @@ class CycleTable:
     impedances: Floats = column(
         impedance_rows, "SI", f"commanded impedance: {', '.join(IMPEDANCE)}", "module", "impedance"
     )
-    commanded_brakes: Flags = column(brakes_on, "1", "whether the brake is commanded on", "module")
+    commanded_brakes: Flags = column(
+        lambda cycle, rig: [module.name in cycle.demand.brakes for module in rig.modules],
+        "1",
+        "whether the brake is commanded on",
+        "module",
+    )
     stop: Flags = column("demand.stop", "1", "whether the demand ends the run")
     chosen: Floats = column("allocation.tensions", "N", "tension that the solver chose", "module")
     rendered: Floats = column(
@@ -168,24 +160,36 @@ class CycleTable:
 
 
 COLUMNS: dict[str, RunColumn] = {each.name: each.metadata["column"] for each in fields(CycleTable)}
-TYPES = {name: np.dtype(DTYPES[hint]) for name, hint in get_type_hints(CycleTable).items()}
+# Type of the numbers of each column: `NDArray[kind]` is `ndarray[shape, dtype[kind]]`.
+TYPES = {name: np.dtype(get_args(get_args(hint)[1])[0]) for name, hint in get_type_hints(CycleTable).items()}
 
 
-def _values(name: str) -> Callable[[Cycle, Rig], Any]:
-    source = COLUMNS[name].source
+def _value(source: str | Callable[[Cycle, Rig], Any]) -> Callable[[Cycle, Rig], Any]:
     if not isinstance(source, str):
         return source
     get = attrgetter(source)
     return lambda cycle, rig: get(cycle)
 
 
-VALUES = {name: _values(name) for name in COLUMNS}  # function of a cycle and the rig for each column
+VALUES = {name: _value(each.source) for name, each in COLUMNS.items()}  # function of a cycle and the rig
+
+
+def labels(rig: Rig) -> dict[str, list[str]]:
+    """Return the names of the entries along each dimension of the columns."""
+    axes = list("xyz"[: rig.dimension])
+    torques = [] if rig.n == rig.dimension else ["z"] if rig.dimension == 2 else axes
+    return {
+        "module": [module.name for module in rig.modules],
+        "component": [f"F{axis}" for axis in axes] + [f"M{axis}" for axis in torques],
+        "axis": axes,
+        "platform_axis": axes,
+        "impedance": list(IMPEDANCE),
+    }
 
 
 def sizes(rig: Rig) -> dict[str, int]:
     """Return the lengths of the columns' dimensions."""
-    d = rig.dimension
-    return {"axis": d, "platform_axis": d, "component": rig.n, "module": rig.m, "impedance": len(IMPEDANCE)}
+    return {dim: len(names) for dim, names in labels(rig).items()}
 
 
 def schema(rig: Rig) -> dict[str, Any]:
@@ -194,16 +198,15 @@ def schema(rig: Rig) -> dict[str, Any]:
     Foxglove reads schemas of numbers and of plain lists only. So arrays of more dimensions are written row by
     row, and only the descriptions tell that NaN and infinity are written as null.
     """
-    length = sizes(rig)
-    properties: dict[str, Any] = {}
+    length, properties = sizes(rig), {}
     for name, (_, unit, meaning, dims) in COLUMNS.items():
-        shape: dict[str, Any] = {"type": {"f": "number", "b": "boolean", "i": "integer"}[TYPES[name].kind]}
+        kind: dict[str, Any] = {"type": {"f": "number", "b": "boolean", "i": "integer"}[TYPES[name].kind]}
         if dims:
             count = math.prod(length[dim] for dim in dims)
-            shape = {"type": "array", "items": shape, "minItems": count, "maxItems": count}
+            kind = {"type": "array", "items": kind, "minItems": count, "maxItems": count}
         null = "; null: NaN or infinite" if TYPES[name].kind == "f" else ""
         rows = f"; {' x '.join(dims)}, row by row" if len(dims) > 1 else ""
-        properties[name] = {"description": f"{meaning} ({unit}{rows}{null})", **shape}
+        properties[name] = {"description": f"{meaning} ({unit}{rows}{null})", **kind}
     properties["status"]["oneOf"] = [{"const": int(status), "title": status.name} for status in Status]
     return {"title": "tensionlab.Cycle", "type": "object", "properties": properties}
 
@@ -226,14 +229,12 @@ def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
     A KeyError, TypeError, ValueError, OverflowError or RecursionError if one is no cycle of this rig.
     """
     parsed = [json.loads(row) for row in rows]
-    length = sizes(rig)
-    found: dict[str, NDArray[Any]] = {}
-    for name, kept in COLUMNS.items():
-        shape = (len(rows), *(length[dim] for dim in kept.dims))
+    length, found = sizes(rig), {}
+    for name, column in COLUMNS.items():
         values = np.array([row[name] for row in parsed], dtype=TYPES[name])
         if values.dtype.kind == "f" and (np.abs(values[np.isfinite(values)]) >= MAX_MAGNITUDE).any():
             raise ValueError(f"a number of {MAX_MAGNITUDE:g} or more in {name}")
-        found[name] = values.reshape(shape)
+        found[name] = values.reshape(len(rows), *(length[dim] for dim in column.dims))
     if not (np.isfinite(found["time"]).all() and np.isfinite(found["start_delay"]).all()):
         raise ValueError("a cycle without a time")
     if unknown := set(found["status"].tolist()) - {int(status) for status in Status}:

@@ -13,8 +13,8 @@ from tensionlab.allocation import Allocation, Status
 from tensionlab.demand import Demand, RigState
 from tensionlab.hardware.protocol.messages import Info
 from tensionlab.support.arrays import Floats, Integers
-from tensionlab.support.formatting import format_count, format_duration
-from tensionlab.support.table import STATUS_MARKS, Mark, Table
+from tensionlab.support.formatting import format_duration
+from tensionlab.support.table import Table
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,9 +98,7 @@ MAX_TIMES = 100_000  # number of latest cycles whose times are kept for percenti
 DURATION_REACHED = "duration reached"
 DEMAND_STOPPED = "stopped by the demand"
 CTRL_C = "signal SIGINT"
-EMERGENCY_STOP = (
-    "emergency stop (from another terminal)"  # by `tensionlab estop`, or another sender of ESTOP_SIGNAL
-)
+EMERGENCY_STOP = "emergency stop (from another terminal)"  # by `tensionlab estop`, or another ESTOP_SIGNAL
 STATUSES = tuple(sorted(Status))
 PERCENTILES = {"median": 50.0, "p99": 99.0, "max": 100.0}
 
@@ -159,39 +157,26 @@ class Statistics:
         return f"<Statistics of {self.title}: {self.answers}, {self.missed} missed>"
 
     def _repr_html_(self) -> str:
-        return self.table(self.title)._repr_html_()
-
-    def table(self, title: str) -> Table:
-        """Return counts and times, with a row for each status."""
-        answers: list[tuple[Mark | str, str]] = [
-            (STATUS_MARKS[status], format_count(self.statuses[status], "cycle"))
-            for status in STATUSES
-            if self.statuses[status]
-        ]
-        if self.fallback_used:
-            answers.append(("by newton, as fallback of the solver", format_count(self.fallback_used, "cycle")))
-        return Table(["", ""], [*answers, *self.rows()[1:]], title)
+        return Table(["", ""], self.rows(), self.title)._repr_html_()
 
     def rows(self) -> list[tuple[str, str]]:
         """Return counts and times as pairs of a name and a text."""
         words = "{} median, {} p99, {} max"
         jitter, compute = (words.format(*map(format_duration, each)) for each in self.percentiles().values())
         slewed = [("cycles that were slew-rate limited", str(self.slew_limited))] * bool(self.slew_limited)
+        late = [(f"cycles with late telemetry of {name}", str(n)) for name, n in self.late_telemetry.items()]
+        warm = "down to {:.2f} N, so that it did not get too hot"
+        derated = [(f"derated: {name}", warm.format(upper)) for name, upper in self.derated.items()]
+        lost = [(f"lost: {name}", why) for name, why in self.lost.items()]
         return [
             ("answers", self.explained),
             ("start jitter", jitter),
             ("compute time of a cycle", compute),
             ("deadlines missed", str(self.missed)),
             *slewed,
-            *(
-                (f"cycles with late telemetry of {name}", str(count))
-                for name, count in self.late_telemetry.items()
-            ),
-            *(
-                (f"derated: {name}", f"down to {upper:.2f} N, so that it did not get too hot")
-                for name, upper in self.derated.items()
-            ),
-            *((f"lost: {name}", why) for name, why in self.lost.items()),
+            *late,
+            *derated,
+            *lost,
         ]
 
     def percentiles(self) -> dict[str, tuple[float, ...]]:
@@ -200,23 +185,19 @@ class Statistics:
 
     def counts(self) -> dict[str, Any]:
         """Return what can be recounted from a log, as plain numbers; times are zero before the first cycle."""
-        return {
-            "cycles": self.cycles,
-            "missed": self.missed,
-            "fallback_used": self.fallback_used,
-            "slew_limited": self.slew_limited,
-            "statuses": {status.name: self.statuses[status] for status in Status},
-            **{
-                f"{name}_s": dict(zip(PERCENTILES, np.nan_to_num(values).tolist(), strict=True))
-                for name, values in self.percentiles().items()
-            },
+        times = {
+            f"{name}_s": dict(zip(PERCENTILES, np.nan_to_num(values).tolist(), strict=True))
+            for name, values in self.percentiles().items()
         }
+        counts = {name: getattr(self, name) for name in ("cycles", "missed", "fallback_used", "slew_limited")}
+        return {**counts, "statuses": {status.name: self.statuses[status] for status in Status}, **times}
 
     def summary(self) -> dict[str, Any]:
         """Return all of it as plain numbers and texts."""
-        names = ("late_telemetry", "derated", "lost", "unconfirmed")
-        rest = {name: dict(getattr(self, name)) for name in names}
-        return {"ended": self.ended, "emergency": self.emergency, **self.counts(), **rest}
+        by_module = {
+            name: dict(getattr(self, name)) for name in ("late_telemetry", "derated", "lost", "unconfirmed")
+        }
+        return {"ended": self.ended, "emergency": self.emergency, **self.counts(), **by_module}
 
 
 def percentiles(values: Iterable[float]) -> tuple[float, ...]:
