@@ -170,9 +170,9 @@ def soak(seconds: float, log: Path, seed: int = 0) -> Findings:
     world = World(rig, lambda time: Pose(on_circle(rig, time), frames=rig.at_rest), seed)
     watch = LimitWatch(rig.limits)
     world.watch = watch
-    steps = [ProgramStep(START_SECONDS, np.array(START))]
-    steps += [ProgramStep(STEP_SECONDS, np.array(corner), ramp=True) for corner in CORNERS]
-    program = Program("the force goes round", tuple(steps), repeat=True)
+    steps = [ProgramStep(seconds=START_SECONDS, wrench=list(START))]
+    steps += [ProgramStep(seconds=STEP_SECONDS, wrench=list(corner), ramp=True) for corner in CORNERS]
+    program = Program(name="the force goes round", steps=steps, repeat=True)
     settings = RunSettings(ttl=TTL)
     links = dict.fromkeys((module.name for module in rig.modules), "sim:")
     record = RunLog(log, rig, manifest(["tests.stress.soak"], seed=seed), "newton", settings, links)

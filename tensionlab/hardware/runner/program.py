@@ -19,7 +19,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from os import PathLike
 
 import numpy as np
@@ -29,38 +28,34 @@ from tensionlab.demand import Demand, RigState
 from tensionlab.errors import HardwareError
 from tensionlab.model.rig import Rig
 from tensionlab.model.schema import SchemaTable
-from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief, read_toml
-from tensionlab.support.validation import validate
+from tensionlab.support.validation import raises, validate
 
 
-@dataclass(frozen=True, eq=False)
-class ProgramStep:
-    """Step of a program: seconds of a wrench (n,) in N and N·m, at once or by a ramp from the one before."""
+class ProgramStep(SchemaTable):
+    """One ``[[steps]]`` entry."""
 
-    seconds: float
-    wrench: Floats
-    ramp: bool = False
-    brakes: frozenset[str] = frozenset()
+    seconds: float = Field(gt=0.0, allow_inf_nan=False, description="the duration in s, a number")
+    wrench: list[float] = Field(description="what to render, a list of N, and of N·m after the forces")
+    ramp: bool = Field(False, description="true or false: whether to go there evenly")
+    brakes: list[str] = Field([], description="names of modules whose brake is on, a list")
 
 
-@dataclass(frozen=True, eq=False)
-class Program:
+@raises(HardwareError)
+class Program(SchemaTable):
     """Demand source that plays steps, and stops the run at its end unless it repeats.
 
     Examples
     --------
-    >>> import numpy as np
     >>> from tensionlab.hardware import Program
-    >>> from tensionlab.hardware.runner.program import ProgramStep
-    >>> up, rest = ProgramStep(1.0, np.array([0.0, 1.0, 0.0])), ProgramStep(1.0, np.zeros(3), ramp=True)
-    >>> Program("up", (up, rest)).seconds
-    2.0
+    >>> up, rest = {"seconds": 1.0, "wrench": [0.0, 1.0, 0.0]}, {"seconds": 2.0, "wrench": [0.0, 0.0, 0.0]}
+    >>> Program(name="up", steps=[up, rest]).seconds
+    3.0
     """
 
-    name: str
-    steps: tuple[ProgramStep, ...]
-    repeat: bool = False
+    name: str = Field(min_length=1, description="a name in quotes")
+    repeat: bool = Field(False, description="true or false: whether to begin again at the end")
+    steps: list[ProgramStep] = Field(min_length=1, description="at least one [[steps]] table")
 
     @property
     def seconds(self) -> float:
@@ -71,31 +66,15 @@ class Program:
         """Return the demand at the time of a state."""
         remaining = state.time % self.seconds if self.repeat else state.time
         later_round = self.repeat and state.time >= self.seconds
-        before = self.steps[-1].wrench if later_round else 0.0 * self.steps[0].wrench
+        before = np.array(self.steps[-1].wrench) if later_round else np.zeros(len(self.steps[0].wrench))
         for step in self.steps:
+            wrench = np.array(step.wrench)
             if remaining < step.seconds:
                 share = remaining / step.seconds if step.ramp else 1.0
-                return Demand(before + share * (step.wrench - before), brakes=step.brakes)
+                return Demand(before + share * (wrench - before), brakes=frozenset(step.brakes))
             remaining -= step.seconds
-            before = step.wrench
+            before = wrench
         return Demand(stop=True)
-
-
-class StepTable(SchemaTable):
-    """One ``[[steps]]`` entry."""
-
-    seconds: float = Field(gt=0.0, allow_inf_nan=False, description="the duration in s, a number")
-    wrench: list[float] = Field(description="what to render, a list of N, and of N·m after the forces")
-    ramp: bool = Field(False, description="true or false: whether to go there evenly")
-    brakes: list[str] = Field([], description="names of modules whose brake is on, a list")
-
-
-class ProgramFile(SchemaTable):
-    """A whole file."""
-
-    name: str = Field(min_length=1, description="a name in quotes")
-    repeat: bool = Field(False, description="true or false: whether to begin again at the end")
-    steps: list[StepTable] = Field(min_length=1, description="at least one [[steps]] table")
 
 
 def load_program(path: str | PathLike[str], rig: Rig) -> Program:
@@ -116,13 +95,11 @@ def load_program(path: str | PathLike[str], rig: Rig) -> Program:
     'push'
     """
     document = read_toml(path, "a program (*.toml)", HardwareError)
-    file = validate(ProgramFile, document, HardwareError, path)
-    steps = []
-    for number, table in enumerate(file.steps, start=1):
-        step = ProgramStep(table.seconds, np.array(table.wrench), table.ramp, frozenset(table.brakes))
-        require_demand(Demand(step.wrench, brakes=step.brakes), rig, f"{path}: step {number}")
-        steps.append(step)
-    return Program(file.name, tuple(steps), file.repeat)
+    program = validate(Program, document, HardwareError, path)
+    for number, step in enumerate(program.steps, start=1):
+        demand = Demand(np.array(step.wrench), brakes=frozenset(step.brakes))
+        require_demand(demand, rig, f"{path}: step {number}")
+    return program
 
 
 def require_demand(demand: object, rig: Rig, here: str) -> Demand:
@@ -146,6 +123,6 @@ def require_demand(demand: object, rig: Rig, here: str) -> Demand:
             if name in demand.brakes and modules[name].brake is None:
                 raise HardwareError(f'{here}: module "{name}" has no brake')
         for name, spring in demand.impedances.items():
-            if not np.isfinite(list(vars(spring).values())).all():
+            if not all(map(math.isfinite, vars(spring).values())):
                 raise HardwareError(f'{here}: module "{name}": {spring}; all of it must be finite')
     return demand

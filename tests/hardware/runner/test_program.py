@@ -9,54 +9,47 @@ from tensionlab.hardware.runner.program import load_program
 
 
 @pytest.fixture
-def rig():
-    return tl.load_rig("datasets/rigs/bartels2026-validation.toml")
+def load(tmp_path):
+    rig = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
 
-
-@pytest.fixture
-def write(tmp_path):
-    def write(text):
+    def load(text):
         path = tmp_path / "program.toml"
         path.write_text(text)
-        return path
+        return load_program(path, rig)
 
-    return write
+    return load
 
 
 def step(seconds=1.0, wrench=(0.0, 0.0, 1.0), more=""):
     return f"[[steps]]\nseconds = {seconds}\nwrench = {list(wrench)}\n{more}\n"
 
 
-def at(program, time):
-    return program(SimpleNamespace(time=time))
-
-
-def test_wrenches_are_held_and_gone_to_evenly(rig, write):
-    text = (
-        'name = "a"\n'
-        + step(more="ramp = true")
-        + step(2.0, (1.0, 0.0, 1.0))
-        + step(1.0, (0, 0, 0), "ramp = true")
+@pytest.mark.parametrize(
+    ("repeat", "forces"),
+    [
+        (False, {0.25: [0, 0, 0.25], 1.0: [1, 0, 1], 3.5: [0.5, 0, 0.5], 3.999: [0.001, 0, 0.001], 4.0: None}),
+        (True, {0.25: [0, 0, 0.25], 3.5: [0.5, 0, 0.5], 4.25: [0, 0, 0.25], 101.0: [1, 0, 1]}),
+    ],
+)
+def test_wrenches_are_held_or_ramped_to_with_brakes_by_step(load, repeat, forces):
+    steps = (
+        step(more="ramp = true"),
+        step(2.0, (1.0, 0.0, 1.0), 'brakes = ["top"]'),
+        step(1.0, (0, 0, 0), "ramp = true"),
     )
-    program = load_program(write(text), rig)
+    program = load(f'name = "a"\nrepeat = {str(repeat).lower()}\n' + "".join(steps))
     assert program.seconds == 4.0
-    np.testing.assert_allclose(at(program, 0.25).wrench, [0.0, 0.0, 0.25])
-    np.testing.assert_allclose(at(program, 1.0).wrench, [1.0, 0.0, 1.0])
-    np.testing.assert_allclose(at(program, 3.5).wrench, [0.5, 0.0, 0.5])
-    assert at(program, 4.0).stop
+    for time, force in forces.items():
+        demand = program(SimpleNamespace(time=time))
+        assert demand.stop == (force is None)
+        assert demand.brakes == ({"top"} if 1.0 <= time % 4.0 < 3.0 else set())
+        if force is not None:
+            np.testing.assert_allclose(demand.wrench, force, atol=1e-12)
 
 
-def test_a_program_that_repeats_goes_on_from_its_end(rig, write):
-    text = 'name = "a"\nrepeat = true\n' + step(more="ramp = true") + step(1.0, (2.0, 0.0, 0.0))
-    program = load_program(write(text), rig)
-    np.testing.assert_allclose(at(program, 0.5).wrench, [0.0, 0.0, 0.5])
-    np.testing.assert_allclose(at(program, 2.5).wrench, [1.0, 0.0, 0.5])
-
-
-def test_brakes_belong_to_a_step(rig, write):
-    program = load_program(write('name = "a"\n' + step(more='brakes = ["top"]') + step()), rig)
-    assert at(program, 0.5).brakes == {"top"}
-    assert not at(program, 1.5).brakes
+def test_a_repeated_program_ramps_from_its_last_wrench(load):
+    program = load('name = "a"\nrepeat = true\n' + step(more="ramp = true") + step(1.0, (2.0, 0.0, 0.0)))
+    np.testing.assert_allclose(program(SimpleNamespace(time=2.5)).wrench, [1.0, 0.0, 0.5])
 
 
 @pytest.mark.parametrize(
@@ -72,11 +65,6 @@ def test_brakes_belong_to_a_step(rig, write):
         ("name = ", "program.toml: not valid TOML"),
     ],
 )
-def test_files_that_are_no_program_say_why(rig, write, text, message):
+def test_files_that_are_no_program_say_why(load, text, message):
     with pytest.raises(HardwareError, match=message):
-        load_program(write(text), rig)
-
-
-def test_a_file_that_is_not_there(rig, tmp_path):
-    with pytest.raises(HardwareError, match="no such file; give the path of a program"):
-        load_program(tmp_path / "none.toml", rig)
+        load(text)
