@@ -18,7 +18,7 @@ from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.runner.records import RunSink, Statistics
 from tensionlab.hardware.runner.runner import Runner, Tracker
-from tensionlab.hardware.runner.settings import Clock, PlaybackClock, RunSettings, WorldClock
+from tensionlab.hardware.runner.settings import Clock, RunSettings, WorldClock
 from tensionlab.hardware.sharing import SharedRun
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import World
@@ -81,7 +81,7 @@ def simulate_modules(
     world = World(scenario.rig, person, seed)
     links = dict.fromkeys((module.name for module in scenario.rig.modules), SIMULATED)
     tracker = (lambda time: person.pose) if needs_tracker(scenario.rig) else None
-    clock = PlaybackClock(world) if paced else WorldClock(world)
+    clock = WorldClock(world, paced=paced)
     return ScenarioModules(world.group(conditions, seed), clock, links, tracker, person)
 
 

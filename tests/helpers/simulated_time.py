@@ -14,10 +14,6 @@ class SimulatedTime:
     def perf_counter(self):
         return self._now
 
-    def process_time(self):
-        """Return the time for which this process has computed: no computing takes time here."""
-        return 0.0
-
     def sleep(self, seconds):
         self.jump(seconds)
         for watch in self.watchers:

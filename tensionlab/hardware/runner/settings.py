@@ -120,14 +120,11 @@ class RealClock:
             client.listen(max(end - client.link.clock(), 0.0))
 
 
-ROUNDING_S = 1e-9  # a shorter wait would never end on a clock that advances only while it is waited for
-# Delay of paced modules beyond which time does not pass in them, unless this process computes: on a busy machine
-# they must not release because their own process got no time.
-MAX_BEHIND_S = 0.1
-
-
 class WorldClock:
-    """Clock of simulated modules, whose time passes while the run waits; if paced, it keeps to real time.
+    """Clock of simulated modules, whose time passes while the run waits.
+
+    If `paced`, it is never ahead of real time, so that a run can be watched. Where the computer falls behind, time
+    passes more slowly: the run equals, cycle by cycle, one that is not paced.
 
     Examples
     --------
@@ -139,45 +136,19 @@ class WorldClock:
     """
 
     def __init__(self, world: World, *, paced: bool = False) -> None:
-        self._world = world
-        self._paced = self.real_time = paced
+        self._world, self.real_time = world, paced
         self._start = time.perf_counter() - world.time
-        self._worked = time.process_time()
 
     def now(self) -> float:
         """Return the time."""
-        if not self._paced:
-            return self._world.time
-        now = time.perf_counter() - self._start
-        behind = max(MAX_BEHIND_S, time.process_time() - self._worked)
-        lost = max(now - self._world.time - behind, 0.0)
-        self._start += lost
-        return now - lost
+        return self._world.time
 
     def wait_until(self, when: float) -> None:
-        """Let time pass in the modules until then."""
-        while self._paced and (left := when - self.now()) > ROUNDING_S:
-            time.sleep(min(left, 0.5 * MAX_BEHIND_S))
-            self._advance(self.now())
-        self._advance(self.now() if self._paced else when)
-
-    def _advance(self, when: float) -> None:
+        """Let time pass in the modules until then, and in the room if the clock is paced."""
+        if self.real_time:
+            left = when - (time.perf_counter() - self._start)
+            if left > 0.0:
+                time.sleep(left)
+            else:
+                self._start -= left
         self._world.advance(max(when - self._world.time, 0.0))
-        if self._paced:
-            self._worked = time.process_time()
-
-
-class PlaybackClock(WorldClock):
-    """Clock of simulated modules that is never ahead of real time; where it falls behind, time passes more slowly.
-
-    A run by it can be watched, and equals, cycle by cycle, one that runs as fast as possible.
-    """
-
-    def wait_until(self, when: float) -> None:
-        """Let time pass in the modules until then, and in the room."""
-        left = when - (time.perf_counter() - self._start)
-        if left > 0.0:
-            time.sleep(left)
-        else:
-            self._start -= left
-        super().wait_until(when)

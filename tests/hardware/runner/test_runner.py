@@ -297,20 +297,6 @@ def test_a_fast_hand_that_leaves_cables_slack_for_a_moment_does_not_end_a_run(ri
     assert max(off[-30:]) < 1e-3
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"rate": 5.0}, "rate is from 8 Hz, which is 2 set-points in a ttl of 0.25 s, to 10000 Hz; got 5"),
-        ({"rate": float("nan")}, "rate is from"),
-        ({"ttl": 0.01}, "ttl is from 0.05 to 2 s; got 0.01"),
-        ({"on_loss": "hope"}, "on_loss is 'hope'; give one of stop, continue"),
-    ],
-)
-def test_settings_that_cannot_work(settings, message):
-    with pytest.raises(HardwareError, match=message):
-        RunSettings(**settings)
-
-
 def test_a_run_in_another_thread_than_the_main_one(rig):
     """Signals reach only the main thread; the rest is the same."""
     found = []
