@@ -15,7 +15,7 @@ from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.module import CLOCK_WRAP_US, ModuleClient, Received
 from tensionlab.hardware.protocol.codes import FOLLOWING_STATES, Code, Fault, State
 from tensionlab.hardware.protocol.messages import SetImpedance, Stop, Telemetry
-from tensionlab.hardware.runner.guard import Derating, NextTensions, ReleasedModules, next_tensions
+from tensionlab.hardware.runner.guard import Derating, ReleasedModules, next_tensions
 from tensionlab.hardware.runner.records import Statistics
 from tensionlab.hardware.runner.settings import Clock, RunSettings
 from tensionlab.hardware.runner.state_estimation import Flags, Observation, observe, set_point_delays
@@ -156,11 +156,15 @@ class ArmedModules:
             late = seen.ages >= self._late_ages
             self._statistics.late_telemetry.update(np.array(self.names)[late].tolist())
 
-    def go_to(self, chosen: Floats, free: Flags) -> NextTensions:
-        """Set the tensions of the `free` modules (m,) on their way to those chosen, guarded by `next_tensions`."""
-        guarded = next_tensions(self.tensions, chosen, free, self.limits, self._max_change, self.names)
-        self.tensions = guarded.tensions
-        return guarded
+    def go_to(self, chosen: Floats, free: Flags) -> tuple[Floats, bool]:
+        """Set the next tensions of the `free` modules (m,) on their way to those chosen.
+
+        Return those that are commanded, and whether slew limits them, as `next_tensions`.
+        """
+        self.tensions, commanded, slew_limited = next_tensions(
+            self.tensions, chosen, free, self.limits, self._max_change, self.names
+        )
+        return commanded, slew_limited
 
     def send(self, demand: Demand) -> Integers:
         """Send set-points to modules that take part; return their numbers (m,), -1 where none was sent."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,14 +53,6 @@ class GuardedAllocator:
         return exact(structure, wrench), True
 
 
-class NextTensions(NamedTuple):
-    """Tensions (m,) of the next cycle, those that are commanded (NaN elsewhere), and whether slew limits them."""
-
-    tensions: Floats
-    commanded: Floats
-    slew_limited: bool
-
-
 def next_tensions(
     before: Floats,
     chosen: Floats,
@@ -69,12 +60,12 @@ def next_tensions(
     limits: TensionLimits,
     max_change: float,
     names: Sequence[str],
-) -> NextTensions:
-    """Return the next tensions of all modules, none of which changes by more than `max_change` N.
+) -> tuple[Floats, Floats, bool]:
+    """Return the next tensions (m,), those that are commanded (NaN elsewhere), and whether slew limits them.
 
     The `free` (m,) go from those `before` to those `chosen`, by the same share of their way each, so that the
-    wrench goes straight from the old to the new one. A `HardwareError` names the module whose set-point would be
-    outside its limits, NaN among that.
+    wrench goes straight from the old to the new one; none changes by more than `max_change` N. A `HardwareError`
+    names the module whose set-point would be outside its limits, NaN among that.
     """
     tensions, commanded, slew_limited, refused = _native.next_tensions(
         before, chosen, free, limits.lower, limits.upper, max_change
@@ -84,7 +75,7 @@ def next_tensions(
             f'module "{names[refused]}" would be sent {chosen[refused]:g} N; its limits are '
             f"{limits.lower[refused]:g} to {limits.upper[refused]:g} N"
         )
-    return NextTensions(tensions, commanded, slew_limited)
+    return tensions, commanded, slew_limited
 
 
 # Share of a winding's continuous rating that the host uses: currents are measured with some noise.

@@ -7,8 +7,8 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 
 import numpy as np
@@ -136,7 +136,6 @@ class Runner:
         self._pose_tracker = PoseTracker(rig) if tracker is None else None
         self._length_monitor = LengthMonitor(rig, lambda text: self.note("unchecked", text))
         self._fitted_at = 0.0  # time of the latest pose that fitted the cable lengths
-        self._watchdog: Watchdog | None = None
 
     def run(self, seconds: float | None = None) -> Statistics:
         """Arm all modules, render, and stop them.
@@ -165,6 +164,15 @@ class Runner:
         if seconds is not None and not 0.0 < seconds < math.inf:
             raise HardwareError(f"a run takes a finite time above 0 s; got {seconds:g}")
         interrupts = Interrupts()
+
+        def interrupt(why: str) -> None:
+            for client in self.modules.clients:
+                with suppress(HardwareError):
+                    client.send(Stop())
+            interrupts.throw(Hung(why))
+
+        self._watchdog = Watchdog(interrupt, self._abandon)
+        watched = self._watchdog if getattr(self._clock, "real_time", False) else nullcontext()
         if not any(isinstance(sink, SharedRun) for sink in self.sinks):
             self.sinks.append(SharedRun(self.rig, self._solver, self.settings, self.modules.clients))
         with interrupts.caught(STOPPING_SIGNALS):
@@ -172,7 +180,7 @@ class Runner:
             switch_interval = sys.getswitchinterval()
             sys.setswitchinterval(THREAD_SWITCH_S)
             try:
-                with self._watched(interrupts):
+                with watched:
                     self.statistics.ended = self._render(self._begin(), seconds)
             except Interrupted as interrupted:
                 self.statistics.emergency = interrupted.number == ESTOP_SIGNAL
@@ -192,26 +200,26 @@ class Runner:
 
     def _begin(self) -> ArmedModules:
         """Have all modules report, arm them, and take up slack."""
-        rig, settings = self.rig, self.settings
+        rig, settings, clock = self.rig, self.settings, self._clock
         self.modules.prepare(rig, settings.telemetry_ms)
-        modules = ArmedModules(rig, self.modules, settings, self._clock, self.statistics, self.note)
+        modules = ArmedModules(rig, self.modules, settings, clock, self.statistics, self.note)
         for sink in self.sinks:
             sink.begin(dict(zip(modules.names, self.modules.infos, strict=True)), self.statistics)
         if self._pose_tracker is not None:
             self.modules.require_lengths()
-        deadline = self._clock.now() + FIRST_TELEMETRY_TIMEOUT_S
+        deadline = clock.now() + FIRST_TELEMETRY_TIMEOUT_S
         while not np.isfinite(observe(self.modules).ages).all():
-            if self._clock.now() > deadline:
+            if clock.now() > deadline:
                 silent = [client.name for client in self.modules.clients if client.telemetry is None]
                 raise LinkTimeout(f"no telemetry from {', '.join(silent)} within {FIRST_TELEMETRY_TIMEOUT_S:g} s")
-            self._clock.wait_until(self._clock.now() + 1e-3 * settings.telemetry_ms)
+            clock.wait_until(clock.now() + 1e-3 * settings.telemetry_ms)
         if self._pose_tracker is not None:
             require_possible(rig, observe(self.modules).lengths)
-        self._begin_step("the first answer of the solver", WARM_UP_S)
+        self._watchdog.begin("the first answer of the solver", WARM_UP_S)
         home = rig.structure_matrix(rig.home, frames=rig.at_rest)
         self._allocator(home, np.zeros(rig.n), modules.active, rig.limits)
-        self._end_step()
-        self._clock.wait_until(self._clock.now())  # simulated modules catch up with that before they are armed
+        self._watchdog.rest()
+        clock.wait_until(clock.now())  # simulated modules catch up with that before they are armed
         self.modules.arm(modules.tensions)
         self.note("armed", format_count(rig.m, "module"))
         self._pretension(modules)
@@ -219,11 +227,11 @@ class Runner:
 
     def _pretension(self, modules: ArmedModules) -> None:
         """Take up slack at the minimum tensions, unless the tracker says that no cable is slack."""
-        tracker, known = self._tracker, [info.length_known for info in self.modules.infos]
+        known = np.array([info.length_known for info in self.modules.infos])
 
-        def expected() -> Floats:
-            assert tracker is not None
-            return np.where(known, self.rig.lengths(*tracker(0.0)), np.nan)
+        def by_place() -> Floats:
+            assert self._tracker is not None
+            return np.where(known, self.rig.lengths(*self._tracker(0.0)), np.nan)
 
         def cycle() -> Observation:
             self._clock.wait_until(self._clock.now() + 1.0 / self.settings.rate)
@@ -231,10 +239,9 @@ class Runner:
             modules.send(Demand())
             return seen
 
-        if tracker is None:
-            take_up_slack(self.rig, cycle, modules.active, self._clock, self._pose_tracker)
-        elif not (np.abs(observe(self.modules).lengths - expected()) <= MAX_LENGTH_ERROR_M).all():
-            take_up_slack(self.rig, cycle, modules.active, self._clock, None, expected)
+        expected = None if self._tracker is None else by_place
+        if expected is None or not (abs(observe(self.modules).lengths - expected()) <= MAX_LENGTH_ERROR_M).all():
+            take_up_slack(self.rig, cycle, modules.active, self._clock, self._pose_tracker, expected)
         self._fitted_at = self._clock.now()
 
     def _render(self, modules: ArmedModules, seconds: float | None) -> str:
@@ -250,10 +257,10 @@ class Runner:
             now = self._clock.now() - start
             if now < due * period - MAX_EARLY_S:
                 raise HardwareError(f"the clock went back by {due * period - now:g} s")
-            self._begin_step(f"cycle {self.statistics.cycles}", hung)
+            self._watchdog.begin(f"cycle {self.statistics.cycles}", hung)
             if not self._cycle(modules, now, now - due * period):
                 return DEMAND_STOPPED
-            self._end_step()
+            self._watchdog.rest()
             next_due = max(due + 1, int((self._clock.now() - start) * self.settings.rate + 1.0))
             self.statistics.missed += next_due - due - 1
             due = next_due
@@ -290,19 +297,14 @@ class Runner:
             demand = replace(demand, wrench=demand.wrench + limited - wrench, desired=desired)
             wrench = limited
             allocation, fallback_used = allocator(state.structure, wrench, free, limits)
-        _, commanded, slew_limited = modules.go_to(allocation.tensions, free)
+        commanded, slew_limited = modules.go_to(allocation.tensions, free)
         sequences = modules.send(demand)
         compute_time = time.perf_counter() - began
         self.latest = Cycle(
             state, demand, wrench, allocation, fallback_used, commanded, sequences, start_delay, compute_time
         )
-        self.statistics.add(
-            int(allocation.status),
-            start_delay,
-            compute_time,
-            fallback_used=fallback_used,
-            slew_limited=slew_limited,
-        )
+        counted = {"fallback_used": fallback_used, "slew_limited": slew_limited}
+        self.statistics.add(int(allocation.status), start_delay, compute_time, **counted)
         for sink in self.sinks:
             sink.write(self.latest)
         return True
@@ -327,17 +329,8 @@ class Runner:
             elif clock - self._fitted_at > MISFIT_S:
                 raise HardwareError(explain_lengths(self.rig, self._pose_tracker, lengths, active))
         modules.count_late(seen)
-        return RigState(
-            self.statistics.cycles,
-            now,
-            pose,
-            twist,
-            structure,
-            active=active,
-            delays=delays,
-            upper_now=modules.limits.upper,
-            **seen._asdict(),
-        )
+        known = {"active": active, "delays": delays, "upper_now": modules.limits.upper, **seen._asdict()}
+        return RigState(self.statistics.cycles, now, pose, twist, structure, **known)
 
     def _required_wrench(self, state: RigState) -> Floats | None:
         """Return what the rig requires, such as the weight of its platform; None if nothing."""
@@ -349,10 +342,9 @@ class Runner:
     def _limited_wrench(
         self, modules: ArmedModules, state: RigState, free: Flags, required: Floats | None, tensions: Floats
     ) -> Floats:
-        """Return the wrench (n,) for the free modules, limited for drifts that are not noticed.
+        """Return the wrench (n,) that tensions (m,) render, limited for drifts that are not noticed.
 
-        The tensions (m,) render the wrench without the limit. With it, the wrench is nearer to what is rendered
-        without a demand: what the rig requires, or all cables at their lower limits.
+        It goes towards what is rendered without a demand: what the rig requires, or the lower limits.
         """
         if required is None:
             at_rest = np.where(free, modules.limits.lower, 0.0)
@@ -363,30 +355,6 @@ class Runner:
         share = self._length_monitor.share(at_rest, tensions)
         limited: Floats = rest + share * (state.structure @ tensions - rest)
         return limited
-
-    @contextmanager
-    def _watched(self, interrupts: Interrupts) -> Iterator[None]:
-        """Watch over the steps of a run, where its clock advances during a step."""
-        if not getattr(self._clock, "real_time", False):
-            yield
-            return
-
-        def interrupt(why: str) -> None:
-            for client in self.modules.clients:
-                with suppress(HardwareError):
-                    client.send(Stop())
-            interrupts.throw(Hung(why))
-
-        with Watchdog(interrupt, self._abandon) as self._watchdog:
-            yield
-
-    def _begin_step(self, name: str, seconds: float) -> None:
-        if self._watchdog is not None:
-            self._watchdog.begin(name, seconds)
-
-    def _end_step(self) -> None:
-        if self._watchdog is not None:
-            self._watchdog.rest()
 
     def _abandon(self, why: str) -> None:
         """Stop all modules and end the process, in another thread than the run's, which does not return."""

@@ -34,7 +34,7 @@ class TimedStep(NamedTuple):
 
 
 class Watchdog:
-    """Watchdog over steps of this thread; a context manager.
+    """Watchdog over steps of the thread that enters it as a context.
 
     In another thread, `interrupt` is called with the reason: it stops the modules at once and interrupts this one,
     if it can. Where that did not help, `end` is called, which ends the process.
@@ -42,17 +42,17 @@ class Watchdog:
 
     def __init__(self, interrupt: Callable[[str], None], end: Callable[[str], None]) -> None:
         self._interrupt, self._end = interrupt, end
-        self._watched = threading.get_ident()
         self._step: TimedStep | None = None
+
+    def __enter__(self) -> Self:
+        """Start the watchdog."""
+        self._watched = threading.get_ident()
         self._closed = threading.Event()
         self._native = _native.Watchdog(
             "tensionlab: a native call keeps the interpreter and does not return, so the process ends; its "
             "modules release as their links close\n"
         )
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
-
-    def __enter__(self) -> Self:
-        """Start the watchdog."""
         self._thread.start()
         return self
 
@@ -87,7 +87,10 @@ class Watchdog:
                 return
 
     def _expire(self, step: TimedStep) -> None:
-        why = f"{step.name} has not ended for {step.seconds:g} s{self._place()}: all modules are stopped"
+        frame = sys._current_frames().get(self._watched)  # where the watched thread is, as far as Python knows
+        code = None if frame is None else frame.f_code
+        place = f", in {code.co_name} ({Path(code.co_filename).name}:{frame.f_lineno})" if code and frame else ""
+        why = f"{step.name} has not ended for {step.seconds:g} s{place}: all modules are stopped"
         self._interrupt(why)
         for _ in range(round(GRACE_S / TICK_S)):
             self._native.kick(GRACE_S + NATIVE_GRACE_S)
@@ -95,14 +98,6 @@ class Watchdog:
                 return
         self._native.kick(ENDING_S)
         self._end(why)
-
-    def _place(self) -> str:
-        """Return where the watched thread is, as far as Python knows."""
-        frame = sys._current_frames().get(self._watched)
-        if frame is None:
-            return ""
-        code = frame.f_code
-        return f", in {code.co_name} ({Path(code.co_filename).name}:{frame.f_lineno})"
 
 
 EMERGENCY_STOPPED = "emergency stop; `tensionlab module clear` leads out of it"

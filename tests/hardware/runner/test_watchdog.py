@@ -49,34 +49,25 @@ class Kicks(list):
         self.append("closed")
 
 
-@pytest.fixture
-def watched():
-    """Return a function: what becomes of a run after some ticks, in which a few things happen."""
-    made = []
-
-    def watch(ticks, happens=None, first=("cycle 1", 0.1)):
-        said = []
-        dog = Watchdog(
-            lambda why: said.append(("interrupt", dog._closed.number, why)),
-            lambda why: said.append(("end", dog._closed.number, why)),
-        )
-        made.append(dog._native)
-        begun = {at: partial(dog.begin, *step) if step else dog.rest for at, step in (happens or {}).items()}
-        dog._closed, dog._native = Ticks(ticks, begun), Kicks()
-        if first:
-            dog.begin(*first)
-        dog._watch()
-        return said, dog._native
-
-    yield watch
-    for native in made:
-        native.close()
+def watched(ticks, happens=None, first=("cycle 1", 0.1)):
+    """Return what becomes of a run after some ticks, in which a few things happen, and the native kicks."""
+    said = []
+    dog = Watchdog(
+        lambda why: said.append(("interrupt", dog._closed.number, why)),
+        lambda why: said.append(("end", dog._closed.number, why)),
+    )
+    begun = {at: partial(dog.begin, *step) if step else dog.rest for at, step in (happens or {}).items()}
+    dog._closed, dog._native, dog._watched = Ticks(ticks, begun), Kicks(), threading.get_ident()
+    if first:
+        dog.begin(*first)
+    dog._watch()
+    return said, dog._native
 
 
 GRACE_TICKS = round(GRACE_S / TICK_S)
 
 
-def test_a_step_may_take_its_time_and_not_a_tick_more(watched):
+def test_a_step_may_take_its_time_and_not_a_tick_more():
     assert watched(6)[0] == []  # seen in the first tick, and counted in five
     [(what, tick, why)], _ = watched(7)
     assert (what, tick) == ("interrupt", 7)
@@ -85,7 +76,7 @@ def test_a_step_may_take_its_time_and_not_a_tick_more(watched):
     assert "(watchdog.py:" in why, "where this thread is"
 
 
-def test_each_step_has_its_own_time_and_between_steps_nothing_is_late(watched):
+def test_each_step_has_its_own_time_and_between_steps_nothing_is_late():
     steps = {5: ("cycle 2", 0.1), 10: ("cycle 2", 0.1)}
     assert watched(16, steps)[0] == []
     [(_, tick, why)], _ = watched(17, steps)
@@ -95,7 +86,7 @@ def test_each_step_has_its_own_time_and_between_steps_nothing_is_late(watched):
     assert watched(500, first=None)[0] == []
 
 
-def test_what_does_not_leave_after_an_interruption_is_ended_once_and_for_the_same_reason(watched):
+def test_what_does_not_leave_after_an_interruption_is_ended_once_and_for_the_same_reason():
     said, _ = watched(7 + GRACE_TICKS - 1)
     assert [what for what, _, _ in said] == ["interrupt"]
     said, kicks = watched(10_000)
@@ -104,7 +95,7 @@ def test_what_does_not_leave_after_an_interruption_is_ended_once_and_for_the_sam
     assert kicks[-1] == 30.0, "time to stop the modules and close the log"
 
 
-def test_the_native_one_waits_longer_than_this_one_at_each_tick(watched):
+def test_the_native_one_waits_longer_than_this_one_at_each_tick():
     _, kicks = watched(4, {2: ("start", 5.0), 3: None})
     assert kicks == [0.1 + NATIVE_GRACE_S] * 2 + [5.0 + NATIVE_GRACE_S, NATIVE_GRACE_S]
     _, kicks = watched(10_000)
