@@ -97,9 +97,7 @@ def _plan(
 ) -> ValidationPlan:
     """Return the plan of the measurements; refuse options that exclude each other."""
     if modules is not None and sensor == SIMULATED:
-        raise typer.BadParameter(
-            "--modules needs --sensor: what do they pull on? `tensionlab simulate --sensor-port` has one as well"
-        )
+        raise typer.BadParameter("--modules needs --sensor: what do they pull on?")
     if modules is None and sensor != SIMULATED:
         raise typer.BadParameter(
             "--sensor is of no use without --modules: simulated ones pull on a simulated sensor"

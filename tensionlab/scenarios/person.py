@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import math
-import time
 from bisect import bisect_right
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from tensionlab.demand import Pose
 from tensionlab.errors import ScenarioError
-from tensionlab.haptics.bridge.messages import HAND
 from tensionlab.haptics.effects import parameters
-from tensionlab.hardware.protocol.codes import State
-from tensionlab.hardware.simulation.simulated_module import SimulatedModule
-from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
 from tensionlab.model.kinematics import structure_matrix
-from tensionlab.model.pose import frame_of
 from tensionlab.model.rig import Cables, Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief
@@ -28,12 +22,6 @@ from tensionlab.support.files.reading import brief
 AXIS_RATES = np.array([1.0, 0.83, 1.21])
 MAX_STEP_S = 1e-3  # longest step of the integration
 SPEED_STEP_S = 1e-4  # step of the difference that gives the script's velocity
-TRACKER_RATE_HZ = 90.0  # rate of a simulated tracker; those of head-mounted displays have it
-RETURN_S = 1.0  # duration of the return to the start
-PULLING = (State.ARMED, State.RUNNING)  # states of a module that pulls
-MAX_SLACK_M = 0.05  # excess length of a cable that is not slack
-# Receives the positions of bodies by name, in m, and their time, in s since 1970.
-Track = Callable[[Mapping[str, Floats], float], None]
 
 
 @parameters.checked_dataclass(ScenarioError)
@@ -273,71 +261,3 @@ class Person:
         frames = {name: (bodies[name].position(now), None) for name in self._rig.frames}
         self.pose = Pose(self._position, frames=frames)
         self._cables = None
-
-
-class PersonSimulation:
-    """Simulated person that holds the cables of modules served to another process, each time they are armed.
-
-    It stands still at its start until all modules are armed and have taken up the slack; then its script begins.
-    When all are stopped, it returns there, and the script does not begin before it has arrived. ``far_ends`` are
-    functions that return the current length of each module's cable, in m; ``track`` is called 90 times a second.
-    """
-
-    def __init__(self, plan: PersonPlan, rig: Rig, track: Track | None = None) -> None:
-        self._plan, self._rig, self._track = plan, rig, track
-        self._person, self._since = Person(plan, rig), 0.0
-        self._lengths = self._person.lengths
-        self._playing, self._back_at, self._latest = False, -np.inf, -np.inf
-        self._began, self._frames_sent = time.time(), 0
-        self.far_ends: dict[str, Callable[[], float]] = {
-            module.name: partial(self._length, index) for index, module in enumerate(rig.modules)
-        }
-
-    def take(self, modules: Sequence[SimulatedModule]) -> None:
-        """Apply the tensions of all modules, and move on; called by `serve` each ms."""
-        samples = [module.sample for module in modules]
-        now = samples[0].seconds
-        if now == self._latest:  # a message was received; no time has passed
-            return
-        self._latest = now
-        pulling = [sample.state in PULLING for sample in samples]
-        slack = any(sample.length - sample.distance > MAX_SLACK_M for sample in samples)
-        if self._playing and not any(pulling):
-            self._restart(return_plan(self._plan, self._person.pose), now)
-            self._playing, self._back_at = False, now + RETURN_S
-        elif not self._playing and all(pulling) and now >= self._back_at and not slack:
-            self._restart(self._plan, now)
-            self._playing = True
-        self._person.apply_tensions(np.array([sample.tension for sample in samples]))
-        # Targets of the cables after the modules' next step.
-        pose = self._person(now + COMPLIANT_STEP_S - self._since)
-        self._lengths = self._person.lengths
-        due = int(now * TRACKER_RATE_HZ)
-        if self._track is not None and due > self._frames_sent:
-            self._frames_sent = due
-            # On the modules' clock, which a busy computer does not distort.
-            self._track({HAND: pose.position, **_body_positions(pose)}, self._began + now)
-
-    def _restart(self, plan: PersonPlan, now: float) -> None:
-        self._person, self._since = Person(plan, self._rig), now
-        self._person.begin()
-
-    def _length(self, index: int) -> float:
-        return float(self._lengths[index])
-
-
-def return_plan(plan: PersonPlan, pose: Pose) -> PersonPlan:
-    """Return a plan from a pose to the start of another plan."""
-
-    def back(script: Script, here: Floats) -> Script:
-        there = script.position(0.0)
-        return Script((Waypoint(0.0, tuple(here.tolist())), Waypoint(RETURN_S, tuple(there.tolist()))))
-
-    positions = _body_positions(pose)
-    bodies = {name: back(script, positions[name]) for name, script in plan.bodies.items()}
-    return replace(plan, script=back(plan.script, pose.position), bodies=bodies)
-
-
-def _body_positions(pose: Pose) -> dict[str, Floats]:
-    frames = pose.frames or {}
-    return {name: np.asarray(frame_of(where).position, dtype=np.float64) for name, where in frames.items()}

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from tensionlab.errors import HardwareError, LinkError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.runner.settings import WorldClock
-from tensionlab.hardware.simulation.serve import TcpPort
-from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule, Trace
+from tensionlab.hardware.simulation.simulated_module import STEP_S, Trace
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
@@ -261,14 +260,6 @@ class SimulatedSensor:
         if len(tensions):
             self._keep(tensions, driven)
 
-    def sample(self, modules: Sequence[SimulatedModule]) -> None:
-        """Take one sample of the modules as they are now."""
-        samples = [module.sample for module in modules]
-        self._keep(
-            np.array([[sample.tension for sample in samples]]),
-            np.array([[sample.driver_on for sample in samples]]),
-        )
-
     def take(self) -> Floats:
         """Return the forces since the last call."""
         kept, self._kept = self._kept, []
@@ -280,36 +271,6 @@ class SimulatedSensor:
     def _keep(self, tensions: Floats, driven: NDArray[np.bool_]) -> None:
         pulled = np.maximum(tensions + np.where(driven, self._biases, 0.0), 0.0)
         self._kept.append(pulled @ self._pull.T + self._noise.take(len(pulled)))
-
-
-class SensorServer:
-    """Server of a `SimulatedSensor` over TCP: a line of three numbers each ms to a client."""
-
-    def __init__(self, rig: Rig, errors: RigErrors, seed: int, port: TcpPort) -> None:
-        self._sensor = SimulatedSensor(rig, errors, seed)
-        self._port = port
-        self._sent = 0
-        self._greeted = False
-
-    def take(self, modules: Sequence[SimulatedModule]) -> None:
-        """Sample the modules, if it is time to, and send the force.
-
-        Where their time made a leap, there is one sample for it, not many that are alike.
-        """
-        self._port.receive()
-        if not self._port.connected():
-            self._greeted = False
-            return
-        if not self._greeted:
-            self._port.send(f"{SIMULATED}\n".encode())
-            self._greeted = True
-        due = int(modules[0].seconds * SAMPLE_RATE_HZ)
-        if due == self._sent:
-            return
-        self._sent = due
-        self._sensor.sample(modules)
-        lines = [" ".join(f"{value:.6f}" for value in force) + "\n" for force in self._sensor.take().tolist()]
-        self._port.send("".join(lines).encode())
 
 
 def simulated_setup(rig: Rig, errors: RigErrors, seed: int = 0) -> tuple[ModuleGroup, WorldClock, SimulatedSensor]:

@@ -110,8 +110,6 @@ MISTAKES = {
     "validate rig.toml": "--out is missing",
     "validate --out v --sensor f.csv": "--sensor is of no use without --modules",
     "validate --out v --modules modules.toml --sensor f.csv --preset ideal": "--preset is for modules of",
-    "simulate --sensor-port 0": "--sensor-port takes a rig with all its modules",
-    "simulate rig.toml --sensor-port 0 --preset x": "no preset 'x'; there are ideal, paper-like",
     "scenario bow --modules socket://127.0.0.1:1": "have a tracker send /body/hand, /body/bow",
     "module calibrate gain sim: --sensor heads.csv": "--sensor and --staircase belong together",
     "module calibrate gain sim: --mass 0.1 --sensor heads.csv": "give either --mass",
@@ -122,7 +120,6 @@ MISTAKES = {
     "scenario bow --osc 9000": "--osc is for real modules; of a simulated person it is known where it is",
     "serve": "give a rig, or --scenario NAME, which has a rig of its own",
     "serve cube-8 --host 0.0.0.0 --port 0": "give a token that clients must know (--token-file)",
-    "simulate --tracker here": "--tracker sends the positions of a scenario: give --scenario NAME as well",
     "module calibrate gain sim:": "give either --mass, once or repeatedly, or --sensor with --staircase",
     "module config dump sim: --folder d": "--folder needs --modules FILE, whose names the files get",
     # Rigs that do not suit the verb.

@@ -12,7 +12,6 @@ def test_rates_and_times_are_finite_and_above_0(run, value):
         *(("serve", RIG, option) for option in ("--seconds", "--rate")),
         ("serve", "--scenario", "bow", "--rate"),
         ("scenario", "bow", "--seconds"),
-        ("simulate", RIG, "--speed"),
     ):
         status, out, err = run(*words, value)
         assert (status, out) == (2, "")

@@ -5,18 +5,13 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from tensionlab.hardware.client.group import connect
-from tensionlab.hardware.runner import settings
 from tensionlab.model.directions import grid18
 from tensionlab.model.files import load_rig
-from tensionlab.validation import sensors
 from tensionlab.validation.data_tables import read_recording
+from tensionlab.validation.error_model import draw_errors, find_preset
 from tensionlab.validation.protocol import Protocol, ValidationPlan, validate
-from tensionlab.validation.report import evaluate
-from tensionlab.validation.sensors import connect_sensor
-from tests.helpers.served import Simulation
+from tensionlab.validation.sensors import simulated_setup
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 RIG = RIGS / "bartels2026-validation.toml"
@@ -55,29 +50,12 @@ def test_one_command_measures_and_compares(run, tmp_path, monkeypatch):
     assert "of a validation with other preset" in said
 
 
-def test_with_served_modules_and_sensor_the_statistics_are_the_same(tmp_path, monkeypatch):
-    """Modules and sensor of `tensionlab simulate`, against those that a validation simulates itself."""
+def test_modules_and_a_sensor_that_are_given_measure_what_those_of_a_preset_do(tmp_path, monkeypatch):
     rig = load_rig(RIG)
     protocol = Protocol(hold=0.4, directions=grid18()[::26])
-    setup, found = validate(ValidationPlan(rig, "newton", protocol, "paper-like", 2), tmp_path / "here")
-    here = evaluate(setup, found)
-    simulation = Simulation(RIG, "--sensor-port", 0, "--seed", 2)
-    url = simulation.printed.partition("# Force sensor: ")[2].strip()
-    for module in (settings, sensors):
-        monkeypatch.setattr(module, "time", simulation.time)
-    monkeypatch.setattr("socket.create_connection", lambda address, timeout: simulation.connect(url))
-    sensor, group = connect_sensor(url), connect(rig, {name: simulation.link(name) for name in simulation.links})
-    setup, found = validate(ValidationPlan(rig, "newton", protocol), tmp_path / "there", (group, sensor))
-    group.close()
-    sensor.close()
-    simulation.close()
-    there = evaluate(setup, found)
-    assert setup["simulated"] is True  # the sensor said so
-    assert setup["preset"] is None
-    # Both sensors wander by 0.03 N per axis.
-    assert np.abs(there.aligned["paper"].forces - here.aligned["paper"].forces).max() < 0.2
-    a, b = here.aligned["paper"].score, there.aligned["paper"].score
-    assert b.angle.mean.value == pytest.approx(a.angle.mean.value, abs=2.0)
-    assert b.magnitude.mean.value == pytest.approx(a.magnitude.mean.value, abs=0.05)
-    assert b.vector.mean.value == pytest.approx(a.vector.mean.value, abs=0.05)
-    assert min(each.samples for each in there.measurements) >= 5  # fewer on a busy machine
+    _, found = validate(ValidationPlan(rig, "newton", protocol, "paper-like", 2), tmp_path / "preset")
+    group, clock, sensor = simulated_setup(rig, draw_errors(find_preset("paper-like"), rig.m, 2), 2)
+    monkeypatch.setattr("tensionlab.validation.protocol.RealClock", lambda clients: clock)
+    setup, given = validate(ValidationPlan(rig, "newton", protocol), tmp_path / "given", (group, sensor))
+    assert (setup["simulated"], setup["preset"]) == (True, None)
+    assert given == found

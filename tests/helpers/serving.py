@@ -40,8 +40,8 @@ class ServedRig:
         self.links = dict(zip(modules, (each.port.url for each in served), strict=True))
         self.rows = []
         self._more, self._stopped = threading.Condition(), threading.Event()
-        server = Server(served, watchers=[self._note])
-        self._thread = threading.Thread(target=serve, args=(server, self._stopped.is_set))
+        self._modules = list(modules.values())
+        self._thread = threading.Thread(target=serve, args=(Server(served), self._note))
         self._thread.start()
 
     def __enter__(self):
@@ -61,12 +61,14 @@ class ServedRig:
         with self._more:
             assert self._more.wait_for(lambda: self.rows and condition(self.rows[-1]), TIMEOUT_S)
 
-    def _note(self, modules):
-        now = modules[0].seconds
+    def _note(self):
+        """Note a row if it is time to; return whether serving is to end."""
+        now = self._modules[0].seconds
         if self.rows and now < self.rows[-1].time + ROW_S:
-            return
-        samples = [module.sample for module in modules]
+            return self._stopped.is_set()
+        samples = [module.sample for module in self._modules]
         with self._more:
             states, tensions = (each.state for each in samples), (each.commanded for each in samples)
             self.rows.append(Row(now, tuple(states), tuple(tensions)))
             self._more.notify_all()
+        return self._stopped.is_set()

@@ -18,7 +18,7 @@ WALL = 0.30
 LEANS, TURNS, RUNS = 3.2, 4.2, 5.4
 
 
-# Which scenarios, and how long their links take, in s. `test_served.py` has all without a delay.
+# Which scenarios, and how long their links take, in s. `test_tracked.py` has all without a delay.
 PLAYED = [(name, 0.02) for name in SCENARIOS] + [("collision", 0.0)]
 if PROFILE == "nightly":
     PLAYED = [(name, delay) for name in SCENARIOS for delay in (0.0, 0.02)]

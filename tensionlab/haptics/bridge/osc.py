@@ -8,8 +8,7 @@
     /stop                                 end the run
 
 The messages of a bundle are simultaneous, at the time of its tag, if it has one. A datagram is taken as a whole or
-not at all; other addresses are ignored. Packets are read within bounds: sizes first, then contents. `OscTracker`
-sends what `OscServer` receives.
+not at all; other addresses are ignored. Packets are read within bounds: sizes first, then contents.
 """
 
 from __future__ import annotations
@@ -20,25 +19,21 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from tensionlab.errors import (
     EffectError,
-    HardwareError,
     ProtocolError,
     TensionlabError,
     cannot_listen,
-    optional_import,
 )
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, LimitedReport
 from tensionlab.haptics.bridge.messages import Frame, parse_message, refusal_reason
 from tensionlab.haptics.effects import EFFECTS
 from tensionlab.haptics.effects.parameters import list_names
-from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief
 
 ADDRESS = re.compile(r"/stop|/(body|effect)/[^/]+")
@@ -319,47 +314,3 @@ def _parameters(effect: str, values: list[Any]) -> dict[str, Any]:
                 )
         part[key] = given[0] if len(given) == 1 and name not in lists else tuple(given)
     return table
-
-
-class OscTracker:
-    """Sender of positions of bodies over OSC, to a host and port. A context manager.
-
-    Raises `HardwareError` if there is no such host, `MissingDependency` without python-osc.
-    """
-
-    def __init__(self, host: str, port: int) -> None:
-        with optional_import("haptics", "OSC"):
-            import pythonosc.osc_bundle_builder  # noqa: F401
-        try:
-            found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
-        except OSError as error:
-            raise HardwareError(f"OSC cannot be sent to {host}, port {port}: {error.strerror}") from None
-        family, kind, _, _, address = found[0]
-        self._socket, self._address = socket.socket(family, kind), address
-        self._socket.setblocking(False)
-
-    def __enter__(self) -> Self:
-        """Return the tracker, with its socket open."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the socket."""
-        self._socket.close()
-
-    def send(self, bodies: Mapping[str, Floats], when: float) -> None:
-        """Send positions of bodies, by name, in m, with their time in s since 1970 as the time tag."""
-        with suppress(OSError):  # no listener, or no room: the next one follows soon
-            self._socket.sendto(bundle_of(bodies, when), self._address)
-
-
-def bundle_of(bodies: Mapping[str, Floats], when: float) -> bytes:
-    """Return the datagram of `OscTracker.send`."""
-    from pythonosc.osc_bundle_builder import OscBundleBuilder
-    from pythonosc.osc_message_builder import build_msg
-
-    bundle = OscBundleBuilder(when)  # type: ignore[arg-type]  # a float in s, as its docstring says
-    for name, position in bodies.items():
-        bundle.add_content(build_msg(f"/body/{name}", position.tolist()))
-    return bundle.build().dgram

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import random
 import re
 import select
@@ -98,7 +97,6 @@ class TcpPort:
             self._client = None
 
 
-StepObserver = Callable[[Sequence[SimulatedModule]], None]  # called with the modules after each step
 TICK_S, IDLE_TICK_S = 1e-3, 20e-3  # period of steps of a module with a client, and without
 # Delay of the server that passes in its modules at once; a longer one must not make them time out.
 MAX_LATE_S = 20e-3
@@ -127,8 +125,7 @@ def parse_fault(text: str) -> PlannedFault:
 class ServedModule:
     """Simulated module at a port, behind a link of given conditions, whose damage has the seed.
 
-    The settings file is written when the module saves. `far_end`, if given, is called at each step and returns the
-    length of the cable in m.
+    The settings file is written when the module saves.
     """
 
     def __init__(
@@ -140,9 +137,8 @@ class ServedModule:
         seed: int = 0,
         faults: Sequence[PlannedFault] = (),
         settings_file: Path | None = None,
-        far_end: Callable[[], float] | None = None,
     ) -> None:
-        self.module, self.port, self._far_end = module, port, far_end
+        self.module, self.port = module, port
         conditions = Conditions() if conditions is None else conditions
         self._inbound = Channel(conditions, random.Random(f"in {seed}"))
         self._outbound = Channel(conditions, random.Random(f"out {seed}"))
@@ -184,29 +180,20 @@ class ServedModule:
             self.module.damage(self._faults.pop().part)
         steps = int(now / STEP_S) - self._steps
         self._steps += steps
-        self.module.advance(steps * STEP_S, None if self._far_end is None else self._far_end())
+        self.module.advance(steps * STEP_S)
         if self._settings_file is not None and self.module.settings != self._settings:
             self._settings = self.module.settings
             writing.write_bytes(self._settings_file, self._settings)
 
 
 class Server:
-    """Server of simulated modules, whose time passes `speed` times as fast as that of `clock`, in s.
+    """Server of simulated modules in real time, by a clock in s.
 
     All run in one thread; a module needs 3 % of a processor. Deadlines are absolute, so delays do not add up.
-    After each step, of at most `longest` s, the watchers see the modules, and may move their cables.
     """
 
-    def __init__(
-        self,
-        modules: Sequence[ServedModule],
-        speed: float = 1.0,
-        watchers: Sequence[StepObserver] = (),
-        longest: float = math.inf,
-        clock: Callable[[], float] = time.perf_counter,
-    ) -> None:
-        self._modules, self._speed, self._watchers, self._longest = modules, speed, watchers, longest
-        self._clock = clock
+    def __init__(self, modules: Sequence[ServedModule], clock: Callable[[], float] = time.perf_counter) -> None:
+        self._modules, self._clock = modules, clock
         self._start, self._now, self._behind = clock(), 0.0, 0.0
 
     def files(self) -> list[int]:
@@ -215,24 +202,20 @@ class Server:
 
     def wait(self) -> float:
         """Return the longest wait for those files until the next step, in s of the clock."""
-        return min(max(self._start + self._due() / self._speed - self._clock(), 0.0), IDLE_TICK_S)
+        return min(max(self._start + self._due() - self._clock(), 0.0), IDLE_TICK_S)
 
     def step(self) -> None:
         """Let time pass in all modules up to now."""
         then, due = self._now, self._due()
-        now = (self._clock() - self._start) * self._speed
+        now = self._clock() - self._start
         late = now - due - MAX_LATE_S
         if late <= 0.0:
             late = -min(CATCH_UP * max(now - then, 0.0), self._behind)
         self._behind = min(self._behind + late, MAX_BEHIND_S)
-        self._start += late / self._speed
-        self._now = now = max(now - late, then)  # no rounding error takes it back
-        pieces = max(math.ceil((now - then) / self._longest), 1)
-        for piece in range(1, pieces + 1):
-            for served in self._modules:
-                served.serve(then + (now - then) * piece / pieces)
-            for watch in self._watchers:
-                watch([served.module for served in self._modules])
+        self._start += late
+        self._now = max(now - late, then)  # no rounding error takes it back
+        for served in self._modules:
+            served.serve(self._now)
 
     def close(self) -> None:
         """Close all ports."""

@@ -17,9 +17,10 @@ from tensionlab.haptics.bridge.command import (
     LimitedReport,
 )
 from tensionlab.haptics.bridge.messages import Frame
-from tensionlab.haptics.bridge.osc import OscServer, bundle_of
+from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.effects import Plane
 from tests.helpers.runs import four
+from tests.helpers.tracked import bundle_of
 
 FRAME = Frame.model_validate({"time": 0.0, "bodies": {"hand": {"position": [0.0, 0.31, 0.0]}}})
 PULL = build_msg("/effect/pull", ["spring", "centre", 0.0, 0.36, 0.0, "stiffness", 20.0]).dgram

@@ -27,4 +27,4 @@ def test_what_markdown_would_read_is_escaped():
 
 
 def test_values_to_choose_from_stay_in_one_cell():
-    assert "| `--preset ideal\\|paper-like` | " in PAGES["simulate"]
+    assert "| `--preset ideal\\|paper-like` | " in PAGES["validate"]

@@ -1,0 +1,63 @@
+"""Scenarios on modules whose tracker sends the poses of hand and bodies by OSC."""
+
+import numpy as np
+import pytest
+
+from tensionlab.haptics.bridge.client_state import ClientState
+from tensionlab.haptics.bridge.osc import OscServer
+from tensionlab.haptics.bridge.source import tracked_pose
+from tensionlab.hardware import World, WorldClock
+from tensionlab.scenarios import SCENARIOS, Person, load_scenario
+from tensionlab.scenarios.checks import check_directions
+from tensionlab.scenarios.expected import check_magnet, check_scenario
+from tensionlab.scenarios.play import ScenarioModules, needs_tracker, play
+from tests.helpers.tracked import bundle_of
+
+PARTS = {
+    "materials": (3.0, check_magnet),
+    "collision": (6.2, check_scenario),
+    "recoil": (3.2, check_scenario),
+    "weight": (3.6, check_scenario),
+}  # how much is played, in s, and who judges it, where that is not all and by `check_scenario`
+TRACKER_PERIOD_S = 1.0 / 90.0
+
+
+class TrackedPerson(Person):
+    """Person whom a tracker follows, and who begins with the first tension of all cables."""
+
+    due, track = 0.0, None
+
+    def __call__(self, time):
+        pose = super().__call__(time)
+        if (self._tensions > 0.3).all():
+            self.begin()
+        if self.track is not None and time >= self.due:
+            self.due = time + TRACKER_PERIOD_S
+            frames = {name: np.asarray(place) for name, (place, _) in (pose.frames or {}).items()}
+            self.track(bundle_of({"hand": pose.position, **frames}, 1.7e9 + time), "127.0.0.1")
+        return pose
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_scenario_is_as_expected_with_a_person_whom_only_the_modules_and_a_tracker_know(name):
+    scenario, ignored = load_scenario(name), []
+    seconds, judge = PARTS.get(name, (scenario.seconds, check_scenario))
+    person = TrackedPerson(scenario.person, scenario.rig)
+    world = World(scenario.rig, person)
+    client = ClientState(scenario.rig, lambda: world.time)
+    tracker = tracked_pose(client) if needs_tracker(scenario.rig) else None
+    links = {module.name: "sim:" for module in scenario.rig.modules}
+    with OscServer(client, "127.0.0.1", 0, ignored.append) as osc:
+        person.track = osc.receive
+        found = play(scenario, ScenarioModules(world.group(), WorldClock(world), links, tracker), seconds=seconds)
+    assert found.statistics.ended == "duration reached"
+    assert [ignored, dict(found.statistics.lost), dict(found.statistics.unconfirmed)] == [[], {}, {}]
+    rows = judge(found)
+    assert rows
+    for row in rows:
+        assert row.met, row
+    where = check_directions(found.run)
+    assert where.cycles > 0
+    assert where.reasons["unexplained"] == 0
+    assert where.within + sum(where.reasons.values()) == where.cycles
