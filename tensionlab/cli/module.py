@@ -23,7 +23,7 @@ from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient
 from tensionlab.hardware.client.parameter_file import Change, firmware, plain
 from tensionlab.hardware.protocol import messages
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, PARAMETERS, State
-from tensionlab.hardware.protocol.messages import Clear, EmergencyStop, Info, Message, Stop
+from tensionlab.hardware.protocol.messages import Clear, Info, Message, Stop
 from tensionlab.support.files.reading import read_text
 from tensionlab.support.files.writing import make_folder, write_text
 from tensionlab.support.table import Column, Table
@@ -132,15 +132,6 @@ def identify(links: Links = None, modules: ModulesFile = None) -> None:
 def stop(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Stop modules: they release their cables and are idle. Exit status 1 if one did not confirm it."""
     _command(find_links(links, modules), Stop(), json)
-
-
-@module.command("estop")
-def estop_these(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
-    """Stop modules at once, until they are cleared. Exit status 1 if one did not confirm it.
-
-    ``tensionlab estop`` also reaches modules that another process uses.
-    """
-    _command(find_links(links, modules), EmergencyStop(), json)
 
 
 @module.command()

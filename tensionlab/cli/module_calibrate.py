@@ -14,10 +14,9 @@ from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import RigArgument
 from tensionlab.cli.common.verbs import Json, Verbs
 from tensionlab.hardware.calibration import anchors as calibration
-from tensionlab.hardware.calibration import gain_measurement as measurement
 from tensionlab.hardware.calibration import lengths as length_calibration
 from tensionlab.hardware.calibration.anchors import AnchorEstimate
-from tensionlab.hardware.calibration.gain import Balance, GainEstimate, gain_from_sensor, gain_from_weights
+from tensionlab.hardware.calibration.gain import Balance, GainEstimate, estimate_gain, weigh
 from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.hardware.client.links import load_modules
 from tensionlab.hardware.client.module import ModuleClient
@@ -50,16 +49,9 @@ LARGEST_UNCERTAINTY = 0.05  # share of a gain: a less certain one is not written
 def gain(
     url: Url,
     mass: Annotated[
-        list[float] | None, typer.Option(metavar="KG", help="Mass to hang on the cable; two or more are better.")
-    ] = None,
+        list[float], typer.Option(metavar="KG", help="Mass to hang on the cable; two or more are better.")
+    ],
     repeat: Annotated[int, typer.Option(metavar="N", help="How often each mass is lifted.", min=2, max=100)] = 5,
-    sensor: Annotated[
-        Path | None,
-        typer.Option(metavar="CSV", help="Recording of a force sensor: columns time (s) and force (N)."),
-    ] = None,
-    staircase: Annotated[
-        Path | None, typer.Option(metavar="CSV", help="What the module measured meanwhile: from `staircase`.")
-    ] = None,
     write: Annotated[
         bool, typer.Option("--write", help="Write the N/A to the module, and save it there.")
     ] = False,
@@ -67,27 +59,16 @@ def gain(
 ) -> None:
     """Find N/A, friction and zero current of a module.
 
-    From masses on its cable, or from a force sensor. The module stands above, and the mass hangs still or stands
+    From masses on its cable. The module stands above, and the mass hangs still or stands
     on something, with 5 cm to rise. It is lifted and lowered slowly, some mm each time. Exit status 1 if the
     result is too uncertain to be written.
     """
-    if (mass is None) == (sensor is None):
-        raise typer.BadParameter("give either --mass, once or repeatedly, or --sensor with --staircase")
-    if (sensor is None) != (staircase is None):
-        raise typer.BadParameter("--sensor and --staircase belong together; `staircase` records the latter")
-    for each in mass or []:
+    for each in mass:
         if not 0.0 < each < 100.0:
             raise typer.BadParameter(f"--mass {each:g}: give kg, above 0 and below 100")
-    recorded: list[Balance] = []
-    if sensor and staircase:
-        record, (time, force) = measurement.load_staircase(staircase), measurement.load_sensor(sensor)
-        recorded = measurement.balances(record, time, force, measurement.lag(record, time, force))
     with _open(url) as client:
         before = client.hello().newton_per_ampere
-        if mass:
-            found = gain_from_weights(_weigh_all(client, mass, repeat), before)
-        else:
-            found = gain_from_sensor(recorded, before)
+        found = estimate_gain(_weigh_all(client, mass, repeat), before)
         uncertainty = found.gain.half_width / found.gain.value
         written = write and uncertainty <= LARGEST_UNCERTAINTY
         if written:
@@ -117,23 +98,6 @@ def gain(
         raise typer.Exit(1)
 
 
-@calibrate.command()
-@output.if_interrupted(output.NOTHING_KEPT)
-def staircase(
-    url: Url, out: Annotated[Path, options.writes("Write to this file.", ".csv", metavar="CSV")]
-) -> None:
-    """Pull at a force sensor in steps, for `gain`.
-
-    Up and down, recording what the module measures. Tie the cable to the sensor, start the sensor's recording,
-    run this, and stop the recording; then ``gain URL --sensor FILE --staircase CSV``.
-    """
-    with _open(url) as client, output.progress("staircase") as progress:
-        record = measurement.climb(client, progress)
-    with output.ResultWriter() as writer:
-        done = f"{record.time[-1]:.0f} s, up to {record.tension.max():.2f} N"
-        writer.write_text(done, out, table_text(vars(record)))
-
-
 def _open(url: str) -> ModuleClient:
     """Open a module; on the cable of ``sim:`` hangs a mass."""
     if url != "sim:":
@@ -153,7 +117,7 @@ def _weigh_all(client: ModuleClient, masses: list[float], repeat: int) -> list[B
         else:
             output.wait_for_enter(f"Hang {mass:g} kg on the cable, still, with 5 cm to rise")
         with output.progress(f"{mass:g} kg") as progress:
-            balances += measurement.weigh(client, mass, repeat, progress)
+            balances += weigh(client, mass, repeat, progress)
     return balances
 
 

@@ -12,6 +12,7 @@ from tensionlab.errors import LinkError
 from tensionlab.hardware.client import diagnostics as discover
 from tensionlab.hardware.client.links import SerialPort, modules_to_toml
 from tensionlab.hardware.client.locks import Holder, LinkLock
+from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.shared_telemetry import Publisher, Report, Watcher
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.hardware.protocol.messages import Telemetry
@@ -180,11 +181,11 @@ def test_identify_says_which_cable_pulses_and_why_one_cannot(run, call, urls):
     assert "is not calibrated, and can't be armed: `tensionlab module calibrate gain sim:`" in err
 
 
-def test_stop_estop_and_clear_say_in_which_state_that_leaves_modules(call, urls):
+def test_stop_and_clear_say_in_which_state_that_leaves_modules(call, urls):
     names = list(urls)
     assert call("stop")[:2] == (0, "".join(f"{name}: idle\n" for name in names))
-    status, out, _ = call("estop", "top")
-    assert (status, out) == (0, "top: estop: driver off; `tensionlab module clear` leads out of it\n")
+    with ModuleClient("top", urls["top"]) as client:
+        client.estop()
     status, out, err = call("identify", "top")
     assert status == 1
     assert out == ""

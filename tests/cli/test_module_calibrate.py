@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import CalibrationError
-from tensionlab.hardware.calibration import gain_measurement
 from tensionlab.hardware.client.links import modules_to_toml
 from tensionlab.model.files import load_rig
 from tensionlab.support.files.tables import read_table, table_text
@@ -130,29 +129,12 @@ def test_lengths_are_told_and_recorded(run, tmp_path, urls, simulated_time):
     np.testing.assert_allclose([table[m.name][0] for m in rig.modules], rig.lengths(rig.home), atol=2e-3)
 
 
-def test_a_staircase_is_climbed_and_a_mass_that_does_not_move_is_refused(run, tmp_path, monkeypatch, urls):
-    monkeypatch.setattr(gain_measurement, "LEVELS", 4)
-    monkeypatch.setattr(gain_measurement, "DWELL_S", 0.2)
-    monkeypatch.setattr(gain_measurement, "RATE_N_S", 3.0)
+def test_a_mass_is_hung_on_by_a_person_and_refused_if_it_does_not_move(run, monkeypatch, urls):
     url = urls["top"]
-    code, out, err = run("staircase", url, "--out", tmp_path / "up-and-down.csv")
-    assert code == 0, err
-    assert "up to 2.7" in out
-    taken = gain_measurement.load_staircase(tmp_path / "up-and-down.csv")
-    assert set(taken.step) == {-1, 0, 1, 2, 3, 4, 5, 6}
-    # This module has 3 N/A; what it pulled with is what a sensor would have shown, but for friction.
-    force = 3.0 * taken.current
-    lines = [f"{t},{f}" for t, f in zip(taken.time, force, strict=True)]
-    (tmp_path / "sensor.csv").write_text("time,force\n" + "\n".join(lines))
-    words = ["gain", url, "--sensor", tmp_path / "sensor.csv", "--staircase", tmp_path / "up-and-down.csv"]
-    code, out, err = run(*words, "--json", "--write")
-    assert code == 0, err
-    assert json.loads(out)["newton_per_ampere"]["value"] == pytest.approx(3.0, rel=0.02)
-    assert json.loads(out)["written"] is True
     monkeypatch.setattr("sys.stdin", io.StringIO())
     assert "stdin ended before Enter was pressed; run this in a terminal" in run("gain", url, "--mass", 0.1)[2]
     monkeypatch.setattr("sys.stdin", io.StringIO("\n"))
-    monkeypatch.setattr("tensionlab.hardware.calibration.gain_measurement.SEARCH_N_S", 3.0)
+    monkeypatch.setattr("tensionlab.hardware.calibration.gain.SEARCH_N_S", 3.0)
     code, _, err = run("gain", url, "--mass", 0.1)
     assert code == 2
     assert "its cable does not reel in yet; is the mass heavier than was said, or not free" in err

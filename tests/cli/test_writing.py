@@ -64,7 +64,6 @@ RECIPES = {
     ("simulate", "--modules"): (f"simulate {RIG}", ".toml"),
     ("simulate", "--config-file"): ("simulate", ".bin"),
     ("validate", "--out"): (f"validate {RIG} --preset ideal --hold 0.35", ""),
-    ("module calibrate staircase", "--out"): ("module calibrate staircase sim:", ".csv"),
     ("module calibrate record", "--out"): (f"module calibrate record {RIG} --modules modules.toml", ".csv"),
     ("module calibrate anchors", "--out"): (f"module calibrate anchors {RIG} lengths.csv --known", ".toml"),
     ("module config dump", "--folder"): ("module config dump --modules modules.toml", ""),
@@ -84,7 +83,7 @@ RECIPES = {
 # What is written bit by bit under its own name, so that it outlives the process.
 IN_PLACE = {".mcap", ".csv", ".zarr"}
 READS = {"token_file", "rig", "rigs", "path", "poses", "trajectory", "program", "modules", "scenario", "sensor",
-         "staircase", "caspr", "measured", "old", "new"}  # fmt: skip
+         "caspr", "measured", "old", "new"}  # fmt: skip
 QUICK = [key for key in RECIPES if key != ("validate", "--out")]
 
 

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.calibration import gain_measurement
 from tensionlab.hardware.calibration.lengths import load_lengths
 from tensionlab.hardware.client.links import load_modules
 from tensionlab.hardware.client.parameter_file import parse
@@ -191,10 +190,6 @@ def _read_poses(place: Path) -> object:
     return poses.arrays(), poses.labels()
 
 
-def _read_staircase(place: Path) -> object:
-    return gain_measurement.load_staircase(place)
-
-
 def _read_lengths(place: Path) -> object:
     return load_lengths(place, RIG)
 
@@ -364,7 +359,6 @@ def write(content: Files, place: Path) -> Path:
 RIG_TABLE = tomllib.loads(rig_to_toml(RIG))
 LINKS = {"modules": {"floor-1": "socket://127.0.0.1:1", "floor-2": "/dev/rfcomm0"}}
 PARAMETERS = {"module": {"serial_number": 1}, "parameters": {"tension_lower": 0.5, "slew": 60.0, "ttl": 250.0}}
-STAIRCASE = [[*gain_measurement.COLUMNS], *([0.1 * i, 0.1 * i, 0.3 * i, i, 1] for i in range(12))]
 DIRECTIONS = [["x", "y", "z"], [1, 0, 0], [0, 1, 0]]
 POSES = [["x", "y", "z", "rx", "ry", "rz"], [0.0, 0.0, 1.0, 0.0, 0.0, 0.1], [0.1, 0.0, 1.0, 0.0, 0.0, 0.2]]
 LENGTHS = [[*(module.name for module in RIG.modules), "x", "y", "z"], [0.6, 0.7, 0.7, 2.0, 0.0, 0.3, 0.0]]
@@ -380,7 +374,6 @@ KINDS = {
     "published values": Kind(".toml", _published, toml, _read_published),
     "directions": Kind(".csv", lambda: DIRECTIONS, csv, _read_directions),
     "poses, CSV": Kind(".csv", lambda: POSES, csv, _read_poses),
-    "staircase": Kind(".csv", lambda: STAIRCASE, csv, _read_staircase),
     "lengths": Kind(".csv", lambda: LENGTHS, csv, _read_lengths),
     "forces": Kind(".csv", lambda: SENSOR_FORCES, csv, _read_forces),
     "poses, Parquet": Kind(".parquet", lambda: POSE_TABLE, parquet, _read_poses),

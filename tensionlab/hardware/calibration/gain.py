@@ -1,21 +1,31 @@
-"""Calibration of a module's tension per ampere, friction and zero, with confidence intervals.
+"""Calibration of a module's tension per ampere, friction and zero by weights on its cable.
 
 A cable that is just being reeled in under a weight w needs the current of ``k (I - I0) = w + f``; one that just
 begins to pay out, of ``k (I - I0) = w - f``. Half of the difference is the friction f, so k and the zero I0 are
-free of it. With a force sensor in place of the weight, its force takes the place of w, and the hysteresis between
-a staircase up and down that of the two directions. See Bartels et al. 2026 for the modules; separating friction by
-the direction of motion is standard in identifying robots (Armstrong-Hélouvry et al. 1994, Automatica 30(7)).
+free of it. See Bartels et al. 2026 for the modules; separating friction by the direction of motion is standard in
+identifying robots (Armstrong-Hélouvry et al. 1994, Automatica 30(7)).
+
+To measure, the set-point goes up slowly until the cable reels in, and down until it pays out. Force that grows
+evenly moves a mass at rest by the cube of time, so the cube root of the way leads back to the moment of its start.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from tensionlab.errors import CalibrationError
+from tensionlab.errors import CalibrationError, HardwareError, ModuleFault
+from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient, Received
+from tensionlab.hardware.protocol.codes import PARAMETERS, Calibration, Limit, State
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Info, Message, SetParameter, Telemetry
+from tensionlab.hardware.runner.watchdog import stopping
+from tensionlab.model.module import STANDARD_GRAVITY_M_S2
 from tensionlab.support.arrays import Floats
 
 CONFIDENCE = 0.95  # level of all intervals here
@@ -71,18 +81,9 @@ def fit(rows: Floats, values: Floats) -> LinearFit:
     return LinearFit(coefficients, covariance, freedom, residuals)
 
 
-def _ratio(found: LinearFit, top: int, bottom: int) -> Estimate:
-    """Return the estimate of the quotient of two coefficients, by the delta method."""
-    a, b = found.coefficients[top], found.coefficients[bottom]
-    gradient = np.zeros(len(found.coefficients))
-    gradient[top] += 1.0 / b
-    gradient[bottom] -= a / b**2
-    return around(float(a / b), math.sqrt(gradient @ found.covariance @ gradient), found.freedom)
-
-
 @dataclass(frozen=True)
 class Balance:
-    """Force at the cable's far end, by a weight or a sensor, and the motor current that balances it."""
+    """Weight at the cable's far end, and the motor current that balances it."""
 
     force: float  # N
     current: float  # A
@@ -102,61 +103,239 @@ class GainEstimate:
     balances: tuple[Balance, ...]
 
 
-def gain_from_weights(balances: Sequence[Balance], previous_gain: float) -> GainEstimate:
+def estimate_gain(balances: Sequence[Balance], previous_gain: float) -> GainEstimate:
     """Estimate N/A, friction and zero from the currents that weights needed.
 
     The weights are known better than the currents, so currents are fitted: ``I = w / k ± f / k + I0``. A
     `CalibrationError` refuses too few balances, only one direction, or currents that do not grow with the weight.
     """
-    force, current, direction = _columns(balances)
+    if min(sum(each.direction == direction for each in balances) for direction in (-1, 1)) < 2:
+        raise CalibrationError(f"{len(balances)} balances are not enough; measure twice in each direction")
+    force, current, direction = np.array([(each.force, each.current, each.direction) for each in balances]).T
     several = float(np.ptp(force)) > 0.0
     fitted = fit(np.column_stack([force, direction, *([np.ones(len(force))] if several else [])]), current)
-    slope = around(fitted.coefficients[0], math.sqrt(fitted.covariance[0, 0]), fitted.freedom)
+    values, deviations = fitted.coefficients.tolist(), np.sqrt(np.diag(fitted.covariance)).tolist()
+    slope = around(values[0], deviations[0], fitted.freedom)
     if not slope.lower > 0.0:
         raise CalibrationError(
             "the current does not grow with the weight beyond doubt; take weights that differ more"
         )
-    zero = around(fitted.coefficients[2], math.sqrt(fitted.covariance[2, 2]), fitted.freedom) if several else None
     gain = Estimate(1.0 / slope.value, 1.0 / slope.upper, 1.0 / slope.lower)
-    return _estimate(balances, gain, _ratio(fitted, 1, 0), zero, previous_gain)
-
-
-def gain_from_sensor(balances: Sequence[Balance], previous_gain: float) -> GainEstimate:
-    """Estimate N/A, friction and zero from the forces that a sensor measured at some currents.
-
-    Forces are fitted: ``F = k I - f direction - k I0``. A zero of the sensor itself shows as one of the current.
-    Errors as those of `gain_from_weights`.
-    """
-    force, current, direction = _columns(balances)
-    fitted = fit(np.column_stack([current, -direction, -np.ones(len(force))]), force)
-    deviations = np.sqrt(np.diag(fitted.covariance))
-    gain = around(fitted.coefficients[0], deviations[0], fitted.freedom)
-    if not gain.lower > 0.0:
-        raise CalibrationError(
-            "the force does not grow with the current beyond doubt; do the sensor's file and the record belong "
-            "together, and is pulling positive?"
-        )
-    friction = around(fitted.coefficients[1], deviations[1], fitted.freedom)
-    return _estimate(balances, gain, friction, _ratio(fitted, 2, 0), previous_gain)
-
-
-def _columns(balances: Sequence[Balance]) -> tuple[Floats, Floats, Floats]:
-    force, current, direction = np.array(
-        [(each.force, each.current, each.direction) for each in balances], dtype=np.float64
-    ).T
-    if len(balances) < 4 or not np.ptp(direction):
-        raise CalibrationError(
-            f"{len(balances)} balances in {len(set(direction))} direction(s) are not enough; measure at least "
-            "twice in each direction"
-        )
-    return force, current, direction
-
-
-def _estimate(
-    balances: Sequence[Balance], gain: Estimate, friction: Estimate, zero: Estimate | None, previous_gain: float
-) -> GainEstimate:
-    force, current, direction = _columns(balances)
+    gradient = np.array([-values[1] / values[0], 1.0]) / values[0]  # of the friction, by the delta method
+    variance = float(gradient @ fitted.covariance[:2, :2] @ gradient)
+    friction = around(values[1] / values[0], math.sqrt(variance), fitted.freedom)
+    zero = around(values[2], deviations[2], fitted.freedom) if several else None
     tension = force + friction.value * direction
     modelled = previous_gain * current, gain.value * (current - (zero.value if zero else 0.0))
     before, after = (math.sqrt(float(np.mean((each - tension) ** 2))) for each in modelled)
     return GainEstimate(gain, friction, zero, previous_gain, before, after, tuple(balances))
+
+
+PERIOD_S = 0.02  # from one set-point to the next, in s
+TELEMETRY_MS = 10
+MAX_SILENT_PERIODS = 25  # without telemetry
+ARM_TRIES = 3
+LIMITER_ADVICE = {
+    Limit.THERMAL: "its winding's budget is spent; let it cool, and pull less",
+    Limit.SPEED: "its cable reels in too fast; is there nothing on it?",
+    Limit.LENGTH: "its cable is as short or as long as it may be; move the module, or calibrate its length",
+}  # limiters that keep a module from the commanded tension, and what to do about them
+# Rate of the set-point in N/s: first to find where the mass moves, then to weigh it.
+SEARCH_N_S, RAMP_N_S = 0.5, 0.1
+# Cable lengths in m: lifted off the ground; surely moving; moving by more than a tooth of cogging.
+LIFT_M, MOVED_M, STARTED_M = 0.01, 0.003, 0.0005
+MAX_WEIGHT_RATIO = 2.0  # largest ratio of the set-point to the weight: no N/A is farther off
+DAMPING_NS_M = 1.0  # damping of a mass by the host, in N·s/m
+STILL_M, STILL_S = 0.0003, 0.2  # a mass that moves no further in this time is at rest
+REST_TIMEOUT_S = 5.0  # longest time for a mass to come to rest
+MIN_MOVING_SAMPLES = 4  # number of telemetry samples of a moving cable to find its start
+TREND_S = 0.5  # time before the start over which the current is fitted
+
+
+def weigh(
+    client: ModuleClient, mass: float, repeats: int = 5, progress: Callable[[float], None] | None = None
+) -> list[Balance]:
+    """Measure the currents that lift a mass, in kg, and let it down, several times.
+
+    The mass stands or hangs still with its cable straight, and has 5 cm to rise. The module is stopped at the end.
+    `progress` is called with the share that is done. A `CalibrationError` if the mass is too light or too heavy
+    for the module, or does not come to rest; a `HardwareError` if the module releases it, or does not answer.
+    """
+    weight = mass * STANDARD_GRAVITY_M_S2
+    _require_weight(client, mass)
+    balances = []
+    with _pulling(client) as puller:
+        lower = puller.info.tension_lower
+        ramp = partial(_ramp, puller, min(puller.info.tension_upper, MAX_WEIGHT_RATIO * weight))
+        _settle(puller, lower)  # takes up slack
+        ground = puller.reports[-1].length
+        lifted = ramp(lower, SEARCH_N_S, LIFT_M, DAMPING_NS_M)
+        lowered = ramp(lifted, -SEARCH_N_S, MOVED_M, DAMPING_NS_M)
+        _settle(puller, (lifted + lowered) / 2.0)
+        # Once more: the first time, the cable also stretched.
+        lifted = ramp((lifted + lowered) / 2.0, SEARCH_N_S, LIFT_M, DAMPING_NS_M)
+        middle = (lifted + lowered) / 2.0
+        for turn in range(repeats):
+            for direction in (-1, 1):
+                _settle(puller, middle)
+                if puller.reports[-1].length > ground - 2.0 * MOVED_M:
+                    ramp(middle, SEARCH_N_S, LIFT_M, DAMPING_NS_M)
+                    _settle(puller, middle)
+                ramp(middle, direction * RAMP_N_S, MOVED_M)
+                balances.append(Balance(weight, _current_at_start(puller, direction), direction))
+                if progress:
+                    progress((2 * turn + (direction + 3) / 2) / (2 * repeats))
+        _settle(puller, middle)
+        # The mass is lowered slowly for a second, so that it does not fall when the module stops.
+        telemetry = puller.hold(middle)
+        for _ in range(round(1.0 / PERIOD_S)):
+            middle = max(middle - 4.0 * RAMP_N_S * PERIOD_S, lower)
+            telemetry = puller.hold(max(middle + 4.0 * DAMPING_NS_M * telemetry.speed, lower))
+    return balances
+
+
+def _require_weight(client: ModuleClient, mass: float) -> None:
+    """Refuse a mass that the module can surely not hold."""
+    info = client.hello()
+    weight = mass * STANDARD_GRAVITY_M_S2
+    most = min(info.tension_upper, client.parameter("current_continuous") * info.newton_per_ampere)
+    if not info.tension_lower < weight < most:
+        lower, upper = info.tension_lower / STANDARD_GRAVITY_M_S2, most / STANDARD_GRAVITY_M_S2
+        raise CalibrationError(
+            f'module "{client.name}" can pull continuously with {info.tension_lower:.2g} to {most:.2g} N, so '
+            f"{mass:g} kg is too {'light' if weight <= info.tension_lower else 'heavy'}: hang a mass of "
+            f"{1.3 * lower:.2f} to {0.9 * upper:.2f} kg on it"
+        )
+
+
+class _Puller:
+    """Armed module, its description, and its telemetry since it was armed or `reports` was cleared."""
+
+    def __init__(self, client: ModuleClient, info: Info) -> None:
+        self.client, self.info = client, info
+        self.reports: list[Telemetry] = []
+
+    def take(self, received: Received[Message]) -> None:
+        if isinstance(received.message, Telemetry):
+            self.reports.append(received.message)
+
+    def hold(self, tension: float) -> Telemetry:
+        """Pull with a tension for a period, and return the telemetry at its end; refuse a module that cannot."""
+        for _ in range(MAX_SILENT_PERIODS):
+            self.client.set_tension(tension)
+            self.client.wait(PERIOD_S)
+            self.client.check()
+            if self.reports:
+                break
+        else:
+            raise HardwareError(f'module "{self.client.name}" sends no telemetry')
+        latest = self.reports[-1]
+        if latest.limit in LIMITER_ADVICE:
+            raise HardwareError(
+                f'module "{self.client.name}" does not pull with {tension:.2f} N: {LIMITER_ADVICE[latest.limit]}'
+            )
+        return latest
+
+
+@contextmanager
+def _pulling(client: ModuleClient) -> Iterator[_Puller]:
+    """Arm a module, and stop it at the end, also after an error.
+
+    A module whose N/A was never calibrated refuses to be armed; meanwhile it is marked as calibrated. A
+    `HardwareError` if that could not be undone.
+    """
+    info = client.hello()
+    if info.state is not State.IDLE:
+        raise ModuleFault(
+            f'module "{client.name}" is {info.state.name}, not IDLE; stop it first (after a fault: clear it)',
+            client.name,
+            info.state,
+        )
+    puller = _Puller(client, info)
+    before, client.on_message = client.on_message, puller.take
+    try:
+        if not info.calibrated:
+            client.calibrate(Calibration.NEWTON_PER_AMPERE, info.newton_per_ampere)
+        with stopping(client.stop, client.estop):
+            client.command(ConfigureTelemetry(TELEMETRY_MS))
+            for _ in range(ARM_TRIES):  # it times out if answers are lost
+                client.arm()
+                client.set_tension(info.tension_lower)
+                client.wait(0.1)
+                if client.state is not State.TIMEOUT:
+                    break
+                client.stop()
+            yield puller
+    finally:
+        ended = sys.exception()
+        client.on_message = before
+        with suppress(HardwareError):
+            client.command(ConfigureTelemetry(0))
+            client.wait(0.3)  # until nothing pulls any more
+        if not info.calibrated:  # it is to refuse to be armed again
+            try:
+                client.command(SetParameter(PARAMETERS["calibrated"].index, 0.0), PATIENT_TIMEOUTS_S)
+            except HardwareError as error:
+                armable = (
+                    f'module "{client.name}" counts as calibrated though its N/A was never measured, and can be '
+                    f"armed: switch it off and on before anything else ({error})"
+                )
+                if ended is None:
+                    raise HardwareError(armable) from None
+                ended.args = (f"{ended}. And {armable}",)
+
+
+def _ramp(puller: _Puller, most: float, tension: float, rate: float, way: float, damping: float = 0.0) -> float:
+    """Change the set-point, up to `most`, until the cable has moved so far; return that at which it started."""
+    info, direction = puller.info, 1.0 if rate > 0.0 else -1.0
+    puller.reports.clear()
+    telemetry = puller.hold(tension)
+    started, turned = None, direction * telemetry.length
+    while (moved := turned - direction * telemetry.length) < way:
+        if started is None and moved > STARTED_M:
+            started = tension
+        tension += rate * PERIOD_S
+        if not info.tension_lower <= tension <= most:
+            verb, mass = ("reel in", "heavier") if rate > 0.0 else ("pay out", "lighter")
+            raise CalibrationError(
+                f'module "{puller.client.name}": at {tension:.2f} N its cable does not {verb} yet; is the mass '
+                f"{mass} than was said, or not free to move by 5 cm?"
+            )
+        telemetry = puller.hold(max(tension + damping * telemetry.speed, info.tension_lower))
+        turned = max(turned, direction * telemetry.length)  # it may still be on its way back
+    return tension if started is None else started
+
+
+def _settle(puller: _Puller, tension: float) -> None:
+    """Hold the mass, with damping, until it is at rest."""
+    puller.reports.clear()
+    telemetry = puller.hold(tension)
+    for _ in range(round(REST_TIMEOUT_S / PERIOD_S)):
+        telemetry = puller.hold(max(tension + DAMPING_NS_M * telemetry.speed, puller.info.tension_lower))
+        first, last = puller.reports[0].time_us, puller.reports[-1].time_us
+        if (last - first) % (1 << 32) > 1e6 * STILL_S:
+            if np.ptp([each.length for each in puller.reports]) < STILL_M:
+                return
+            del puller.reports[: len(puller.reports) // 2]
+    raise CalibrationError(
+        f'module "{puller.client.name}": the mass does not come to rest at {tension:.2f} N; does it swing, or is '
+        "there hardly any friction?"
+    )
+
+
+def _current_at_start(puller: _Puller, direction: int) -> float:
+    """Return the current that the module measured when the cable began to move."""
+    reports = puller.reports
+    time = 1e-6 * np.array([(each.time_us - reports[0].time_us) % (1 << 32) for each in reports])
+    current, length = (np.array([getattr(each, name) for each in reports]) for name in ("current", "length"))
+    way = direction * (np.median(length[:10]) - length)
+    last_still = int(np.flatnonzero(way < STARTED_M)[-1])
+    moving = slice(last_still + 1, None)
+    if len(way[moving]) < MIN_MOVING_SAMPLES:
+        raise CalibrationError(
+            f'module "{puller.client.name}": its cable moved too suddenly; has the mass come off, did it stick?'
+        )
+    slope, offset = np.polyfit(time[moving], np.cbrt(way[moving]), 1)
+    start = float(np.clip(-offset / slope, time[max(last_still - 50, 0)], time[last_still]))
+    near = time > start - TREND_S
+    return float(np.polyfit(time[near] - start, current[near], 1)[1])
