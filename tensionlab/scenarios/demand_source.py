@@ -25,13 +25,6 @@ class ScenarioDemand:
     """Demand source of a scenario, which may be repeated.
 
     ``notify`` is called when a phase begins, and when the decision about the brakes changes.
-
-    Examples
-    --------
-    >>> from tensionlab.scenarios import ScenarioDemand, load_scenario
-    >>> demand = ScenarioDemand(load_scenario("recoil"), repeat=True)
-    >>> callable(demand)
-    True
     """
 
     def __init__(self, scenario: Scenario, notify: Notify | None = None, *, repeat: bool = False) -> None:

@@ -26,14 +26,7 @@ SPEED_STEP_S = 1e-4  # step of the difference that gives the script's velocity
 
 @parameters.checked_dataclass(ScenarioError)
 class Waypoint:
-    """Position in m at a time in s since the start.
-
-    Examples
-    --------
-    >>> from tensionlab.scenarios import Waypoint
-    >>> Waypoint(time=1.0, position=(0.0, 1.2, 0.3)).time
-    1.0
-    """
+    """Position in m at a time in s since the start."""
 
     time: parameters.Time
     position: parameters.Point
@@ -41,14 +34,7 @@ class Waypoint:
 
 @parameters.checked_dataclass(ScenarioError)
 class Sway:
-    """Small oscillation: amplitudes in m, one per axis, and a frequency in Hz.
-
-    Examples
-    --------
-    >>> from tensionlab.scenarios import Sway
-    >>> Sway(amplitude=(0.0, 0.01, 0.0)).frequency
-    0.4
-    """
+    """Small oscillation: amplitudes in m, one per axis, and a frequency in Hz."""
 
     amplitude: parameters.Point
     frequency: parameters.Frequency = 0.4
@@ -65,13 +51,6 @@ class Script:
 
     Between waypoints it has minimum jerk (Flash and Hogan 1985, "The coordination of arm movements"), from rest to
     rest; before the first and after the last it rests.
-
-    Examples
-    --------
-    >>> from tensionlab.scenarios import Script, Waypoint
-    >>> reach = Script((Waypoint(0.0, (0.0, 1.0, 0.0)), Waypoint(1.0, (0.0, 1.0, 0.4))))
-    >>> len(reach.waypoints)
-    2
     """
 
     waypoints: tuple[Waypoint, ...]
@@ -120,13 +99,6 @@ class PersonPlan:
 
     It models the equilibrium point of an arm (Hogan 1985, "The mechanics of multi-joint posture and movement
     control").
-
-    Examples
-    --------
-    >>> from tensionlab.scenarios import PersonPlan, Script, Waypoint
-    >>> still = Script((Waypoint(0.0, (0.0, 1.0, 0.0)),))
-    >>> PersonPlan(mass=1.5, stiffness=150.0, damping=15.0, script=still).bodies
-    {}
     """
 
     mass: parameters.PositiveMass
@@ -147,15 +119,6 @@ class PersonRecord:
 
     Time (K,) in s since the script began; position (K, d) of the hand or the head in m, and true force (K, d) of
     the cables on it in N; true tensions (K, m) in N.
-
-    Examples
-    --------
-    >>> from tensionlab.scenarios import load_scenario
-    >>> from tensionlab.scenarios.play import play, simulate_modules
-    >>> recoil = load_scenario("recoil")
-    >>> record = play(recoil, simulate_modules(recoil), seconds=0.1).person
-    >>> record.position.shape[1]
-    3
     """
 
     time: Floats
@@ -169,13 +132,6 @@ class Person:
 
     It stands still at the start of its script until `begin` is called. The rig's point is its hand or head;
     ``pose`` is its current pose and that of the bodies.
-
-    Examples
-    --------
-    >>> from tensionlab.scenarios import Person, load_scenario
-    >>> bow = load_scenario("bow")
-    >>> Person(bow.person, bow.rig).pose.position.shape
-    (3,)
     """
 
     def __init__(self, plan: PersonPlan, rig: Rig) -> None:

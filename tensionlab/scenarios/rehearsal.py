@@ -87,12 +87,6 @@ def check_needs(scenario: Scenario) -> list[Finding]:
     ----------
     scenario : Scenario
         Scenario with its rig.
-
-    Examples
-    --------
-    >>> from tensionlab.scenarios import check_needs, load_scenario
-    >>> [(each.name, each.passed) for each in check_needs(load_scenario("recoil"))]
-    [('reach', None), ('shots', None)]
     """
     played = rehearse(scenario)
     findings = [_reach(scenario, played)]

@@ -36,15 +36,7 @@ SCENARIOS = ("materials", "collision", "recoil", "weight", "bow")  # their names
 
 @checked_dataclass(ScenarioError)
 class BrakeTarget:
-    """Surface at which brakes stop the hand or the head: a wall, or the end of a reach; exactly one of them.
-
-    Examples
-    --------
-    >>> from tensionlab.haptics.effects import Plane
-    >>> from tensionlab.scenarios import BrakeTarget
-    >>> BrakeTarget(force=30.0, plane=Plane(normal=(0.0, 1.0, 0.0))).reach is None
-    True
-    """
+    """Surface at which brakes stop the hand or the head: a wall, or the end of a reach; exactly one of them."""
 
     force: PositiveForce
     """Force that the brakes hold, in N."""
@@ -76,15 +68,7 @@ class BrakeTarget:
 
 @dataclass(frozen=True)
 class Phase:
-    """Effects by name, and the brake target, between two times in s since the scenario began.
-
-    Examples
-    --------
-    >>> from tensionlab.haptics.effects import Viscous
-    >>> from tensionlab.scenarios import Phase
-    >>> Phase("water", begin=0.0, end=2.0, effects={"drag": Viscous()}).hold is None
-    True
-    """
+    """Effects by name, and the brake target, between two times in s since the scenario began."""
 
     name: str
     begin: float
@@ -125,13 +109,6 @@ class Scenario:
         Axis of the world that points up, for effects, scripts and rig.
     turned : str
         How the rig was turned from the axes of its file; empty if it was not.
-
-    Examples
-    --------
-    >>> from tensionlab.scenarios import load_scenario
-    >>> weight = load_scenario("weight")
-    >>> weight.rig.m, weight.seconds
-    (3, 9.0)
     """
 
     name: str

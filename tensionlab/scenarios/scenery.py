@@ -82,13 +82,6 @@ class Scenery:
         Names of the held point, and of the bodies.
     period : float or None
         Period of a repeated scenario, in s.
-
-    Examples
-    --------
-    >>> from tensionlab.scenarios import load_scenario
-    >>> from tensionlab.scenarios.scenery import scenery
-    >>> [surface.kind for phase in scenery(load_scenario("bow")).phases for surface in phase.surfaces]
-    ['reach']
     """
 
     title: str
@@ -188,13 +181,6 @@ def stick_figure(feet: Floats, up: Floats, places: Sequence[tuple[str, Floats]])
 
     ``up`` (3,) is a unit vector; ``places`` are names and positions (3,), where "hand", "head", "torso" (between
     the shoulders), "shoulder", "hip" or "foot" in a name tells the part.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.scenarios.scenery import stick_figure
-    >>> stick_figure(np.zeros(3), np.array([0.0, 0.0, 1.0]), []).head
-    array([0.  , 0.  , 1.66])
     """
     parts = (*JOINT_HEIGHTS_M, "torso", "hand", "foot")
     known = {part: [place for name, place in places if part in name] for part in parts}

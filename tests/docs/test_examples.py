@@ -1,4 +1,7 @@
-"""The docstrings of the reference: every public name has an example that runs, and says what its arguments are."""
+"""The docstrings of the reference: every public name has an example that runs, and says what its arguments are.
+
+The example may be in the docstring of its package, which shows names together that are only used together.
+"""
 
 from __future__ import annotations
 
@@ -92,9 +95,19 @@ def test_examples_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert not said, "".join(said)
 
 
+@pytest.mark.parametrize("module", ["tensionlab.haptics.effects", "tensionlab.scenarios"])
+def test_examples_of_packages_run(module: str) -> None:
+    assert doctest.testmod(importlib.import_module(module)).failed == 0
+
+
 def test_every_public_name_has_an_example() -> None:
-    without = [name for name in public(MODULES) if explained(find(name)) and not examples(find(name))]
-    assert without == []
+    def shown(name: str) -> bool:
+        module, _, last = name.rpartition(".")
+        text = importlib.import_module(module).__doc__ or ""
+        return ">>>" in text and re.search(rf"\b{last}\b", text) is not None
+
+    explainable = [name for name in public(MODULES) if explained(find(name))]
+    assert [name for name in explainable if not examples(find(name)) and not shown(name)] == []
 
 
 def test_what_is_in_single_backticks_is_a_name() -> None:

@@ -1,6 +1,34 @@
 """Haptic effects: pure functions from how the hand moves to the force on it.
 
-Defaults are choices of this project unless a docstring names a source.
+`Effect.render` takes a `Motion` and returns a `Rendered`. The stiff part of a `SplitEffect` is an `AxisImpedance`
+for a module. Defaults are choices of this project unless a docstring names a source.
+
+Examples
+--------
+>>> import numpy as np
+>>> from tensionlab.haptics.effects import *
+>>> hand = Motion(position=np.array([0.3, 0.0, -0.01]), velocity=np.array([0.1, 0.0, 0.0]), time=0.005)
+>>> wall = Wall(Plane(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)), stiffness=300.0)
+>>> wall.module_side(hand).compression  # m, for the module whose cable lies along the normal
+0.01
+>>> rough = Texture(wall, Friction(dynamic=0.3), Ripples(period=0.008))
+>>> soft = VirtualCoupling(stiffness=100.0)
+>>> solids = Shape(Box(size=(1.0, 1.0, 0.1)), soft), Shape(Sphere(radius=0.32), soft)
+>>> others = Magnet(), Vibration(), Water(), Weight(mass=0.5), Bow(), Recoil(shots=(0.0,)), Spring(), Viscous()
+>>> for effect in (wall, rough, *solids, *others):
+...     print(type(effect).__name__, effect.render(hand).force.round(2) + 0.0)  # N
+Wall [0. 0. 3.]
+Texture [0.71 0.   3.  ]
+Shape [ 0.  0. -4.]
+Shape [ 1.98  0.   -0.07]
+Magnet [-0.1  0.   3. ]
+Vibration [0.   0.   0.95]
+Water [-0.12  0.    0.5 ]
+Weight [ 0.   0.  -4.9]
+Bow [-1.83  0.    0.06]
+Recoil [ 0.  -5.5  0. ]
+Spring [-9.   0.   0.3]
+Viscous [-0.2  0.   0. ]
 """
 
 from tensionlab.haptics.effects.ambient import Spring, Vibration, Viscous, Water
@@ -14,7 +42,7 @@ from tensionlab.haptics.effects.effect import (
     SplitEffect,
     relative,
 )
-from tensionlab.haptics.effects.shape import SOLIDS, Box, Field, HalfSpace, Shape, Sphere, VirtualCoupling
+from tensionlab.haptics.effects.shape import SOLIDS, Box, Field, Shape, Sphere, VirtualCoupling
 from tensionlab.haptics.effects.tools import Bow, Recoil, Weight
 
 EFFECTS = {
@@ -41,7 +69,6 @@ __all__ = [
     "Effect",
     "Field",
     "Friction",
-    "HalfSpace",
     "Magnet",
     "Memory",
     "Motion",

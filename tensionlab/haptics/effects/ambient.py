@@ -17,15 +17,7 @@ from tensionlab.support.arrays import Floats
 
 @parameters.checked_dataclass(EffectError)
 class Viscous:
-    """Viscous damping: ``F = -b v``. Continuous; passive.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Viscous, Motion
-    >>> Viscous(damping=2.0).render(Motion(np.zeros(3), np.array([0.5, 0.25, -0.5]))).force.round(3)
-    array([-1. , -0.5,  1. ])
-    """
+    """Viscous damping: ``F = -b v``. Continuous; passive."""
 
     damping: parameters.Damping = 2.0
     """Damping b, in N s/m."""
@@ -37,15 +29,7 @@ class Viscous:
 
 @parameters.checked_dataclass(EffectError)
 class Spring:
-    """Spring to a point: ``F = K (centre - p) - B v``. Continuous; passive.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Spring, Motion
-    >>> Spring(stiffness=30.0).render(Motion(np.array([0.0, 0.0, -0.01]), np.zeros(3))).force.round(3)
-    array([0. , 0. , 0.3])
-    """
+    """Spring to a point: ``F = K (centre - p) - B v``. Continuous; passive."""
 
     centre: parameters.Point = ORIGIN
     """Point to which it pulls, in m."""
@@ -81,13 +65,6 @@ class Water:
     ``F = s (-b v - c |v| v + F_b up)``, where s rises from 0 at the surface to 1 at a depth of ``mixing``, as a
     smoothstep. Pushed by F_0, the hand reaches the speed ``(sqrt(b² + 4 c F_0) - b) / (2 c)``. Continuous.
     Passive: the lift depends on the depth only.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Motion, Water
-    >>> Water().render(Motion(np.array([0.0, 0.0, -0.1]), np.array([0.5, 0.0, 0.0]))).force.round(3)
-    array([-1.75,  0.  ,  1.  ])
     """
 
     surface: Plane = field(default_factory=Plane)
@@ -116,13 +93,6 @@ class Vibration:
     It runs on a module, whose cable pulls with A above its minimum tension, so that it never goes slack. A host
     would need more than ten steps per period. A module's slew-rate limit, 60 N/s by default and up to 300, bounds
     what is rendered: ``A = slew/(2 pi f)``, 0.24 N at 40 Hz.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Motion, Vibration
-    >>> Vibration(amplitude=0.5).render(Motion(np.zeros(3), np.zeros(3), time=0.25 / 40.0)).force.round(3)
-    array([0. , 0. , 0.5])
     """
 
     axis: parameters.Direction = (0.0, 0.0, 1.0)

@@ -25,15 +25,7 @@ UP = (0.0, 0.0, 1.0)
 
 @parameters.checked_dataclass(EffectError)
 class Plane:
-    """Flat surface.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Plane
-    >>> float(Plane(point=(0.0, 1.0, 0.0), normal=(0.0, 1.0, 0.0)).height(np.array([0.3, 1.2, 0.0])).round(3))  # m
-    0.2
-    """
+    """Flat surface."""
 
     point: parameters.Point = ORIGIN
     """Any point of it, in m."""
@@ -58,13 +50,6 @@ class Wall:
     rest; a hand that enters at the speed s meets a step of ``B s``. Passive. All of it runs on a module: over a
     link of 20 ms only some 50 N/m are stable (Colgate and Schenkel 1994, "Passivity of a class of sampled-data
     systems").
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Motion, Wall
-    >>> Wall(stiffness=300.0).render(Motion(np.array([0.0, 0.0, -0.01]), np.zeros(3))).force.round(3)
-    array([0., 0., 3.])
     """
 
     plane: Plane = Plane()
@@ -102,13 +87,6 @@ class Magnet:
     small for that. The profile is that of CHAI3D's magnetic effect (Conti et al. 2003, "The CHAI libraries").
     Additions of this project: inside, ``K |h|`` pushes out; the damping ``-b v`` fades with the force beyond h_1.
     Continuous. Passive.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Magnet, Motion
-    >>> Magnet().render(Motion(np.array([0.0, 0.0, 0.005]), np.zeros(3))).force[2].round(3)  # towards the surface
-    np.float64(-1.5)
     """
 
     plane: Plane = Plane()
@@ -238,12 +216,6 @@ class Ripples:
     twice that speed, where rate is the number of steps per second. A valley holds a hand like a spring of ``F_n (2
     pi/l)² A``, 740 N/m per newton by default; above ``stiffness``, the height is reduced. Clean textures need 5 to
     10 kHz (Choi and Tan 2004, "Perceived instability of virtual haptic texture").
-
-    Examples
-    --------
-    >>> from tensionlab.haptics.effects import Ripples, Texture
-    >>> Texture(ripples=Ripples(period=0.008)).ripples.height  # m
-    0.0003
     """
 
     direction: parameters.Direction = (1.0, 0.0, 0.0)
@@ -275,13 +247,6 @@ class Texture:
 
     Continuous in the position for a hand at rest. Not passive: the load may be larger on the way down a ripple
     than on the way up, and the ripple then gives up to ``2 A (F_n down - F_n up)``, 0.6 mJ per newton.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Motion, Texture
-    >>> Texture().render(Motion(np.array([0.0, 0.0, -0.01]), np.array([0.1, 0.0, 0.0]))).force.shape
-    (3,)
     """
 
     wall: Wall = field(default_factory=Wall)

@@ -37,13 +37,6 @@ class Motion:
         In s, on the clock of events such as a shot or a grasp.
     step : float
         Time since the previous step, in s.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Motion
-    >>> Motion(np.array([0.0, 0.3, 0.0]), np.zeros(3)).step
-    0.001
     """
 
     position: Floats
@@ -56,13 +49,6 @@ class Rendered(NamedTuple):
     """Force on the hand (..., d) in N, and the memory for the next step.
 
     ``bypass_slew`` (...) is true where the force is meant to jump, so that the slew limit does not apply.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Motion, Viscous
-    >>> Viscous().render(Motion(np.zeros(3), np.zeros(3))).bypass_slew
-    False
     """
 
     force: Floats
@@ -71,16 +57,7 @@ class Rendered(NamedTuple):
 
 
 class Effect(Protocol):
-    """Effect that a host can render. Broadcasts over leading axes of the motion.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import EFFECTS, Motion
-    >>> hands = Motion(np.zeros((5, 3)), np.ones((5, 3)))
-    >>> EFFECTS["viscous"]().render(hands).force.shape
-    (5, 3)
-    """
+    """Effect that a host can render. Broadcasts over leading axes of the motion."""
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the force on the hand, and the memory for the next step."""
@@ -104,13 +81,6 @@ class AxisImpedance:
         In N/m and N s/m.
     feed_forward, amplitude, frequency : float
         In N, N and Hz.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import AxisImpedance
-    >>> AxisImpedance(np.array([0.0, 0.0, 1.0]), compression=0.01, stiffness=300.0).damping
-    0.0
     """
 
     axis: Floats
@@ -130,16 +100,7 @@ class AxisImpedance:
 
 
 class SplitEffect(Effect, Protocol):
-    """Effect with a part for a module. Both methods take one motion, not a batch.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Motion, Wall
-    >>> wall = Wall(stiffness=300.0)
-    >>> wall.module_side(Motion(np.array([0.0, 0.0, -0.01]), np.zeros(3))).stiffness
-    300.0
-    """
+    """Effect with a part for a module. Both methods take one motion, not a batch."""
 
     def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
         """Return the part for a module now; None if there is none."""

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, WithJsonSchema
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import parameters
-from tensionlab.haptics.effects.contact import ORIGIN, Plane
+from tensionlab.haptics.effects.contact import ORIGIN
 from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, dot, norm, normalized
 from tensionlab.support.arrays import Floats
 from tensionlab.support.validation import TABLE, describe, validate
@@ -27,37 +27,8 @@ NEAR_SURFACE_M = 1e-3  # within this distance of the surface a proxy goes straig
 
 
 @parameters.checked_dataclass(EffectError)
-class HalfSpace:
-    """Solid below a plane.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import HalfSpace
-    >>> distance, out = HalfSpace()(np.array([0.0, 0.0, -0.02]))
-    >>> float(distance)
-    -0.02
-    """
-
-    plane: Plane = Plane()
-
-    def __call__(self, position: Floats) -> tuple[Floats, Floats]:
-        """Return distances and directions out."""
-        return self.plane.height(position), np.broadcast_to(self.plane.n, position.shape)
-
-
-@parameters.checked_dataclass(EffectError)
 class Sphere:
-    """Ball; in the plane, a disc. At the centre, the last axis points out.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Sphere
-    >>> distance, out = Sphere(radius=0.1)(np.array([[0.3, 0.0, 0.0], [0.0, 0.05, 0.0]]))
-    >>> distance.round(3)
-    array([ 0.2 , -0.05])
-    """
+    """Ball; in the plane, a disc. At the centre, the last axis points out."""
 
     centre: parameters.Point = ORIGIN
     """Centre, in m."""
@@ -74,16 +45,7 @@ class Sphere:
 
 @parameters.checked_dataclass(EffectError)
 class Box:
-    """Box along the axes. From inside, the way out is through the nearest face (ties: the first axis).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Box
-    >>> distance, out = Box(size=(0.2, 0.2, 0.2))(np.array([0.3, 0.0, 0.0]))
-    >>> float(distance.round(3)), out
-    (0.2, array([1., 0., 0.]))
-    """
+    """Box along the axes. From inside, the way out is through the nearest face (ties: the first axis)."""
 
     centre: parameters.Point = ORIGIN
     """Centre, in m."""
@@ -108,7 +70,7 @@ class Box:
 
 
 # Solids by the names in files and messages; a sphere if they name none.
-SOLIDS: dict[str, type[Any]] = {"sphere": Sphere, "box": Box, "half-space": HalfSpace}
+SOLIDS: dict[str, type[Any]] = {"sphere": Sphere, "box": Box}
 
 
 def take_kind(table: object, kinds: Mapping[str, type[Any]]) -> tuple[type[Any], dict[str, Any]]:
@@ -138,12 +100,6 @@ class VirtualCoupling:
 
     The hand meets K_c and B_c at most, so they alone decide about stability (Colgate, Stanley and Brown 1995,
     "Issues in the haptic display of tool use").
-
-    Examples
-    --------
-    >>> from tensionlab.haptics.effects import Shape, Sphere, VirtualCoupling
-    >>> Shape(Sphere(), VirtualCoupling(stiffness=200.0)).coupling.damping
-    0.0
     """
 
     stiffness: parameters.Stiffness = 400.0
@@ -174,13 +130,6 @@ class Shape:
     back to the side it came from. It starts at the point of the surface to which the field leads. Continuous in
     the position of a hand at rest, except where the proxy slides off an edge. Passive: by itself the proxy only
     moves nearer to the hand.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Motion, Shape, Sphere
-    >>> Shape(Sphere(radius=0.1)).render(Motion(np.array([0.0, 0.0, 0.09]), np.zeros(3))).force.round(3)
-    array([0., 0., 4.])
     """
 
     field: Annotated[Field, BeforeValidator(_parse_solid), WithJsonSchema({})] = Sphere()

@@ -29,13 +29,6 @@ class Weight:
 
     a is the change of the velocity, low-passed (first order) and clipped by component; the force ramps up after
     the grasp. Continuous if the hand's velocity is. Gravity is passive; the inertia, being late, is not.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Motion, Weight
-    >>> Weight(mass=0.5).render(Motion(np.zeros(3), np.zeros(3))).force.round(3)
-    array([ 0.   ,  0.   , -4.905])
     """
 
     mass: parameters.Mass = 0.5
@@ -71,13 +64,6 @@ class Recoil:
     up. The impulse is ``F_p (t_r/2 + tau)``, 0.34 N s: about a tenth of a real 9 mm pistol. The force bypasses the
     host's slew limit of 200 N/s for five tau. A module's own limit remains: at its default of 60 N/s, 2.8 N and
     0.23 N s are left of a shot; at its largest, 300 N/s, 4.6 N and 0.31 N s. Continuous. Not passive.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Motion, Recoil
-    >>> Recoil(shots=(1.0,)).render(Motion(np.zeros(3), np.zeros(3), time=1.005)).force.round(3) + 0.0
-    array([ 0. , -5.5,  0. ])
     """
 
     shots: parameters.Times = ()
@@ -125,13 +111,6 @@ class Bow:
     bypasses the slew limit; a module's own limit remains, 5.5 N in 92 ms at 60 N/s, in 18 ms at 300 N/s. Until the
     release it is continuous and passive. At the bow's hand the force is zero. The opposite force acts on the other
     hand.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Bow, Motion
-    >>> Bow().render(Motion(np.array([0.5, 0.0, 0.0]), np.zeros(3))).force.round(3) + 0.0
-    array([-3.49,  0.  ,  0.  ])
     """
 
     brace: parameters.NonNegativeLength = 0.20

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from tensionlab.haptics.effects import (
     Bow,
     Box,
-    HalfSpace,
     Magnet,
     Motion,
     Plane,
@@ -25,7 +24,6 @@ from tests.helpers.motions import follow
 STEEPEST = {
     "wall": (Wall(), 300.0),
     "magnetic": (Magnet(), 300.0),
-    "half-space": (Shape(HalfSpace()), 400.0),
     "water": (Water(), 1.0 * 1.5 / 0.02),
     "spring": (Spring(), 30.0),
     "bow": (Bow(brace=0.01), 6.0 / 0.02),  # across, 6 N turn with the hand: none within 2 cm here
@@ -42,9 +40,7 @@ def test_a_small_step_changes_the_force_a_little(name, start, end):
     path = np.linspace(start, end, 400)
     if "bow" in name:
         path = path[np.linalg.norm(path, axis=1) > 0.02]
-    force = (
-        effect.render(Motion(path, np.zeros_like(path))).force if "half" not in name else follow(effect, path, 1.0)
-    )
+    force = effect.render(Motion(path, np.zeros_like(path))).force
     stretch = np.linalg.norm(end - start) / 399
     changes = np.linalg.norm(np.diff(force, axis=0), axis=1)
     steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
@@ -68,7 +64,6 @@ def test_a_ball_is_entered_and_left_without_a_leap():
         Magnet(Plane((0.0, 0.0), (0.0, 1.0))),
         Shape(Sphere((0.0, -0.1), 0.1)),
         Shape(Box((0.0, -0.1), (0.2, 0.2))),
-        Shape(HalfSpace(Plane((0.0, 0.0), (0.0, 1.0)))),
     ],
     ids=lambda e: type(e).__name__,
 )

@@ -8,7 +8,6 @@ from tensionlab.haptics.effects import (
     Bow,
     Box,
     Friction,
-    HalfSpace,
     Magnet,
     Shape,
     Spring,
@@ -29,7 +28,6 @@ AWAY_M = {"bow": 0.3, "compound bow": 0.3}
 PASSIVE = {
     "wall": Wall(),
     "magnetic": Magnet(),
-    "half-space": Shape(HalfSpace()),
     "box": Shape(Box(size=(0.05, 0.05, 0.05))),
     "ball": Shape(),
     "friction": Friction(),

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tensionlab.haptics.effects import Box, HalfSpace, Shape, Sphere
+from tensionlab.haptics.effects import Box, Shape, Sphere
 from tests.helpers.motions import at, follow
 
-FIELDS = [HalfSpace(), Sphere(), Box(), Box(centre=(0.01, 0.0, 0.0), size=(0.1, 0.2, 0.3))]
+FIELDS = [Sphere(), Box(), Box(centre=(0.01, 0.0, 0.0), size=(0.1, 0.2, 0.3))]
 COORDINATES = st.tuples(*[st.floats(-0.3, 0.3)] * 3).map(np.array)
 
 
@@ -37,12 +37,6 @@ def test_a_hand_in_a_ball_is_pushed_out_along_the_radius():
     assert not Shape().render(at(0.0, 0.11, 0.0)).force.any()
 
 
-def test_of_a_plane_it_is_a_wall():
-    z = np.linspace(0.02, -0.02, 41)
-    path = np.stack([z, -z, z], axis=-1)
-    assert follow(Shape(HalfSpace()), path, 0.01)[:, 2] == pytest.approx(np.maximum(-400.0 * z, 0.0))
-
-
 def test_the_proxy_slides_around_a_ball_to_where_the_hand_is_nearest():
     angle = np.linspace(0.0, np.pi / 2, 200)
     path = 0.09 * np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=-1)
@@ -54,14 +48,9 @@ def test_the_proxy_slides_around_a_ball_to_where_the_hand_is_nearest():
 def test_a_hand_that_is_pushed_through_a_thin_plate_is_drawn_back():
     plate = Shape(Box(size=(1.0, 1.0, 0.002)))
     z = np.linspace(0.01, -0.02, 31)
-    force = follow(plate, np.stack([0 * z, 0 * z, z], axis=-1), 0.01)
-    assert force[-1] == pytest.approx([0.0, 0.0, 400.0 * 0.021], rel=1e-3)
-
-
-def test_a_hand_that_leaps_through_a_plate_is_caught():
-    plate = Shape(Box(size=(1.0, 1.0, 0.002)))
-    force = follow(plate, [[0.0, 0.0, 0.01], [0.01, 0.0, -0.01]], 0.01)
-    assert force[-1][2] == pytest.approx(400.0 * 0.011, rel=1e-3)
+    for path in (z, [0.01, -0.02]):  # slowly, or in one step
+        force = follow(plate, np.stack([0.0 * np.array(path), 0.0 * np.array(path), path], axis=-1), 0.01)
+        assert force[-1] == pytest.approx([0.0, 0.0, 400.0 * 0.021], rel=1e-3)
 
 
 def test_a_hand_that_goes_around_the_plate_is_free():
@@ -98,14 +87,14 @@ def test_the_proxy_is_never_inside(start, end):
 
 
 @pytest.mark.parametrize("speed", [0.02, 0.3, 1.5])
-@pytest.mark.parametrize("solid", [HalfSpace(), Box(centre=(0.0, 0.0, -0.05), size=(1.0, 1.0, 0.1))])
-def test_a_hand_that_skims_a_flat_surface_is_not_held_back(solid, speed):
+def test_a_hand_that_skims_a_flat_surface_is_not_held_back(speed):
     """The proxy stays above it: it once was left behind by centimetres, and then drew with 10 N."""
     x = np.arange(0.0, min(0.1, 2.0 * speed), speed * 0.001)
     depths = np.array([1e-6, 1e-5, 1e-4])
     dips = -np.sin(40 * np.pi * x / 0.1)[:, None] * depths
     along = np.broadcast_to(x[:, None], dips.shape)
-    force = follow(Shape(solid), np.stack([along, 0 * along, dips], axis=-1), 0.001)
+    slab = Shape(Box(centre=(0.0, 0.0, -0.05), size=(1.0, 1.0, 0.1)))
+    force = follow(slab, np.stack([along, 0 * along, dips], axis=-1), 0.001)
     assert np.abs(force[..., 0]).max() < 1e-3
     assert force[..., 2].min() >= 0.0
     assert force[..., 2].max(axis=0) == pytest.approx(400.0 * depths, rel=0.1, abs=4e-4)
