@@ -17,6 +17,7 @@ from tensionlab.plots.scene import TILE_M, Moment
 from tensionlab.plots.style import COARSE_SHADE, Entry
 from tensionlab.scenarios.checks import ForceRecord, desired_force, rendered_force
 from tensionlab.scenarios.expected import check_scenario
+from tensionlab.scenarios.scenery import scenery
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
 
@@ -24,19 +25,19 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-    from tensionlab.scenarios import Phase
     from tensionlab.scenarios.checks import Check
     from tensionlab.scenarios.play import ScenarioResult
 
-# Minimum height of a panel of force against distance, and of the layout above it, in inches.
-CURVE_HEIGHT, LAYOUT_HEIGHT = 2.0, 5.6
+CURVE_HEIGHT, LAYOUT_HEIGHT = (
+    2.0,
+    5.6,
+)  # least height of a panel of force against distance, and of the layout, in inches
 MIN_FORCE_SHARE = 0.1  # an axis is drawn if its force gets to this share of the largest
 KNEE = 1.3  # multiple of the motors' largest tension beyond which forces are drawn on a logarithmic scale
-# Within so long of a phase's begin, forces are those of modules that start, or of what was before.
-SETTLING_S = 0.3
+SETTLING_S = 0.3  # after a phase's begin: forces of modules that start, or of what was before
 NEAR_M = 0.12  # largest distance from a surface at which its force is drawn
-PAWL_FORCE_N = 1.0  # a pawl holds where the cable pulls by so much harder than its motor ..
-PAWL_RELEASE_S = 0.3  # ... and for so long after its brake was commanded.
+PAWL_FORCE_N = 1.0  # a pawl holds where the cable pulls this much harder than its motor ..
+PAWL_RELEASE_S = 0.3  # ... within this time after its brake was commanded
 TIMELINE_LOOKS = {
     "brake": ("brake commanded", "#A8D8C8"),
     "pawl": ("pawl holds the cable", GREEN),
@@ -75,13 +76,9 @@ def plot_scenario(played: ScenarioResult, rows: Sequence[Check] | None = None) -
         raise InputError(f'nothing of scenario "{scenario.name}" was played; there is nothing to draw')
     if rows is None:
         rows = check_scenario(played)
-    bars = timeline(played)
-    heights = [
-        0.1 + 0.25 * len(scenario.phases),
-        2.7,
-        *([1.0] * run.rig.m),
-        *([0.1 + 0.25 * len(bars)] if bars else []),
-    ]
+    bars, last = timeline(played), float(run.time[-1])
+    heights = [0.1 + 0.25 * len(scenario.phases), 2.7, *([1.0] * run.rig.m)]
+    heights += [0.1 + 0.25 * len(bars)] if bars else []
     upper = max(6.8, 1.0 + 1.25 * sum(heights))
     lower = 0.5 + 0.27 * (len(rows) + 1) if rows else 0.0
     with style.new_figure((14.0, upper + lower + 0.4)) as figure:
@@ -90,17 +87,23 @@ def plot_scenario(played: ScenarioResult, rows: Sequence[Check] | None = None) -
         parts: Any = figure.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
         left, right = parts[0].subfigures(1, 2, width_ratios=[1.0, 1.45])
         panels = list(right.subplots(len(heights), 1, sharex=True, height_ratios=heights))
-        draw_phases(panels[0], scenario.phases, float(run.time[-1]))
+        begins = np.array([phase.begin for phase in scenario.phases])
+        ends = np.minimum([phase.end for phase in scenario.phases], last)
+        panels[0].barh(range(len(begins)), np.maximum(ends - begins, 0.0), 0.84, begins, color="#C4D5E6")
+        panels[0].set_title("Phases")
+        _name_rows(panels[0], [phase.name for phase in scenario.phases])
+        panels[0].spines["bottom"].set_visible(False)
+        panels[0].tick_params(axis="x", length=0)
         draw_force(panels[1], played)
         for index in range(run.rig.m):
             draw_tension(panels[2 + index], played, index)
         if bars:
             draw_timeline(panels[-1], played, bars)
         for axes in panels:
-            axes.set_xlim(0.0, max(run.time[-1], 1e-3))
+            axes.set_xlim(0.0, max(last, 1e-3))
         panels[-1].set_xlabel("time (s)")
         if rows:
-            draw_check_table(parts[1].subplots(), rows)
+            _draw_check_table(parts[1].subplots(), rows)
         _draw_left(figure, left, played, upper)
     return figure
 
@@ -122,39 +125,30 @@ def _draw_left(figure: Figure, left: SubFigure, played: ScenarioResult, height: 
     if curves:
         parts[1].suptitle("Force against distance", fontweight="bold", fontsize="medium", x=0.03, ha="left")
         panels = parts[1].subplots(-(-len(curves) // columns), columns, squeeze=False).ravel()
-        for panel, each in zip(panels, curves, strict=False):
-            draw_force_distance(panel, each, knee_of(played))
         for panel in panels[len(curves) :]:
             panel.axis("off")
+        for panel, each in zip(panels, curves, strict=False):
+            panel.plot(*each.desired, color=BLUE, **WIDE)
+            panel.plot(*each.rendered, color=BLUE, **THIN)
+            panel.grid()
+            style.two_scales(panel, np.concatenate([each.desired[1], each.rendered[1]]), knee_of(played))
+            panel.set(xlabel=each.distance, ylabel="force (N)", title=each.title)
     style.label_points(figure, axes, names)
 
 
 def moment_of(played: ScenarioResult, time: float) -> Moment:
-    """Return where everything was."""
+    """Return where everything was, by the cycle that is nearest to a time."""
     run, rig = played.run, played.run.rig
     cycle = int(np.argmin(np.abs(run.time - time)))
-    held = run.position[cycle]
-    anchors = run.anchors[cycle]
-    pairs = zip(rig.modules, anchors, strict=True)
+    pairs = zip(rig.modules, run.anchors[cycle], strict=True)
     bodies = {module.frame: anchor - module.anchor for module, anchor in pairs if module.frame in rig.frames}
-    return Moment(held, anchors, bodies)
+    return Moment(run.position[cycle], run.anchors[cycle], bodies)
 
 
 def knee_of(played: ScenarioResult) -> float:
     """Return the force, in N, beyond which the scale is logarithmic: above what motors pulled with, or one can."""
     motors = np.linalg.norm(rendered_force(replace(played, person=None)).force, axis=1)
     return KNEE * max(float(motors.max()), *played.run.setup.upper)
-
-
-def draw_phases(axes: Axes, phases: Sequence[Phase], last: float) -> None:
-    """Draw a bar for each phase, up to the last time."""
-    begins = np.array([phase.begin for phase in phases])
-    ends = np.array([phase.end for phase in phases])
-    axes.barh(range(len(phases)), np.maximum(np.minimum(ends, last) - begins, 0.0), 0.84, begins, color="#C4D5E6")
-    axes.set_title("Phases")
-    _name_rows(axes, [phase.name for phase in phases])
-    axes.spines["bottom"].set_visible(False)
-    axes.tick_params(axis="x", length=0)
 
 
 def _name_rows(axes: Axes, names: Sequence[str]) -> None:
@@ -175,7 +169,7 @@ def draw_force(axes: Axes, played: ScenarioResult) -> None:
         axes.plot(rendered.time, rendered.force[:, axis], color=COLOURS[axis], **THIN)
     axes.axhline(0.0, color=GREY, linewidth=0.7, zorder=1)
     axes.set_ylabel("N")
-    axes.set_title(f"Force on the {scene.held_name(played.scenario)}" if shown else "Force")
+    axes.set_title(f"Force on the {scenery(played.scenario).held_name(run.rig)}" if shown else "Force")
     two = style.two_scales(axes, rendered.force[:, shown], knee_of(played))
     axes.grid()
     up = run.rig.vertical
@@ -214,20 +208,13 @@ def draw_tension(axes: Axes, played: ScenarioResult, index: int) -> None:
         )
 
 
-class Curve(NamedTuple):
-    """Force against distance, in N and m (mm above a surface), (K,) each."""
-
-    distance: Floats
-    force: Floats
-
-
 class ForceDistance(NamedTuple):
-    """Desired and rendered force against distance in a phase."""
+    """Force in N against distance in m, or mm above a surface, in a phase: desired and rendered, (2, K) each."""
 
     title: str
     distance: str
-    desired: Curve
-    rendered: Curve
+    desired: Floats
+    rendered: Floats
 
 
 def force_distance(played: ScenarioResult) -> list[ForceDistance]:
@@ -236,69 +223,57 @@ def force_distance(played: ScenarioResult) -> list[ForceDistance]:
     Those with a flat surface that pushes or pulls: the force out of it, against the height above it. And those of
     a scenario whose origin is on a body, as a bow: the pull towards it, against the distance from it.
     """
-    run, frame = played.run, played.scenario.frame
-    rendered, measured = rendered_force(played), rendered_force(replace(played, person=None))
-    desired = ForceRecord(run.time, measured.position, desired_force(run))
-    between = f"from {played.scenario.labels.get(frame or '', frame)} to {scene.held_name(played.scenario)} (m)"
+    scenario = played.scenario
+    measured = rendered_force(replace(played, person=None))
+    desired = ForceRecord(played.run.time, measured.position, desired_force(played.run))
     found = []
-    for phase in played.scenario.phases:
-        plane = scene.plane_of(phase, ["plane"])
-        if plane is None and (frame is None or not phase.effects):
-            continue
-        parts = [each.during(phase.begin + SETTLING_S, phase.end) for each in (desired, rendered)]
-        name = between if plane is None else "height above the surface (mm)"
-        found.append(ForceDistance(phase.name, name, *(_curve(part, plane) for part in parts)))
+    for phase in scenario.phases:
+        parts = [part for effect in phase.effects.values() for part in (effect, getattr(effect, "wall", None))]
+        plane: Any = next((getattr(part, "plane") for part in parts if hasattr(part, "plane")), None)  # noqa: B009
+        name = "height above the surface (mm)"
+        if plane is None:
+            if scenario.frame is None or not phase.effects:
+                continue
+            origin = scenario.labels.get(scenario.frame, scenario.frame)
+            name = f"from {origin} to {scenery(scenario).held_name(played.run.rig)} (m)"
+        curves = []
+        for whole in (desired, rendered_force(played)):
+            part = whole.during(phase.begin + SETTLING_S, phase.end)
+            if plane is None:
+                distance = np.linalg.norm(part.position, axis=1)
+                towards = -part.position / np.where(distance > 0.0, distance, 1.0)[:, None]
+                curves.append(np.stack([distance, np.einsum("kd,kd->k", part.force, towards)]))
+            else:
+                height = plane.height(part.position)
+                near = np.abs(height) <= NEAR_M
+                curves.append(np.stack([1e3 * height[near], part.force[near] @ plane.n]))
+        found.append(ForceDistance(phase.name, name, *curves))
     return found
 
 
-def draw_force_distance(axes: Axes, each: ForceDistance, knee: float) -> None:
-    """Draw the desired force, wide and pale, and the rendered one."""
-    axes.plot(*each.desired, color=BLUE, **WIDE)
-    axes.plot(*each.rendered, color=BLUE, **THIN)
-    axes.grid()
-    style.two_scales(axes, np.concatenate([each.desired.force, each.rendered.force]), knee)
-    axes.set(xlabel=each.distance, ylabel="force (N)", title=each.title)
+def timeline(played: ScenarioResult) -> dict[str, dict[str, NDArray[np.bool_]]]:
+    """Return the rows of brakes and of module-local effects that were on, by name.
 
-
-def _curve(part: ForceRecord, plane: Any) -> Curve:
-    arm, force = part.position, part.force
-    if plane is None:
-        distance = np.linalg.norm(arm, axis=1)
-        towards = -arm / np.where(distance > 0.0, distance, 1.0)[:, None]
-        return Curve(distance, np.einsum("kd,kd->k", force, towards))
-    height = plane.height(arm)
-    near = np.abs(height) <= NEAR_M
-    return Curve(1e3 * height[near], force[near] @ plane.n)
-
-
-class Bar(NamedTuple):
-    """Cycles (K,) in which something was on, of the kinds in `TIMELINE_LOOKS`."""
-
-    kind: str
-    on: NDArray[np.bool_]
-
-
-def timeline(played: ScenarioResult) -> dict[str, list[Bar]]:
-    """Return the bars of brakes and of module-local effects by the name of their row; only rows that were on."""
+    A row has the cycles (K,) in which something was on, by the kinds in `TIMELINE_LOOKS`.
+    """
     run, held = played.run, pawls_engaged(played)
     local: NDArray[np.bool_] = np.asarray(np.isfinite(run.impedances).any(axis=2))
-    found = {}
+    rows = {}
     for index, module in enumerate(run.rig.modules):
         if run.commanded_brakes[:, index].any():
-            bars = [Bar("brake", run.commanded_brakes[:, index]), Bar("pawl", held[:, index])]
-            found[f"{module.name}, brake"] = bars
+            rows[f"{module.name}, brake"] = {"brake": run.commanded_brakes[:, index], "pawl": held[:, index]}
         if local[:, index].any():
-            found[f"{module.name}, local impedance"] = [Bar("local", local[:, index])]
-    return found
+            rows[f"{module.name}, local impedance"] = {"local": local[:, index]}
+    return rows
 
 
-def draw_timeline(axes: Axes, played: ScenarioResult, rows: dict[str, list[Bar]]) -> None:
-    """Draw a row for each, and a legend of its colours."""
+def draw_timeline(axes: Axes, played: ScenarioResult, rows: dict[str, dict[str, NDArray[np.bool_]]]) -> None:
+    """Draw the rows of `timeline`, and a legend of the colours."""
     period = 1.0 / played.run.setup.rate
     used: dict[str, None] = {}
-    for row, each in enumerate(rows.values()):
+    for row, bars in enumerate(rows.values()):
         axes.axhspan(row - 0.4, row + 0.4, color="#F1F1F1", zorder=0)
-        for kind, on in each:
+        for kind, on in bars.items():
             if on.any():
                 used[kind] = None
                 edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
@@ -327,7 +302,7 @@ def pawls_engaged(played: ScenarioResult) -> NDArray[np.bool_]:
     return found
 
 
-def draw_check_table(axes: Axes, rows: Sequence[Check]) -> None:
+def _draw_check_table(axes: Axes, rows: Sequence[Check]) -> None:
     """Write expected and measured values, a line each, with a mark."""
     axes.axis("off")
     axes.set(xlim=(0.0, 1.0), ylim=(len(rows) + 0.5, -0.5))

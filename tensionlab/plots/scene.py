@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from tensionlab.haptics.effects import Plane
 from tensionlab.plots.style import Entry
-from tensionlab.scenarios.scenery import HEAD_M, stick_figure
+from tensionlab.scenarios.scenery import HEAD_M, ScenerySurface, scenery, stick_figure
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, ORANGE, RED
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from tensionlab.model.rig import Rig
-    from tensionlab.scenarios import BrakeTarget, Phase, Scenario
+    from tensionlab.scenarios import Scenario
 
 DEPTH = (0.40, 0.25)  # right and up, for each metre of depth
 FLOOR_COLOUR, SURFACE_COLOUR, PERSON_COLOUR = "#DDDDDD", "#56B4E9", "#D3D3D3"
@@ -46,7 +47,7 @@ def view_of(rig: Rig) -> View:
         "x": [upwards, across, -deep],
         "y": [across, upwards, -deep],
         "z": [across, deep, upwards],
-    }[rig.vertical if rig.dimension == 3 else "y"]
+    }["xyz"[up_of(rig)]]
     axes = np.array(vectors[: rig.dimension])
     return lambda points: np.asarray(points @ axes)
 
@@ -77,26 +78,15 @@ def origin_of(scenario: Scenario, moment: Moment) -> Floats:
     return np.zeros_like(moment.held) if scenario.frame is None else moment.bodies[scenario.frame]
 
 
-def held_name(scenario: Scenario) -> str:
-    """Return the name of the held point, such as the hand."""
-    return next((word for key, word in scenario.labels.items() if key not in scenario.rig.frames), "held point")
-
-
-def plane_of(phase: Phase, names: Sequence[str] = ("plane", "surface")) -> Any:
-    """Return the flat surface of a phase, if any: an effect's, or that of its wall, by these names."""
-    parts = [part for effect in phase.effects.values() for part in (effect, getattr(effect, "wall", None))]
-    return next((getattr(part, name) for part in parts for name in names if hasattr(part, name)), None)
-
-
 def scene_legend(scenarios: Sequence[Scenario]) -> list[Entry]:
     """Return the entries that the legend of these scenarios needs."""
     on_body = [module.frame in each.rig.frames for each in scenarios for module in each.rig.modules]
-    phases = [phase for each in scenarios for phase in each.phases]
+    surfaces = [surface for each in scenarios for phase in scenery(each).phases for surface in phase.surfaces]
     needed = {
-        "virtual surface": any(plane_of(phase) is not None for phase in phases),
+        "virtual surface": any(surface.kind == "plane" and not surface.brakes for surface in surfaces),
         "module in the room": not all(on_body),
         "module on the body": any(on_body),
-        "where brakes hold": any(phase.hold is not None for phase in phases),
+        "where brakes hold": any(surface.brakes for surface in surfaces),
     }
     return [(name, look) for name, look in LOOKS.items() if needed.get(name, True)]
 
@@ -108,38 +98,43 @@ def draw_scene(
 
     Return the names of points, for `tensionlab.plots.style.label_points`.
     """
-    rig, view, up = scenario.rig, view_of(scenario.rig), up_of(scenario.rig)
+    rig, seen, view, up = scenario.rig, scenery(scenario), view_of(scenario.rig), up_of(scenario.rig)
     axes.set_aspect("equal")
     axes.axis("off")
+    held_name = seen.held_name(rig)
     if rig.dimension == 3:
         feet = [] if scenario.feet is None else [np.array(scenario.feet)]
         _draw_floor(axes, view, up, np.array([*moment.anchors, *path, moment.held, *feet]))
-        if scenario.feet is not None:
-            places = [(held_name(scenario), moment.held)]
-            places += [(scenario.labels.get(name, name), place) for name, place in moment.bodies.items()]
-            draw_person(axes, view, up, feet[0], places)
-    origin = origin_of(scenario, moment)
+        if feet:
+            bodies = [(scenario.labels.get(name, name), place) for name, place in moment.bodies.items()]
+            draw_person(axes, view, up, feet[0], [(held_name, moment.held), *bodies])
+    origin, names = origin_of(scenario, moment), {}
     drawn = [path[:: max(1, len(path) // 20)]]
-    names = {
-        name: [tuple(place) for place in view(outline)]
-        for name, outline in _draw_surfaces(axes, view, up, scenario, origin, path.mean(axis=0)).items()
-    }
-    for phase in scenario.phases:
-        if phase.hold is not None:
-            drawn.append(_draw_brake(axes, view, up, phase.hold, origin, moment.held))
+    phases_of: dict[ScenerySurface, list[str]] = {}
+    for phase in seen.phases:
+        for surface in phase.surfaces:
+            phases_of.setdefault(surface, []).append(phase.name)
+    # From behind: balls, planes, brakes.
+    for surface in sorted(phases_of, key=lambda each: (each.brakes, not each.brakes and each.kind == "plane")):
+        near = moment.held if surface.brakes else path.mean(axis=0)
+        outline = _draw_surface(axes, view, up, surface, origin, near)
+        if surface.brakes:
+            drawn.append(outline)
+        elif len(outline):
+            names[", ".join(phases_of[surface])] = [tuple(place) for place in view(outline)]
     axes.plot(*view(path).T, **LOOKS["its path"], zorder=4)
     held = view(moment.held)
     for module, anchor in zip(rig.modules, moment.anchors, strict=True):
-        seen, on_body = view(anchor), module.frame in rig.frames
+        place, on_body = view(anchor), module.frame in rig.frames
         if not on_body:  # a thread to the floor shows where it stands
             foot = view(np.where(np.arange(rig.dimension) == up, 0.0, anchor))
-            axes.plot(*zip(seen, foot, strict=True), color=BLUE, linewidth=0.9, linestyle=":", zorder=2)
-        axes.plot(*zip(seen, held, strict=True), **LOOKS["cable"], zorder=5)
+            axes.plot(*zip(place, foot, strict=True), color=BLUE, linewidth=0.9, linestyle=":", zorder=2)
+        axes.plot(*zip(place, held, strict=True), **LOOKS["cable"], zorder=5)
         drawn.append(anchor + np.linspace(0.1, 0.9, 9)[:, None] * (moment.held - anchor))
-        axes.plot(*seen[:, None], **LOOKS["module on the body" if on_body else "module in the room"], zorder=6)
-        names[module.name] = [tuple(seen)]
+        axes.plot(*place[:, None], **LOOKS["module on the body" if on_body else "module in the room"], zorder=6)
+        names[module.name] = [tuple(place)]
     axes.plot(*held[:, None], **LOOKS["held point"], zorder=7)
-    return names | {held_name(scenario): [tuple(held), *map(tuple, view(np.concatenate(drawn)))]}
+    return names | {held_name: [tuple(held), *map(tuple, view(np.concatenate(drawn)))]}
 
 
 def _draw_floor(axes: Axes, view: View, up: int, points: Floats) -> None:
@@ -154,50 +149,34 @@ def _draw_floor(axes: Axes, view: View, up: int, points: Floats) -> None:
             axes.plot(*view(ends).T, color=FLOOR_COLOUR, linewidth=0.9, zorder=0)
 
 
-def _draw_surfaces(
-    axes: Axes, view: View, up: int, scenario: Scenario, origin: Floats, middle: Floats
-) -> dict[str, Floats]:
-    """Draw flat surfaces and balls; return their outlines by the names of their phases."""
-    from matplotlib.patches import Circle
+def _draw_surface(
+    axes: Axes, view: View, up: int, surface: ScenerySurface, origin: Floats, near: Floats
+) -> Floats:
+    """Draw a ball, a patch of a plane near a point, or an arc of the end of a reach; return points (K, d) of it.
 
-    phases_of: dict[Any, list[str]] = {}
-    drawn: dict[str, Floats] = {}
-    for phase in scenario.phases:
-        if (plane := plane_of(phase)) is not None:
-            phases_of.setdefault(plane, []).append(phase.name)
-        for effect in phase.effects.values():
-            ball: Any = getattr(effect, "field", None)
-            if hasattr(ball, "radius"):
-                centre = origin + np.array(ball.centre)
-                axes.add_patch(
-                    Circle(tuple(view(centre)), ball.radius, facecolor=SURFACE_COLOUR, alpha=0.3, zorder=3)
-                )
-                drawn[phase.name] = centre[None]
-    for plane, names in phases_of.items():
-        foot = middle - plane.height(middle - origin) * plane.n
-        drawn[", ".join(names)] = _draw_patch(axes, view, up, foot, plane.n, SURFACE_COLOUR)
-    return drawn
+    A box is not drawn.
+    """
+    from matplotlib.patches import Circle, Polygon
 
-
-def _draw_brake(axes: Axes, view: View, up: int, hold: BrakeTarget, origin: Floats, held: Floats) -> Floats:
-    """Draw a patch of the wall, or an arc of the end of the reach, near the held point; return points (K, d)."""
-    arm = held - origin
-    if hold.reach is None:
-        assert hold.plane is not None
-        return _draw_patch(axes, view, up, held - hold.plane.height(arm) * hold.plane.n, hold.plane.n, GREEN)
-    size = float(np.linalg.norm(arm))
-    ahead = arm / size if size > 0.0 else np.eye(arm.size)[0]
-    across = np.eye(arm.size)[up]
-    across = across - (across @ ahead) * ahead
-    arc = origin + hold.reach * (np.cos(ARC)[:, None] * ahead + np.sin(ARC)[:, None] * across)
-    axes.plot(*view(arc).T, **LOOKS["where brakes hold"], zorder=3)
-    return np.asarray(arc[::4])
-
-
-def _draw_patch(axes: Axes, view: View, up: int, middle: Floats, normal: Floats, colour: str) -> Floats:
-    """Draw a square of a plane, or where space is flat a stretch of a line; return points of its edge."""
-    from matplotlib.patches import Polygon
-
+    if surface.kind == "ball":
+        centre = origin + np.array(surface.point)
+        outline = Circle(tuple(view(centre)), surface.size[0], facecolor=SURFACE_COLOUR, alpha=0.3, zorder=3)
+        axes.add_patch(outline)
+        return np.asarray(centre[None])
+    if surface.kind == "box":
+        return np.empty((0, near.size))
+    if surface.kind == "reach":
+        arm = near - origin
+        size = float(np.linalg.norm(arm))
+        ahead = arm / size if size > 0.0 else np.eye(arm.size)[0]
+        across = np.eye(arm.size)[up]
+        across = across - (across @ ahead) * ahead
+        arc = origin + surface.size[0] * (np.cos(ARC)[:, None] * ahead + np.sin(ARC)[:, None] * across)
+        axes.plot(*view(arc).T, **LOOKS["where brakes hold"], zorder=3)
+        return np.asarray(arc[::4])
+    plane = Plane(surface.point, surface.normal)
+    normal, colour = plane.n, GREEN if surface.brakes else SURFACE_COLOUR
+    middle = near - plane.height(near - origin) * normal
     sides = np.linalg.svd(normal[None])[2][1:]
     if abs(normal[up]) > 0.99:
         sides = np.delete(np.eye(normal.size), up, axis=0)

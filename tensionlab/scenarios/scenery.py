@@ -99,7 +99,7 @@ class Scenery:
 
     def held_name(self, rig: Rig) -> str:
         """Return the name of the held point, such as the hand."""
-        return next((word for key, word in (self.labels or {}).items() if key not in rig.frames), "")
+        return next((word for key, word in (self.labels or {}).items() if key not in rig.frames), "hand")
 
 
 def scenery(scenario: Scenario, *, repeat: bool = False) -> Scenery:
