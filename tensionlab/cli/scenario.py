@@ -103,7 +103,7 @@ def scenario(
     rows = check_scenario(played) if complete and rig is None else ()
     found = check_directions(played.run)
     with output.ResultWriter(quiet=json) as writer:
-        writer.draw(plot, "scenario", played, rows)
+        writer.draw(plot, "scenario", played)
         if json:
             output.print_json(
                 scenario=loaded.name,

@@ -43,7 +43,7 @@ def test_the_bow_ends_with_a_verdict(run, tmp_path, monkeypatch):
 
 
 def test_on_another_rig_what_it_needs_is_told_first(run, tmp_path, monkeypatch):
-    monkeypatch.setattr("tensionlab.plots.plot_scenario", lambda played, rows: Figure())
+    monkeypatch.setattr("tensionlab.plots.plot_scenario", lambda played: Figure())
     words = ("--seconds", "0.3", "--plot", tmp_path / "it.png")
     status, out, err = run("scenario", "materials", "--rig", "seven-modules", *words)
     assert status == 0, err
@@ -90,7 +90,7 @@ def test_what_was_not_rendered_as_desired_is_told(run, monkeypatch):
 
 def test_it_says_no_where_it_feels_otherwise(run, tmp_path, monkeypatch):
     """A single shot where tensions change slowly: its kick is too weak."""
-    monkeypatch.setattr("tensionlab.plots.plot_scenario", lambda played, rows: Figure())
+    monkeypatch.setattr("tensionlab.plots.plot_scenario", lambda played: Figure())
     other = {"[1.0, 1.8, 2.6, 2.8, 4.2]": "[1.0]", "slew = 300.0": "slew = 10.0"}
     other |= {"seconds = 5.0": "seconds = 1.6", "end = 5.0": "end = 1.6"}
     for name in ("recoil.toml", "recoil.rig.toml"):
