@@ -189,9 +189,10 @@ def test_what_is_not_finite_is_refused_by_name_and_index(name: str, bad: float) 
         )
 
 
-def test_crossed_limits_are_refused_by_cable() -> None:
-    with pytest.raises(tl.errors.ShapeError, match=r"lower.*\b2\b.*7 N.*upper.*6 N"):
-        tl.allocate(PLANAR, REACHABLE, ([1, 1, 7], [9, 9, 6]))
+@pytest.mark.parametrize("lower", [7, 6 + 1e-9])
+def test_crossed_limits_are_refused_by_cable(lower: float) -> None:
+    with pytest.raises(tl.errors.ShapeError, match=rf"lower.*\b2\b.*{lower:g} N.*upper.*6 N"):
+        tl.allocate(PLANAR, REACHABLE, ([1, 1, lower], [9, 9, 6]))
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.errors import ModuleFault, Unreachable, optional_import
+from tensionlab.errors import ModuleFault, Unreachable, cannot_listen, optional_import
 from tensionlab.hardware.protocol.codes import Fault
 
 
@@ -28,3 +28,16 @@ def test_a_missing_library_is_told_with_the_extra_that_brings_it():
     with pytest.raises(tl.errors.MissingDependency) as raised, optional_import("x", "a store"):
         import no_such_library.part  # noqa: F401
     assert str(raised.value) == 'a store needs no_such_library: pip install "tensionlab[x]"'
+
+
+@pytest.mark.parametrize(
+    ("reason", "said"),
+    [
+        (OSError(98, "Address already in use (while listening)"), ": Address already in use; give another port"),
+        (OSError(-2, "Name or service not known"), ": Name or service not known; give another port"),
+        (OSError(10048, "Only one usage (protocol/network)"), ": Only one usage; give another port"),
+        ("another user has it", ": another user has it; give another port"),
+    ],
+)
+def test_an_address_that_is_taken_is_told_with_the_reason(reason, said):
+    assert said in str(cannot_listen("the bridge", "127.0.0.1", 80, reason))

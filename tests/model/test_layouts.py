@@ -56,6 +56,11 @@ def test_alternate_corners_close_a_third_of_the_box():
     np.testing.assert_allclose(pdist(alternate_corners([1.0, 1.0, 1.0]).anchors), np.sqrt(2))
 
 
+def test_a_layout_may_be_small():
+    assert np.ptp(box_corners([1e-4, 2e-4, 3e-4]).anchors, axis=0).tolist() == [1e-4, 2e-4, 3e-4]
+    assert np.abs(ring_plus_top(1e-4).anchors[:3]).max() < 1e-4
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [

@@ -26,6 +26,14 @@ def test_it_closes_at_the_border():
     assert content(surface) == pytest.approx(1 * 2 * 3, rel=1e-5)
 
 
+def test_a_level_is_where_the_surface_is_and_may_be_negative():
+    axis = np.linspace(0.0, 1.0, 11)
+    values = np.broadcast_to(-axis[:, None, None], (11, 11, 11))  # above -0.25 where x is below 0.25
+    surface = level_surface(values, (axis, axis, axis), -0.25)
+    assert content(surface) == pytest.approx(0.25, rel=1e-3)
+    assert level_surface(values, (axis, axis, axis), 0.0) is None
+
+
 def test_no_value_is_below_the_level_and_an_infinite_one_above():
     values, axis = np.full((4, 4, 4), np.nan), np.arange(4.0)
     assert level_surface(values, (axis, axis, axis), 0.0) is None

@@ -40,6 +40,8 @@ class Whole(BaseModel):
     shapes: list[Annotated[Ball | Part, Field(union_mode="left_to_right")]] = []
     counts: list[Annotated[int, Field(gt=0)]] = Field([1], min_length=1)
     tagged: dict[str, Annotated[Ball, Field()]] = {}
+    share: float = Field(0.0, ge=0.0, le=1.0)
+    rate: float = Field(1.0, gt=0.0, le=400.0)
 
 
 GOOD: dict[str, Any] = {"home": [0.0], "parts": [{"name": "left", "anchor": [0.0, 1.0]}]}
@@ -50,7 +52,7 @@ GOOD: dict[str, Any] = {"home": [0.0], "parts": [{"name": "left", "anchor": [0.0
     [
         ({"home": "x"}, "home is 'x'; give a list"),
         ({"hom": 1}, 'hom is an unknown key; did you mean "home"?'),
-        ({"zzz": 1}, "zzz is an unknown key; the keys here are home, parts, shapes, counts, tagged"),
+        ({"zzz": 1}, "zzz is an unknown key; the keys here are home, parts, shapes, counts, tagged, share, rate"),
         ({"home": None}, "home is null; give a list"),
         ({"parts": [GOOD["parts"][0]] * 3}, "parts has 3 entries; give 2 at most"),
         ({"parts": [3]}, "parts[0] is 3; give a table of keys and values"),
@@ -74,6 +76,8 @@ GOOD: dict[str, Any] = {"home": [0.0], "parts": [{"name": "left", "anchor": [0.0
         ),
         ({"counts": [0]}, "counts[0] is 0; give more than 0"),
         ({"counts": []}, "counts has 0 entries; give 1 or more"),
+        ({"share": 1.5}, "share is 1.5; give 0 to 1"),
+        ({"rate": 0.0}, "rate is 0.0; give more than 0, up to 400"),
         (
             {"tagged": {"b": {"kind": "box", "radius": 1.0}}},
             "tagged.b.kind is 'box'; give 'ball'",

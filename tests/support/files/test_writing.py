@@ -116,3 +116,20 @@ def test_all_that_the_package_writes_goes_through_this_door():
             found.add(path.relative_to(PACKAGE).as_posix())
     programs = {name for name in found if "__main__" in (PACKAGE / name).read_text(encoding="utf-8")}
     assert found - programs <= IN_PLACE, "write with tensionlab.support.files.writing"
+
+
+def test_a_new_file_may_replace_an_empty_one_alone(tmp_path):
+    (tmp_path / "empty.mcap").touch()
+    (tmp_path / "full.mcap").write_text("a run")
+    (tmp_path / "broken.mcap").symlink_to("nowhere")
+    for name in ("empty.mcap", "new.mcap"):
+        writing.require_new(tmp_path / name, "the log")
+    for name in ("full.mcap", "broken.mcap", "."):
+        with pytest.raises(WriteError, match="something already; name a new file for the log"):
+            writing.require_new(tmp_path / name, "the log")
+
+
+def test_a_name_needs_more_than_a_suffix(tmp_path):
+    for name, words in ((".csv", "a name is missing"), ("a.txt", "unsupported format")):
+        with pytest.raises(WriteError, match=rf"{words}; it must end in \.csv or \.parquet"):
+            writing.require_writable(tmp_path / name, (".csv", ".parquet"))
