@@ -145,7 +145,7 @@ def serve(
             stack.callback(group.close)
             stack.enter_context(temporary_slew(group, MAX_SLEW_RATE_N_PER_S if played is None else played.slew))
             inner.renderer.limits = module_limits(loaded, group)
-            demand = BridgedDemand(client, inner, events.take, events.note)
+            demand = BridgedDemand(client, inner, events)
             tracker = follow if played is not None or needs_tracker(loaded) else None
             sinks = open_sinks(log, loaded, solver, settings, links, lsl, scenery)
             sinks.append(SharedRun(loaded, solver, settings, group.clients, scenery))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -15,7 +14,7 @@ MESSAGES_PER_S, MESSAGES_AT_ONCE = 500.0, 100.0
 BYTES_PER_S, BYTES_AT_ONCE = 1e6, 250e3
 READ_SHARE, READ_AT_ONCE_S = 0.2, 0.1  # share of one processor, and burst, for reading and answering a client
 REPORT_S = 5.0  # period in which a line is reported once, and then only counted
-MAX_LINES, MAX_REASONS = 20, 5  # lines in a period, and reasons with their counts at its end
+MAX_LINES = 20  # lines in a period
 
 
 class FrameRefused(TensionlabError):  # noqa: N818 - what it is
@@ -24,24 +23,12 @@ class FrameRefused(TensionlabError):  # noqa: N818 - what it is
 
 @dataclass(eq=False)
 class Commander:
-    """Client that commands, or did.
-
-    Attributes
-    ----------
-    name : str
-        For messages to others.
-    last_seen : float
-        Time of its latest valid message, in s.
-    on_dismissed : callable
-        Called with the reason when it loses the command, from any thread.
-    dismissed : str
-        Why it lost the command; empty while it has it.
-    """
+    """Client that commands, or did; the name is for messages to others."""
 
     name: str
-    last_seen: float
-    on_dismissed: Callable[[str], None]
-    dismissed: str = ""
+    last_seen: float  # time of its latest valid message, in s
+    on_dismissed: Callable[[str], None]  # called with the reason when it loses the command, from any thread
+    dismissed: str = ""  # why it lost the command; empty while it has it
 
 
 @dataclass
@@ -155,16 +142,14 @@ class Budget:
 class LimitedReport:
     """Report to a terminal, line by line; repeated lines, and those beyond a limit, are only counted.
 
-    A line begins with its subject and ``: ``; lines that continue alike are counted together. ``say`` is called
-    with each line, from the thread that reports; ``clock`` returns the time in s.
+    ``say`` is called with each line, from the thread that reports; ``clock`` returns the time in s.
     """
 
     def __init__(self, say: Callable[[str], None], clock: Callable[[], float] = time.perf_counter) -> None:
         self._say, self._clock = say, clock
         self._lock = threading.Lock()
         self._reported: set[str] = set()
-        self._repeated: Counter[str] = Counter()
-        self._since = clock()
+        self._withheld, self._since = 0, clock()
 
     def __call__(self, line: str) -> None:
         """Report a line, or count it."""
@@ -172,20 +157,16 @@ class LimitedReport:
             self.finish()
         with self._lock:
             fresh = line not in self._reported and len(self._reported) < MAX_LINES
+            self._withheld += not fresh
             if fresh:
                 self._reported.add(line)
-            else:
-                self._repeated[line.partition(": ")[2] or line] += 1
         if fresh:
             self._say(line)
 
     def finish(self) -> None:
-        """Report the counts, and start a new period."""
+        """Report the count, and start a new period."""
         with self._lock:
-            repeated, self._repeated, self._since = self._repeated, Counter(), self._clock()
+            withheld, self._withheld, self._since = self._withheld, 0, self._clock()
             self._reported.clear()
-        counts = repeated.most_common(MAX_REASONS)
-        if rest := repeated.total() - sum(count for _, count in counts):
-            counts.append(("something else", rest))
-        for reason, count in counts:
-            self._say(f"{'once more' if count == 1 else f'{count} more times'}: {reason}")
+        if withheld:
+            self._say(f"{withheld} more such lines")

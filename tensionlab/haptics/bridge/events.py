@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,14 @@ DERATING_CHANGE_N = 0.5  # smallest change of a module's upper tension limit tha
 REPEAT_S = 1.0  # period of rates; a condition that was absent for this time has ended, and is an event again
 NO_LIMITER = "NONE"
 UNKNOWN = "UNKNOWN"
+IDLE: dict[str, Any] = {
+    "tensions": None,
+    "limiters": "IDLE",
+    "active": True,
+    "rendering": False,
+    "braked": False,
+    "brakes": UNKNOWN,
+}  # of each module before the first cycle
 
 
 class LatestCycle(NamedTuple):
@@ -33,29 +41,11 @@ class LatestCycle(NamedTuple):
     cut: Mapping[str, Mapping[str, Cut]]
 
 
-class RateWindow(NamedTuple):
-    """Begin of a period of rates, frames and cycles then, and the longest gap since."""
-
-    begin: float
-    frames: int
-    cycle: int
-    gap: float
-
-
 class RunEvents:
     """Latest state of a run, and events for what changes from cycle to cycle.
 
-    Parameters
-    ----------
-    limiters, brakes : mapping of int to str
-        Names of the numbers in `RigState.limiters` and `RigState.brakes`.
-    frames : callable
-        Returns the number of frames received.
-
-    Attributes
-    ----------
-    send : callable
-        Called with each event; set it before the run.
+    ``limiters`` and ``brakes`` name the numbers in `RigState.limiters` and `RigState.brakes`, ``frames`` returns
+    the number of frames received. ``send`` is called with each event; set it before the run.
     """
 
     send: Callable[[BridgeEvent], None]
@@ -69,13 +59,14 @@ class RunEvents:
         self._still: Floats = np.zeros(rig.n)
         self._home: Floats = rig.home
         self._latest: LatestCycle | None = None
-        self._window: RateWindow | None = None
+        self._window: tuple[float, int, int] | None = None  # of rates: its begin, and the frames and cycles then
+        self._longest_gap = 0.0  # between two cycles in the window, in s
         self._ceiling = 0.0
         self._stiff: dict[str, float] = {}
         self._limited: dict[tuple[int, str], float] = {}  # latest time of each limiter of a module
 
     def take(self, state: RigState, demand: Demand, share: float, renderer: Renderer) -> None:
-        """Take a cycle: see `OnCycle` in `tensionlab.haptics.bridge.source`."""
+        """Take a cycle, and the share of the force that was rendered in it."""
         before = self._latest
         self._latest = LatestCycle(state, demand, share, renderer.ceiling, renderer.delay, renderer.cut)
         previous_share = 0.0 if before is None else before.share
@@ -96,26 +87,11 @@ class RunEvents:
 
     def state(self, sequence: int) -> BridgeState:
         """Return the state of the rig, as the answer to a frame."""
-        count = len(self._names)
         if self._latest is None:  # no cycle yet
-            return BridgeState(
-                sequence=sequence,
-                time=0.0,
-                position=self._home.tolist(),
-                desired=self._still.tolist(),
-                demanded=self._still.tolist(),
-                softened={},
-                measured=self._still.tolist(),
-                tensions=[None] * count,
-                limiters=["IDLE"] * count,
-                active=[True] * count,
-                rendering=[False] * count,
-                braked=[False] * count,
-                brakes=[UNKNOWN] * count,
-                ceiling=0.0,
-                delay=0.0,
-                fresh=0.0,
-            )
+            idle: dict[str, Any] = {key: [value] * len(self._names) for key, value in IDLE.items()}
+            idle |= dict.fromkeys(("desired", "demanded", "measured"), self._still.tolist())
+            idle |= dict.fromkeys(("time", "ceiling", "delay", "fresh"), 0.0)
+            return BridgeState(sequence=sequence, position=self._home.tolist(), softened={}, **idle)
         state, demand, share, ceiling, delay, cut = self._latest
         demanded = self._still if demand.wrench is None else np.asarray(demand.wrench)
         known = np.nan_to_num(state.tensions)
@@ -193,15 +169,15 @@ class RunEvents:
     def _send_rates(self, state: RigState, gap: float) -> None:
         """Send once a second the rates of cycles and frames."""
         now, frames = state.time, self._frames()
-        window = self._window or RateWindow(now, frames, state.cycle, 0.0)
-        window = window._replace(gap=max(window.gap, gap))
-        if (passed := now - window.begin) >= REPEAT_S:
-            cycles, received = (state.cycle - window.cycle) / passed, (frames - window.frames) / passed
-            gap_ms = 1e3 * window.gap
-            text = f"{cycles:.1f} cycles and {received:.1f} frames a second; the longest gap {gap_ms:.0f} ms"
-            self._event(now, "rate", text, cycles=cycles, gap=window.gap, frames=received)
-            window = RateWindow(now, frames, state.cycle, 0.0)
-        self._window = window
+        begin, frames_then, cycle_then = self._window = self._window or (now, frames, state.cycle)
+        longest = self._longest_gap = max(self._longest_gap, gap)
+        if (passed := now - begin) >= REPEAT_S:
+            cycles, received = (state.cycle - cycle_then) / passed, (frames - frames_then) / passed
+            text = (
+                f"{cycles:.1f} cycles and {received:.1f} frames a second; the longest gap {1e3 * longest:.0f} ms"
+            )
+            self._event(now, "rate", text, cycles=cycles, gap=longest, frames=received)
+            self._window, self._longest_gap = (now, frames, state.cycle), 0.0
 
     def _event(self, time: float, kind: str, text: str, **more: float | str) -> None:
         self.send(BridgeEvent.model_validate({"time": time, "kind": kind, "text": text, **more}))

@@ -13,6 +13,7 @@ import numpy as np
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
 from tensionlab.haptics.bridge.client_state import ClientState
+from tensionlab.haptics.bridge.events import RunEvents
 from tensionlab.haptics.bridge.messages import HAND
 from tensionlab.haptics.effects.effect import Effect, Motion, smoothstep
 from tensionlab.haptics.rendering.assignment import EffectFailed
@@ -31,8 +32,6 @@ class Inner(Protocol):
 
 
 NO_EFFECTS: Mapping[str, Effect] = MappingProxyType({})
-# Called each cycle with the state, the demand, the share of the force that was rendered, and the renderer.
-OnCycle = Callable[[RigState, Demand, float, Renderer], None]
 
 
 class BridgedDemand:
@@ -40,18 +39,11 @@ class BridgedDemand:
 
     The force fades while a client is silent; then, and before the first frame, the cables are held taut. A client
     whose effects fail loses them and the command; the cycle continues without them, and the force fades by the
-    slew limit. ``inner`` gets the effects: `FreeEffects`, or a scenario's demand. ``on_cycle`` is an `OnCycle`;
-    ``on_event`` is called with the kind and text of an event.
+    slew limit. ``inner`` gets the effects: `FreeEffects`, or a scenario's demand.
     """
 
-    def __init__(
-        self,
-        client: ClientState,
-        inner: Inner,
-        on_cycle: OnCycle | None = None,
-        on_event: Callable[[str, str], None] | None = None,
-    ) -> None:
-        self._client, self._inner, self._on_cycle, self._on_event = client, inner, on_cycle, on_event
+    def __init__(self, client: ClientState, inner: Inner, events: RunEvents | None = None) -> None:
+        self._client, self._inner, self._events = client, inner, events
         self._fade, self._latest = 0.0, 0.0
 
     def __call__(self, state: RigState) -> Demand:
@@ -61,8 +53,8 @@ class BridgedDemand:
         self._latest = state.time
         share = float(smoothstep(self._fade))
         demand = self._rendered(state, share)
-        if self._on_cycle is not None:
-            self._on_cycle(state, demand, share, self._inner.renderer)
+        if self._events is not None:
+            self._events.take(state, demand, share, self._inner.renderer)
         return replace(demand, stop=self._client.stop_requested)
 
     def _rendered(self, state: RigState, share: float) -> Demand:
@@ -79,8 +71,8 @@ class BridgedDemand:
                 logging.getLogger(__name__).exception("an effect of a client failed")
             reason = str(error) if isinstance(error, EffectError) else f"{type(error).__name__}: {error}"
             self._client.dismiss(f"the effects are removed: {reason}"[:MAX_MESSAGE_CHARACTERS])
-            if self._on_event is not None:
-                self._on_event("removed", reason)
+            if self._events is not None:
+                self._events.note("removed", reason)
             return self._inner(state, NO_EFFECTS, share)
 
 

@@ -53,7 +53,8 @@ def test_whatever_is_said_is_answered_and_the_loop_goes_on_within_limits(name):
     box, answers = ClientState(rig), []
     bridge = bridge_of(rig, box)
     inner = FreeEffects(box) if scenario is None else ScenarioDemand(scenario, repeat=True)
-    demand = BridgedDemand(box, inner, on_event=lambda *news: pytest.fail(f"an effect failed: {news}"))
+    demand = BridgedDemand(box, inner)
+    box.dismiss = lambda reason: pytest.fail(f"an effect failed: {reason}")
     states = [cycle.state for cycle in cycles(rig, 2 * COUNT)]
     names, home = ["hand", *rig.frames], rig.home.tolist()
 

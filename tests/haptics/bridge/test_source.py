@@ -7,12 +7,14 @@ import pytest
 
 from tensionlab.demand import Demand, Pose
 from tensionlab.haptics.bridge.client_state import ClientState
+from tensionlab.haptics.bridge.events import RunEvents
 from tensionlab.haptics.bridge.messages import Frame
 from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects
 from tensionlab.haptics.effects import Vibration, Viscous
 from tensionlab.haptics.effects.effect import Rendered
 from tensionlab.haptics.rendering.assignment import EffectFailed
 from tensionlab.haptics.rendering.renderer import Renderer
+from tensionlab.hardware.protocol.codes import Limit
 from tensionlab.scenarios import ScenarioDemand, load_scenario
 from tests.helpers.runs import cycles, four
 
@@ -134,7 +136,9 @@ class Faulty:
 def test_a_clients_effect_that_fails_is_removed_its_force_fades_and_the_client_is_dismissed(then, why, caplog):
     box, reasons, events = ClientState(RIG, Clock()), [], []
     client = box.command.take("client", box.clock(), reasons.append)
-    demand = BridgedDemand(box, FreeEffects(box), on_event=lambda *event: events.append(event))
+    news = RunEvents(RIG, {int(each): each.name for each in Limit}, {}, lambda: 0)
+    news.send = events.append
+    demand = BridgedDemand(box, FreeEffects(box), news)
     forces = []
     for cycle in cycles(RIG, 40):
         if not client.dismissed:
@@ -154,7 +158,7 @@ def test_a_clients_effect_that_fails_is_removed_its_force_fades_and_the_client_i
     assert client.dismissed.startswith("the effects are removed: effect 'bad' failed: ")
     assert why in client.dismissed
     assert reasons == [client.dismissed]
-    assert events[0][0] == "removed"
+    assert "removed" in [event.kind for event in events]
     assert ("Error" in why) == bool(caplog.records), "the traceback of what is not by its parameters"
 
 
