@@ -25,7 +25,6 @@ from tensionlab.haptics.bridge.command import (
     SILENCE_S,
 )
 from tensionlab.haptics.bridge.messages import (
-    EXAMPLES,
     IN,
     KINDS,
     MAX_MESSAGE_BYTES,
@@ -35,7 +34,14 @@ from tensionlab.haptics.bridge.messages import (
     BridgeMessage,
 )
 from tensionlab.haptics.bridge.osc import MAX_DEPTH, MAX_MESSAGES
-from tensionlab.haptics.bridge.schema import REFERENCE, first_line, json_text, message_schema, schema_text
+from tensionlab.haptics.bridge.schema import (
+    EXAMPLES,
+    REFERENCE,
+    first_line,
+    json_text,
+    message_schema,
+    schema_text,
+)
 from tensionlab.haptics.bridge.server import MAX_REFUSED, STATE_PERIOD_S
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S
@@ -133,7 +139,7 @@ def _message(kind: type[BridgeMessage]) -> str:
         said = "left out" in (field.description or "")
         needed = "" if said or field.is_required() or kind not in CLIENTS else "; may be left out"
         rows.append(f"| `{key}` | {field.description}{needed} |")
-    return "\n".join(rows) + "\n" + (_example(EXAMPLES[kind]) if kind in EXAMPLES else "")
+    return "\n".join(rows) + "\n" + (_example(EXAMPLES[name]) if name in EXAMPLES else "")
 
 
 def _effect(name: str, definitions: Mapping[str, Any]) -> str:

@@ -197,65 +197,6 @@ def refusal_reason(error: Exception) -> str:
 
 IN: tuple[type[Frame], type[StopRun]] = (Frame, StopRun)
 OUT: tuple[type[BridgeMessage], ...] = (Welcome, BridgeState, BridgeEvent, Refused)
-EXAMPLES: dict[type[BridgeMessage], dict[str, Any]] = {
-    Frame: {
-        "type": "frame",
-        "sequence": 7,
-        "time": 12.5,
-        "bodies": {"hand": {"position": [0.0, 0.31, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0]}},
-        "effects": {
-            "floor": {
-                "kind": "wall",
-                "plane": {"point": [0.0, 0.32, 0.0], "normal": [0.0, 1.0, 0.0]},
-                "stiffness": 100.0,
-            },
-            "air": {"kind": "viscous", "damping": 0.5},
-        },
-    },
-    StopRun: {"type": "stop"},
-    Welcome: {
-        "type": "welcome",
-        "protocol": PROTOCOL,
-        "rig": "bartels2026-validation",
-        "up": "y",
-        "modules": ["floor-1", "floor-2", "floor-3", "top"],
-        "upper": [6.0, 6.0, 6.0, 6.0],
-        "scenario": None,
-        "bodies": ["hand"],
-        "rate": 50.0,
-        "timeout": 0.25,
-    },
-    BridgeState: {
-        "type": "state",
-        "sequence": 7,
-        "time": 3.42,
-        "position": [0.0, 0.31, 0.0],
-        "desired": [0.0, 1.0, 0.0],
-        "demanded": [0.0, 1.0, 0.0],
-        "measured": [0.0, 1.0, 0.0],
-        "softened": {},
-        "tensions": [0.5, 0.5, 0.5, 1.7],
-        "limiters": ["NONE", "NONE", "NONE", "NONE"],
-        "active": [True, True, True, True],
-        "rendering": [False, False, False, True],
-        "braked": [False, False, False, False],
-        "brakes": ["OPEN", "OPEN", "OPEN", "OPEN"],
-        "ceiling": 33.0,
-        "delay": 0.02,
-        "fresh": 1.0,
-    },
-    BridgeEvent: {
-        "type": "event",
-        "time": 3.42,
-        "kind": "limit",
-        "text": "limited by: UPPER",
-        "module": "top",
-    },
-    Refused: {
-        "type": "refused",
-        "reason": "effect 'floor': stifness is an unknown key; did you mean \"stiffness\"?",
-    },
-}  # a complete message of each kind, for the schema and docs/reference/bridge.md
 
 
 def parse(content: str | bytes) -> Any:

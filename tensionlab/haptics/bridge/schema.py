@@ -9,12 +9,13 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from pydantic.json_schema import models_json_schema
 
 from tensionlab.errors import EffectError
-from tensionlab.haptics.bridge.messages import EXAMPLES, HAND, IN, KINDS, OUT, PROTOCOL
+from tensionlab.haptics.bridge.messages import HAND, IN, KINDS, OUT, PROTOCOL
 from tensionlab.haptics.effects import EFFECTS, SOLIDS, Friction, Plane, Ripples, VirtualCoupling, Wall
 from tensionlab.haptics.effects.parsing import parse_effect
 from tensionlab.model.rig import Rig
@@ -27,6 +28,10 @@ ABOUT = (
 )  # instructions for clients, besides the messages
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 REFERENCE = "#/$defs/"
+# A complete message of each type.
+EXAMPLES: dict[str, dict[str, Any]] = json.loads(
+    Path(__file__).with_name("examples.json").read_text(encoding="utf-8")
+)
 SHORT_LIST = re.compile(r"\[[^\[\]{}]{0,200}\]")
 # Effects, solids and parts of both.
 PARAMETERS: tuple[type[Any], ...] = (*EFFECTS.values(), *SOLIDS.values(), Plane, Ripples, VirtualCoupling)
@@ -48,7 +53,7 @@ def message_schema(rig: Rig | None = None) -> dict[str, Any]:
         message = definitions[kind.__name__]
         message["required"] = ["type", *(key for key in message.get("required", ()) if key != "type")]
         if rig is None or kind in OUT:
-            message["examples"] = [EXAMPLES[kind]]
+            message["examples"] = [EXAMPLES[kind.model_fields["type"].default]]
     definitions["BridgeEvent"]["properties"]["kind"]["enum"] = list(KINDS)
     frame = definitions["Frame"]["properties"]
     frame["effects"]["anyOf"][0]["additionalProperties"] = _reference("Effect")

@@ -7,9 +7,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
 from http import HTTPStatus
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -70,25 +68,14 @@ class CommandConnection:
 class Bridge:
     """WebSocket server of the bridge, with its own thread. A context manager; ``url`` is its address.
 
-    Parameters
-    ----------
-    client : ClientState
-        Gets the frames.
-    welcome : Welcome
-        Every client's first message.
-    state : callable
-        Returns the answer to a frame, given its number.
-    host, port : str, int
-        Where to listen; port 0 takes a free one. Beyond this machine a token must be given.
-    admission : Admission
-        Who may connect, and the documents for a browser; without a token, only this machine.
-    report : callable
-        Called with a line when a client connects, leaves or is refused, from any thread.
+    Frames go to the client state; ``state`` returns the answer to a frame, given its number. It listens at a host
+    and port; port 0 takes a free one. ``report`` is called with a line when a client connects, leaves or is
+    refused, from any thread.
 
     Raises
     ------
     HardwareError
-        If it cannot listen there, or may not without a token.
+        If it cannot listen there, or beyond this machine without a token.
     MissingDependency
         If websockets is not installed.
     """
@@ -145,14 +132,19 @@ class Bridge:
 
     def broadcast(self, event: BridgeEvent) -> None:
         """Send an event to all clients, but rates only to those that watch; from any thread."""
-        self._call_in_loop(partial(self._send_event, event))
 
-    def _send_event(self, event: BridgeEvent) -> None:
-        from websockets.asyncio.server import broadcast
+        def send() -> None:
+            from websockets.asyncio.server import broadcast
 
-        commanding = {self._commanding.socket} if self._commanding is not None else set()
-        clients = self._clients - commanding if event.kind == "rate" else self._clients
-        broadcast(clients, event.model_dump_json(exclude_none=True))
+            commanding = {self._commanding.socket} if self._commanding is not None else set()
+            clients = self._clients - commanding if event.kind == "rate" else self._clients
+            broadcast(clients, event.model_dump_json(exclude_none=True))
+
+        self._call_in_loop(send)
+
+    def _call_in_loop(self, act: Callable[[], object]) -> None:
+        assert self._loop is not None
+        self._loop.call_soon_threadsafe(act)
 
     def _run(self) -> None:
         try:
@@ -161,10 +153,6 @@ class Bridge:
             self._failure = error
         finally:
             self._ready.set()
-
-    def _call_in_loop(self, act: Callable[[], None]) -> None:
-        assert self._loop is not None
-        self._loop.call_soon_threadsafe(act)
 
     async def serve(self) -> None:
         """Serve clients in the running event loop, until `close`; the context manager does so in a thread."""
@@ -224,10 +212,10 @@ class Bridge:
 
     async def _accept_command(self, connection: ServerConnection) -> str:
         """Let a client command until it leaves, if no other one does; return why not, or an empty string."""
-        tasks: set[asyncio.Task[None]] = set()  # asyncio itself keeps no reference to them
+        loop = asyncio.get_running_loop()
 
         def on_dismissed(reason: str) -> None:
-            self._call_in_loop(lambda: tasks.add(asyncio.ensure_future(self._reject(connection, reason))))
+            asyncio.run_coroutine_threadsafe(self._reject(connection, reason), loop)
 
         command, before = self._client.command, self._commanding
         if before is not None and before.socket.state.name != "OPEN":
@@ -294,26 +282,20 @@ class Bridge:
     async def _watch(self, connection: ServerConnection, *, states: bool) -> None:
         """Send events and, if desired, states, until the client leaves."""
         self._clients.add(connection)
-        stream = None
         try:
             await connection.send(self._welcome.model_dump_json())
-            if states:
-                stream = asyncio.create_task(self._send_states(connection))
-            async for _ in connection:
-                await self._reject(connection, f"this stream is read only; command at {COMMAND_PATH}")
-                return
+            while True:
+                try:
+                    await asyncio.wait_for(connection.recv(), STATE_PERIOD_S if states else None)
+                except TimeoutError:
+                    await connection.send(self._state(0).model_dump_json())
+                else:
+                    await self._reject(connection, f"this stream is read only; command at {COMMAND_PATH}")
+                    return
         except self._closed:
-            return
+            pass
         finally:
             self._clients.discard(connection)
-            if stream is not None:
-                stream.cancel()
-
-    async def _send_states(self, connection: ServerConnection) -> None:
-        with suppress(self._closed):
-            while True:
-                await connection.send(self._state(0).model_dump_json())
-                await asyncio.sleep(STATE_PERIOD_S)
 
     def _answer(self, content: str | bytes, connected: CommandConnection) -> BridgeState | Refused:
         """Take a message, and return the answer."""
