@@ -45,7 +45,7 @@ from tensionlab.haptics.bridge.schema import (
 from tensionlab.haptics.bridge.server import MAX_REFUSED, STATE_PERIOD_S
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S
-from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
+from tensionlab.haptics.rendering.renderer import FADE_DELAY_S, FADE_S
 
 HEAD = f"""# The bridge
 

@@ -25,7 +25,7 @@ from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.schema import schema_text
 from tensionlab.haptics.bridge.server import Bridge
 from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects, Inner, tracked_pose
-from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
+from tensionlab.haptics.rendering.renderer import FADE_DELAY_S, FADE_S
 from tensionlab.hardware import Runner, RunSettings
 from tensionlab.hardware.protocol.codes import BrakeState, Limit
 from tensionlab.hardware.sharing import SharedRun

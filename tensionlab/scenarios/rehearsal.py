@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensionlab.allocation import Status, allocate
-from tensionlab.haptics.brakes.choice import brake_strengths, choose_locks
+from tensionlab.haptics.brakes import brake_strengths, choose_locks
 from tensionlab.haptics.effects.effect import Memory, Motion
 from tensionlab.haptics.rendering.assignment import MIN_COSINE
 from tensionlab.scenarios.demand_source import body_origin

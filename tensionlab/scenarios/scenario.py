@@ -14,8 +14,7 @@ from pydantic import BaseModel, ConfigDict
 
 from tensionlab.allocation import Policy
 from tensionlab.errors import EffectError, RigError, ScenarioError
-from tensionlab.haptics.brakes.choice import brake_strengths
-from tensionlab.haptics.brakes.contact import TIMING, BrakeWall, ImpactCap, Timing
+from tensionlab.haptics.brakes import TIMING, BrakeWall, ImpactCap, Timing, brake_strengths
 from tensionlab.haptics.effects import Plane
 from tensionlab.haptics.effects.effect import Effect, norm, normalized
 from tensionlab.haptics.effects.parameters import Length, PositiveForce, checked_dataclass, require_dimension

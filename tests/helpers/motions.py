@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from tensionlab.haptics.effects import Effect, Memory, Motion, Rendered
-from tensionlab.haptics.rendering.filtering import StageMemory, Stages
+from tensionlab.haptics.rendering.renderer import StageMemory, Stages
 
 
 def at(*position, velocity=(0.0, 0.0, 0.0), **more):

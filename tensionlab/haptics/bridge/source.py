@@ -17,8 +17,7 @@ from tensionlab.haptics.bridge.events import RunEvents
 from tensionlab.haptics.bridge.messages import HAND
 from tensionlab.haptics.effects.effect import Effect, Motion, smoothstep
 from tensionlab.haptics.rendering.assignment import EffectFailed
-from tensionlab.haptics.rendering.filtering import fade_in
-from tensionlab.haptics.rendering.renderer import Renderer
+from tensionlab.haptics.rendering.renderer import Renderer, fade_in
 
 
 class Inner(Protocol):

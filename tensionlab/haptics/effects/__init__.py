@@ -31,7 +31,7 @@ Spring [-9.   0.   0.3]
 Viscous [-0.2  0.   0. ]
 """
 
-from tensionlab.haptics.effects.ambient import Spring, Vibration, Viscous, Water
+from tensionlab.haptics.effects.ambient import Bow, Recoil, Spring, Vibration, Viscous, Water, Weight
 from tensionlab.haptics.effects.contact import Friction, Magnet, Plane, Ripples, Texture, Wall
 from tensionlab.haptics.effects.effect import (
     AxisImpedance,
@@ -43,7 +43,6 @@ from tensionlab.haptics.effects.effect import (
     relative,
 )
 from tensionlab.haptics.effects.shape import SOLIDS, Box, Field, Shape, Sphere, VirtualCoupling
-from tensionlab.haptics.effects.tools import Bow, Recoil, Weight
 
 EFFECTS = {
     "wall": Wall,

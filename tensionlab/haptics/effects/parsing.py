@@ -10,10 +10,10 @@ import numpy as np
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import EFFECTS
+from tensionlab.haptics.effects.ambient import Weight
 from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.effects.parameters import require_dimension, vectors
 from tensionlab.haptics.effects.shape import SOLIDS, take_kind
-from tensionlab.haptics.effects.tools import Weight
 from tensionlab.model.kinematics import turn_axes
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats

@@ -16,7 +16,7 @@ from tensionlab.haptics.effects import (
     Water,
     Weight,
 )
-from tensionlab.haptics.rendering.filtering import Stages
+from tensionlab.haptics.rendering.renderer import Stages
 from tensionlab.haptics.rendering.stability import MARGIN
 
 AGREED = [

@@ -5,7 +5,7 @@ import pytest
 
 from tensionlab.haptics.effects import Recoil, Viscous, Wall
 from tensionlab.haptics.effects.effect import smoothstep
-from tensionlab.haptics.rendering.filtering import (
+from tensionlab.haptics.rendering.renderer import (
     Stages,
     fade_in,
     limit_force_slew,

@@ -17,7 +17,7 @@ from tensionlab.haptics.effects import (
     Wall,
 )
 from tensionlab.haptics.effects.shape import VirtualCoupling
-from tensionlab.haptics.rendering.filtering import Stages
+from tensionlab.haptics.rendering.renderer import Stages
 from tensionlab.haptics.rendering.stability import (
     PassivityController,
     cap_stiffness,

@@ -7,7 +7,7 @@ import pytest
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import Bow, Motion, Recoil, Weight, relative
-from tensionlab.haptics.rendering.filtering import limit_force_slew
+from tensionlab.haptics.rendering.renderer import limit_force_slew
 from tests.helpers.motions import at, follow
 
 

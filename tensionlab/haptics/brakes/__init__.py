@@ -1,1 +1,0 @@
-"""One-way brakes: choice, contact, maps."""
