@@ -100,38 +100,38 @@ def read_records(path: Path, progress: Callable[[float], None] | None = None) ->
         from mcap.records import Attachment, Channel, Footer, Header, Message, Metadata
     channels: dict[int, str] = {}
     known = complete = False
+    messages = 0
     with _open(path) as file:
-        size, messages = os.fstat(file.fileno()).st_size, 0
+        size = os.fstat(file.fileno()).st_size
         whole = _whole_records(file, size, str(path))
         while True:
+            found = None
             try:
                 record = next(whole, None)
-                values = _metadata(record) if isinstance(record, Metadata) else {}
-                name = channels[record.channel_id] if isinstance(record, Message) else ""
+                if isinstance(record, Channel):
+                    channels[record.id] = record.topic
+                elif isinstance(record, Metadata):
+                    values = {key: parse_json(text, key, LogError) for key, text in record.metadata.items()}
+                    found = Record("metadata", record.name, values)
+                elif isinstance(record, Attachment):
+                    found = Record("attachment", record.name, record.data)
+                elif isinstance(record, Message):
+                    found = Record("message", channels[record.channel_id], record.data, record.log_time)
             except _UnpackedLogError:
                 raise
             except Exception:  # whatever a decoder raises over damaged bytes: what came before counts
                 complete = False
                 break
-            if record is None:
-                break
             if isinstance(record, Header):
                 known = record.profile == PROFILE
-            if not known:
+            if record is None or not known:
                 break
-            if isinstance(record, Channel):
-                channels[record.id] = record.topic
-            elif isinstance(record, Metadata):
-                yield Record("metadata", record.name, values)
-            elif isinstance(record, Attachment):
-                yield Record("attachment", record.name, record.data)
-            elif isinstance(record, Message):
-                messages += 1
-                if progress is not None and messages % PROGRESS_MESSAGES == 0:
+            complete |= isinstance(record, Footer)
+            if found is not None:
+                messages += found.kind == "message"
+                if progress is not None and found.kind == "message" and messages % PROGRESS_MESSAGES == 0:
                     progress(file.tell() / size)
-                yield Record("message", name, record.data, record.log_time)
-            elif isinstance(record, Footer):
-                complete = True
+                yield found
     if not known:
         raise LogError(f"{path}: not the log of a run; give a file that `tensionlab run --log` wrote")
     if complete:
@@ -150,25 +150,18 @@ def _whole_records(file: IO[bytes], size: int, source: str) -> Iterator[Any]:
         if not isinstance(record, Chunk):
             yield record
             continue
-        unpacked = frame_content_size(record.data) if record.compression == "zstd" else len(record.data)
-        if (
-            record.compression not in ("zstd", "")
-            or not 0 <= max(unpacked, record.uncompressed_size) <= MAX_CHUNK_BYTES
-        ):
+        packed = frame_content_size(record.data) if record.compression == "zstd" else len(record.data)
+        unpacked = max(packed, record.uncompressed_size)
+        if record.compression not in ("zstd", "") or not 0 <= unpacked <= MAX_CHUNK_BYTES:
             raise EOFError
-        total += max(unpacked, record.uncompressed_size)
+        total += unpacked
         require_unpackable(total, size, source, _UnpackedLogError)
         yield from breakup_chunk(record, validate_crc=True)
-
-
-def _metadata(record: Any) -> dict[str, Any]:
-    return {key: parse_json(value, key, LogError) for key, value in record.metadata.items()}
 
 
 def _open(path: Path) -> IO[bytes]:
     try:
         return path.open("rb")
-    except IsADirectoryError:
-        raise LogError(f"{path}: is a folder; give the log of a run (*.mcap)") from None
     except OSError as error:
-        raise LogError(f"{path}: cannot be read ({error.strerror}); give the log of a run (*.mcap)") from None
+        why = "is a folder" if isinstance(error, IsADirectoryError) else f"cannot be read ({error.strerror})"
+        raise LogError(f"{path}: {why}; give the log of a run (*.mcap)") from None

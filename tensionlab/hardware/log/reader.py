@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
 from itertools import product
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,12 +24,11 @@ from tensionlab.hardware.runner.records import PERCENTILES, RunEvent, Statistics
 from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support import provenance
-from tensionlab.support.arrays import MAX_MAGNITUDE
 from tensionlab.support.files import writing
-from tensionlab.support.files.reading import as_path, brief, parse_json
-from tensionlab.support.files.tables import from_mappings
+from tensionlab.support.files.reading import as_path, parse_json
 from tensionlab.support.formatting import format_duration, format_number
 from tensionlab.support.table import Column, Table
+from tensionlab.support.validation import validate
 
 if TYPE_CHECKING:
     import pandas
@@ -41,28 +38,42 @@ if TYPE_CHECKING:
 BLOCK_CYCLES = 1000  # number of cycles decoded at a time: as text and lists they take many times the memory
 MAX_EVENTS = 12  # number of events shown below a table; JSON has all
 EXTREMES = ("min", "mean", "max")  # columns of a module's commanded tensions
+BROKEN = (KeyError, TypeError, ValueError, OverflowError, RecursionError)  # errors of decoding what is no cycle
+
+
+@dataclass(frozen=True)
+class LogMetadata:
+    """Metadata of a log, by their names.
+
+    Attributes
+    ----------
+    manifest : dict
+        Origin of the run: `tensionlab.support.provenance.manifest`.
+    setup : RunSetup
+    modules : dict of str to dict
+        Fields of `protocol.Info` by the name of the module.
+    summary : dict
+        `Statistics.summary` at the end; empty in a log that was cut off.
+    """
+
+    manifest: dict[str, Any]
+    setup: RunSetup
+    modules: dict[str, dict[str, Any]] = field(default_factory=dict)
+    summary: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Run(CycleTable):
-    """Run read from its log: arrays over its K cycles, as in `CycleTable`, and the rest of the log.
+class Run(CycleTable, LogMetadata):
+    """Run read from its log: arrays over its K cycles, as in `CycleTable`, its `LogMetadata`, and its events.
 
     Attributes
     ----------
     rig : Rig
-    manifest : mapping
-        Origin of the run: `tensionlab.support.provenance.manifest`.
-    setup : RunSetup
-    modules : mapping of str to mapping
-        Fields of `protocol.Info` by the name of the module.
-    summary : mapping
-        `Statistics.summary` at the end; empty in a log that was cut off.
     events : tuple of RunEvent
     began : float
         Seconds since 1970 at the run's time 0, by the host's clock; NaN if there is no cycle.
     complete : bool
-        Whether the log was closed. If not, the process was killed or the disk was full, and the last cycles may be
-        missing.
+        Whether the log was closed. If not, the last cycles may be missing.
 
     Examples
     --------
@@ -75,10 +86,6 @@ class Run(CycleTable):
     """
 
     rig: Rig
-    manifest: Mapping[str, Any]
-    setup: RunSetup
-    modules: Mapping[str, Mapping[str, Any]]
-    summary: Mapping[str, Any]
     events: tuple[RunEvent, ...]
     began: float
     complete: bool
@@ -117,13 +124,12 @@ class Run(CycleTable):
         for name in ("lower", "upper"):
             described = {"units": "N", "long_name": f"{name} limit of the tension that the solver may choose"}
             variables[name] = ("module", np.array(getattr(self.setup, name)), described)
-        documents = {name: dict(getattr(self, name)) for name in ("manifest", "modules", "summary")}
-        documents["setup"] = asdict(self.setup)
+        documents = {name: getattr(self, name) for name in ("manifest", "modules", "summary")}
+        documents |= {"setup": asdict(self.setup), "events": [asdict(event) for event in self.events]}
         attributes = {
             "title": f"tensionlab run: {self.rig.name}, {self.setup.solver}",
             "rig": rig_to_toml(self.rig),
             **{name: json.dumps(document) for name, document in documents.items()},
-            "events": json.dumps([asdict(event) for event in self.events]),
             "began": self.began,
             "complete": int(self.complete),
         }
@@ -131,14 +137,10 @@ class Run(CycleTable):
         return dataset.set_coords(["cycle", "time", "lower", "upper"])
 
 
-def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | None = None) -> Run:
+def read_run(path: str | PathLike[str], progress: Callable[[float], None] | None = None) -> Run:
     """Return the run in a log; of one that was cut off, what it holds.
 
-    Parameters
-    ----------
-    path : path
-    progress : callable, optional
-        Called with the share of the work that is done, from 0 to 1.
+    `progress` is called with the share of the work that is done, from 0 to 1.
 
     Raises
     ------
@@ -163,70 +165,48 @@ def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | N
     (50, 'bartels2026-validation')
     """
     path = as_path(path)
-    metadata: dict[str, dict[str, Any]] = {}
+    found: dict[str, Any] = {}
     events: list[RunEvent] = []
     rows: list[bytes] = []
     blocks: list[dict[str, NDArray[Any]]] = []
     rig: Rig | None = None
     first_ns: int | None = None
     complete = False
+
+    def decode_rows() -> None:
+        assert rig is not None
+        try:
+            blocks.append(cycle_table.decode(rows, rig))
+        except BROKEN as error:
+            broken = f"a cycle in it is none of this rig ({type(error).__name__}); it is damaged"
+            raise LogError(f"{path}: {broken}") from None
+        rows.clear()
+
     for kind, name, content, time_ns in read_records(path, progress):
         if kind == "attachment":
-            try:
-                rig = rig_from_toml(content.decode(), f"{path}: rig.toml")
-            except UnicodeDecodeError:
-                raise LogError(f"{path}: rig.toml in it is not UTF-8 text; the log is damaged") from None
+            rig = rig_from_toml(content.decode(errors="replace"), f"{path}: rig.toml")
         elif kind == "metadata":
-            metadata[name] = content
+            found[name] = content
         elif kind == "end":
             complete = True
         elif name == "event":
-            event = parse_json(content, f"{path}: event {len(events) + 1}", LogError)
-            events += from_mappings([event], RunEvent, f"{path}: event {len(events) + 1}", LogError)
+            here = f"{path}: event {len(events) + 1}"
+            events.append(validate(RunEvent, parse_json(content, here, LogError), LogError, here))
         elif name == "cycle" and rig is not None:
             first_ns = time_ns if first_ns is None else first_ns
             rows.append(content)
             if len(rows) == BLOCK_CYCLES:
-                blocks.append(_decoded(path, rows, rig))
-                rows = []
-    if rig is None or not {"manifest", "setup"} <= metadata.keys():
+                decode_rows()
+    if rig is None or not {"manifest", "setup"} <= found.keys():
         raise LogError(f"{path}: the log was cut off before the run began; there is nothing in it")
-    blocks.append(_decoded(path, rows, rig))
-    table = {name: np.concatenate([block[name] for block in blocks]) for name in COLUMNS}
-    modules = metadata.get("modules", {})
-    for name, info in modules.items():
-        if not isinstance(info, dict):
-            raise LogError(f"{path}: module {brief(name)} is {brief(info)}; the log is damaged")
-    return Run(
-        **table,
-        rig=rig,
-        manifest=metadata["manifest"],
-        setup=_setup(path, metadata["setup"], rig),
-        modules=modules,
-        summary=metadata.get("summary", {}),
-        events=tuple(events),
-        began=np.nan if first_ns is None else 1e-9 * first_ns - float(table["time"][0]),
-        complete=complete,
-    )
-
-
-def _decoded(path: Path, rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
-    try:
-        return cycle_table.decode(rows, rig)
-    except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
-        raise LogError(
-            f"{path}: a cycle in it is none of this rig ({type(error).__name__}); it is damaged"
-        ) from None
-
-
-def _setup(path: Path, values: Mapping[str, Any], rig: Rig) -> RunSetup:
-    given = {key: tuple(each) if isinstance(each, list) else each for key, each in values.items()}
-    (setup,) = from_mappings([given], RunSetup, f"{path}: setup", LogError)
-    if not 0.0 < setup.rate < MAX_MAGNITUDE:
-        raise LogError(f"{path}: setup: rate is {setup.rate:g} Hz; the log is damaged")
-    if not len(setup.lower) == len(setup.upper) == rig.m:
-        raise LogError(f"{path}: setup: has {len(setup.lower)} tension limits for {rig.m} modules; it is damaged")
-    return setup
+    metadata = validate(LogMetadata, found, LogError, path)
+    if not len(metadata.setup.lower) == len(metadata.setup.upper) == rig.m:
+        count = len(metadata.setup.lower)
+        raise LogError(f"{path}: setup has {count} tension limits for {rig.m} modules; it is damaged")
+    decode_rows()
+    table: dict[str, Any] = {name: np.concatenate([block[name] for block in blocks]) for name in COLUMNS}
+    began = np.nan if first_ns is None else 1e-9 * first_ns - float(table["time"][0])
+    return Run(**table, **vars(metadata), rig=rig, events=tuple(events), began=began, complete=complete)
 
 
 def flat_columns(run: Run) -> dict[str, NDArray[Any]]:
@@ -311,36 +291,29 @@ def summarise(run: Run) -> dict[str, Any]:
 def report(run: Run) -> tuple[Table, Table]:
     """Return how a run went as a table of the whole and a table of its modules, with its events as notes."""
     found, statistics = summarise(run), recount(run)
-    if run.complete:
-        end = ("finished", statistics.ended or "the log does not say why")
-    else:
+    end = ("finished", statistics.ended or "the log does not say why")
+    if not run.complete:
         end = ("cut off", "the log was never closed, so its last moments may be missing")
-    cycles = f"{statistics.cycles} in {found['duration_s']:.2f} s, {run.setup.rate:g} Hz desired"
+    cycles = f"{len(run)} in {found['duration_s']:.2f} s, {run.setup.rate:g} Hz desired"
     policy = f", nearest in {run.setup.policy}" if run.setup.policy else ""
-    whole = Table(
-        ["", ""], [("cycles", cycles), *statistics.rows(), end], f"{run.rig.name}, {run.setup.solver}{policy}"
-    )
+    title = f"{run.rig.name}, {run.setup.solver}{policy}"
+    rows = []
+    for module in found["modules"]:
+        limits = [
+            f"{name.lower()} {f'{100 * share:.0f} %' if share >= 0.005 else '<1 %'}"
+            for name, share in module["limiters"].items()
+        ]
+        limits += [f"fault {name}" for name in module["faults"]]
+        limits += [] if module["lost_at_s"] is None else [f"lost at {module['lost_at_s']:.3f} s"]
+        tensions = [module[f"commanded_{word}_n"] for word in EXTREMES]
+        rows.append([module["name"], *tensions, *module["telemetry_age_s"].values(), ", ".join(limits)])
     columns = ["module", *(Column(f"tension {word}", "N", format_number) for word in EXTREMES)]
-    columns += [Column(f"age {word}", format=format_duration) for word in PERCENTILES]
-    rows = [
-        [each["name"], *(each[f"commanded_{word}_n"] for word in EXTREMES), *each["telemetry_age_s"].values(),
-         _limited_by(each)]
-        for each in found["modules"]
-    ]  # fmt: skip
+    columns += [*(Column(f"age {word}", format=format_duration) for word in PERCENTILES), "limited by"]
     notes = [
         f"{event.time:.3f} s  {event.kind}: {f'{event.module}: ' * bool(event.module)}{event.text}"
         for event in run.events[:MAX_EVENTS]
     ]
     if len(run.events) > MAX_EVENTS:
         notes.append(f"and {len(run.events) - MAX_EVENTS} more events; --json has all")
-    return whole, Table([*columns, "limited by"], rows, notes=notes)
-
-
-def _limited_by(module: Mapping[str, Any]) -> str:
-    """Return the limiters of a module with their shares of the cycles, its faults, and when it was lost."""
-    limits = [
-        f"{name.lower()} {f'{100 * share:.0f} %' if share >= 0.005 else '<1 %'}"
-        for name, share in module["limiters"].items()
-    ]
-    lost = [] if module["lost_at_s"] is None else [f"lost at {module['lost_at_s']:.3f} s"]
-    return ", ".join([*limits, *(f"fault {name}" for name in module["faults"]), *lost])
+    whole = Table(["", ""], [("cycles", cycles), *statistics.rows(), end], title)
+    return whole, Table(columns, rows, notes=notes)

@@ -14,7 +14,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from tensionlab.allocation import Policy, Solver, resolve_solver
 from tensionlab.errors import LogError, WriteError
@@ -26,26 +28,28 @@ from tensionlab.hardware.runner.records import Cycle, RunEvent, Statistics
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import MAX_MAGNITUDE
 from tensionlab.support.files.reading import as_path
 
 FLUSH_S = 0.2  # records are flushed after this time, and then outlive the process
 MAX_BACKLOG = 20_000  # number of cycles and events that may wait for a slow disk; at 1 kHz, 20 s
-# Pause of the writer in favour of the control loop: after each cycle while more wait, and after each message of
-# the scene; none while more than `MAX_YIELDING` wait, as a loop that never sleeps would leave it too little time.
+# Pause of the writer in favour of the control loop: after each cycle while more wait, and after each picture; none
+# while more than `MAX_YIELDING` wait, as a loop that never sleeps would leave it too little time.
 YIELD_S = 50e-6
 MAX_YIELDING = 200
 CLOSE_TIMEOUT_S = 10.0  # longest time to write pending records when the run ends
 
+EVENT_FIELDS = {
+    "cycle": ("integer", "number of the latest cycle; -1 before the first"),
+    "time": ("number", "begin of that cycle since the run began (s)"),
+    "kind": ("string", "such as armed, lost, fault or stopped"),
+    "text": ("string", "what happened"),
+    "module": ("string", "name of the module; empty: none or all"),
+}
 EVENT_SCHEMA = {
     "title": "tensionlab.Event",
     "type": "object",
-    "properties": {
-        "cycle": {"description": "number of the latest cycle; -1 before the first", "type": "integer"},
-        "time": {"description": "begin of that cycle since the run began (s)", "type": "number"},
-        "kind": {"description": "such as armed, lost, fault or stopped", "type": "string"},
-        "text": {"description": "what happened", "type": "string"},
-        "module": {"description": "name of the module; empty: none or all", "type": "string"},
-    },
+    "properties": {name: {"type": kind, "description": about} for name, (kind, about) in EVENT_FIELDS.items()},
 }
 
 
@@ -56,7 +60,7 @@ class RunSetup:
     solver: str  # its name in `tensionlab.SOLVERS`; for an instance, the name of its class
     parameters: Mapping[str, Any]  # hyper-parameters of the solver
     policy: Policy | None  # its policy for infeasible wrenches
-    rate: float
+    rate: Annotated[float, Field(gt=0.0, lt=MAX_MAGNITUDE)]
     ttl: float
     on_loss: str
     lower: tuple[float, ...]  # tension limits of the solver, in N
@@ -69,8 +73,7 @@ class RunLog:
     """Log of a run, written by a thread, so that no cycle waits for a disk.
 
     Every cycle is in the file within `FLUSH_S` seconds, even if the process is killed then. Close the log: only
-    then has it an index, and counts as complete. Viewers such as Foxglove show the run as a moving scene, by
-    messages that are written between the cycles some 30 times a second.
+    then has it an index, and counts as complete.
 
     Parameters
     ----------
@@ -79,9 +82,8 @@ class RunLog:
     rig : Rig
     manifest : mapping
         Origin of the run: `tensionlab.support.provenance.manifest`.
-    solver : str or Solver
-        As in `tensionlab.allocate`.
-    settings : RunSettings
+    solver, settings : str or Solver, RunSettings
+        As those of the `Runner`.
     links : mapping of str to str
         Link to each module, by its name.
     scenery : mapping, optional
@@ -93,8 +95,6 @@ class RunLog:
         If there is something in the file already, or it can't be written.
     MissingDependency
         If mcap is not installed.
-    UnknownSolver, ValueError
-        As `tensionlab.Allocator`.
 
     Examples
     --------
@@ -120,18 +120,10 @@ class RunLog:
         scenery: Mapping[str, Any] | None = None,
     ) -> None:
         made, policy = resolve_solver(solver, settings.policy)
-        setup = RunSetup(
-            solver=solver if isinstance(solver, str) else type(solver).__name__,
-            parameters=vars(made),
-            policy=policy,
-            rate=settings.rate,
-            ttl=settings.ttl,
-            on_loss=settings.on_loss,
-            lower=tuple(rig.limits.lower.tolist()),
-            upper=tuple(rig.limits.upper.tolist()),
-            links=links,
-            scenery={} if scenery is None else scenery,
-        )
+        name = solver if isinstance(solver, str) else type(solver).__name__
+        lower, upper = (tuple(each.tolist()) for each in (rig.limits.lower, rig.limits.upper))
+        timing = (settings.rate, settings.ttl, settings.on_loss)
+        setup = RunSetup(name, vars(made), policy, *timing, lower, upper, links, scenery or {})
         self.path = as_path(path)
         self._rig = rig
         self._queue: SimpleQueue[tuple[str, int, int, Any] | None] = SimpleQueue()
@@ -164,23 +156,24 @@ class RunLog:
             raise _unwritable(self.path, error) from None
         return file
 
-    def write(self, cycle: Cycle) -> None:
-        """Keep a cycle, whose arrays must not change any more.
+    def begin(self, infos: Mapping[str, Info], statistics: Statistics) -> None:
+        """Keep the description of each module, by its name.
 
-        A `LogError` if an earlier one could not be written: the disk is full, or does not keep up.
+        A `LogError`, here and in `write` and `note`, if something before could not be written: the disk is full,
+        or does not keep up.
         """
+        self._put("modules", {name: asdict(info) for name, info in infos.items()})
+
+    def write(self, cycle: Cycle) -> None:
+        """Keep a cycle, whose arrays must not change any more."""
         if self._begin_ns is None:
             self._begin_ns = time.time_ns() - int(1e9 * cycle.state.time)
         self._time = cycle.state.time
         self._put("cycle", cycle)
 
     def note(self, event: RunEvent) -> None:
-        """Keep an event, such as a module that was lost; from any thread. Errors as those of `write`."""
+        """Keep an event, such as a module that was lost; from any thread."""
         self._put("event", asdict(event))
-
-    def begin(self, infos: Mapping[str, Info], statistics: Statistics) -> None:
-        """Keep the description of each module, by its name. Errors as those of `write`."""
-        self._put("modules", {name: asdict(info) for name, info in infos.items()})
 
     def close(self, statistics: Statistics | None = None) -> None:
         """Write what is queued, the summary, and the index; a `LogError` if not all of it could be written."""
@@ -189,17 +182,15 @@ class RunLog:
             self._queue.put(None)
             self._thread.join(CLOSE_TIMEOUT_S)
             if self._thread.is_alive():
-                self._error = LogError(
-                    f"{self.path}: the disk did not take the last cycles within {CLOSE_TIMEOUT_S:g} s"
-                )
+                slow = f"the disk did not take the last cycles within {CLOSE_TIMEOUT_S:g} s"
+                self._error = LogError(f"{self.path}: {slow}")
         if self._error is not None:
             raise self._error
 
     def _put(self, topic: str, what: Any) -> None:
         if self._error is None and self._queue.qsize() >= MAX_BACKLOG:
-            self._error = LogError(
-                f"{self.path}: the disk does not keep up; {MAX_BACKLOG} cycles wait to be written"
-            )
+            slow = f"the disk does not keep up; {MAX_BACKLOG} cycles wait to be written"
+            self._error = LogError(f"{self.path}: {slow}")
         if not self._thread.is_alive() and self._error is None:  # in this order: an error ends the thread
             self._error = LogError(f"{self.path}: the log is closed; nothing can be added to it")
         if self._error is not None:
@@ -228,13 +219,12 @@ class RunLog:
             try:
                 item = self._queue.get(timeout=None if due == math.inf else max(due - time.perf_counter(), 0.0))
             except Empty:
-                self._file.flush()
-                due = math.inf
-                continue
-            if item is None:
-                return
-            self._write_one(*item)
-            due = min(due, time.perf_counter() + FLUSH_S)
+                due = -math.inf
+            else:
+                if item is None:
+                    return
+                self._write_one(*item)
+                due = min(due, time.perf_counter() + FLUSH_S)
             if time.perf_counter() >= due:
                 self._file.flush()
                 due = math.inf
@@ -253,8 +243,8 @@ class RunLog:
             self._file.message(topic, when, now, json.dumps(what).encode())
         else:
             self._file.message(topic, when, now, cycle_table.encode(what, self._rig))
-            self._yield()
             if (picture := self._scene.encode(what, when)) is not None:
+                self._yield()
                 self._file.message(scene.TOPIC, when, now, picture)
 
 

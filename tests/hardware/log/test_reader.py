@@ -149,8 +149,9 @@ def overflowing(name):
     ("what", "change", "said"),
     [
         ("setup", lambda _: {"solver": 3}, "links is missing"),
-        ("setup", lambda _: {"x": 0}, "setup: row 1"),
-        ("modules", lambda _: {"floor-1": 3}, "module 'floor-1' is 3"),
+        ("setup", lambda content: {**content, "rate": 0.0}, "setup.rate is 0.0; give more than 0"),
+        ("setup", lambda content: {**content, "lower": [0.5]}, "setup has 1 tension limits for 4 modules"),
+        ("modules", lambda _: {"floor-1": 3}, "modules.floor-1 is 3"),
         ("event", lambda _: b'{"cycle": 0}', "kind is missing"),
         ("event", lambda _: b"[" * 3000 + b"]" * 3000, "nested too deep"),
         ("cycle", lambda _: b'{"cycle": 0}', "a cycle in it is none of this rig"),
