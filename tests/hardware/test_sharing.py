@@ -14,7 +14,7 @@ from tensionlab.hardware.client import shared_telemetry
 from tensionlab.hardware.client.locks import LinkLock
 from tensionlab.hardware.client.shared_telemetry import Publisher
 from tensionlab.hardware.protocol.codes import BrakeState
-from tensionlab.hardware.runner.cycle_table import COLUMNS, VALUES
+from tensionlab.hardware.runner.cycle_table import COLUMNS
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.sharing import ASK_AGAIN_S, MAX_TIMES, MIN_STALE_S, RunWatcher, find_runs, latest
@@ -84,7 +84,7 @@ def test_the_newest_cycle_is_told_with_all_its_columns_and_what_is_not_logged(wa
     assert (info.rig.name, info.solver, info.rate) == ("bartels2026-validation", "newton", 50.0)
     assert info.links == dict.fromkeys((module.name for module in runner.rig.modules), "sim:")
     for name in COLUMNS:
-        np.testing.assert_array_equal(report.cycle[name], VALUES[name](latest, runner.rig), err_msg=name)
+        np.testing.assert_array_equal(report.cycle[name], COLUMNS[name].value(latest, runner.rig), err_msg=name)
     np.testing.assert_allclose(report.cycle["anchors"], runner.rig.anchors)
     assert report.cycle["brake_states"].tolist() == [BrakeState.OPEN] * 4
     assert np.isfinite(report.currents).all()

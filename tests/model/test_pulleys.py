@@ -14,7 +14,7 @@ from tensionlab.errors import InputError, RigError
 from tensionlab.hardware import Runner, RunSettings, World, WorldClock
 from tensionlab.hardware.calibration.anchors import Poses, calibrate_anchors
 from tensionlab.hardware.log.scene import SceneEncoder
-from tensionlab.hardware.runner.cycle_table import VALUES
+from tensionlab.hardware.runner.cycle_table import COLUMNS
 from tensionlab.hardware.runner.state_estimation import PoseTracker
 from tensionlab.model.kinematics import exponential
 from tensionlab.model.pose import place_anchors, place_axes, to_module_frames
@@ -370,7 +370,7 @@ def test_the_design_page_and_runs_draw_them_so(name):
     assert len(scene.cables.colours) == len(scene.cables.points)
     *_, cycle = cycles(rig, 3)
     lengths = rig.lengths(*cycle.state.pose)
-    row = {name: np.asarray(value(cycle, rig)) for name, value in VALUES.items()}
+    row = {name: np.asarray(column.value(cycle, rig)) for name, column in COLUMNS.items()}
     scene = run_scene.draw_instant(rig, run_scene.Instant.of(rig, row))
     np.testing.assert_allclose(lengths_of_lines(scene.cables.points, rig), lengths, rtol=1e-3)
     (line,) = json.loads(SceneEncoder(rig).encode(cycle, 0))["entities"][0]["lines"]

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import tensionlab as tl
 from tensionlab.hardware.log.reader import read_run
-from tensionlab.hardware.runner.cycle_table import VALUES
+from tensionlab.hardware.runner.cycle_table import COLUMNS
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.play import play, simulate_modules
 from tensionlab.scenarios.scenery import ScenerySurface, scenery
@@ -34,7 +34,7 @@ from tests.helpers.runs import cycles, four
 
 def instant_of(rig, count=10, **how):
     *_, cycle = cycles(rig, count, **how)
-    row = {name: np.asarray(value(cycle, rig)) for name, value in VALUES.items()}
+    row = {name: np.asarray(column.value(cycle, rig)) for name, column in COLUMNS.items()}
     return Instant.of(rig, row), row
 
 

@@ -26,6 +26,7 @@ from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers
 IMPEDANCE = tuple(each.name for each in fields(Impedance))  # the numbers of an impedance, in their order
 Flags = NDArray[np.bool_]
 Statuses = NDArray[np.int8]
+WRENCH = "N or N m"  # unit
 
 
 def rotation_matrix(cycle: Cycle, rig: Rig) -> Floats:
@@ -54,6 +55,11 @@ def impedance_rows(cycle: Cycle, rig: Rig) -> list[tuple[float, ...]]:
     return [(math.nan,) * len(IMPEDANCE) if spring is None else astuple(spring) for spring in springs]
 
 
+def brakes_on(cycle: Cycle, rig: Rig) -> list[bool]:
+    """Return whether each module's brake is on in the demand."""
+    return [module.name in cycle.demand.brakes for module in rig.modules]
+
+
 def anchors_in_world(cycle: Cycle, rig: Rig) -> Floats:
     """Return the anchors in the world, those on bodies by the bodies' poses."""
     return place_anchors(rig.modules, rig.anchors, cycle.state.pose.frames)
@@ -67,15 +73,21 @@ def codes(kind: type[IntEnum | IntFlag]) -> str:
 class RunColumn(NamedTuple):
     """Column of a run."""
 
-    source: str | Callable[[Cycle, Rig], Any]  # attribute of the cycle, or a function of it and the rig
+    value: Callable[[Cycle, Rig], Any]
     unit: str
     meaning: str
     dims: tuple[str, ...]  # axes after the first, which is the cycle
 
 
 def column(source: str | Callable[[Cycle, Rig], Any], unit: str, meaning: str, *dims: str) -> Any:
-    """Return a field of `CycleTable`, described by a `RunColumn`."""
-    return field(metadata={"column": RunColumn(source, unit, meaning, dims)})
+    """Return a field of `CycleTable` from an attribute of a cycle, or a function of the cycle and the rig."""
+    value: Callable[[Cycle, Rig], Any]
+    if isinstance(source, str):
+        get = attrgetter(source)
+        value = lambda cycle, rig: get(cycle)  # noqa: E731 - one of two functions
+    else:
+        value = source
+    return field(metadata={"column": RunColumn(value, unit, meaning, dims)})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -100,58 +112,27 @@ class CycleTable:
     active: Flags = column("state.active", "1", "whether the module takes part", "module")
     states: Integers = column("state.states", "1", f"state of the module: {codes(State)}", "module")
     faults: Integers = column("state.faults", "1", f"faults of the module, bits: {codes(Fault)}", "module")
-    limiters: Integers = column(
-        "state.limiters", "1", f"what limits the module's tension: {codes(Limit)}", "module"
-    )
-    brake_states: Integers = column(
-        "state.brakes", "1", f"state of the module's brake: {codes(BrakeState)}; -1: not yet known", "module"
-    )
-    last_sequence: Integers = column(
-        "state.last_sequence", "1", "sequence number of the last set-point followed; -1: none yet", "module"
-    )
+    limiters: Integers = column("state.limiters", "1", f"what limits the tension: {codes(Limit)}", "module")
+    brake_states: Integers = column("state.brakes", "1", f"brake: {codes(BrakeState)}; -1: not known", "module")
+    last_sequence: Integers = column("state.last_sequence", "1", "last set-point followed; -1: none yet", "module")
     delays: Floats = column("state.delays", "s", "time since that set-point was sent", "module")
     thermal: Floats = column("state.thermal", "1", "share of the winding's budget that is spent", "module")
-    upper_now: Floats = column(
-        "state.upper_now", "N", "upper limit: the rig's, or less where it is warm", "module"
-    )
-    desired: Floats = column(
-        desired_wrench,
-        "N or N m",
-        "wrench that the application desires, with what the rig requires; measured is structure times `measured`",
-        "component",
-    )
-    demanded: Floats = column(
-        demanded_wrench,
-        "N or N m",
-        "part of the desired wrench that is demanded of all modules: no stiffer and no faster than is stable",
-        "component",
-    )
+    upper_now: Floats = column("state.upper_now", "N", "upper limit: the rig's, or less while warm", "module")
+    desired: Floats = column(desired_wrench, WRENCH, "desired wrench, with what the rig requires", "component")
+    demanded: Floats = column(demanded_wrench, WRENCH, "part of it that the loop renders stably", "component")
     solver_wrench: Floats = column(
-        "solver_wrench", "N or N m", "demanded wrench minus what impedances and lost modules pull", "component"
+        "solver_wrench", WRENCH, "demanded wrench minus what impedances and lost modules pull", "component"
     )
-    impedances: Floats = column(
-        impedance_rows, "SI", f"commanded impedance: {', '.join(IMPEDANCE)}", "module", "impedance"
-    )
-    commanded_brakes: Flags = column(
-        lambda cycle, rig: [module.name in cycle.demand.brakes for module in rig.modules],
-        "1",
-        "whether the brake is commanded on",
-        "module",
-    )
+    impedances: Floats = column(impedance_rows, "SI", f"commanded {', '.join(IMPEDANCE)}", "module", "impedance")
+    commanded_brakes: Flags = column(brakes_on, "1", "whether the brake is commanded on", "module")
     stop: Flags = column("demand.stop", "1", "whether the demand ends the run")
     chosen: Floats = column("allocation.tensions", "N", "tension that the solver chose", "module")
-    rendered: Floats = column(
-        "allocation.wrench", "N or N m", "wrench that the chosen tensions exert", "component"
-    )
+    rendered: Floats = column("allocation.wrench", WRENCH, "wrench that the chosen tensions exert", "component")
     residual: Floats = column("allocation.residual", "N", "norm of the solver's wrench minus the rendered one")
     status: Statuses = column("allocation.status", "1", f"what is verified about the choice: {codes(Status)}")
-    scale: Floats = column(
-        "allocation.scale", "1", "share of the wrench that is rendered, by the direction policy"
-    )
+    scale: Floats = column("allocation.scale", "1", "share of the wrench that the direction policy renders")
     iterations: Integers = column("allocation.iterations", "1", "iterations of the solver")
-    separation: Floats = column(
-        "allocation.separation", "1", "direction that certifies the wrench as infeasible", "component"
-    )
+    separation: Floats = column("allocation.separation", "1", "direction that proves infeasibility", "component")
     fallback_used: Flags = column("fallback_used", "1", "whether the exact solver's answer was sent")
     commanded: Floats = column("commanded", "N", "set-point that was sent", "module")
     sequences: Integers = column("sequences", "1", "sequence number of the set-point; -1: none sent", "module")
@@ -162,16 +143,6 @@ class CycleTable:
 COLUMNS: dict[str, RunColumn] = {each.name: each.metadata["column"] for each in fields(CycleTable)}
 # Type of the numbers of each column: `NDArray[kind]` is `ndarray[shape, dtype[kind]]`.
 TYPES = {name: np.dtype(get_args(get_args(hint)[1])[0]) for name, hint in get_type_hints(CycleTable).items()}
-
-
-def _value(source: str | Callable[[Cycle, Rig], Any]) -> Callable[[Cycle, Rig], Any]:
-    if not isinstance(source, str):
-        return source
-    get = attrgetter(source)
-    return lambda cycle, rig: get(cycle)
-
-
-VALUES = {name: _value(each.source) for name, each in COLUMNS.items()}  # function of a cycle and the rig
 
 
 def labels(rig: Rig) -> dict[str, list[str]]:
@@ -214,9 +185,9 @@ def schema(rig: Rig) -> dict[str, Any]:
 def encode(cycle: Cycle, rig: Rig) -> bytes:
     """Return a cycle in JSON, with null for NaN and infinity."""
     row = {}
-    for name, value in VALUES.items():
-        array = np.asarray(value(cycle, rig), dtype=TYPES[name])
-        row[name] = (array.ravel() if COLUMNS[name].dims else array).tolist()
+    for name, column in COLUMNS.items():
+        array = np.asarray(column.value(cycle, rig), dtype=TYPES[name])
+        row[name] = (array.ravel() if column.dims else array).tolist()
     text = json.dumps(row, separators=(",", ":")).encode()
     for word in (b"NaN", b"-Infinity", b"Infinity"):  # in no name of a column, and there is no other text
         text = text.replace(word, b"null")

@@ -15,7 +15,7 @@ from tensionlab.hardware.log import scene
 from tensionlab.hardware.log.mcap_file import McapWriter, read_records
 from tensionlab.hardware.log.reader import describe_modules, read_run, recount, report, summarise
 from tensionlab.hardware.log.writer import EVENT_SCHEMA, RunSetup
-from tensionlab.hardware.runner.cycle_table import COLUMNS, TYPES, VALUES, decode, encode, schema
+from tensionlab.hardware.runner.cycle_table import COLUMNS, TYPES, decode, encode, schema
 from tensionlab.solvers.base import Status
 from tests.helpers import runs
 from tests.helpers.examples import many
@@ -36,8 +36,8 @@ def test_what_was_written_is_read_to_the_last_bit(seven):
     assert len(run) == len(written) == 120
     assert run.complete
     for index, cycle in enumerate(written):
-        for name, value in VALUES.items():
-            expected = np.array(value(cycle, run.rig), dtype=TYPES[name])
+        for name, column in COLUMNS.items():
+            expected = np.array(column.value(cycle, run.rig), dtype=TYPES[name])
             if TYPES[name].kind == "f":
                 expected[~np.isfinite(expected)] = np.nan
             np.testing.assert_array_equal(getattr(run, name)[index], expected, name)
