@@ -38,7 +38,7 @@ STEP_S = 0.001  # step of the slider
 SAME_S = 1e-6  # largest difference of times that count as the same
 BINS = 400  # points of a curve in the timeline: about as many as it has pixels
 SHOWN_TIMES = 1000  # number of latest cycles over which times of the loop are shown
-# Kinds of marks, and their colours; "run" marks its end, and lost or derated modules.
+# Kinds of marks, and their colours; "run" marks its end, and lost modules.
 KINDS = {"phase": GREY, "run": BLUE, "status": ORANGE, "fault": RED, "limiter": PURPLE, "brake": GREEN}
 GAP_S = 0.25  # longest interruption within one spell of an event
 LISTED_MARKS = 14  # number of events around the time that is shown

@@ -15,7 +15,7 @@ from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.module import CLOCK_WRAP_US, ModuleClient, Received
 from tensionlab.hardware.protocol.codes import FOLLOWING_STATES, Code, Fault, State
 from tensionlab.hardware.protocol.messages import SetImpedance, Stop, Telemetry
-from tensionlab.hardware.runner.guard import Derating, ReleasedModules, next_tensions
+from tensionlab.hardware.runner.guard import Derating, Release, next_tensions, release_of
 from tensionlab.hardware.runner.records import Statistics
 from tensionlab.hardware.runner.settings import Clock, RunSettings
 from tensionlab.hardware.runner.state_estimation import Flags, Observation, observe, set_point_delays
@@ -41,8 +41,8 @@ class ArmedModules:
     """Modules of a run, in the order of the rig: checks each in every cycle, and sends set-points.
 
     It is made when the group has been prepared. A module that is silent for the time to live of set-points is
-    lost, and so is one that follows older ones for that long; one that is lost does not come back. `note` is
-    called with the kind of an event, its text, and the name of the module.
+    lost, and so is one that follows older ones for that long; one that is lost does not come back. After a cycle
+    that came late, by a busy computer or a slow solver, modules have that time to be heard again.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class ArmedModules:
         settings: RunSettings,
         clock: Clock,
         statistics: Statistics,
-        note: Callable[[str, str, str], None],
+        note: Callable[[str, str, str], None],  # takes the kind of an event, its text, and the module's name
     ) -> None:
         self._rig, self._group, self._clients = rig, group, group.clients
         self._settings, self._clock = settings, clock
@@ -73,9 +73,11 @@ class ArmedModules:
         self.tensions = np.minimum(minimum, rig.limits.lower)  # equal, but for single precision, or below
         self._max_change = min(group.slews) / settings.rate  # of a tension from one cycle to the next, in N
         self._derating = Derating(rig.limits, np.array(group.continuous), self.names)
-        self._released = ReleasedModules(rig.limits.lower, group.slews, settings.ttl)
+        statistics.derated = self._derating.lowest
+        self._releases: dict[int, Release] = {}  # of lost modules
         self._delays = set_point_delays(rig.m, settings.rate)
-        self._stall = Stall(settings.ttl)
+        self._previous, self._stalled_until = math.inf, -math.inf
+        self._stall_s = 0.0  # duration of the latest late cycle; 0 if it was long ago
         self._late_since = np.full(rig.m, np.nan)
         self._late_ages = np.full(rig.m, 2e-3 * settings.telemetry_ms)
         self._no_brakes = np.zeros(rig.m, dtype=bool)
@@ -91,9 +93,7 @@ class ArmedModules:
         """Read and check the modules; return what they report, and the ages (m,) of their set-points in s."""
         now = self._clock.now()
         seen = observe(self._group)
-        for index, text in self._derating.update(seen.thermal):
-            self._note("derated", text, self.names[index])
-        self._statistics.derated = self._derating.lowest
+        self._derating.update(seen.thermal)
         delays, at_least = self._delays.delays(seen.last_sequence, now)
         self.check(seen, at_least, now)
         if not self.complete:  # the last report of a silent module is no measurement any more
@@ -107,8 +107,11 @@ class ArmedModules:
         if a module is lost and the run is to stop, or none is left.
         """
         self._seen = seen
-        self._stall.update(now)
-        ttl = self._settings.ttl
+        ttl, gap, self._previous = self._settings.ttl, now - self._previous, now
+        if gap > STALL_SHARE * ttl:
+            self._stall_s, self._stalled_until = gap, now + ttl
+        elif now > self._stalled_until:
+            self._stall_s = 0.0
         suspects = self._group.suspects(self.active, delays, ttl)
         if not suspects:
             self._late_since.fill(np.nan)
@@ -119,7 +122,7 @@ class ArmedModules:
             client = self._clients[index]
             try:
                 self._require_healthy(client, ages[index])
-                if not self._stall.seconds and late[index] > ttl:
+                if not self._stall_s and late[index] > ttl:
                     raise LinkTimeout(
                         f'module "{client.name}" is late: the newest set-point that it reports to follow was '
                         f"sent {delays[index]:.2f} s ago, and lives {ttl:g} s; its link is slow or crowded"
@@ -132,21 +135,23 @@ class ArmedModules:
         try:
             require_following(client)
         except ModuleFault as fault:
-            if fault.code is State.TIMEOUT and self._stall.seconds:
-                raise ModuleFault(f"{fault}: {self._stall}", fault.module, fault.code) from None
-            raise
+            if fault.code is not State.TIMEOUT or not self._stall_s:
+                raise
+            raise ModuleFault(
+                f"{fault}: this computer took {self._stall_s:.2f} s from one cycle to the next, and set-points "
+                f"live {self._settings.ttl:g} s; is it busy, or the solver slow?",
+                fault.module,
+                fault.code,
+            ) from None
         if (unchecked := client.unchecked()) is not None:
             require_plausible(client.name, *unchecked)
-        if age <= self._settings.ttl + self._stall.seconds:
+        if age <= self._settings.ttl + self._stall_s:
             return
+        why = f"has been silent for {age:.2f} s; has it power, is its link whole? A longer --ttl allows for more"
         if client.endpoint.repeated and client.telemetry is not None:
             why = (
                 f"repeats its report of {age:.2f} s ago ({client.endpoint.repeated} times time_us "
                 f"{client.telemetry.message.time_us}): its firmware or its link hangs; switch it off and on"
-            )
-        else:
-            why = (
-                f"has been silent for {age:.2f} s; has it power, is its link whole? A longer --ttl allows for more"
             )
         raise LinkTimeout(f'module "{client.name}" at {client.link.url} {why}')
 
@@ -193,7 +198,9 @@ class ArmedModules:
 
     def fixed_tensions(self, demand: Demand, state: RigState) -> Floats:
         """Return the tensions (m,) in N of modules with an impedance, and of lost ones that have not released."""
-        tensions = self._released.pulls(self._clock.now())
+        tensions, now = np.zeros(self._rig.m), self._clock.now()
+        for index, release in self._releases.items():
+            tensions[index] = release.pull(now)
         for index, name in enumerate(self.names):
             if name in demand.impedances and state.active[index]:
                 least, most = self._rig.limits.lower[index], state.upper_now[index]
@@ -208,41 +215,17 @@ class ArmedModules:
         self._note("lost", str(error), self.names[index])
         assert self._seen is not None
         now, client = self._clock.now(), self._clients[index]
-        last_heard = now - float(self._seen.ages[index])
-        self._released.add(index, float(self.tensions[index]), last_heard, now, client.state, error)
+        expired = now - float(self._seen.ages[index]) + self._settings.ttl
+        tension, taut = float(self.tensions[index]), float(self._rig.limits.lower[index])
+        self._releases[index] = release_of(
+            error, client.state, tension, taut, self._group.slews[index], now=now, expired=expired
+        )
         if self._settings.on_loss == "stop":
             raise error
         with suppress(HardwareError):
             client.send(Stop())
         if not self.active.any():
             raise HardwareError(f"no module is left; the last one: {error}")
-
-
-class Stall:
-    """Cycle that came late, by a busy computer or a slow solver: what modules miss by it is not their fault.
-
-    After a stall, modules have the time to live of set-points, `ttl` in s, to be heard again. `seconds` is the
-    duration of the latest one; 0 if it was long ago, or there was none.
-    """
-
-    def __init__(self, ttl: float) -> None:
-        self._ttl, self._before, self._until = ttl, math.inf, -math.inf
-        self.seconds = 0.0
-
-    def update(self, now: float) -> None:
-        """Note the time of a cycle, in s."""
-        gap = now - self._before
-        self._before = now
-        if gap > STALL_SHARE * self._ttl:
-            self.seconds, self._until = gap, now + self._ttl
-        elif now > self._until:
-            self.seconds = 0.0
-
-    def __str__(self) -> str:
-        return (
-            f"this computer took {self.seconds:.2f} s from one cycle to the next, and set-points live "
-            f"{self._ttl:g} s; is it busy, or the solver slow?"
-        )
 
 
 def require_following(client: ModuleClient) -> None:

@@ -23,25 +23,18 @@ class Cycle:
 
     Attributes
     ----------
-    state : RigState
-        At its begin.
-    demand : Demand
-        Its wrench with what the rig requires.
+    state, demand : RigState, Demand
+        At its begin; the wrench of the demand with what the rig requires.
     solver_wrench : (n,) array
-        Part of the demanded wrench for the solver: without that of modules with an impedance, and of lost ones
-        that have not released yet.
+        Demanded wrench minus what impedances and lost modules pull.
     allocation : Allocation
         What the solver chose, verified; with tension 0 in modules that do not take part.
     fallback_used : bool
-        Whether the exact solver gave the answer because the run's own left it unproven.
-    commanded : (m,) array
-        Set-points in N, after the limit on their change; NaN where none was sent.
-    sequences : (m,) array of int
-        Their sequence numbers; -1 where none was sent.
-    start_delay : float
-        Begin of the cycle after its deadline, in s.
-    compute_time : float
-        Time that the host needed for the cycle, in s.
+        Whether the exact solver answered because the run's own left its answer unproven.
+    commanded, sequences : (m,) array, (m,) array of int
+        Set-points in N, after the limit on their change, their sequence numbers; NaN and -1 where none was sent.
+    start_delay, compute_time : float
+        Begin of the cycle after its deadline, and time that the host needed for it, in s.
 
     Examples
     --------

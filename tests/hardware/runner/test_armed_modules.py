@@ -14,7 +14,6 @@ from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Stop, Tele
 from tensionlab.hardware.runner.armed_modules import (
     TELEMETRY_UNITS,
     ArmedModules,
-    Stall,
     require_following,
     require_plausible,
 )
@@ -122,20 +121,6 @@ def test_the_slower_of_the_two_clocks_counts():
         require_plausible("one", before, telemetry(1_020_000, 5.02, speed=1.0, length=1.5))
 
 
-# Cycles that come late
-
-
-def test_a_cycle_that_takes_over_three_quarters_of_a_time_to_live_is_a_stall_for_one():
-    stall = Stall(0.5)
-    told = []
-    for now in (1000.0, 1000.375, 1000.875, 1001.0, 1001.375, 1001.5):
-        stall.update(now)
-        told.append(stall.seconds)
-    assert told == [0.0, 0.0, 0.5, 0.5, 0.5, 0.0]
-    stall.update(1003.5)
-    assert str(stall).startswith("this computer took 2.00 s from one cycle to the next, and set-points live 0.5 s")
-
-
 # All of it, with modules that report what the test wants
 
 
@@ -235,6 +220,16 @@ def test_after_a_stall_a_module_has_the_time_of_it_more():
     watched.cycle()
     assert watched.cycle(1.0, ages=(1.2, 0.01, 0.01), delays=(2.0,) * 3) == ""
     assert watched.cycle(0.02, ages=(1.27, 0.01, 0.01)) == "a"
+
+
+@pytest.mark.parametrize(("gap", "more", "lost"), [(0.187, 0.0, "a"), (0.188, 0.24, ""), (0.188, 0.26, "a")])
+def test_a_stall_is_over_three_quarters_of_a_time_to_live_and_over_after_one(gap, more, lost):
+    watched = Watched()
+    watched.cycle()
+    watched.cycle(gap)
+    for _ in range(2):
+        watched.cycle(0.5 * more)
+    assert watched.cycle(0.0, ages=(0.26, 0.01, 0.01)) == lost
 
 
 def test_a_module_that_follows_old_set_points_for_as_long_as_they_live_is_lost():

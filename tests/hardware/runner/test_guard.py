@@ -12,8 +12,8 @@ from tensionlab.hardware.runner.guard import (
     Derating,
     GuardedAllocator,
     Release,
-    ReleasedModules,
     next_tensions,
+    release_of,
 )
 from tensionlab.solvers.base import Status
 
@@ -110,8 +110,8 @@ def derating():
 
 def test_until_a_winding_is_warm_the_limits_are_the_rigs_own():
     hot = derating()
-    assert hot.update(np.full(4, np.nan)) == []
-    assert hot.update(np.array([0.59, 0.0, np.nan, 0.99])) == []  # 1 - ((6 / 2.94)^2 - 1) / 8 = 0.604
+    hot.update(np.full(4, np.nan))
+    hot.update(np.array([0.59, 0.0, np.nan, 0.99]))  # 1 - ((6 / 2.94)^2 - 1) / 8 = 0.604
     assert hot.limits is LIMITS
     assert hot.lowest == {}
 
@@ -127,7 +127,7 @@ def test_the_limit_falls_with_the_square_root_of_the_remaining_budget_to_the_con
     assert hot.limits.upper[1] / 0.05 == pytest.approx(round(hot.limits.upper[1] / 0.05)), "whole steps"
     assert hot.lowest == {"b": hot.limits.upper[1]}
     before = hot.limits
-    assert hot.update(np.full(4, np.nan)) == []
+    hot.update(np.full(4, np.nan))
     assert hot.limits is before, "what is not known anew stays as it was"
 
 
@@ -137,20 +137,10 @@ def test_a_limit_is_never_below_the_minimum_tension():
     np.testing.assert_array_equal(hot.limits.upper, LIMITS.lower)
 
 
-def test_an_event_is_a_change_by_half_a_newton_or_a_limit_that_is_restored():
+def test_the_lowest_limit_is_kept_after_the_winding_has_cooled():
     hot = derating()
-    for thermal, upper, event in (
-        (0.64, 5.75, ""),
-        (0.69, 5.45, "pulls with up to 5.45 N in place of 6 N, to keep its winding from getting too hot"),
-        (0.72, 5.25, ""),
-        (0.66, 5.65, ""),
-        (0.3, 6.0, "pulls with up to 6 N again: its winding has cooled"),
-        (0.2, 6.0, ""),
-        (0.6843, 5.5, "pulls with up to 5.50 N in place of 6 N, to keep its winding from getting too hot"),
-        (0.61, 5.95, ""),
-        (0.5, 6.0, "pulls with up to 6 N again: its winding has cooled"),
-    ):
-        assert hot.update(np.array([thermal, 0.0, 0.0, 0.0])) == ([(0, event)] if event else []), thermal
+    for thermal, upper in ((0.64, 5.75), (0.72, 5.25), (0.66, 5.65), (0.3, 6.0), (0.6843, 5.5)):
+        hot.update(np.array([thermal, 0.0, 0.0, 0.0]))
         assert hot.limits.upper[0] == pytest.approx(upper)
     assert hot.lowest == {"a": pytest.approx(5.25)}
 
@@ -206,14 +196,6 @@ SILENT, CLOSED, FAULT = LinkTimeout("silent"), LinkError("closed"), ModuleFault(
     ],
 )
 def test_what_a_lost_module_pulls_depends_on_why_it_is_lost(error, heard, state, course):
-    lost = ReleasedModules(LIMITS.lower, [60.0, 60.0, 10.0, 60.0], TTL)
-    lost.add(2, 4.0, heard, 10.0, state, error)
-    pulls = np.array([lost.pulls(10.0 + after) for after in (0.0, 0.2, 1.0, 3.0)])
-    np.testing.assert_allclose(pulls[:, 2], course, atol=1e-12)
-    assert not pulls[:, [0, 1, 3]].any()
-
-
-def test_a_module_whose_driver_is_off_pulls_nothing_in_a_run_that_has_just_begun():
-    lost = ReleasedModules(LIMITS.lower, [60.0] * 4, TTL)
-    lost.add(2, 4.0, 0.01, 0.02, State.FAULT, FAULT)
-    assert not lost.pulls(0.02).any()
+    release = release_of(error, state, 4.0, 0.5, 10.0, now=10.0, expired=heard + TTL)
+    pulls = [release.pull(10.0 + after) for after in (0.0, 0.2, 1.0, 3.0)]
+    assert pulls == pytest.approx(course, abs=1e-12)
