@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from tensionlab.haptics.brakes import brake_map, choose_locks
+from tensionlab.haptics.rendering.brakes import brake_map, choose_locks
 from tensionlab.model.directions import fibonacci
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import TensionLimits

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.haptics.brakes import BrakeMap
+from tensionlab.haptics.rendering.brakes import BrakeMap
 from tensionlab.plots.style import add_legend, new_figure
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import RED

@@ -10,7 +10,7 @@ from portraits import demonstration_rig
 import tensionlab as tl
 from benchmarks import pulley_error
 from paper_figures.brake_maps import map_normals
-from tensionlab.haptics.brakes import brake_map, brake_strengths
+from tensionlab.haptics.rendering.brakes import brake_map, brake_strengths
 from tensionlab.haptics.rendering.stability import MARGIN, stiffness_bound
 from tensionlab.hardware.protocol.codes import EVENTS, State
 from tensionlab.hardware.simulation.simulated_module import TRANSITIONS

@@ -95,7 +95,7 @@ NATIVE = {
     "workspace/structure_metrics.py",
     "workspace/sweep/plan.py",
     "workspace/wrench_set.py",
-    "haptics/brakes.py",
+    "haptics/rendering/brakes.py",
     "hardware/client/group.py",
     "hardware/client/link_reader.py",
     "hardware/client/module.py",

@@ -27,7 +27,8 @@ TESTS = {
         *(f"tests/hardware/client/test_{name}.py" for name in ("link_reader", "group")),
     ],
     "address,undefined": [
-        *COUPLED, "tests/solvers", "tests/firmware", "tests/haptics/test_brakes.py", "tests/hardware/runner",
+        *COUPLED, "tests/solvers", "tests/firmware", "tests/haptics/rendering",
+        "tests/hardware/runner",
         *(f"tests/test_{name}.py" for name in ("verification", "optimality", "gradients", "allocation")),
         "tests/support/test_arrays.py", "tests/workspace/certification", "tests/workspace/sweep",
         *(f"tests/workspace/test_{name}.py" for name in ("interference", "margin", "structure_metrics")),

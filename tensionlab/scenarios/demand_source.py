@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from tensionlab.demand import Demand, Pose, RigState
-from tensionlab.haptics.brakes import BrakeContact, brake_strengths, decide
 from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S, Effect, Motion, relative
+from tensionlab.haptics.rendering.brakes import BrakeContact, brake_strengths, decide
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.pose import frame_of
 from tensionlab.scenarios.scenario import BrakeTarget, Scenario

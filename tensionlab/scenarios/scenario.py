@@ -14,11 +14,11 @@ from pydantic import BaseModel, ConfigDict
 
 from tensionlab.allocation import Policy
 from tensionlab.errors import EffectError, RigError, ScenarioError
-from tensionlab.haptics.brakes import TIMING, BrakeWall, ImpactCap, Timing, brake_strengths
 from tensionlab.haptics.effects import Plane
 from tensionlab.haptics.effects.effect import Effect, norm, normalized
 from tensionlab.haptics.effects.parameters import Length, PositiveForce, checked_dataclass, require_dimension
 from tensionlab.haptics.effects.parsing import parse_effect
+from tensionlab.haptics.rendering.brakes import TIMING, BrakeWall, ImpactCap, Timing, brake_strengths
 from tensionlab.model.files import load_rig
 from tensionlab.model.kinematics import turn_axes
 from tensionlab.model.rig import Rig

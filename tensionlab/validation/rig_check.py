@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tensionlab.allocation import allocate
-from tensionlab.haptics.brakes import ImpactCap, brake_strengths
 from tensionlab.haptics.rendering.assignment import MIN_COSINE, STANDARD_LIMITS
+from tensionlab.haptics.rendering.brakes import ImpactCap, brake_strengths
 from tensionlab.haptics.rendering.renderer import HAND_DAMPING
 from tensionlab.haptics.rendering.stability import stiffness_cap
 from tensionlab.model import directions

@@ -2,7 +2,7 @@ import numpy as np
 
 import tensionlab as tl
 from paper_figures.brake_maps import map_normals, plot_brake_maps
-from tensionlab.haptics.brakes import brake_map
+from tensionlab.haptics.rendering.brakes import brake_map
 from tensionlab.plots.style import save_figure
 
 

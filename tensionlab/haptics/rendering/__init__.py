@@ -1,1 +1,1 @@
-"""From effects to a demand: assignment, filtering, stability, passivity."""
+"""From effects and brake targets to a demand: assignment, stability, passivity, locks."""

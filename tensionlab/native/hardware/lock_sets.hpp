@@ -1,5 +1,5 @@
 // Choice of the brakes to lock for each wall: the cheapest small set of the cables that may be locked, by the rule
-// of tensionlab/haptics/brakes/choice.py.
+// of tensionlab/haptics/rendering/brakes.py.
 #pragma once
 
 #include <cmath>

@@ -118,7 +118,7 @@ def choose_locks(
         Brakes that are locked now.
     stiffness_ratio : (...) array, optional
         Largest stiffness of a locked set, as a multiple of that of one cable; less than 1 refuses all. See
-        `tensionlab.haptics.brakes.ImpactCap`.
+        `tensionlab.haptics.rendering.brakes.ImpactCap`.
 
     Raises
     ------

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.haptics.brakes import BrakeContact, BrakeWall, ImpactCap, LockRule, Timing, decide
+from tensionlab.haptics.rendering.brakes import BrakeContact, BrakeWall, ImpactCap, LockRule, Timing, decide
 
 UP = np.array([0.0, 1.0])
 FLOOR_M = 2.0

@@ -9,7 +9,7 @@ from scipy.optimize import lsq_linear, nnls
 
 import tensionlab as tl
 from tensionlab.errors import ShapeError
-from tensionlab.haptics.brakes import LOCK_RULE, LockRule, brake_map, brake_strengths, choose_locks
+from tensionlab.haptics.rendering.brakes import LOCK_RULE, LockRule, brake_map, brake_strengths, choose_locks
 from tensionlab.model.directions import circle, fibonacci
 
 FOUR = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
