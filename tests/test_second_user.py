@@ -97,7 +97,7 @@ print(json.dumps({
 
 
 def test_a_publisher_answers_nobody_without_its_token_and_its_watcher_all_the_same(published: Publisher) -> None:
-    published.reports["COM1"] = lambda: Report("COM1", "left", None, 0.0, 0)
+    published.topics["module COM1"] = Report("COM1", "left", None, 0.0, 0).pack
     found = by_nobody(
         """
 ends = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(4)]

@@ -1,7 +1,7 @@
 """The run of this process, published for other processes on this computer, and its watchers there.
 
-The publisher of telemetry (`tensionlab.hardware.client.shared_telemetry`) packs the state of the run in its own
-thread, and only on request: a cycle does nothing for it.
+The publisher (`tensionlab.hardware.client.shared_telemetry`) packs the state of the run in its own thread, and
+only on request: a cycle does nothing for it.
 """
 
 from __future__ import annotations
@@ -41,50 +41,33 @@ POLL_S = 1.0 / 30.0
 ASK_AGAIN_S = 0.25  # a request without an answer after this time was lost
 MIN_STALE_S, STALE_PERIODS = 0.5, 5.0  # least time, and number of periods, after which a run is stale
 FIND_TIMEOUT_S = 2.0  # longest wait for processes to describe their run
+SHARED_STATISTICS = (
+    "cycles", "missed", "fallback_used", "answers", "lost", "unconfirmed", "ended", "emergency",
+)  # fmt: skip
 Condition = Literal["waiting", "arming", "live", "stale", "ended", "gone"]
 _numbers = count()
 
 
 @dataclass(frozen=True)
 class RunInfo:
-    """Constant part of a run.
+    """Constant part of a run: solver, rate and time to live as in `RunSettings`, and the URL of each module."""
 
-    Attributes
-    ----------
-    number : int
-        Of the run in its process.
-    pid, program : int, str
-        Number and command line of the process.
-    rig : Rig
-    solver, rate, ttl : str, float, float
-        As in `RunSettings`; the solver by its name, or that of its class.
-    links : mapping of str to str
-        URL of each module, by its name.
-    scenery : mapping
-        What pages draw around the rig.
-    """
-
-    number: int
+    number: int  # of the run in its process
     pid: int
-    program: str
+    program: str  # command line of the process
     rig: Rig
-    solver: str
+    solver: str  # its name, or that of its class
     rate: float
     ttl: float
     links: Mapping[str, str]
-    scenery: Mapping[str, Any] = field(default_factory=dict)
+    scenery: Mapping[str, Any] = field(default_factory=dict)  # what pages draw around the rig
 
 
 class SharedRun:
     """Sink of a run that publishes it, until another run begins; without a publisher it does nothing.
 
-    Parameters
-    ----------
-    rig, solver, settings
-        As those of the `Runner`.
-    clients : sequence of ModuleClient
-    scenery : mapping, optional
-        What pages draw around the rig, as plain values (`tensionlab.scenarios.scenery`).
+    Rig, solver and settings are those of the `Runner`; the scenery is what pages draw around the rig, as plain
+    values (`tensionlab.scenarios.scenery`).
     """
 
     def __init__(
@@ -133,7 +116,7 @@ class SharedRun:
         """Return the run as it is now; ``over`` when its modules have been commanded to stop."""
         cycle, statistics = self._latest, self._statistics
         telemetry = [client.telemetry for client in self._clients]
-        row: dict[str, Any] = {
+        row: dict[str, Any] = {name: getattr(statistics, name) for name in SHARED_STATISTICS} | {
             "number": self._number,
             "over": over,
             "bad_frames": [client.bad_frames for client in self._clients],
@@ -141,14 +124,6 @@ class SharedRun:
             "supplies": [None if each is None else each.message.supply for each in telemetry],
             "start_delays": latest(statistics.start_delays),
             "compute_times": latest(statistics.compute_times),
-            "cycles": statistics.cycles,
-            "missed": statistics.missed,
-            "fallback_used": statistics.fallback_used,
-            "answers": statistics.answers,
-            "lost": dict(statistics.lost),
-            "unconfirmed": dict(statistics.unconfirmed),
-            "ended": statistics.ended,
-            "emergency": statistics.emergency,
             "events": [asdict(event) for event in list(self._events)],
         }
         newest = b"null" if cycle is None else encode(cycle, self._rig)
@@ -164,34 +139,16 @@ def latest(times: deque[float]) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class RunSnapshot:
-    """State of a run, as its process published it.
+    """State of a run, as its process published it; the counts, and how it ended, are as in `Statistics`."""
 
-    Attributes
-    ----------
-    number : int
-        Of the run in its process.
-    over : bool
-        Whether its modules have been commanded to stop; `ended` says why.
-    cycle : mapping of str to array, or None
-        The latest one, by the names of `CycleTable`; None before the first.
-    bad_frames, currents, supplies : (m,) arrays
-        Damaged frames, currents in A and supply voltages in V of the modules.
-    start_delays, compute_times : (k,) arrays
-        Of the latest cycles, in s, the latest last.
-    cycles, missed, fallback_used, answers, lost, unconfirmed, ended, emergency
-        As in `Statistics`.
-    events : tuple of RunEvent
-        The latest.
-    """
-
-    number: int
-    over: bool
-    cycle: Mapping[str, NDArray[Any]] | None
-    bad_frames: Integers
-    currents: Floats
-    supplies: Floats
-    start_delays: Floats
-    compute_times: Floats
+    number: int  # of the run in its process
+    over: bool  # whether its modules have been commanded to stop; `ended` says why
+    cycle: Mapping[str, NDArray[Any]] | None  # the latest, by the names of `CycleTable`; None before the first
+    bad_frames: Integers  # (m,) damaged frames of the modules
+    currents: Floats  # (m,) in A
+    supplies: Floats  # (m,) in V
+    start_delays: Floats  # (k,) of the latest cycles, in s, the latest last
+    compute_times: Floats  # (k,)
     cycles: int
     missed: int
     fallback_used: int
@@ -200,7 +157,7 @@ class RunSnapshot:
     unconfirmed: Mapping[str, str]
     ended: str
     emergency: bool
-    events: tuple[RunEvent, ...]
+    events: tuple[RunEvent, ...]  # the latest
 
     @classmethod
     def unpack(cls, row: dict[str, Any], rig: Rig) -> RunSnapshot:
@@ -219,12 +176,7 @@ class RunSnapshot:
 class RunWatcher:
     """Watcher of the run of another process; `poll` it some twenty times a second.
 
-    Attributes
-    ----------
-    info : RunInfo or None
-        None before the first answer. A new run of the process replaces the one that has ended.
-    report : RunSnapshot or None
-        The latest.
+    `info` and `report` are the latest, None before the first; a new run replaces one that has ended.
     """
 
     def __init__(self, port: int, token: str) -> None:
@@ -234,6 +186,7 @@ class RunWatcher:
         self._asked = -ASK_AGAIN_S
         self._came = self._newer = time.perf_counter()
         self._advances = False
+        self.close = self._watcher.close
 
     def poll(self) -> None:
         """Read the answers, and ask again."""
@@ -283,10 +236,6 @@ class RunWatcher:
         if self.report.cycle is None:
             return "arming"
         return "live" if self._advances else "waiting"
-
-    def close(self) -> None:
-        """Close the socket."""
-        self._watcher.close()
 
 
 def find_runs() -> list[RunWatcher]:

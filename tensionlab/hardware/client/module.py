@@ -10,14 +10,13 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from types import TracebackType
 from typing import Generic, Self, TypeVar
 
 from tensionlab import _native
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.client.link_reader import link_reader
 from tensionlab.hardware.client.links import Link, open_link
-from tensionlab.hardware.client.shared_telemetry import Report, publisher
+from tensionlab.hardware.client.shared_telemetry import MODULE, Report, publisher
 from tensionlab.hardware.protocol import messages
 from tensionlab.hardware.protocol.codes import (
     FOLLOWING_STATES,
@@ -77,14 +76,6 @@ def require_ready(client: ModuleClient, info: Info) -> None:
         )
 
 
-def no_answer(client: ModuleClient, command: Message, tries: int) -> LinkTimeout:
-    """Return the error of a command that was sent several times without an answer."""
-    return LinkTimeout(
-        f'module "{client.name}" at {client.link.url} did not answer {type(command).__name__} in {tries} tries; '
-        "is it on, and in range?"
-    )
-
-
 class ModuleClient:
     """Client of one module: commands, their answers, and messages that the module sends by itself.
 
@@ -100,11 +91,6 @@ class ModuleClient:
         A link, or the URL of one.
     seed : int, optional
         Of the first numbers of messages and sessions, for a reproducible simulation.
-
-    Attributes
-    ----------
-    endpoint
-        Native endpoint: decodes telemetry without holding the GIL, and counts set-points and damaged frames.
 
     Examples
     --------
@@ -127,6 +113,7 @@ class ModuleClient:
         # Sessions must differ from those of other hosts and earlier runs.
         self._random = random.SystemRandom() if seed is None else random.Random(seed)
         self._sequence = self._random.randrange(256)
+        # It decodes telemetry without holding the GIL, and counts set-points and damaged frames.
         self.endpoint = _native.Endpoint(self._random.randrange(256))
         self._latest: tuple[int, Received[Telemetry] | None] = (0, None)
         self._answers: dict[int, Message | ProtocolError] = {}
@@ -145,15 +132,13 @@ class ModuleClient:
             self._reader = threading.Thread(target=self._read_until_closed, name=f"reader of {name}", daemon=True)
             self._reader.start()
         if (published := publisher()) is not None:
-            published.reports[self.link.url] = self.report
+            published.topics[MODULE + self.link.url] = lambda: self.report().pack()
 
     def __enter__(self) -> Self:
         """Return itself."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Stop the module after an error, and close the link."""
         if kind is not None:
             with suppress(HardwareError):
@@ -164,11 +149,10 @@ class ModuleClient:
         """Close the link; a module that was pulling notices, and releases its cable."""
         self._closing = True
         self.endpoint.set_file(NO_FILE)
-        if not self.link.lockstep:
-            if (published := publisher()) is not None:
-                published.reports.pop(self.link.url, None)
-            if self.link.file is not None:
-                link_reader().remove(self.link.file, self._read)
+        if not self.link.lockstep and (published := publisher()) is not None:
+            published.topics.pop(MODULE + self.link.url, None)
+        if not self.link.lockstep and self.link.file is not None:
+            link_reader().remove(self.link.file, self._read)
         self.link.close()
         if self._reader is not None and self._reader is not threading.current_thread():
             self._reader.join(timeout=1.0)
@@ -200,7 +184,14 @@ class ModuleClient:
                     break
             if found is not None:
                 return found
-        raise no_answer(self, command, len(tries))
+        raise self.no_answer(command, len(tries))
+
+    def no_answer(self, command: Message, tries: int) -> LinkTimeout:
+        """Return the error of a command that was sent several times without an answer."""
+        return LinkTimeout(
+            f'module "{self.name}" at {self.link.url} did not answer {type(command).__name__} in {tries} tries; '
+            "is it on, and in range?"
+        )
 
     def send(self, command: Message, sequence: int | None = None) -> int:
         """Send a command without waiting and return its number; sent again, it keeps its number."""
@@ -223,10 +214,9 @@ class ModuleClient:
             raise self._broken
         with self._arrived:
             found = self._answers.pop(sequence, None)
-        if isinstance(found, messages.OtherProtocolError):
-            raise ProtocolError(f'module "{self.name}" {found}')
         if isinstance(found, ProtocolError):
-            raise ProtocolError(f'module "{self.name}" answered what makes no sense: {found}')
+            nonsense = "" if isinstance(found, messages.OtherProtocolError) else "answered what makes no sense: "
+            raise ProtocolError(f'module "{self.name}" {nonsense}{found}')
         if isinstance(found, Acknowledge):
             other_session = isinstance(command, messages.Arm) and found.session != command.session
             if found.command is not command.type or (found.code is Code.OK and other_session):
@@ -344,22 +334,18 @@ class ModuleClient:
     @property
     def telemetry(self) -> Received[Telemetry] | None:
         """The latest telemetry."""
-        newer = self.endpoint.latest(self._latest[0])
-        if newer is not None:
+        if (newer := self.endpoint.latest(self._latest[0])) is not None:
             number, payload, time = newer
             self._latest = number, Received(Telemetry.unpack(payload), time)
         return self._latest[1]
 
     def unchecked(self) -> tuple[Received[Telemetry] | None, Received[Telemetry]] | None:
         """Return the telemetry before and the latest, if that is new since this call or another check."""
-        found = self.endpoint.unchecked()
-        if found is None:
+        if (found := self.endpoint.unchecked()) is None:
             return None
-        before, latest = found
-        return (
-            None if before is None else Received(Telemetry.unpack(before[0]), before[1]),
-            Received(Telemetry.unpack(latest[0]), latest[1]),
-        )
+        before, latest = (each and Received(Telemetry.unpack(each[0]), each[1]) for each in found)
+        assert latest is not None
+        return before, latest
 
     @property
     def state(self) -> State | None:
@@ -378,12 +364,6 @@ class ModuleClient:
         self.endpoint.python_decodes = callback is not None
 
     @property
-    def age(self) -> float:
-        """Time since the latest telemetry came, in s; infinite before the first."""
-        latest = self.telemetry
-        return math.inf if latest is None else self.link.clock() - latest.time
-
-    @property
     def bad_frames(self) -> int:
         """Number of frames that were damaged or could not be read."""
         return self.endpoint.bad_frames + self._unreadable
@@ -391,8 +371,10 @@ class ModuleClient:
     def report(self) -> Report:
         """Return what other processes may know of the module."""
         latest = self.telemetry
-        telemetry = None if latest is None else latest.message
-        return Report(self.link.url, self.name, telemetry, self.age, self.bad_frames)
+        if latest is None:
+            return Report(self.link.url, self.name, None, math.inf, self.bad_frames)
+        age = self.link.clock() - latest.time
+        return Report(self.link.url, self.name, latest.message, age, self.bad_frames)
 
     def _send_set_point(self, message: messages.SetTension | messages.SetImpedance) -> int:
         rounds, sequence = divmod(self.endpoint.next_set_point(), 256)

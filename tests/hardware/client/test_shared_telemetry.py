@@ -51,18 +51,18 @@ def test_a_report_that_fails_ends_neither_the_publisher_nor_the_others(published
     def fails():
         raise KeyError("a state that has no name")
 
-    published.reports |= {"COM0": fails, "COM1": lambda: Report("COM1", "right", SAID, 0.0, 0)}
+    published.topics |= {"module COM0": fails, "module COM1": Report("COM1", "right", SAID, 0.0, 0).pack}
     watcher = Watcher(published.port, published.token)
     for _ in range(2):
         watcher.ask()
         assert [each.name for each in heard(watcher, 1)] == ["right"]
     watcher.close()
-    assert "an answer about COM0" in caplog.text
+    assert "an answer about module COM0" in caplog.text
 
 
 def test_who_knows_the_token_is_told_of_all_modules_and_only_if_it_asks(published):
     for index in range(3):
-        published.reports[f"COM{index}"] = lambda index=index: Report(f"COM{index}", "left", SAID, 0.1 * index, 0)
+        published.topics[f"module COM{index}"] = Report(f"COM{index}", "left", SAID, 0.1 * index, 0).pack
     watcher, stranger = (
         Watcher(published.port, published.token),
         Watcher(published.port, "x" + published.token[1:]),
@@ -80,7 +80,7 @@ def test_who_knows_the_token_is_told_of_all_modules_and_only_if_it_asks(publishe
 
 
 def test_who_asks_for_a_topic_is_told_of_it_alone_and_hears_its_last_word(published):
-    published.reports["COM1"] = lambda: Report("COM1", "left", SAID, 0.0, 0)
+    published.topics["module COM1"] = Report("COM1", "left", SAID, 0.0, 0).pack
     published.topics["run"] = lambda: b"goes on"
     watcher = Watcher(published.port, published.token)
     watcher._socket.settimeout(60.0)
@@ -95,7 +95,7 @@ def test_who_asks_for_a_topic_is_told_of_it_alone_and_hears_its_last_word(publis
 
 
 def test_what_a_watcher_sends_or_leaves_unread_changes_nothing(published):
-    published.reports["COM1"] = lambda: Report("COM1", "left", SAID, 0.0, 0)
+    published.topics["module COM1"] = Report("COM1", "left", SAID, 0.0, 0).pack
     lazy = Watcher(published.port, published.token)
     for _ in range(50):
         lazy.ask()
@@ -157,16 +157,16 @@ def test_a_client_is_published_while_it_is_open_whatever_its_name():
     world = World(tl.load_rig("floor-3"))
     client = ModuleClient("a/b → c", ReadLink(world.modules[0], "COM77"))
     published = shared_telemetry.publisher()
-    assert published.reports["COM77"]() == Report("COM77", "a/b → c", None, np.inf, 0)
+    assert Report.unpack(published.topics["module COM77"]()) == Report("COM77", "a/b → c", None, np.inf, 0)
     came = threading.Event()
     client.on_message = lambda message: came.set()
     client.command(ConfigureTelemetry(20))
     assert came.wait(60.0)
-    told = published.reports["COM77"]()
+    told = Report.unpack(published.topics["module COM77"]())
     assert told.telemetry.length == pytest.approx(world.modules[0].sample.length, abs=1e-3)
     assert told.age >= 0.0
     client.close()
-    assert "COM77" not in published.reports
+    assert "module COM77" not in published.topics
 
 
 def test_the_system_may_have_no_port(monkeypatch, locks_folder):
