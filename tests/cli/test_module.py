@@ -10,7 +10,7 @@ import pytest
 
 from tensionlab.errors import LinkError
 from tensionlab.hardware.client import diagnostics as discover
-from tensionlab.hardware.client.links import SerialPort, modules_to_toml
+from tensionlab.hardware.client.links import modules_to_toml
 from tensionlab.hardware.client.locks import Holder, LinkLock
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.shared_telemetry import Publisher, Report, Watcher
@@ -18,6 +18,7 @@ from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.hardware.protocol.messages import Telemetry
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.model.files import load_rig
+from tests.helpers.modules import serial_port
 from tests.helpers.reachable import ReachableRig
 
 RIG = load_rig(Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml")
@@ -65,9 +66,9 @@ def test_info_shows_each_module_and_says_which_is_missing(run, call, urls):
 
 def test_discover_asks_what_looks_like_a_module_and_leaves_others_alone(run, monkeypatch, locks_folder, urls):
     ports = {
-        urls["top"]: SerialPort(urls["top"], "CP2102 USB to UART Bridge", "USB VID:PID=10C4:EA60", 0x10C4),
-        urls["floor-1"]: SerialPort(urls["floor-1"], "", "n/a", None),
-        "/dev/rfcomm77": SerialPort("/dev/rfcomm77", "", "n/a", None),
+        urls["top"]: serial_port(urls["top"], "CP2102 USB to UART Bridge", "USB VID:PID=10C4:EA60", 0x10C4),
+        urls["floor-1"]: serial_port(urls["floor-1"]),
+        "/dev/rfcomm77": serial_port("/dev/rfcomm77"),
     }
     monkeypatch.setattr(discover, "serial_ports", lambda: list(ports.values()))
     status, out, _ = run("module", "discover", "--json")
@@ -254,13 +255,13 @@ class Elsewhere:
         publisher = Publisher()
         process = Holder(4711, 1, "tensionlab run floor", "left", publisher.port, publisher.token)
         for name, url in urls.items():
-            publisher.reports[url] = lambda name=name, url=url: Report(url, f"my {name}", TELEMETRY, 0.01, 7)
+            publisher.topics[f"module {url}"] = Report(url, f"my {name}", TELEMETRY, 0.01, 7).pack
         self.holders = dict.fromkeys(urls.values(), process)
 
         class Patient(Watcher):
             def reports(self):
                 self._socket.settimeout(60.0)
-                return islice(super().reports(), len(publisher.reports))
+                return islice(super().reports(), len(publisher.topics))
 
         verb = "tensionlab.cli.module_monitor"
         monkeypatch.setattr(f"{verb}.Watcher", Patient)

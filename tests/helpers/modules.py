@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+from serial.tools.list_ports_common import ListPortInfo
+
 from tensionlab.hardware.protocol.codes import PARAMETERS, Calibration, Code, State
 from tensionlab.hardware.protocol.messages import (
     Acknowledge,
@@ -18,6 +20,13 @@ from tensionlab.hardware.protocol.messages import (
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 SESSION = 77
+
+
+def serial_port(device, description="n/a", hwid="n/a", vid=None):
+    """A serial port as the system describes it."""
+    port = ListPortInfo(device, skip_link_detection=True)
+    port.description, port.hwid, port.vid = description, hwid, vid
+    return port
 
 
 class Host:

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import math
 import re
-import shutil
 import subprocess
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensionlab.errors import HardwareError, LinkTimeout, ModuleFault
-from tensionlab.hardware.client.links import SerialPort, serial_ports
+from tensionlab.errors import HardwareError, LinkTimeout, ModuleFault, optional_import
 from tensionlab.hardware.client.locks import holder
 from tensionlab.hardware.client.module import ModuleClient, require_ready
 from tensionlab.hardware.protocol.codes import Code
 from tensionlab.hardware.protocol.messages import Hello, Info, Ping, Pong, printable
+
+if TYPE_CHECKING:
+    from serial.tools.list_ports_common import ListPortInfo
 
 # Makers of the chips that connect an ESP32 to USB.
 USB_VENDORS = {0x10C4: "CP210x", 0x1A86: "CH340", 0x0403: "FTDI", 0x303A: "Espressif"}
@@ -53,27 +55,40 @@ class Found:
 
 
 def ports(*, everything: bool = False) -> dict[str, str]:
-    """Return the system's description of each port that may have a module, or of all ports, by URL."""
-    found = {port.url: printable(port.about) for port in serial_ports() if everything or looks_like_ours(port)}
-    return {**found, **paired()}
+    """Return the system's description of each port that may have a module, or of all ports, by URL.
+
+    A module may be at a port by USB through one of the usual chips, or by Bluetooth.
+    """
+    found = {}
+    for port in serial_ports():
+        about = "" if port.description == "n/a" else printable(port.description)
+        ours = port.vid in USB_VENDORS or has_bluetooth(port) or NAME_PREFIX in f"{port.device} {about}"
+        if everything or ours:
+            found[port.device] = about
+    return found | paired()
 
 
-def looks_like_ours(port: SerialPort) -> bool:
-    """Return whether a module may be at a port: by USB through one of the usual chips, or by Bluetooth."""
-    return port.vendor in USB_VENDORS or port.bluetooth or NAME_PREFIX in f"{port.url} {port.about}"
+def serial_ports() -> list[ListPortInfo]:
+    """Return the serial ports of this computer (USB and Bluetooth), free or not, in order."""
+    with optional_import("hardware", "finding serial ports"):
+        from serial.tools import list_ports
+    return sorted(list_ports.comports())
+
+
+def has_bluetooth(port: ListPortInfo) -> bool:
+    """Return whether a port is one of Bluetooth, as far as the system tells."""
+    return "/dev/rfcomm" in port.device or port.hwid.startswith("BTHENUM")
 
 
 def paired() -> dict[str, str]:
     """Return the modules that Linux has paired by Bluetooth; other systems list them as serial ports."""
-    if shutil.which("bluetoothctl") is None:
-        return {}
-    with suppress(OSError, subprocess.SubprocessError):
+    printed = ""
+    with suppress(OSError, subprocess.SubprocessError):  # also where there is no such program
         printed = subprocess.run(
             ["bluetoothctl", "devices", "Paired"], capture_output=True, text=True, timeout=5.0, check=True
         ).stdout
-        devices = re.findall(rf"Device ((?:[0-9A-F]{{2}}:){{5}}[0-9A-F]{{2}}) ({NAME_PREFIX}\S*)", printed)
-        return {f"bt://{address}/1": printable(name) for address, name in devices}
-    return {}
+    devices = re.findall(rf"Device ((?:[0-9A-F]{{2}}:){{5}}[0-9A-F]{{2}}) ({NAME_PREFIX}\S*)", printed)
+    return {f"bt://{address}/1": printable(name) for address, name in devices}
 
 
 def find(url: str, about: str = "") -> Found:
@@ -134,8 +149,8 @@ class RoundTrips:
 
     times: tuple[float, ...]
     lost: int
-    offset: float
-    offset_error: float
+    offset: float = math.nan
+    offset_error: float = math.nan
 
     def percentile(self, percent: float) -> float:
         """Return a percentile of the times, in s; NaN if no ping came back."""
@@ -150,25 +165,21 @@ class RoundTrips:
 
 def measure(client: ModuleClient, count: int, progress: Callable[[int], bool]) -> RoundTrips:
     """Send pings one after another; `progress` gets their number after each, and returns whether to continue."""
-    times: list[float] = []
-    offsets: list[float] = []
+    trips: list[tuple[float, float]] = []  # duration, and the module's clock less that of the link half way
     done = 0
     while done < count:
         began = client.link.clock()
-        try:
+        with suppress(LinkTimeout):
             pong = client.request(Ping(done), Pong, (PING_TIMEOUT_S,))
             now = client.link.clock()
-            times.append(now - began)
-            offsets.append(1e-6 * pong.time_us - (began + now) / 2)
-        except LinkTimeout:
-            pass
+            trips.append((now - began, 1e-6 * pong.time_us - (began + now) / 2))
         done += 1
         if not progress(done):
             break
-    if not times:
-        return RoundTrips((), done, math.nan, math.nan)
-    best = int(np.argmin(times))
-    return RoundTrips(tuple(times), done - len(times), offsets[best], times[best] / 2)
+    if not trips:
+        return RoundTrips((), done)
+    shortest, offset = min(trips)
+    return RoundTrips(tuple(trip for trip, _ in trips), done - len(trips), offset, shortest / 2)
 
 
 def safe_rates(trips: RoundTrips, ttl: float, *, bluetooth: bool) -> tuple[float, float] | None:
@@ -191,5 +202,5 @@ def safe_rates(trips: RoundTrips, ttl: float, *, bluetooth: bool) -> tuple[float
 def is_bluetooth(url: str) -> bool:
     """Return whether a link is by Bluetooth, as far as its URL or the system tells."""
     if url.upper().startswith("COM"):
-        return any(port.bluetooth for port in serial_ports() if port.url.upper() == url.upper())
+        return any(has_bluetooth(port) for port in serial_ports() if port.device.upper() == url.upper())
     return url.startswith(BLUETOOTH_PREFIXES)

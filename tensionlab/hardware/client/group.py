@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,6 @@ from tensionlab.hardware.client.module import (
     PATIENT_TIMEOUTS_S,
     AnswerType,
     ModuleClient,
-    no_answer,
     require_ready,
 )
 from tensionlab.hardware.protocol import messages
@@ -31,19 +29,12 @@ POLL_PERIOD_S = 2e-3
 KEEP_ALIVE_PERIOD_S = 0.04  # period of set-points to a module that is armed while others are still being armed
 LIMIT_TOLERANCE = 1e-6  # relative; the module stores its limits in 32 bits
 
-Key = TypeVar("Key")
-
 
 class ModuleGroup:
     """Clients of all modules of a rig, in its order.
 
-    Attributes
-    ----------
-    infos : tuple of Info
-    slews : tuple of float
-        Largest rates of change of the tensions, in N/s.
-    continuous : tuple of float
-        Continuous ratings of the windings as tensions, in N. All three are empty before `prepare`.
+    After `prepare`, `infos` describes the modules, `slews` are the largest rates of change of their tensions in
+    N/s, and `continuous` the continuous ratings of the windings as tensions in N.
 
     Examples
     --------
@@ -102,10 +93,7 @@ class ModuleGroup:
     def prepare(self, rig: Rig, telemetry_ms: int) -> None:
         """Check that these modules can do what the rig says, and start their telemetry.
 
-        Raises
-        ------
-        HardwareError
-            Names the module that is in use, has a fault, is not calibrated, or has other limits than the rig.
+        A `HardwareError` names the module that is in use, has a fault, is not calibrated, or has other limits.
         """
         self.infos = self._all(messages.Hello(), Info)
         for client, info, module in zip(self.clients, self.infos, rig.modules, strict=True):
@@ -120,17 +108,15 @@ class ModuleGroup:
                 )
         self._all(Stop(), Acknowledge)  # a module may still be in TIMEOUT from an earlier run
         self._all(messages.ConfigureTelemetry(telemetry_ms), Acknowledge)
-        self.slews = self._values("slew")
+        self.slews, ratings = self._values("slew"), self._values("current_continuous")
         self.continuous = tuple(
-            current * info.newton_per_ampere
-            for current, info in zip(self._values("current_continuous"), self.infos, strict=True)
+            current * info.newton_per_ampere for current, info in zip(ratings, self.infos, strict=True)
         )
 
     def require_lengths(self) -> None:
         """Raise a `HardwareError` that names the modules whose cable length is unknown."""
-        unknown = [
-            client.name for client, info in zip(self.clients, self.infos, strict=True) if not info.length_known
-        ]
+        known = dict(zip(self.clients, self.infos, strict=True))
+        unknown = [client.name for client, info in known.items() if not info.length_known]
         if unknown:
             raise HardwareError(
                 f"the cable lengths of {', '.join(unknown)} are not known, so neither is the position: calibrate "
@@ -140,14 +126,10 @@ class ModuleGroup:
     def arm(self, tensions: Iterable[float]) -> None:
         """Arm all modules; those armed first are kept alive with the given tensions, in N.
 
-        Raises
-        ------
-        ModuleFault, LinkTimeout, LinkError
-            A module refuses, or does not answer. The others may be armed by then: `stop` them.
+        After an error, that a module refuses or does not answer, the others may be armed: `stop` them.
         """
-        commands: dict[ModuleClient, Message] = {client: client.new_session() for client in self.clients}
         kept = dict(zip(self.clients, tensions, strict=True))
-        _, failed = self._together(commands, Acknowledge, kept)
+        _, failed = self._together({client: client.new_session() for client in self.clients}, Acknowledge, kept)
         if again := [client for client, error in failed.items() if client.session_was_used(error)]:
             _, still = self._together({client: client.new_session() for client in again}, Acknowledge, kept)
             failed = {client: error for client, error in failed.items() if client not in again} | still
@@ -165,13 +147,13 @@ class ModuleGroup:
         return self._release(messages.EmergencyStop())
 
     def close(self) -> None:
-        """Close all links; modules that are still pulling release their cables."""
+        """Close all links, each in a thread; modules that are still pulling release their cables."""
 
         def close(client: ModuleClient) -> None:
             with suppress(HardwareError):
                 client.close()
 
-        with ThreadPoolExecutor(len(self.clients) or 1) as threads:  # each waits for its thread
+        with ThreadPoolExecutor(len(self.clients) or 1) as threads:
             list(threads.map(close, self.clients))
 
     def _release(self, command: Message) -> dict[str, HardwareError]:
@@ -237,34 +219,24 @@ class ModuleGroup:
                     if not all(client.link.lockstep for client in self.clients):
                         time.sleep(POLL_PERIOD_S)
         for client in left:
-            failed[client] = no_answer(client, commands[client], len(PATIENT_TIMEOUTS_S))
+            failed[client] = client.no_answer(commands[client], len(PATIENT_TIMEOUTS_S))
         return answers, failed
 
 
 @contextmanager
-def _collecting(failed: dict[Key, HardwareError], key: Key) -> Iterator[None]:
+def _collecting(failed: dict[ModuleClient, HardwareError], client: ModuleClient) -> Iterator[None]:
     """Store the error of one module, and continue with the others."""
     try:
         yield
     except HardwareError as error:
-        failed[key] = error
+        failed[client] = error
 
 
 def connect(rig: Rig, links: Mapping[str, str | Link]) -> ModuleGroup:
-    """Connect to all modules of a rig.
+    """Connect to all modules of a rig, by the link of each module, or its URL, by the module's name.
 
-    Parameters
-    ----------
-    rig : Rig
-    links : mapping of str to str or Link
-        The link of each module, or its URL, by the module's name.
-
-    Raises
-    ------
-    LinkError
-        A link cannot be opened; the others are closed again.
-    HardwareError
-        The names are not those of the rig's modules.
+    A `HardwareError` if the names are not those of the rig's modules, or a link cannot be opened; the others are
+    closed again then.
 
     Examples
     --------
@@ -282,20 +254,20 @@ def connect(rig: Rig, links: Mapping[str, str | Link]) -> ModuleGroup:
     for name in links:
         if name not in names:
             raise HardwareError(f'rig "{rig.name}" has no module "{name}"; it has {", ".join(names)}')
-    missing = [name for name in names if name not in links]
-    if missing:
+    if missing := [name for name in names if name not in links]:
         raise HardwareError(f'rig "{rig.name}": no link for {", ".join(missing)}; give each module its own')
 
-    failed: dict[str, HardwareError] = {}
-
-    def reach(name: str) -> ModuleClient | None:
-        with _collecting(failed, name):
+    def reach(name: str) -> ModuleClient | HardwareError:
+        try:
             return ModuleClient(name, links[name])
-        return None
+        except HardwareError as error:
+            return error
 
     with ThreadPoolExecutor(len(names)) as threads:  # Bluetooth takes seconds for each
-        group = ModuleGroup([client for client in threads.map(reach, names) if client is not None])
-    for error in failed.values():
-        group.close()
-        raise error
+        reached = list(threads.map(reach, names))
+    group = ModuleGroup([each for each in reached if isinstance(each, ModuleClient)])
+    for each in reached:
+        if isinstance(each, HardwareError):
+            group.close()
+            raise each
     return group

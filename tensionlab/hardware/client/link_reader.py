@@ -8,7 +8,6 @@ from __future__ import annotations
 import atexit
 import os
 import socket
-import sys
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -113,8 +112,6 @@ class LinkReader:
         """Read a link, and return whether to read it again; an error ends the reading of this link only."""
         try:
             return read()
-        except BaseException:
-            kind, error, trace = sys.exc_info()
-            assert kind is not None
-            threading.excepthook(threading.ExceptHookArgs((kind, error, trace, self._thread)))
+        except BaseException as error:
+            threading.excepthook(threading.ExceptHookArgs((type(error), error, error.__traceback__, self._thread)))
             return False

@@ -13,7 +13,6 @@ import socket
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -33,39 +32,12 @@ URL_KINDS = """
 URL_PATTERN = re.compile(r"sim:|bt://.+|/dev/.+|socket://.+:\d+/?|(?i:COM)\d+")
 
 
-@dataclass(frozen=True)
-class SerialPort:
-    """Serial port, as the system describes it; `vendor` is the number of the USB chip's maker.
-
-    `hardware` is text such as ``USB VID:PID=10C4:EA60 ...``, or ``BTHENUM...`` for Bluetooth on Windows.
-    """
-
-    url: str
-    about: str
-    hardware: str
-    vendor: int | None
-
-    @property
-    def bluetooth(self) -> bool:
-        """Whether it is a Bluetooth port, as far as the system tells."""
-        return "/dev/rfcomm" in self.url or self.hardware.startswith("BTHENUM")
-
-
 class Link(Protocol):
-    """Link to one module.
-
-    Attributes
-    ----------
-    url : str
-    lockstep : bool
-        Whether its time passes only in `receive`, so that no thread may read it.
-    file : int or None
-        File descriptor whose bytes are read and written natively; None if there is none.
-    """
+    """Link to one module, by its URL."""
 
     url: str
-    lockstep: bool
-    file: int | None
+    lockstep: bool  # whether its time passes only in `receive`, so that no thread may read it
+    file: int | None  # descriptor whose bytes are read and written natively, if there is one
 
     def send(self, content: bytes) -> None:
         """Send bytes; raise a `LinkError` if the link is broken."""
@@ -78,16 +50,6 @@ class Link(Protocol):
 
     def close(self) -> None:
         """Close the link; a closed link may be closed again."""
-
-
-def serial_ports() -> list[SerialPort]:
-    """Return the serial ports of this computer (USB and Bluetooth), free or not."""
-    with optional_import("hardware", "finding serial ports"):
-        from serial.tools import list_ports
-    return [
-        SerialPort(port.device, "" if port.description == "n/a" else port.description, port.hwid, port.vid)
-        for port in sorted(list_ports.comports())
-    ]
 
 
 def require_known(url: str) -> None:
@@ -116,11 +78,9 @@ def open_link(url: str, module: str = "", *, locked: bool = True) -> Link:
 
 def connect(url: str, lock: LinkLock | None = None) -> Link:
     """Connect to a port or a socket that is locked, if at all; errors as those of `open_link`."""
-    if url.startswith("socket://"):
-        return SocketLink(url, _connect_tcp(url), lock)
-    if url.startswith("bt://"):
-        return SocketLink(url, _connect_bluetooth(url), lock)
-    return SerialLink(url, lock)
+    if url.startswith("/dev/") or url.upper().startswith("COM"):
+        return SerialLink(url, lock)
+    return SocketLink(url, (_connect_bluetooth if url.startswith("bt://") else _connect_tcp)(url), lock)
 
 
 class SerialLink:
@@ -237,9 +197,8 @@ def _require_all(url: str, taken: int, content: bytes) -> None:
 
 def not_taken(url: str, error: int) -> LinkError:
     """Return the error of a link that did not take bytes; `error` is the system's, or 0 if it took a part."""
-    if error:
-        return LinkError(f"{url} broke: {os.strerror(error)}")
-    return LinkError(f"{url} takes no more bytes; does the module still read?")
+    why = f"broke: {os.strerror(error)}" if error else "takes no more bytes; does the module still read?"
+    return LinkError(f"{url} {why}")
 
 
 def _connect_tcp(url: str) -> socket.socket:
@@ -308,12 +267,13 @@ def load_modules(path: str | Path) -> dict[str, str]:
     if not isinstance(links, dict) or not links or len(document) > 1:
         raise HardwareError(f'{path}: give one table, [modules], with lines such as name = "/dev/rfcomm0"')
     for name, link in links.items():
+        problem = ""
         if not name.isprintable() or not 0 < len(name) <= MAX_NAME:
-            raise HardwareError(
-                f"{path}: modules: a name is {brief(name)}; give 1 to {MAX_NAME} printable characters"
-            )
-        if not isinstance(link, str) or not link:
-            raise HardwareError(f'{path}: modules: "{name}" is {brief(link)}; give a link as text, as "COM5"')
-        if list(links.values()).count(link) > 1:
-            raise HardwareError(f"{path}: modules: {link:.60} is there twice; give each its own")
+            problem = f"a name is {brief(name)}; give 1 to {MAX_NAME} printable characters"
+        elif not isinstance(link, str) or not link:
+            problem = f'"{name}" is {brief(link)}; give a link as text, as "COM5"'
+        elif list(links.values()).count(link) > 1:
+            problem = f"{link:.60} is there twice; give each its own"
+        if problem:
+            raise HardwareError(f"{path}: modules: {problem}")
     return dict(links)

@@ -16,10 +16,10 @@ import socket
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from tensionlab.errors import LinkError
@@ -38,7 +38,7 @@ MAX_PROGRAM_CHARACTERS = 100  # length of a command line in messages
 class Holder:
     """Process that has a link: its number, start, and command line, and its name of the module.
 
-    `port` and `token` are those of the telemetry that it publishes.
+    `port` and `token` are those of the telemetry that it publishes, `url` is the link.
     """
 
     pid: int
@@ -47,6 +47,7 @@ class Holder:
     module: str
     port: int | None = None
     token: str = ""
+    url: str = ""
 
     def __str__(self) -> str:
         return f"process {self.pid} ({self.program})"
@@ -55,29 +56,18 @@ class Holder:
 class LinkLock:
     """Lock on a link, held by this process until it is released or the process ends.
 
-    Parameters
-    ----------
-    url : str
-        The link.
-    module : str, optional
-        Name of the module, for other processes to read.
-
-    Raises
-    ------
-    LinkError
-        Another process has it, which is named; or none of the user's folders can be written to.
+    ``module`` is the module's name, for other processes to read. A `LinkError` if another process has the link,
+    which is named, or none of the user's folders can be written to.
     """
 
     def __init__(self, url: str, module: str = "") -> None:
-        self._url = url
         self._held: list[tuple[BaseFileLock, Path]] = []
-        owner = Holder(os.getpid(), process_start(os.getpid()), program(), module)
-        if (published := publisher()) is not None:
-            owner = replace(owner, port=published.port, token=published.token)
+        port, token = (None, "") if (published := publisher()) is None else (published.port, published.token)
+        owner = Holder(os.getpid(), process_start(os.getpid()), program(), module, port, token, url)
         name, problems = _file_name(url), ["this user has no home"]
         for folder in user_folders():
             try:
-                self._take(_make_private(folder) / name, json.dumps(asdict(owner) | {"url": url}))
+                self._take(_make_private(folder) / name, owner)
             except LinkError:
                 raise
             except OSError as error:
@@ -87,16 +77,16 @@ class LinkLock:
                 f"{url} cannot be locked for this process: {problems[-1]}; see that you may write there"
             )
 
-    def _take(self, path: Path, content: str) -> None:
+    def _take(self, path: Path, owner: Holder) -> None:
         """Lock a file and write its note; a `LinkError` if another process has it."""
         note = path.with_suffix(".json")
         lock = acquire_lock(path, LOCK_TIMEOUT_S, "hardware")
         if lock is None:
             self.release()
-            raise LinkError(f"{self._url} is in use by {_read(note) or 'another process'}; end that first")
+            raise LinkError(f"{owner.url} is in use by {_read(note) or 'another process'}; end that first")
         try:
             new = path.with_suffix(".new")
-            new.write_text(content, encoding="utf-8")
+            new.write_text(json.dumps(asdict(owner)), encoding="utf-8")
             retry_while_locked(lambda: new.replace(note))
         except OSError:
             lock.release()
@@ -123,14 +113,9 @@ def holder(url: str, *, look_up: bool = True) -> Holder | None:
 
 def locked_links() -> dict[str, Holder]:
     """Return the process of each link that processes of this user have, without looking up host names."""
-    found = {}
-    for folder in _private_folders():
-        for note in sorted(folder.glob("*.json")):
-            with suppress(OSError, ValueError, KeyError, TypeError):
-                url = str(json.loads(note.read_text(encoding="utf-8"))["url"])
-                if url not in found and (owner := _holder(note.with_suffix(".lock"))) is not None:
-                    found[url] = owner
-    return found
+    notes = [note for folder in _private_folders() for note in sorted(folder.glob("*.json"))]
+    owners = [owner for note in notes if (owner := _holder(note.with_suffix(".lock"))) is not None]
+    return {owner.url: owner for owner in owners}
 
 
 def _holder(path: Path) -> Holder | None:
@@ -206,10 +191,8 @@ def _make_private(folder: Path) -> Path:
 
 def _read(note: Path) -> Holder | None:
     """Return the process that a note names; None if it cannot be read."""
-    with suppress(OSError, ValueError, KeyError, TypeError):
-        row: dict[str, Any] = json.loads(note.read_text(encoding="utf-8"))
-        del row["url"]
-        return Holder(**row)
+    with suppress(OSError, ValueError, TypeError):
+        return Holder(**json.loads(note.read_text(encoding="utf-8")))
     return None
 
 

@@ -17,31 +17,31 @@ from tensionlab.hardware.client.diagnostics import (
     measure,
     safe_rates,
 )
-from tensionlab.hardware.client.links import SerialPort
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
+from tests.helpers.modules import serial_port
 
 
-@pytest.mark.parametrize(
-    ("port", "ours"),
-    [
-        (
-            SerialPort("/dev/ttyUSB0", "CP2102N USB to UART Bridge Controller", "USB VID:PID=10C4:EA60", 0x10C4),
-            True,
-        ),
-        (SerialPort("/dev/cu.wchusbserial1410", "USB Serial", "USB VID:PID=1A86:7523", 0x1A86), True),
-        (SerialPort("/dev/rfcomm0", "", "n/a", None), True),
-        (SerialPort("/dev/cu.tensionlab-0000001a", "", "n/a", None), True),
-        (SerialPort("COM5", "Standard Serial over Bluetooth link (COM5)", "BTHENUM\\{00001101-0000", None), True),
-        (SerialPort("/dev/ttyS0", "", "n/a", None), False),
-        (SerialPort("/dev/ttyACM0", "Arduino Uno", "USB VID:PID=2341:0043", 0x2341), False),
-        (SerialPort("/dev/cu.Bluetooth-Incoming-Port", "", "n/a", None), False),
-    ],
-)
-def test_what_looks_like_a_module(port, ours):
-    assert diagnostics.looks_like_ours(port) == ours
+def test_ports_that_look_like_a_module_s_are_listed_or_all(monkeypatch):
+    ours = (
+        serial_port("/dev/ttyUSB0", "CP2102N USB to UART Bridge Controller", "USB VID:PID=10C4:EA60", 0x10C4),
+        serial_port("/dev/cu.wchusbserial1410", "USB Serial", "USB VID:PID=1A86:7523", 0x1A86),
+        serial_port("/dev/rfcomm0"),
+        serial_port("/dev/cu.tensionlab-0000001a"),
+        serial_port("COM5", "Standard Serial over Bluetooth link (COM5)", "BTHENUM\\{00001101-0000"),
+    )
+    others = (
+        serial_port("/dev/ttyS0"),
+        serial_port("/dev/ttyACM0", "Arduino Uno", "USB VID:PID=2341:0043", 0x2341),
+        serial_port("/dev/cu.Bluetooth-Incoming-Port"),
+    )
+    monkeypatch.setattr(diagnostics, "serial_ports", lambda: [*ours, *others])
+    monkeypatch.setattr(diagnostics, "paired", dict)
+    assert list(diagnostics.ports()) == [port.device for port in ours]
+    assert diagnostics.ports(everything=True)["/dev/ttyACM0"] == "Arduino Uno"
+    assert diagnostics.ports()["/dev/rfcomm0"] == ""
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a script stands in for a program of Linux")
@@ -148,7 +148,7 @@ def test_what_does_not_come_back_is_lost_and_no_late_answer_is_taken_for_another
 
 
 def test_nothing_that_comes_back_is_no_rate():
-    trips = RoundTrips((), 5, math.nan, math.nan)
+    trips = RoundTrips((), 5)
     assert math.isnan(trips.percentile(50))
     assert trips.loss == 1.0
     assert safe_rates(trips, 0.25, bluetooth=False) is None
@@ -173,7 +173,7 @@ def test_the_rule_of_the_safe_rate(trip, lost, ttl, bluetooth, expected):
 
 def test_what_is_bluetooth(monkeypatch):
     hardware = {"COM3": "USB VID:PID=10C4:EA60 SER=1", "COM5": r"BTHENUM\{00001101-0000-1000-8000-00805F9B34FB}"}
-    ports = [SerialPort(url, "", text, None) for url, text in hardware.items()]
+    ports = [serial_port(url, hwid=text) for url, text in hardware.items()]
     monkeypatch.setattr(diagnostics, "serial_ports", lambda: ports)
     links = ["bt://AA:BB:CC:DD:EE:FF/1", "/dev/rfcomm0", "/dev/cu.tensionlab-1a2b3c4d", "com5", "COM5"]
     assert all(map(is_bluetooth, links))

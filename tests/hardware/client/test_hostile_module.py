@@ -9,7 +9,6 @@ import pytest
 from tensionlab.errors import HardwareError, LinkTimeout, ProtocolError
 from tensionlab.hardware.client import diagnostics as discover
 from tensionlab.hardware.client import group
-from tensionlab.hardware.client.links import SerialPort
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Code, Type
 from tensionlab.hardware.protocol.messages import (
@@ -23,6 +22,7 @@ from tensionlab.hardware.protocol.messages import (
     WireFrame,
     read,
 )
+from tests.helpers.modules import serial_port
 
 INFO = struct.pack("<BHI5BH4f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, 0.5, 6.0, 3.0, 0.02)
 
@@ -119,7 +119,7 @@ def test_whatever_a_frame_holds_no_other_error_comes_of_it():
 
 def test_no_control_characters_of_a_device_reach_a_terminal(tmp_path, monkeypatch):
     assert read(WireFrame(Type.LOG, 0, b"\x1b[2Jmotor\r\n\x07")) == Log("\ufffd[2Jmotor\ufffd\ufffd\ufffd")
-    named = SerialPort("/dev/ttyUSB0", "CP2102\x1b]0;owned\x07", "USB VID:PID=10C4:EA60", 0x10C4)
+    named = serial_port("/dev/ttyUSB0", "CP2102\x1b]0;owned\x07", "USB VID:PID=10C4:EA60", 0x10C4)
     monkeypatch.setattr(discover, "serial_ports", lambda: [named])
     monkeypatch.setattr(discover, "paired", dict)
     assert discover.ports() == {"/dev/ttyUSB0": "CP2102\ufffd]0;owned\ufffd"}
