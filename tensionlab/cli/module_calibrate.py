@@ -221,11 +221,7 @@ def anchors(
     if known and poses is None:
         raise typer.BadParameter(f"--known: {measured} has no columns x, y (and z) of the poses")
     found = calibration.calibrate_anchors(rig, values, poses, known=known, offsets=offsets)
-    misfits = {
-        "before": calibration.nominal_error(rig, values, found.poses, known=known),
-        "after": found.sigma,
-        "held_out": calibration.held_out_error(rig, values, found.poses, known=known, offsets=offsets),
-    }
+    misfits = calibration.length_errors(rig, values, found, known=known, offsets=offsets)
     how = f"{len(values)} {'known' if known else 'unknown'} poses"
     with output.ResultWriter(quiet=json) as writer:
         if out is not None:

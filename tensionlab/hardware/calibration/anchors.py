@@ -19,7 +19,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensionlab.errors import CalibrationError
 from tensionlab.hardware.calibration.gain import quantile
@@ -31,44 +30,27 @@ from tensionlab.support.arrays import Floats, Integers
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Poses of the platform.
+    """Poses of the platform; the rotations of a point are ignored."""
 
-    `position` (K, d) is of the reference point, in m; `rotation` (K, d, d) is platform to world, None for a point.
-    """
-
-    position: Floats
-    rotation: Floats | None
+    position: Floats  # (K, d) of the reference point, in m
+    rotation: Floats  # (K, d, d), platform to world
 
     @classmethod
-    def at(cls, rig: Rig, position: Floats, rotation: Floats | None = None) -> Poses:
-        """Return poses of a rig; not turned if no rotation is given."""
-        if not KINDS[rig.kind].has_orientation:
-            return cls(position, None)
-        if rotation is None:
-            rotation = np.tile(np.eye(rig.dimension), (len(position), 1, 1))
-        return cls(position, rotation)
+    def at(cls, rig: Rig, position: Floats, vectors: Floats | None = None) -> Poses:
+        """Return poses of a rig, turned by axes times angles (K, 3), or in the plane by angles (K, 1), in rad."""
+        if vectors is None:
+            return cls(position, np.tile(np.eye(rig.dimension), (len(position), 1, 1)))
+        if rig.dimension == 3:
+            return cls(position, kinematics.exponential(vectors))
+        return cls(position, kinematics.planar_rotation(vectors[:, 0]))
 
     def arms(self, rig: Rig) -> Floats | None:
         """Return vectors from reference point to attachments, in world axes, (K, m, d); None for a point."""
-        return None if self.rotation is None else kinematics.rotate(self.rotation, rig.attachments)
+        return kinematics.rotate(self.rotation, rig.attachments) if KINDS[rig.kind].has_orientation else None
 
     def take(self, index: Integers) -> Poses:
         """Return some of the poses."""
-        return Poses(self.position[index], None if self.rotation is None else self.rotation[index])
-
-    def replaced(self, where: NDArray[np.bool_], other: Poses) -> Poses:
-        """Return these poses with others in place of some; ``where`` is (K,)."""
-        position = np.where(where[:, None], other.position, self.position)
-        if self.rotation is None or other.rotation is None:
-            return Poses(position, None)
-        return Poses(position, np.where(where[:, None, None], other.rotation, self.rotation))
-
-
-def rotations(angles: Floats) -> Floats:
-    """Return rotations by an axis times an angle (K, 3), or by angles in the plane (K, 1), in rad."""
-    if angles.shape[-1] == 3:
-        return kinematics.exponential(angles)
-    return kinematics.planar_rotation(angles[..., 0])
+        return Poses(self.position[index], self.rotation[index])
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,15 +111,16 @@ class AnchorProblem:
         if self.known:
             return poses
         anchors, offsets = self.split(shared)
+        turns = KINDS[self.rig.kind].has_orientation
         position, rotation, _, _ = kinematics.solve_pose(
             np.broadcast_to(anchors, (len(self.lengths), *anchors.shape)),
-            self.rig.attachments if KINDS[self.rig.kind].has_orientation else None,
+            self.rig.attachments if turns else None,
             self.lengths - offsets,
             poses.position,
-            poses.rotation,
+            poses.rotation if turns else None,
             self.rig.pulleys,
         )
-        return Poses(position, rotation)
+        return Poses(position, poses.rotation if rotation is None else rotation)
 
     def residuals(self, shared: Floats, poses: Poses) -> Floats:
         """Return measured minus modelled lengths, (K, m)."""
@@ -282,7 +265,9 @@ def _reseed_from_neighbours(problem: AnchorProblem, shared: Floats, poses: Poses
         trial = problem.fit_poses(shared, start)
         trial_squares = problem.squares(shared, trial)
         better = trial_squares < squares
-        poses, squares = poses.replaced(better, trial), np.where(better, trial_squares, squares)
+        position = np.where(better[:, None], trial.position, poses.position)
+        rotation = np.where(better[:, None, None], trial.rotation, poses.rotation)
+        poses, squares = Poses(position, rotation), np.where(better, trial_squares, squares)
     return poses
 
 
@@ -293,11 +278,8 @@ def _onto_nominal(problem: AnchorProblem, shared: Floats, poses: Poses) -> tuple
     here, there = anchors.mean(axis=0), nominal.mean(axis=0)
     turn = kinematics.fit_rotation(anchors, nominal - there)
     moved = (anchors - here) @ turn.T + there
-    rotation = None if poses.rotation is None else turn @ poses.rotation
-    return (
-        np.concatenate([moved.ravel(), offsets if problem.offsets else []]),
-        Poses((poses.position - here) @ turn.T + there, rotation),
-    )
+    moved_poses = Poses((poses.position - here) @ turn.T + there, turn @ poses.rotation)
+    return np.concatenate([moved.ravel(), offsets if problem.offsets else []]), moved_poses
 
 
 # A motion of the anchors that changes lengths by less than this share of what the strongest does goes unseen.
@@ -353,28 +335,24 @@ def calibrated_rig(rig: Rig, found: AnchorEstimate, how: str) -> Rig:
 FOLDS = 5
 
 
-def nominal_error(rig: Rig, lengths: Floats, poses: Poses, *, known: bool) -> float:
-    """Return the error of lengths on the nominal rig, in m, as `AnchorProblem.length_error`."""
-    return AnchorProblem(rig, lengths, known, False).length_error(rig.anchors.ravel(), poses)
+def length_errors(
+    rig: Rig, lengths: Floats, found: AnchorEstimate, *, known: bool, offsets: bool
+) -> dict[str, float]:
+    """Return the rms errors of lengths in m, as far as poses do not explain them: before, after, and held out.
 
-
-def held_out_error(rig: Rig, lengths: Floats, poses: Poses, *, known: bool, offsets: bool) -> float:
-    """Return the error of lengths on a rig that was calibrated without them, in m.
-
-    Cross-validation: each fifth of the poses is left out once. NaN where too few poses remain to calibrate with.
-    Arguments as those of `calibrate_anchors`.
+    Before is on the nominal rig. Held out is by cross-validation, on rigs calibrated without the lengths: each
+    fifth of the poses is left out once; NaN where too few remain. Other arguments as in `calibrate_anchors`.
     """
-    squares = []
+    before = AnchorProblem(rig, lengths, known, False).length_error(rig.anchors.ravel(), found.poses)
+    squares = 0.0
     for fold in range(FOLDS):
         out = np.arange(len(lengths)) % FOLDS == fold
-        remaining = poses.take(np.flatnonzero(~out))
         try:
-            found = calibrate_anchors(rig, lengths[~out], remaining, known=known, offsets=offsets)
+            remaining = found.poses.take(np.flatnonzero(~out))
+            other = calibrate_anchors(rig, lengths[~out], remaining, known=known, offsets=offsets)
         except CalibrationError:
-            return math.nan
-        shared = np.append(found.anchors, found.offsets)
-        error = AnchorProblem(rig, lengths[out], known, offsets).length_error(
-            shared, poses.take(np.flatnonzero(out))
-        )
-        squares.append(error**2 * int(out.sum()))
-    return math.sqrt(sum(squares) / len(lengths))
+            squares = math.nan
+            break
+        problem, poses = AnchorProblem(rig, lengths[out], known, offsets), found.poses.take(np.flatnonzero(out))
+        squares += problem.length_error(np.append(other.anchors, other.offsets), poses) ** 2 * int(out.sum())
+    return {"before": before, "after": found.sigma, "held_out": math.sqrt(squares / len(lengths))}

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tensionlab.errors import CalibrationError, HardwareError
-from tensionlab.hardware.calibration.anchors import Poses, rotations
+from tensionlab.hardware.calibration.anchors import Poses
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import Calibration
 from tensionlab.hardware.runner.pretension import MAX_PRETENSION_S, REST_M_S, CableSpeeds
@@ -154,4 +154,4 @@ def load_lengths(path: str | Path, rig: Rig) -> tuple[Floats, Poses | None]:
     position = np.column_stack([table[axis] for axis in axes])
     if not turns or turns[0] not in table:
         return lengths, Poses.at(rig, position)
-    return lengths, Poses.at(rig, position, rotations(np.column_stack([table[turn] for turn in turns])))
+    return lengths, Poses.at(rig, position, np.column_stack([table[turn] for turn in turns]))
