@@ -8,7 +8,6 @@ import pytest
 import tensionlab as tl
 from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.protocol.codes import State
-from tensionlab.hardware.simulation.simulated_module import Trace
 from tests.stress import cases
 from tests.stress.soak import LARGEST_ERROR, TRANSIT_S, TTL, LimitWatch, examine, kills, soak
 
@@ -60,9 +59,7 @@ def test_pulling_with_more_or_less_than_the_limits_is_seen():
     watch = LimitWatch(tl.TensionLimits([0.5], [6.0]))
 
     def seen(*commanded, state=State.RUNNING):
-        columns = {field.name: np.zeros(len(commanded)) for field in fields(Trace)}
-        states = np.full(len(commanded), state)
-        watch([Trace(**(columns | {"commanded": np.array(commanded), "state": states}))])
+        watch([np.rec.fromarrays([commanded, np.full(len(commanded), state)], names="commanded,state")])
         return watch.outside
 
     assert seen(0.0, 0.2, 0.5, 3.0) == 0  # it begins from nothing

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import threading
 from collections import deque
 from dataclasses import dataclass, field
 
@@ -39,13 +38,13 @@ class Channel:
     conditions: Conditions
     random: random.Random
     _waiting: deque[tuple[float, bytes | None]] = field(default_factory=deque)
-    _latest: float = 0.0
 
     def put(self, content: bytes | None, now: float) -> None:
         """Send bytes at a time in s, or the end of the connection (None)."""
         due = now + self.conditions.latency + self.random.uniform(0.0, self.conditions.jitter)
-        self._latest = max(self._latest, due)
-        self._waiting.append((self._latest, content if content is None else self._damaged(content)))
+        if self._waiting:
+            due = max(due, self._waiting[-1][0])
+        self._waiting.append((due, content if content is None else self._damaged(content)))
 
     def take(self, now: float) -> list[bytes | None]:
         """Return what has arrived by now."""
@@ -112,35 +111,28 @@ class SimulatedLink:
             raise LinkError(f"{self.url} is closed")
 
 
-POLL_PERIOD_S = 1e-3  # largest delay beyond the conditions; with a simulated module, a step of its firmware
-
-
 class FaultyLink:
     """Link that owns another one and delays, loses and damages its bytes; it can be cut, and frozen.
 
-    Bytes move only during `receive` and `send`. The seed is that of the damage.
+    The other link is one to a simulated module of this process; bytes move only during `receive` and `send`. The
+    seed is that of the damage.
     """
 
-    file: int | None = None  # so that bytes are read by `receive`
+    lockstep = True
+    file: int | None = None
 
     def __init__(self, inner: Link, conditions: Conditions | None = None, *, seed: int = 0) -> None:
-        self.inner = inner
-        self.url = inner.url
-        self.lockstep = inner.lockstep
+        self.inner, self.url, self.clock = inner, inner.url, inner.clock
         conditions = Conditions() if conditions is None else conditions
         self._outbound = Channel(conditions, random.Random(f"out {seed}"))
         self._inbound = Channel(conditions, random.Random(f"in {seed}"))
-        self._grain = STEP_S if inner.lockstep else POLL_PERIOD_S
-        self._lock = threading.Lock()  # one thread receives, others send
-        self._cut = False
-        self._frozen = False
+        self._cut = self._frozen = False
 
     def send(self, content: bytes) -> None:
         """Send bytes, which may come late, damaged or never."""
         self._require_whole()
-        with self._lock:
-            if not self._frozen:
-                self._outbound.put(content, self.clock())
+        if not self._frozen:
+            self._outbound.put(content, self.clock())
         self._deliver(self.clock())
 
     def receive(self, timeout: float) -> bytes:
@@ -150,22 +142,14 @@ class FaultyLink:
         while True:
             self._require_whole()
             self._deliver(now)
-            with self._lock:
-                arrived = b"".join(content for content in self._inbound.take(now) if content)
-            if arrived:
+            if arrived := b"".join(content for content in self._inbound.take(now) if content):
                 return arrived
-            content = self.inner.receive(min(max(end - now, 0.0), self._grain))
+            content = self.inner.receive(min(max(end - now, 0.0), STEP_S))
             before, now = now, self.clock()
-            with self._lock:
-                if content and not self._frozen:
-                    self._inbound.put(content, now)
-                    continue
-            if before >= end or (not content and now == before):  # less than a step of the firmware is left
+            if content and not self._frozen:
+                self._inbound.put(content, now)
+            elif before >= end or (not content and now == before):  # less than a step of the firmware is left
                 return b""
-
-    def clock(self) -> float:
-        """Return the time of the link inside, in s."""
-        return self.inner.clock()
 
     def close(self) -> None:
         """Close the link inside."""
@@ -178,10 +162,9 @@ class FaultyLink:
 
     def freeze(self) -> None:
         """Lose all bytes silently from now on, and those under way."""
-        with self._lock:
-            self._frozen = True
-            self._outbound.clear()
-            self._inbound.clear()
+        self._frozen = True
+        self._outbound.clear()
+        self._inbound.clear()
 
     def thaw(self) -> None:
         """Let bytes through again."""
@@ -189,10 +172,9 @@ class FaultyLink:
 
     def _deliver(self, now: float) -> None:
         """Deliver what has arrived at the module's end by now."""
-        with self._lock:
-            for content in self._outbound.take(now):
-                if content:
-                    self.inner.send(content)
+        for content in self._outbound.take(now):
+            if content:
+                self.inner.send(content)
 
     def _require_whole(self) -> None:
         if self._cut:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensionlab import _native
 from tensionlab.errors import InputError
@@ -52,21 +52,9 @@ class Sample:
     pawl_down: bool
 
 
-@dataclass(frozen=True)
-class Trace:
-    """States of a simulated module over time: columns as in `Sample`, a row after each step of the firmware."""
-
-    seconds: NDArray[np.float64]
-    distance: NDArray[np.float64]
-    length: NDArray[np.float64]
-    tension: NDArray[np.float64]
-    commanded: NDArray[np.float64]
-    current: NDArray[np.float64]
-    brake_force: NDArray[np.float64]
-    state: NDArray[np.int64]
-    limit: NDArray[np.int64]
-    driver_on: NDArray[np.bool_]
-    pawl_down: NDArray[np.bool_]
+Trace = np.recarray[Any, Any]  # a row as in `Sample` after each step of the firmware
+_KINDS = {"float": float, "bool": bool}  # others are integers
+_TRACE = np.dtype([(name, _KINDS.get(str(kind), int)) for name, kind in Sample.__annotations__.items()])
 
 
 class SimulatedModule:
@@ -118,8 +106,7 @@ class SimulatedModule:
 
     def trace(self, seconds: float, distance: float | None = None) -> Trace:
         """Let time pass as `advance` does, and return a row for each step of the firmware."""
-        columns = self._module.trace(*self._steps(seconds, distance)).T
-        return Trace(*columns[:7], *columns[7:9].astype(np.int64), *(columns[9:] != 0.0))
+        return np.rec.fromarrays(self._module.trace(*self._steps(seconds, distance)).T, dtype=_TRACE)
 
     def pause(self, seconds: float) -> None:
         """Delay the firmware's next step by some seconds, as if its loop hung."""

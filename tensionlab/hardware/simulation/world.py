@@ -32,6 +32,12 @@ def plant_parameters(module: Module) -> dict[str, float]:
     }
 
 
+def newton_per_ampere(module: Module) -> float:
+    """Return the N/A that the firmware assumes for a module."""
+    default = PARAMETERS["newton_per_ampere"].default
+    return default if module.newton_per_ampere is None else module.newton_per_ampere
+
+
 def simulated_module(
     module: Module,
     length: float,
@@ -48,18 +54,20 @@ def simulated_module(
     the cable's length, which no module remembers. A `HardwareError` names the module and what none of its kind can
     do.
     """
-    longest = PARAMETERS["length_upper"].upper
+    longest, strongest = PARAMETERS["length_upper"].upper, PARAMETERS["tension_upper"].upper
+    problem = ""
     if length > longest:
-        raise HardwareError(
-            f'module "{module.name}": its cable would be {length:.4g} m long, and a module takes {longest:g} m at '
-            "most; move the pose or the anchor"
+        problem = (
+            f"its cable would be {length:.4g} m long, and a module takes {longest:g} m at most; move the pose "
+            "or the anchor"
         )
-    strongest = PARAMETERS["tension_upper"].upper
-    if module.upper > strongest:
-        raise HardwareError(
-            f'module "{module.name}": its upper limit is {module.upper:g} N, and a module pulls with '
-            f"{strongest:g} N at most; give the rig lower limits, or make a smaller one to simulate"
+    elif module.upper > strongest:
+        problem = (
+            f"its upper limit is {module.upper:g} N, and a module pulls with {strongest:g} N at most; give the "
+            "rig lower limits, or make a smaller one to simulate"
         )
+    if problem:
+        raise HardwareError(f'module "{module.name}": {problem}')
     built = plant_parameters(module)
     simulated = SimulatedModule(
         serial_number, plant=built | dict(plant or {}), distance=length, seed=seed, settings=settings
@@ -68,24 +76,13 @@ def simulated_module(
     client = ModuleClient(module.name, SimulatedLink(simulated), seed)
     if not simulated.loaded:
         lower = PARAMETERS["tension_lower"]
-        wanted = {
-            "length_upper": min(max(PARAMETERS["length_upper"].default, 2.0 * length), longest),
-            "tension_upper": module.upper,
-            "tension_lower": min(max(module.lower, lower.lower), lower.upper),
-            "spool_radius": built["radius"],
-        }
-        for name, value in wanted.items():
-            client.set_parameter(name, value)
+        client.set_parameter("length_upper", min(max(PARAMETERS["length_upper"].default, 2.0 * length), longest))
+        client.set_parameter("tension_upper", module.upper)
+        client.set_parameter("tension_lower", min(max(module.lower, lower.lower), lower.upper))
+        client.set_parameter("spool_radius", built["radius"])
         client.calibrate(Calibration.NEWTON_PER_AMPERE, newton_per_ampere(module))
     client.calibrate(Calibration.LENGTH, length)
     return simulated
-
-
-def newton_per_ampere(module: Module) -> float:
-    """Return the N/A that the firmware assumes for a module."""
-    if module.newton_per_ampere is not None:
-        return module.newton_per_ampere
-    return PARAMETERS["newton_per_ampere"].default
 
 
 MOTION_STEP_S = 5e-3  # time between two poses, over which the cables' far ends move evenly
@@ -126,10 +123,8 @@ class World:
     ----------
     modules : tuple of SimulatedModule
         In the rig's order.
-    time : float
-        In s since the start.
-    pose : Pose
-        At that time.
+    time, pose : float, Pose
+        Time in s since the start, and the pose then.
     watch : callable or None
         Called in `advance` with a `Trace` of each module, in the rig's order.
 
@@ -152,11 +147,10 @@ class World:
         plants: Mapping[str, Mapping[str, float]] | None = None,
     ) -> None:
         self._rig = rig
-        self._motion = motion if motion is not None else lambda time: Pose(rig.home, frames=rig.at_rest)
+        self._motion = motion or (lambda time: Pose(rig.home, frames=rig.at_rest))
         self._compliant = motion if isinstance(motion, CompliantMotion) else None
-        self._step = math.inf if motion is None else MOTION_STEP_S
-        if self._compliant is not None:
-            self._step = COMPLIANT_STEP_S
+        moving = MOTION_STEP_S if self._compliant is None else COMPLIANT_STEP_S
+        self._step = math.inf if motion is None else moving
         self.time = 0.0
         self.pose = self._motion(0.0)
         self.watch: Callable[[Sequence[Trace]], None] | None = None
@@ -166,7 +160,7 @@ class World:
                 length,
                 serial_number=index + 1,
                 seed=seed + index,
-                plant=None if plants is None else plants.get(module.name),
+                plant=(plants or {}).get(module.name),
             )
             for index, (module, length) in enumerate(zip(rig.modules, self._lengths(), strict=True))
         )
@@ -195,8 +189,7 @@ class World:
     @property
     def wrench(self) -> Floats:
         """True wrench on the platform, in N and N·m."""
-        wrench: Floats = self._rig.structure_matrix(*self.pose) @ self.tensions
-        return wrench
+        return np.asarray(self._rig.structure_matrix(*self.pose) @ self.tensions)
 
     def group(self, conditions: Conditions | None = None, seed: int = 0) -> ModuleGroup:
         """Return clients of these modules, over links of given conditions; the seed is of numbers and damage."""
