@@ -9,18 +9,15 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensionlab.errors import HardwareError, LinkTimeout, ModuleFault, optional_import
+from tensionlab.errors import HardwareError, LinkTimeout, ModuleFault
+from tensionlab.hardware.client.links import has_bluetooth, serial_ports
 from tensionlab.hardware.client.locks import holder
 from tensionlab.hardware.client.module import ModuleClient, require_ready
 from tensionlab.hardware.protocol.codes import Code
 from tensionlab.hardware.protocol.messages import Hello, Info, Ping, Pong, printable
-
-if TYPE_CHECKING:
-    from serial.tools.list_ports_common import ListPortInfo
 
 # Makers of the chips that connect an ESP32 to USB.
 USB_VENDORS = {0x10C4: "CP210x", 0x1A86: "CH340", 0x0403: "FTDI", 0x303A: "Espressif"}
@@ -66,18 +63,6 @@ def ports(*, everything: bool = False) -> dict[str, str]:
         if everything or ours:
             found[port.device] = about
     return found | paired()
-
-
-def serial_ports() -> list[ListPortInfo]:
-    """Return the serial ports of this computer (USB and Bluetooth), free or not, in order."""
-    with optional_import("hardware", "finding serial ports"):
-        from serial.tools import list_ports
-    return sorted(list_ports.comports())
-
-
-def has_bluetooth(port: ListPortInfo) -> bool:
-    """Return whether a port is one of Bluetooth, as far as the system tells."""
-    return "/dev/rfcomm" in port.device or port.hwid.startswith("BTHENUM")
 
 
 def paired() -> dict[str, str]:

@@ -14,11 +14,14 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from tensionlab.errors import HardwareError, LinkError, optional_import
 from tensionlab.hardware.client.locks import LinkLock, tcp_address
 from tensionlab.support.files.reading import MAX_NAME, brief, read_toml
+
+if TYPE_CHECKING:
+    from serial.tools.list_ports_common import ListPortInfo
 
 READ_BYTES = 4096  # read at a time
 BAUD_RATE = 921_600  # bits a second over USB; Bluetooth and TCP ignore it
@@ -50,6 +53,18 @@ class Link(Protocol):
 
     def close(self) -> None:
         """Close the link; a closed link may be closed again."""
+
+
+def serial_ports() -> list[ListPortInfo]:
+    """Return the serial ports of this computer (USB and Bluetooth), free or not, in order."""
+    with optional_import("hardware", "finding serial ports"):
+        from serial.tools import list_ports
+    return sorted(list_ports.comports())
+
+
+def has_bluetooth(port: ListPortInfo) -> bool:
+    """Return whether a port is one of Bluetooth, as far as the system tells."""
+    return "/dev/rfcomm" in port.device or port.hwid.startswith("BTHENUM")
 
 
 def require_known(url: str) -> None:
