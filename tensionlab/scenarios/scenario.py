@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import InstanceOf
 
 from tensionlab.allocation import Policy
 from tensionlab.errors import EffectError, RigError, ScenarioError
 from tensionlab.haptics.effects import Plane
-from tensionlab.haptics.effects.effect import Effect, norm, normalized
+from tensionlab.haptics.effects.effect import norm, normalized
 from tensionlab.haptics.effects.parameters import Length, PositiveForce, checked_dataclass, require_dimension
 from tensionlab.haptics.effects.parsing import parse_effect
 from tensionlab.haptics.rendering.brakes import TIMING, BrakeWall, ImpactCap, Timing, brake_strengths
@@ -27,7 +27,7 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.files.named import describe_unknown, is_path
 from tensionlab.support.files.reading import as_path, brief, read_toml
 from tensionlab.support.formatting import format_count
-from tensionlab.support.validation import validate
+from tensionlab.support.validation import describe, validate
 
 FOLDER = Path(__file__).parent / "files"  # scenarios of this package: NAME.toml and NAME.rig.toml
 SCENARIOS = ("materials", "collision", "recoil", "weight", "bow")  # their names, in the order of the publication
@@ -65,14 +65,14 @@ class BrakeTarget:
         return replace(self.timing, latency=self.timing.latency + delay)
 
 
-@dataclass(frozen=True)
+@checked_dataclass(ScenarioError)
 class Phase:
     """Effects by name, and the brake target, between two times in s since the scenario began."""
 
     name: str
     begin: float
     end: float
-    effects: Mapping[str, Effect] = field(default_factory=dict)
+    effects: Mapping[str, Any] = field(default_factory=dict)
     hold: BrakeTarget | None = None
 
     def __post_init__(self) -> None:
@@ -80,51 +80,37 @@ class Phase:
             raise ScenarioError(f'phase "{self.name}": begin {self.begin}, end {self.end}; give 0 <= begin < end')
 
 
-@dataclass(frozen=True, eq=False)
+@checked_dataclass(ScenarioError)
 class Scenario:
-    """Rig, person and phases of a scenario.
-
-    Attributes
-    ----------
-    rig : Rig
-        Rig of a point: the hand or the head.
-    person : PersonPlan
-        Simulated person, for runs without a real one.
-    phases : tuple of Phase
-        Phases; overlapping ones are rendered together.
-    seconds, rate : float
-        Duration in s, and rate in Hz.
-    policy : str
-        Policy for infeasible forces.
-    frame : str or None
-        Body frame in which effects and brake targets are; the world if None.
-    slew : float or None
-        Slew-rate limit that the modules need, in N/s; None: their default.
-    labels : mapping of str to str
-        Names of the held point and the bodies in pictures.
-    feet : tuple of floats or None
-        Point between the feet of the person, for pictures; None: no person is drawn.
-    up : str or None
-        Axis of the world that points up, for effects, scripts and rig.
-    turned : str
-        How the rig was turned from the axes of its file; empty if it was not.
-    """
+    """Rig, person and phases of a scenario."""
 
     name: str
     title: str
     about: str
-    rig: Rig
+    rig: InstanceOf[Rig]
+    """Rig of a point: the hand or the head."""
     person: PersonPlan
+    """Simulated person, for runs without a real one."""
     phases: tuple[Phase, ...]
+    """Phases; overlapping ones are rendered together."""
     seconds: float
+    """Duration, in s."""
     rate: float = 200.0
+    """Rate of cycles, in Hz."""
     policy: Policy = "direction"
+    """Policy for infeasible forces."""
     frame: str | None = None
+    """Body frame in which effects and brake targets are; the world if None."""
     slew: float | None = None
+    """Slew-rate limit that the modules need, in N/s; None: their default."""
     labels: Mapping[str, str] = field(default_factory=dict)
+    """Names of the held point and the bodies in pictures."""
     feet: tuple[float, ...] | None = None
+    """Point between the feet of the person, for pictures; None: no person is drawn."""
     up: str | None = None
+    """Axis of the world that points up, for effects, scripts and rig."""
     turned: str = ""
+    """How the rig was turned from the axes of its file; empty if it was not."""
 
     def __repr__(self) -> str:
         phases = format_count(len(self.phases), "phase")
@@ -213,60 +199,39 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
         path = FOLDER / f"{name}.toml"
     contents = read_toml(path, "a scenario file (*.toml)", ScenarioError)
     try:
-        return _scenario(validate(ScenarioTable, contents, ScenarioError), path, rig)
+        return _scenario(contents, path, rig)
     except (ScenarioError, EffectError) as error:
         raise ScenarioError(f"{path}: {error}") from None
 
 
-class PhaseTable(BaseModel):
-    """Phase in a scenario file; effects have a kind and parameters, as over the bridge."""
-
-    model_config = ConfigDict(extra="forbid")
-    name: str
-    begin: float
-    end: float
-    effects: dict[str, Any] = {}
-    hold: BrakeTarget | None = None
-
-
-class ScenarioTable(BaseModel):
-    """Contents of a scenario file; ``rig`` is a rig, by name, or by file in the same folder."""
-
-    model_config = ConfigDict(extra="forbid")
-    title: str
-    about: str
-    seconds: float
-    up: str
-    person: PersonPlan
-    phases: list[PhaseTable]
-    rig: str | None = None
-    rate: float = 200.0
-    policy: Policy = "direction"
-    frame: str | None = None
-    slew: float | None = None
-    labels: dict[str, str] = {}
-    feet: tuple[float, ...] | None = None
-
-
-def _scenario(table: ScenarioTable, path: Path, rig: str | PathLike[str] | None) -> Scenario:
+def _scenario(contents: dict[str, Any], path: Path, rig: str | PathLike[str] | None) -> Scenario:
+    """Return the scenario of a file; ``rig`` in it is a rig, by name, or by file in the same folder."""
+    if "up" not in contents:
+        raise ScenarioError("up is missing; give the axis that points up")
+    if unknown := contents.keys() & {"name", "turned"}:
+        raise ScenarioError(f"{min(unknown)} is an unknown key; leave it out")
+    named, phases = contents.pop("rig", None), contents.get("phases")
     if rig is not None:
         loaded = load_rig(rig)
-    elif table.rig is None:
+    elif named is None:
         loaded = load_rig(path.with_suffix(".rig.toml"))
+    elif not isinstance(named, str):
+        raise ScenarioError(f"rig is {describe(named)}; give a text")
     else:
         try:
-            loaded = load_rig(path.parent / table.rig if is_path(table.rig, ".toml") else table.rig)
+            loaded = load_rig(path.parent / named if is_path(named, ".toml") else named)
         except RigError as error:
             raise RigError(f'{path}: key "rig": {error}') from None
-    loaded, turned = _with_up_axis(loaded, table.up)
-    phases = []
-    for phase in table.phases:
-        effects = {name: parse_effect(name, each, loaded) for name, each in phase.effects.items()}
+    loaded, turned = _with_up_axis(loaded, contents["up"])
+    for phase in phases if isinstance(phases, list) else ():
+        if isinstance(phase, dict) and isinstance(given := phase.get("effects"), dict):
+            phase["effects"] = {name: parse_effect(name, effect, loaded) for name, effect in given.items()}
+    whole = contents | {"name": path.stem, "rig": loaded, "turned": turned}
+    scenario: Scenario = validate(Scenario, whole, ScenarioError)
+    for phase in scenario.phases:
         if phase.hold is not None:
             require_dimension(phase.hold, loaded.dimension, f'phase "{phase.name}": hold')
-        phases.append(Phase(phase.name, phase.begin, phase.end, effects, phase.hold))
-    own = {key: getattr(table, key) for key in table.model_fields_set - {"rig", "phases"}}
-    return Scenario(name=path.stem, rig=loaded, phases=tuple(phases), turned=turned, **own)
+    return scenario
 
 
 def _with_up_axis(rig: Rig, up: str) -> tuple[Rig, str]:
