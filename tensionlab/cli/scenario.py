@@ -20,7 +20,7 @@ from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.source import tracked_pose
 from tensionlab.hardware import RealClock, connect
 from tensionlab.scenarios import SCENARIOS, Scenario, check_needs, load_scenario
-from tensionlab.scenarios.checks import Check, Checks, Directions, check_directions, loop_delay
+from tensionlab.scenarios.checks import Check, Directions, check_directions, checks_table, loop_delay
 from tensionlab.scenarios.expected import EXPECTED, check_scenario
 from tensionlab.scenarios.play import ScenarioModules, ScenarioResult, needs_tracker, play, simulate_modules
 from tensionlab.support.files.named import list_names
@@ -194,7 +194,7 @@ def _print_needs(scenario: Scenario, needs: list[Finding]) -> None:
 def _print(played: ScenarioResult, rows: tuple[Check, ...], found: Directions) -> None:
     """Print measured and expected values, and where forces pointed."""
     if rows:
-        output.print_table(Checks(rows).table(f"{played.scenario.title}: {played.scenario.about}"))
+        output.print_table(checks_table(rows, f"{played.scenario.title}: {played.scenario.about}"))
         output.print_line()
     reasons = [f"{count} {reason}" for reason, count in found.reasons.items() if count]
     elsewhere = f"; elsewhere: {', '.join(reasons)}" if reasons else ""

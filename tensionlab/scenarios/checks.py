@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +16,9 @@ from tensionlab.haptics.rendering.assignment import MIN_COSINE
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.protocol.codes import Limit
 from tensionlab.scenarios.play import ScenarioResult
-from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_number
 from tensionlab.support.table import Column, Table, met_mark
-
-if TYPE_CHECKING:
-    import pandas
 
 Kind = TypeVar("Kind", bound=Effect)
 NOTICEABLE = 0.07  # just noticeable difference of forces, as a share
@@ -49,29 +46,14 @@ class Check(NamedTuple):
         return bool(self.low <= self.measured <= self.high)
 
 
-class Checks(tuple[Check, ...]):
-    """Checks of a scenario, as a table in notebooks."""
-
-    __slots__ = ()
-
-    def __repr__(self) -> str:
-        return f"<Checks: {sum(each.met for each in self)} of {len(self)} as expected>"
-
-    def _repr_html_(self) -> str:
-        return self.table()._repr_html_()
-
-    def table(self, title: str = "") -> Table:
-        """Return a row for each check."""
-        rows = [
-            [met_mark(each.met, ("as expected", "not met")), each.name, each.measured,
-             f"{format_number(each.low)} to {format_number(each.high)}", each.unit.removeprefix("1")]
-            for each in self
-        ]  # fmt: skip
-        return Table(["", "check", Column("measured", format=format_number), "expected", "unit"], rows, title)
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """Return a row for each check; MissingDependency if pandas is not installed."""
-        return provenance.data_frame([{**each._asdict(), "met": each.met} for each in self])
+def checks_table(checks: Sequence[Check], title: str = "") -> Table:
+    """Return a row for each check."""
+    rows = [
+        [met_mark(each.met, ("as expected", "not met")), each.name, each.measured,
+         f"{format_number(each.low)} to {format_number(each.high)}", each.unit.removeprefix("1")]
+        for each in checks
+    ]  # fmt: skip
+    return Table(["", "check", Column("measured", format=format_number), "expected", "unit"], rows, title)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +68,11 @@ class ForceRecord:
         """Return the part from one time to another."""
         part = between(self.time, begin, end)
         return ForceRecord(self.time[part], self.position[part], self.force[part])
+
+    @property
+    def velocity(self) -> Floats:
+        """Velocity (K, d), in m/s."""
+        return np.asarray(np.gradient(self.position, self.time, axis=0))
 
 
 def rendered_force(result: ScenarioResult) -> ForceRecord:
@@ -104,12 +91,12 @@ def rendered_force(result: ScenarioResult) -> ForceRecord:
     return ForceRecord(run.time, position, measured_force(run))
 
 
-def find_effect(result: ScenarioResult, kind: type[Kind]) -> tuple[Kind, float, float]:
-    """Return the first effect of a kind, and the begin and end of its phase."""
+def find_effect(result: ScenarioResult, kind: type[Kind], settling: float = 0.0) -> tuple[Kind, ForceRecord]:
+    """Return the first effect of a kind, and the force in its phase after a time in s."""
     for phase in result.scenario.phases:
         for each in phase.effects.values():
             if isinstance(each, kind):
-                return each, phase.begin, phase.end
+                return each, rendered_force(result).during(phase.begin + settling, phase.end)
     raise LookupError(f"{result.scenario.name} has no {kind.__name__}")
 
 
@@ -137,11 +124,6 @@ def rms(values: Floats) -> float:
 def maximum(values: Floats) -> float:
     """Return the largest value; NaN of nothing."""
     return float(values.max()) if values.size else float("nan")
-
-
-def onset(time: Floats, there: NDArray[np.bool_]) -> float:
-    """Return the time from the first one until a condition holds, in s; NaN if it never does."""
-    return float(time[there][0] - time[0]) if there.any() else float("nan")
 
 
 def dominant_frequency(time: Floats, values: Floats) -> float:

@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from tensionlab.haptics.effects import Bow, Magnet, Recoil, Shape, Sphere, Texture, Vibration, Water, Weight
 from tensionlab.haptics.effects.contact import Plane, Wall
 from tensionlab.haptics.effects.effect import Motion
-from tensionlab.haptics.rendering.renderer import DELAY_CYCLES, HAND_DAMPING
+from tensionlab.haptics.rendering.renderer import HAND_DAMPING
 from tensionlab.haptics.rendering.stability import cap_stiffness, stiffness_cap
 from tensionlab.scenarios.checks import (
     NOTICEABLE,
     Check,
-    Checks,
     ForceRecord,
     between,
     check_near,
@@ -27,7 +26,6 @@ from tensionlab.scenarios.checks import (
     find_effect,
     loop_delay,
     maximum,
-    onset,
     rendered_force,
     rms,
 )
@@ -45,14 +43,14 @@ TOUCH_N = 0.5  # smallest force of a touch
 RIPPLE_N = 0.15  # force that makes a ripple perceptible
 
 
-def check_scenario(result: ScenarioResult) -> Checks:
+def check_scenario(result: ScenarioResult) -> tuple[Check, ...]:
     """Check the rendered forces; no checks for scenarios that are not of this package."""
-    return Checks(each for check in EXPECTED.get(result.scenario.name, ()) for each in check(result))
+    return tuple(each for check in EXPECTED.get(result.scenario.name, ()) for each in check(result))
 
 
 def check_recoil(result: ScenarioResult) -> tuple[Check, ...]:
     """Check impulse, peak and direction of the shots, without the force of taut cables."""
-    pistol, _, _ = find_effect(result, Recoil)
+    pistol, _ = find_effect(result, Recoil)
     rendered, way = rendered_force(result), np.asarray(pistol.direction) / np.linalg.norm(pistol.direction)
     shares, peaks, off = [], [], []
     shots = [shot for shot in pistol.shots if shot + SHOT_S < rendered.time[-1]]
@@ -76,7 +74,7 @@ def check_recoil(result: ScenarioResult) -> tuple[Check, ...]:
 
 def check_weight(result: ScenarioResult) -> tuple[Check, ...]:
     """Check gravity and inertia of the weight, and a box that brakes hold down."""
-    held, _, _ = find_effect(result, Weight)
+    held, _ = find_effect(result, Weight)
     rendered, path = rendered_force(result), result.scenario.person.script.waypoints
     down = -rendered.force[:, 2]
     lift = between(rendered.time, path[0].time, path[1].time)
@@ -105,7 +103,7 @@ def check_weight(result: ScenarioResult) -> tuple[Check, ...]:
 
 def check_bow(result: ScenarioResult) -> tuple[Check, ...]:
     """Check force and energy of the draw, the stop at its end, and the released string."""
-    string, _, _ = find_effect(result, Bow)
+    string, _ = find_effect(result, Bow)
     rendered = rendered_force(result)
     far = np.linalg.norm(rendered.position, axis=1)
     pull = -np.einsum("kd,kd->k", rendered.force, rendered.position) / far
@@ -117,7 +115,8 @@ def check_bow(result: ScenarioResult) -> tuple[Check, ...]:
     work = float(np.trapezoid(pull[drawing], draw[drawing]))
     energy = float(np.trapezoid(wanted[drawing], draw[drawing]))
     gone = between(rendered.time, string.loosed, string.loosed + 5.0 * string.fade)
-    slack_after = onset(rendered.time[gone], pull[gone] < string.slack + 2.0 * string.hum)
+    slack = rendered.time[gone & (pull < string.slack + 2.0 * string.hum)]
+    slack_after = float(slack[0] - rendered.time[gone][0]) if slack.size else float("nan")
     humming = gone & (rendered.time > string.loosed + slack_after)
     error = rms(pull[drawing] - wanted[drawing])
     checks = [
@@ -211,14 +210,10 @@ def _release_time(time: Floats, depth: Floats, leaning: NDArray[np.bool_], held:
 
 def check_magnet(result: ScenarioResult) -> tuple[Check, ...]:
     """Check the largest pull and its profile on the way off, with the host's stiffness limit."""
-    magnet, begin, end = find_effect(result, Magnet)
-    rendered = rendered_force(result).during(begin, end)
-    height, velocity = magnet.plane.height(rendered.position), _velocity(rendered)
-    stiffness, wanted = host_stiffness_limit(result, rendered.time), np.zeros_like(height)
-    for cap in np.unique(stiffness):
-        there = stiffness == cap
-        motion = Motion(rendered.position[there], velocity[there])
-        wanted[there] = -cap_stiffness(magnet, float(cap))[0].render(motion).force @ magnet.plane.n
+    magnet, rendered = find_effect(result, Magnet)
+    height, velocity = magnet.plane.height(rendered.position), rendered.velocity
+    soft, _ = cap_stiffness(magnet, host_stiffness_limit(result, rendered))
+    wanted = -soft.render(Motion(rendered.position, velocity)).force @ magnet.plane.n
     down = -rendered.force @ magnet.plane.n
     leaving = (height > 0.0) & (height < magnet.reach) & (velocity @ magnet.plane.n > 0.01)
     return (
@@ -229,11 +224,10 @@ def check_magnet(result: ScenarioResult) -> tuple[Check, ...]:
 
 def check_texture(result: ScenarioResult) -> tuple[Check, ...]:
     """Check friction of a sliding hand, and the period of ripples if the host can make them perceptible."""
-    rough, begin, end = find_effect(result, Texture)
-    rendered = rendered_force(result).during(begin, end)
-    ripples, _ = cap_stiffness(rough.ripples, float(host_stiffness_limit(result, rendered.time).min()))
+    rough, rendered = find_effect(result, Texture)
+    ripples, _ = cap_stiffness(rough.ripples, host_stiffness_limit(result, rendered))
     normal, across = rough.wall.plane.n, np.asarray(ripples.direction)
-    load, speed = rendered.force @ normal, _velocity(rendered) @ across
+    load, speed = rendered.force @ normal, rendered.velocity @ across
     slides = (load > TOUCH_N) & (speed > 0.01)
     x, friction = rendered.position[slides] @ across, -(rendered.force @ across)[slides] / load[slides]
     # Ripples are even by position, not by time; the mean is the friction.
@@ -248,14 +242,13 @@ def check_texture(result: ScenarioResult) -> tuple[Check, ...]:
 
 def check_shape(result: ScenarioResult) -> tuple[Check, ...]:
     """Check stiffness and direction of the ball's push."""
-    ball, begin, end = find_effect(result, Shape)
+    ball, rendered = find_effect(result, Shape)
     assert isinstance(ball.field, Sphere)
-    rendered = rendered_force(result).during(begin, end)
     out = rendered.position - np.asarray(ball.field.centre)
     distance = np.linalg.norm(out, axis=1)
     depth = ball.field.radius - distance
     push = np.einsum("kd,kd->k", rendered.force, out) / distance
-    pressed = (push > 2 * TOUCH_N) & (np.abs(np.linalg.norm(_velocity(rendered), axis=1)) < 0.15)
+    pressed = (push > 2 * TOUCH_N) & (np.linalg.norm(rendered.velocity, axis=1) < 0.15)
     stiffness = float(np.median(push[pressed] / depth[pressed]))
     off = float(np.median(angles(rendered.force, out)[pressed]))
     return (
@@ -266,12 +259,11 @@ def check_shape(result: ScenarioResult) -> tuple[Check, ...]:
 
 def check_vibration(result: ScenarioResult) -> tuple[Check, ...]:
     """Check frequency and amplitude, and that the cables stay taut; telemetry is too slow to show it."""
-    hum, begin, end = find_effect(result, Vibration)
+    hum, rendered = find_effect(result, Vibration, START_S)
     if result.person is None:
         return ()
-    rendered = rendered_force(result).during(begin + 0.3, end)
     shaking = rendered.force @ (np.asarray(hum.axis) / np.linalg.norm(hum.axis))
-    tensions = result.person.tensions[between(result.person.time, begin + 0.3, end)]
+    tensions = result.person.tensions[np.isin(result.person.time, rendered.time)]
     frequency = dominant_frequency(rendered.time, shaking)
     return (
         check_near("vibration: frequency", "Hz", hum.frequency, frequency, 0.03),
@@ -282,9 +274,8 @@ def check_vibration(result: ScenarioResult) -> tuple[Check, ...]:
 
 def check_water(result: ScenarioResult) -> tuple[Check, ...]:
     """Check the drag, and the lift of a hand at rest."""
-    sea, begin, end = find_effect(result, Water)
-    rendered = rendered_force(result).during(begin + 0.3, end)
-    velocity = _velocity(rendered)
+    sea, rendered = find_effect(result, Water, START_S)
+    velocity = rendered.velocity
     under = -sea.surface.height(rendered.position) > sea.mixing
     speed = np.linalg.norm(velocity, axis=1)
     still, quick = under & (speed < 0.02), under & (speed > 0.2)
@@ -298,19 +289,10 @@ def check_water(result: ScenarioResult) -> tuple[Check, ...]:
     )
 
 
-def host_stiffness_limit(result: ScenarioResult, time: Floats) -> Floats:
-    """Return the host stiffness limit at each time, in N/m, by the delay measured until then."""
-    run, rate = result.run, result.scenario.rate
-    delays = np.nanmax(run.delays, axis=1, initial=0.0)
-    worst = np.array([delays[max(cycle + 1 - DELAY_CYCLES, 0) : cycle + 1].max() for cycle in range(len(run))])
-    caps = {each: stiffness_cap(each, 1.0 / rate, HAND_DAMPING) for each in np.unique(worst)}
-    cycles = np.searchsorted(run.time, time, side="right") - 1
-    return np.array([caps[worst[max(cycle, 0)]] for cycle in cycles])
-
-
-def _velocity(rendered: ForceRecord) -> Floats:
-    velocity: Floats = np.gradient(rendered.position, rendered.time, axis=0)
-    return velocity
+def host_stiffness_limit(result: ScenarioResult, during: ForceRecord) -> float:
+    """Return the host stiffness limit, in N/m, by the largest delay that was measured until a part ended."""
+    delays = result.run.delays[result.run.time <= during.time[-1]]
+    return stiffness_cap(float(np.nanmax(delays, initial=0.0)), 1.0 / result.scenario.rate, HAND_DAMPING)
 
 
 EXPECTED: dict[str, tuple[Callable[[ScenarioResult], tuple[Check, ...]], ...]] = {

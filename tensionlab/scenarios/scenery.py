@@ -11,14 +11,14 @@ from itertools import permutations
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import FiniteFloat, TypeAdapter, ValidationError
+from pydantic import FiniteFloat
 
 from tensionlab.errors import TensionlabError
 from tensionlab.haptics.effects.shape import Box, Sphere
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenario import Phase, Scenario
 from tensionlab.support.arrays import Floats
-from tensionlab.support.files.reading import brief
+from tensionlab.support.validation import validate
 
 Numbers = tuple[FiniteFloat, ...]
 FLAT_PARTS = ("plane", "surface")  # parameters of effects that are flat surfaces
@@ -31,27 +31,13 @@ SHOULDER_M, STANCE_M, HEAD_M = 0.18, 0.12, 0.10
 
 @dataclass(frozen=True)
 class ScenerySurface:
-    """Surface of an effect, or at which brakes hold, in coordinates of the scenario's effects.
+    """Surface of an effect, or at which brakes hold, in coordinates of the scenario's effects."""
 
-    Attributes
-    ----------
-    kind : "plane", "ball", "box" or "reach"
-        A reach ends at a distance from the point.
-    point : tuple of d floats
-        Of a plane, or the centre, in m.
-    normal : tuple of d floats
-        Of a plane, towards the free side; empty for others.
-    size : tuple of floats
-        Radius, or the edges of a box, in m; empty for a plane.
-    brakes : bool
-        Whether brakes hold there.
-    """
-
-    kind: Literal["plane", "ball", "box", "reach"]
-    point: Numbers
-    normal: Numbers = ()
-    size: Numbers = ()
-    brakes: bool = False
+    kind: Literal["plane", "ball", "box", "reach"]  # a reach ends at a distance from the point
+    point: Numbers  # of a plane, or the centre, (d,), in m
+    normal: Numbers = ()  # of a plane, towards the free side, (d,)
+    size: Numbers = ()  # radius, or the edges of a box, in m
+    brakes: bool = False  # whether brakes hold there
 
 
 @dataclass(frozen=True)
@@ -66,31 +52,15 @@ class ScenePhase:
 
 @dataclass(frozen=True)
 class Scenery:
-    """Visible parts of a scenario, without its rig.
-
-    Attributes
-    ----------
-    title : str
-    phases : tuple of ScenePhase
-    middle : tuple of d floats
-        Centre of the drawn parts of planes: the mean of the script's waypoints, in m.
-    frame : str or None
-        Body frame of the surfaces; the world if None.
-    feet : tuple of d floats or None
-        Point between the feet of the person, in m; None: no person is drawn.
-    labels : mapping of str to str
-        Names of the held point, and of the bodies.
-    period : float or None
-        Period of a repeated scenario, in s.
-    """
+    """Visible parts of a scenario, without its rig."""
 
     title: str
     phases: tuple[ScenePhase, ...]
-    middle: Numbers
-    frame: str | None = None
-    feet: Numbers | None = None
-    labels: Mapping[str, str] | None = None
-    period: FiniteFloat | None = None
+    middle: Numbers  # centre of the drawn parts of planes: the mean of the script's waypoints, (d,), in m
+    frame: str | None = None  # body frame of the surfaces; the world if None
+    feet: Numbers | None = None  # point between the feet of the person, (d,), in m; None: no person is drawn
+    labels: Mapping[str, str] | None = None  # names of the held point, and of the bodies
+    period: FiniteFloat | None = None  # of a repeated scenario, in s
 
     def active_phases(self, time: float) -> tuple[ScenePhase, ...]:
         """Return the phases at a time in s since the run began."""
@@ -150,12 +120,7 @@ def read_scenery(given: Mapping[str, Any], rig: Rig, where: str, error: type[Ten
     """
     if not given:
         return None
-    try:
-        found = TypeAdapter(Scenery).validate_python(given)
-    except ValidationError as problem:
-        first = problem.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        raise error(f"{where}: the scenery's {place} is {brief(first['input'])}; the log is damaged") from None
+    found = validate(Scenery, given, error, f"{where}: the scenery is damaged")
     points = [found.middle, *([found.feet] if found.feet is not None else [])]
     for surface in (each for phase in found.phases for each in phase.surfaces):
         points.append(surface.point)

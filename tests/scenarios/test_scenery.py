@@ -70,9 +70,9 @@ def test_the_log_of_a_scenario_has_its_scenery_and_that_of_another_run_none(tmp_
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda given: given | {"phases": 3}, "the scenery's phases is 3"),
+        (lambda given: given | {"phases": 3}, "the scenery is damaged: phases is 3"),
         (lambda given: given | {"middle": [0.0, 1.0]}, "does not have the 3 axes of the rig"),
-        (lambda given: given | {"middle": [0.0, None, 1.0]}, "middle.1 is None"),
+        (lambda given: given | {"middle": [0.0, None, 1.0]}, r"middle\[1\] is null"),
         (lambda given: given | {"frame": "sling"}, 'in the frame "sling", which the rig does not have'),
         (
             lambda given: given | {"phases": [{"name": "a", "begin": 0, "end": 1, "surfaces": [

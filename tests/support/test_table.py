@@ -16,7 +16,6 @@ from tensionlab.errors import MissingDependency
 from tensionlab.hardware import read_run
 from tensionlab.hardware.log.reader import recount
 from tensionlab.scenarios import load_scenario
-from tensionlab.scenarios.checks import Check, Checks
 from tensionlab.support.formatting import format_duration, format_number, format_vector
 from tensionlab.support.table import MAX_HTML_ROWS, STATUS_MARKS, Column, Table
 from tensionlab.workspace.layout.objective import Objective
@@ -225,7 +224,6 @@ RESULTS = {
     "benchmark": lambda: tl.datasets.load("benchmarks/results"),
     "problems": lambda: problem_set("point", 10),
     "scenario": lambda: load_scenario("bow"),
-    "checks": lambda: Checks([Check("pull", "N", 1.0, 2.0, 3.0)]),
 }
 
 
