@@ -21,7 +21,7 @@ from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace import CertifiedWorkspace, certify, wrench_closure
-from tensionlab.workspace.certification.problem import WRENCH_CLOSURE
+from tensionlab.workspace.certification import WRENCH_CLOSURE
 from tensionlab.workspace.margin import required_margin
 
 POSES = 1_000_000

@@ -23,7 +23,7 @@ from benchmarks.certify import Case, cases
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace import capacity_margin, half_spaces
-from tensionlab.workspace.certification.result import Bounds, subdivide
+from tensionlab.workspace.certified import Bounds, subdivide
 
 CASES = ("published rig, 1 N", "published rig, 0.5 N", "two cables, a weight")
 CHUNK_CELLS = 20_000

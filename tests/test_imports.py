@@ -89,7 +89,7 @@ NATIVE = {
     "gradients.py",
     "verification.py",
     "benchmark/speed.py",
-    "workspace/certification/problem.py",
+    "workspace/certification.py",
     "workspace/interference.py",
     "workspace/margin.py",
     "workspace/structure_metrics.py",

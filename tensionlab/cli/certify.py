@@ -6,6 +6,8 @@ import time
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
+
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import (
     BodyFrames,
@@ -20,14 +22,13 @@ from tensionlab.cli.common.options import (
     Wrench,
 )
 from tensionlab.cli.common.verbs import Json
+from tensionlab.support.files import writing
 from tensionlab.support.formatting import format_count
-from tensionlab.workspace.certification.certify import SUFFIX
-from tensionlab.workspace.certification.certify import certify as prove
-from tensionlab.workspace.certification.problem import WRENCH_CLOSURE
-from tensionlab.workspace.certification.result import Bounds, CertifiedWorkspace
+from tensionlab.workspace.certification import WRENCH_CLOSURE
+from tensionlab.workspace.certification import certify as prove
+from tensionlab.workspace.certified import Bounds, CertifiedWorkspace
 
 VERDICTS = {1: "inside", -1: "outside", 0: "undecided"}
-NOTHING_KEPT = "nothing is kept; with --out NAME.npz, the same command resumes the proof"  # message after Ctrl-C
 
 
 def certify(
@@ -39,10 +40,7 @@ def certify(
     gravity: Gravity = None,
     required: Required = None,
     frames: BodyFrames = None,
-    out: Annotated[
-        Path | None,
-        options.writes("Write the cells to this file. The same command resumes an interrupted proof.", SUFFIX),
-    ] = None,
+    out: Annotated[Path | None, options.writes("Write the cells to this file.", ".npz")] = None,
     scheduler: Scheduler = None,
     plot: Plot = None,
     json: Json = False,
@@ -54,9 +52,8 @@ def certify(
     """
     loaded = options.load(rig, frames, wrench, gravity, required)
     region, steps = options.parse_region([loaded], box, step)
-    resumed = NOTHING_KEPT if out is None else f"the same command resumes from {out}, if it is there"
     began = time.perf_counter()
-    with output.if_interrupted(resumed), output.ResultWriter(quiet=json) as writer:
+    with output.if_interrupted(output.NOTHING_KEPT), output.ResultWriter(quiet=json) as writer:
         with output.progress("Cells") as progress:
             proved = prove(
                 loaded,
@@ -65,11 +62,12 @@ def certify(
                 steps,
                 rotations=options.parse_orientations(loaded, rotations),
                 frames=loaded.at_rest,
-                out=out,
                 scheduler=scheduler,
                 progress=progress,
             )
         duration_s = time.perf_counter() - began
+        if out is not None:
+            writer.write("cells", out, lambda path: _write_cells(path, proved))
         writer.draw(plot, "certified", proved)
         if json:
             output.print_json(
@@ -86,10 +84,18 @@ def certify(
                 manifest=output.manifest(),
             )
         else:
-            _print(proved, duration_s, out)
+            _print(proved, duration_s)
 
 
-def _print(proved: CertifiedWorkspace, duration_s: float, out: Path | None) -> None:
+def _write_cells(path: Path, proved: CertifiedWorkspace) -> None:
+    """Write of each cell its centre, edges, verdict, and the shares proved inside and outside."""
+    with writing.replacing(path) as file:
+        np.savez_compressed(
+            file, centre=proved.centres, edge=proved.edges, verdict=proved.verdict, share=proved.shares
+        )
+
+
+def _print(proved: CertifiedWorkspace, duration_s: float) -> None:
     """Print how many cells are proved, and the bounds of the workspace's volume."""
     cells = proved.subdivision
     axes = zip("xyz", cells.low, cells.low + cells.extent, strict=False)
@@ -104,5 +110,3 @@ def _print(proved: CertifiedWorkspace, duration_s: float, out: Path | None) -> N
     output.print_line(f"workspace: {proved.volume.describe()} {proved.unit}, {shares} % of the box")
     finest = f"{format_count(proved.evaluations, 'cell')} down to {cells.edges(cells.levels).max():.3g} m"
     output.print_line(f"looked at: {finest}, in {duration_s:.1f} s", "dim")
-    if out:
-        output.print_line(f"cells: {out}")

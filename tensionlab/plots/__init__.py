@@ -52,7 +52,7 @@ PLOTTERS: dict[str, Callable[..., Figure]] = {
     "tensionlab.scenarios.play.ScenarioResult": plot_scenario,
     "tensionlab.validation.data_tables.Recording": plot_forces,
     "tensionlab.validation.report.ValidationResult": plot_validation,
-    "tensionlab.workspace.certification.result.CertifiedWorkspace": plot_certified,
+    "tensionlab.workspace.certified.CertifiedWorkspace": plot_certified,
     "tensionlab.workspace.layout.results.Layout": lambda layout, **options: plot_rig(layout.rig, **options),
     "tensionlab.workspace.layout.results.LayoutSearch": plot_front,
 }

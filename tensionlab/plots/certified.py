@@ -15,7 +15,7 @@ from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tensionlab.workspace.certification.result import CertifiedWorkspace
+    from tensionlab.workspace.certified import CertifiedWorkspace
 
 PIXELS = 500  # along the longer edge of a slice
 COLOURS = (NONE_COLOUR, ORANGE, GREEN)  # colours of cells that are outside, undecided and inside

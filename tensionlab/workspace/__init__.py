@@ -1,7 +1,7 @@
 """Workspace of a rig: metrics of structure matrices and tension limits, sweeps and layout search."""
 
-from tensionlab.workspace.certification.certify import certify
-from tensionlab.workspace.certification.result import CertifiedWorkspace
+from tensionlab.workspace.certification import certify
+from tensionlab.workspace.certified import CertifiedWorkspace
 from tensionlab.workspace.interference import (
     Capsule,
     body_distance,

@@ -4,7 +4,7 @@ import pytest
 from benchmarks.certify import cases, planar_point
 from benchmarks.interval_analysis import directions, judge, main, prove_by_intervals
 from tensionlab.model.files import load_rig
-from tensionlab.workspace.certification.result import subdivide
+from tensionlab.workspace.certified import subdivide
 
 CASES = {case.name: case for case in cases()}
 

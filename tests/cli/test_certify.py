@@ -1,9 +1,10 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from tensionlab.workspace.certification.result import Bounds
+from tensionlab.workspace.certified import Bounds
 
 PLANAR = Path(__file__).parents[2] / "datasets" / "rigs" / "kntu-planar.toml"
 
@@ -21,7 +22,7 @@ def test_a_workspace_is_proved_drawn_and_kept(run, tmp_path):
     code, out, err = run(*words, *files)
     assert (code, err) == (0, "")
     assert max(map(len, out.splitlines())) <= 120
-    report = json.loads(run(*words, "--out", tmp_path / "cells.npz", "--json")[1])  # only read
+    report = json.loads(run(*words, "--out", tmp_path / "cells.npz", "--json")[1])
     low, high = report["volume"]["lower"], report["volume"]["upper"]
     assert 0 < low < 0.0967 < high  # as tests/workspace/certification has it
     assert report["share"]["lower"] == pytest.approx(low / report["region_volume"])
@@ -30,6 +31,9 @@ def test_a_workspace_is_proved_drawn_and_kept(run, tmp_path):
     assert {verdict: int(rows[verdict][2].replace(",", "")) for verdict in report["cells"]} == report["cells"]
     assert f"{report['evaluations']:,} cells down to" in out
     assert f"cells: {tmp_path / 'cells.npz'}" in out
+    cells = np.load(tmp_path / "cells.npz")
+    assert len(cells["centre"]) == sum(report["cells"].values())
+    assert (cells["share"][:, 0] * cells["edge"].prod(axis=1)).sum() == pytest.approx(low)
     assert "proved inside" in (tmp_path / "cells.svg").read_text(encoding="utf-8")
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tensionlab.support.arrays import Floats
-from tensionlab.workspace.certification.problem import CellProblem
+from tensionlab.workspace.certification import CellProblem
 
 
 class Pull(NamedTuple):

@@ -15,7 +15,7 @@ from tensionlab.model import pose
 from tensionlab.model.module import Module, TensionLimits
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.workspace.certification.certify import certify as prove
+from tensionlab.workspace.certification import certify as prove
 from tensionlab.workspace.layout.objective import Objective, target_margins, target_slopes
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.space import Placement, Space

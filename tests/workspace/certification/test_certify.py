@@ -11,7 +11,7 @@ from benchmarks.certify import (
     random_positions,
 )
 from tensionlab.errors import InputError, RigError, ShapeError
-from tensionlab.workspace.certification.problem import cell_problem
+from tensionlab.workspace.certification import cell_problem
 from tensionlab.workspace.margin import required_margin
 from tests.helpers.certified_cells import Cell
 from tests.helpers.examples import many

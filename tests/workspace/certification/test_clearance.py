@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.workspace.certification.problem import ClearanceProblem
+from tensionlab.workspace.certification import ClearanceProblem
 
 REGION = [(-0.5, 0.5), (-0.6, 0.6), (0.6, 1.4)]
 EVERYTHING = tl.Requirement(wrench=np.zeros(6))

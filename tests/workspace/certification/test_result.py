@@ -3,7 +3,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import ShapeError
-from tensionlab.workspace.certification.result import Bounds, subdivide
+from tensionlab.workspace.certified import Bounds, subdivide
 
 REGION = [(-0.9, 0.9), (-0.8, 0.8)]
 

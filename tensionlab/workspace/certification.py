@@ -1,9 +1,9 @@
-"""Statement to prove of cells of positions: what a rig renders, and how far its cables are apart."""
+"""Proof of where a rig renders what is required: the statement, and the search over cells of positions."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -16,14 +16,141 @@ from tensionlab.model.pose import Frames
 from tensionlab.model.requirement import Requirement, as_requirement
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers, check_size
+from tensionlab.workspace.certified import CertifiedWorkspace, Subdivision, subdivide
 from tensionlab.workspace.interference import Capsule, body_pairs, body_segments, cable_pairs, closest
+from tensionlab.workspace.sweep.executors import evaluate_on_cluster
 
 # Required in place of wrenches: that some tensions above zero balance each other, whatever the limits.
 WRENCH_CLOSURE = "wrench-closure"
 MAX_ANGLE_RAD = 0.5  # largest angle about a rotation; beyond it, the bounds are useless
 ROUNDING = 1e-7  # error of a distance relative to the longest cable; the kernel has 1e-8 where segments cross
+CHUNK_CELLS = 16_384  # cells of a task, which then takes a fraction of a second
+MAX_CELLS = 50_000_000  # cells of a level that fit in memory
 
 Required = Requirement | ArrayLike | tuple[ArrayLike, float] | Literal["wrench-closure"] | None
+
+
+def certify(
+    rig: Rig,
+    region: ArrayLike,
+    required: Required = None,
+    resolution: ArrayLike = 0.05,
+    *,
+    rotations: ArrayLike | None = None,
+    angle: float = 0.0,
+    clearance: float | None = None,
+    bodies: Sequence[Capsule] = (),
+    frames: Frames | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> CertifiedWorkspace:
+    """Prove where in a region every pose of a rig renders all that is required, and where none does.
+
+    Cells of positions are proved as a whole, or cut in two along all axes, down to the resolution. A cell is
+    inside if the tensions pull further than is required in all directions; that is proved of those normal to the
+    facets of the available wrench set, as they turn with the pose. It is outside if they do not in one. Of the
+    undecided cells, which lie along the border, a share is proved as well, so that the bounds of the volume come
+    together as the square of the resolution. Rounding is part of every bound.
+
+    Source: Gouttefarde, Daney and Merlet, "Interval-analysis-based determination of the wrench-feasible workspace
+    of parallel cable-driven robots", 2011, for the proof of cells; Bouchard, Gosselin and Moore, "On the ability
+    of a cable-driven robot to generate a prescribed set of wrenches", 2010, for the facets. That these may turn is
+    shown in ``tensionlab/native/workspace/cell_proof.hpp``.
+
+    InputError, ShapeError or RigError if an argument does not suit the rig, or there are more cells than fit in
+    memory.
+
+    Parameters
+    ----------
+    rig : Rig
+        Rig whose poses are examined.
+    region : (d, 2) array
+        Box of positions: where it starts and ends along each axis, in m. It may have no extent along an axis.
+    required : Requirement, array, tuple, "wrench-closure" or None
+        What the cables must exert at every pose: a wrench, the vertices (k, n) of a set, a ball
+        ``(centre, radius)``, or a `tensionlab.Requirement`. "wrench-closure" is that some tensions balance each
+        other, whatever the limits. None is `Rig.required`.
+    resolution : float, or one for each axis
+        Longest edge of the finest cells, in m.
+    rotations : array, optional
+        Orientations, one or several in a row, as in `Rig.structure_matrix`: a position is inside if it is so in
+        all of them, outside if in one. Left out: the identity.
+    angle : float
+        Angle in rad about each of the rotations, all within which count as well.
+    clearance : float, optional
+        Distance in m that cables must keep from each other, but for those that share an end, and from the bodies.
+        Its part of the border is bounded to first order only.
+    bodies : sequence of Capsule
+        Bodies in the world, as in `body_distance`.
+    frames : mapping of name to Frame or (position, rotation), optional
+        Poses of the rig's body frames, one for each.
+    scheduler : str, optional
+        Address of a Dask scheduler, as in `tensionlab.sweep`; else the processors of this machine do the work.
+    progress : callable, optional
+        Called with the share of the region that is settled, from 0 to 1.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> region = [[-0.4, 0.4], [0.0, 1.6], [-0.4, 0.4]]
+    >>> proved = tl.workspace.certify(rig, region, ([0.0, 0.0, 0.0], 1.0), 0.02)
+    >>> print(f"1 N in every direction in {proved.volume.lower:.3f} to {proved.volume.upper:.3f} m³")
+    1 N in every direction in 0.095 to 0.097 m³
+    """
+    problem = cell_problem(rig, required, rotations, angle, frames, clearance_problem(rig, clearance, bodies))
+    cells = subdivide(region, resolution, rig.dimension)
+    found: list[tuple[NDArray[np.int8], Integers, NDArray[np.int8], Floats]] = []
+    settled, places = 0.0, cells.first()  # volume that is settled, and cells of the level to examine
+    evaluations = 0
+    for level in range(cells.levels + 1):
+        evaluations += len(places)
+        undecided = [places[:0]]
+        tasks = _tasks(problem, cells, level, places)
+        here = ((task, task.evaluate()) for task in tasks)
+        for task, verdicts in here if scheduler is None else evaluate_on_cluster(scheduler, tasks):
+            divided = (verdicts.verdict == 0) & (level < cells.levels)
+            undecided.append(task.places[divided])
+            done = ~divided
+            own = task.places[done]
+            found.append((np.full(len(own), level, np.int8), own, verdicts.verdict[done], verdicts.shares[done]))
+            settled += len(own) * float(cells.cell_volume(level))
+            if progress is not None:
+                progress(settled / cells.volume)
+        places = cells.children(np.concatenate(undecided))
+    if isinstance(required, str):
+        words = "wrench closure"
+    else:
+        words = (rig.required if required is None else as_requirement(required)).describe(rig)
+    if clearance is not None:
+        words += f", cables {clearance:g} m apart"
+    level_of, place, verdict, shares = map(np.concatenate, zip(*found, strict=True))
+    return CertifiedWorkspace(rig, problem.anchors[0], words, cells, level_of, place, verdict, shares, evaluations)
+
+
+class CellTask(NamedTuple):
+    """Cells of one level (k, d), and the statement to prove of them."""
+
+    problem: CellProblem
+    cells: Subdivision
+    level: int
+    places: Integers
+
+    def evaluate(self) -> Verdicts:
+        """Prove what is inside and outside."""
+        centres = self.cells.centres(self.level, self.places)
+        return self.problem.prove(centres, self.cells.edges(self.level) / 2, self.level == self.cells.levels)
+
+
+def _tasks(problem: CellProblem, cells: Subdivision, level: int, places: Integers) -> list[CellTask]:
+    """Return the tasks of a level; InputError for more cells than fit in memory."""
+    if len(places) > MAX_CELLS:
+        raise InputError(
+            f"resolution: {len(places):,} cells are undecided at {cells.edges(level).max():.2g} m; give "
+            "a longer one, or a smaller region"
+        )
+    starts = range(0, len(places), CHUNK_CELLS)
+    return [CellTask(problem, cells, level, places[start : start + CHUNK_CELLS]) for start in starts]
 
 
 class Verdicts(NamedTuple):
@@ -127,6 +254,11 @@ class CellProblem(NamedTuple):
         return Verdicts(verdict, _whole(verdict) if found is None else found)
 
 
+def _whole(verdict: NDArray[np.int8]) -> Floats:
+    """Return the shares, (k, 2), of cells that are inside or outside as a whole, or neither."""
+    return np.asarray(np.stack([verdict > 0, verdict < 0], axis=1), dtype=np.float64)
+
+
 def cell_problem(
     rig: Rig,
     required: Required,
@@ -135,10 +267,7 @@ def cell_problem(
     frames: Frames | None,
     clearance: ClearanceProblem | None,
 ) -> CellProblem:
-    """Return the statement to prove; InputError, ShapeError or RigError names the argument that does not suit.
-
-    ``rotations`` is one or several, as in `Rig.structure_matrix`; None is the identity.
-    """
+    """Return the statement to prove; parameters and errors as in `certify`."""
     d, n, m = rig.dimension, rig.n, rig.m
     check_size(n, m)
     if not (np.isfinite(angle) and 0 <= angle <= MAX_ANGLE_RAD):
@@ -152,7 +281,13 @@ def cell_problem(
     anchors = pose.place_anchors(rig.modules, rig.anchors, frames)
     if anchors.ndim > 2:
         raise InputError("frames: give one pose for each body frame; it is the same all over the region")
-    given, matrices = _rotations(rotations, d)
+    turns, matrices = None, np.eye(d)[None]
+    if rotations is not None:
+        turns = np.asarray(rotations)
+        turns = turns[None] if turns.ndim == (0 if d == 2 else 2) else turns
+        matrices = pose.rotations(turns, d, "rotations")
+        if matrices.ndim != 3 or not len(matrices):
+            raise InputError(f"rotations has shape {matrices.shape}; give one, or several in a row")
     arms = kinematics.rotate(matrices, rig.attachments) if n > d else np.zeros((1, m, d))
     lower, upper, radius, slack, length = rig.limits.lower, rig.limits.upper, 0.0, 0.0, 1.0
     closure = isinstance(required, str)
@@ -166,7 +301,7 @@ def cell_problem(
         wanted = rig.required if required is None else as_requirement(required)
         wanted.check_rig(rig)
         length = wanted.length_for(rig) if n > d else 1.0
-        corners = wanted.at(rig, given) / np.where(np.arange(n) < d, 1.0, length)
+        corners = wanted.at(rig, turns) / np.where(np.arange(n) < d, 1.0, length)
         wrenches = np.broadcast_to(corners, (len(arms), *corners.shape[-2:]))
         radius, slack = wanted.ball, _turning_torque(rig, wanted, angle) / length
     free = int((lower < upper).sum())
@@ -181,24 +316,6 @@ def cell_problem(
     return CellProblem(
         anchors, arms, lower, upper, wrenches, radius, slack, float(angle), length, closure, clearance
     )
-
-
-def _rotations(rotations: ArrayLike | None, dimension: int) -> tuple[ArrayLike | None, Floats]:
-    """Return the rotations in a row as they were given, and as matrices (k, d, d)."""
-    if rotations is None:
-        return None, np.eye(dimension)[None]
-    given = np.asarray(rotations)
-    if given.ndim == (0 if dimension == 2 else 2):
-        given = given[None]
-    matrices = pose.rotations(given, dimension, "rotations")
-    if matrices.ndim != 3 or not len(matrices):
-        raise InputError(f"rotations has shape {matrices.shape}; give one, or several in a row")
-    return given, matrices
-
-
-def _whole(verdict: NDArray[np.int8]) -> Floats:
-    """Return the shares, (k, 2), of cells that are inside or outside as a whole, or neither."""
-    return np.asarray(np.stack([verdict > 0, verdict < 0], axis=1), dtype=np.float64)
 
 
 def _turning_torque(rig: Rig, required: Requirement, angle: float) -> float:

@@ -1,4 +1,4 @@
-"""Result of a proof about a region: `CertifiedWorkspace`."""
+"""Cells of a region, and what is proved of them: `CertifiedWorkspace`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,6 @@ MARKS = {
     -1: met_mark(False, ("", "outside")),
     0: Mark("○", GREY, "undecided"),
 }  # of each verdict
-UNITS = {1: "m", 2: "m²", 3: "m³"}  # unit of a volume, by the number of axes with an extent
 SUM_ROUNDING = 1e-12  # relative rounding error of sums of volumes
 MIN_ROOTS = 4  # first cells along the shortest edge: fewer would make the finest much smaller than needed
 MAX_AXIS_CELLS = 2**30  # largest number of cells along one axis; more are taken for a mistaken resolution
@@ -123,10 +122,12 @@ class Bounds(NamedTuple):
 
     def describe(self, digits: int = 4) -> str:
         """Return both bounds with some significant digits, rounded away from each other."""
-        low, high = (
-            _rounded(each, digits, way) for each, way in ((self.lower, math.floor), (self.upper, math.ceil))
-        )
-        return f"{low:.{digits}g} to {high:.{digits}g}"
+
+        def rounded(value: float, way: Callable[[float], int]) -> str:
+            scale = 10.0 ** (digits - 1 - math.floor(math.log10(abs(value)))) if value else 1.0
+            return f"{way(value * scale) / scale:.{digits}g}"
+
+        return f"{rounded(self.lower, math.floor)} to {rounded(self.upper, math.ceil)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +201,7 @@ class CertifiedWorkspace:
     @property
     def unit(self) -> str:
         """Unit of volumes: m³ in space, m² in the plane or a plane of it."""
-        return UNITS[int((self.subdivision.extent > 0).sum())]
+        return "m" + ("", "²", "³")[int((self.subdivision.extent > 0).sum()) - 1]
 
     @property
     def region_volume(self) -> float:
@@ -241,18 +242,7 @@ class CertifiedWorkspace:
         return self.subdivision.low + (self.place + 0.5) * self.edges
 
     def at(self, position: ArrayLike) -> NDArray[np.int8]:
-        """Return what is proved at positions (..., d): 1 inside, -1 outside, 0 undecided or not in the region.
-
-        Parameters
-        ----------
-        position : (..., d) array
-            Of the reference point, in m.
-
-        Raises
-        ------
-        ShapeError
-            If the positions do not fit the rig.
-        """
+        """Return what is proved at positions (..., d), in m: 1 inside, -1 outside, 0 undecided or elsewhere."""
         given = pose.points(position, self.rig.dimension, "position")
         points, cells = given.reshape(-1, self.rig.dimension), self.subdivision
         found = np.zeros(len(points), np.int8)
@@ -269,11 +259,7 @@ class CertifiedWorkspace:
         return found.reshape(given.shape[:-1])[()]
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return a row for each cell: its verdict, the shares proved inside and outside, its centre and edges.
-
-        MissingDependency if xarray is not installed.
-        """
-        axes = list("xyz"[: self.rig.dimension])
+        """Return a row for each cell: its verdict, the shares proved inside and outside, its centre and edges."""
         data: xarray.Dataset = provenance.import_xarray().Dataset(
             {
                 "verdict": ("cell", self.verdict, {"long_name": "1 inside, -1 outside, 0 undecided"}),
@@ -282,7 +268,7 @@ class CertifiedWorkspace:
                 "centre": (("cell", "axis"), self.centres, {"units": "m", "long_name": "centre of the cell"}),
                 "edge": (("cell", "axis"), self.edges, {"units": "m", "long_name": "edges of the cell"}),
             },
-            coords={"axis": axes},
+            coords={"axis": list("xyz"[: self.rig.dimension])},
             attrs={
                 "title": f"tensionlab certified workspace: {self.rig.name}",
                 "required": self.required,
@@ -294,11 +280,3 @@ class CertifiedWorkspace:
             },
         )
         return data
-
-
-def _rounded(value: float, digits: int, way: Callable[[float], int]) -> float:
-    """Return a number rounded to some significant digits, up or down."""
-    if not value:
-        return value
-    places = digits - 1 - math.floor(math.log10(abs(value)))
-    return way(value * 10.0**places) / 10.0**places

@@ -1,1 +1,0 @@
-"""Proved workspaces: cells of positions that are inside or outside for sure."""
