@@ -16,7 +16,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, TypeAdapter
 
 from tensionlab.allocation import Policy, Solver, resolve_solver
 from tensionlab.errors import LogError, WriteError
@@ -39,18 +39,7 @@ YIELD_S = 50e-6
 MAX_YIELDING = 200
 CLOSE_TIMEOUT_S = 10.0  # longest time to write pending records when the run ends
 
-EVENT_FIELDS = {
-    "cycle": ("integer", "number of the latest cycle; -1 before the first"),
-    "time": ("number", "begin of that cycle since the run began (s)"),
-    "kind": ("string", "such as armed, lost, fault or stopped"),
-    "text": ("string", "what happened"),
-    "module": ("string", "name of the module; empty: none or all"),
-}
-EVENT_SCHEMA = {
-    "title": "tensionlab.Event",
-    "type": "object",
-    "properties": {name: {"type": kind, "description": about} for name, (kind, about) in EVENT_FIELDS.items()},
-}
+EVENT_SCHEMA = {**TypeAdapter(RunEvent).json_schema(), "title": "tensionlab.Event"}
 
 
 @dataclass(frozen=True)
@@ -138,7 +127,7 @@ class RunLog:
 
     def _open(self, manifest: Mapping[str, Any], setup: RunSetup) -> McapWriter:
         """Begin the file with what is known before the run; leave none behind where that fails."""
-        schemas = {"cycle": cycle_table.schema(self._rig), "event": EVENT_SCHEMA, scene.TOPIC: scene.SCHEMA}
+        schemas = {"cycle": cycle_table.schema(), "event": EVENT_SCHEMA, scene.TOPIC: scene.SCHEMA}
         try:
             file = McapWriter(self.path, schemas)
             try:

@@ -163,22 +163,19 @@ def sizes(rig: Rig) -> dict[str, int]:
     return {dim: len(names) for dim, names in labels(rig).items()}
 
 
-def schema(rig: Rig) -> dict[str, Any]:
+def schema() -> dict[str, Any]:
     """Return the JSON schema of a cycle.
 
     Foxglove reads schemas of numbers and of plain lists only. So arrays of more dimensions are written row by
     row, and only the descriptions tell that NaN and infinity are written as null.
     """
-    length, properties = sizes(rig), {}
+    properties: dict[str, Any] = {}
     for name, (_, unit, meaning, dims) in COLUMNS.items():
         kind: dict[str, Any] = {"type": {"f": "number", "b": "boolean", "i": "integer"}[TYPES[name].kind]}
-        if dims:
-            count = math.prod(length[dim] for dim in dims)
-            kind = {"type": "array", "items": kind, "minItems": count, "maxItems": count}
         null = "; null: NaN or infinite" if TYPES[name].kind == "f" else ""
         rows = f"; {' x '.join(dims)}, row by row" if len(dims) > 1 else ""
-        properties[name] = {"description": f"{meaning} ({unit}{rows}{null})", **kind}
-    properties["status"]["oneOf"] = [{"const": int(status), "title": status.name} for status in Status]
+        described = {"description": f"{meaning} ({unit}{rows}{null})"}
+        properties[name] = described | ({"type": "array", "items": kind} if dims else kind)
     return {"title": "tensionlab.Cycle", "type": "object", "properties": properties}
 
 

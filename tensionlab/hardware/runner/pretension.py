@@ -1,12 +1,10 @@
 """Pretension: slack cables are taken up before a run, at the minimum tension, and cables in disorder are named.
 
 Between runs modules are idle, and cables hang as they were pulled out. A module measures what has left its spool,
-so that a length is the distance to the platform or more: idle lengths are too long, and fix no pose before the
-cables are taut. Until the pose is known,
+so idle lengths are too long, and fix no pose before the cables are taut. Until the pose is known,
 
-- each module pulls with its own minimum tension, 0.5 N unless it was set up otherwise, and none with more. Less is
-  not possible: the firmware pulls with that from ARM on;
-- nothing pays out by itself: cable leaves a spool only where it is pulled harder than its minimum tension;
+- each module pulls with its own minimum tension, 0.5 N unless it was set up otherwise, and none with more; the
+  firmware pulls with that from ARM on. Cable leaves a spool only where it is pulled harder;
 - set-points live as long as in the run. A host that dies or hangs, a lost module, Ctrl-C and an emergency stop end
   this as they end a run;
 - a cable that is taken up further than the others let it holds nothing. All modules are stopped at once;
@@ -81,10 +79,7 @@ def take_up_slack(
         elif tracker is not None:
             _require_held(rig, _shortest(rig, tracker, lengths, seen.speeds, active), lengths, seen.speeds, active)
         speeds = average.take(now, lengths)
-        if speeds is None:
-            calm_since = rest_since = now
-            continue
-        if (active & (speeds < -TAKE_UP_M_S)).any():
+        if speeds is None or (active & (speeds < -TAKE_UP_M_S)).any():
             calm_since = rest_since = now
         elif tracker is None:
             return
@@ -96,7 +91,7 @@ def take_up_slack(
                 rest_since = now
             if now - rest_since > MISFIT_S:
                 raise HardwareError(explain_lengths(rig, tracker, lengths, active))
-        if now - began > MAX_PRETENSION_S:
+        if speeds is not None and now - began > MAX_PRETENSION_S:
             moving = [f'"{rig.modules[index].name}"' for index in np.flatnonzero(active & (speeds < -REST_M_S))]
             raise HardwareError(
                 f"the cables have not come to rest within {MAX_PRETENSION_S:g} s (module "
@@ -143,16 +138,14 @@ def explain_lengths(rig: Rig, tracker: PoseTracker, lengths: Floats, active: NDA
     """
     tracker.search(lengths, active)
     worst, off = rig.modules[tracker.worst].name, tracker.off
-    found: list[tuple[str, float, float]] = []  # name, error of the others, and excess of a cable
+    found: list[tuple[float, str, float]] = []  # error of the others, name and excess of a cable
     for index in np.flatnonzero(active).tolist():
-        others = active.copy()
-        others[index] = False
+        others = active & (np.arange(rig.m) != index)
         pose, _ = tracker.search(lengths, others)
         if tracker.fits:
-            excess = float(lengths[index] - rig.lengths(*pose)[index])
-            found.append((rig.modules[index].name, tracker.error, excess))
-    least = max(MAX_UNCERTAINTY_M, 2.0 * min((error for _, error, _ in found), default=0.0))
-    likely = [(name, abs(by), "long" if by > 0.0 else "short") for name, error, by in found if error <= least]
+            found.append((tracker.error, rig.modules[index].name, float((lengths - rig.lengths(*pose))[index])))
+    tolerance = max(MAX_UNCERTAINTY_M, 2.0 * min(found)[0]) if found else 0.0
+    likely = [(name, abs(by), "long" if by > 0.0 else "short") for error, name, by in found if error <= tolerance]
     if likely:
         reason = ", or ".join(f'that of module "{name}" is {by:.2f} m too {word}' for name, by, word in likely)
         advice = ". ".join(MEANINGS[word] for word in sorted({word for _, _, word in likely}))

@@ -77,10 +77,7 @@ class RunSettings:
 class Clock(Protocol):
     """Time of a run, in s, from any start; it only goes forward.
 
-    Attributes
-    ----------
-    real_time : bool
-        Whether it advances during a cycle; optional, False if left out.
+    An attribute `real_time` that is true tells that time passes during a cycle, too.
     """
 
     def now(self) -> float:
@@ -96,8 +93,7 @@ class RealClock:
     Examples
     --------
     >>> from tensionlab.hardware import RealClock
-    >>> clock = RealClock()
-    >>> clock.now() <= clock.now()
+    >>> RealClock().now() <= RealClock().now()
     True
     """
 

@@ -28,18 +28,18 @@ class Observation(NamedTuple):
     speeds: Floats
     tensions: Floats
     ages: Floats
+    thermal: Floats
     states: Integers
     faults: Integers
     limiters: Integers
     brakes: Integers
     last_sequence: Integers
-    thermal: Floats
 
 
 def observe(group: ModuleGroup) -> Observation:
     """Return the latest telemetry that has come by now."""
-    (lengths, speeds, tensions, ages, thermal), (states, faults, limiters, brakes, last_sequence) = group.observe()
-    return Observation(lengths, speeds, tensions, ages, states, faults, limiters, brakes, last_sequence, thermal)
+    measured, codes = group.observe()
+    return Observation(*measured, *codes)
 
 
 def set_point_delays(count: int, rate: float) -> _native.SetPointDelays:
@@ -68,12 +68,10 @@ class PoseTracker:
     """
 
     def __init__(self, rig: Rig) -> None:
-        why = None
-        if rig.frames:
-            why = f"modules are attached to {', '.join(rig.frames)}"
-        elif rig.m < rig.n:
+        if rig.frames or rig.m < rig.n:
             why = f"{rig.m} cables do not fix {rig.n} unknowns"
-        if why is not None:
+            if rig.frames:
+                why = f"modules are attached to {', '.join(rig.frames)}"
             raise HardwareError(
                 f'rig "{rig.name}": {why}, so cable lengths do not tell where it is; give a tracker, or --at'
             )
@@ -102,7 +100,7 @@ class PoseTracker:
         if self._rig.n == self._rig.dimension:
             return Pose(position), self._structure
         if self._rig.dimension == 2:
-            return Pose(position, np.arctan2(rotation[1, 0], rotation[0, 0])), self._structure
+            rotation = np.arctan2(rotation[1, 0], rotation[0, 0])
         return Pose(position, rotation), self._structure
 
     @property
@@ -152,16 +150,16 @@ class LengthMonitor:
     length is also compared with its own speed, which needs no other cable.
 
     What remains undetectable: without redundancy, a module whose length and speed drift together, or whose length
-    drifts by less than `MAX_CREEP_M` in 10 s; with it, two or more lengths that drift as a motion of the platform
-    would have them; and errors from before the run, as far as they fitted a pose. `note` is called once with the
-    text of an event that says what is not checked.
+    drifts by less than `MAX_CREEP_M` in 10 s; with it, lengths that drift as a motion of the platform would have
+    them; and errors from before the run, as far as they fitted a pose. `note` is called once with the text of an
+    event that says what is not checked.
     """
 
     def __init__(self, rig: Rig, note: Callable[[str], None]) -> None:
         self._rig, self._note = rig, note
         self._native = _native.LengthCheck(rig.m)
         self._checked_at = -np.inf
-        self._tracker: PoseTracker | None = None
+        self._tracker: PoseTracker | None = None  # where lengths check each other
         self._noted = False
 
     def check(
@@ -178,7 +176,7 @@ class LengthMonitor:
         self._checked_at = now
         doubt, creep = self._native.update(tracker.native, lengths, speeds, tensions, active, seconds)
         if doubt > 1.0 or creep > MAX_CREEP_M:
-            raise HardwareError(self._reason(doubt > 1.0))
+            raise HardwareError(f"{self._drifted() if doubt > 1.0 else self._crept()}. {CALIBRATE}")
         cables = int(np.count_nonzero(active))
         self._tracker = tracker if cables > self._rig.n else None
         if self._tracker is None:
@@ -213,21 +211,21 @@ class LengthMonitor:
         """Estimates of the lengths' biases over their thresholds, (m,); above 1 a run stops."""
         return self._native.doubts()[0]
 
-    def _reason(self, inconsistent: bool) -> str:
-        _, residuals, biases, creeps = self._native.doubts()
-        names = [module.name for module in self._rig.modules]
-        if not inconsistent:
-            worst = int(np.argmax(np.abs(creeps)))
-            return (
-                f'the cable length of module "{names[worst]}" has drifted by {1e3 * creeps[worst]:+.0f} mm that '
-                f"its speed does not explain. {CALIBRATE}"
-            )
-        suspects = ", or ".join(
-            f'that of module "{names[index]}" is {1e3 * abs(biases[index]):.0f} mm too '
-            f"{'long' if biases[index] > 0.0 else 'short'}"
-            for index in np.flatnonzero(residuals >= SUSPECT_SHARE * residuals.max())
-        )
-        return f"cable lengths have drifted apart: {suspects}. {CALIBRATE}"
+    def _crept(self) -> str:
+        creeps = self._native.doubts()[3]
+        worst = int(np.argmax(np.abs(creeps)))
+        name, millimetres = self._rig.modules[worst].name, 1e3 * creeps[worst]
+        drift = f"has drifted by {millimetres:+.0f} mm that its speed does not explain"
+        return f'the cable length of module "{name}" {drift}'
+
+    def _drifted(self) -> str:
+        _, residuals, biases, _ = self._native.doubts()
+        suspects = [
+            f'that of module "{module.name}" is {1e3 * abs(bias):.0f} mm too {"long" if bias > 0.0 else "short"}'
+            for module, residual, bias in zip(self._rig.modules, residuals, biases, strict=True)
+            if residual >= SUSPECT_SHARE * residuals.max()
+        ]
+        return f"cable lengths have drifted apart: {', or '.join(suspects)}"
 
     def _note_once(self, text: str) -> None:
         if not self._noted:

@@ -199,7 +199,7 @@ def test_cycles_keep_to_their_schema_and_come_back(name):
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     rotation = {3: turn, 2: np.array(np.pi / 2)}[rig.dimension] if rig.n > rig.dimension else None
     expected = np.eye(rig.dimension) if rotation is None else turn[: rig.dimension, : rig.dimension]
-    found = schema(rig)
+    found = schema()
     for cycle in runs.cycles(rig, 60):
         wrench = None if cycle.demand.wrench is None else cycle.demand.wrench + 1.0
         cycle = replace(  # noqa: PLW2901 - another pose and desired wrench
@@ -225,12 +225,11 @@ def test_cycles_keep_to_their_schema_and_come_back(name):
 
 def test_foxglove_reads_schemas_of_numbers_and_plain_lists():
     """It refuses a schema with anything else in it, and shows nothing of that channel then."""
-    for whole in (schema(runs.seven()), EVENT_SCHEMA):
+    for whole in (schema(), EVENT_SCHEMA):
         assert whole["type"] == "object"
         for rules in whole["properties"].values():
             inner = rules["items"] if rules["type"] == "array" else rules
             assert inner["type"] in ("number", "integer", "boolean", "string")
-            assert all(type(each["const"]) is int for each in rules.get("oneOf", []))
 
 
 def test_a_reader_tells_how_far_it_is(tmp_path, monkeypatch):
