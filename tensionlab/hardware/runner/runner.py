@@ -77,12 +77,11 @@ class Runner:
         ``demand(state)`` returns the `Demand` of each cycle, given the `RigState`.
     settings : RunSettings, optional
     sinks : iterable of RunSink, optional
-        Sinks for cycles and events, such as a `RunLog`; closed at the end of the run. A `SharedRun` is added if
-        there is none.
+        Sinks for cycles and events, such as a `RunLog`; closed at the end of the run.
     clock : Clock, optional
         That of a simulated world, if the modules are in one.
     tracker : callable, optional
-        Returns the pose, in place of the cable lengths.
+        Returns the pose at a time of the run, in place of the cable lengths.
 
     Attributes
     ----------
@@ -138,28 +137,17 @@ class Runner:
         self._fitted_at = 0.0  # time of the latest pose that fitted the cable lengths
 
     def run(self, seconds: float | None = None) -> Statistics:
-        """Arm all modules, render, and stop them.
+        """Arm all modules, render for some seconds, or until the demand or a signal ends it, and stop them.
 
-        Parameters
-        ----------
-        seconds : float, optional
-            Duration, above 0; until the demand or a signal ends it if left out.
-
-        Returns
-        -------
-        Statistics
-            Also where a signal such as Ctrl-C ended the run.
+        A signal such as Ctrl-C is no error. A solver or a demand that does not return is interrupted. Where it
+        cannot be, in a native call, the modules are stopped and the process ends, with exit status 1 and a line on
+        stderr.
 
         Raises
         ------
         HardwareError
             After all modules have been commanded to stop. Errors of the demand and of the solver come through as
             they are.
-
-        Notes
-        -----
-        A solver or a demand that does not return is interrupted. Where it cannot be, in a native call, the
-        modules are stopped and the process ends, with exit status 1 and a line on stderr.
         """
         if seconds is not None and not 0.0 < seconds < math.inf:
             raise HardwareError(f"a run takes a finite time above 0 s; got {seconds:g}")
@@ -275,8 +263,10 @@ class Runner:
             return False
         lowest = demand.wrench is None
         allocator = self._lowest if lowest else self._allocator
-        required = self._required_wrench(state)
-        if required is not None:
+        required = None
+        if self.rig.required.gravity or self.rig.required.wrench is not None:
+            required = self.rig.required.middle(self.rig, state.pose.rotation)
+        if required is not None and required.any():
             desired = None if demand.desired is None else demand.desired + required
             wrench = required if demand.wrench is None else demand.wrench + required
             demand = replace(demand, wrench=wrench, desired=desired)
@@ -290,8 +280,7 @@ class Runner:
             if demand.impedances or not modules.complete:
                 wrench = wrench - state.structure @ modules.fixed_tensions(demand, state)
         allocation, fallback_used = allocator(state.structure, wrench, free, limits)
-        if not lowest and self._length_monitor.must_limit(allocation.tensions):
-            assert demand.wrench is not None
+        if demand.wrench is not None and not lowest and self._length_monitor.must_limit(allocation.tensions):
             limited = self._limited_wrench(modules, state, free, required, allocation.tensions)
             desired = demand.wrench if demand.desired is None else demand.desired
             demand = replace(demand, wrench=demand.wrench + limited - wrench, desired=desired)
@@ -313,12 +302,12 @@ class Runner:
         """Return the state by the modules' reports, at a time of the run in s."""
         seen, delays = modules.read()
         active = modules.active.copy()
-        if self._pose_tracker is None:
-            assert self._tracker is not None
+        if self._tracker is not None:
             pose = self._tracker(now)
             structure = self.rig.structure_matrix(*pose)
             twist = velocity(structure, seen.speeds, active)
         else:
+            assert self._pose_tracker is not None
             lengths = synchronise(seen.lengths, seen.speeds, seen.ages)
             pose, structure = self._pose_tracker.follow(lengths, active)
             twist = self._pose_tracker.native.velocity(seen.speeds, active)
@@ -332,13 +321,6 @@ class Runner:
         known = {"active": active, "delays": delays, "upper_now": modules.limits.upper, **seen._asdict()}
         return RigState(self.statistics.cycles, now, pose, twist, structure, **known)
 
-    def _required_wrench(self, state: RigState) -> Floats | None:
-        """Return what the rig requires, such as the weight of its platform; None if nothing."""
-        if not self.rig.required.gravity and self.rig.required.wrench is None:
-            return None
-        required = self.rig.required.middle(self.rig, state.pose.rotation)
-        return required if required.any() else None
-
     def _limited_wrench(
         self, modules: ArmedModules, state: RigState, free: Flags, required: Floats | None, tensions: Floats
     ) -> Floats:
@@ -346,12 +328,10 @@ class Runner:
 
         It goes towards what is rendered without a demand: what the rig requires, or the lower limits.
         """
-        if required is None:
-            at_rest = np.where(free, modules.limits.lower, 0.0)
-            rest = state.structure @ at_rest
-        else:
-            rest = required
-            at_rest = self._lowest(state.structure, rest, free, modules.limits)[0].tensions
+        at_rest = np.where(free, modules.limits.lower, 0.0)
+        if required is not None and required.any():
+            at_rest = self._lowest(state.structure, required, free, modules.limits)[0].tensions
+        rest = required if required is not None and required.any() else state.structure @ at_rest
         share = self._length_monitor.share(at_rest, tensions)
         limited: Floats = rest + share * (state.structure @ tensions - rest)
         return limited
