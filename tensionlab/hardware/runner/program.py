@@ -78,12 +78,7 @@ class Program(SchemaTable):
 
 
 def load_program(path: str | PathLike[str], rig: Rig) -> Program:
-    r"""Return the program in the TOML file at a path, whose wrenches and modules must fit the rig.
-
-    Raises
-    ------
-    HardwareError
-        Naming the file and the key: what is wrong and what to do.
+    r"""Return the program in the TOML file at a path; a `HardwareError` if it does not fit the rig.
 
     Examples
     --------
@@ -94,8 +89,7 @@ def load_program(path: str | PathLike[str], rig: Rig) -> Program:
     >>> load_program("push.toml", tl.load_rig("bartels2026-validation")).name
     'push'
     """
-    document = read_toml(path, "a program (*.toml)", HardwareError)
-    program = validate(Program, document, HardwareError, path)
+    program = validate(Program, read_toml(path, "a program (*.toml)", HardwareError), HardwareError, path)
     for number, step in enumerate(program.steps, start=1):
         demand = Demand(np.array(step.wrench), brakes=frozenset(step.brakes))
         require_demand(demand, rig, f"{path}: step {number}")
@@ -109,12 +103,10 @@ def require_demand(demand: object, rig: Rig, here: str) -> Demand:
     for key, given in (("wrench", demand.wrench), ("desired", demand.desired)):
         if given is not None:
             wrench = np.asarray(given)
-            if wrench.shape != (rig.n,):
-                raise HardwareError(
-                    f"{here}: {key} is {brief(wrench.tolist())}; this rig takes {rig.n} components"
-                )
-            if not all(map(math.isfinite, wrench.tolist())):
-                raise HardwareError(f"{here}: {key} is {brief(wrench.tolist())}; all of it must be finite")
+            fits = wrench.shape == (rig.n,)
+            if not fits or not all(map(math.isfinite, wrench.tolist())):
+                wanted = "all of it must be finite" if fits else f"this rig takes {rig.n} components"
+                raise HardwareError(f"{here}: {key} is {brief(wrench.tolist())}; {wanted}")
     if demand.impedances or demand.brakes:
         modules = {module.name: module for module in rig.modules}
         for name in (*demand.impedances, *demand.brakes):

@@ -160,7 +160,7 @@ class Runner:
             interrupts.throw(Hung(why))
 
         self._watchdog = Watchdog(interrupt, self._abandon)
-        watched = self._watchdog if getattr(self._clock, "real_time", False) else nullcontext()
+        watched = self._watchdog.watching() if getattr(self._clock, "real_time", False) else nullcontext()
         if not any(isinstance(sink, SharedRun) for sink in self.sinks):
             self.sinks.append(SharedRun(self.rig, self._solver, self.settings, self.modules.clients))
         with interrupts.caught(STOPPING_SIGNALS):

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import NamedTuple, Self
 
 from tensionlab import _native
 from tensionlab.errors import HardwareError
@@ -26,15 +25,8 @@ NATIVE_GRACE_S = 2.0  # time beyond a step for which Python may keep this thread
 ENDING_S = 30.0  # longest time to stop the modules and close the log before the process ends without it
 
 
-class TimedStep(NamedTuple):
-    """Step of the run's thread, and its longest duration in s."""
-
-    name: str
-    seconds: float
-
-
 class Watchdog:
-    """Watchdog over steps of the thread that enters it as a context.
+    """Watchdog over steps of the thread that is in its context `watching`.
 
     In another thread, `interrupt` is called with the reason: it stops the modules at once and interrupts this one,
     if it can. Where that did not help, `end` is called, which ends the process.
@@ -42,55 +34,54 @@ class Watchdog:
 
     def __init__(self, interrupt: Callable[[str], None], end: Callable[[str], None]) -> None:
         self._interrupt, self._end = interrupt, end
-        self._step: TimedStep | None = None
+        self._step: tuple[str, float] | None = None  # name and longest duration in s; a new object for each step
 
-    def __enter__(self) -> Self:
-        """Start the watchdog."""
-        self._watched = threading.get_ident()
-        self._closed = threading.Event()
+    @contextmanager
+    def watching(self) -> Iterator[None]:
+        """Watch the steps in this context."""
+        self._watched, self._closed = threading.get_ident(), threading.Event()
         self._native = _native.Watchdog(
             "tensionlab: a native call keeps the interpreter and does not return, so the process ends; its "
             "modules release as their links close\n"
         )
-        self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Stop the watchdog."""
-        self._closed.set()
+        thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
+        thread.start()
         try:
-            self._thread.join()
-        finally:  # whatever signal comes now
-            self._native.close()
+            yield
+        finally:
+            self._closed.set()
+            try:
+                thread.join()
+            finally:  # whatever signal comes now
+                self._native.close()
 
     def begin(self, name: str, seconds: float) -> None:
         """Begin a step of at most ``seconds``; the step before ends."""
-        self._step = TimedStep(name, seconds)
+        self._step = (name, seconds)
 
     def rest(self) -> None:
         """End a step; none follows at once."""
         self._step = None
 
     def _watch(self) -> None:
-        seen: TimedStep | None = None
+        seen: tuple[str, float] | None = None
         ticks = 0
         while not self._closed.wait(TICK_S):
             step = self._step
-            self._native.kick(NATIVE_GRACE_S + (0.0 if step is None else step.seconds))
+            self._native.kick(NATIVE_GRACE_S + (0.0 if step is None else step[1]))
             if step is None or step is not seen:
                 seen, ticks = step, 0
                 continue
             ticks += 1
-            if ticks * TICK_S > step.seconds:
-                self._expire(step)
+            if ticks * TICK_S > step[1]:
+                self._expire(*step)
                 return
 
-    def _expire(self, step: TimedStep) -> None:
-        frame = sys._current_frames().get(self._watched)  # where the watched thread is, as far as Python knows
-        code = None if frame is None else frame.f_code
-        place = f", in {code.co_name} ({Path(code.co_filename).name}:{frame.f_lineno})" if code and frame else ""
-        why = f"{step.name} has not ended for {step.seconds:g} s{place}: all modules are stopped"
+    def _expire(self, name: str, seconds: float) -> None:
+        place = ""  # where the watched thread is, as far as Python knows
+        if (frame := sys._current_frames().get(self._watched)) is not None:
+            place = f", in {frame.f_code.co_name} ({Path(frame.f_code.co_filename).name}:{frame.f_lineno})"
+        why = f"{name} has not ended for {seconds:g} s{place}: all modules are stopped"
         self._interrupt(why)
         for _ in range(round(GRACE_S / TICK_S)):
             self._native.kick(GRACE_S + NATIVE_GRACE_S)

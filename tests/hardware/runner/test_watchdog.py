@@ -103,14 +103,14 @@ def test_the_native_one_waits_longer_than_this_one_at_each_tick():
 
 
 def test_its_threads_end_with_the_context():
-    dog = Watchdog(lambda why: None, lambda why: None)
-    with dog as same:
-        assert same is dog
-        assert dog._thread.is_alive()
-        assert dog._thread.daemon, "it keeps no process from ending"
+    dog, before = Watchdog(lambda why: None, lambda why: None), threading.active_count()
+    with dog.watching():
+        assert threading.active_count() == before + 1
+        (thread,) = (each for each in threading.enumerate() if each.name == "watchdog")
+        assert thread.daemon, "it keeps no process from ending"
         native, dog._native = dog._native, Kicks()
     native.close()
-    assert not dog._thread.is_alive()
+    assert not thread.is_alive()
     assert dog._native[-1] == "closed"
 
 
