@@ -31,6 +31,12 @@ ANCHOR_SHARE, SHAFT_SHARE, HEAD_SHARE = 0.025, 0.008, 0.02  # diameters, as shar
 MAX_HEAD_SHARE = 0.3  # longest head of an arrow, as a share of its length
 CABLE_PIXELS = 3.0
 LINE_LIST = 2  # `foxglove.LineType` of segments that are each given by two points
+# Viewers know the message by its title, and read its fields as they come.
+SCHEMA = {
+    "title": "foxglove.SceneUpdate",
+    "type": "object",
+    "properties": {"entities": {"type": "array", "items": {"type": "object", "properties": {}}}},
+}
 Json = dict[str, Any]
 
 
@@ -126,21 +132,3 @@ def _arrow(start: Floats, direction: Floats, length: float, size: float) -> Json
         "head_diameter": HEAD_SHARE * size,
         "color": _color(rgb(FORCE_COLOURS["measured"])),
     }
-
-
-def _schema(example: Any) -> Json:
-    """Return the JSON schema of an example."""
-    if isinstance(example, dict):
-        return {"type": "object", "properties": {key: _schema(value) for key, value in example.items()}}
-    if isinstance(example, list):
-        return {"type": "array", "items": _schema(example[0])}
-    return {"type": {bool: "boolean", int: "integer", float: "number", str: "string"}[type(example)]}
-
-
-_X, _COLOUR = np.array([1.0, 0.0, 0.0]), np.zeros(3, np.uint8)
-_PRIMITIVES = {
-    "lines": [_line(np.stack([_X, _X]), _COLOUR[None])],
-    "spheres": [_sphere(_X, 1.0, _COLOUR)],
-    "arrows": [_arrow(_X, _X, 1.0, 1.0)],
-}  # one of each
-SCHEMA = {"title": "foxglove.SceneUpdate", **_schema(_scene_update(0, **_PRIMITIVES))}

@@ -15,7 +15,7 @@ from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.module import CLOCK_WRAP_US, ModuleClient, Received
 from tensionlab.hardware.protocol.codes import FOLLOWING_STATES, Code, Fault, State
 from tensionlab.hardware.protocol.messages import SetImpedance, Stop, Telemetry
-from tensionlab.hardware.runner.guard import Derating, Release, next_tensions, release_of
+from tensionlab.hardware.runner.guard import Derating, Release, release_of
 from tensionlab.hardware.runner.records import Statistics
 from tensionlab.hardware.runner.settings import Clock, RunSettings
 from tensionlab.hardware.runner.state_estimation import Flags, Observation, observe, set_point_delays
@@ -162,13 +162,21 @@ class ArmedModules:
             self._statistics.late_telemetry.update(np.array(self.names)[late].tolist())
 
     def go_to(self, chosen: Floats, free: Flags) -> tuple[Floats, bool]:
-        """Set the next tensions of the `free` modules (m,) on their way to those chosen.
+        """Set the next tensions of the `free` modules (m,), on their way to those chosen.
 
-        Return those that are commanded, and whether slew limits them, as `next_tensions`.
+        All go the same share of their way, so that the wrench goes straight from the old to the new one, and none
+        faster than its slew. Return those that are commanded, NaN elsewhere, and whether slew limits them. A
+        `HardwareError` names the module whose set-point would be outside its limits, NaN among that.
         """
-        self.tensions, commanded, slew_limited = next_tensions(
-            self.tensions, chosen, free, self.limits, self._max_change, self.names
+        lower, upper = self.limits.lower, self.limits.upper
+        self.tensions, commanded, slew_limited, refused = _native.next_tensions(
+            self.tensions, chosen, free, lower, upper, self._max_change
         )
+        if refused >= 0:
+            raise HardwareError(
+                f'module "{self.names[refused]}" would be sent {chosen[refused]:g} N; its limits are '
+                f"{lower[refused]:g} to {upper[refused]:g} N"
+            )
         return commanded, slew_limited
 
     def send(self, demand: Demand) -> Integers:

@@ -1,13 +1,11 @@
 """Guard of the set-points of a run.
 
-Only certified answers are sent (`GuardedAllocator`), inside limits and slew (`next_tensions`; the check itself is
-in ``tensionlab/native/hardware/set_points.hpp``), and lower where a winding is warm (`Derating`). Cables of lost
+Only certified answers are sent (`GuardedAllocator`), lower where a winding is warm (`Derating`). Cables of lost
 modules are released slowly (`Release`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -51,31 +49,6 @@ class GuardedAllocator:
         if int(allocation.status) in CERTIFIED:
             return allocation, False
         return exact(structure, wrench), True
-
-
-def next_tensions(
-    before: Floats,
-    chosen: Floats,
-    free: NDArray[np.bool_],
-    limits: TensionLimits,
-    max_change: float,
-    names: Sequence[str],
-) -> tuple[Floats, Floats, bool]:
-    """Return the next tensions (m,), those that are commanded (NaN elsewhere), and whether slew limits them.
-
-    The `free` (m,) go from those `before` to those `chosen`, by the same share of their way each, so that the
-    wrench goes straight from the old to the new one; none changes by more than `max_change` N. A `HardwareError`
-    names the module whose set-point would be outside its limits, NaN among that.
-    """
-    tensions, commanded, slew_limited, refused = _native.next_tensions(
-        before, chosen, free, limits.lower, limits.upper, max_change
-    )
-    if refused >= 0:
-        raise HardwareError(
-            f'module "{names[refused]}" would be sent {chosen[refused]:g} N; its limits are '
-            f"{limits.lower[refused]:g} to {limits.upper[refused]:g} N"
-        )
-    return tensions, commanded, slew_limited
 
 
 # Share of a winding's continuous rating that the host uses: currents are measured with some noise.

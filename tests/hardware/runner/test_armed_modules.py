@@ -5,6 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from tensionlab.demand import Demand, Impedance
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
@@ -328,3 +331,35 @@ def test_those_that_take_part_are_sent_set_points_and_a_broken_link_loses_its_mo
     watched.clients[0].broken = None
     np.testing.assert_array_equal(watched.modules.send(demand), [-1, 3, 3])
     assert watched.clients[0].sent == [("tension", 1.0, False, 250)], "it does not come back"
+
+
+TENSIONS = arrays(np.float64, 3, elements=st.floats(0.5, 6.0))
+
+
+def on_their_way(before, max_change):
+    modules = Watched().modules
+    modules.tensions, modules._max_change = np.array(before), max_change
+    return modules
+
+
+@given(TENSIONS, TENSIONS, st.floats(0.01, 3.0), arrays(np.bool_, 3))
+def test_free_tensions_go_the_same_share_of_their_way_none_by_more_than_it_may(before, chosen, most, free):
+    modules = on_their_way(before, most)
+    commanded, slew_limited = modules.go_to(np.where(free, chosen, np.nan), free)
+    np.testing.assert_array_equal(modules.tensions[~free], before[~free], "those that are not free stay")
+    np.testing.assert_array_equal(commanded, np.where(free, modules.tensions, np.nan))
+    way, gone = (chosen - before)[free], (modules.tensions - before)[free]
+    longest = np.abs(way).max(initial=0.0)
+    assert slew_limited == (longest > most)
+    np.testing.assert_allclose(gone, way * min(1.0, most / max(longest, 1e-12)), atol=1e-12)
+    if longest <= most:
+        np.testing.assert_array_equal(modules.tensions[free], chosen[free])
+
+
+@pytest.mark.parametrize("value", [0.49, 6.01, np.nan, np.inf, -np.inf])
+def test_tensions_outside_the_limits_are_refused(value):
+    tensions = np.array([0.5, value, 6.0])  # those on the limits are within them
+    with pytest.raises(HardwareError) as caught:
+        on_their_way(np.ones(3), 9.0).go_to(tensions, np.ones(3, dtype=bool))
+    assert str(caught.value) == f'module "b" would be sent {value:g} N; its limits are 0.5 to 6 N'
+    on_their_way(np.ones(3), 9.0).go_to(tensions, np.array([True, False, True]))
