@@ -76,7 +76,10 @@ def flaw(
         )
         allowed = Fraction(TOLERANCE) * max(Fraction(1), min(_root(_dot(w, w)), size))
         if not np.isnan(scale):
-            return _direction_flaw(line, w, rendered, near, allowed)
+            off = [_dot(rendered, w) / _dot(w, w) * y - x for x, y in zip(rendered, w, strict=True)]
+            another = _cleaned(structure, tensions, limits, off)
+            grazed = _grazes(W, another, d, a, b, w, rendered, allowed)
+            return _direction_flaw(line, w, rendered, near, allowed, grazed)
         along, beyond = _moved(line, allowed * (1 - ROUNDING))
         if not (beyond < 0 and beyond < along):
             return "NEAREST without a scale, and one may be feasible"
@@ -124,14 +127,28 @@ def _moved(line: tuple[Fraction, Fraction], allowed: Fraction) -> tuple[Fraction
     return line[0] - allowed / 10, line[1] + allowed * 9 / 10
 
 
+def _grazes(
+    W: Matrix, normal: Exact, d: Exact, a: Exact, b: Exact, w: Exact, rendered: Exact, allowed: Fraction
+) -> bool:
+    """Whether w grazes the face of a normal, at which the rendered wrench is, too; d makes no difference to it."""
+    length = _root(_dot(w, w))
+    excess = _dot(normal, w) - Fraction(GRAZING) * _root(_dot(normal, normal)) * length
+    if excess > 0:
+        normal = [x - excess / _dot(d, w) * y for x, y in zip(normal, d, strict=True)]
+    size = _root(_dot(normal, normal))
+    gap = _support(W, normal, a, b) - _dot(normal, rendered)
+    return gap <= allowed * size and abs(_dot(normal, w)) <= Fraction(GRAZING) * (1 + ROUNDING) * size * length
+
+
 def _direction_flaw(
-    line: tuple[Fraction, Fraction], w: Exact, rendered: Exact, near: Fraction, allowed: Fraction
+    line: tuple[Fraction, Fraction], w: Exact, rendered: Exact, near: Fraction, allowed: Fraction, grazed: bool
 ) -> str | None:
+    """Say what is wrong with the largest scale; more may be missed if w grazes the separating face or another."""
     length = _root(_dot(w, w))
     scale = _dot(rendered, w) / _dot(w, w)
     share = min(Fraction(1), max(Fraction(0), 2 - 2 * line[0] / length / Fraction(GRAZING)))
     off = [x - scale * y for x, y in zip(rendered, w, strict=True)]
-    if _root(_dot(off, off)) > max(near, allowed * (1 + ROUNDING) if share else near):
+    if _root(_dot(off, off)) > max(near, allowed * (1 + ROUNDING) if share or grazed else near):
         return "NEAREST, and the direction is not kept"
     along, reach = _moved(line, share * allowed * Fraction(98, 100) * (1 - ROUNDING))
     more = scale + (near + _root(_dot(off, off)) * line[0] / length) / length
