@@ -17,11 +17,11 @@ from hypothesis import strategies as st
 
 from tensionlab import _native
 from tensionlab.demand import Demand
-from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault, ProtocolError
+from tensionlab.errors import HardwareError, LinkError, ProtocolError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.links import SocketLink
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import FOLLOWING_STATES, BrakeState, Code, Fault, Limit, State, Type
+from tensionlab.hardware.protocol.codes import BrakeState, Code, Fault, Limit, State, Type
 from tensionlab.hardware.protocol.messages import (
     Acknowledge,
     Decoder,
@@ -32,7 +32,7 @@ from tensionlab.hardware.protocol.messages import (
     WireFrame,
     read,
 )
-from tensionlab.hardware.runner.armed_modules import TELEMETRY_UNITS, ArmedModules
+from tensionlab.hardware.runner.armed_modules import ArmedModules
 from tensionlab.hardware.runner.records import Statistics
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.model.module import TensionLimits
@@ -151,7 +151,7 @@ def test_messages_are_taken_in_the_order_in_which_they_came(size):
         assert client.telemetry.message == heard[-1]
 
 
-def test_who_listens_to_messages_hears_each_once_and_in_order(pair):
+def test_who_listens_to_messages_hears_each_once_and_in_order_even_if_it_fails(pair, caplog):
     client, far = pair
     heard, last = [], threading.Event()
 
@@ -159,31 +159,18 @@ def test_who_listens_to_messages_hears_each_once_and_in_order(pair):
         heard.append(received.message)
         if isinstance(received.message, Log):
             last.set()
+        raise KeyError("of a caller")
 
     client.on_message = listen
     said = [telemetry(1), Event(State.IDLE, Fault(0), Limit.IDLE), telemetry(2), telemetry(2), Log("the end")]
     far.send(b"".join(message.frame(0).pack() for message in said))
     assert last.wait(LONG_S)
     assert heard == [*said[:3], said[4]]
+    until(lambda: caplog.text.count("of a caller") >= len(heard))
     client.on_message = None
     far.send(telemetry(3).frame(0).pack())
     until(lambda: client.telemetry.message.time_us == 3)
     assert len(heard) == 4
-
-
-def test_who_fails_on_a_message_is_called_for_the_next(pair, caplog):
-    client, far = pair
-    heard = []
-
-    def listen(received):
-        heard.append(received.message)
-        raise KeyError(received.message.text)
-
-    client.on_message = listen
-    for text in ("one", "two"):
-        far.send(Log(text).frame(0).pack())
-        until(lambda text=text: heard and heard[-1] == Log(text))
-    until(lambda: "'two'" in caplog.text)
 
 
 @pytest.mark.parametrize(
@@ -279,17 +266,6 @@ def test_a_link_that_is_cut_is_found_by_the_next_check(pair):
     until(lambda: group.suspects(np.ones(1, dtype=bool), np.zeros(1), LONG_S) == [0])
     with pytest.raises(LinkError, match=r"pair:one was closed by the module|pair:one broke"):
         client.check()
-
-
-def test_a_refused_set_point_is_found_by_the_next_check_and_told_once():
-    group = scripted()
-    (client,) = group.clients
-    say(client, telemetry(1), Acknowledge(Type.SET_TENSION, Code.STALE, State.RUNNING))
-    everyone, fresh = np.ones(1, dtype=bool), np.zeros(1)
-    assert group.suspects(everyone, fresh, TTL_S) == [0]
-    with pytest.raises(ModuleFault, match="refused a set-point: STALE"):
-        client.check()
-    assert group.suspects(everyone, fresh, TTL_S) == []
 
 
 FLOATS = st.one_of(st.floats(-2.0, 2.0, width=32), st.sampled_from([math.nan, math.inf, -math.inf]))
@@ -393,37 +369,6 @@ def test_silent_modules_are_observed_as_such():
     np.testing.assert_array_equal(measured[:, 0], [np.nan, np.nan, np.nan, np.inf, np.nan])
     np.testing.assert_array_equal(measured[:, 1], [1.0, 0.0, 2.0, 0.5, 0.5])
     np.testing.assert_array_equal(codes.T, [[State.IDLE, 0, Limit.IDLE, -1, -1], [State.RUNNING, 0, 0, 0, 9]])
-
-
-def test_errors_of_other_kinds_stay_what_they_are():
-    """A module that is silent is lost by that, however the check comes to it."""
-    group = scripted()
-    say(group.clients[0], telemetry(1))
-    notes = []
-    modules = armed(group, notes, "stop")
-    group.clients[0].link.now += 0.3
-    measured, _ = group.observe()
-    seen = type("Seen", (), {"ages": measured[3], "thermal": measured[4]})
-    with pytest.raises(LinkTimeout, match=r"silent for 0\.30 s"):
-        modules.check(seen, np.zeros(1), 1.0)
-
-
-@pytest.mark.parametrize(
-    ("changes", "well"),
-    [({field: value}, False) for field in TELEMETRY_UNITS for value in (math.nan, math.inf, -math.inf)]
-    + [
-        ({"state": state, "faults": faults}, state in FOLLOWING_STATES and not faults)
-        for state in State
-        for faults in (Fault(0), Fault.LOOP)
-    ],
-    ids=str,
-)
-def test_telemetry_that_is_not_finite_or_of_a_module_that_does_not_follow_is_left_to_python(changes, well):
-    group = scripted()
-    say(group.clients[0], telemetry(1))
-    assert group.suspects(np.ones(1, dtype=bool), np.zeros(1), TTL_S) == []
-    say(group.clients[0], telemetry(2, **changes))
-    assert group.suspects(np.ones(1, dtype=bool), np.zeros(1), TTL_S) == [0] * (not well)
 
 
 def test_a_group_owns_its_endpoints_whatever_becomes_of_the_list():

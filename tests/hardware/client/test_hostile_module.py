@@ -2,7 +2,7 @@
 
 import random
 import struct
-import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -117,18 +117,13 @@ def test_whatever_a_frame_holds_no_other_error_comes_of_it():
     assert len(liar._answers) <= 256
 
 
-def test_no_control_characters_of_a_device_reach_a_terminal(tmp_path, monkeypatch):
+def test_no_control_characters_of_a_device_reach_a_terminal(monkeypatch):
     assert read(WireFrame(Type.LOG, 0, b"\x1b[2Jmotor\r\n\x07")) == Log("\ufffd[2Jmotor\ufffd\ufffd\ufffd")
     named = serial_port("/dev/ttyUSB0", "CP2102\x1b]0;owned\x07", "USB VID:PID=10C4:EA60", 0x10C4)
     monkeypatch.setattr(discover, "serial_ports", lambda: [named])
-    monkeypatch.setattr(discover, "paired", dict)
-    assert discover.ports() == {"/dev/ttyUSB0": "CP2102\ufffd]0;owned\ufffd"}
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="a script stands in for a program of Linux")
-def test_nor_those_of_a_bluetooth_name(tmp_path, monkeypatch):
-    program = tmp_path / "bluetoothctl"
-    program.write_text("#!/bin/sh\nprintf 'Device AA:BB:CC:DD:EE:0F tensionlab-\\033[31m\\n'\n")
-    program.chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
-    assert discover.paired() == {"bt://AA:BB:CC:DD:EE:0F/1": "tensionlab-\ufffd[31m"}
+    told = SimpleNamespace(stdout="Device AA:BB:CC:DD:EE:0F tensionlab-\033[31m\n")
+    monkeypatch.setattr(discover.subprocess, "run", lambda *words, **more: told)
+    assert discover.ports() == {
+        "/dev/ttyUSB0": "CP2102\ufffd]0;owned\ufffd",
+        "bt://AA:BB:CC:DD:EE:0F/1": "tensionlab-\ufffd[31m",
+    }

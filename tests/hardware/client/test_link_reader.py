@@ -5,7 +5,6 @@ import socket
 import threading
 import time
 from contextlib import ExitStack
-from types import SimpleNamespace
 
 import pytest
 
@@ -111,14 +110,6 @@ def test_a_link_that_is_closed_before_it_is_waited_for_is_read_once_to_learn_why
     assert learned.wait(LONG_S)
     other.send(b"a")
     assert other.content == [b"a"]
-
-
-def test_the_thread_ends_with_the_process_if_it_was_started(monkeypatch):
-    ended = []
-    monkeypatch.setattr(link_readers, "_readers", {os.getpid(): SimpleNamespace(end=lambda: ended.append(True))})
-    for _ in range(2):
-        link_readers._end()
-    assert ended == [True]
 
 
 def test_the_modules_of_a_process_have_one_thread():
