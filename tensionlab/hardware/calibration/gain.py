@@ -161,12 +161,24 @@ def weigh(
     `progress` is called with the share that is done. A `CalibrationError` if the mass is too light or too heavy
     for the module, or does not come to rest; a `HardwareError` if the module releases it, or does not answer.
     """
-    weight = mass * STANDARD_GRAVITY_M_S2
-    _require_weight(client, mass)
+    info, weight = client.hello(), mass * STANDARD_GRAVITY_M_S2
+    if info.state is not State.IDLE:
+        raise ModuleFault(
+            f'module "{client.name}" is {info.state.name}, not IDLE; stop it first (after a fault: clear it)',
+            client.name,
+            info.state,
+        )
+    lower = info.tension_lower
+    most = min(info.tension_upper, client.parameter("current_continuous") * info.newton_per_ampere)
+    if not lower < weight < most:
+        least, largest = 1.3 * lower / STANDARD_GRAVITY_M_S2, 0.9 * most / STANDARD_GRAVITY_M_S2
+        raise CalibrationError(
+            f'module "{client.name}" can pull continuously with {lower:.2g} to {most:.2g} N, so {mass:g} kg is too '
+            f"{'light' if weight <= lower else 'heavy'}: hang a mass of {least:.2f} to {largest:.2f} kg on it"
+        )
     balances = []
-    with _pulling(client) as puller:
-        lower = puller.info.tension_lower
-        ramp = partial(_ramp, puller, min(puller.info.tension_upper, MAX_WEIGHT_RATIO * weight))
+    with _pulling(client, info) as puller:
+        ramp = partial(_ramp, puller, min(info.tension_upper, MAX_WEIGHT_RATIO * weight))
         _settle(puller, lower)  # takes up slack
         ground = puller.reports[-1].length
         lifted = ramp(lower, SEARCH_N_S, LIFT_M, DAMPING_NS_M)
@@ -192,20 +204,6 @@ def weigh(
             middle = max(middle - 4.0 * RAMP_N_S * PERIOD_S, lower)
             telemetry = puller.hold(max(middle + 4.0 * DAMPING_NS_M * telemetry.speed, lower))
     return balances
-
-
-def _require_weight(client: ModuleClient, mass: float) -> None:
-    """Refuse a mass that the module can surely not hold."""
-    info = client.hello()
-    weight = mass * STANDARD_GRAVITY_M_S2
-    most = min(info.tension_upper, client.parameter("current_continuous") * info.newton_per_ampere)
-    if not info.tension_lower < weight < most:
-        lower, upper = info.tension_lower / STANDARD_GRAVITY_M_S2, most / STANDARD_GRAVITY_M_S2
-        raise CalibrationError(
-            f'module "{client.name}" can pull continuously with {info.tension_lower:.2g} to {most:.2g} N, so '
-            f"{mass:g} kg is too {'light' if weight <= info.tension_lower else 'heavy'}: hang a mass of "
-            f"{1.3 * lower:.2f} to {0.9 * upper:.2f} kg on it"
-        )
 
 
 class _Puller:
@@ -238,19 +236,12 @@ class _Puller:
 
 
 @contextmanager
-def _pulling(client: ModuleClient) -> Iterator[_Puller]:
+def _pulling(client: ModuleClient, info: Info) -> Iterator[_Puller]:
     """Arm a module, and stop it at the end, also after an error.
 
     A module whose N/A was never calibrated refuses to be armed; meanwhile it is marked as calibrated. A
     `HardwareError` if that could not be undone.
     """
-    info = client.hello()
-    if info.state is not State.IDLE:
-        raise ModuleFault(
-            f'module "{client.name}" is {info.state.name}, not IDLE; stop it first (after a fault: clear it)',
-            client.name,
-            info.state,
-        )
     puller = _Puller(client, info)
     before, client.on_message = client.on_message, puller.take
     try:

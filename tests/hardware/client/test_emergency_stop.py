@@ -74,11 +74,6 @@ def states(rig):
     return [module.sample.state for module in rig.world.modules]
 
 
-def test_modules_that_nobody_has_let_go(rig):
-    assert {each.error for each in emergency_stop(rig.urls).values()} == {""}
-    assert states(rig) == [State.ESTOP] * 4
-
-
 @pytest.mark.realtime  # signals to a process that holds modules
 @pytest.mark.parametrize("manner", ["handles", "ends by it"])
 def test_modules_that_another_process_has_let_go_and_the_rest_too(rig, manner, monkeypatch, locks_folder):
@@ -217,11 +212,14 @@ def test_a_module_that_is_let_go_while_it_is_being_opened(rig, monkeypatch):
     assert states(rig)[3] == State.ESTOP
 
 
-def test_a_process_does_not_signal_itself(rig, monkeypatch):
+def test_a_process_does_not_signal_itself_and_free_modules_let_go(rig, monkeypatch):
     monkeypatch.setattr(os, "kill", lambda pid, number: pytest.fail("it did"))
     lock = LinkLock(rig.urls["top"])
-    [outcome] = emergency_stop({"top": rig.urls["top"]}).values()
-    assert (outcome.holder.pid, outcome.error) == (os.getpid(), "this process has it")
+    outcomes = emergency_stop(rig.urls)
+    top = outcomes.pop("top")
+    assert (top.holder.pid, top.error) == (os.getpid(), "this process has it")
+    assert {each.error for each in outcomes.values()} == {""}
+    assert states(rig) == [State.ESTOP] * 3 + [State.IDLE]
     lock.release()
 
 
@@ -257,13 +255,6 @@ def full_disk(rig, monkeypatch, locks_folder):
     for name in ("os.mkdir", "os.open", "pathlib.Path.write_text"):
         monkeypatch.setattr(name, full)
     return other, rig.urls.values()
-
-
-def another_tmpdir(rig, monkeypatch, locks_folder):
-    other = OtherProcess(monkeypatch, rig.urls.values())
-    monkeypatch.setenv("TMPDIR", str(locks_folder / "another"))
-    monkeypatch.setattr("tempfile.tempdir", None)
-    return other, []
 
 
 def slow_look_ups(rig, monkeypatch, locks_folder):
@@ -307,7 +298,7 @@ def reused_number(rig, monkeypatch, locks_folder):
     return other, rig.urls.values()
 
 
-CASES = [full_disk, another_tmpdir, slow_look_ups, folder_of_somebody_else, reused_number]
+CASES = [full_disk, slow_look_ups, folder_of_somebody_else, reused_number]
 
 
 def first_command(case, run, locks_folder) -> float:
@@ -322,7 +313,7 @@ def first_command(case, run, locks_folder) -> float:
 
         def begin(*words, **more):
             began.append(time.perf_counter())
-            return find(*words, **more) if urls else locks.locked_links()
+            return find(*words, **more)
 
         def note_signal(pid, number):
             sent.append((time.perf_counter(), pid))
@@ -333,7 +324,7 @@ def first_command(case, run, locks_folder) -> float:
             return send(client, command, sequence)
 
         monkeypatch.setattr(emergency, "time", time)
-        monkeypatch.setattr(estop, "find_links" if urls else "locked_links", begin)
+        monkeypatch.setattr(estop, "find_links", begin)
         monkeypatch.setattr(os, "kill", note_signal)
         monkeypatch.setattr(emergency.ModuleClient, "send", note_command)
         status, _, err = run("estop", *urls)
@@ -341,7 +332,7 @@ def first_command(case, run, locks_folder) -> float:
         assert (status, err) == (0, "")
         assert states(rig) == [State.ESTOP] * 4
         first = sent[0][0]
-        if case in (full_disk, another_tmpdir, slow_look_ups):
+        if case in (full_disk, slow_look_ups):
             assert sent[0][1] == other.PID, "processes first"
         if case is slow_look_ups:
             [first] = [at for at, name in sent if name == rig.urls["top"]]  # it waits for no other's name

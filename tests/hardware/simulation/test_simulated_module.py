@@ -29,15 +29,6 @@ def test_a_trace_has_a_row_for_each_step_and_ends_at_the_sample():
         assert getattr(trace, name)[-1] == getattr(last, name), name
 
 
-def test_the_same_seed_gives_the_same_noise():
-    first, second, other = (SimulatedModule(seed=seed) for seed in (3, 3, 4))
-    for module in (first, second, other):
-        module.receive(bytes.fromhex("05 0d 01 05 01 01 00"))  # damaged: nothing happens
-        module.advance(0.1, 1.01)
-    assert first.sample == second.sample
-    assert first.sample.seconds == other.sample.seconds
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [

@@ -13,7 +13,6 @@ from tensionlab.hardware.protocol.messages import (
     ConfigureTelemetry,
     Decoder,
     Hello,
-    Info,
     Save,
     SetTension,
     Telemetry,
@@ -78,51 +77,35 @@ def test_settings_that_were_stored_take_the_place_of_the_rigs():
     first.advance(0.01)
     second = simulated_module(Module("a", [0.0, 0.0], 0.5, 6.0), 1.5, settings=first.settings)
     [info] = tell(second, Hello())
-    assert isinstance(info, Info)
     assert (info.tension_upper, info.calibrated, info.length_known) == (4.0, True, True)
 
 
 @pytest.mark.parametrize(
-    ("module", "length", "message"),
+    ("upper", "length", "more", "message"),
     [
-        (
-            Module("winch", [0, 0, 0], 1.0, 200.0),
-            1.0,
-            '"winch": its upper limit is 200 N, and a module pulls with 12 N at most',
-        ),
-        (
-            Module("winch", [0, 0, 0], 1.0, 6.0),
-            25.0,
-            '"winch": its cable would be 25 m long, and a module takes 20 m at most',
-        ),
-        (Module("winch", [0, 0, 0], 1.0, 6.0, spool_radius=0.5), 1.0, '"winch": spool_radius'),
-        (
-            Module("winch", [0, 0, 0], 1.0, 6.0, newton_per_ampere=50.0),
-            1.0,
-            '"winch" refused Calibrate: BAD_VALUE',
-        ),
+        (200.0, 1.0, {}, "its upper limit is 200 N, and a module pulls with 12 N at most"),
+        (6.0, 25.0, {}, "its cable would be 25 m long, and a module takes 20 m at most"),
+        (6.0, 1.0, {"spool_radius": 0.5}, "spool_radius"),
+        (6.0, 1.0, {"newton_per_ampere": 50.0}, "refused Calibrate: BAD_VALUE"),
     ],
 )
-def test_what_no_module_can_do_is_refused_by_name(module, length, message):
-    with pytest.raises(HardwareError, match=message):
-        simulated_module(module, length)
+def test_what_no_module_can_do_is_refused_by_name(upper, length, more, message):
+    with pytest.raises(HardwareError, match=f'"winch"(:| ){{1,2}}{message}'):
+        simulated_module(Module("winch", [0, 0, 0], 1.0, upper, **more), length)
 
 
-def test_a_leap_becomes_a_movement_of_a_hand():
+def test_a_leap_becomes_a_movement_of_a_hand_and_of_bodies():
     places = np.array([[0.0, 0.0, 0.0], [0.3, -0.1, 0.0]])
-    hand = GuidedHand(lambda time: Pose(places[int(time > 0.1)]))
-    path = np.array([hand(0.005 * step).position for step in range(200)])
+
+    def leap(time):
+        return Pose(places[int(time > 0.1)], frames={"hip": (places[int(time > 0.1)], None)})
+
+    hand = GuidedHand(leap)
+    poses = [hand(0.005 * step) for step in range(200)]
+    path = np.array([pose.position for pose in poses])
     speeds = np.linalg.norm(np.diff(path, axis=0), axis=1) / 0.005
     np.testing.assert_array_equal(path[:20], 0.0)
     assert 0.9 < speeds.max() <= MAX_HAND_SPEED_M_S + 1e-9
     np.testing.assert_allclose(path[-1], places[1], atol=1e-4)
     assert (path[:, 0] <= 0.3 + 1e-3).all()
-
-
-def test_bodies_are_followed_as_well():
-    where = {"hip": (np.zeros(3), None)}
-    hand = GuidedHand(lambda time: Pose(np.zeros(3), frames=where))
-    hand(0.0)
-    where["hip"] = (np.array([0.1, 0.0, 0.0]), None)
-    assert 0.0 < hand(0.02).frames["hip"][0][0] < 0.05
-    assert abs(hand(1.0).frames["hip"][0][0] - 0.1) < 1e-6
+    np.testing.assert_array_equal([pose.frames["hip"][0] for pose in poses], path)
