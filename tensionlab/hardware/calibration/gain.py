@@ -21,9 +21,9 @@ from functools import partial
 import numpy as np
 
 from tensionlab.errors import CalibrationError, HardwareError, ModuleFault
-from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient, Received
+from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient
 from tensionlab.hardware.protocol.codes import PARAMETERS, Calibration, Limit, State
-from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Info, Message, SetParameter, Telemetry
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Info, SetParameter, Telemetry
 from tensionlab.hardware.runner.watchdog import stopping
 from tensionlab.model.module import STANDARD_GRAVITY_M_S2
 from tensionlab.support.arrays import Floats
@@ -173,8 +173,8 @@ def weigh(
     if not lower < weight < most:
         least, largest = 1.3 * lower / STANDARD_GRAVITY_M_S2, 0.9 * most / STANDARD_GRAVITY_M_S2
         raise CalibrationError(
-            f'module "{client.name}" can pull continuously with {lower:.2g} to {most:.2g} N, so {mass:g} kg is too '
-            f"{'light' if weight <= lower else 'heavy'}: hang a mass of {least:.2f} to {largest:.2f} kg on it"
+            f'module "{client.name}" can pull continuously with {lower:.2g} to {most:.2g} N, so {mass:g} kg is '
+            f"too {'light' if weight <= lower else 'heavy'}: hang a mass of {least:.2f} to {largest:.2f} kg on it"
         )
     balances = []
     with _pulling(client, info) as puller:
@@ -213,10 +213,6 @@ class _Puller:
         self.client, self.info = client, info
         self.reports: list[Telemetry] = []
 
-    def take(self, received: Received[Message]) -> None:
-        if isinstance(received.message, Telemetry):
-            self.reports.append(received.message)
-
     def hold(self, tension: float) -> Telemetry:
         """Pull with a tension for a period, and return the telemetry at its end; refuse a module that cannot."""
         for _ in range(MAX_SILENT_PERIODS):
@@ -243,7 +239,7 @@ def _pulling(client: ModuleClient, info: Info) -> Iterator[_Puller]:
     `HardwareError` if that could not be undone.
     """
     puller = _Puller(client, info)
-    before, client.on_message = client.on_message, puller.take
+    client.record(puller.reports)
     try:
         if not info.calibrated:
             client.calibrate(Calibration.NEWTON_PER_AMPERE, info.newton_per_ampere)
@@ -259,7 +255,7 @@ def _pulling(client: ModuleClient, info: Info) -> Iterator[_Puller]:
             yield puller
     finally:
         ended = sys.exception()
-        client.on_message = before
+        client.record(None)
         with suppress(HardwareError):
             client.command(ConfigureTelemetry(0))
             client.wait(0.3)  # until nothing pulls any more

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import logging
 import math
 import random
 import threading
 import time
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import Generic, Self, TypeVar
+from dataclasses import replace
+from typing import NamedTuple, Self, TypeVar
 
 from tensionlab import _native
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault, ProtocolError
@@ -41,18 +39,15 @@ CLOCK_WRAP_US = 1 << 32  # where the clocks of modules wrap around
 READ_TIMEOUT_S = 0.1  # wait for bytes before a thread checks whether its link is closed
 NO_FILE, NO_STATE = -1, -1  # of an endpoint without one
 SET_POINTS = (Type.SET_TENSION, Type.SET_IMPEDANCE)
-UNREQUESTED = (Telemetry, messages.Event, messages.Log)  # messages that a module sends by itself
 ANSWERS = (Type.INFO, Type.PARAMETER, Type.PONG)  # if unreadable, an error of the request that waits for them
 
 AnswerType = TypeVar("AnswerType", bound=Message)
-MessageType_co = TypeVar("MessageType_co", bound=Message, covariant=True)
 
 
-@dataclass(frozen=True)
-class Received(Generic[MessageType_co]):
-    """Unrequested message of a module, and when it came by the clock of the link, in s."""
+class Received(NamedTuple):
+    """Telemetry of a module, and when it came by the clock of the link, in s."""
 
-    message: MessageType_co
+    message: Telemetry
     time: float
 
 
@@ -77,11 +72,10 @@ def require_ready(client: ModuleClient, info: Info) -> None:
 
 
 class ModuleClient:
-    """Client of one module: commands, their answers, and messages that the module sends by itself.
+    """Client of one module: commands, their answers, and telemetry.
 
-    A thread reads all links of the process, so ``on_message`` must return soon. Messages of a simulated module in
-    this process are read by each request and `listen`. As a context manager, it closes the link; after an error it
-    stops the module first.
+    A thread reads all links of the process; messages of a simulated module in this process are read by each
+    request and `listen`. As a context manager, it closes the link; after an error it stops the module first.
 
     Parameters
     ----------
@@ -109,13 +103,13 @@ class ModuleClient:
         self.name = name
         self.link = open_link(link, name) if isinstance(link, str) else link
         self._arm_repeated = False
-        self._on_message: Callable[[Received[Message]], None] | None = None
+        self._recorded: list[Telemetry] | None = None
         # Sessions must differ from those of other hosts and earlier runs.
         self._random = random.SystemRandom() if seed is None else random.Random(seed)
         self._sequence = self._random.randrange(256)
         # It decodes telemetry without holding the GIL, and counts set-points and damaged frames.
         self.endpoint = _native.Endpoint(self._random.randrange(256))
-        self._latest: tuple[int, Received[Telemetry] | None] = (0, None)
+        self._latest: tuple[int, Received | None] = (0, None)
         self._answers: dict[int, Message | ProtocolError] = {}
         self._refused: Acknowledge | None = None  # the latest refused set-point
         self._unreadable = 0
@@ -332,14 +326,14 @@ class ModuleClient:
         return refused
 
     @property
-    def telemetry(self) -> Received[Telemetry] | None:
+    def telemetry(self) -> Received | None:
         """The latest telemetry."""
         if (newer := self.endpoint.latest(self._latest[0])) is not None:
             number, payload, time = newer
             self._latest = number, Received(Telemetry.unpack(payload), time)
         return self._latest[1]
 
-    def unchecked(self) -> tuple[Received[Telemetry] | None, Received[Telemetry]] | None:
+    def unchecked(self) -> tuple[Received | None, Received] | None:
         """Return the telemetry before and the latest, if that is new since this call or another check."""
         if (found := self.endpoint.unchecked()) is None:
             return None
@@ -353,15 +347,9 @@ class ModuleClient:
         number = self.endpoint.state
         return None if number == NO_STATE else State(number)
 
-    @property
-    def on_message(self) -> Callable[[Received[Message]], None] | None:
-        """Called with each unrequested message, if set."""
-        return self._on_message
-
-    @on_message.setter
-    def on_message(self, callback: Callable[[Received[Message]], None] | None) -> None:
-        self._on_message = callback
-        self.endpoint.python_decodes = callback is not None
+    def record(self, telemetry: list[Telemetry] | None) -> None:
+        """Append all telemetry from now on to a list; None ends that."""
+        self._recorded, self.endpoint.python_decodes = telemetry, telemetry is not None
 
     @property
     def bad_frames(self) -> int:
@@ -416,7 +404,7 @@ class ModuleClient:
             self._store_answers()
 
     def _store_answers(self) -> None:
-        """Decode the frames that the endpoint leaves to Python: answers, and messages for `on_message`."""
+        """Decode the frames that the endpoint leaves to Python: answers, and telemetry that is recorded."""
         now = self.link.clock()
         for frame in map(WireFrame._make, self.endpoint.take_queue()):
             try:
@@ -432,12 +420,13 @@ class ModuleClient:
                 self.endpoint.state = message.state
             if isinstance(message, messages.Event):
                 self.endpoint.faults = message.faults
-            if isinstance(message, UNREQUESTED):
-                self._notify(Received(message, now))
+            if isinstance(message, Telemetry):
+                if (recorded := self._recorded) is not None:
+                    recorded.append(message)
             elif isinstance(message, Acknowledge) and message.command in SET_POINTS:
                 with self._arrived:
                     self._refused, self.endpoint.needs_attention = message, True
-            else:
+            elif not isinstance(message, messages.Event | messages.Log):
                 if isinstance(message, Acknowledge) and (message.command, message.code) == (Type.CLEAR, Code.OK):
                     self.endpoint.faults = 0
                 self._store_answer(frame.sequence, message)
@@ -446,12 +435,3 @@ class ModuleClient:
         with self._arrived:
             self._answers[sequence] = answer
             self._arrived.notify_all()
-
-    def _notify(self, received: Received[Message]) -> None:
-        """Call `on_message`; its errors must not end the thread that reads this link, and others."""
-        if (callback := self._on_message) is None:
-            return
-        try:
-            callback(received)
-        except Exception:
-            logging.getLogger(__name__).exception('on_message of module "%s"', self.name)

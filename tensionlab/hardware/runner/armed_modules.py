@@ -14,7 +14,7 @@ from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.module import CLOCK_WRAP_US, ModuleClient, Received
 from tensionlab.hardware.protocol.codes import FOLLOWING_STATES, Code, Fault, State
-from tensionlab.hardware.protocol.messages import SetImpedance, Stop, Telemetry
+from tensionlab.hardware.protocol.messages import SetImpedance, Stop
 from tensionlab.hardware.runner.guard import Derating, Release, release_of
 from tensionlab.hardware.runner.records import Statistics
 from tensionlab.hardware.runner.settings import Clock, RunSettings
@@ -249,7 +249,7 @@ def require_following(client: ModuleClient) -> None:
         )
 
 
-def require_plausible(name: str, before: Received[Telemetry] | None, received: Received[Telemetry]) -> None:
+def require_plausible(name: str, before: Received | None, received: Received) -> None:
     """Refuse telemetry that cannot be true, by a `ModuleFault` that names the module, the quantity and the value.
 
     It came after the one `before`, of a module that follows set-points.

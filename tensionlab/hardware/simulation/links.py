@@ -166,10 +166,6 @@ class FaultyLink:
         self._outbound.clear()
         self._inbound.clear()
 
-    def thaw(self) -> None:
-        """Let bytes through again."""
-        self._frozen = False
-
     def _deliver(self, now: float) -> None:
         """Deliver what has arrived at the module's end by now."""
         for content in self._outbound.take(now):

@@ -37,7 +37,6 @@ class TcpPort:
             raise cannot_listen("a module", host, port, error) from None
         self._listener.setblocking(False)
         self._client: socket.socket | None = None
-        self._newcomer: socket.socket | None = None  # until it is known whether the client has left
         self.url = f"socket://{host}:{self._listener.getsockname()[1]}"
 
     def files(self) -> list[int]:
@@ -50,15 +49,18 @@ class TcpPort:
 
     def receive(self) -> bytes | None:
         """Return the bytes since the last call; None if the client has left since then."""
-        self._accept()
         content = self._read()
         if content is None:
             self._hang_up()
-        if self._client is None:
-            self._client, self._newcomer = self._newcomer, None
-        elif self._newcomer is not None and content == b"":
-            self._newcomer.close()
-            self._newcomer = None
+        if not content:  # else it is not known whether the client has left
+            with suppress(BlockingIOError, ConnectionError):  # no newcomer, or one that left again
+                newcomer, _ = self._listener.accept()
+                if self._client is None:
+                    self._client = newcomer
+                    newcomer.setblocking(False)
+                    newcomer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                else:
+                    newcomer.close()
         return content
 
     def send(self, content: bytes) -> None:
@@ -70,8 +72,6 @@ class TcpPort:
     def close(self) -> None:
         """Close the client and the port."""
         self._hang_up()
-        if self._newcomer is not None:
-            self._newcomer.close()
         self._listener.close()
 
     def _read(self) -> bytes | None:
@@ -84,13 +84,6 @@ class TcpPort:
         except OSError:
             return None
 
-    def _accept(self) -> None:
-        if self._newcomer is None:
-            with suppress(BlockingIOError, ConnectionError):  # no client, or one that left again
-                self._newcomer, _ = self._listener.accept()
-                self._newcomer.setblocking(False)
-                self._newcomer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-
     def _hang_up(self) -> None:
         if self._client is not None:
             self._client.close()
@@ -100,8 +93,6 @@ class TcpPort:
 TICK_S, IDLE_TICK_S = 1e-3, 20e-3  # period of steps of a module with a client, and without
 # Delay of the server that passes in its modules at once; a longer one must not make them time out.
 MAX_LATE_S = 20e-3
-CATCH_UP = 0.5  # share by which modules run faster until they have caught up with the clock
-MAX_BEHIND_S = 2.0  # delay beyond this is not made up for
 PIECE_BYTES = 64  # read by a module at a time, as on the ESP32: answers to more may not fit
 FAULT_PATTERN = re.compile(r"(?P<part>[a-z]+)@(?P<when>\d+(\.\d+)?)(?P<unit>ms|s)?")
 
@@ -194,7 +185,7 @@ class Server:
 
     def __init__(self, modules: Sequence[ServedModule], clock: Callable[[], float] = time.perf_counter) -> None:
         self._modules, self._clock = modules, clock
-        self._start, self._now, self._behind = clock(), 0.0, 0.0
+        self._start, self._now = clock(), 0.0
 
     def files(self) -> list[int]:
         """Return the file descriptors to wait for."""
@@ -205,15 +196,11 @@ class Server:
         return min(max(self._start + self._due() - self._clock(), 0.0), IDLE_TICK_S)
 
     def step(self) -> None:
-        """Let time pass in all modules up to now."""
-        then, due = self._now, self._due()
+        """Let time pass in all modules up to now; the part of a delay beyond `MAX_LATE_S` is lost."""
         now = self._clock() - self._start
-        late = now - due - MAX_LATE_S
-        if late <= 0.0:
-            late = -min(CATCH_UP * max(now - then, 0.0), self._behind)
-        self._behind = min(self._behind + late, MAX_BEHIND_S)
+        late = max(now - self._due() - MAX_LATE_S, 0.0)
         self._start += late
-        self._now = max(now - late, then)  # no rounding error takes it back
+        self._now = max(now - late, self._now)  # no rounding error takes it back
         for served in self._modules:
             served.serve(self._now)
 

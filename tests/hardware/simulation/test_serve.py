@@ -2,7 +2,6 @@
 
 from collections import deque
 
-import numpy as np
 import pytest
 
 from tensionlab.errors import InputError
@@ -10,9 +9,7 @@ from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Decoder, Hello, Info, Ping, Pong, Save, read
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.serve import (
-    CATCH_UP,
     IDLE_TICK_S,
-    MAX_BEHIND_S,
     MAX_LATE_S,
     TICK_S,
     PlannedFault,
@@ -158,19 +155,3 @@ def test_a_delay_adds_to_no_other_unless_it_is_long(here):
     here[0] += 5.0
     serving.step()
     assert module.seconds == pytest.approx(0.032 + MAX_LATE_S, abs=2 * TICK_S)
-
-
-@pytest.mark.parametrize(("stall", "lost"), [(0.3, 0.0), (1.0, 0.0), (5.0, 5.0 - MAX_BEHIND_S - MAX_LATE_S)])
-def test_what_a_stall_takes_from_modules_is_made_up_for_little_by_little(here, stall, lost):
-    module = SimulatedModule()
-    serving = server(here, module)
-    begin = here[0]
-    here[0] += stall
-    serving.step()
-    times = [module.seconds]
-    for _ in range(5000):
-        here[0] += TICK_S
-        serving.step()
-        times.append(module.seconds)
-    assert times[-1] == pytest.approx(here[0] - begin - lost, abs=2 * TICK_S)
-    assert np.diff(times).max() <= (1.0 + CATCH_UP) * TICK_S + STEP_S + 1e-9
