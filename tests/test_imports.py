@@ -61,9 +61,9 @@ DOORS = {
     "cvxpy": {"solvers/convex.py", "benchmark/baselines.py"},
     "filelock": {"support/files/writing.py"},
     "serial": {"hardware/client/links.py"},
-    "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py", "viewer/gate.py"},
-    "viser": {"viewer/gate.py"},
-    "msgspec": {"viewer/gate.py"},
+    "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py", "viewer/server.py"},
+    "viser": {"viewer/server.py"},
+    "msgspec": {"viewer/server.py"},
     "skimage": {"support/surfaces.py"},
     "jinja2": {"viewer/html.py"},
     "pythonosc": {"haptics/bridge/osc.py"},
@@ -245,10 +245,10 @@ def test_no_optional_library_is_imported_before_it_is_used(name: str) -> None:
 
 def test_one_file_touches_the_inside_of_viser() -> None:
     inside = {name for name in NAMES if any(re.match(r"viser\.(infra|_)", each) for each in imports_of(name))}
-    assert inside == {"viewer/gate.py"}
+    assert inside == {"viewer/server.py"}
     private = re.compile(r"\b(viser|server|scene|gui)\._[a-z]")  # attributes of its objects
     files = {name for name in NAMES if name.startswith("viewer/") and private.search((PACKAGE / name).read_text())}
-    assert files == {"viewer/gate.py"}
+    assert files == {"viewer/server.py"}
 
 
 def test_the_rules_see_what_is_imported_in_the_open() -> None:

@@ -1,33 +1,36 @@
-"""The panel of the design page: fields and buttons that become edits, and texts about the state."""
+"""The panel of the design page: fields and buttons that become edits, texts about the state, and files."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.model.files import load_rig
+from tensionlab.errors import RigError, WriteError
+from tensionlab.model.files import load_rig, save_rig
 from tensionlab.model.module import Module
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import select_solvers
-from tensionlab.solvers.base import POLICIES, Status
+from tensionlab.solvers.base import POLICIES
 from tensionlab.support.arrays import Floats
-from tensionlab.support.colours import GREEN, RED
-from tensionlab.support.files.named import list_names
-from tensionlab.support.table import STATUS_MARKS
+from tensionlab.support.files import writing
+from tensionlab.support.files.named import is_path, list_names
+from tensionlab.validation.rig_check import check_rig
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.design_scene import tension_colours
 from tensionlab.viewer.evaluation import StateEvaluation
-from tensionlab.viewer.html import norm, number, render, vector
+from tensionlab.viewer.history import EditQueue
+from tensionlab.viewer.html import render
 from tensionlab.viewer.scene import force_scale
-from tensionlab.viewer.server import entered, lay_out, pressed
+from tensionlab.viewer.server import lay_out, on_input, on_press
 from tensionlab.viewer.solver_comparison import SolverPanel
-from tensionlab.viewer.state import DesignState, Edit, selected_module
+from tensionlab.viewer.state import DesignState, selected_module
 from tensionlab.viewer.workspace import COARSE, Volume
-from tensionlab.workspace.layout.task import LayoutTask
+from tensionlab.workspace.layout.task import LayoutTask, load_task
 from tensionlab.workspace.metrics import METRICS, find_metric
 from tensionlab.workspace.orientations import roll_pitch_yaw, roll_pitch_yaw_of
 from tensionlab.workspace.volume import describe_step
@@ -36,42 +39,30 @@ if TYPE_CHECKING:
     import viser
 
 NONE, AS_LOADED = "none", "as loaded"
-OWN_POLICY = "the solver's own"
+DEFAULT_POLICY = "the solver's own"
 STEP_M, STEP_N, STEP_DEG = 0.01, 0.1, 1.0
 LEVEL_STEPS = 50
-POLICY_WORDS = {
-    "force": "the nearest wrench is rendered",
-    "tension": "the tensions nearest to equilibrium are taken",
-    "direction": "the longest wrench in the desired direction is rendered",
-}  # meaning of each policy where the desired wrench is infeasible
-AT_LIMIT_N = 1e-6
+SUFFIX = ".toml"  # of files of rigs and spaces
+NOTICE_S = 8.0  # duration of a notice that something was saved
 Change = Callable[[DesignState, Any], DesignState]  # change of a state by what is entered in a field
-
-
-class PanelActions(Protocol):
-    """Actions of the page that the panel calls."""
-
-    def edit(self, change: Edit, step: object = None, key: object = None) -> None: ...  # noqa: D102
-    def undo(self) -> None: ...  # noqa: D102
-    def redo(self) -> None: ...  # noqa: D102
-    def save(self, path: str) -> None: ...  # noqa: D102
-    def snap_to_space(self, word: str) -> None: ...  # noqa: D102
 
 
 class DesignPanel:
     """Fields of the design page; `show` brings them up to date."""
 
-    def __init__(self, server: viser.ViserServer, page: PanelActions, rig: Rig, file: str) -> None:
-        """``file`` is where the rig is saved by default."""
-        self._page, self._gui, self._rig = page, server.gui, rig
-        self._shown: list[tuple[Any, Callable[[DesignState], Any]]] = []
-        gui: Any = self._gui
+    def __init__(self, server: viser.ViserServer, queue: EditQueue, rig: Rig, source: str) -> None:
+        """``source`` is the name or the file of the rig; it is saved there by default."""
+        self._server, self._queue, self._rig = server, queue, rig
+        self._gui: Any = server.gui
+        self._folder = Path.cwd()
+        self._fields: list[tuple[Any, Callable[[DesignState], Any]]] = []  # with functions that read their values
+        gui = self._gui
         lay_out(gui)
         self._status, self._problem, self._tensions = (gui.add_html("") for _ in range(3))
         both = gui.add_button_group("", ("Undo", "Redo"))
-        pressed(both, lambda: page.undo() if both.value == "Undo" else page.redo())
-        for name, key, act in (("Undo", "Z", page.undo), ("Redo", "Y", page.redo)):
-            triggered(gui.add_command(name, hotkey=key, modifier="cmd/ctrl"), act)
+        on_press(both, lambda: queue.undo() if both.value == "Undo" else queue.redo())
+        on_press(gui.add_command("Undo", hotkey="Z", modifier="cmd/ctrl"), queue.undo)
+        on_press(gui.add_command("Redo", hotkey="Y", modifier="cmd/ctrl"), queue.redo)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Hand"):
             self._add_hand()
@@ -82,25 +73,24 @@ class DesignPanel:
         with tabs.add_tab("Solvers") as tab:
             self.solvers = SolverPanel(gui, self._bind, solver_names(rig), tab)
         with tabs.add_tab("File"):
-            self._add_file(file)
-
-    # Each field has a function that reads its value from a state, None for nothing, and one that changes a state.
+            self._add_file(source if is_path(source, SUFFIX) else f"{rig.name}{SUFFIX}")
 
     def _bind(self, field: Any, read: Callable[[DesignState], Any], change: Change) -> Any:
-        """Show a part of the state in a field, and make what is entered there an edit; undo takes all back."""
-        self._shown.append((field, read))
+        """Show a part of the state in a field, and make what is entered there an edit; undo takes all back.
+
+        ``read`` gives the value in a state, None to leave the field as it is.
+        """
+        self._fields.append((field, read))
 
         def edit() -> None:
             value = field.value
-            self._page.edit(lambda state: change(state, value), field, field)
+            self._queue.edit(lambda state: change(state, value), field, field)
 
-        return entered(field, edit)
+        return on_input(field, edit)
 
     def _bind_attribute(self, field: Any, name: str) -> Any:
         """Show an attribute of the state in a field."""
-        return self._bind(
-            field, lambda state: getattr(state, name), lambda state, value: replace(state, **{name: value})
-        )
+        return self._bind(field, lambda s: getattr(s, name), lambda s, value: replace(s, **{name: value}))
 
     def _bind_module(
         self,
@@ -119,7 +109,7 @@ class DesignPanel:
         """Add a field for a vector in the plane or in space, or for a number."""
         if size == 1:
             return self._gui.add_number(label, 0.0, step=step)
-        add: Any = self._gui.add_vector2 if size == 2 else self._gui.add_vector3
+        add = self._gui.add_vector2 if size == 2 else self._gui.add_vector3
         return add(label, (0.0,) * size, step=step)
 
     def _add_hand(self) -> None:
@@ -134,13 +124,13 @@ class DesignPanel:
             self._bind(torque, lambda s: s.wrench[d:], lambda s, v: set_part(s, v, d))
         self._solver = self._bind_attribute(gui.add_dropdown("solver", solver_names(self._rig)), "solver")
         self._bind(
-            gui.add_dropdown("if infeasible", (OWN_POLICY, *POLICIES)),
-            lambda state: state.policy or OWN_POLICY,
-            lambda state, name: replace(state, policy=None if name == OWN_POLICY else name),
+            gui.add_dropdown("if infeasible", (DEFAULT_POLICY, *POLICIES)),
+            lambda state: state.policy or DEFAULT_POLICY,
+            lambda state, name: replace(state, policy=None if name == DEFAULT_POLICY else name),
         )
 
     def _add_modules(self) -> None:
-        gui, names = self._gui, tuple(module.name for module in self._rig.modules)
+        gui, names, queue = self._gui, tuple(module.name for module in self._rig.modules), self._queue
         self._selected = self._bind(
             gui.add_dropdown("module", (NONE, *names)),
             lambda state: state.selected if selected_module(state) else NONE,
@@ -148,53 +138,71 @@ class DesignPanel:
         )
         with gui.add_folder(None) as self._own:
             self._add_selected_module()
-        pressed(gui.add_button("Add a module"), lambda: self._page.edit(edits.add_module))
+        on_press(gui.add_button("Add a module"), lambda: queue.edit(edits.add_module))
         self._grid = self._bind_attribute(gui.add_number("snap to grid m", 0.0, min=0.0, step=STEP_M), "grid_m")
-        space: Any = gui.add_text("snap to space", "", hint="Name of a space, or its file: walls for modules")
-        self._space = entered(space, lambda: self._page.snap_to_space(space.value))
+        space = gui.add_text("snap to space", "", hint="Name of a space, or its file: walls for modules")
+        self._space = on_input(space, lambda: self._snap_to(space.value))
         self._walls = gui.add_html("")
-        ghost: Any = gui.add_dropdown("compare with", (NONE, AS_LOADED, *list_names("rigs")))
-        entered(ghost, lambda: self._page.edit(self._compare_with(ghost.value)))
+        ghost = gui.add_dropdown("compare with", (NONE, AS_LOADED, *list_names("rigs")))
+        on_input(ghost, lambda: self._compare_with(ghost.value))
 
     def _add_selected_module(self) -> None:
         gui, d, bind = self._gui, self._rig.dimension, self._bind_module
         bind(gui.add_text("name", ""), lambda _, module: module.name, edits.rename)
-        bind(
-            self._vector("anchor m", d, STEP_M),
-            lambda state, module: state.anchors[state.names.index(module.name)],
-            edits.move_anchor,
-        )
+        anchor = self._vector("anchor m", d, STEP_M)
+        bind(anchor, lambda state, module: state.anchors[state.names.index(module.name)], edits.move_anchor)
         if self._rig.n > d:
-            attachment = self._vector("attachment m", d, STEP_M)
-            bind(attachment, lambda _, module: np.asarray(module.attachment), edits.move_attachment)
+            bind(
+                self._vector("attachment m", d, STEP_M),
+                lambda _, module: np.asarray(module.attachment),
+                lambda s, name, v: edits.change_module(s, name, attachment=np.asarray(v, np.float64)),
+            )
         low, high = (gui.add_number(f"{end} limit N", 0.0, min=0.0, step=STEP_N) for end in ("lower", "upper"))
-        bind(low, lambda _, module: module.lower, lambda s, name, v: edits.set_limits(s, name, v, high.value))
-        bind(high, lambda _, module: module.upper, lambda s, name, v: edits.set_limits(s, name, low.value, v))
+
+        def set_limits(state: DesignState, name: str, _: float) -> DesignState:
+            return edits.change_module(state, name, lower=float(low.value), upper=float(high.value))
+
+        bind(low, lambda _, module: module.lower, set_limits)
+        bind(high, lambda _, module: module.upper, set_limits)
         bind(gui.add_text("body frame", ""), lambda _, module: module.frame, edits.set_frame)
         self._body = bind(self._vector("body at m", d, STEP_M), body_position, edits.move_body)
         remove = gui.add_button("Remove this module", color="gray")
-        pressed(remove, lambda: self._page.edit(lambda state: edits.remove_module(state, state.selected)))
+        on_press(remove, lambda: self._queue.edit(lambda state: edits.remove_module(state, state.selected)))
 
     def _add_workspace(self) -> None:
         gui = self._gui
         self._bind_attribute(gui.add_checkbox("show", False), "show_workspace")
         names = [name for name in METRICS if name != "body-distance"]  # needs bodies
         self._bind_attribute(gui.add_dropdown("metric", names), "metric")
-        level: Any = gui.add_slider("level", 0.0, 1.0, 0.01, 0.0)
-        entered(level, lambda: self._page.edit(edits.set_fields(level=level.value), level, level))
+        level = gui.add_slider("level", 0.0, 1.0, 0.01, 0.0)
+        on_input(level, lambda: self._queue.edit(edits.set_fields(level=level.value), level, level))
         self._level, self._share = level, gui.add_html("")
 
     def _add_file(self, file: str) -> None:
-        gui, page = self._gui, self._page
-        self._bind(gui.add_text("rig", self._rig.name), lambda state: state.rig.name, edits.name_rig)
+        gui, edit = self._gui, self._queue.edit
+        name = gui.add_text("rig", self._rig.name)
+        self._bind(name, lambda s: s.rig.name, lambda s, value: replace(s, rig=replace(s.rig, name=value)))
         home = gui.add_button("Make the hand's place home", color="gray")
-        pressed(home, lambda: page.edit(edits.set_home))
-        self._file: Any = gui.add_text("file", file)
-        pressed(gui.add_button("Save"), lambda: page.save(self._file.value))
+        on_press(home, lambda: edit(lambda s: replace(s, rig=replace(s.rig, home=s.position))))
+        self._file = gui.add_text("file", file)
+        on_press(gui.add_button("Save"), lambda: self.save(self._file.value))
 
-    def _compare_with(self, name: str) -> Edit:
+    def _snap_to(self, space: str) -> None:
+        self._queue.edit(lambda state: replace(state, task=load_space(space, self._folder)))
+
+    def _compare_with(self, name: str) -> None:
         rig = None if name == NONE else self._rig if name == AS_LOADED else load_rig(name)
-        return edits.set_fields(ghost=rig)
+        self._queue.edit(edits.set_fields(ghost=rig))
+
+    def save(self, path: str) -> None:
+        """Have the rig saved, if it can work."""
+
+        def act() -> None:
+            place = save_below(self._folder, self._queue.history.present.rig, path)
+            for client in self._server.get_clients().values():
+                client.add_notification("Saved", str(place), auto_close_seconds=NOTICE_S)
+
+        self._queue.put(act)
 
     def show(self, state: DesignState, found: StateEvaluation, problem: str) -> None:
         """Bring all fields up to date; a field whose entry was refused keeps it, to be corrected."""
@@ -209,13 +217,13 @@ class DesignPanel:
         module = selected_module(state)
         self._own.visible = module is not None
         self._body.visible = module is not None and module.frame in state.rig.frames
-        for field, read in self._shown:
+        for field, read in self._fields:
             if (value := read(state)) is not None:
                 field.value = shown_value(value)
-        self._walls.content = walls_html(state.task)
+        self._walls.content = render("design.walls", state.task)
 
     def show_volume(self, state: DesignState, volume: Volume, ghost: Volume | None) -> None:
-        """Say what share of the box the workspace has, and let the level range over the values."""
+        """Show the share of the box that the workspace has, and let the level range over the values."""
         low, high = volume.extent
         if len(volume.axes[0]) > COARSE and high > low:  # or it would move during a drag
             step = 10.0 ** math.floor(math.log10((high - low) / LEVEL_STEPS))
@@ -266,79 +274,54 @@ def shown_value(value: Any) -> Any:
     return tuple(rounded.tolist()) if len(rounded) > 1 else float(rounded[0])
 
 
-def triggered(command: Any, act: Callable[[], None]) -> None:
-    """Call a function when a keyboard shortcut is pressed in a browser."""
-
-    async def triggered(event: Any) -> None:
-        act()
-
-    command.on_trigger(triggered)
-
-
 def status_html(state: DesignState, found: StateEvaluation) -> str:
     """Return the status, the forces and the margin."""
-    if found.allocation is None:
-        return render("design.status", RED, "no answer", found.problem, [], 0.0)
-    word, colour, meaning = "EXACT", GREEN, "the desired force is rendered"
-    code = Status(int(found.allocation.status))
-    if code is Status.NEAREST:
-        word, colour = "NEAREST", RED
-        meaning = "certified infeasible: " + POLICY_WORDS.get(str(found.policy), "another wrench is rendered")
-        if found.policy == "direction" and np.isfinite(found.allocation.scale):
-            meaning += f", {100 * float(found.allocation.scale):.3g} % of it"
-    elif code is not Status.EXACT:
-        word, colour, meaning = code.name, RED, STATUS_MARKS[code].word
-    return render("design.status", colour, word, meaning, _lines(state, found), 1.0 / force_scale(state.rig))
-
-
-def _lines(state: DesignState, found: StateEvaluation) -> list[tuple[str, str, str]]:
-    """Return name, value and remark of each line about the wrench and the margin."""
-    assert found.allocation is not None
-    assert found.rendered is not None
-    d, has_torque = state.rig.dimension, state.rig.n > state.rig.dimension
-    lines = []
-    for name, part, unit in (("force", slice(0, d), "N"), ("torque", slice(d, None), "N·m"))[: 1 + has_torque]:
-        for which, wrench in (("desired", state.wrench), ("rendered", found.rendered)):
-            lines.append((f"{which} {name}", f"{norm(wrench[part])} {unit}", vector(wrench[part])))
-    remark = "N and N·m together" if has_torque else ""
-    lines.append(("error", f"{number(float(found.allocation.residual))} N", remark))
-    if found.certificate is not None:
-        proof = f"along {vector(found.certificate.direction)}; desired {number(found.certificate.desired)} N"
-        lines.append(("at most", f"{number(found.certificate.reach)} N", proof))
-    lines.append(("capacity margin", f"{found.margin:.3g} N", "at the hand"))
-    return lines
+    return render("design.status", state, found, 1.0 / force_scale(state.rig))
 
 
 def tensions_html(state: DesignState, found: StateEvaluation) -> str:
     """Return each module's tension as a bar between zero and the largest limit."""
     if found.allocation is None:
         return ""
-    most, colours = float(state.rig.limits.upper.max()) or 1.0, tension_colours(state.rig, found)
-    lines = []
-    for module, tension, colour in zip(state.rig.modules, found.allocation.tensions, colours, strict=True):
-        limit = "lower limit" if tension <= module.lower + AT_LIMIT_N else ""
-        limit = "upper limit" if tension >= module.upper - AT_LIMIT_N else limit
-        lines.append((module, float(tension), colour, limit))
-    return render("design.tensions", lines, most)
+    colours = tension_colours(state.rig, found)
+    lines = list(zip(state.rig.modules, found.allocation.tensions.tolist(), colours, strict=True))
+    return render("design.tensions", lines, float(state.rig.limits.upper.max()) or 1.0)
 
 
 def share_html(state: DesignState, volume: Volume, ghost: Volume | None = None) -> str:
     """Return the share of the box in which the metric is above the level."""
-    metric = find_metric(state.metric)
     return render(
-        "design.share",
-        metric.title,
-        "" if metric.unit == "1" else f" {metric.unit}",
-        metric.description,
-        volume,
-        state.level,
-        describe_step(volume.axes),
-        ghost,
+        "design.share", find_metric(state.metric), volume, state.level, describe_step(volume.axes), ghost
     )
 
 
-def walls_html(task: LayoutTask | None) -> str:
-    """Return the walls of a space."""
-    if task is None:
-        return render("common.note", "With a space, anchors that are dragged stay on its walls.")
-    return render("common.note", f"{task.name}: {', '.join(surface.name for surface in task.space.surfaces)}")
+def place_below(folder: Path, path: str) -> Path:
+    """Return the place of a path that a browser gives; WriteError unless it is below a folder, links followed."""
+    try:
+        place = (folder / path.strip()).resolve()
+        inside = place.is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError) as error:  # a null character, or a loop of links
+        raise WriteError(f"{path!r} is no path of a file ({error})") from None
+    if not inside:
+        raise WriteError(f"{path}: the page was started in {folder}, and uses files below it only; name one there")
+    return place
+
+
+def save_below(folder: Path, rig: Rig, path: str) -> Path:
+    """Write a rig to a TOML file below a folder; RigError with the findings of ``rig check`` if it cannot work."""
+    place = place_below(folder, path)
+    writing.require_writable(place, (SUFFIX,))
+    failed = [check for check in check_rig(rig) if check.passed is False]
+    if failed:
+        findings = "; ".join(f"{check.name}: {check.text}" for check in failed)
+        raise RigError(f"{rig.name} cannot work at home, so it is not saved. {findings}")
+    save_rig(rig, place)
+    return place
+
+
+def load_space(word: str, folder: Path) -> LayoutTask | None:
+    """Return a space by its name or its file below a folder; None until that is complete."""
+    name = word.strip()
+    if name not in list_names("spaces") and not name.endswith(SUFFIX):
+        return None
+    return load_task(place_below(folder, name) if is_path(name, SUFFIX) else name)

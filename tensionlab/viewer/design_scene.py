@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from tensionlab.model.kinematics import in_space
+from tensionlab.model.pose import rotations
 from tensionlab.model.pulleys import ways
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
@@ -22,13 +23,11 @@ from tensionlab.support.formatting import format_number
 from tensionlab.viewer.evaluation import Certificate, StateEvaluation
 from tensionlab.viewer.scene import (
     NO_LINES,
-    Arrow,
     Lines,
     Mesh,
     RigDrawing,
     RigScene,
     add_lines,
-    as_rgb,
     cable_lines,
     force_scale,
     module_colours,
@@ -83,7 +82,7 @@ def draw(state: DesignState, found: StateEvaluation) -> DesignScene:
         available, edges = Mesh(corners, found.available.faces), plain_lines(corners[found.available.edges], BLUE)
     arrows = _arrows(state, found, hand, scale)
     if found.certificate is not None:
-        arrows["certificate"], plane = _draw_certificate(state, found.certificate, hand, scale)
+        arrows["certificate"], plane = _certificate(state, found.certificate, hand, scale)
     return DesignScene(
         rig=RigScene(
             cables=cable_lines(_cable_points(state), tension_colours(rig, found)),
@@ -113,22 +112,20 @@ def _cable_points(state: DesignState) -> Floats:
     return in_space(ways(state.attachments, state.anchors, state.rig.pulleys_in_world(state.rig.at_rest)))
 
 
-def _arrows(state: DesignState, found: StateEvaluation, hand: Floats, scale: float) -> dict[str, Arrow]:
-    """Return the desired force, and where it is not rendered, the rendered one and the error."""
+def _arrows(state: DesignState, found: StateEvaluation, hand: Floats, scale: float) -> dict[str, Floats]:
+    """Return the arrow of the desired force and, where it is not rendered, of the rendered one and the error."""
     d = state.rig.dimension
     desired = hand + scale * in_space(state.wrench[:d])
-    arrows = {"desired": Arrow(hand, desired)}
+    arrows = {"desired": np.stack([hand, desired])}
     if found.allocation is not None and found.rendered is not None and found.allocation.status != Status.EXACT:
         rendered = hand + scale * in_space(found.rendered[:d])
         if np.isfinite(rendered).all():
-            arrows |= {"rendered": Arrow(hand, rendered), "error": Arrow(rendered, desired)}
+            arrows |= {"rendered": np.stack([hand, rendered]), "error": np.stack([rendered, desired])}
     return arrows
 
 
-def _draw_certificate(
-    state: DesignState, certificate: Certificate, hand: Floats, scale: float
-) -> tuple[Arrow, Mesh]:
-    """Return the direction that certifies the desired force infeasible, and the plane across it.
+def _certificate(state: DesignState, certificate: Certificate, hand: Floats, scale: float) -> tuple[Floats, Mesh]:
+    """Return the arrow across the plane that certifies the desired force infeasible, and the plane.
 
     The plane touches the set of available forces, and the desired force is beyond it.
     """
@@ -140,7 +137,7 @@ def _draw_certificate(
         across = reach * np.stack([np.cross(along, [0.0, 0.0, 1.0]), 0.03 * along])
     ring = foot + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ across
     start = foot + across[0]  # at the edge, clear of the other arrows
-    return Arrow(start, start + reach * along), Mesh(ring, np.array([[0, 1, 2], [0, 2, 3]]))
+    return np.stack([start, start + reach * along]), Mesh(ring, np.array([[0, 1, 2], [0, 2, 3]]))
 
 
 @dataclass(frozen=True)
@@ -178,7 +175,7 @@ class DesignDrawing:
             "plane": self._add_mesh("plane", PURPLE, 0.35),
         }
         self._make_draggable(self._rig.hand, lambda: HAND)
-        self._tip = self._scene.add_icosphere("/tip", color=as_rgb(ORANGE), cast_shadow=False)
+        self._tip = self._scene.add_icosphere("/tip", color=rgb(ORANGE), cast_shadow=False)
         self._make_draggable(self._tip, lambda: TIP)
         self._add_gizmo()
 
@@ -186,7 +183,7 @@ class DesignDrawing:
         # Of a closed surface the far side alone is drawn, since a near one would hide what is inside. Shading in
         # steps takes half the time of smooth shading without a graphics card.
         return self._scene.add_mesh_simple(
-            f"/{name}", NO_MESH.vertices, NO_MESH.faces, color=as_rgb(colour), opacity=opacity,
+            f"/{name}", NO_MESH.vertices, NO_MESH.faces, color=rgb(colour), opacity=opacity,
             side="double" if self._flat or name == "plane" else "back",
             flat_shading=self._flat or not smooth, cast_shadow=False, receive_shadow=False, material="toon5",
             visible=False,
@@ -262,19 +259,17 @@ class DesignDrawing:
         self._gizmo.position = (
             scene.rig.anchors[self._names.index(state.selected)] if at_module else scene.rig.hand
         )
-        self._gizmo.wxyz = quaternion(None if at_module else state.rotation)
+        self._gizmo.wxyz = quaternion(None if at_module else state.rotation, state.rig.dimension)
 
 
-def quaternion(rotation: Floats | None) -> Floats:
+def quaternion(rotation: Floats | None, dimension: int) -> Floats:
     """Return the quaternion (w, x, y, z) of a rotation: a matrix in space, an angle in the plane, or none."""
     from scipy.spatial.transform import Rotation
 
-    if rotation is None:
-        return np.array([1.0, 0.0, 0.0, 0.0])
-    turn = (
-        Rotation.from_rotvec([0.0, 0.0, float(rotation)]) if rotation.ndim == 0 else Rotation.from_matrix(rotation)
-    )
-    return np.asarray(turn.as_quat(scalar_first=True))
+    matrix = np.eye(3)
+    if rotation is not None:
+        matrix[:dimension, :dimension] = rotations(rotation, dimension, "rotation")
+    return np.asarray(Rotation.from_matrix(matrix).as_quat(scalar_first=True))
 
 
 def rotation_of(turn: Floats, dimension: int) -> Floats:

@@ -13,7 +13,7 @@ from tensionlab.solvers.base import Policy, Status
 from tensionlab.support.arrays import Floats
 from tensionlab.viewer.state import DesignState
 from tensionlab.workspace.margin import required_margin
-from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
+from tensionlab.workspace.wrench_set import half_spaces, vertices
 
 FLAT = 1e-9  # share of the largest force that counts as none
 COPLANAR = 1e-6  # largest difference of the equations of faces in one plane
@@ -65,26 +65,19 @@ def evaluate(state: DesignState) -> StateEvaluation:
         allocation = allocator(structure, state.wrench + required)
     except TensionlabError as error:
         return StateEvaluation(None, None, margin, available, problem=str(error))
-    return StateEvaluation(
-        allocation,
-        allocator.policy,
-        margin,
-        available,
-        allocation.wrench - required,
-        _certificate(structure, state, required, allocation),
-    )
+    rendered, certificate = allocation.wrench - required, _certificate(structure, state, required, allocation)
+    return StateEvaluation(allocation, allocator.policy, margin, available, rendered, certificate)
 
 
 def _certificate(
     structure: Floats, state: DesignState, required: Floats, allocation: Allocation
 ) -> Certificate | None:
-    """Return what the separating direction of the wrench says of its force, at the desired torque."""
-    d, direction = state.rig.dimension, allocation.separation
+    """Return the bound that the separating direction of the wrench puts on the force, at the desired torque."""
+    d, direction, limits = state.rig.dimension, allocation.separation, state.rig.limits
     length = float(np.linalg.norm(direction[:d]))
     if allocation.status != Status.NEAREST or length <= FLAT * float(np.linalg.norm(direction)):
         return None
     pulls = direction @ structure
-    limits = state.rig.limits
     reach = float(np.maximum(pulls * limits.lower, pulls * limits.upper).sum())
     reach -= float(direction @ required) + float(direction[d:] @ state.wrench[d:])
     along = direction[:d] / length
@@ -92,40 +85,33 @@ def _certificate(
 
 
 def force_set(structure: Floats, state: DesignState, required: Floats) -> ForceSet | None:
-    """Return the forces that are available at the desired torque; None if no tensions exert that torque."""
-    rig = state.rig
-    d = rig.dimension
-    if rig.n == d:
-        return polytope(vertices(structure, rig.limits) - required)
-    corners = _section(half_spaces(structure, rig.limits), (state.wrench + required)[d:], d)
-    return None if corners is None else polytope(corners - required[:d])
-
-
-def _section(spaces: HalfSpaces, torque: Floats, d: int) -> Floats | None:
-    """Return the corners (k, d) of the available wrenches with that torque; None where there is no volume of them.
-
-    The planes are those of the wrenches, cut at the torque. Their corners are found around a point inside, the
-    middle of the largest ball.
-    """
+    """Return the forces that are available at the desired torque; None if no volume of them is."""
     from scipy.optimize import linprog
     from scipy.spatial import HalfspaceIntersection, QhullError
 
-    normals, offsets = spaces.normals[:, :d], spaces.offsets - spaces.normals[:, d:] @ torque
+    rig, d = state.rig, state.rig.dimension
+    if rig.n == d:
+        return polytope(vertices(structure, rig.limits) - required)
+    # The planes of the available wrenches, cut at the torque, meet around the middle of the largest ball inside.
+    spaces = half_spaces(structure, rig.limits)
+    normals, offsets = (
+        spaces.normals[:, :d],
+        spaces.offsets - spaces.normals[:, d:] @ (state.wrench + required)[d:],
+    )
     length = np.linalg.norm(normals, axis=1)
     steep = length > FLAT
     if (offsets[~steep] < 0.0).any():
         return None
     normals, offsets, length = normals[steep], offsets[steep], length[steep]
-    rows = np.column_stack([normals, length])
     bounds = [(None, None)] * d + [(0.0, None)]
-    ball = linprog(np.append(np.zeros(d), -1.0), A_ub=rows, b_ub=offsets, bounds=bounds, method="highs")
-    if ball.x is None or ball.x[-1] <= FLAT * np.abs(offsets).max(initial=1.0):
+    ball = linprog([0.0] * d + [-1.0], np.column_stack([normals, length]), offsets, bounds=bounds).x
+    if ball is None or ball[-1] <= FLAT * np.abs(offsets).max(initial=1.0):
         return None
     try:
-        planes = HalfspaceIntersection(np.column_stack([normals, -offsets]), ball.x[:-1])
+        corners = HalfspaceIntersection(np.column_stack([normals, -offsets]), ball[:-1]).intersections
     except QhullError:
         return None
-    return np.asarray(planes.intersections[np.isfinite(planes.intersections).all(axis=1)])
+    return polytope(corners[np.isfinite(corners).all(axis=1)] - required[:d])
 
 
 def polytope(points: Floats) -> ForceSet | None:
@@ -137,10 +123,9 @@ def polytope(points: Floats) -> ForceSet | None:
     except QhullError:
         return None
     if points.shape[1] == 2:
-        ring = hull.vertices  # anticlockwise
-        count = len(ring)
-        fan = np.array([[0, i, i + 1] for i in range(1, count - 1)])
-        return ForceSet(points[ring], fan, np.column_stack([np.arange(count), np.roll(np.arange(count), -1)]))
+        ring = np.arange(len(hull.vertices))  # anticlockwise
+        fan = np.column_stack([0 * ring[2:], ring[1:-1], ring[2:]])
+        return ForceSet(points[hull.vertices], fan, np.column_stack([ring, np.roll(ring, -1)]))
     number = np.full(len(points), -1)
     number[hull.vertices] = np.arange(len(hull.vertices))
     corners = points[hull.vertices]

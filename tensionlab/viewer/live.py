@@ -12,9 +12,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from tensionlab.errors import HardwareError, LogError, TensionlabError
 from tensionlab.hardware.client.emergency_stop import RELEASE_TIMEOUT_S, emergency_stop
@@ -25,8 +24,8 @@ from tensionlab.scenarios.scenery import read_scenery
 from tensionlab.support.formatting import format_count
 from tensionlab.support.operating_system import OWN_GROUP, kill_command, lower_priority, send_estop
 from tensionlab.viewer.html import render
-from tensionlab.viewer.run_page import RunDrawing, RunPage, events_html
-from tensionlab.viewer.run_scene import Instant
+from tensionlab.viewer.run_page import RunPage
+from tensionlab.viewer.run_scene import Instant, RunDrawing
 from tensionlab.viewer.server import PageServer
 
 TEXT_PERIOD_S = 0.2  # period of texts, faster than they can be read; the scene follows each report
@@ -34,13 +33,13 @@ SILENT_S = 3.0  # silence of the page's server after which browsers say so thems
 # Time without a browser after which the page of a run that is over ends; one may be about to reload.
 LINGER_S = 10.0
 POLL_PERIOD_S = 0.02
+SHOWN_EVENTS = 20  # number of latest events that are shown
 IN_PROCESS = "sim:"  # URL of a module that is simulated in the process of the run
 OVER = ("ended", "gone")  # conditions of a run whose simulated modules pull no more
 _started: list[subprocess.Popen[str]] = []  # which outlive the run
 
 
-@dataclass(frozen=True)
-class StopOutcome:
+class StopOutcome(NamedTuple):
     """Outcome of a stop: whether all modules have confirmed it, and a line on each that has not, or on all."""
 
     confirmed: bool
@@ -64,10 +63,8 @@ def stop_modules(watcher: RunWatcher) -> StopOutcome:
     wrong = [f"{name}: {each.error}" for name, each in outcomes.items() if each.error]
     if len(links) < len(info.links) and (problem := _stop_process(watcher, info.pid)):
         wrong.append(problem)
-    if wrong:
-        confirmed = sum(not outcome.error for outcome in outcomes.values())
-        return StopOutcome(False, (*wrong, f"confirmed by {format_count(confirmed, 'module')}"))
-    return StopOutcome(True, (f"confirmed by {format_count(len(info.links), 'module')}",))
+    confirmed = sum(not outcome.error for outcome in outcomes.values()) if wrong else len(info.links)
+    return StopOutcome(not wrong, (*wrong, f"confirmed by {format_count(confirmed, 'module')}"))
 
 
 def _stop_process(watcher: RunWatcher, pid: int) -> str:
@@ -97,17 +94,17 @@ class LivePage(RunPage):
         self._watcher = watcher
         self._drawing: RunDrawing | None = None
         self._info: RunInfo | None = None
-        self._shown: RunSnapshot | None = None
-        self._fresh = False
+        self._shown: tuple[RunSnapshot | None, bool] = None, False  # report, and whether it was fresh
         self._beat = 0
         self._texts_due = 0.0
+        self._last_used = time.perf_counter()
         self._stopping = threading.Lock()
-        server.gate.stop = self._answer_stop
+        server.gate.stop = self.stop
 
-    def stop(self) -> StopOutcome | None:
-        """Stop all modules, and show the outcome; None while a stop is in progress already."""
+    def stop(self) -> tuple[bool, str]:
+        """Stop all modules, and show the outcome; return whether they have stopped, and what to say."""
         if not self._stopping.acquire(blocking=False):
-            return None
+            return True, "a stop is in progress already"
         try:
             self._outcome.content = render("run.stopping")
             try:
@@ -115,47 +112,36 @@ class LivePage(RunPage):
             except Exception as error:  # whatever it is, the page must say that nothing has stopped
                 outcome = StopOutcome(False, (repr(error),))
             self._outcome.content = render("run.stopped", outcome)
-            return outcome
         finally:
             self._stopping.release()
-
-    def _answer_stop(self) -> tuple[bool, str]:
-        """Stop all modules for a request; return whether they have stopped, and what to say."""
-        outcome = self.stop()
-        if outcome is None:
-            return True, "a stop is in progress already"
         return outcome.confirmed, "\n".join(("STOPPED" if outcome.confirmed else "NOT STOPPED", *outcome.lines))
 
     def turn(self) -> None:
         """Poll the run, and bring all browsers up to date."""
         self._watcher.poll()
-        info, report = self._watcher.info, self._watcher.report
-        fresh = self._watcher.condition == "live"
+        info, report, fresh = self._watcher.info, self._watcher.report, self._watcher.condition == "live"
         if info is not None and info is not self._info:
             self._begin(info)
-        now = time.perf_counter()
+        now, (shown, was_fresh) = time.perf_counter(), self._shown
         with self.server.viser.atomic():
-            if report is not self._shown or fresh is not self._fresh:
-                self._draw(report, fresh=fresh)
-            if now >= self._texts_due or fresh is not self._fresh:
+            if report is not shown or fresh is not was_fresh:
+                self._draw(report, fresh)
+            if now >= self._texts_due or fresh is not was_fresh:
                 self._texts_due = now + TEXT_PERIOD_S
-                self._show_all_texts(fresh=fresh)
+                self._show_all_texts(report, fresh)
         self.server.viser.flush()
-        self._shown, self._fresh = report, fresh
+        self._shown = report, fresh
 
     def _begin(self, info: RunInfo) -> None:
         """Begin to show a run: the first, or another one of its process."""
-        self._info = info
-        try:
+        self._info, self._drawing, self.scenery = info, None, None
+        with suppress(LogError):  # from another version of this package
             self.scenery = read_scenery(info.scenery, info.rig, "the run", LogError)
-        except LogError:  # from another version of this package
-            self.scenery = None
         self.server.viser.scene.reset()
-        self._drawing = None
         for part in (self._outcome, self._phases, self._forces, self._modules, self._events, self._times):
             part.content = ""
 
-    def _draw(self, report: RunSnapshot | None, *, fresh: bool) -> None:
+    def _draw(self, report: RunSnapshot | None, fresh: bool) -> None:
         if self._info is None or report is None or report.cycle is None:
             return
         instant = Instant.of(self._info.rig, report.cycle)
@@ -163,37 +149,29 @@ class LivePage(RunPage):
             self._drawing = RunDrawing(self.server.viser, self._info.rig, instant, self.scenery)
         self._drawing.show(instant, fresh=fresh)
 
-    def _show_all_texts(self, *, fresh: bool) -> None:
-        info, report, condition = self._watcher.info, self._watcher.report, self._watcher.condition
+    def _show_all_texts(self, report: RunSnapshot | None, fresh: bool) -> None:
         self._beat += 1
-        heading = live_heading(condition, self._watcher.age, info, report)
+        heading = live_heading(self._watcher.condition, self._watcher.age, self._info, report)
         self._heading.content = render("run.renewed_heading", heading, self._beat, SILENT_S)
-        if info is None or report is None:
+        if self._info is None or report is None:
             return
         self._events.content = events_html(report)
-        if report.cycle is None:
-            return
-        instant = Instant.of(info.rig, report.cycle)
-        self.show_texts(
-            info,
-            report,
-            instant,
-            fresh=fresh,
-            wrap=lambda html: render("run.renewed", html, self._beat, fresh, SILENT_S),
-        )
+        if report.cycle is not None:
+            instant = Instant.of(self._info.rig, report.cycle)
+            self.show_texts(
+                self._info,
+                report,
+                instant,
+                fresh,
+                lambda html: render("run.renewed", html, self._beat, fresh, SILENT_S),
+            )
 
-    def abandoned(self) -> Callable[[], bool]:
-        """Return a function that tells whether the run is over and no browser has shown it for `LINGER_S`."""
-        last_used = time.perf_counter()
-
-        def over() -> bool:
-            nonlocal last_used
-            running = self._watcher.condition not in ("ended", "gone")
-            if running or self.server.viser.get_clients() or self._stopping.locked():
-                last_used = time.perf_counter()
-            return time.perf_counter() - last_used > LINGER_S
-
-        return over
+    def is_abandoned(self) -> bool:
+        """Return whether the run is over and no browser has shown it for `LINGER_S`."""
+        now = time.perf_counter()
+        if self._watcher.condition not in OVER or self.server.viser.get_clients() or self._stopping.locked():
+            self._last_used = now
+        return now - self._last_used > LINGER_S
 
     def close(self) -> None:
         """Close the page."""
@@ -207,6 +185,11 @@ def live_heading(condition: str, age: float, info: RunInfo | None, report: RunSn
         report.ended in (DURATION_REACHED, DEMAND_STOPPED) or report.ended.startswith("signal")
     )
     return render("run.live_heading", condition, age, info, report, ended_well)
+
+
+def events_html(report: RunSnapshot) -> str:
+    """Return the latest events of a run in progress, the newest first."""
+    return render("run.events", list(report.events)[: -SHOWN_EVENTS - 1 : -1])
 
 
 def open_page() -> str:
@@ -244,7 +227,7 @@ def main() -> None:
     page.server.open_browser()
     lower_priority()
     try:
-        page.serve(page.abandoned())
+        page.serve(page.is_abandoned)
     finally:
         page.close()
 

@@ -1,4 +1,4 @@
-"""The page of a log: a run as it was, at any time and speed."""
+"""The page of a log: a run at any time and speed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +24,10 @@ from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, FORCE_COLOURS, GREEN, GREY, ORANGE, PURPLE, RED
 from tensionlab.support.formatting import format_number
-from tensionlab.support.table import STATUS_MARKS
 from tensionlab.viewer.html import render
-from tensionlab.viewer.run_page import RunDrawing, RunPage
-from tensionlab.viewer.run_scene import Instant
-from tensionlab.viewer.server import PageServer, entered, pressed
+from tensionlab.viewer.run_page import RunPage
+from tensionlab.viewer.run_scene import Instant, RunDrawing
+from tensionlab.viewer.server import PageServer, on_input, on_press
 
 SPEEDS = {f"{speed:g} x": speed for speed in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)}
 TEXT_PERIOD_S = 0.1  # period of texts while the run is played; the scene follows more often
@@ -89,8 +88,7 @@ class ReplayPage(RunPage):
         begin, end = float(run.time[0]), float(run.time[-1])
         self.playback, self.scenery = Playback(begin, end, begin), scenery
         self._run, self._info = run, info_of(run)
-        self._marks = marks(run)
-        self._curves = curves(run)
+        self._marks, self._curves = marks(run), curves(run)
         self._changes: deque[Change] = deque()
         self._shown: Playback | None = None
         self._drawn = -1
@@ -113,25 +111,25 @@ class ReplayPage(RunPage):
         panel = gui.add_panel()
         panel.float(x=15, y=-15, width=TIMELINE_PIXELS)
         times = np.array([mark.time for mark in self._marks])
+        actions: dict[str, Change] = {
+            "Previous event": lambda now: now.step(times, -1),
+            "Play": Playback.play,
+            "Pause": lambda now: replace(now, playing=False),
+            "Next event": lambda now: now.step(times, 1),
+        }
         with panel.add_tab("Timeline"):
             self._timeline = gui.add_html("")
             begin = math.floor(self.playback.begin / STEP_S) * STEP_S
             end = math.floor(self.playback.end / STEP_S + 1.0) * STEP_S
             self._slider: Any = gui.add_slider("time s", begin, end, STEP_S, begin)
-            entered(self._slider, lambda: self.change(lambda now: now.seek(float(self._slider.value))))
-            buttons = gui.add_button_group("", ("Previous event", "Play", "Pause", "Next event"))
-            actions: dict[str, Change] = {
-                "Previous event": lambda now: now.step(times, -1),
-                "Play": Playback.play,
-                "Pause": lambda now: replace(now, playing=False),
-                "Next event": lambda now: now.step(times, 1),
-            }
-            pressed(buttons, lambda: self.change(actions[buttons.value]))
+            on_input(self._slider, lambda: self.change(lambda now: now.seek(float(self._slider.value))))
+            buttons = gui.add_button_group("", tuple(actions))
+            on_press(buttons, lambda: self.change(actions[buttons.value]))
             speed: Any = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1 x")
-            entered(speed, lambda: self.change(lambda now: replace(now, speed=SPEEDS[speed.value])))
+            on_input(speed, lambda: self.change(lambda now: replace(now, speed=SPEEDS[speed.value])))
 
     def turn(self) -> None:
-        """Let the time pass, make what people did, and bring all browsers up to date."""
+        """Let the time pass, make the changes of people, and bring all browsers up to date."""
         before, self._now = self._now, time.perf_counter()
         playback = self.playback.advance(self._now - before)
         while self._changes:
@@ -145,40 +143,26 @@ class ReplayPage(RunPage):
                 self._drawn = self.index
                 self._drawing.show(instant_at(self._run, self.index))
             if due:
-                self._texts_due = self._now + TEXT_PERIOD_S
-                self._show_all_texts()
+                self._texts_due, self._shown = self._now + TEXT_PERIOD_S, playback
+                self._show_all_texts(playback, self.index)
         self.server.viser.flush()
-        self._shown = playback if due else self._shown
 
-    def _show_all_texts(self) -> None:
-        run, index, playback = self._run, self.index, self.playback
-        report = report_at(run, index)
-        instant = instant_at(run, index)
-        self._heading.content = cycle_heading(run, playback, index)
+    def _show_all_texts(self, playback: Playback, index: int) -> None:
+        self._heading.content = cycle_heading(self._run, playback, index)
         span = max(playback.end - playback.begin, SAME_S)
         ticks = [((mark.time - playback.begin) / span, KINDS[mark.kind]) for mark in self._marks]
         now = (playback.time - playback.begin) / span
         self._timeline.content = render("run.timeline", *self._curves, ticks, now)
         self._events.content = marks_html(self._marks, playback.time)
         self._slider.value = round(playback.time, 3)
-        self.show_texts(self._info, report, instant, fresh=True)
+        self.show_texts(self._info, report_at(self._run, index), instant_at(self._run, index), fresh=True)
 
 
 def cycle_heading(run: Run, playback: Playback, index: int) -> str:
     """Return the status of a cycle, and where in the run it is."""
-    status = Status(int(run.status[index]))
-    word, colour = status.name, GREEN if status is Status.EXACT else ORANGE
-    meaning = "the desired force is rendered" if status is Status.EXACT else STATUS_MARKS[status].word
-    if status is Status.EXACT and not np.allclose(run.demanded[index], run.desired[index], atol=MIN_ERROR_N):
-        meaning = "what the loop can render stably of the desired force is rendered"
-    if not np.isfinite(run.desired[index]).all():
-        colour, word, meaning = GREY, "NO FORCE", "no force is desired: all cables are at their lower limits"
-    elif run.fallback_used[index]:
-        colour, meaning = ORANGE, f"{run.setup.solver} left it unproven: newton's answer was sent"
-    return render(
-        "run.cycle_heading", colour, word, meaning, playback.time, playback.end, int(run.cycle[index]), run.setup,
-        run.complete,
-    )  # fmt: skip
+    demanded, desired = run.demanded[index], run.desired[index]
+    limited = run.status[index] == Status.EXACT and not np.allclose(demanded, desired, atol=MIN_ERROR_N)
+    return render("run.cycle_heading", run, index, playback.time, playback.end, limited)
 
 
 def curves(run: Run) -> tuple[list[tuple[str, str, str]], float]:
@@ -221,19 +205,22 @@ def require_drawable(run: Run, path: str | PathLike[str]) -> None:
 
 
 def info_of(run: Run) -> RunInfo:
-    """Return what did not change while the run lasted."""
-    setup = run.setup
-    call = str(run.manifest.get("call", ""))
+    """Return the constant data of the run."""
+    setup, call = run.setup, str(run.manifest.get("call", ""))
     return RunInfo(0, 0, call, run.rig, setup.solver, setup.rate, setup.ttl, setup.links, setup.scenery)
 
 
-def cycle_of(run: Run, index: int) -> dict[str, NDArray[Any]]:
-    """Return the cycle of an index, by the names of `CycleTable`."""
+def instant_at(run: Run, index: int) -> Instant:
+    """Return the instant of the cycle of an index."""
+    return Instant.of(run.rig, _cycle(run, index))
+
+
+def _cycle(run: Run, index: int) -> dict[str, NDArray[Any]]:
     return {name: getattr(run, name)[index] for name in COLUMNS}
 
 
 def report_at(run: Run, index: int) -> RunSnapshot:
-    """Return the report of a run in progress after a cycle, by its index; NaN and 0 for what logs do not have."""
+    """Return the report of the run after the cycle of an index; NaN and 0 for values that logs do not have."""
     m, done = run.rig.m, index + 1
     events = tuple(event for event in run.events if event.cycle <= run.cycle[index])
     deadlines = np.round((run.time[[0, index]] - run.start_delay[[0, index]]) * run.setup.rate)
@@ -243,7 +230,7 @@ def report_at(run: Run, index: int) -> RunSnapshot:
     return RunSnapshot(
         number=0,
         over=False,
-        cycle=cycle_of(run, index),
+        cycle=_cycle(run, index),
         bad_frames=np.zeros(m, np.int64),
         currents=np.full(m, np.nan),
         supplies=np.full(m, np.nan),
@@ -261,13 +248,7 @@ def report_at(run: Run, index: int) -> RunSnapshot:
     )
 
 
-def instant_at(run: Run, index: int) -> Instant:
-    """Return the instant of the cycle of an index."""
-    return Instant.of(run.rig, cycle_of(run, index))
-
-
-@dataclass(frozen=True)
-class RunMark:
+class RunMark(NamedTuple):
     """Event at a time in s since the run began, of one of `KINDS`, in words."""
 
     time: float
@@ -279,17 +260,16 @@ def marks(run: Run) -> tuple[RunMark, ...]:
     """Return the events of a run in order of time; a lasting one at its begin, with its duration."""
     found = []
     for event in run.events:
-        who = f"{event.module}: " if event.module else ""
-        noted = event.kind in ("phase", "brake")
-        kind, what = (event.kind, "") if noted else ("run", f"{event.kind}: ")
-        found.append(RunMark(event.time, kind, f"{what}{who}{event.text}"))
+        subject = f"{event.module}: " if event.module else ""
+        if event.kind in ("phase", "brake"):
+            found.append(RunMark(event.time, event.kind, f"{subject}{event.text}"))
+        else:
+            found.append(RunMark(event.time, "run", f"{event.kind}: {subject}{event.text}"))
     for kind, text, flags in _flags(run):
         for first, last in spells(run.time, flags):
-            begin = float(run.time[first])
-            lasts = "to the end"
-            if last < len(run) - 1:
-                lasts = f"for {format_number(float(run.time[last + 1]) - begin)} s"
-            found.append(RunMark(begin, kind, f"{text}, {lasts}"))
+            begin, over = float(run.time[first]), last == len(run) - 1
+            duration = "to the end" if over else f"for {format_number(float(run.time[last + 1]) - begin)} s"
+            found.append(RunMark(begin, kind, f"{text}, {duration}"))
     return tuple(sorted(found, key=lambda mark: mark.time))
 
 

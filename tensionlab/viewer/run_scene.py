@@ -1,4 +1,4 @@
-"""Data of a run in one cycle, and how they are drawn: cables by measured tension, modules and forces."""
+"""Data of a run in one cycle, and how they are drawn: cables by measured tension, forces, the scenario around."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from tensionlab.support.colours import FORCE_COLOURS, GREEN, GREY, RED, Colours,
 from tensionlab.support.formatting import format_number
 from tensionlab.viewer.scene import (
     NO_LINE,
-    Arrow,
     Lines,
+    RigDrawing,
     RigScene,
-    as_rgb,
     cable_lines,
     force_scale,
     module_colours,
     platform_lines,
     size,
+    upward,
 )
 
 # Length of the arrows of forces against those of the design page, which shows all available forces too.
@@ -34,6 +34,10 @@ ENLARGED = 2.0
 APART = 0.012  # distance between arrows of equal forces, as a share of the size of the rig
 SLACK_SHARE = 0.5  # share of its lower limit below which a cable is slack
 DASHES = 24  # dashes along a cable that is slack, or whose module is lost
+SURFACE_COLOUR, PERSON_COLOUR = "#56B4E9", "#B8B8B8"
+ACTIVE_OPACITY, IDLE_OPACITY = 0.4, 0.08
+PLATE_M, THICKNESS_M = 0.5, 0.004  # sides and thickness of the plate that shows a plane, or the end of a reach
+LIMB_M = 0.03  # thickness of limbs
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,25 +87,20 @@ def draw_instant(rig: Rig, instant: Instant, *, fresh: bool = True) -> RigScene:
     """Return how an instant is drawn; one that is not fresh is grey, and has neither tensions nor forces."""
     anchors, ends, hand = (in_space(points) for points in (instant.anchors, instant.ends, instant.hand))
     colours = module_colours(rig) if fresh else np.tile(rgb(GREY), (rig.m, 1))
+    labels = [module.name for module in rig.modules]
+    if fresh:
+        values = zip(instant.active, instant.slack(rig), instant.tensions.tolist(), strict=True)
+        texts = ["LOST" if not a else "slack" if slack else f"{format_number(t)} N" for a, slack, t in values]
+        labels = [f"{name} · {text}" for name, text in zip(labels, texts, strict=True)]
     return RigScene(
         cables=_cables(rig, instant, ends, anchors, fresh=fresh),
         platform=platform_lines(hand, ends),
         anchors=anchors,
         colours=np.where(instant.active[:, None], colours, rgb(RED)),
         hand=hand,
-        labels=tuple(
-            f"{module.name} · {tension_text(instant, rig, i)}" if fresh else module.name
-            for i, module in enumerate(rig.modules)
-        ),
+        labels=tuple(labels),
         arrows=_arrows(rig, instant, hand) if fresh else {},
     )
-
-
-def tension_text(instant: Instant, rig: Rig, index: int) -> str:
-    """Return the tension of a module, or that it is lost or its cable slack."""
-    if not instant.active[index]:
-        return "LOST"
-    return "slack" if instant.slack(rig)[index] else f"{format_number(float(instant.tensions[index]))} N"
 
 
 def _cables(rig: Rig, instant: Instant, ends: Floats, anchors: Floats, *, fresh: bool) -> Lines:
@@ -120,8 +119,8 @@ def _cables(rig: Rig, instant: Instant, ends: Floats, anchors: Floats, *, fresh:
     )
 
 
-def _arrows(rig: Rig, instant: Instant, hand: Floats) -> dict[str, Arrow]:
-    """Return the arrows of the forces from the hand, to scale, next to each other so that equal ones show."""
+def _arrows(rig: Rig, instant: Instant, hand: Floats) -> dict[str, Floats]:
+    """Return the arrows of the forces from the hand, (2, 3), next to each other so that equal ones show."""
     forces = {name: in_space(getattr(instant, name)[: rig.dimension]) for name in FORCE_COLOURS}
     known = {name: force for name, force in forces.items() if np.isfinite(force).all() and force.any()}
     if not known:
@@ -133,17 +132,8 @@ def _arrows(rig: Rig, instant: Instant, hand: Floats) -> dict[str, Arrow]:
         across = np.cross(first, np.roll(up, 1))
     across *= APART * size(rig) / float(np.linalg.norm(across))
     scale = ENLARGED * force_scale(rig)
-    steps = dict(zip(FORCE_COLOURS, (0.0, 1.0, -1.0), strict=True))
-    return {
-        name: Arrow(hand + steps[name] * across, hand + steps[name] * across + scale * force)
-        for name, force in known.items()
-    }
-
-
-SURFACE_COLOUR, PERSON_COLOUR = "#56B4E9", "#B8B8B8"
-ACTIVE_OPACITY, IDLE_OPACITY = 0.4, 0.08
-PLATE_M, THICKNESS_M = 0.5, 0.004  # sides and thickness of the plate that shows a plane, or the end of a reach
-LIMB_M = 0.03  # thickness of limbs
+    starts = {name: hand + step * across for name, step in zip(FORCE_COLOURS, (0.0, 1.0, -1.0), strict=True)}
+    return {name: np.stack([starts[name], starts[name] + scale * force]) for name, force in known.items()}
 
 
 class Solid(NamedTuple):
@@ -155,15 +145,14 @@ class Solid(NamedTuple):
     edges: Floats | None = None
 
 
-def solid(surface: ScenerySurface, origin: Floats, middle: Floats) -> Solid:
+def place_surface(surface: ScenerySurface, origin: Floats, middle: Floats) -> Solid:
     """Return how a surface is drawn, given the origin of its frame and the middle of the script, (3,), in m.
 
     A plane is a plate near the middle, and the end of a reach a plate on the side of the middle.
     """
     from scipy.spatial.transform import Rotation
 
-    point = origin + in_space(np.array(surface.point))
-    upright = np.array([1.0, 0.0, 0.0, 0.0])
+    point, upright = origin + in_space(np.array(surface.point)), np.array([1.0, 0.0, 0.0, 0.0])
     if surface.kind == "ball":
         return Solid(point, upright, radius=surface.size[0])
     if surface.kind == "box":
@@ -173,90 +162,92 @@ def solid(surface: ScenerySurface, origin: Floats, middle: Floats) -> Solid:
         normal = normal / np.linalg.norm(normal)
         centre = middle - ((middle - point) @ normal) * normal
     else:
-        towards = middle - point
-        distance = float(np.linalg.norm(towards))
-        normal = towards / distance if distance > 0.0 else np.array([1.0, 0.0, 0.0])
+        distance = float(np.linalg.norm(middle - point))
+        normal = (middle - point) / distance if distance > 0.0 else np.array([1.0, 0.0, 0.0])
         centre = point + surface.size[0] * normal
     turn = Rotation.align_vectors([normal], [[0.0, 0.0, 1.0]])[0].as_quat(scalar_first=True)
     return Solid(centre, turn, edges=np.array([PLATE_M, PLATE_M, THICKNESS_M]))
 
 
-def body_origins(rig: Rig, anchors: Floats) -> dict[str, Floats]:
-    """Return the origins of the body frames, (d,) in m, by anchors in the world (m, d), if none has turned."""
-    pairs = zip(rig.modules, anchors, strict=True)
-    return {module.frame: anchor - module.anchor for module, anchor in pairs if module.frame in rig.frames}
+@dataclass(frozen=True, eq=False)
+class SceneryScene:
+    """Surroundings of a rig at an instant of a run."""
+
+    places: dict[str, Floats]  # of the held point and the bodies, (3,), in m, by their names in the scenario
+    solids: list[Solid]  # surfaces of all phases, in their order
+    person: StickFigure | None  # None if the scenario has none
+
+    @property
+    def points(self) -> Floats:
+        """Points (k, 3) in m that a picture of the run should hold."""
+        joints = [] if self.person is None else [*self.person.lines, self.person.head[None]]
+        return np.concatenate([np.empty((0, 3)), *joints, *(solid.centre[None] for solid in self.solids)])
 
 
-def named_places(scenery: Scenery, rig: Rig, instant: Instant) -> dict[str, Floats]:
-    """Return where the held point and the bodies are, (3,), in m, by their names in the scenario."""
-    labels, bodies = scenery.labels or {}, body_origins(rig, instant.anchors)
-    places = {scenery.held_name(rig) or "hand": in_space(instant.hand)}
-    return places | {labels.get(name, name): in_space(place) for name, place in bodies.items()}
-
-
-def person(scenery: Scenery, rig: Rig, places: dict[str, Floats]) -> StickFigure | None:
-    """Return the person, with its parts where they are known to be; None if the scenario draws none."""
-    if scenery.feet is None:
-        return None
-    up = in_space(rig.upward) if rig.up is not None else np.array([0.0, 1.0, 0.0])
-    return stick_figure(in_space(np.array(scenery.feet)), up, list(places.items()))
-
-
-def solids(scenery: Scenery, rig: Rig, instant: Instant) -> list[Solid]:
-    """Return the surfaces of all phases, in their order."""
-    frame = scenery.frame
-    origin = in_space(np.zeros(rig.dimension) if frame is None else body_origins(rig, instant.anchors)[frame])
+def draw_scenery(scenery: Scenery, rig: Rig, instant: Instant) -> SceneryScene:
+    """Return where the surroundings of a rig are at an instant; bodies as if they had not turned."""
+    pairs = zip(rig.modules, instant.anchors, strict=True)
+    bodies = {
+        module.frame: in_space(anchor - module.anchor) for module, anchor in pairs if module.frame in rig.frames
+    }
+    places, labels = {scenery.held_name(rig) or "hand": in_space(instant.hand)}, scenery.labels or {}
+    places |= {labels.get(name, name): place for name, place in bodies.items()}
+    person = None
+    if scenery.feet is not None:
+        person = stick_figure(in_space(np.array(scenery.feet)), upward(rig), list(places.items()))
+    origin = np.zeros(3) if scenery.frame is None else bodies[scenery.frame]
     middle = in_space(np.array(scenery.middle))
-    return [solid(surface, origin, middle) for phase in scenery.phases for surface in phase.surfaces]
+    surfaces = (surface for phase in scenery.phases for surface in phase.surfaces)
+    return SceneryScene(places, [place_surface(surface, origin, middle) for surface in surfaces], person)
 
 
-def points_to_see(scenery: Scenery, rig: Rig, instant: Instant) -> Floats:
-    """Return points (k, 3) in m around a rig that a picture of its run should hold."""
-    figure = person(scenery, rig, named_places(scenery, rig, instant))
-    joints = [] if figure is None else [*figure.lines, figure.head[None]]
-    return np.concatenate(
-        [np.empty((0, 3)), *joints, *(placed.centre[None] for placed in solids(scenery, rig, instant))]
-    )
+class RunDrawing:
+    """Nodes of the scene of a run: its rig, and the surroundings of its scenario."""
 
+    def __init__(
+        self, server: Any, rig: Rig, instant: Instant, scenery: Scenery | None, covered: float = 0.0
+    ) -> None:
+        """Look at all that is there at an instant, but for the share ``covered`` of the picture, from below."""
+        self._rig, self._scenery = rig, scenery
+        points = [instant.anchors, instant.hand[None]]
+        if scenery is not None:
+            drawn, scene, grey = draw_scenery(scenery, rig, instant), server.scene, rgb(PERSON_COLOUR)
+            points.append(drawn.points[:, : rig.dimension])
+            self._solids = [_add_solid(scene, f"/scenery/{i}", solid) for i, solid in enumerate(drawn.solids)]
+            self._person = scene.add_line_segments(
+                "/person", NO_LINE, grey, thickness=LIMB_M, thickness_units="world", visible=False
+            )
+            self._head = scene.add_icosphere("/head", HEAD_M, color=grey, visible=False)
+            count = len(drawn.places)
+            self._names = [scene.add_label(f"/names/{i}", "", anchor="top-left") for i in range(count)]
+        self._drawing = RigDrawing(server, FORCE_COLOURS)
+        self._drawing.look_at(rig, *points, covered=covered)
 
-class SceneryDrawing:
-    """Nodes of what is around the rig of a run; `show` brings them up to date."""
-
-    def __init__(self, scene: Any, scenery: Scenery, rig: Rig, instant: Instant) -> None:
-        self._scenery, self._rig = scenery, rig
-        self._surfaces = [_add_solid(scene, i, each) for i, each in enumerate(solids(scenery, rig, instant))]
-        self._person = scene.add_line_segments(
-            "/person", NO_LINE, as_rgb(PERSON_COLOUR), thickness=LIMB_M, thickness_units="world", visible=False
-        )
-        self._head = scene.add_icosphere("/head", HEAD_M, color=as_rgb(PERSON_COLOUR), visible=False)
-        count = len(named_places(scenery, rig, instant))
-        self._labels = [scene.add_label(f"/names/{i}", "", anchor="top-left") for i in range(count)]
-
-    def show(self, instant: Instant, *, fresh: bool) -> None:
-        """Bring all nodes up to date; where the instant is not fresh, no phase is in progress."""
+    def show(self, instant: Instant, *, fresh: bool = True) -> None:
+        """Bring all nodes up to date; an instant that is not fresh is grey, and in no phase."""
+        self._drawing.show(draw_instant(self._rig, instant, fresh=fresh))
+        if self._scenery is None:
+            return
+        drawn = draw_scenery(self._scenery, self._rig, instant)
         active = self._scenery.active_phases(instant.time) if fresh else ()
-        places = named_places(self._scenery, self._rig, instant)
-        drawn = iter(zip(self._surfaces, solids(self._scenery, self._rig, instant), strict=True))
-        for phase in self._scenery.phases:
-            for surface, (node, placed) in zip(phase.surfaces, drawn, strict=False):
-                node.position, node.wxyz = placed.centre, placed.turn
-                colour = GREEN if surface.brakes else SURFACE_COLOUR
-                node.color = as_rgb(colour if phase in active else GREY)
-                node.opacity = ACTIVE_OPACITY if phase in active else IDLE_OPACITY
-        figure = person(self._scenery, self._rig, places)
-        self._person.visible = self._head.visible = figure is not None
-        if figure is not None:
-            limbs = [np.stack([line[:-1], line[1:]], axis=1) for line in figure.lines]
-            self._person.points, self._head.position = np.concatenate(limbs), figure.head
-        for node, (name, place) in zip(self._labels, places.items(), strict=True):
+        surfaces = [(phase in active, each) for phase in self._scenery.phases for each in phase.surfaces]
+        for node, solid, (lit, surface) in zip(self._solids, drawn.solids, surfaces, strict=True):
+            node.position, node.wxyz = solid.centre, solid.turn
+            colour = GREY if not lit else GREEN if surface.brakes else SURFACE_COLOUR
+            node.color, node.opacity = tuple(rgb(colour).tolist()), ACTIVE_OPACITY if lit else IDLE_OPACITY
+        self._person.visible = self._head.visible = drawn.person is not None
+        if drawn.person is not None:
+            limbs = [np.stack([line[:-1], line[1:]], axis=1) for line in drawn.person.lines]
+            self._person.points, self._head.position = np.concatenate(limbs), drawn.person.head
+        for node, (name, place) in zip(self._names, drawn.places.items(), strict=True):
             node.text, node.position = name, place
 
 
-def _add_solid(scene: Any, index: int, placed: Solid) -> Any:
+def _add_solid(scene: Any, name: str, solid: Solid) -> Any:
     look: dict[str, Any] = {
-        "color": as_rgb(GREY), "opacity": IDLE_OPACITY, "position": placed.centre, "wxyz": placed.turn,
+        "color": rgb(GREY), "opacity": IDLE_OPACITY, "position": solid.centre, "wxyz": solid.turn,
         "side": "double", "cast_shadow": False, "receive_shadow": False,
     }  # fmt: skip
-    if placed.edges is None:
-        return scene.add_icosphere(f"/scenery/{index}", placed.radius, **look)
-    return scene.add_box(f"/scenery/{index}", dimensions=tuple(placed.edges), **look)
+    if solid.edges is None:
+        return scene.add_icosphere(name, solid.radius, **look)
+    return scene.add_box(name, dimensions=tuple(solid.edges), **look)

@@ -25,12 +25,9 @@ if TYPE_CHECKING:
 MIN_EDGE = 0.5  # shortest edge of the box around a rig, as a share of the longest one
 FORCE_SHARE = 0.25  # length of the arrow of the strongest tension, about, as a share of the size of the rig
 SLACK_N = 1e-9
-ANCHOR_SHARE, HAND_SHARE = 0.012, 0.015  # radii of the balls at modules and hand, as shares of the size of the rig
-ARROW_SHARES = {
-    "shaft_radius": 0.004,
-    "head_radius": 0.010,
-    "head_length": 0.03,
-}  # of arrows
+# Radii of the balls at modules and hand, and dimensions of arrows, as shares of the size of the rig.
+ANCHOR_SHARE, HAND_SHARE = 0.012, 0.015
+ARROW_SHARES = {"shaft_radius": 0.004, "head_radius": 0.010, "head_length": 0.03}
 FIELD_OF_VIEW_RAD = 0.7
 CABLE_PIXELS, THIN_PIXELS = 3.0, 1.5
 NO_LINE = np.zeros((1, 2, 3))
@@ -52,14 +49,6 @@ class Lines:
     colours: Colours
 
 
-@dataclass(frozen=True)
-class Arrow:
-    """Arrow from a place to another, (3,), in m."""
-
-    start: Floats
-    end: Floats
-
-
 @dataclass(frozen=True, eq=False)
 class RigScene:
     """A rig with its tensions and forces, as it is drawn while it is designed and while it runs."""
@@ -70,7 +59,7 @@ class RigScene:
     colours: Colours  # of the modules, (m, 3)
     hand: Floats  # the point, or the platform's reference point, (3,), in m
     labels: tuple[str, ...]  # name and tension of each module
-    arrows: dict[str, Arrow]  # forces by name
+    arrows: dict[str, Floats]  # start and end of each force, (2, 3), in m, by its name
 
 
 def bounds(rig: Rig, *more: Floats) -> tuple[Floats, Floats]:
@@ -87,8 +76,7 @@ def bounds(rig: Rig, *more: Floats) -> tuple[Floats, Floats]:
 
 def size(rig: Rig) -> float:
     """Return the longest edge of the box around a rig, in m."""
-    low, high = bounds(rig)
-    return float((high - low).max())
+    return float(np.ptp(bounds(rig), axis=0).max())
 
 
 def force_scale(rig: Rig) -> float:
@@ -144,18 +132,32 @@ class RigDrawing:
             name: scene.add_arrows(f"/arrows/{name}", NO_LINE, linear(rgb(colour)), visible=False)
             for name, colour in colours.items()
         }
-        self.hand = scene.add_icosphere("/hand", color=as_rgb(RED), cast_shadow=False)
+        self.hand = scene.add_icosphere("/hand", color=rgb(RED), cast_shadow=False)
         self._balls: list[Any] = []
         self._labels: list[Any] = []
 
     def look_at(self, rig: Rig, *points: Floats, covered: float = 0.0) -> None:
         """Point the camera at the rig, put the floor below it, and have all sizes suit it.
 
-        ``points`` are arrays (k, d) to show as well; ``covered`` is the share of the picture, from below,
-        in which nothing is seen.
+        ``points`` are arrays (k, d) to show as well; ``covered`` is the share of the picture, from below, that
+        something else covers.
         """
         place_camera(self._server, rig, *points, covered=covered)
-        _add_floor(self._scene, rig, *points)  # replaces the one before
+        low, high = (in_space(corner) for corner in bounds(rig, *points))
+        middle, reach = (low + high) / 2, float((high - low).max())
+        if rig.dimension == 2:  # behind the rig
+            plane, middle[2] = "xy", -0.02 * reach
+        else:
+            axis = "xyz".index(rig.vertical)
+            plane = "xyz".replace(rig.vertical, "")
+            middle[axis] = high[axis] if (rig.up or "").startswith("-") else low[axis]
+        section = 10.0 ** np.floor(np.log10(reach))
+        add_grid: Any = self._scene.add_grid  # replaces the grid before
+        add_grid(
+            "/floor", 3.0 * reach, 3.0 * reach, plane=plane, position=middle, cell_size=section / 5,
+            section_size=section, cell_color=(150, 150, 150), section_color=(120, 120, 120), cell_thickness=0.6,
+            section_thickness=1.0, fade_distance=8.0 * reach, shadow_opacity=0.0,
+        )  # fmt: skip
         self.reach = size(rig)
 
     def show(self, scene: RigScene) -> None:
@@ -163,7 +165,12 @@ class RigDrawing:
         set_lines(self._cables, scene.cables)
         set_lines(self._platform, scene.platform)
         for name, node in self._arrows.items():
-            set_arrow(node, scene.arrows.get(name), self.reach)
+            arrow = scene.arrows.get(name, NO_LINE[0])
+            node.visible = bool((arrow[0] != arrow[1]).any())
+            if node.visible:
+                node.points = arrow[None]
+                for part, share in ARROW_SHARES.items():
+                    setattr(node, part, share * self.reach)
         self.hand.position, self.hand.radius = scene.hand, HAND_SHARE * self.reach
         self._match_modules(len(scene.anchors))
         for ball, label, place, colour, text in zip(
@@ -178,10 +185,15 @@ class RigDrawing:
             self._balls.pop().remove()
             self._labels.pop().remove()
         for i in range(len(self._balls), count):
-            ball = self._scene.add_icosphere(f"/anchors/{i}", color=as_rgb(BLUE), cast_shadow=False)
+            ball = self._scene.add_icosphere(f"/anchors/{i}", color=rgb(BLUE), cast_shadow=False)
             self._balls.append(ball)
             self._labels.append(self._scene.add_label(f"/labels/{i}", "", anchor="bottom-left"))
             self._on_new_module(ball, i)
+
+
+def upward(rig: Rig) -> Floats:
+    """Return the direction, (3,), that is drawn upright: that of the rig, or y."""
+    return in_space(rig.upward) if rig.up is not None else np.array([0.0, 1.0, 0.0])
 
 
 def place_camera(server: viser.ViserServer, rig: Rig, *points: Floats, covered: float = 0.0) -> None:
@@ -190,45 +202,18 @@ def place_camera(server: viser.ViserServer, rig: Rig, *points: Floats, covered: 
     ``points`` and ``covered`` are as in `RigDrawing.look_at`.
     """
     low, high = (in_space(corner) for corner in bounds(rig, *points))
-    middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    up = in_space(rig.upward) if rig.up is not None else np.array([0.0, 1.0, 0.0])
+    middle, up = (low + high) / 2, upward(rig)
     server.scene.set_up_direction(tuple(up))
-    if rig.dimension == 2:
-        away = np.array([0.0, 0.0, 1.0])
-    else:
+    away = np.array([0.0, 0.0, 1.0])
+    if rig.dimension == 3:
         away = 1.15 * np.roll(np.abs(up), 1) + 0.85 * np.roll(np.abs(up), 2) + 0.55 * up
+    away = away / np.linalg.norm(away)
     camera = server.initial_camera
     camera.fov = FIELD_OF_VIEW_RAD
-    distance = radius / np.sin(FIELD_OF_VIEW_RAD / 2) / (1.0 - covered)
-    away = away / np.linalg.norm(away)
+    distance = float(np.linalg.norm(high - low)) / 2 / np.sin(FIELD_OF_VIEW_RAD / 2) / (1.0 - covered)
     upwards = up - (up @ away) * away
     middle = middle - covered * distance * np.tan(FIELD_OF_VIEW_RAD / 2) * upwards / np.linalg.norm(upwards)
     camera.position, camera.look_at, camera.up = middle + distance * away, middle, up
-
-
-def _add_floor(scene: Any, rig: Rig, *points: Floats) -> None:
-    """Add a grid at the lowest point of the rig and of arrays (k, d); behind a rig in the plane."""
-    low, high = (in_space(corner) for corner in bounds(rig, *points))
-    reach = float((high - low).max())
-    section = 10.0 ** np.floor(np.log10(reach))
-    middle = (low + high) / 2
-    if rig.dimension == 2:
-        plane, middle[2] = "xy", -0.02 * reach
-    else:
-        axis = "xyz".index(rig.vertical)
-        plane = "xyz".replace("xyz"[axis], "")
-        middle[axis] = high[axis] if (rig.up or "").startswith("-") else low[axis]
-    scene.add_grid(
-        "/floor", 3.0 * reach, 3.0 * reach, plane=plane, position=middle, cell_size=section / 5,
-        section_size=section, cell_color=(150, 150, 150), section_color=(120, 120, 120), cell_thickness=0.6,
-        section_thickness=1.0, fade_distance=8.0 * reach, shadow_opacity=0.0,
-    )  # fmt: skip
-
-
-def as_rgb(colour: str) -> tuple[int, int, int]:
-    """Return a colour such as "#0072B2" as viser takes it."""
-    red, green, blue = rgb(colour).tolist()
-    return red, green, blue
 
 
 def linear(colours: Colours) -> Colours:
@@ -250,15 +235,6 @@ def set_lines(node: Any, lines: Lines) -> None:
     if len(lines.points):
         node.points, node.colors = lines.points, np.repeat(linear(lines.colours)[:, None], 2, axis=1)
     node.visible = bool(len(lines.points))
-
-
-def set_arrow(node: Any, arrow: Arrow | None, reach: float) -> None:
-    """Show an arrow in a node, in sizes that suit the size of a rig; one without a length hides it."""
-    node.visible = arrow is not None and float(np.linalg.norm(arrow.end - arrow.start)) > 0.0
-    if arrow is not None and node.visible:
-        node.points = np.stack([arrow.start, arrow.end])[None]
-        for name, share in ARROW_SHARES.items():
-            setattr(node, name, share * reach)
 
 
 def set_mesh(node: Any, mesh: Mesh | None) -> None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from itertools import cycle
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -30,7 +31,7 @@ FORCE_SHARE = 0.25  # size of the forces where none is desired, as a share of th
 RADIUS_SHARE = 0.1  # radius of the circle of the hand, as a share of the size of the rig
 TIMED_CALLS, TIMED_S = 20, 0.05  # most calls that are timed, and the time after which no further one begins
 SERIES_COLOURS = (BLUE, ORANGE, GREEN, RED, "#56B4E9", PURPLE, "#999999")  # of solvers, in their order
-CHART_PIXELS = 190
+CHART: dict[str, Any] = {"height": 190, "scales": {"x": {"time": False}}, "legend": {"show": False}}
 COLUMNS = (
     "solver",
     "status",
@@ -42,8 +43,7 @@ COLUMNS = (
 Bind = Callable[[Any, Callable[[DesignState], Any], Callable[[DesignState, Any], DesignState]], Any]
 
 
-@dataclass(frozen=True)
-class StudyProblems:
+class StudyProblems(NamedTuple):
     """Forces at places, one after another; the torque is the desired one of the state."""
 
     along: Floats  # place of each in the study, (k,): an angle in degrees, or its number
@@ -51,36 +51,31 @@ class StudyProblems:
     forces: Floats  # desired, (k, d), in N
 
 
-@dataclass(frozen=True)
-class SolverAnswers:
-    """Answers of one solver at the desired wrench and to a study, and the median time of a call in s.
-
-    There are none where ``problem`` says why.
-    """
+class SolverAnswers(NamedTuple):
+    """Answers of one solver at the desired wrench and to a study; none where ``problem`` says why."""
 
     solver: str
     now: Allocation | None = None
     study: Allocation | None = None
-    seconds: float = float("nan")
+    seconds: float = float("nan")  # median time of a call
     problem: str = ""
 
 
 def problems(state: DesignState) -> StudyProblems:
     """Return the problems of the study that a state chooses."""
-    d = state.rig.dimension
-    force = state.wrench[:d]
-    strength = float(np.linalg.norm(force)) or FORCE_SHARE * float(state.rig.limits.upper.max())
+    rig, d, force = state.rig, state.rig.dimension, state.wrench[: state.rig.dimension]
+    strength = float(np.linalg.norm(force)) or FORCE_SHARE * float(rig.limits.upper.max())
     if state.study == "force in all directions":
         forces = strength * (directions.grid18() if d == 3 else directions.circle())
         return StudyProblems(np.arange(float(len(forces))), np.tile(state.position, (len(forces), 1)), forces)
     angle = np.linspace(0.0, 360.0, CIRCLE_COUNT, endpoint=False)
     # Around the vertical axis; in the plane, from its first axis.
-    first, second = (0, 1) if d == 2 else [i for i in range(3) if "xyz"[i] != state.rig.vertical]
+    level = (0, 1) if d == 2 else tuple(i for i in range(3) if "xyz"[i] != rig.vertical)
     ring = np.zeros((CIRCLE_COUNT, d))
-    ring[:, first], ring[:, second] = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    ring[:, level] = np.column_stack([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
     if state.study == "force in a circle":
         return StudyProblems(angle, np.tile(state.position, (len(ring), 1)), strength * ring)
-    places = state.position + RADIUS_SHARE * size(state.rig) * ring
+    places = state.position + RADIUS_SHARE * size(rig) * ring
     return StudyProblems(angle, places, np.tile(force, (len(ring), 1)))
 
 
@@ -122,15 +117,14 @@ def compare(state: DesignState, wanted: Callable[[], bool]) -> tuple[StudyProble
 def solver_table(answers: Sequence[SolverAnswers]) -> Table:
     """Return the table of the answers at the desired wrench, and of how many of the study are exact."""
     rows: list[list[Any]] = []
-    for number, each in enumerate(answers):
-        name = Mark("■", SERIES_COLOURS[number % len(SERIES_COLOURS)], each.solver)
+    for each, colour in zip(answers, cycle(SERIES_COLOURS), strict=False):
+        name = Mark("■", colour, each.solver)
         if each.now is None or each.study is None:
             rows.append([name, each.problem, None, None, None, None])
             continue
-        status = Status(int(each.now.status)).name
         exact = f"{each.study.counts()[Status.EXACT]}/{each.study.status.size}"
         residual, highest = float(each.now.residual), float(each.now.tensions.max())
-        rows.append([name, status, residual, highest, each.seconds, exact])
+        rows.append([name, Status(int(each.now.status)).name, residual, highest, each.seconds, exact])
     return Table(COLUMNS, rows, notes=['At the desired force; "exact" counts the problems below.'])
 
 
@@ -139,15 +133,13 @@ class SolverPanel:
 
     def __init__(self, gui: viser.GuiApi, bind: Bind, solvers: Sequence[str], tab: Any) -> None:
         """``bind`` ties a field to the state; charts are added to ``tab`` later."""
-        self._gui, self._tab = gui, tab
+        self._gui: Any = gui
+        self._tab = tab
         with gui.add_folder("compare with", expand_by_default=False):
             for name in solvers:
                 bind(gui.add_checkbox(name, False), partial(_is_compared, name), partial(_set_compared, name))
-        bind(
-            gui.add_dropdown("at", STUDIES),
-            lambda state: state.study,
-            lambda state, study: replace(state, study=study),
-        )
+        study = gui.add_dropdown("at", STUDIES)
+        bind(study, lambda state: state.study, lambda state, value: replace(state, study=value))
         self._table = gui.add_html("")
         self._charts: list[Any] = []
         self._names: tuple[str, ...] = ()
@@ -166,23 +158,19 @@ class SolverPanel:
         }
         while self._charts and (tuple(known) != self._names or not known):
             self._charts.pop().remove()
-        self._names = tuple(known)
         if known and not self._charts:
-            self._charts = [self._add_chart(study.along) for _ in lines]
+            series: list[dict[str, Any]] = [{"label": "at"}]
+            for name, colour in zip(known, cycle(SERIES_COLOURS), strict=False):
+                series.append({"label": name, "stroke": colour, "width": 2, "points": {"show": False}})
+            with self._tab:
+                self._charts = [
+                    self._gui.add_uplot((study.along, *values), tuple(series), title=title, **CHART)
+                    for title, values in lines.items()
+                ]
+        self._names = tuple(known)
         for chart, (title, values) in zip(self._charts, lines.items(), strict=False):
             chart.title = title
             chart.data = (study.along, *values)
-
-    def _add_chart(self, along: Floats) -> Any:
-        series: list[dict[str, Any]] = [{"label": "at"}]
-        for name, colour in zip(self._names, SERIES_COLOURS * len(self._names), strict=False):
-            series.append({"label": name, "stroke": colour, "width": 2, "points": {"show": False}})
-        add: Any = self._gui.add_uplot
-        with self._tab:
-            return add(
-                (along, *(np.zeros(len(along)) for _ in self._names)), tuple(series), title=" ",
-                height=CHART_PIXELS, scales={"x": {"time": False}}, legend={"show": False},
-            )  # fmt: skip
 
 
 def _is_compared(name: str, state: DesignState) -> bool:

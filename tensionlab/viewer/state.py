@@ -1,4 +1,4 @@
-"""The state of the design page and its edits: pure functions from state to state, and their undo."""
+"""The state of the design page and its edits: pure functions from state to state."""
 
 from __future__ import annotations
 
@@ -22,8 +22,6 @@ from tensionlab.workspace.layout.task import LayoutTask
 
 HAND = "hand"  # name of the hand, or the platform, among the names of modules
 DECIMALS = 4  # decimals of coordinates in m and forces in N that are dragged
-UNDOABLE = ("rig", "position", "rotation", "wrench")  # attributes of a state that undo restores
-MAX_STEPS = 500
 Study = Literal["force in a circle", "force in all directions", "hand in a circle"]
 STUDIES: tuple[Study, ...] = get_args(Study)  # problems at which solvers are compared
 
@@ -99,8 +97,9 @@ def find(state: DesignState, name: str) -> Module:
     raise RigError(f'rig "{state.rig.name}" has no module "{name}"; it has {", ".join(state.names)}')
 
 
-def _replaced(state: DesignState, old: Module, **changes: Any) -> DesignState:
-    """Return the state with some keys of a module changed."""
+def change_module(state: DesignState, name: str, /, **changes: Any) -> DesignState:
+    """Change attributes of a module, such as ``lower`` and ``upper``."""
+    old = find(state, name)
     new = replace(old, **changes)
     return _with_modules(state, tuple(new if module is old else module for module in state.rig.modules))
 
@@ -133,12 +132,12 @@ def snap(state: DesignState, place: ArrayLike) -> Floats:
 
 def nearest_on_surfaces(space: Space, place: Floats) -> Floats:
     """Return the point of the surfaces nearest to a place, (d,), in m; the place if none is in the world."""
-    candidates = [place]
+    points = []
     for corner, edges in _surfaces(space):
         # Of a rectangle or a box this is the nearest point, of a skew surface one that is near.
         share = np.clip(np.linalg.lstsq(edges.T, place - corner, rcond=None)[0], 0.0, 1.0)
-        candidates.append(corner + share @ edges)
-    return min(candidates[1:] or candidates, key=lambda point: float(np.linalg.norm(point - place)))
+        points.append(corner + share @ edges)
+    return min(points, key=lambda point: float(np.linalg.norm(point - place)), default=place)
 
 
 def outlines(space: Space) -> Floats:
@@ -162,29 +161,19 @@ def move_anchor(state: DesignState, name: str, place: ArrayLike) -> DesignState:
     if state.task is not None and state.task.space.dimension == state.rig.dimension:
         point = np.round(nearest_on_surfaces(state.task.space, point), DECIMALS) + 0.0
     anchor = _in_frame(state.rig, module.frame, point)
-    return state if np.array_equal(anchor, module.anchor) else _replaced(state, module, anchor=anchor)
-
-
-def move_attachment(state: DesignState, name: str, place: ArrayLike) -> DesignState:
-    """Put an attachment at a place in platform axes, (d,), in m."""
-    return _replaced(state, find(state, name), attachment=np.asarray(place, np.float64))
-
-
-def set_limits(state: DesignState, name: str, lower: float, upper: float) -> DesignState:
-    """Give a module other tension limits, in N."""
-    return _replaced(state, find(state, name), lower=float(lower), upper=float(upper))
+    return state if np.array_equal(anchor, module.anchor) else change_module(state, name, anchor=anchor)
 
 
 def rename(state: DesignState, name: str, new: str) -> DesignState:
     """Give a module another name."""
-    changed = _replaced(state, find(state, name), name=new)
-    return replace(changed, selected=new) if state.selected == name else changed
+    renamed = change_module(state, name, name=new)
+    return replace(renamed, selected=new) if state.selected == name else renamed
 
 
 def set_frame(state: DesignState, name: str, frame: str) -> DesignState:
     """Put a module on a body frame, or in the world, where it is; a new frame is at the origin of the world."""
-    module, place = find(state, name), state.anchors[state.names.index(name)]
-    return _replaced(state, module, frame=frame or WORLD, anchor=_in_frame(state.rig, frame or WORLD, place))
+    place, frame = state.anchors[state.names.index(name)], frame or WORLD
+    return change_module(state, name, frame=frame, anchor=_in_frame(state.rig, frame, place))
 
 
 def move_body(state: DesignState, name: str, position: ArrayLike) -> DesignState:
@@ -222,16 +211,6 @@ def remove_module(state: DesignState, name: str) -> DesignState:
     return replace(_with_modules(state, others), selected="" if state.selected == name else state.selected)
 
 
-def name_rig(state: DesignState, name: str) -> DesignState:
-    """Give the rig another name."""
-    return replace(state, rig=replace(state.rig, name=name))
-
-
-def set_home(state: DesignState) -> DesignState:
-    """Make the place of the hand the home of the rig."""
-    return replace(state, rig=replace(state.rig, home=state.position))
-
-
 def move_hand(state: DesignState, place: ArrayLike) -> DesignState:
     """Put the hand, or the platform's reference point, at a place, (d,), in m, or the nearest grid point."""
     return replace(state, position=readonly_copy(snap(state, place)))
@@ -262,43 +241,3 @@ def ghost_state(state: DesignState) -> DesignState | None:
 def set_fields(**changes: Any) -> Edit:
     """Return the edit that sets attributes of the state, such as ``solver`` or ``level``."""
     return lambda state: replace(state, **changes)
-
-
-class History:
-    """The present state, and those that undo and redo return to."""
-
-    def __init__(self, state: DesignState) -> None:
-        self.present = state
-        self._before: list[DesignState] = []
-        self._after: list[DesignState] = []
-        self._step: object = None
-
-    def record(self, state: DesignState, step: object = None) -> None:
-        """Make a state the present one.
-
-        Edits with the same step that is not None are undone together, such as those of a drag. A change of none of
-        `UNDOABLE` is no step.
-        """
-        if any(getattr(state, name) is not getattr(self.present, name) for name in UNDOABLE):
-            if step is None or step is not self._step:
-                self._before = [*self._before, self.present][-MAX_STEPS:]
-            self._after.clear()
-            self._step = step
-        self.present = state
-
-    def undo(self) -> None:
-        """Return to the state before the last step, if there is one."""
-        self._go(self._before, self._after)
-
-    def redo(self) -> None:
-        """Return to the state that the last undo left, if there is one."""
-        self._go(self._after, self._before)
-
-    def _go(self, source: list[DesignState], target: list[DesignState]) -> None:
-        if source:
-            goal = source.pop()
-            target.append(self.present)
-            selected = self.present.selected if self.present.selected in (HAND, *goal.names) else ""
-            restored = {name: getattr(goal, name) for name in UNDOABLE}
-            self.present = replace(self.present, **restored, selected=selected)
-        self._step = None

@@ -1,5 +1,6 @@
 """`tensionlab view` and `--view`, without a browser; `tests/viewer` has what they show."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from unittest.mock import Mock
 
@@ -17,7 +18,6 @@ from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.world import World
 from tensionlab.viewer import live
-from tensionlab.viewer import state as edits
 
 RIG = "bartels2026-validation"
 
@@ -62,7 +62,7 @@ def test_of_several_runs_one_is_named_by_its_rig(run, monkeypatch):
 
 
 def test_a_run_whose_rig_only_its_program_knows_is_found_by_that_name(run, monkeypatch):
-    rig = edits.name_rig(edits.begin(tl.load_rig(RIG)), "mine").rig
+    rig = replace(tl.load_rig(RIG), name="mine")
     watched = Mock(info=SimpleNamespace(rig=rig, program="python my_run.py"))
     monkeypatch.setattr("tensionlab.cli.view.find_runs", lambda: [watched])
     assert _watcher("mine") == (watched, "mine")

@@ -11,8 +11,8 @@ from websockets.sync.client import connect
 import tensionlab as tl
 from tensionlab.errors import TensionlabError, WriteError
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.design_page import dragged, load_space, on_plane, save_below
-from tensionlab.viewer.design_panel import share_html, status_html, tensions_html
+from tensionlab.viewer.design_page import dragged, on_plane
+from tensionlab.viewer.design_panel import load_space, save_below, share_html, status_html, tensions_html
 from tensionlab.viewer.design_scene import Grab, draw
 from tensionlab.viewer.evaluation import evaluate
 from tensionlab.viewer.scene import bounds, force_scale

@@ -85,7 +85,7 @@ def test_the_heading_has_the_status_and_where_in_the_run_it_is(four):
     assert ORANGE in text
     assert plain(cycle_heading(four, shown, 49)).startswith("NO FORCE no force is desired")
     fallback = replace(four, fallback_used=np.full(100, True))
-    assert "newton left it unproven: newton&#39;s answer was sent" in cycle_heading(fallback, shown, 25)
+    assert "newton left it unproven: newton's answer was sent" in cycle_heading(fallback, shown, 25)
 
 
 def test_curves_are_to_one_scale_and_broken_where_there_is_no_force(four):

@@ -20,8 +20,8 @@ from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.scenery import scenery
 from tensionlab.support.colours import GREEN, ORANGE, RED
 from tensionlab.viewer.html import render
-from tensionlab.viewer.live import StopOutcome, live_heading
-from tensionlab.viewer.run_page import events_html, forces_html, modules_html, times_html
+from tensionlab.viewer.live import StopOutcome, events_html, live_heading
+from tensionlab.viewer.run_page import forces_html, modules_html, times_html
 from tensionlab.viewer.run_scene import Instant
 from tests.helpers.browsers import plain
 from tests.helpers.runs import four

@@ -19,16 +19,12 @@ from tensionlab.viewer.run_scene import (
     DASHES,
     ENLARGED,
     Instant,
-    SceneryDrawing,
-    body_origins,
+    RunDrawing,
     draw_instant,
-    named_places,
-    person,
-    points_to_see,
-    solid,
-    solids,
+    draw_scenery,
+    place_surface,
 )
-from tensionlab.viewer.scene import as_rgb, force_scale, size
+from tensionlab.viewer.scene import force_scale, size
 from tests.helpers.runs import cycles, four
 
 
@@ -49,7 +45,7 @@ def instant(rig):
 
 
 def ended(scene, name):
-    return scene.arrows[name].end - scene.arrows[name].start
+    return scene.arrows[name][1] - scene.arrows[name][0]
 
 
 def test_three_forces_are_drawn_to_scale_beside_one_another(rig, instant):
@@ -57,7 +53,7 @@ def test_three_forces_are_drawn_to_scale_beside_one_another(rig, instant):
     for name in FORCE_COLOURS:
         force = ENLARGED * force_scale(rig) * getattr(instant, name)
         assert ended(scene, name) == pytest.approx(force), name
-    starts = np.array([scene.arrows[name].start for name in FORCE_COLOURS])
+    starts = np.array([scene.arrows[name][0] for name in FORCE_COLOURS])
     assert np.linalg.norm(starts[:, None] - starts, axis=-1)[np.triu_indices(3, 1)].min() > 0.01 * size(rig)
 
 
@@ -127,7 +123,7 @@ def test_a_rig_in_the_plane_lies_in_it():
     scene = draw_instant(rig, instant)
     assert set(scene.arrows) == set(FORCE_COLOURS)
     for arrow in scene.arrows.values():
-        assert (arrow.start[2], arrow.end[2]) == (0.0, 0.0)
+        assert not arrow[:, 2].any()
 
 
 MIDDLE = np.array([0.3, 0.4, 1.2])
@@ -150,7 +146,7 @@ def normal(plate):
 
 
 def test_a_plane_is_a_plate_in_it_near_the_middle_of_the_script():
-    plate = solid(ScenerySurface("plane", (0.0, 0.0, 1.0), (0.0, 0.6, 0.8)), np.zeros(3), MIDDLE)
+    plate = place_surface(ScenerySurface("plane", (0.0, 0.0, 1.0), (0.0, 0.6, 0.8)), np.zeros(3), MIDDLE)
     across = np.array([0.0, 0.6, 0.8])
     assert normal(plate) == pytest.approx(across)
     assert (plate.centre - [0.0, 0.0, 1.0]) @ across == pytest.approx(0.0)
@@ -158,16 +154,16 @@ def test_a_plane_is_a_plate_in_it_near_the_middle_of_the_script():
 
 
 def test_the_end_of_a_reach_is_a_plate_on_the_side_of_the_middle():
-    plate = solid(ScenerySurface("reach", (0.0, 0.0, 0.0), size=(0.5,)), np.array([0.0, 0.0, 1.0]), MIDDLE)
+    plate = place_surface(ScenerySurface("reach", (0.0, 0.0, 0.0), size=(0.5,)), np.array([0.0, 0.0, 1.0]), MIDDLE)
     ahead = MIDDLE - [0.0, 0.0, 1.0]
     assert plate.centre - [0.0, 0.0, 1.0] == pytest.approx(0.5 * ahead / np.linalg.norm(ahead))
     assert normal(plate) == pytest.approx(ahead / np.linalg.norm(ahead))
 
 
 def test_a_ball_and_a_box_have_their_place_and_size():
-    ball = solid(ScenerySurface("ball", (0.1, 0.0, 1.0), size=(0.2,)), np.array([1.0, 0.0, 0.0]), MIDDLE)
+    ball = place_surface(ScenerySurface("ball", (0.1, 0.0, 1.0), size=(0.2,)), np.array([1.0, 0.0, 0.0]), MIDDLE)
     assert (ball.centre.tolist(), ball.radius) == ([1.1, 0.0, 1.0], 0.2)
-    box = solid(ScenerySurface("box", (0.0, 0.0, 1.0), size=(0.1, 0.2, 0.3)), np.zeros(3), MIDDLE)
+    box = place_surface(ScenerySurface("box", (0.0, 0.0, 1.0), size=(0.1, 0.2, 0.3)), np.zeros(3), MIDDLE)
     assert (box.centre.tolist(), box.edges.tolist()) == ([0.0, 0.0, 1.0], [0.1, 0.2, 0.3])
 
 
@@ -175,9 +171,9 @@ def test_surfaces_in_the_frame_of_a_body_go_with_it(bow):
     found, rig, instant = bow
     shift = np.array([0.1, 0.2, 0.3])
     for anchors in (instant.anchors, instant.anchors + shift):
-        (plate,) = solids(found, rig, replace(instant, anchors=anchors))
-        origin = body_origins(rig, anchors)["bow"]
-        assert np.linalg.norm(plate.centre - origin) == pytest.approx(0.8)
+        scene = draw_scenery(found, rig, replace(instant, anchors=anchors))
+        (plate,) = scene.solids
+        assert np.linalg.norm(plate.centre - scene.places["bow hand"]) == pytest.approx(0.8)
 
 
 def test_only_surfaces_of_phases_in_progress_are_coloured(bow):
@@ -188,28 +184,30 @@ def test_only_surfaces_of_phases_in_progress_are_coloured(bow):
         nodes.append(MagicMock(kind=name[0], **how))
         return nodes[-1]
 
-    scene = MagicMock(add_box=node, add_label=node)
-    drawing = SceneryDrawing(scene, found, rig, instant)
+    server = MagicMock()
+    server.scene.add_box = server.scene.add_label = node
+    drawing = RunDrawing(server, rig, instant, found)
     for time, fresh, colour in ((4.0, True, GREY), (1.0, True, GREEN), (1.0, False, GREY)):
         drawing.show(replace(instant, time=time), fresh=fresh)
-        assert nodes[0].color == as_rgb(colour)
-        assert [label.text for label in nodes[1:]] == ["draw hand", "bow hand"]
+        assert nodes[0].color == tuple(rgb(colour))
+        assert [label.text for label in nodes[1:3]] == ["draw hand", "bow hand"]
 
 
 def test_the_person_holds_what_is_known_of_it(bow):
     found, rig, instant = bow
-    figure = person(found, rig, named_places(found, rig, instant))
-    joints = np.concatenate(figure.lines)
-    for place in (instant.hand, body_origins(rig, instant.anchors)["bow"]):
+    scene = draw_scenery(found, rig, instant)
+    joints = np.concatenate(scene.person.lines)
+    for place in scene.places.values():
         assert np.linalg.norm(joints - place, axis=1).min() == pytest.approx(0.0, abs=1e-9)
     assert joints[:, 2].min() == pytest.approx(0.0)
-    assert points_to_see(found, rig, instant)[:, 2].max() >= figure.head[2] > 1.5
-    assert person(replace(found, feet=None), rig, {}) is None
+    assert scene.points[:, 2].max() >= scene.person.head[2] > 1.5
+    assert draw_scenery(replace(found, feet=None), rig, instant).person is None
 
 
 @pytest.mark.parametrize("name", ["materials", "collision", "recoil", "weight"])
 def test_every_scenario_is_drawn(name, tmp_path):
     found, rig, instant = played(name, tmp_path)
-    assert len(solids(found, rig, instant)) == sum(len(phase.surfaces) for phase in found.phases)
-    SceneryDrawing(MagicMock(), found, rig, instant).show(instant, fresh=True)
-    assert np.isfinite(points_to_see(found, rig, instant)).all()
+    scene = draw_scenery(found, rig, instant)
+    assert len(scene.solids) == sum(len(phase.surfaces) for phase in found.phases)
+    assert np.isfinite(scene.points).all()
+    RunDrawing(MagicMock(), rig, instant, found).show(instant)

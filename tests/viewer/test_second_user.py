@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tensionlab.viewer.gate import MAX_WAITING
+from tensionlab.viewer.server import MAX_WAITING
 from tests.helpers.browsers import HANGS_S, VISER, served, until
 from tests.helpers.other_user import as_nobody, needs_root
 from tests.helpers.page_client import joined

@@ -9,7 +9,8 @@ import tensionlab as tl
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.design_page import dragged
 from tensionlab.viewer.design_scene import Grab
-from tensionlab.viewer.state import History, begin, nearest_on_surfaces, outlines
+from tensionlab.viewer.history import History
+from tensionlab.viewer.state import begin, nearest_on_surfaces, outlines
 from tensionlab.workspace.layout.task import load_task
 
 
@@ -89,7 +90,7 @@ def test_a_renamed_module_stays_selected(point):
     ("edit", "message"),
     [
         (lambda state: edits.rename(state, "top", "floor-1"), "used by modules"),
-        (lambda state: edits.set_limits(state, "top", 9.0, 1.0), 'above "upper"'),
+        (lambda state: edits.change_module(state, "top", lower=9.0, upper=1.0), 'above "upper"'),
         (lambda state: edits.move_anchor(state, "roof", [0.0] * 3), 'no module "roof"; it has floor-1, floor-2'),
     ],
 )

@@ -16,8 +16,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from tensionlab.errors import InputError
-from tensionlab.viewer.gate import MAX_MESSAGE_BYTES, MAX_TEXT, Gate, can_have
-from tensionlab.viewer.server import PageServer
+from tensionlab.viewer.server import MAX_MESSAGE_BYTES, MAX_TEXT, Gate, PageServer, can_have
 from tensionlab.viewer.state import HAND, set_fields
 from tests.helpers.browsers import HANGS_S, VISER, chromium, needs_browser, served, until
 from tests.helpers.page_client import joined
@@ -62,9 +61,9 @@ def test_no_other_site_loads_the_page_as_an_image():
 
 
 def test_the_page_connects_with_the_token():
-    there = Gate("secret").forward(TOKEN, lambda name: [HERE])
+    there = Gate("secret").redirect(TOKEN, lambda name: [HERE])
     assert parse_qs(urlsplit(there).query) == {"token": ["secret"], "websocket": [f"ws://{HERE}/?token=secret"]}
-    assert Gate("secret").forward(there, lambda name: [HERE]) is None
+    assert Gate("secret").redirect(there, lambda name: [HERE]) is None
 
 
 CHOICE = SimpleNamespace(value="newton", options=("newton", "minimax"))
@@ -170,7 +169,7 @@ def test_nothing_is_saved_or_read_outside_the_folder_in_which_the_page_was_start
         panel = page._panel
         for path in (f"{tmp_path}/mine.toml", "../mine.toml", "../secret.toml"):
             said = f"{path}: the page was started in"
-            page.save(path)
+            page._panel.save(path)
             until(lambda said=said: said in panel._problem.content, "the refusal to write")
             page.edit(lambda state: state)
             until(lambda: not panel._problem.content, "the end of the notice")
