@@ -10,22 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.processes import process
+from tests.haptics.bridge.test_real_clients import ROOT, served
 from tools.site.browser import browser, installed
 
-ROOT = Path(__file__).parents[3]
-RIG = ROOT / "datasets/rigs/bartels2026-validation.toml"
 NEWTONS = "[...document.getElementById('measured').textContent.matchAll(/-?[0-9.]+/g)].map(Number)"
 STATUS = "document.getElementById('status').textContent"
-
-
-@contextmanager
-def served(port=0):
-    """A bridge in another process, to simulated modules; gives its URL, and the process."""
-    with process("serve", RIG, "--port", port) as running:
-        first = running.stdout.readline()
-        assert first.startswith("ws://"), running.stderr.read()
-        yield first.split("/command")[0], running
 
 
 @contextmanager
@@ -82,8 +71,7 @@ def test_a_hand_in_a_web_page_feels_a_wall_and_the_page_finds_the_bridge_again()
                 page.picture(Path(folder) / "web-example-spring.png")
             running.send_signal(signal.SIGINT)
             page.wait(f"{STATUS}.endsWith('trying again')")
-            port = int(url.rsplit(":", 1)[1])
-        with served(port):
+        with served(port=url.rsplit(":", 1)[1]):
             page.wait(f"{STATUS}.startsWith('connected')")
             page.wait(f"(([x, y, z]) => z < -0.8)({NEWTONS})")
             page.ask("document.getElementById('stop').click()")
