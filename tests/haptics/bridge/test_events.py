@@ -95,16 +95,6 @@ def test_the_state_has_brakes_and_who_renders():
     assert texts["floor-2"] == "its brake is CLOSED"
 
 
-def test_the_state_has_what_is_desired_beside_what_is_demanded_and_what_is_softer():
-    received = Received()
-    (state,) = states(1)
-    received.renderer.cut = {"floor": {"stiffness": Cut(300.0, 14.0)}}
-    received.take(state, Demand(np.array([0.3, 1.0, 0.0]), desired=np.array([0.0, 3.0, 0.0])))
-    said = received.run.state(1)
-    assert (said.desired, said.demanded) == ([0.0, 3.0, 0.0], [0.3, 1.0, 0.0])
-    assert said.softened == {"floor": {"stiffness": 14.0}}
-
-
 def test_what_changes_is_sent_of_the_module():
     received = Received()
     first, second, third = states(3)
@@ -142,14 +132,3 @@ def test_a_module_that_may_not_pull_as_hard_is_sent_and_when_it_may_again():
     found = received.of("derated")
     assert [(event.module, event.upper) for event in found] == [("top", 5.4), ("top", 4.9), ("top", 6.0)]
     assert found[0].text == "pulls with up to 5.40 N of 6 N, to stay cool enough"
-
-
-def test_silence_and_its_end_are_sent():
-    received = Received()
-    for state, share in zip(states(5), (0.0, 0.5, 1.0, 0.0, 0.2), strict=True):
-        received.take(state, share=share)
-    assert [event.kind for event in received.events if event.kind in ("silent", "fresh")] == [
-        "fresh",
-        "silent",
-        "fresh",
-    ]

@@ -11,7 +11,7 @@ from jsonschema import Draft202012Validator
 
 from tensionlab.errors import TensionlabError
 from tensionlab.haptics.bridge.client_state import ClientState
-from tensionlab.haptics.bridge.messages import IN, KINDS, OUT, parse_message, refusal_reason
+from tensionlab.haptics.bridge.messages import IN, KINDS, OUT, parse_message
 from tensionlab.haptics.bridge.schema import EXAMPLES, message_schema, schema_text
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.parsing import parse_effect
@@ -101,8 +101,7 @@ def message(text):
         return json.loads(text, parse_constant=refuse)
 
 
-# A schema knows no length of a quaternion.
-SEEN = [text for text, said in BAD if message(text) is not None and said != "unit quaternion"]
+SEEN = [text for text, _ in BAD if message(text) is not None]
 
 
 @pytest.mark.parametrize("text", SEEN)
@@ -181,75 +180,3 @@ def test_the_answers_are_those_of_the_examples(monkeypatch):
         numbers = isinstance(value, float) or (isinstance(value, list) and isinstance(value[0], float))
         expected = pytest.approx(value, rel=0.1, abs=0.05) if numbers and key != "time" else value
         assert key == "time" or found[key] == expected, key
-
-
-BODY = {"position": [0.0, 0.31, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0]}
-GIVEN = {"type": "frame", "sequence": 1, "time": 1.0, "bodies": {"hand": BODY}, "effects": {}}
-ODD = [
-    None,
-    True,
-    "x",
-    "",
-    -1,
-    0.5,
-    1e300,
-    float("inf"),
-    float("nan"),
-    [],
-    [0.0],
-    [0.0] * 5,
-    ["x"] * 3,
-    {},
-    {"a": 1},
-]
-JARGON = re.compile(
-    r"Input should|Field required|Extra inputs|ensure|valid (?!JSON)|dict|tuple|discriminator|tag|None\b"
-)
-
-
-def odd_messages():
-    """A message with one part of it odd, one missing, or one too many, whichever effect it has."""
-    whole = message_schema(RIG)["$defs"]
-    examples = {name: whole[name]["examples"][0] for name in EFFECTS}
-    for effects in ({}, *({"mine": example} for example in examples.values())):
-        message = GIVEN | {"effects": effects}
-        for way in list(ways(message)):
-            yield changed(message, way, lambda table, key: table.pop(key))
-            for odd in ODD:
-                yield changed(message, way, lambda table, key, odd=odd: table.__setitem__(key, odd))
-            yield changed(message, way, lambda table, key: table.__setitem__("more", 1) if table else None)
-
-
-def ways(value, way=()):
-    if way:
-        yield way
-    for key in value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ():
-        yield from ways(value[key], (*way, key))
-
-
-def changed(message, way, change):
-    message = table = json.loads(json.dumps(message))
-    for step in way[:-1]:
-        table = table[step]
-    if isinstance(table, list) and not isinstance(way[-1], int):
-        return message
-    if isinstance(table, list):
-        table = [*table]
-        return message
-    change(table, way[-1])
-    return message
-
-
-def test_every_refusal_is_in_words_that_name_the_key_and_what_to_give():
-    refused = set()
-    for message in odd_messages():
-        try:
-            ClientState(RIG).put(parse_message(message), 0.0)
-        except TensionlabError as error:
-            refused.add(refusal_reason(error))
-    assert len(refused) > 300
-    for reason in refused:
-        assert not JARGON.search(reason), reason
-        assert re.search(
-            "; give |; there are |; leave|; stay off|: give |; the keys |; did you |problems: ", reason
-        )

@@ -31,18 +31,6 @@ def test_terminal_speed_in_water():
         assert velocity[direction] == pytest.approx((np.sqrt(4.0 + 12.0 * pushed) - 2.0) / 6.0, rel=1e-3)
 
 
-def test_water_begins_smoothly_within_2_cm():
-    z = np.linspace(0.01, -0.04, 50_001)
-    motion = Motion(np.stack([0 * z, 0 * z, z], -1), np.broadcast_to([0.0, 0.3, 0.0], (len(z), 3)))
-    force = Water().render(motion).force
-    assert force[30_000:, 2] == pytest.approx(1.0)
-    assert force[z >= 0.0] == pytest.approx(0.0)
-    assert np.interp(0.01, -z, force[:, 2]) == pytest.approx(0.5)
-    assert np.abs(np.diff(force, axis=0)).max() < 1.5 / 0.02 * 1e-6 * 1.01
-    slope = np.diff(force[:, 2]) / np.diff(z)
-    assert np.abs(np.diff(slope)).max() < 0.05  # not even a kink
-
-
 def test_vibration_is_a_sine_along_its_axis():
     time = np.arange(1000) / 1000
     motion = Motion(np.zeros((1000, 3)), np.zeros((1000, 3)), time)

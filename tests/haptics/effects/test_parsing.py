@@ -31,25 +31,18 @@ def test_a_shape_is_of_any_solid(kind):
     [
         ({"kind": "wal"}, "kind is 'wal'; give one of wall,"),
         ({"kind": "wall", "stifness": 1}, 'stifness is an unknown key; did you mean "stiffness"?'),
-        ({"kind": "wall", "plane": {"poin": [0, 0, 0]}}, 'plane.poin is an unknown key; did you mean "point"?'),
         ({"kind": "shaped", "field": {"kind": "cone"}}, "field: kind is 'cone'; give one of sphere,"),
-        ({"kind": "shaped", "field": {"radius": -1}}, "field: radius is -1"),
         ({"kind": "shaped", "field": {"size": [1, 1, 1]}}, "field: size is an unknown key; the keys here"),
         (3, "is 3; give a table"),
-        ({"kind": []}, "kind is []"),
         ({"kind": "wall", "stiffness": "100"}, "stiffness is '100'; give a number (Stiffness K"),
         ({"kind": "wall", "stiffness": 1e308}, "stiffness is 1e+308; give 0 to 1e+06 (Stiffness K"),
         ({"kind": "wall", "plane": {"point": [0, 0]}}, "plane.point is (0.0, 0.0); give 3 components"),
         ({"kind": "wall", "plane": {"normal": [1e-300, 0, 0]}}, "plane.normal: (1e-300, 0.0, 0.0)"),
-        ({"kind": "spring", "centre": [0, 0]}, "centre is (0.0, 0.0)"),
-        ({"kind": "spring", "centre": [0, 0, 1e308]}, "centre[2] is 1e+308"),
         ({"kind": "vibrating", "frequency": 501}, "frequency is 501; give 0.001 to 500"),
         ({"kind": "weight", "grasped": math.nan}, "grasped is nan"),
-        ({"kind": "weight", "mass": 1e308}, "mass is 1e+308; give 0 to 100 (Mass m, in kg"),
         ({"kind": "recoil", "shots": [0.1 * each for each in range(8500)]}, "8500 entries; give 100 at most"),
         ({"kind": "textured", "ripples": {"period": 1e-300}}, "ripples.period is 1e-300"),
         ({"kind": "textured", "ripples": {"direction": [1, 0]}}, "give both as many components"),
-        ({"kind": "shaped", "field": {"centre": [0, 0]}}, "field.centre is (0.0, 0.0)"),
         ({"kind": "shaped", "field": {"kind": "box", "size": [1, 1]}}, "size is (1.0, 1.0)"),
         ({"kind": "bow", "loosed": -math.inf}, "loosed is -inf"),
     ],
@@ -59,13 +52,6 @@ def test_what_cannot_be_is_refused_by_its_name(given, said):
         parse_effect("mine", given, RIG)
     assert said in str(refused.value)
     assert len(str(refused.value)) <= 300
-
-
-@pytest.mark.parametrize(("up", "gravity"), [("y", (0.0, -9.81, 0.0)), ("-z", (0.0, 0.0, 9.81))])
-def test_a_weight_pulls_down_by_the_rig(up, gravity):
-    rig = dataclasses.replace(RIG, up=up)
-    assert parse_effect("it", {"kind": "weight"}, rig).gravity == pytest.approx(gravity)
-    assert parse_effect("it", {"kind": "weight", "gravity": [1, 0, 0]}, rig).gravity == (1.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("up", ["x", "y", "-y"])

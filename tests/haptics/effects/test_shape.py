@@ -69,14 +69,6 @@ def test_pressed_into_a_corner_between_two_walls_both_push():
     assert force == pytest.approx([4.0, 0.0, 8.0], rel=1e-3, abs=1e-6)
 
 
-def test_a_batch_is_the_same_as_one_by_one():
-    paths = 0.12 * np.sin(np.linspace(0, 6, 80)[:, None, None] + np.random.default_rng(1).uniform(0, 6, (5, 3)))
-    together = follow(Shape(Box()), paths, 0.01)
-    assert np.abs(together).max() > 1.0
-    for which in range(5):
-        assert follow(Shape(Box()), paths[:, which], 0.01) == pytest.approx(together[:, which], abs=1e-3)
-
-
 @given(start=COORDINATES, end=COORDINATES)
 def test_the_proxy_is_never_inside(start, end):
     path = np.linspace(start, end, 25)

