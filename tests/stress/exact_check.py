@@ -132,7 +132,7 @@ def _grazes(
 ) -> bool:
     """Whether w grazes the face of a normal, at which the rendered wrench is, too; d makes no difference to it."""
     length = _root(_dot(w, w))
-    excess = _dot(normal, w) - Fraction(GRAZING) * _root(_dot(normal, normal)) * length
+    excess = _dot(normal, w) - Fraction(999, 1000) * Fraction(GRAZING) * _root(_dot(normal, normal)) * length
     if excess > 0:
         normal = [x - excess / _dot(d, w) * y for x, y in zip(normal, d, strict=True)]
     size = _root(_dot(normal, normal))
