@@ -61,7 +61,6 @@ VERBS = {
     "workspace": ("workspace", "Evaluate where, and how well, rigs can pull."),
     "certify": ("certify", "Prove where a rig renders what is required."),
     "bench": ("bench", "Benchmark all solvers and baselines."),
-    "regressions": ("bench", "Tell which solvers became slower or less accurate from one benchmark to another."),
     "run": ("run", "Render forces on the modules of a rig."),
     "scenario": ("scenario", "Play a haptic scenario and check its forces."),
     "serve": ("serve", "Let a game engine drive a rig over a WebSocket."),
@@ -73,7 +72,7 @@ VERBS = {
     "view": ("view", "Design a rig in the browser, or watch a run there."),
     "rig": ("rig", "Show, check, import and export rigs."),
     "layout": ("layout", "Find out where to put the modules."),
-    "log": ("log", "Show, export, draw, play and replay logs of runs."),
+    "log": ("log", "Show, export, draw and play logs of runs."),
     "problems": ("bench", "List, show and export the benchmark's problem sets."),
     "datasets": ("datasets", "List the rigs and other data sets that are known by name."),
 }  # module of each verb, and what `--help` says of it

@@ -1,4 +1,4 @@
-"""``tensionlab bench``, ``regressions`` and ``problems``: the benchmark of solvers, and its problem sets."""
+"""``tensionlab bench`` and ``problems``: the benchmark of solvers, and its problem sets."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from tensionlab.allocation import allocate
 from tensionlab.benchmark import process, report
 from tensionlab.benchmark.problem_files import find_problem_set, qp_rows
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set
-from tensionlab.benchmark.regressions import find_regressions
 from tensionlab.benchmark.results import Results, read
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json, Verbs
@@ -95,33 +94,6 @@ def _write(results: Results, out: Path, writer: output.ResultWriter) -> None:
             if all(writer.write("", path, partial(save, figure)) for path in paths):
                 drawn.append(name)
     writer.write("report", out / "report.md", lambda path: write_text(path, report.report(results, drawn)))
-
-
-def regressions(
-    old: Annotated[Path, typer.Argument(metavar="OLD", help="Folder of an earlier `tensionlab bench`.")],
-    new: Annotated[Path, typer.Argument(metavar="NEW", help="Folder of a later one, of the same problems.")],
-    out: Annotated[Path | None, options.writes("Write the report to this file.", ".md")] = None,
-    json: Json = False,
-) -> None:
-    """Tell which solvers became slower or less accurate from one benchmark to another.
-
-    Only what is beyond noise counts: a change of time beyond 10 %, its 99 % interval and what else changed on the
-    machine; problems that were solved and are missed by far. Exit status 1 if there is any.
-    """
-    found = find_regressions(read(old), read(new))
-    with output.ResultWriter(quiet=json) as writer:
-        if out:
-            writer.write("report", out, lambda path: write_text(path, found.report()))
-        if json:
-            output.print_json(
-                regressed=bool(len(found.worse)),
-                drift=found.drift,
-                changes=found.changes.to_dict("records"),
-                manifest=output.manifest(),
-            )
-        else:
-            output.print_table(found.table(found.changes[found.changes["verdict"] != ""]))
-    raise typer.Exit(1 if len(found.worse) else 0)
 
 
 @problems.command("list")

@@ -1,4 +1,4 @@
-"""``tensionlab compare``: all solvers on the same forces; and its table, which ``log replay`` prints, too."""
+"""``tensionlab compare``: all solvers on the same forces, or along a trajectory."""
 
 from __future__ import annotations
 

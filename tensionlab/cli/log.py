@@ -1,31 +1,23 @@
-"""``tensionlab log``: show, export, draw, play and replay the log of a run."""
+"""``tensionlab log``: show, export, draw and play the log of a run."""
 
 from __future__ import annotations
 
-import dataclasses
 from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from tensionlab.benchmark import replay as replays
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Browser, PagePort, Rows, Solvers
+from tensionlab.cli.common.options import Browser, PagePort
 from tensionlab.cli.common.output import if_interrupted, open_page
 from tensionlab.cli.common.verbs import Json, Verbs
-from tensionlab.cli.compare import STATUS_LEGEND, print_scores
 from tensionlab.errors import LogError
 from tensionlab.hardware.log import reader
 from tensionlab.support import provenance
-from tensionlab.support.formatting import format_count
 
-log = Verbs("Show, export, draw, play and replay logs of runs.")
+log = Verbs("Show, export, draw and play logs of runs.")
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).")]
-LEGEND = f"""\
-{STATUS_LEGEND}   fallback: unproven, so that newton's answer is counted
-error: desired minus rendered   angle: between the two forces   t: tensions
-step: largest change of a tension from one cycle to the next, before the runner limits its slew rate"""
 
 
 @log.command()
@@ -70,39 +62,6 @@ def plot(
     """Draw wrenches, tensions, statuses, limits and timing of a run."""
     with output.ResultWriter() as writer:
         writer.draw(file, "run", _read(path))
-
-
-@log.command()
-def replay(path: RunFile, solvers: Solvers = None, out: Rows = None, json: Json = False) -> None:
-    """Compare other solvers on the desired wrenches of a run.
-
-    At its poses and with its modules. The first row is the run as it was. The others show what each solver would
-    have chosen, with its own policy for infeasible wrenches. The hand or platform follows the recorded path in
-    all of them.
-    """
-    run = _read(path)
-    names = options.parse_names(solvers)
-    options.check_solvers(run.rig, names, None)
-    with output.progress(f"Replaying {path.name}") as progress:
-        found = replays.replay(run, names, progress)
-    manifest = {**output.manifest(), "run": run.manifest}
-    with output.ResultWriter(quiet=json) as writer:
-        if out:
-            rows = [dataclasses.asdict(row) for row in found.rows]
-            writer.write("rows", out, lambda file: provenance.write_table(file, rows, manifest))
-        if json:
-            output.print_json(
-                rig=run.rig.name,
-                cycles=len(found.wrenches),
-                rows=found.rows,
-                left_out=found.missing,
-                manifest=manifest,
-            )
-            return
-        cycles = format_count(len(found.wrenches), "cycle")
-        table = found.table()
-        table.title = f"{run.rig.name}, {format_count(run.rig.m, 'module')}: {cycles} of {path.name}"
-        print_scores(table, LEGEND)
 
 
 @log.command()

@@ -39,7 +39,6 @@ def ctrl_c_at_once(monkeypatch):
     [
         (f"compare {CUBE} --out rows.csv --plot rows.png", output.NOTHING_KEPT),
         ("layout search four-in-a-room --out rig.toml", output.NOTHING_KEPT),
-        ("log replay run.mcap --out rows.csv", output.NOTHING_KEPT),
         ("module calibrate gain sim: --mass 0.1", output.NOTHING_KEPT),
         (
             "validate --out measured --preset ideal",

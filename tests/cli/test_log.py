@@ -65,24 +65,6 @@ def test_export_to_parquet(run, file, tmp_path):
     assert json.loads(table.schema.metadata[b"tensionlab"]) == runs.MANIFEST
 
 
-def test_replay_has_the_run_first(run, file, tmp_path):
-    words = ("log", "replay", file, "--solvers", "newton", "--solvers", "closed-form,dykstra")
-    code, out, _ = run(*words, "--out", tmp_path / "rows.parquet")
-    assert code == 0
-    lines = [line.split() for line in out.splitlines()]
-    assert [line[0] for line in lines if line and line[0] in ("the", "newton", "closed-form", "dykstra")] == [
-        "the", "newton", "closed-form", "dykstra",
-    ]  # fmt: skip
-    found = json.loads(run(*words, "--json")[1])
-    assert [row["solver"] for row in found["rows"]] == ["dykstra", "newton", "closed-form", "dykstra"]
-    assert found["rows"][0] == found["rows"][3]
-    assert found["cycles"] == 118
-    table = pq.read_table(tmp_path / "rows.parquet")
-    shown = [row | {"call_median_s": None, "call_p99_s": None, "batch_s": None} for row in table.to_pylist()]
-    assert shown == found["rows"]
-    assert json.loads(table.schema.metadata[b"tensionlab"])["run"] == runs.MANIFEST
-
-
 def test_a_picture_is_drawn(run, file, tmp_path):
     assert run("log", "plot", file, "--plot", tmp_path / "run.png")[:2] == (0, f"plot: {tmp_path / 'run.png'}\n")
     assert (tmp_path / "run.png").stat().st_size > 10_000

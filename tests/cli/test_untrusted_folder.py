@@ -60,7 +60,6 @@ RECIPES = {
     "allocate": f"allocate {RIG} --wrench 0 0 1 --solver qp",
     "workspace": f"workspace {RIG} --box 0,0.1,0.3,0.3,0,0.1 --step 0.1 --metric wrench-closure --plot w.png",
     "bench": "bench --set edge --solvers closed-form,daqp --count 2 --quick --out bench",
-    "regressions": "regressions bench bench",
     "scenario": "scenario materials --seconds 0.2 --view",
     "serve": f"serve {RIG} --seconds 0.2 --port 0 --view",
     "simulate": "simulate",
@@ -77,7 +76,6 @@ RECIPES = {
     "log info": "log info run.mcap",
     "log plot": "log plot run.mcap --plot l.png",
     "log export": "log export run.mcap --out l.csv",
-    "log replay": "log replay run.mcap --solvers closed-form",
     "log view": "log view run.mcap --no-browser",
     "problems show": "problems show edge",
 }  # what makes a verb do its work; of all others, each required argument is a word

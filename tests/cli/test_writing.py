@@ -56,7 +56,6 @@ RECIPES = {
     ("certify", "--out"): (PROOF, ".npz"),
     ("certify", "--plot"): (PROOF, ".png"),
     ("bench", "--out"): ("bench --set edge --solvers closed-form", ""),
-    ("regressions", "--out"): ("regressions measured measured", ".md"),
     ("run", "--log"): (f"run {RIG} --seconds 0.3", ".mcap"),
     ("scenario", "--log"): (PLAYED, ".mcap"),
     ("scenario", "--plot"): (PLAYED, ".svg"),
@@ -76,7 +75,6 @@ RECIPES = {
     ("new", "--out"): ("new rig", ".toml"),
     ("log export", "--out"): ("log export run.mcap", ".nc"),
     ("log plot", "--plot"): ("log plot run.mcap", ".png"),
-    ("log replay", "--out"): ("log replay run.mcap --solvers closed-form", ".parquet"),
     ("problems export", "--out"): ("problems export --set edge --count 2", ".parquet"),
 }
 """What makes each option write something, and the suffix of its file; none for a folder."""

@@ -11,7 +11,6 @@ import pytest
 import tensionlab as tl
 from tensionlab.benchmark.comparison import compare
 from tensionlab.benchmark.problem_sets import problem_set
-from tensionlab.benchmark.replay import replay
 from tensionlab.errors import MissingDependency
 from tensionlab.hardware import read_run
 from tensionlab.hardware.log.reader import recount
@@ -212,7 +211,6 @@ RESULTS = {
     "comparison": lambda: compare(four(), solvers=["newton", "least-sum"], directions=np.eye(3)),
     "run": recorded,
     "statistics": lambda: recount(recorded()),
-    "replay": lambda: replay(recorded(), ["dykstra"]),
     "grid": lambda: tl.workspace.box((0, 1), (0, 1), step=0.5),
     "poses": lambda: tl.workspace.PoseList(np.eye(3)),
     "layout": lambda: front().best,
