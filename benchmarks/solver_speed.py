@@ -11,7 +11,7 @@ from tensionlab.benchmark import speed
 
 def main() -> None:
     """Print the tables of batches and of single calls."""
-    print(f"Instruction set: {speed.instruction_set()}")
+    print(speed.describe_kernels())
     print("                   µs a problem:     batch       batch    DAQP  DAQP, loop   ratio to      max gap")
     print("  n   m   wrenches            1 core   all cores    in C   in Python  DAQP in C            N")
     for components, cables in speed.SHAPES:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tensionlab.benchmark.speed import instruction_set
+from tensionlab.benchmark.speed import describe_kernels
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.workspace import Grid, capacity_margin, metric, vary
@@ -94,7 +94,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=3)
     options = parser.parse_args()
-    print(f"Instruction set: {instruction_set()}; chunks of {CHUNK_VALUES:,} poses")
+    print(f"{describe_kernels()}; chunks of {CHUNK_VALUES:,} poses")
     print("Million poses a second   kernel, 1 core   in memory   to disk   Dask, to disk")
     for name in RIGS:
         rig = load_rig(name)

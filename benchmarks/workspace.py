@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks import highs
 from tensionlab.benchmark.rigs import rotations, structures, unit_vectors
-from tensionlab.benchmark.speed import instruction_set, using_threads
+from tensionlab.benchmark.speed import describe_kernels, using_threads
 from tensionlab.model.files import load_rig
 from tensionlab.model.requirement import Requirement
 from tensionlab.support.arrays import Floats
@@ -235,7 +235,7 @@ def main() -> None:
             counts = f"{each.poses:8,d} {each.feasible:8,d} {each.undecided:10,d} {each.contradicted:13,d}"
             print(f"{each.name:36}{counts}")
         raise SystemExit(any(each.contradicted for each in found))
-    print(f"Instruction set: {instruction_set()}")
+    print(describe_kernels())
     print(
         "              µs a pose:            poses   1 core      all NumPy SVD    HiGHS  linprog  HiGHS / 1 core"
     )

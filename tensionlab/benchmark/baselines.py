@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -33,31 +33,20 @@ TIGHT: dict[str, dict[str, Any]] = {
     "proxqp": {"eps_abs": 1e-11, "eps_rel": 0.0},
     "highs": {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
 }
-
-# Settings in both cases: what a measurement needs, and what keeps a backend from hanging.
+# Settings in both cases that keep a backend from hanging.
 ALWAYS: dict[str, dict[str, Any]] = {
-    "piqp": {"compute_timings": True},  # its clock is off by default
     # Without a limit it spends 50 s on some infeasible wrenches; feasible ones need some 20 iterations.
-    "proxqp": {"compute_timings": True, "max_iter": 500},
+    "proxqp": {"max_iter": 500},
     "highs": {"time_limit": 1.0, "qp_iteration_limit": 10_000},  # it may cycle on infeasible wrenches
 }
-
-CLOCK = {"proxqp": 1e-6}  # unit of a backend's own times, in s, where it is not the second
 DAQP_EQUALITY = 5  # DAQP's mark of a constraint that is an equality
-NAN = float("nan")
 
 
 class Reply(NamedTuple):
-    """Unverified result of a baseline for one problem.
-
-    Tensions, (m,), in N, are unclipped; where there are none, ``failure`` says why. Iterations and times are the
-    library's own; 0 and NaN where it reports none.
-    """
+    """Unverified, unclipped tensions of a baseline, (m,), in N, or a reason; iterations by its own count."""
 
     tensions: Floats | None
     iterations: int = 0
-    setup_s: float = NAN
-    solve_s: float = NAN
     failure: str = ""
 
 
@@ -78,7 +67,6 @@ def constraint_types(components: int, cables: int) -> NDArray[np.int32]:
     return np.array([0] * cables + [DAQP_EQUALITY] * components, dtype=np.int32)
 
 
-@dataclass(frozen=True)
 class DirectDaqp:
     """DAQP by its own Python module, the fastest baseline.
 
@@ -86,11 +74,9 @@ class DirectDaqp:
     recursive LDL' updates", 2022.
     """
 
-    tolerance: Tolerance = "default"
-    solve: Any = field(init=False, compare=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "solve", load_daqp().solve)
+    def __init__(self, tolerance: Tolerance = "default") -> None:
+        self.solve = load_daqp().solve
+        self.settings = TIGHT["daqp"] if tolerance == "tight" else {}
 
     def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
         """Make the cost and stack limits and equations, as a script does in each call."""
@@ -100,14 +86,13 @@ class DirectDaqp:
 
     def run(self, program: Any) -> Any:
         """Solve a program of `build`."""
-        return self.solve(*program, **TIGHT["daqp"]) if self.tolerance == "tight" else self.solve(*program)
+        return self.solve(*program, **self.settings)
 
     def read(self, program: Any, result: Any) -> Reply:
         """Read DAQP's result."""
         solution, _, flag, info = result
         tensions = finite_tensions(solution, len(program[1]))
-        failure = "" if tensions is not None else f"gave no finite tensions (exit flag {flag})"
-        return Reply(tensions, int(info["iterations"]), info["setup_time"], info["solve_time"], failure)
+        return Reply(tensions, int(info["iterations"]), f"gave no finite tensions (exit flag {flag})")
 
 
 @dataclass(frozen=True)
@@ -148,15 +133,9 @@ class PlainProgram:
 
     def read(self, program: Any, result: Any) -> Reply:
         """Read a solution of qpsolvers."""
-        if isinstance(result, Exception):
-            return Reply(None, failure=f"{type(result).__name__}: {result}")
-        tensions = finite_tensions(result.x, len(program.q))
-        failure = "" if tensions is not None else "gave no finite tensions"
-        info, unit = result.extras.get("info"), CLOCK.get(self.backend, 1.0)
-        if info:
-            return Reply(tensions, int(info.iter), unit * info.setup_time, unit * info.solve_time, failure)
-        iterations = int(result.extras.get("iterations", [0])[0])
-        return Reply(tensions, iterations, solve_s=result.extras.get("solve_time", NAN), failure=failure)
+        info = result.extras.get("info")
+        iterations = info.iter if info else result.extras.get("iterations", [0])[0]
+        return Reply(finite_tensions(result.x, len(program.q)), int(iterations), "gave no finite tensions")
 
 
 @dataclass(frozen=True)
@@ -192,15 +171,13 @@ class PlainConvex:
 
     def read(self, program: CompiledPrograms, result: Any) -> Reply:
         """Read the variables of the program."""
-        if isinstance(result, Exception):
-            return Reply(None, failure=f"{type(result).__name__}: {result}")
-        tensions, stats = finite_tensions(program.t.value, program.t.size), program.closest.solver_stats
-        failure = "" if tensions is not None else f"gave no tensions ({program.closest.status})"
-        return Reply(tensions, stats.num_iters or 0, stats.setup_time or NAN, stats.solve_time or NAN, failure)
+        tensions = finite_tensions(program.t.value, program.t.size)
+        iterations = program.closest.solver_stats.num_iters or 0
+        return Reply(tensions, iterations, f"gave no tensions ({program.closest.status})")
 
 
-# Solvers of the plain program. `build` puts one problem, (n, m), (n,), (m,), (m,), into the library's form, `run`
-# solves it, and `read` reads the reply from the result, or from the exception that `run` returned.
+# `build` puts one problem, (n, m), (n,), (m,), (m,), into the library's form, `run` solves it or returns the
+# exception that the backend throws, and `read` reads the result.
 Baseline = DirectDaqp | PlainProgram | PlainConvex
 
 
@@ -213,12 +190,9 @@ def make_baseline(name: str, tolerance: Tolerance = "default") -> Baseline:
     return PlainProgram(name.partition(":")[2], tolerance)
 
 
-def solve_qp(structure: Floats, wrench: Floats, lower: Floats, upper: Floats, backend: str) -> Floats | None:
+def solve_qp(structure: Floats, wrench: Floats, lower: Floats, upper: Floats, backend: str) -> Any:
     """Return the tensions by the one call of qpsolvers' front page; None if there are none."""
     import qpsolvers
 
     cost, linear = np.eye(len(lower)), np.zeros(len(lower))
-    tensions: Floats | None = qpsolvers.solve_qp(
-        cost, linear, A=structure, b=wrench, lb=lower, ub=upper, solver=backend
-    )
-    return tensions
+    return qpsolvers.solve_qp(cost, linear, A=structure, b=wrench, lb=lower, ub=upper, solver=backend)

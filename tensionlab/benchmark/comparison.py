@@ -4,32 +4,29 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import sys
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensionlab.allocation import Allocation, Allocator
-from tensionlab.benchmark.timing import seconds, take_turns
-from tensionlab.errors import DataError, InputError, MissingDependency, ShapeError
+from tensionlab.benchmark.entries import guarded
+from tensionlab.benchmark.speed import seconds, take_turns
+from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig
-from tensionlab.solvers import SOLVERS, Selected, Solver, select_solvers
-from tensionlab.solvers.base import POLICIES, Answer, Policy, Problem, Status
+from tensionlab.solvers import Selected, Solver, select_solvers
+from tensionlab.solvers.base import POLICIES, Policy, Status
 from tensionlab.support import provenance
-from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers, Limits, angles
-from tensionlab.support.arrays import require_finite as as_finite
+from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers, angles, require_finite
 from tensionlab.support.files.tables import read_table
 from tensionlab.support.formatting import format_count, format_duration, format_number, format_vector, one_line
 from tensionlab.support.table import Column, Table
-from tensionlab.verification import require_answer
 from tensionlab.workspace.poses import ROTATION_COLUMNS, PoseList, poses_from_columns
 
 if TYPE_CHECKING:
@@ -45,50 +42,26 @@ PUBLISHED_FORCE_N = 1.5  # magnitude of the forces of the published validation
 
 @dataclass(frozen=True)
 class Score:
-    """Statistics of the answers of one solver with one policy; NaN where there is no value.
-
-    Attributes
-    ----------
-    exact, nearest_count, unproven, failed : int
-        Number of wrenches by verified status.
-    residual_mean, residual_max : float
-        Norm of desired minus rendered wrench, in N.
-    angle_mean_deg, angle_max_deg : float
-        Angle between desired and rendered force.
-    tension_sq_mean, tension_max : float
-        Mean of the squared tensions, in N², and the largest tension, in N.
-    step_max : float
-        Along a trajectory: largest change of a tension from one sample to the next, in N.
-    iterations_max : float
-        Largest number of iterations.
-    gap_max : float
-        Largest difference of a tension to the exact optimum of the same policy, in N; for a solver without a
-        policy, over the feasible wrenches alone.
-    call_median_s, call_p99_s, batch_s : float
-        Time of an `Allocator` call for one wrench, verification included, and per wrench in one call for all.
-    fallback_used : int
-        Of a recorded run: number of unproven answers of its solver, replaced by the exact solver's.
-    """
+    """Statistics of the answers of one solver with one policy; NaN where there is no value."""
 
     solver: str
     policy: Policy | None
-    exact: int
+    exact: int  # number of wrenches by verified status
     nearest_count: int
     unproven: int
     failed: int
-    residual_mean: float
+    residual_mean: float  # norm of desired minus rendered wrench, in N
     residual_max: float
-    angle_mean_deg: float
+    angle_mean_deg: float  # between desired and rendered force
     angle_max_deg: float
-    tension_sq_mean: float
+    tension_sq_mean: float  # in N²
     tension_max: float
-    step_max: float
+    step_max: float  # along a trajectory: largest change of a tension from one sample to the next, in N
     iterations_max: float
-    gap_max: float
-    call_median_s: float = np.nan
-    call_p99_s: float = np.nan
-    batch_s: float = np.nan
-    fallback_used: int = 0
+    gap_max: float  # largest difference of a tension to the exact optimum, in N; without a policy, where feasible
+    call_median_s: float  # of an `Allocator` call for one wrench, verification included
+    call_p99_s: float
+    batch_s: float  # per wrench in one call for all
 
 
 COLUMNS = {
@@ -110,14 +83,9 @@ COLUMNS = {
     "call_median_s": Column("call median", format=format_duration),
     "call_p99_s": Column("call p99", format=format_duration, wide=True),
     "batch_s": Column("batch each", format=format_duration),
-    "fallback_used": Column("fall- back", wide=True),
 }  # columns of tables of solvers, by the field of `Score`
-# Columns that a table leaves out: at one position, along a trajectory, of a recorded run.
-LEFT_OUT = {
-    "position": ("tension_max", "step_max", "iterations_max", "fallback_used"),
-    "trajectory": ("angle_mean_deg", "gap_max", "fallback_used"),
-    "recorded": ("angle_mean_deg", "gap_max", "call_median_s", "call_p99_s", "batch_s"),
-}
+POSITION_OMITS = ("tension_max", "step_max", "iterations_max")  # columns left out at one position ..
+TRAJECTORY_OMITS = ("angle_mean_deg", "gap_max")  # ... and along a trajectory
 
 
 @dataclass(frozen=True)
@@ -134,18 +102,12 @@ class Comparison:
         Structure matrix there.
     wrenches : (K, n) array
         Desired, in N and N·m.
-    rows : tuple of Score
-        One for each solver and policy.
-    allocations : tuple of Allocation
-        The K answers behind each row.
+    rows, allocations : tuples
+        A `Score` for each solver and policy, and the K answers behind it.
     missing : dict
         Reasons by the names of solvers left out.
     magnitude : float or None
         Size of the forces, in N; None where wrenches were given or required.
-    consecutive : (K - 1,) array of bool or None
-        Along a trajectory: whether each sample but the first follows the one before; None at one position.
-    recorded : bool
-        Whether the first row is a recorded run, as it was.
     """
 
     rig: Rig
@@ -156,15 +118,26 @@ class Comparison:
     allocations: tuple[Allocation, ...]
     missing: dict[str, str]
     magnitude: float | None = None
-    consecutive: NDArray[np.bool_] | None = None
-    recorded: bool = False
+
+    @property
+    def along_trajectory(self) -> bool:
+        """Whether the wrenches are the samples of a trajectory."""
+        return self.position.ndim == 2
+
+    @property
+    def own_policies(self) -> dict[str, int]:
+        """Which row has each solver with its own policy, which is its first, by the name of the solver."""
+        first: dict[str, int] = {}
+        for number, row in enumerate(self.rows):
+            first.setdefault(row.solver, number)
+        return first
 
     @property
     def title(self) -> str:
         """Rig, and number and size of the wrenches."""
         rig, count = self.rig, len(self.wrenches)
         name = f"{rig.name}, {format_count(rig.m, 'module')}"
-        if self.consecutive is not None:
+        if self.along_trajectory:
             return f"{name}: {format_count(count, 'sample')} of a trajectory"
         if self.magnitude is None:
             forces = f"{count} required wrenches"
@@ -181,12 +154,9 @@ class Comparison:
 
     def table(self) -> Table:
         """Return a row for each solver and policy; notes say why some solvers are left out or failed."""
-        kind = "position" if self.consecutive is None else "recorded" if self.recorded else "trajectory"
-        columns = {name: column for name, column in COLUMNS.items() if name not in LEFT_OUT[kind]}
-        rows = merge_policies(self.rows[self.recorded :])
-        if self.recorded:
-            rows.insert(0, dataclasses.replace(self.rows[0], solver=f"the run: {self.rows[0].solver}"))
-        cells = ([getattr(row, name) for name in columns] for row in rows)
+        omitted = TRAJECTORY_OMITS if self.along_trajectory else POSITION_OMITS
+        columns = {name: column for name, column in COLUMNS.items() if name not in omitted}
+        cells = ([getattr(row, name) for name in columns] for row in merge_policies(self.rows))
         notes = [f"left out: {name}, {reason}" for name, reason in self.missing.items()]
         notes += [f"failed: {name}, {one_line(reason)}" for name, reason in self.failures.items()]
         return Table([*columns.values()], cells, self.title, notes)
@@ -204,8 +174,7 @@ class Comparison:
         """Return the long table: a row for each solver, policy, problem and quantity, with its value.
 
         The quantities are the status, the residual in N, the angle between desired and rendered force in degrees,
-        the number of iterations, and the tension of each module in N. MissingDependency if pandas is not
-        installed.
+        the number of iterations, and the tension of each module in N.
         """
         answers, problems, d = self.allocations, len(self.wrenches), self.rig.dimension
         columns = {
@@ -261,8 +230,7 @@ def compare(
     rig : Rig
         Its body frames stay at rest.
     wrenches : (K, n), (K, d), (n,) or (d,) array, optional
-        Wrench to render at each sample of a trajectory, in N and N·m; d components are a force without a torque,
-        one wrench is for all poses. Left out with poses: zero.
+        Wrench at each sample, in N and N·m; d components are a force, one wrench is for all poses. Left out: zero.
     poses : PoseList or (K, d) array, optional
         Pose at each sample, or positions in m; left out: ``position`` throughout.
     position : (d,) array, optional
@@ -303,37 +271,45 @@ def compare(
         if directions is not None or magnitude is not None:
             raise InputError("wrenches or poses are a trajectory; leave out directions and magnitude")
         place, structure, desired = _along(rig, wrenches, poses, position)
-        consecutive = np.ones(len(desired) - 1, dtype=bool)
     else:
-        place = rig.home if position is None else as_finite("position", position, 1)
+        place = rig.home if position is None else require_finite("position", position, 1)
         structure = rig.structure_matrix(place, frames=rig.at_rest)
         desired, magnitude = _directed(rig, directions, magnitude)
-        consecutive = None
-    problems = Problems(structure, desired, rig.limits, rig.dimension, consecutive)
-    allocations, times = _time_solvers(problems, runs, progress or (lambda _: None))
-    rows = score_solvers(problems, runs, allocations)
-    rows = [dataclasses.replace(row, **measured) for row, measured in zip(rows, times, strict=True)]
-    return Comparison(rig, place, structure, desired, tuple(rows), tuple(allocations), missing, magnitude,
-                      consecutive)  # fmt: skip
+    allocators = [Allocator(rig.limits, guarded(solver), policy=policy) for _, policy, solver in runs]
+    # The answers themselves are the warm-up: what is timed is always a repeated call.
+    allocations = [allocator(structure, desired) for allocator in allocators]
+    times = _time_solvers(allocators, structure, desired, progress or (lambda _: None))
+    optima = {
+        policy: Allocator(rig.limits, "newton", policy=policy)(structure, desired)
+        for policy in {run.policy or POLICIES[0] for run in runs}
+    }
+    rows = [
+        _score(rig, run, desired, found, optima[run.policy or POLICIES[0]], measured)
+        for run, found, measured in zip(runs, allocations, times, strict=True)
+    ]
+    if place.ndim == 2:
+        steps = [_finite(np.max, abs(np.diff(found.tensions, axis=0))) for found in allocations]
+        rows = [dataclasses.replace(row, step_max=step) for row, step in zip(rows, steps, strict=True)]
+    return Comparison(rig, place, structure, desired, tuple(rows), tuple(allocations), missing, magnitude)
 
 
 def _along(
     rig: Rig, wrenches: ArrayLike | None, poses: PoseList | ArrayLike | None, position: ArrayLike | None
 ) -> tuple[Floats, Floats, Floats]:
     """Return positions, structure matrices and desired wrenches of the samples of a trajectory."""
-    given = as_finite("wrenches", np.zeros(rig.n) if wrenches is None else wrenches, 1)
+    given = require_finite("wrenches", np.zeros(rig.n) if wrenches is None else wrenches, 1)
     if given.ndim > 2 or given.shape[-1] not in (rig.n, rig.dimension):
         raise ShapeError(f"wrenches have shape {given.shape}; give (K, {rig.n}) or (K, {rig.dimension})")
     if given.shape[-1] < rig.n:
         given = direction_sets.forces(given.reshape(-1, rig.dimension), rig.n, rig.dimension)
     given = given.reshape(-1, rig.n)
     if poses is None:
-        place = np.tile(rig.home if position is None else as_finite("position", position, 1), (len(given), 1))
+        place = np.tile(rig.home if position is None else require_finite("position", position, 1), (len(given), 1))
         rotation = None
     else:
         if position is not None:
             raise InputError("poses and position are both given; leave one out")
-        listed = poses if isinstance(poses, PoseList) else PoseList(as_finite("poses", poses, 2))
+        listed = poses if isinstance(poses, PoseList) else PoseList(require_finite("poses", poses, 2))
         place, rotation = listed.arrays()
     if len(given) not in (1, len(place)):
         raise ShapeError(f"{len(given)} wrenches for {len(place)} poses; give as many, or one")
@@ -357,7 +333,7 @@ def _directed(
         directions = direction_sets.grid18() if rig.dimension == 3 else direction_sets.circle()
     if isinstance(directions, str):
         directions = direction_sets.parse(directions)
-    forces = magnitude * as_finite("directions", directions, 2)
+    forces = magnitude * require_finite("directions", directions, 2)
     return rig.required.middle(rig) + direction_sets.forces(forces, rig.n, rig.dimension), magnitude
 
 
@@ -381,85 +357,49 @@ def read_trajectory(path: str | Path, rig: Rig) -> tuple[Floats, PoseList]:
         raise DataError(f"{path}: {error}") from None
 
 
-class Problems(NamedTuple):
-    """K desired wrenches (K, n) that every solver gets, with structure matrices (n, m) or (K, n, m) and limits."""
-
-    structure: Floats
-    wrenches: Floats
-    limits: Limits | tuple[Floats, Floats]
-    dimension: int
-    consecutive: NDArray[np.bool_] | None
-
-    def one(self, index: int) -> tuple[Floats, Floats]:
-        """Return structure matrix and wrench of one problem."""
-        return self.structure if self.structure.ndim == 2 else self.structure[index], self.wrenches[index]
-
-
 def _time_solvers(
-    problems: Problems, runs: Sequence[Selected], progress: Callable[[float], None]
-) -> tuple[list[Allocation], list[dict[str, Any]]]:
-    """Return the answers of each run, and the fields of `Score` that are times: of all at once, and one by one."""
-    count = len(problems.wrenches)
-    allocators = [Allocator(problems.limits, guarded(solver), policy=policy) for _, policy, solver in runs]
-    chosen = np.unique(np.linspace(0, count - 1, min(count, MAX_TIMED_CALLS)).astype(int))
-    steps = len(runs) + len(chosen)
-    allocations, batch = [], []
-    for done, allocator in enumerate(allocators, start=1):
-        # The answers themselves are the warm-up: what is timed is always a repeated call.
-        allocations.append(allocator(problems.structure, problems.wrenches))
-        batch.append([seconds(allocator, problems.structure, problems.wrenches)])
-        progress(done / steps)
-    calls = np.full((len(runs), len(chosen)), np.nan)
+    allocators: Sequence[Allocator], structure: Floats, wrenches: Floats, progress: Callable[[float], None]
+) -> list[dict[str, float]]:
+    """Return the fields of `Score` that are times: of all wrenches at once, and one by one."""
+    chosen = np.unique(np.linspace(0, len(wrenches) - 1, min(len(wrenches), MAX_TIMED_CALLS)).astype(int))
+    structures = np.broadcast_to(structure, (len(wrenches), *structure.shape[-2:]))
+    batch = [[seconds(allocator, structure, wrenches)] for allocator in allocators]
+    calls = np.full((len(allocators), len(chosen)), np.nan)
 
     def time_call(run: int, call: int) -> float:
-        return seconds(allocators[run], *problems.one(chosen[call]))
+        return seconds(allocators[run], structures[chosen[call]], wrenches[chosen[call]])
 
     def turns() -> Iterator[tuple[range, dict[int, Callable[[int], float]]]]:
         for turn, first in enumerate(range(0, len(chosen), CALLS_PER_TURN)):
-            timed = [run for run in range(len(runs)) if np.nansum(calls[run]) <= MAX_TIMED_S]
+            timed = [run for run in range(len(allocators)) if np.nansum(calls[run]) <= MAX_TIMED_S]
             for run in timed if turn < TIMED_BATCHES else ():
                 if batch[run][0] < QUICK_BATCH_S:
-                    batch[run].append(seconds(allocators[run], problems.structure, problems.wrenches))
+                    batch[run].append(seconds(allocators[run], structure, wrenches))
             last = min(first + CALLS_PER_TURN, len(chosen))
             yield range(first, last), {run: partial(time_call, run) for run in timed}
-            progress((len(runs) + last) / steps)
+            progress(last / len(chosen))
 
     for run, call, spent in take_turns(turns(), np.random.default_rng(0)):
         calls[run, call] = spent
-    times = [
+    return [
         {
             "call_median_s": float(np.nanmedian(own)),
             "call_p99_s": float(np.nanquantile(own, 0.99)),
-            "batch_s": float(np.median(batches)) / count,
+            "batch_s": float(np.median(batches)) / len(wrenches),
         }
         for own, batches in zip(calls, batch, strict=True)
-    ]
-    return allocations, times
-
-
-def score_solvers(problems: Problems, runs: Sequence[Selected], allocations: Sequence[Allocation]) -> list[Score]:
-    """Return the score of each run, without times."""
-    optima = {
-        policy: Allocator(problems.limits, "newton", policy=policy)(problems.structure, problems.wrenches)
-        for policy in {run.policy or POLICIES[0] for run in runs}
-    }
-    return [
-        _score(problems, run.name, run.policy, found, optima[run.policy or POLICIES[0]])
-        for run, found in zip(runs, allocations, strict=True)
     ]
 
 
 def _score(
-    problems: Problems, solver: str, policy: Policy | None, found: Allocation, optimum: Allocation
+    rig: Rig, run: Selected, desired: Floats, found: Allocation, optimum: Allocation, times: dict[str, float]
 ) -> Score:
-    forces, rendered = (each[:, : problems.dimension] for each in (problems.wrenches, found.wrench))
-    angle, counts, gaps = angles(forces, rendered), found.counts(), abs(found.tensions - optimum.tensions)
-    steps = np.empty(0)
-    if problems.consecutive is not None:
-        steps = abs(np.diff(found.tensions, axis=0))[problems.consecutive]
+    """Return the statistics of the answers of one solver."""
+    angle, counts = angles(desired[:, : rig.dimension], found.wrench[:, : rig.dimension]), found.counts()
+    gaps = abs(found.tensions - optimum.tensions)
     return Score(
-        solver=solver,
-        policy=policy,
+        solver=run.name,
+        policy=run.policy,
         exact=counts[Status.EXACT],
         nearest_count=counts[Status.NEAREST],
         unproven=counts[Status.UNPROVEN],
@@ -470,9 +410,10 @@ def _score(
         angle_max_deg=_finite(np.max, angle),
         tension_sq_mean=_finite(np.mean, found.tensions**2),
         tension_max=_finite(np.max, found.tensions),
-        step_max=_finite(np.max, steps),
+        step_max=np.nan,
         iterations_max=_finite(np.max, found.iterations),
-        gap_max=_finite(np.max, gaps[optimum.status == Status.EXACT] if policy is None else gaps),
+        gap_max=_finite(np.max, gaps[optimum.status == Status.EXACT] if run.policy is None else gaps),
+        **times,
     )
 
 
@@ -480,49 +421,3 @@ def _finite(statistic: Callable[[Any], Any], values: Floats | Integers) -> float
     """Return a statistic of the finite entries; NaN where there is none."""
     values = values[np.isfinite(values)]
     return float(statistic(values)) if values.size else np.nan
-
-
-def guarded(solver: Solver) -> Solver:
-    """Return the solver; unless it comes with tensionlab, its exceptions are failures of the problems."""
-    return solver if type(solver) in SOLVERS.values() else cast(Solver, _Guarded(solver, solver.policies))
-
-
-@dataclass(frozen=True)
-class _Guarded:
-    """Solver whose exceptions and invalid answers are failures of the problems that cause them."""
-
-    solver: Solver
-    policies: tuple[Policy, ...]
-
-    @property
-    def objective(self) -> str:
-        return self.solver.objective
-
-    def solve(self, problem: Problem) -> Answer:
-        """Solve the batch; where that breaks, one problem at a time."""
-        try:
-            return require_answer(problem, self.solver.solve(problem))
-        except MissingDependency:
-            raise
-        except Exception as error:  # the code of others may raise anything
-            if len(problem) <= 1:
-                return self._failure(problem, error)
-        parts = [self.solve(problem.take(np.array([row]))) for row in range(len(problem))]
-        directions = [part.separation for part in parts if part.separation is not None]
-        return Answer(
-            tensions=np.concatenate([part.tensions for part in parts]),
-            iterations=np.concatenate([part.iterations for part in parts]),
-            separation=np.concatenate(directions) if len(directions) == len(parts) else None,
-            failures={row: reason for row, part in enumerate(parts) for reason in part.failures.values()},
-        )
-
-    def _failure(self, problem: Problem, error: Exception) -> Answer:
-        nothing = np.full(problem.lower.shape, np.nan)
-        reasons = dict.fromkeys(range(len(problem)), f"{type(error).__name__}: {error}{self._place(error)}")
-        return Answer(nothing, np.zeros(len(problem), dtype=np.int64), failures=reasons)
-
-    def _place(self, error: Exception) -> str:
-        """Return the last line of the solver's own file that ran, in brackets; nothing where none did."""
-        own = getattr(sys.modules.get(type(self.solver).__module__), "__file__", None)
-        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == own]
-        return f" ({Path(own).name}:{lines[-1]})" if own and lines else ""

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import sys
 import time
+import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from pathlib import Path
+from typing import Literal, NamedTuple, cast
 
 import numpy as np
 
 from tensionlab.allocation import Allocator
 from tensionlab.benchmark.baselines import BASELINES, TIGHT, Baseline, make_baseline
-from tensionlab.benchmark.timing import seconds
+from tensionlab.benchmark.problem_sets import Reachable
+from tensionlab.benchmark.speed import seconds
 from tensionlab.errors import MissingDependency, UnknownSolver
-from tensionlab.solvers import every_solver, make, name_solvers
-from tensionlab.solvers.base import POLICIES, Answer, Policy, Problem, Solver
+from tensionlab.solvers import SOLVERS, every_solver, make, name_solvers
+from tensionlab.solvers.base import POLICIES, Answer, Policy, Problem, Solver, refusal
 from tensionlab.solvers.least_squares import Newton
 from tensionlab.support.arrays import Floats
 from tensionlab.verification import require_answer
@@ -53,19 +57,12 @@ class Entry:
         }
 
     @property
-    def comparable(self) -> bool:
-        """Whether it has the objective of the problem sets, so that it should find the optimum."""
-        return self.objective == LEAST_SQUARES
-
-    @property
     def compared_policy(self) -> Policy:
         """Policy that its answers to infeasible wrenches are compared with."""
         return self.policy or POLICIES[0]
 
 
-def entries(
-    reachable: Literal["all", "none", "mixed"], solvers: Sequence[str | Solver] | None = None
-) -> list[Entry]:
+def entries(reachable: Reachable, solvers: Sequence[str | Solver] | None = None) -> list[Entry]:
     """Return the entries of a problem set: of the solvers and baselines given, by name or as instances, or of all.
 
     Where every wrench is feasible a solver runs once, with the policy that is its own; elsewhere it runs with each
@@ -83,7 +80,7 @@ def entries(
             found += _baseline_entries(name)
             continue
         try:
-            solver = instance or make(name)
+            solver = guarded(instance or make(name))
         except UnknownSolver as error:
             unknown = str(error).partition(";")[0]
             raise UnknownSolver(
@@ -109,12 +106,10 @@ def _baseline_entries(name: str) -> list[Entry]:
 
 
 class CallTimes(NamedTuple):
-    """Times of one call, in s: wall time, the part of it that builds a baseline's program, and by its clock."""
+    """Wall time of one call, and the part of it that builds a baseline's program, in s."""
 
     call: float
     build: float = np.nan
-    setup: float = np.nan
-    solve: float = np.nan
 
 
 @dataclass
@@ -150,12 +145,15 @@ class _Baseline:
         answer = Answer(np.full(problem.lower.shape, np.nan), np.zeros(len(problem), dtype=np.int64))
         for row in range(len(problem)):
             program = self.solver.build(*_one(problem, row))
-            reply = self.solver.read(program, self.solver.run(program))
-            answer.iterations[row] = reply.iterations
-            if reply.tensions is None:
-                answer.failures[row] = reply.failure
+            result = self.solver.run(program)
+            if isinstance(result, Exception):
+                answer.failures[row] = f"{type(result).__name__}: {result}"
+                continue
+            tensions, answer.iterations[row], failure = self.solver.read(program, result)
+            if tensions is None:
+                answer.failures[row] = failure
             else:
-                answer.tensions[row] = reply.tensions
+                answer.tensions[row] = tensions
         return answer
 
     def call(self, problem: Problem, row: int) -> CallTimes:
@@ -163,10 +161,13 @@ class _Baseline:
         began = time.perf_counter()
         program = self.solver.build(*arrays)
         built = time.perf_counter()
-        result = self.solver.run(program)
-        ended = time.perf_counter()
-        reply = self.solver.read(program, result)
-        return CallTimes(ended - began, built - began, reply.setup_s, reply.solve_s)
+        self.solver.run(program)
+        return CallTimes(time.perf_counter() - began, built - began)
+
+
+def _one(problem: Problem, row: int) -> list[Floats]:
+    """Copy structure, wrench and limits of one problem, as some backends refuse read-only arrays."""
+    return [np.array(array[row]) for array in problem.arrays[:4]]
 
 
 Driver = _Interface | _Baseline
@@ -179,6 +180,50 @@ def driver(entry: Entry) -> Driver:
     return _Baseline(make_baseline(entry.solver, "tight" if entry.setting == "tight" else "default"))
 
 
-def _one(problem: Problem, row: int) -> list[Floats]:
-    """Copy structure, wrench and limits of one problem, as some backends refuse read-only arrays."""
-    return [np.array(array[row]) for array in problem.arrays[:4]]
+def guarded(solver: Solver) -> Solver:
+    """Return the solver; unless it comes with tensionlab, its exceptions are failures of the problems."""
+    return solver if type(solver) in SOLVERS.values() else cast(Solver, GuardedSolver(solver, solver.policies))
+
+
+@dataclass(frozen=True)
+class GuardedSolver:
+    """Solver whose exceptions and invalid answers are failures of the problems that cause them."""
+
+    solver: Solver
+    policies: tuple[Policy, ...]
+
+    @property
+    def objective(self) -> str:
+        """What the solver minimises."""
+        return self.solver.objective
+
+    def refuses(self, n: int, m: int) -> str | None:
+        """Return why the solver does not serve this size."""
+        return refusal(self.solver, n, m)
+
+    def solve(self, problem: Problem) -> Answer:
+        """Solve the batch; where that breaks, one problem at a time."""
+        try:
+            return require_answer(problem, self.solver.solve(problem))
+        except MissingDependency:
+            raise
+        except Exception as error:  # the code of others may raise anything
+            if len(problem) <= 1:
+                nothing = np.full(problem.lower.shape, np.nan)
+                reason = f"{type(error).__name__}: {error}{self._place(error)}"
+                failures = dict.fromkeys(range(len(problem)), reason)
+                return Answer(nothing, np.zeros(len(problem), dtype=np.int64), failures=failures)
+        parts = [self.solve(problem.take(np.array([row]))) for row in range(len(problem))]
+        directions = [part.separation for part in parts if part.separation is not None]
+        return Answer(
+            tensions=np.concatenate([part.tensions for part in parts]),
+            iterations=np.concatenate([part.iterations for part in parts]),
+            separation=np.concatenate(directions) if len(directions) == len(parts) else None,
+            failures={row: reason for row, part in enumerate(parts) for reason in part.failures.values()},
+        )
+
+    def _place(self, error: Exception) -> str:
+        """Return the last line of the solver's own file that ran, in brackets; nothing where none did."""
+        own = getattr(sys.modules.get(type(self.solver).__module__), "__file__", None)
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == own]
+        return f" ({Path(own).name}:{lines[-1]})" if own and lines else ""

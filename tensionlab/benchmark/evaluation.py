@@ -18,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
-from tensionlab.benchmark.entries import WRAPPERS, Driver, Entry, driver
+from tensionlab.benchmark.entries import LEAST_SQUARES, WRAPPERS, Driver, Entry, GuardedSolver, driver
 from tensionlab.benchmark.optimum import Optimum, excess_error, optimum
 from tensionlab.benchmark.problem_sets import ProblemSet, problem_of
-from tensionlab.benchmark.results import ACCURACIES
-from tensionlab.benchmark.timing import (
-    maximum,
+from tensionlab.benchmark.results import ACCURACIES, QUANTITIES
+from tensionlab.benchmark.speed import (
     quantile,
     seconds,
     shifted_geometric_mean,
@@ -31,13 +30,14 @@ from tensionlab.benchmark.timing import (
     without_collector,
 )
 from tensionlab.errors import TensionlabError
-from tensionlab.solvers import is_built_in
 from tensionlab.solvers.base import Answer, Policy, Problem, Status
+from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
 from tensionlab.verification import verify
 
 BLOCK = 20  # problems in a turn of an entry
 BATCH = 10_000  # problems in a timed batch; a group is repeated until it has as many
+COUNTED = ("tried", "refused", "proved", "reachable", "iterations")  # quantities that are 0 where not measured
 
 
 class Repetitions(NamedTuple):
@@ -56,30 +56,16 @@ class Block(NamedTuple):
 
 @dataclass
 class Measurements:
-    """Measurements of one entry on P problems, R times each; NaN where there are none.
+    """Measurements of one entry on P problems: (P,) arrays by the names in `results.QUANTITIES`, NaN where none.
 
-    Attributes
-    ----------
-    values : dict of (P,) arrays
-        By the names in `results.QUANTITIES`, those of times apart; ``path_mm`` and ``tension.00``, ... of one
-        trajectory.
-    calls : (P, R, 4) array
-        Times in s: call, and its parts build, setup and solve.
-    timed : list of Block
-        Problems that were answered within the entry's share of time.
+    ``timed`` are the problems that were answered within the entry's share of time.
     """
 
     entry: Entry
     values: dict[str, Floats]
-    calls: Floats
     timed: list[Block] = field(default_factory=list)
     note: str = ""
     batch_s: float = np.nan
-
-    def best_calls(self) -> Floats:
-        """Return the fastest call of each problem with its parts, (P, 4)."""
-        walls = np.where(np.isnan(self.calls[:, :, 0]), np.inf, self.calls[:, :, 0])
-        return np.asarray(np.take_along_axis(self.calls, walls.argmin(axis=1)[:, None, None], axis=1)[:, 0])
 
 
 class SetResults(NamedTuple):
@@ -105,8 +91,7 @@ def evaluate_set(
     policies = {entry.compared_policy for entry in entries}
     best = {policy: [optimum(replace(block.problem, policy=policy)) for block in blocks] for policy in policies}
     scale = np.maximum(1.0, np.concatenate([np.linalg.norm(group.wrench, axis=1) for group in problems.groups]))
-    path = _path_lengths(problems)
-    measured = [no_measurements(entry, scale, effort.repeats, path) for entry in entries]
+    measured = [no_measurements(entry, scale) for entry in entries]
     present = [(each, driver(each.entry)) for each in measured if not each.entry.missing]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # backends warn of what is verified here
@@ -122,107 +107,77 @@ def evaluate_set(
                 each.batch_s = _time_batch(allocator, each.timed, effort.seconds / 4)
             progress(0.9 + 0.1 * done / len(present))
     tables = [
-        each.entry.key(problems.name)
-        | {"problem": np.arange(len(scale)), "call_s": each.best_calls()[:, 0]}
-        | each.values
-        for each, _ in present
+        each.entry.key(problems.name) | {"problem": np.arange(len(scale))} | each.values for each, _ in present
     ]
     verified = {policy: int(sum(block.verified.sum() for block in best[policy])) for policy in policies}
     return SetResults([summarise(problems.name, each) for each in measured], tables, verified)
 
 
-def no_measurements(entry: Entry, scale: Floats, repeats: int, path_mm: Floats | None = None) -> Measurements:
+def no_measurements(entry: Entry, scale: Floats) -> Measurements:
     """Return measurements without values, for as many problems as there are scales."""
-    zeros = {name: np.zeros(len(scale)) for name in ("tried", "refused", "reachable", "proved", "iterations")}
-    empty = {name: np.full(len(scale), np.nan) for name in ("error", "violation", "gap")}
-    values = {**zeros, **empty, "scale": scale} | ({} if path_mm is None else {"path_mm": path_mm})
-    return Measurements(entry, values, np.full((len(scale), repeats, 4), np.nan), note=entry.missing)
+    values = {name: np.full(len(scale), 0.0 if name in COUNTED else np.nan) for name in QUANTITIES}
+    return Measurements(entry, values | {"scale": scale}, note=entry.missing)
 
 
 def summarise(problem_set: str, measured: Measurements) -> dict[str, Any]:
     """Return the row of `results.Results` of one entry on a problem set."""
-    entry, values, best = measured.entry, measured.values, measured.best_calls()
-    call, build, setup, solve = best.T
-    tried = int(values["tried"].sum())
+    entry, values = measured.entry, provenance.data_frame(measured.values)
+    largest, total, call = values.max(), values.sum(), measured.values["call_s"]
+    tried = int(total["tried"])
     error = np.maximum(values["error"], values["violation"]) / values["scale"]
     shares = {f"solved_1e{-np.log10(limit):.0f}": (error <= limit).sum() for limit in ACCURACIES}
     return {
         **entry.key(problem_set),
         "objective": entry.objective,
-        "comparable": entry.comparable,
+        "comparable": entry.objective == LEAST_SQUARES,
         "note": measured.note,
-        "problems": len(best),
+        "problems": len(values),
         "tried": tried,
-        "refused": int(values["refused"].sum()),
-        "failed": int(((values["tried"] > values["refused"]) & np.isnan(values["error"])).sum()),
-        "proved": int(values["proved"].sum()),
+        "refused": int(total["refused"]),
+        "failed": int(((values["tried"] > values["refused"]) & values["error"].isna()).sum()),
+        "proved": int(total["proved"]),
         **{name: float(count / tried) if tried else np.nan for name, count in shares.items()},
-        "error_max": maximum(values["error"]),
-        "violation_max": maximum(values["violation"]),
-        "gap_median": quantile(values["gap"], 0.5),
-        "gap_max": maximum(values["gap"]),
+        "error_max": largest["error"],
+        "violation_max": largest["violation"],
+        "gap_median": quantile(measured.values["gap"], 0.5),
+        "gap_max": largest["gap"],
         "sgm_s": shifted_geometric_mean(call),
-        "prebuilt_s": shifted_geometric_mean(call - build),
+        "prebuilt_s": shifted_geometric_mean(call - measured.values["build_s"]),
         "median_s": quantile(call, 0.5),
         "p99_s": quantile(call, 0.99),
         "p999_s": quantile(call, 0.999),
-        "worst_s": maximum(call),
-        "jitter_s": maximum(measured.calls[:, :, 0]),
-        "build_s": quantile(build, 0.5),
-        "setup_s": quantile(setup, 0.5),
-        "solve_s": quantile(solve, 0.5),
+        "worst_s": largest["call_s"],
+        "build_s": quantile(measured.values["build_s"], 0.5),
         "batch_s": measured.batch_s,
-        "iterations_max": int(values["iterations"].max(initial=0)),
+        "iterations_max": int(largest["iterations"]),
     }
 
 
 def _blocks(problems: ProblemSet, rng: np.random.Generator) -> list[Block]:
-    """Return all problems in blocks, shuffled, but so that the groups take turns."""
+    """Return all problems in shuffled blocks, because neighbours are often alike, the groups in turn."""
     dealt: list[tuple[float, Block]] = []
     start = 0
     for group in problems.groups:
-        problem, size = problem_of(group), len(group.structure)
-        # Neighbours are often alike, and a slow entry should see of everything; a figure has a whole trajectory.
-        order = np.arange(size) if group.path_mm is not None else rng.permutation(size)
-        pieces = [order[first : first + BLOCK] for first in range(0, size, BLOCK)]
+        problem, order = problem_of(group), rng.permutation(len(group.structure))
+        pieces = [order[first : first + BLOCK] for first in range(0, len(order), BLOCK)]
         # The k-th of K pieces comes at about k/K of the way.
         turns = (rng.permutation(len(pieces)) + rng.random(len(pieces))) / max(1, len(pieces))
         dealt += [
-            (float(turn), Block(start + rows, problem.take(rows)))
-            for turn, rows in zip(turns, pieces, strict=True)
+            (turn, Block(start + rows, problem.take(rows)))
+            for turn, rows in zip(turns.tolist(), pieces, strict=True)
         ]
-        start += size
+        start += len(order)
     return [block for _, block in sorted(dealt, key=lambda pair: pair[0])]
-
-
-def _path_lengths(problems: ProblemSet) -> Floats | None:
-    """Return the length of the path so far, (P,) in mm, of the trajectory of most redundancy; NaN elsewhere.
-
-    There objectives differ most. None if there is no trajectory.
-    """
-    redundancy = [
-        -1 if group.path_mm is None else group.structure.shape[2] - group.structure.shape[1]
-        for group in problems.groups
-    ]
-    drawn = int(np.argmax(redundancy))
-    if problems.groups[drawn].path_mm is None:
-        return None
-    lengths = [np.full(len(group.structure), np.nan) for group in problems.groups]
-    lengths[drawn] = np.asarray(problems.groups[drawn].path_mm, dtype=np.float64)
-    return np.concatenate(lengths)
 
 
 def _answer(
     measured: Measurements, runs: Driver, blocks: list[Block], best: list[Optimum], effort: Repetitions
 ) -> None:
-    """Verify the answers to as many blocks as the entry's share of time allows, and note those to be timed.
-
-    Along trajectories all answers are taken, because a figure has all of one; only the timing is spared.
-    """
-    entry, values, spent = measured.entry, measured.values, 0.0
+    """Verify the answers to as many blocks as the entry's share of time allows."""
+    values, spent = measured.values, 0.0
     warm: set[tuple[int, ...]] = set()
     for block, target in zip(blocks, best, strict=True):
-        if spent > effort.seconds and "path_mm" not in values:
+        if spent > effort.seconds:
             break
         values["tried"][block.rows] = 1.0
         try:
@@ -232,17 +187,13 @@ def _answer(
             began = time.perf_counter()
             answer = runs.answers(block.problem)
             call = runs.call(block.problem, 0).call
-        except Exception as error:
+        except (TensionlabError, ValueError) as error:
             values["refused"][block.rows] = 1.0
-            if isinstance(error, (TensionlabError, ValueError)):
-                measured.note = measured.note or f"refuses some: {str(error).partition('; ')[0]}"
-            elif entry.instance is None or is_built_in(entry.solver):
-                raise
-            else:  # the code of others may raise anything
-                measured.note = measured.note or f"breaks on some: {type(error).__name__}: {error}"
+            measured.note = measured.note or f"refuses some: {str(error).partition('; ')[0]}"
             continue
-        if spent <= effort.seconds:
-            measured.timed.append(block)
+        if isinstance(measured.entry.instance, GuardedSolver) and answer.failures:
+            measured.note = measured.note or f"breaks on some: {next(iter(answer.failures.values()))}"
+        measured.timed.append(block)
         spent += time.perf_counter() - began + call * (len(block.rows) + 1) * effort.repeats
         _verify(measured, block, answer, target)
 
@@ -264,10 +215,6 @@ def _verify(measured: Measurements, block: Block, answer: Answer, best: Optimum)
         own = replace(problem, policy=entry.policy)
         status = verify(own, replace(answer, tensions=tensions)).status
         values["proved"][rows] = (status == Status.EXACT) | (status == Status.NEAREST)
-    if "path_mm" in values and np.isfinite(values["path_mm"][rows[0]]):
-        for cable, column in enumerate(tensions.T):
-            nothing = np.full(len(values["path_mm"]), np.nan)
-            values.setdefault(f"tension.{cable:02}", nothing)[rows] = column
 
 
 def _time_calls(
@@ -276,7 +223,7 @@ def _time_calls(
     rng: np.random.Generator,
     progress: Callable[[float], None],
 ) -> None:
-    """Time single calls of all entries, in turns of a block."""
+    """Time single calls of all entries, in turns of a block; the fastest call of each problem counts."""
     callers: dict[int, tuple[Block, dict[int, Callable[[int], tuple[float, ...]]]]] = {}
     for number, (measured, runs) in enumerate(present):
         for block in measured.timed:
@@ -286,8 +233,10 @@ def _time_calls(
         for repeat in range(repeats):
             for done, turn in enumerate(rng.permutation(len(turns))):
                 block, mine = turns[turn]
-                for number, row, times in take_turns([(range(len(block.rows)), mine)], rng):
-                    present[number][0].calls[block.rows[row], repeat] = times
+                for number, row, (call, build) in take_turns([(range(len(block.rows)), mine)], rng):
+                    values, problem = present[number][0].values, block.rows[row]
+                    if not call >= values["call_s"][problem]:
+                        values["call_s"][problem], values["build_s"][problem] = call, build
                 gc.collect()
                 progress((repeat + (done + 1) / len(turns)) / repeats)
 

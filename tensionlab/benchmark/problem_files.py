@@ -9,22 +9,15 @@ square root of P, it asks for the least ``|t|²`` inside limits that renders ``W
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from tensionlab.benchmark.optimum import optimum
-from tensionlab.benchmark.problem_sets import (
-    PROBLEM_SETS,
-    Group,
-    ProblemSet,
-    problem_of,
-    problem_set,
-    size_label,
-)
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS, Group, ProblemSet, problem_of, problem_set, size_label
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.support.arrays import Floats, check_size
 from tensionlab.support.files.reading import as_path
@@ -33,15 +26,6 @@ from tensionlab.support.files.tables import read_npz, read_parquet
 KIND = "quadratic programs: a Parquet file, or a folder of NPZ files"
 # Arrays of a program, as in qpsolvers and qpbenchmark; P left out is the identity, and q zero.
 KEYS = ("P", "q", "G", "h", "A", "b", "lb", "ub")
-
-
-class StoredProgram(NamedTuple):
-    """Quadratic program from outside: where it was, its arrays by `KEYS`, its group, its place on a path in mm."""
-
-    where: str
-    arrays: Mapping[str, Floats]
-    group: str | None = None
-    path_mm: float | None = None
 
 
 def find_problem_set(name: str, count: int, seed: int = 0) -> ProblemSet:
@@ -68,8 +52,8 @@ def read_problem_set(path: str | PathLike[str], count: int | None = None) -> Pro
     Parameters
     ----------
     path : path
-        A Parquet file with the columns A, b, lb and ub, and perhaps P, q, G, h, name, group and path_mm, matrices
-        row by row in one list; or a folder.
+        A Parquet file with the columns A, b, lb and ub, and perhaps P, q, G, h, name and group, matrices row by
+        row in one list; or a folder.
     count : int, optional
         Read an even selection of about this many; all if left out.
 
@@ -87,39 +71,47 @@ def read_problem_set(path: str | PathLike[str], count: int | None = None) -> Pro
     >>> read_problem_set(".")
     <ProblemSet .: 1 problems in 1 groups, 1 of 1 quadratic programs>
     """
-    programs = list(_in_folder(as_path(path)) if as_path(path).is_dir() else _in_parquet(path))
-    found: dict[str, list[tuple[Floats, Floats, Floats, Floats, float | None]]] = {}
+    source = as_path(path)
+    programs = list(_in_folder(source) if source.is_dir() else _in_parquet(source))
+    found: dict[str, list[tuple[Floats, ...]]] = {}
     left_out: Counter[str] = Counter()
-    for each in programs:
-        problem = _allocation(each)
+    for where, arrays, group in programs:
+        problem = _allocation(where, arrays)
         if isinstance(problem, str):
             left_out[problem] += 1
         else:
-            label = each.group or size_label(*problem[0].shape)
-            found.setdefault(label, []).append((*problem, each.path_mm))
+            found.setdefault(group or size_label(*problem[0].shape), []).append(problem)
     reasons = ", ".join(f"{number} with {reason}" for reason, number in left_out.most_common())
     if not found:
         what = f"none of its {len(programs)} programs is a problem of tension allocation: {reasons}"
         raise DataError(f"{path}: {what if programs else 'no programs'}; give {KIND}")
-    share = 1.0 if count is None else min(1.0, count / (len(programs) - left_out.total()))
-    groups = [_group(f"{path}: {label}", label, rows, share) for label, rows in found.items()]
-    kept = f"{len(programs) - left_out.total()} of {len(programs)} quadratic programs"
-    title = f"{kept}; left out: {reasons}" if reasons else kept
+    kept = len(programs) - left_out.total()
+    share = 1.0 if count is None else min(1.0, count / kept)
+    groups = []
+    for label, rows in found.items():
+        chosen = [rows[i] for i in np.linspace(0, len(rows) - 1, max(1, round(share * len(rows)))).astype(int)]
+        if len({structure.shape for structure, *_ in chosen}) > 1:
+            raise DataError(f"{path}: {label}: its programs differ in size; give each size a group of its own")
+        groups.append(Group(label, *(np.array(column) for column in zip(*chosen, strict=True))))
+    title = f"{kept} of {len(programs)} quadratic programs" + (f"; left out: {reasons}" if reasons else "")
     feasible = np.concatenate([optimum(problem_of(group, "force")).reachable for group in groups])
     return ProblemSet(
         str(path), title, tuple(groups), "all" if feasible.all() else "mixed" if feasible.any() else "none"
     )
 
 
-def _in_folder(folder: Path) -> Iterator[StoredProgram]:
+Program = tuple[str, Mapping[str, Floats], str | None]  # where it was, its arrays by `KEYS`, and its group
+
+
+def _in_folder(folder: Path) -> Iterator[Program]:
     """Yield the programs in the NPZ files of a folder, or of its folder ``data``."""
     for file in sorted(folder.glob("*.npz")) or sorted(folder.glob("data/*.npz")):
-        yield StoredProgram(str(file), read_npz(file, KIND, DataError, absent=KEYS))
+        yield str(file), read_npz(file, KIND, DataError, absent=KEYS), None
 
 
-def _in_parquet(path: str | PathLike[str]) -> Iterator[StoredProgram]:
+def _in_parquet(path: Path) -> Iterator[Program]:
     """Yield the programs in the rows of a Parquet file."""
-    if as_path(path).suffix == ".npz":
+    if path.suffix == ".npz":
         raise DataError(f"{path}: one program; give the folder that it is in")
     for number, row in enumerate(read_parquet(path, KIND, DataError).columns.to_pylist(), start=1):
         where, arrays = f"{path}: row {number}", {}
@@ -132,15 +124,14 @@ def _in_parquet(path: str | PathLike[str]) -> Iterator[StoredProgram]:
                     f"{where}: {key} is no list of numbers; give a matrix row by row in one list"
                 ) from None
         label = row.get("group")
-        yield StoredProgram(where, arrays, None if label is None else str(label), row.get("path_mm"))
+        yield where, arrays, None if label is None else str(label)
 
 
-def _allocation(program: StoredProgram) -> tuple[Floats, Floats, Floats, Floats] | str:
+def _allocation(where: str, arrays: Mapping[str, Floats]) -> tuple[Floats, Floats, Floats, Floats] | str:
     """Return structure, wrench and limits of a program, or why it is no problem of tension allocation.
 
     DataError if its arrays do not fit each other.
     """
-    where, arrays = program.where, program.arrays
     if "lb" not in arrays or "ub" not in arrays:
         return "an unbounded variable"
     if "A" not in arrays or "b" not in arrays:
@@ -174,44 +165,25 @@ def _allocation(program: StoredProgram) -> tuple[Floats, Floats, Floats, Floats]
     return found
 
 
-def _group(where: str, label: str, rows: Sequence[Any], share: float) -> Group:
-    """Return the programs of a group, or an even selection; all of a path."""
-    *_, lengths = zip(*rows, strict=True)
-    path = None if None in lengths else np.array(lengths, dtype=np.float64)
-    if path is None and share < 1.0:
-        rows = [rows[i] for i in np.linspace(0, len(rows) - 1, max(1, round(share * len(rows)))).astype(int)]
-    if len({row[0].shape for row in rows}) > 1:
-        raise DataError(f"{where}: its programs differ in size; give each size a group of its own")
-    structure, wrench, lower, upper = (np.array(column) for column in list(zip(*rows, strict=True))[:4])
-    return Group(label, structure, wrench, lower, upper, path)
-
-
 def qp_rows(problems: ProblemSet) -> list[dict[str, Any]]:
-    """Return the problems of a set as rows of quadratic programs, for benchmarks of QP solvers.
+    """Return the problems of a set as rows of quadratic programs of the tensions, for benchmarks of QP solvers.
 
-    Each is ``minimise x'Px/2 + q'x subject to Ax = b, lb <= x <= ub`` of the tensions x, so that P is the
-    identity, q zero, A the structure matrix, b the wrench. In the columns that qpbenchmark's `ParquetTestSet`
-    reads: matrices row by row in one list, G and h None because there are no other inequalities. The name is of
-    set, group and row. For readers that know the set there are ``group`` and ``path_mm``, as in `Group`.
+    In the columns that qpbenchmark's `ParquetTestSet` reads: matrices row by row in one list, G and h None because
+    there are no other inequalities. The name is of set, group and row.
     """
-    rows: list[dict[str, Any]] = []
-    for group in problems.groups:
-        problem = problem_of(group)
-        m = problem.structure.shape[2]
-        rows += [
-            {
-                "name": f"{problems.name}/{group.label}/{row}",
-                "P": np.eye(m).ravel(),
-                "q": np.zeros(m),
-                "G": None,
-                "h": None,
-                "A": problem.structure[row].ravel(),
-                "b": problem.wrench[row],
-                "lb": problem.lower[row],
-                "ub": problem.upper[row],
-                "group": group.label,
-                "path_mm": None if group.path_mm is None else float(group.path_mm[row]),
-            }
-            for row in range(len(problem))
-        ]
-    return rows
+    return [
+        {
+            "name": f"{problems.name}/{group.label}/{row}",
+            "P": np.eye(len(lower)).ravel(),
+            "q": np.zeros(len(lower)),
+            "G": None,
+            "h": None,
+            "A": structure.ravel(),
+            "b": wrench,
+            "lb": lower,
+            "ub": upper,
+            "group": group.label,
+        }
+        for group in problems.groups
+        for row, (structure, wrench, lower, upper) in enumerate(zip(*problem_of(group).arrays[:4], strict=True))
+    ]

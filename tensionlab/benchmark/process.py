@@ -15,7 +15,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -28,7 +27,7 @@ from tensionlab.benchmark.entries import entries
 from tensionlab.benchmark.evaluation import Repetitions, evaluate_set
 from tensionlab.benchmark.problem_files import find_problem_set
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, checksum
-from tensionlab.errors import InputError, TensionlabError, WriteError
+from tensionlab.errors import InputError, TensionlabError
 from tensionlab.solvers import Solver, name_solvers
 from tensionlab.support import provenance
 from tensionlab.support.files import writing
@@ -149,23 +148,23 @@ def run(
     what = plan(sets, solvers, count, seed, quick)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary if out is None else out)
-        return results.read(measure(what, folder, sys.orig_argv, progress or (lambda _: None)))
+        measure(what, folder, sys.orig_argv, progress or (lambda _: None))
+        return results.read(folder)
 
 
-def measure(what: BenchmarkPlan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
-    """Run a benchmark in a process of its own, and return the folder with its results.
+def measure(what: BenchmarkPlan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> None:
+    """Run a benchmark in a process of its own, and write its results into the folder.
 
-    If they cannot be written to the given folder in the end, a temporary one. ``call`` is the command line, for
-    the manifest. A plan with instances of solvers is measured in this process.
+    ``call`` is the command line, for the manifest. A plan with instances of solvers is measured in this process.
     """
     writing.require_folder(folder, parents=True)
     writing.make_folder(folder)
     if not all(isinstance(each, str) for each in what.solvers or ()):
         with speed.using_threads(1):
-            return measure_here(what, folder, call, progress)
+            measure_here(what, folder, call, progress)
+        return
     order = json.dumps({"plan": what.record, "folder": str(folder), "call": list(call), "path": sys.path})
     command = [sys.executable, "-P", "-c", f"from {__name__} import main; main()", order]  # -P: as in `main`
-    kept = folder
     # In a group of its own, so that Ctrl-C ends this process, which ends that one, and neither shows where it was.
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, text=True, env=os.environ | ONE_THREAD, **OWN_GROUP
@@ -174,41 +173,36 @@ def measure(what: BenchmarkPlan, folder: Path, call: Sequence[str], progress: Ca
         try:
             for line in process.stdout:
                 message = json.loads(line)
-                if "share" in message:
-                    progress(message["share"])
-                elif "error" in message:
-                    raise TensionlabError(message["error"])
-                else:
-                    kept = Path(message["folder"])
+                if isinstance(message, str):
+                    raise TensionlabError(message)
+                progress(message)
         except BaseException:
             process.kill()
-            process.wait()
             raise
     if process.returncode:
         raise TensionlabError(
             f"the benchmark's process ended with status {process.returncode}; its messages are above"
         )
-    return kept
 
 
 def measure_here(
     what: BenchmarkPlan, folder: Path, call: Sequence[str], progress: Callable[[float], None]
-) -> Path:
-    """Run a benchmark in this process, write results and manifest, and return their folder."""
+) -> None:
+    """Run a benchmark in this process, and write results and manifest into the folder."""
     wall, processor = time.perf_counter(), time.process_time()
     effort, rng = Repetitions(what.seconds, what.repeats), np.random.default_rng(what.seed)
     rows: list[dict[str, Any]] = []
     measurements: list[dict[str, Any]] = []
     sets = {}
+    share = (1.0 - BATCH_SHARE) / len(what.sets)
     for done, name in enumerate(what.sets):
         problems = find_problem_set(name, what.count, what.seed)
-        share = (1.0 - BATCH_SHARE) / len(what.sets)
         evaluation = evaluate_set(
             problems,
             entries(problems.reachable, what.solvers),
             effort,
             rng,
-            lambda part, start=done * share, share=share: progress(start + share * part),  # type: ignore[misc]
+            lambda part, done=done: progress(share * (done + part)),  # type: ignore[misc]
         )
         rows += evaluation.rows
         measurements += evaluation.measurements
@@ -216,7 +210,7 @@ def measure_here(
             "title": problems.title,
             "reachable": problems.reachable,
             "groups": [[group.label, len(group.structure)] for group in problems.groups],
-            "problems": sum(len(group.structure) for group in problems.groups),
+            "problems": len(problems),
             "verified": evaluation.verified,
             "checksum": checksum(problems),
         }
@@ -233,47 +227,35 @@ def measure_here(
     manifest["bench"] = {
         "sets": sets,
         "plan": what.record,
-        "instruction_set": speed.instruction_set(),
+        "instruction_set": speed.INSTRUCTION_SET,
         "processor_share": busy,
         "threads": {name: os.environ.get(name) for name in ONE_THREAD},
         "batches": [dataclasses.asdict(row) for row in batches],
         "calls": [dataclasses.asdict(row) for row in calls],
     }
-    found = results.Results(provenance.data_frame(rows), manifest, _one_table(measurements))
-    try:
-        results.write(folder, found)
-    except WriteError:
-        folder = Path(tempfile.mkdtemp(prefix="tensionlab-bench-"))
-        results.write(folder, found)
-    return folder
-
-
-def _one_table(parts: Sequence[dict[str, Any]]) -> Any:
-    """Return one data frame of the measurements of all entries; None if there are none."""
     columns = {
-        name: np.concatenate([np.broadcast_to(part.get(name, np.nan), len(part["problem"])) for part in parts])
-        for name in dict.fromkeys(itertools.chain(*parts))
+        name: np.concatenate([np.broadcast_to(part[name], len(part["problem"])) for part in measurements])
+        for name in (measurements[0] if measurements else ())
     }
-    return provenance.data_frame(columns) if columns else None
+    joined = provenance.data_frame(columns) if columns else None
+    results.write(folder, results.Results(provenance.data_frame(rows), manifest, joined))
 
 
 def main() -> None:
-    """Run the benchmark of the first argument; print JSON lines: shares done, then the folder or the error."""
+    """Run the benchmark of the first argument; print each share done, or the message of an error, as JSON."""
     order = json.loads(sys.argv[1])
     sys.path += [each for each in order["path"] if each not in sys.path]  # last, so that no library is replaced
     what: dict[str, Any] = {
         key: tuple(value) if isinstance(value, list) else value for key, value in order["plan"].items()
     }
     # Backends print to stdout as well; only messages may reach the process that reads it.
-    # A reader that has closed the pipe is no error, nor when the file is closed.
-    with suppress(BrokenPipeError), os.fdopen(os.dup(1), "w") as messages:
+    with os.fdopen(os.dup(1), "w") as messages:
         os.dup2(2, 1)
 
-        def send(**message: object) -> None:
+        def send(message: object) -> None:
             print(json.dumps(message), file=messages, flush=True)
 
         try:
-            plan, folder = BenchmarkPlan(**what), Path(order["folder"])
-            send(folder=str(measure_here(plan, folder, order["call"], lambda done: send(share=done))))
+            measure_here(BenchmarkPlan(**what), Path(order["folder"]), order["call"], send)
         except TensionlabError as error:
-            send(error=str(error))
+            send(str(error))

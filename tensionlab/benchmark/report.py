@@ -18,7 +18,6 @@ FIGURES = {
     "within a multiple of the time of the fastest (Dolan and Moré, 2002). Up and left is better.",
     "pareto": "Time and accuracy: typical time of a call, and the largest error of all answers. Down and left is "
     "better.",
-    "continuity": "Along one trajectory sampled at 1 kHz: the tensions of all cables, by solver.",
 }  # captions of the figures that come with the report
 
 # Columns of the table of all sets.
@@ -33,7 +32,7 @@ SET_COLUMNS = {
     "policy": Column("policy"),
     "tried": COUNTS["tried"],
     "verified": Column("verified", format=format_share),
-    **{name: column for name, column in NUMBERS.items() if name not in ("prebuilt_s", "jitter_s")},
+    **{name: column for name, column in NUMBERS.items() if name != "prebuilt_s"},
     "iterations_max": COUNTS["iterations_max"],
 }
 
@@ -59,8 +58,7 @@ HOW_TO_READ = """\
   blocks in which the entries take turns, so that interruptions hardly count. *call* is the shifted
   geometric mean (shift 1 µs). *build* is the part that brings the arrays into the baseline's form,
   such as the identity matrix of its cost; *prebuilt* is the call without it, as in a loop that keeps
-  them; *set-up* and *solve* are by the baseline's own clock, where it has one. *batch each*: a problem in one
-  large batch.
+  them. *batch each*: a problem in one large batch.
 - **tried**: each entry has {seconds:g} s for each set; one that needs longer gets fewer of the
   problems, drawn at random."""
 
@@ -135,19 +133,10 @@ def batches_table(results: Results) -> Table:
                Column("one core / DAQP in C", format=".3f"), Column("loop / all cores", format=".2g"),
                Column("gap max", "N", format_number)]  # fmt: skip
     rows = [
-        [
-            f"n = {row.components}, m = {row.cables}",
-            "feasible" if row.reachable else "infeasible",
-            row.one_core_s,
-            row.all_cores_s,
-            row.daqp_c_s,
-            row.daqp_loop_s,
-            row.ratio,
-            row.daqp_loop_s / row.all_cores_s,
-            row.gap_max,
-        ]
+        (f"n = {row.components}, m = {row.cables}", "feasible" if row.reachable else "infeasible", row.one_core_s,
+         row.all_cores_s, row.daqp_c_s, row.daqp_loop_s, row.ratio, row.daqp_loop_s / row.all_cores_s, row.gap_max)
         for row in results.batches
-    ]
+    ]  # fmt: skip
     first = results.batches[0]
     return Table(columns, rows, notes=[
         f"{first.count:,} random problems in one `tl.allocate` call on one and on all {first.cores} cores, "
@@ -161,21 +150,15 @@ def calls_table(results: Results) -> str:
     columns = ["", "caller", Column("median", format=format_duration), Column("p99.9", format=format_duration),
                Column("p99.9 / median", format=".2g"), Column("uninterrupted", format=".2g")]  # fmt: skip
     rows = [
-        [
-            f"n = {call.components}, m = {call.cables}",
-            f"`{call.caller}`",
-            call.median_s,
-            call.p999_s,
-            call.p999_s / call.median_s,
-            call.quiet_p999_s / call.median_s,
-        ]
+        (f"n = {call.components}, m = {call.cables}", f"`{call.caller}`", call.median_s, call.p999_s,
+         call.p999_s / call.median_s, call.quiet_p999_s / call.median_s)
         for call in results.calls
-    ]
-    about = (
+    ]  # fmt: skip
+    return (
         "One call for one problem, the callers in turn. Whatever interrupts the process counts in p99.9, but "
         f"hardly in the last column, where each problem has its best time of {PASSES}:"
+        f"\n\n{Table(columns, rows).to_markdown()}"
     )
-    return f"{about}\n\n{Table(columns, rows).to_markdown()}"
 
 
 def _machine(results: Results) -> str:

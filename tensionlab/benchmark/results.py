@@ -14,7 +14,7 @@ from tensionlab.errors import DataError, InputError
 from tensionlab.support import provenance
 from tensionlab.support.files import writing
 from tensionlab.support.files.reading import as_path
-from tensionlab.support.files.tables import check_columns, from_mappings, read_parquet
+from tensionlab.support.files.tables import check_columns, read_parquet
 from tensionlab.support.formatting import format_count, format_duration, format_number, format_share, one_line
 from tensionlab.support.table import Column, Table
 
@@ -27,20 +27,11 @@ KIND = "results of `tensionlab bench` (*.parquet)"
 ACCURACIES = (1e-3, 1e-6, 1e-9)
 KEY = ["problem_set", "solver", "setting", "policy"]  # columns that identify an entry; policy "": none
 ID = [*KEY, "problem"]
-# Measurements of a problem: time of the fastest call in s; whether it was tried, refused and proved, and is
-# feasible; error, violation of limits and gap in N; scale of accuracies, max(1, norm of the wrench).
-QUANTITIES = [
-    "call_s",
-    "tried",
-    "refused",
-    "proved",
-    "reachable",
-    "error",
-    "violation",
-    "gap",
-    "scale",
-    "iterations",
-]
+# Measurements of a problem: time of the fastest call and its part that builds the program, in s; whether it was
+# tried, refused and proved, and is feasible; error, violation of limits and gap in N; scale of accuracies,
+# max(1, norm of the wrench).
+QUANTITIES = ("call_s", "build_s", "tried", "refused", "proved", "reachable", "error", "violation", "gap", "scale",
+              "iterations")  # fmt: skip
 
 TEXTS = dict.fromkeys((*KEY, "objective", "note"), Column("", format=str))
 COUNTS = {
@@ -65,10 +56,7 @@ NUMBERS = {
     "p99_s": Column("p99", format=format_duration),
     "p999_s": Column("p99.9", format=format_duration),
     "worst_s": Column("worst", format=format_duration, wide=True),
-    "jitter_s": Column("slowest", format=format_duration),
     "build_s": Column("build", format=format_duration),
-    "setup_s": Column("set-up", format=format_duration),
-    "solve_s": Column("solve", format=format_duration),
     "batch_s": Column("batch each", format=format_duration),
 }
 TYPES = (
@@ -102,11 +90,8 @@ class Results:
         reachable, groups, problems, verified), ``plan``, ``instruction_set``, ``processor_share``, ``batches`` and
         ``calls``.
     measurements : DataFrame or None
-        A row for each problem of each entry, with the columns `KEY`, ``label``, ``problem``, `QUANTITIES` and,
-        along one trajectory, ``path_mm`` and ``tension.00`` to the last cable, in N. None for the committed
-        results.
-    batches : list of BatchRow
-    calls : list of CallRow
+        A row for each problem of each entry, with the columns `KEY`, ``label``, ``problem`` and `QUANTITIES`. None
+        for the committed results.
     """
 
     rows: pandas.DataFrame
@@ -149,8 +134,12 @@ class Results:
 
         Quantities that were not measured are left out. InputError for the committed results.
         """
-        wide = self.each_problem().drop(columns="label")
-        return wide.melt(ID, var_name="quantity").dropna(subset="value", ignore_index=True)
+        return (
+            self.each_problem()
+            .drop(columns="label")
+            .melt(ID, var_name="quantity")
+            .dropna(subset="value", ignore_index=True)
+        )
 
     def each_problem(self) -> pandas.DataFrame:
         """Return the measurements; InputError where there are none, as in the committed results."""
@@ -244,11 +233,8 @@ def read(path: str | Path) -> Results:
     file = place / FILE if place.is_dir() else place
     manifest, rows = _read_table(file, TYPES)
     bench = manifest.get("bench")
-    kinds = {"sets": dict, "batches": list, "calls": list}
-    if not isinstance(bench, dict) or not all(isinstance(bench.get(key), kind) for key, kind in kinds.items()):
-        raise DataError(f"{file}: its manifest describes no run; give results of `tensionlab bench`")
-    from_mappings(bench["batches"], BatchRow, f"{file}: batches", DataError)
-    from_mappings(bench["calls"], CallRow, f"{file}: calls", DataError)
+    if not isinstance(bench, dict) or not {"sets", "plan", "batches", "calls"} <= bench.keys():
+        raise DataError(f"{file}: its manifest describes no run; give {KIND}")
     measurements = place / MEASUREMENTS_FILE
     if not (place.is_dir() and measurements.exists()):
         return Results(rows, manifest)
@@ -257,11 +243,11 @@ def read(path: str | Path) -> Results:
 
 
 def _read_table(file: Path, types: dict[str, str]) -> tuple[dict[str, Any], Any]:
-    """Return the manifest and the data frame of a file; DataError if its columns are not of these types."""
+    """Return the manifest and these columns of a file; DataError if they are not of these types."""
     table = read_parquet(file, KIND, DataError)
     names = table.columns.column_names
     check_columns(names, [*types], names, table.source, DataError)
-    frame = table.columns.to_pandas()
+    frame = table.columns.to_pandas()[[*types]]
     try:
         return table.manifest, frame.assign(policy=frame["policy"].fillna("")).astype(types)
     except (TypeError, ValueError) as problem:

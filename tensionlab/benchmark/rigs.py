@@ -29,23 +29,22 @@ MAX_DRAWS = 200  # largest number of draws of random poses or paths for a rig
 
 
 def unit_vectors(rng: np.random.Generator, *shape: int) -> Floats:
-    """Draw directions spread evenly over the sphere; the last axis holds the components."""
+    """Draw directions evenly spread over the sphere, components on the last axis."""
     vectors = rng.normal(size=shape)
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def structures(rng: np.random.Generator, n: int, m: int, count: int) -> Floats:
-    """Draw structure matrices (count, n, m) of random rigs with m cables.
+    """Draw structure matrices (count, n, m) of random rigs: a point (n = 3) or a platform (n = 6) with m cables.
 
-    Columns [u] or [u; r x u]; the directions u are spread evenly over the sphere. With n = 3 a point, with n = 6 a
-    platform whose attachments are spread normally about its reference point.
+    Cable directions are spread evenly over the sphere, attachments of a platform normally about its centre.
     """
     directions = unit_vectors(rng, count, m, 3)
     return _columns(directions, None if n == 3 else rng.normal(scale=ARM_M, size=(count, m, 3)))
 
 
 class Stream(NamedTuple):
-    """Random numbers of a group of rigs: generator, wrench components and cables of each rig, number of rigs."""
+    """Random generator of a group of rigs, wrench components and cables of each rig, and number of rigs."""
 
     rng: np.random.Generator
     n: int
@@ -62,11 +61,9 @@ class Stream(NamedTuple):
 
 
 def streams(name: str, shapes: list[tuple[int, int]], count: int, seed: int) -> list[Stream]:
-    """Return the random numbers of each group of the problem set of that name.
+    """Return the random numbers of each group of a problem set, the count spread evenly, at least one rig each.
 
-    Each group has a generator of its own, so that another count or shape in one does not change another; sets with
-    the same seed have nothing in common. The count is spread evenly over the groups, which have the given wrench
-    components and cables, at least one rig in each.
+    Each group has its own generator, so that another count or shape in one does not change another.
     """
     sizes = [max(1, (count + i) // len(shapes)) for i in reversed(range(len(shapes)))]
     return [
@@ -79,30 +76,26 @@ def near_singular(rng: np.random.Generator, n: int, m: int, condition: Floats) -
     """Draw structure matrices (B, n, m) of random rigs with given conditions (B,), each 100 or more.
 
     A point rig (n = 3) is nearly singular because its cables are nearly in the plane z = 0, a platform (n = 6)
-    because it is small.
+    because it is small: the condition goes with one over that size.
     """
     matrices = np.empty((len(condition), n, m))
-    left = np.arange(len(condition))
-    while left.size:
-        matrices[left] = _squeezed(rng, n, m, condition[left])
+    remaining = np.arange(len(condition))
+    while remaining.size:
+        wanted = condition[remaining]
+        directions = unit_vectors(rng, len(wanted), m, 3)
+        arms = None if n == 3 else rng.normal(size=(len(wanted), m, 3))
+        size = 1.0 / wanted
+        for _ in range(SCALING_ROUNDS):
+            if arms is None:
+                flat = directions.copy()
+                flat[..., 2] *= size[:, None]
+                scaled = _columns(flat / np.linalg.norm(flat, axis=-1, keepdims=True), None)
+            else:
+                scaled = _columns(directions, size[:, None, None] * arms)
+            size = np.minimum(1.0, size * np.linalg.cond(scaled) / wanted)
+        matrices[remaining] = scaled
         # A draw that is singular for another reason as well may miss its condition.
-        left = left[np.abs(np.linalg.cond(matrices[left]) / condition[left] - 1.0) > CONDITION_ACCURACY]
-    return matrices
-
-
-def _squeezed(rng: np.random.Generator, n: int, m: int, condition: Floats) -> Floats:
-    """Draw rigs so flat, or so small, that most have the condition: it goes with one over that size."""
-    directions = unit_vectors(rng, len(condition), m, 3)
-    arms = None if n == 3 else rng.normal(size=(len(condition), m, 3))
-    size = 1.0 / condition
-    for _ in range(SCALING_ROUNDS):
-        scale = size[:, None, None]
-        if arms is None:
-            flat = directions * np.concatenate([np.ones_like(scale), np.ones_like(scale), scale], axis=-1)
-            matrices = _columns(flat / np.linalg.norm(flat, axis=-1, keepdims=True), None)
-        else:
-            matrices = _columns(directions, scale * arms)
-        size = np.minimum(1.0, size * np.linalg.cond(matrices) / condition)
+        remaining = remaining[np.abs(np.linalg.cond(scaled) / wanted - 1.0) > CONDITION_ACCURACY]
     return matrices
 
 
@@ -113,11 +106,7 @@ def _columns(directions: Floats, arms: Floats | None) -> Floats:
 
 
 def desired_wrenches(rig: Rig, force: Floats, rotation: Floats | None = None) -> Floats:
-    """Return the wrenches (B, n) with which cables exert forces (B, 3), in N, and hold the weight.
-
-    The forces act on the centre of mass, or on the reference point if that is not known; torques are about the
-    latter. The rotations (B, 3, 3) are from platform to world.
-    """
+    """Return the wrenches (B, n) of forces (B, 3), in N, on the centre of mass, the weight held as well."""
     total: Floats = force if rig.platform is None else force + rig.platform.mass * GRAVITY_M_S2 * rig.upward
     if rig.n == 3:
         return total
@@ -128,10 +117,9 @@ def desired_wrenches(rig: Rig, force: Floats, rotation: Floats | None = None) ->
 def workspace_samples(rng: np.random.Generator, rig: Rig, count: int) -> tuple[Floats, Floats]:
     """Draw feasible wrenches at random poses of a robot: structure matrices (count, n, m), wrenches (count, n).
 
-    Positions are uniform in a box around home, the axis of the turn on the sphere, its angle up to `TILT`. The
-    robot holds its weight, and pushes with a random force and a random torque: the force up to `PUSH_SHARE` of its
-    largest tension, the torque up to that on an arm as long as the attachments are away on average. Draws
-    whose wrench is infeasible are drawn again. The rig is of kind platform, without body frames.
+    Positions are uniform in a box around home, turns up to `TILT`. The robot holds its weight and pushes with a
+    random force, up to `PUSH_SHARE` of its largest tension, and a torque of up to that times the mean distance of
+    the attachments. The rig is of kind platform, without body frames.
     """
     half = BOX_SHARE * np.abs(rig.anchors - rig.home).max(axis=0)
     strongest = float(rig.limits.upper.max())
@@ -154,22 +142,14 @@ def workspace_samples(rng: np.random.Generator, rig: Rig, count: int) -> tuple[F
 
 def border_path(
     rng: np.random.Generator, rig: Rig, count: int, speed: float, size: float, turning: bool
-) -> tuple[Floats, Floats, Floats]:
-    """Draw one loop around a point of the border of a rig's workspace.
+) -> tuple[Floats, Floats]:
+    """Draw one loop around a point of the border of a rig's workspace: a structure matrix and a wrench per sample.
 
     Straight from home in a random direction there is a point where the wrench stops being feasible; the loop is
     an oval around that point, first through the inside, at one rotation. One sample is one millisecond, and the
-    loop, which the sample after the last would close, is as long as the mean speed, in m/s, makes it. The force of
-    the given size, in N, has a random direction, from which it swings by `SWING` on the way if it is turning. The
-    weight is held as well. The rig is in space, without body frames.
-
-    Returns
-    -------
-    structure : (count, n, m) array
-    wrench : (count, n) array
-        In N (and N·m).
-    length : (count,) array
-        Of the path so far, in mm.
+    loop is as long as the mean speed, in m/s, makes it. A force of the given size, in N, has a random direction,
+    from which it swings by `SWING` if it is turning; the weight is held as well. The rig is in space, without
+    body frames.
     """
     angle = np.pi + 2.0 * np.pi * np.arange(count) / count
     oval = np.stack([np.cos(angle), OVAL_WIDTH * np.sin(angle)])
@@ -187,8 +167,7 @@ def border_path(
         wrench = desired_wrenches(rig, rotations(np.broadcast_to(axis, (count, 3)), swing) @ force)
         feasible = np.mean(capacity_margin(structure, rig.limits, wrench[:, None]) > 0.0)
         if FEASIBLE_SHARE[0] <= feasible <= FEASIBLE_SHARE[1]:
-            steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
-            return structure, wrench, 1e3 * np.append(0.0, np.cumsum(steps))
+            return structure, wrench
     raise RigError(f'rig "{rig.name}": none of {MAX_DRAWS} random loops crosses the border of the workspace')
 
 
@@ -200,7 +179,7 @@ def rotations(axis: Floats, angle: Floats) -> Floats:
 
 
 def _border(rig: Rig, outward: Floats, force: Floats) -> Floats | None:
-    """Return where the force stops being feasible on the way outward from home; None if it does not do so."""
+    """Return where the force stops being feasible on the way outward from home, or None."""
     inside, outside = 0.0, 2.0 * float(np.linalg.norm(rig.anchors - rig.home, axis=1).max())
     wrench = desired_wrenches(rig, force[None])
 

@@ -1,14 +1,15 @@
-"""Speed of the built-in exact solver and of DAQP: large batches and single calls, each in one run."""
+"""Timing of calls in turns, and the speed of the exact solver and of DAQP in large batches and single calls."""
 
 from __future__ import annotations
 
+import gc
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,10 +17,14 @@ from tensionlab import _native
 from tensionlab.allocation import Allocator, allocate
 from tensionlab.benchmark import baselines
 from tensionlab.benchmark.rigs import structures
-from tensionlab.benchmark.timing import quantile, seconds, take_turns, without_collector
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
 
+Caller = TypeVar("Caller")
+Measured = TypeVar("Measured")
+
+SHIFT_S = 1e-6  # shift of the geometric mean, in s: a call of 0.1 µs counts hardly less than one of 0.2 µs
+INSTRUCTION_SET = _native.INSTRUCTION_SET  # that the kernels use on this machine
 LOWER, UPPER = 0.5, 6.0  # tension limits of all problems, in N
 SHAPES = ((3, 4), (3, 8), (3, 12), (6, 8))  # components and cables of the batches
 CALL_SHAPES = ((3, 8), (6, 8))  # components and cables of the single calls
@@ -29,13 +34,71 @@ BLOCK = 20  # single calls in a row before the next caller's turn
 PASSES = 3  # times that each caller gets each single problem
 
 
+def seconds(call: Callable[..., Any], *arguments: Any) -> float:
+    """Return the wall time of a call."""
+    began = time.perf_counter()
+    call(*arguments)
+    return time.perf_counter() - began
+
+
+@contextmanager
+def without_collector() -> Iterator[None]:
+    """Keep Python's garbage collector from running, and from searching what exists already."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+        gc.unfreeze()
+
+
+def take_turns(
+    turns: Iterable[tuple[Sequence[int], Mapping[Caller, Callable[[int], Measured]]]], rng: np.random.Generator
+) -> Iterator[tuple[Caller, int, Measured]]:
+    """Yield each caller, row and measurement of each turn: some rows, and the callers that measure a call for one.
+
+    In each turn the rows and the callers are shuffled, so that all callers share the machine's slow moments. The
+    first call of a caller in a turn is repeated and its first measurement dropped: it fills the caches.
+    """
+    for rows, callers in turns:
+        order, names = rng.permutation(np.asarray(rows)).tolist(), list(callers)
+        for place in rng.permutation(len(names)):
+            measure = callers[names[place]]
+            measure(order[0])
+            for row in order:
+                yield names[place], row, measure(row)
+
+
+def shifted_geometric_mean(seconds: Floats, shift: float = SHIFT_S) -> float:
+    """Return ``exp(mean(log(t + shift))) - shift``, the typical time; NaN for no times.
+
+    Ratios count, and tiny times do not dominate. As in the benchmarks of Mittelmann.
+    """
+    seconds = seconds[np.isfinite(seconds)]
+    if not seconds.size:
+        return float("nan")
+    return float(np.exp(np.mean(np.log(seconds + shift))) - shift)
+
+
+def quantile(values: Floats, share: float) -> float:
+    """Return the value that this share of the values does not exceed, without NaN; NaN if there are no others.
+
+    The value is one of those measured: the smallest that enough of them do not exceed. So the largest of 100
+    calls is their 99.9 % quantile, and not an interpolation between two of them.
+    """
+    values = values[np.isfinite(values)]
+    return float(np.quantile(values, share, method="inverted_cdf")) if values.size else float("nan")
+
+
 @dataclass(frozen=True)
 class BatchRow:
     """Seconds of a problem in a large batch, each the best of the rounds; NaN where DAQP is not installed.
 
     In one `allocate` call, verification included, on one thread and on ``cores``; set-up and solve by DAQP's own
-    clock, without its Python wrapper; and in a Python loop over DAQP's own module, its arrays ready. ``gap_max``
-    is the largest difference of the tensions, in N; NaN where wrenches are infeasible, for which DAQP has none.
+    clock, without its Python wrapper; and in a Python loop over DAQP's module, its arrays ready. ``gap_max`` is
+    the largest difference of the tensions, in N; NaN where wrenches are infeasible, for which DAQP has none.
     """
 
     components: int
@@ -71,11 +134,6 @@ class CallRow:
     quiet_p999_s: float
 
 
-def instruction_set() -> str:
-    """Return the instruction set that the kernels use on this machine."""
-    return _native.INSTRUCTION_SET
-
-
 def describe_kernels() -> str:
     """Say which compiler made the kernels, for which instruction sets, and which this processor uses."""
     compiled = ", ".join(_native.INSTRUCTION_SETS)
@@ -104,8 +162,8 @@ def time_batches(
     """Time a problem in one large batch, in DAQP's C code, and in a Python loop over DAQP.
 
     All are timed in turn, ``rounds`` times, and the best of each counts: a busy machine takes more from a long
-    batch than from a short call. DAQP solves another `DAQP_CALLS` of the problems in each round; its C time is the
-    median of those. Without DAQP its columns are NaN.
+    batch than from a short call. DAQP solves another `DAQP_CALLS` of the problems in each round; its C time is
+    the median of those.
     """
     structure, wrench = random_problems(components, cables, count, seed)
     if not reachable:
@@ -164,11 +222,8 @@ def daqp_loop(structure: Floats, wrench: Floats) -> Callable[[Any], list[Any]]:
 def time_calls(components: int, cables: int, calls: int = 5000, seed: int = 0) -> list[CallRow]:
     """Time single calls, as of a control loop or a script, and those of DAQP and qpsolvers on the same problems.
 
-    DAQP takes the identity matrix of the cost, zeros and constraint types as arrays; it is called with all of them
-    prebuilt, and building them in each call.
-
-    Callers take turns of `BLOCK` calls, in a new random order each time, after one that is not timed; each
-    problem comes up in `PASSES` passes.
+    DAQP is called with the identity matrix of its cost, zeros and constraint types prebuilt. Callers take turns of
+    `BLOCK` calls, in a new random order each time, after one that is not timed, in `PASSES` passes.
     """
     structure, wrench = random_problems(components, cables, calls, seed)
     lower, upper = np.full(cables, LOWER), np.full(cables, UPPER)
@@ -179,11 +234,7 @@ def time_calls(components: int, cables: int, calls: int = 5000, seed: int = 0) -
     }
     if baselines.daqp_installed():
         loop = daqp_loop(structure, wrench)
-        direct = baselines.DirectDaqp()
         callers["daqp.solve, matrices prebuilt"] = lambda row: loop((row,))
-        callers["daqp.solve, matrices built in each call"] = lambda row: direct.run(
-            direct.build(structure[row], wrench[row], lower, upper)
-        )
         callers['qpsolvers.solve_qp(solver="daqp")'] = lambda row: baselines.solve_qp(
             structure[row], wrench[row], lower, upper, "daqp"
         )

@@ -18,7 +18,7 @@ from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set
 from tensionlab.benchmark.results import Results, read
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json, Verbs
-from tensionlab.errors import InputError, WriteError
+from tensionlab.errors import InputError
 from tensionlab.solvers.base import Status
 from tensionlab.support import provenance
 from tensionlab.support.files.writing import make_folder, write_text
@@ -60,10 +60,10 @@ def bench(
     """
     what = process.plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
-        written = process.measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
-    rest = f"the results are in {written}, but not all figures and the report; the same command measures again"
+        process.measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
+    rest = f"the results are in {out}, but not all figures and the report; the same command measures again"
     with output.if_interrupted(rest), output.ResultWriter(quiet=json) as writer:
-        results = read(written)
+        results = read(out)
         _write(results, out, writer)
         if json:
             output.print_json(
@@ -74,8 +74,6 @@ def bench(
             )
         else:
             output.print_table(results.table())
-    if written != out:
-        raise WriteError(f"{out}: cannot be written; the results are in {written}")
 
 
 def _write(results: Results, out: Path, writer: output.ResultWriter) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from tensionlab.errors import InputError
-from tensionlab.plots.benchmark import plot_continuity, plot_pareto, plot_profile
+from tensionlab.plots.benchmark import plot_pareto, plot_profile
 from tensionlab.plots.certified import plot_certified
 from tensionlab.plots.comparison import plot_comparison
 from tensionlab.plots.layout import plot_front, plot_search
@@ -26,7 +26,6 @@ __all__ = [
     "plot_allocation",
     "plot_certified",
     "plot_comparison",
-    "plot_continuity",
     "plot_forces",
     "plot_front",
     "plot_pareto",

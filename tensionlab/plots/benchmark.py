@@ -1,18 +1,15 @@
-"""Figures of a benchmark: time against accuracy, performance profile, and continuity of tensions."""
+"""Figures of a benchmark: time against accuracy, and performance profile."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 
 from tensionlab.benchmark.comparison import Comparison
-from tensionlab.benchmark.entries import WRAPPERS
-from tensionlab.benchmark.results import KEY
-from tensionlab.benchmark.timing import profile
 from tensionlab.errors import InputError
-from tensionlab.plots.style import Entry, add_legend, label_points, new_figure, one_panel, panel_legend
+from tensionlab.plots.style import Entry, label_points, new_figure, one_panel, panel_legend
 from tensionlab.solvers import is_built_in
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 
@@ -94,15 +91,12 @@ def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Fig
 
 
 def _compared(comparison: Comparison) -> list[Dot]:
-    """Return each solver of a comparison with its own policy, which is its first."""
-    first: dict[str, int] = {}
-    for place, row in enumerate(comparison.rows):
-        first.setdefault(row.solver, place)
+    """Return each solver of a comparison with its own policy."""
     error = np.array([allocation.residual for allocation in comparison.allocations])
     excess = np.where(np.isnan(error), np.inf, error - np.nanmin(error, axis=0)).max(axis=1)
     return [
-        Dot(name, kind(name), comparison.rows[place].call_median_s, float(excess[place]))
-        for name, place in first.items()
+        Dot(name, kind(name), comparison.rows[number].call_median_s, float(excess[number]))
+        for name, number in comparison.own_policies.items()
     ]
 
 
@@ -205,123 +199,66 @@ def plot_profile(results: Results) -> Figure:
     >>> results = tl.benchmark.run([tl.solvers.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_profile(results)
     """
-    table = _pooled(results)
-    seconds = table.pivot(index=["problem_set", "problem"], columns="label", values="call_s")
-    error = table[["error", "violation"]].max(axis=1, skipna=False)  # NaN without an answer
-    solved = table.assign(solved=error <= EXACT_N).pivot(
-        index=["problem_set", "problem"], columns="label", values="solved"
-    )
-    kinds = table.drop_duplicates("label").set_index("label")["kind"]
-    labels = list(kinds.index)
-    seconds, solved = seconds[labels].to_numpy(), solved[labels].to_numpy(dtype=bool)
-    ratios = dict(zip(labels, profile(seconds, solved, np.isfinite(seconds)), strict=True))
-    panels = list(dict.fromkeys(label.partition(",")[0] for label in labels))
-
-    def draw(axes: Axes, name: str) -> None:
-        for label, own in ratios.items():
-            if not own.size:
-                continue
-            mine, newton = label.partition(",")[0] == name, kinds[label] == "newton"
-            colour = LOOKS[kinds[label]][1] if mine or newton else "#D8D8D8"
-            width, front = (1.8, 3) if mine else (1.1, 2 if newton else 1)
-            reached = own[np.isfinite(own)]
-            x = np.concatenate([[1.0], reached, [MAX_RATIO]])
-            y = np.append(np.arange(len(reached) + 1), len(reached)) / len(own)
-            axes.step(x, y, where="post", color=colour, linewidth=width, zorder=front)
-        axes.set(xscale="log", xlim=(1, MAX_RATIO), ylim=(0, 1.03), title=name)
-
-    with new_figure((9.0, 0.9 + 1.75 * -(-len(panels) // COLUMNS))) as figure:
-        _grid(figure, panels, draw, "time / fastest time", "share of problems")
-        add_kind_legend(figure, list(kinds), marked=False)
-    return figure
-
-
-def plot_continuity(results: Results) -> Figure:
-    """Draw the tensions of all cables along the first trajectory of the results, one panel for each solver.
-
-    Baselines are drawn at their defaults. A gap is where there is no answer.
-
-    Parameters
-    ----------
-    results : Results
-        With measurements of each problem: of a run, not the committed ones.
-
-    Raises
-    ------
-    InputError
-        If there is no trajectory in the results.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab import plots
-    >>> results = tl.benchmark.run([tl.solvers.Newton()], ["point", "trajectory"], count=4, quick=True)
-    >>> figure = plots.plot_continuity(results)
-    """
-    table = results.each_problem()
-    cables = [name for name in table if name.startswith("tension.")]
-    wrapped = table["solver"].str.partition(":")[0].isin(WRAPPERS) & (table["setting"] == "proved")
-    if cables:
-        table = table[table["path_mm"].notna() & (table["setting"] != "tight") & ~wrapped]
-        answered = table[cables].notna().any(axis=1)
-        table = table[answered.groupby([table[name] for name in KEY]).transform("any")]
-    if not cables or table.empty:
-        raise InputError("no trajectory in these results; measure the set `trajectory`")
-    policies = table.groupby("label")["policy"].nunique()
-    panels = {
-        short_name(label).removesuffix(", default") + (f", {policy}" if policies[label] > 1 else ""): own
-        for (label, policy), own in table.groupby(["label", "policy"], sort=False)
-    }
-    highest = float(table[cables].max(axis=None))
-
-    def draw(axes: Axes, name: str) -> None:
-        own = panels[name]
-        way, tensions = own["path_mm"].to_numpy(), own[cables].to_numpy()
-        axes.fill_between(
-            way, 0, 2 * highest, where=own["reachable"] == 0, color="#EEEEEE", linewidth=0, step="mid"
-        )
-        axes.plot(way, tensions, linewidth=1.0)
-        axes.set(xlim=(way[0], way[-1]), ylim=(0, 1.05 * highest))
-        axes.set_title(name, fontsize=8.5)
-
-    with new_figure((9.5, 0.7 + 1.6 * -(-len(panels) // COLUMNS))) as figure:
-        _grid(figure, list(panels), draw, "path (mm)", "tension (N)")
-        add_legend(figure, 2, [
-            ("one cable each", {"color": BLUE, "linewidth": 1.0}),
-            ("infeasible", {"color": "#EEEEEE", "linewidth": 8}),
-        ])  # fmt: skip
-    return figure
-
-
-def _pooled(results: Results) -> pandas.DataFrame:
-    """Return the measurements of the entries that took part in all feasible sets, with kinds and short names.
-
-    Of a solver with several policies, those with its own, which is the first.
-    """
-    sets = results.feasible_sets
-    table = results.each_problem()
+    sets, table = results.feasible_sets, results.each_problem()
     table = table[table["problem_set"].isin(sets)]
+    # Of a solver with several policies its own, which is the first; only entries that took part in all sets.
     table = table[table["policy"] == table.groupby(["label", "problem_set"])["policy"].transform("first")]
     entries = table.groupby("label", sort=False)
     table = table[entries["call_s"].transform("any") & (entries["problem_set"].transform("nunique") == len(sets))]
     if table.empty:
         raise InputError("no answers in these results that could be drawn")
-    kinds = [kind(solver, setting) for solver, setting in zip(table["solver"], table["setting"], strict=True)]
-    return table.assign(kind=kinds, label=table["label"].map(short_name))
+    first = table.drop_duplicates("label")
+    kinds = {
+        label: kind(solver, setting)
+        for label, solver, setting in zip(first["label"], first["solver"], first["setting"], strict=True)
+    }
+    error = table[["error", "violation"]].max(axis=1, skipna=False)  # NaN without an answer
+    wide = table.assign(solved=error <= EXACT_N).pivot(
+        index=["problem_set", "problem"], columns="label", values=["call_s", "solved"]
+    )
+    ratios = performance_ratios(wide["call_s"].astype(float), wide["solved"].astype(bool))
+    panels = list(dict.fromkeys(label.partition(",")[0] for label in kinds))
+
+    def draw(axes: Axes, name: str) -> None:
+        for label, look in kinds.items():
+            own = np.sort(ratios[label].dropna())
+            if not own.size:
+                continue
+            mine, newton = label.partition(",")[0] == name, look == "newton"
+            colour = LOOKS[look][1] if mine or newton else "#D8D8D8"
+            width, front = (1.8, 3) if mine else (1.1, 2 if newton else 1)
+            reached = own[np.isfinite(own)]
+            x = np.concatenate([[1.0], reached, [MAX_RATIO]])
+            y = np.append(np.arange(len(reached) + 1), len(reached)) / len(own)
+            axes.step(x, y, where="post", color=colour, linewidth=width, zorder=front)
+        axes.set(xscale="log", xlim=(1, MAX_RATIO), ylim=(0, 1.03), title=short_name(name))
+
+    rows = -(-len(panels) // COLUMNS)
+    with new_figure((9.0, 0.9 + 1.75 * rows)) as figure:
+        grid = figure.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False)
+        for place, axes in enumerate(grid.flat):
+            if place >= len(panels):
+                axes.set_visible(False)
+                continue
+            draw(axes, panels[place])
+            axes.grid()
+            if place + COLUMNS >= len(panels):
+                axes.tick_params(labelbottom=True)
+                axes.set_xlabel("time / fastest time")
+            if place % COLUMNS == 0:
+                axes.set_ylabel("share of problems")
+        add_kind_legend(figure, list(kinds.values()), marked=False)
+    return figure
 
 
-def _grid(figure: Any, names: Sequence[str], draw: Callable[[Axes, str], None], across: str, up: str) -> None:
-    """Draw panels of one scale, the axes named once."""
-    count = -(-len(names) // COLUMNS)
-    grid = figure.subplots(count, COLUMNS, sharex=True, sharey=True, squeeze=False)
-    for place, axes in enumerate(grid.flat):
-        if place >= len(names):
-            axes.set_visible(False)
-            continue
-        draw(axes, names[place])
-        axes.grid()
-        if place + COLUMNS >= len(names):
-            axes.tick_params(labelbottom=True)
-            axes.set_xlabel(across)
-        if place % COLUMNS == 0:
-            axes.set_ylabel(up)
+def performance_ratios(seconds: pandas.DataFrame, solved: pandas.DataFrame) -> pandas.DataFrame:
+    """Return how much slower each entry is than the fastest that solved the same problem.
+
+    Both tables have a row for each problem and a column for each entry; the time is NaN where an entry did not try
+    a problem, the ratio infinite where it failed. Problems that no entry solved are left out.
+
+    Source: Dolan and Moré, "Benchmarking optimization software with performance profiles", 2002.
+    """
+    best = seconds.where(solved).min(axis=1)
+    ratios = seconds.where(solved | seconds.isna(), np.inf).div(best, axis=0)
+    return ratios[best.notna()]

@@ -61,7 +61,7 @@ def plot_comparison(comparison: Comparison) -> Figure:
     >>> found = tl.compare(rig, directions=[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], solvers=["newton", "closed-form"])
     >>> figure = plots.plot_comparison(found)
     """
-    return _plot_forces(comparison) if comparison.consecutive is None else _plot_trajectory(comparison)
+    return _plot_forces(comparison) if not comparison.along_trajectory else _plot_trajectory(comparison)
 
 
 def _plot_forces(comparison: Comparison) -> Figure:
@@ -199,10 +199,7 @@ def _draw_points(axes: Axes, rows: Sequence[Score], lines: Sequence[float], valu
 
 
 def _plot_trajectory(comparison: Comparison) -> Figure:
-    first: dict[str, int] = {}
-    for number, row in enumerate(comparison.rows):
-        first.setdefault(row.solver, number)  # its own policy
-    drawn = dict(list(first.items())[:MAX_DRAWN_SOLVERS])
+    drawn = dict(list(comparison.own_policies.items())[:MAX_DRAWN_SOLVERS])
     length, label = _path_length(comparison)
     infeasible = np.any([found.status == Status.NEAREST for found in comparison.allocations], axis=0)
     columns = 1 if len(drawn) == 1 else 2
@@ -229,9 +226,7 @@ def _plot_trajectory(comparison: Comparison) -> Figure:
         for index, number in enumerate(drawn.values()):
             found = comparison.allocations[number]
             error.plot(length, np.fmax(found.residual, MIN_ERROR_N), **_line(index))
-            steps = np.abs(np.diff(found.tensions, axis=0)).max(axis=1)
-            assert comparison.consecutive is not None
-            step.plot(length[1:], np.where(comparison.consecutive, steps, np.nan), **_line(index))
+            step.plot(length[1:], np.abs(np.diff(found.tensions, axis=0)).max(axis=1), **_line(index))
         error.axhspan(MIN_ERROR_N / 10, TOLERANCE, color="#F2F2F2", zorder=0)
         error.text(length[0], TOLERANCE, " exact", va="top", color=GREY, fontsize=8)
         error.set(yscale="log", ylabel="error (N)", ylim=(MIN_ERROR_N / 3, None))

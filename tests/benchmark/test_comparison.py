@@ -110,7 +110,7 @@ def test_a_slow_moment_of_the_machine_changes_no_time(monkeypatch):
         look = next(looks)
         return 0.001 * look + 0.03 * (look >= 3)
 
-    monkeypatch.setattr("tensionlab.benchmark.timing.time", SimpleNamespace(perf_counter=perf_counter))
+    monkeypatch.setattr("tensionlab.benchmark.speed.time", SimpleNamespace(perf_counter=perf_counter))
     rig = tl.load_rig(RIGS / "bartels2026-validation.toml")
     for row in compare(rig, solvers=["closed-form", "pseudoinverse"]).rows:
         assert row.batch_s == pytest.approx(0.001 / 182)

@@ -1,9 +1,8 @@
 import json
 import os
-import shutil
 import subprocess
 import sys
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -12,7 +11,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.benchmark import results
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS
-from tensionlab.benchmark.process import ONE_THREAD, BenchmarkPlan, main, measure, measure_here, plan
+from tensionlab.benchmark.process import ONE_THREAD, BenchmarkPlan, measure, plan
 from tensionlab.benchmark.results import KEY, read
 from tensionlab.errors import InputError, TensionlabError, UnknownSolver
 
@@ -98,14 +97,15 @@ class Halves:
 
 def test_a_solver_of_ones_own_is_measured_and_its_mistakes_are_in_the_table(tmp_path):
     what = BenchmarkPlan(("edge",), (Halves(), "newton"), count=12, seconds=0.05, repeats=1, rounds=0)
-    found = read(measure(what, tmp_path, [], lambda done: None))
+    measure(what, tmp_path, [], lambda done: None)
+    found = read(tmp_path)
     _, own = next(found.rows[:1].iterrows())
     assert list(found.rows["label"]) == ["Halves", "newton"]
     assert list(found.rows["solved_1e6"]) == [0.0, 1.0]
     assert found.manifest["bench"]["plan"]["solvers"] == ["Halves", "newton"]
     np.testing.assert_array_less(0.1, own.error_max)  # half of what is needed renders half of it
     mistake = "the solver returned ndarray; return Answer(tensions, iterations)"
-    assert (own.refused, own.note) == (2, f"breaks on some: TypeError: {mistake}")
+    assert (own.failed, own.note) == (2, f"breaks on some: TypeError: {mistake}")
     assert os.environ.get("TENSIONLAB_NUM_THREADS") is None
 
 
@@ -113,7 +113,8 @@ def test_a_class_of_a_module_is_measured_in_the_process_of_its_own(tmp_path, mon
     (tmp_path / "mine.py").write_text("from tensionlab.solvers import Newton\nclass Mine(Newton):\n    pass\n")
     monkeypatch.syspath_prepend(tmp_path)
     what = BenchmarkPlan(("edge",), ("mine:Mine",), count=6, seconds=0.01, repeats=1, rounds=0)
-    found = read(measure(what, tmp_path / "out", [], lambda done: None))
+    measure(what, tmp_path / "out", [], lambda done: None)
+    found = read(tmp_path / "out")
     assert list(found.rows["label"]) == ["mine:Mine"]
     assert found.manifest["bench"]["threads"] == ONE_THREAD
 
@@ -133,34 +134,8 @@ def test_what_backends_print_does_not_disturb_the_progress(tmp_path):
         "worker.measure_here = lambda *a: (os.write(1, b'loud\\n'), old(*a))[1]; worker.main()"
     )
     done = subprocess.run([sys.executable, "-c", script, order], capture_output=True, text=True, check=True)
-    *shares, last = map(json.loads, done.stdout.splitlines())
+    shares = [json.loads(line) for line in done.stdout.splitlines()]
     assert shares
-    assert all(0 <= line["share"] <= 1 for line in shares)
-    assert last == {"folder": str(tmp_path)}
+    assert all(0 <= share <= 1 for share in shares)
+    assert results.read(tmp_path)
     assert "loud" in done.stderr
-
-
-def test_results_that_their_folder_does_not_take_are_kept_elsewhere(tmp_path):
-    what = BenchmarkPlan(("edge",), ("closed-form",), count=2, seconds=0.01, repeats=1, rounds=0)
-    kept = measure_here(what, tmp_path / "gone", [], lambda done: None)
-    assert kept != tmp_path / "gone"
-    assert results.read(kept).sets.keys() == {"edge"}
-    shutil.rmtree(kept)
-
-
-def test_a_measuring_process_ends_in_silence_where_nobody_hears_it(monkeypatch):
-    reader, writer = os.pipe()
-    os.close(reader)
-    heard = []
-
-    def measure(what, folder, call, progress):
-        heard.append(what)
-        progress(0.5)
-
-    order = {"plan": asdict(plan(quick=True)), "folder": "new", "call": "bench", "path": []}
-    monkeypatch.setattr("tensionlab.benchmark.process.measure_here", measure)
-    monkeypatch.setattr("tensionlab.benchmark.process.os.dup", lambda _: writer)
-    monkeypatch.setattr("tensionlab.benchmark.process.os.dup2", lambda *_: None)
-    monkeypatch.setattr(sys, "argv", ["run", json.dumps(order)])
-    main()
-    assert heard == [plan(quick=True)]

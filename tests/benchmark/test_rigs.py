@@ -73,13 +73,9 @@ def test_robots_are_turned_moved_and_pushed_but_not_beyond_their_reach(name):
 @pytest.mark.parametrize("turning", [True, False])
 def test_a_path_is_a_slow_loop_that_starts_inside_and_comes_back(turning):
     rig = load_rig("seven-modules")
-    structure, wrench, length = border_path(np.random.default_rng(0), rig, 400, 0.3, 1.5, turning)
+    structure, wrench = border_path(np.random.default_rng(0), rig, 400, 0.3, 1.5, turning)
     np.testing.assert_allclose(np.linalg.norm(wrench, axis=1), 1.5)
     assert (np.ptp(wrench, axis=0).max() > 0.1) == turning
-    steps = np.diff(length)
-    assert length[0] == 0.0
-    assert steps.min() > 0.0
-    assert steps.mean() == pytest.approx(0.3, rel=2e-3)  # mm in each millisecond
     closing = np.abs(structure[0] - structure[-1]).max(), np.abs(wrench[0] - wrench[-1]).max()
     assert max(closing) < 1.1 * max(np.abs(np.diff(each, axis=0)).max() for each in (structure, wrench))
     inside = capacity_margin(structure, rig.limits, wrench[:, None]) > 0.0
@@ -89,7 +85,7 @@ def test_a_path_is_a_slow_loop_that_starts_inside_and_comes_back(turning):
 
 def test_a_path_that_hardly_enters_the_workspace_is_drawn_again():
     rig = load_rig("seven-modules")  # the first loop of this seed is within reach for 8 of 100 samples
-    structure, wrench, _ = border_path(np.random.default_rng(49), rig, 100, 0.3, 1.5, True)
+    structure, wrench = border_path(np.random.default_rng(49), rig, 100, 0.3, 1.5, True)
     inside = capacity_margin(structure, rig.limits, wrench[:, None]) > 0.0
     assert 0.1 <= inside.mean() <= 0.9
 

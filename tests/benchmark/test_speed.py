@@ -5,7 +5,29 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.benchmark import baselines, speed
-from tensionlab.benchmark.speed import infeasible_wrenches, random_problems, time_batches, time_calls
+from tensionlab.benchmark.speed import (
+    infeasible_wrenches,
+    quantile,
+    random_problems,
+    shifted_geometric_mean,
+    time_batches,
+    time_calls,
+)
+
+
+def test_the_shifted_geometric_mean_by_hand():
+    # (0 + 1)(3 + 1) = 4, whose root is 2; less the shift, 1.
+    assert shifted_geometric_mean(np.array([0.0, 3.0, np.nan]), shift=1.0) == pytest.approx(1.0)
+    # Without a shift worth mentioning: the geometric mean.
+    assert shifted_geometric_mean(np.array([1.0, 100.0])) == pytest.approx(10.0, rel=1e-5)
+    assert np.isnan(shifted_geometric_mean(np.array([np.nan])))
+
+
+def test_a_quantile_is_a_value_that_was_measured():
+    values = np.append(np.arange(1.0, 101.0), np.nan)
+    assert [quantile(values, share) for share in (0.5, 0.99, 0.999, 1.0)] == [50.0, 99.0, 100.0, 100.0]
+    assert quantile(np.array([7.0]), 0.999) == 7.0
+    assert np.isnan(quantile(np.array([]), 0.5))
 
 
 @pytest.mark.parametrize(("n", "m"), speed.SHAPES)
@@ -36,23 +58,17 @@ def test_the_batch_and_daqp_agree_and_are_both_timed(monkeypatch, reachable):
     assert os.environ["TENSIONLAB_NUM_THREADS"] == "3"
 
 
-def test_without_daqp_its_columns_are_empty(monkeypatch):
-    monkeypatch.setattr(baselines, "daqp_installed", lambda: False)
-    row = time_batches(3, 4, count=200, rounds=1)
-    assert row.one_core_s > 0
-    assert np.isnan([row.daqp_c_s, row.daqp_loop_s, row.gap_max, row.ratio]).all()
-
-
-def test_single_calls_of_all_callers_daqp_with_its_matrices_prebuilt_and_not():
+def test_single_calls_of_all_callers():
     found = time_calls(3, 8, calls=45)
-    assert [call.caller for call in found] == [
-        "tl.Allocator", "tl.allocate", "daqp.solve, matrices prebuilt",
-        "daqp.solve, matrices built in each call", 'qpsolvers.solve_qp(solver="daqp")',
-    ]  # fmt: skip
+    callers = ["tl.Allocator", "tl.allocate", "daqp.solve, matrices prebuilt", 'qpsolvers.solve_qp(solver="daqp")']
+    assert [call.caller for call in found] == callers
     assert all(1e-7 < call.median_s <= call.p999_s < 1.0 for call in found)
     assert all(call.quiet_p999_s <= call.p999_s for call in found)
 
 
-def test_without_daqp_its_rows_are_missing(monkeypatch):
+def test_without_daqp_its_times_are_missing(monkeypatch):
     monkeypatch.setattr(baselines, "daqp_installed", lambda: False)
+    row = time_batches(3, 4, count=200, rounds=1)
+    assert row.one_core_s > 0
+    assert np.isnan([row.daqp_c_s, row.daqp_loop_s, row.gap_max, row.ratio]).all()
     assert [call.caller for call in time_calls(3, 4, calls=20)] == ["tl.Allocator", "tl.allocate"]

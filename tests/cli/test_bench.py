@@ -30,7 +30,7 @@ def test_it_writes_table_report_figures_and_manifest(run, tmp_path):
     code, said, err = run("--set", "point,trajectory", "--solvers", "newton", "--solvers", "daqp", "--count", 4,
                           "--seed", 4, "--quick", "--out", out)  # fmt: skip
     assert (code, err) == (0, "")
-    names = ("continuity", "pareto", "profile")
+    names = ("pareto", "profile")
     assert {path.name for path in out.iterdir()} == {
         "results.parquet", "measurements.parquet", "report.md", "manifest.json", "figures",
     }  # fmt: skip
@@ -77,7 +77,6 @@ def test_json_is_for_programs(run, tmp_path):
     assert [entry["label"] for entry in found["entries"]] == ["newton", "closed-form"]
     assert found["entries"][0]["solved_1e6"] == 1.0
     assert found["sets"]["edge"]["reachable"] == "all"
-    assert not (tmp_path / "figures" / "continuity.png").exists()
     linked = re.findall(r"!\[.*?\]\((.*?)\)", (tmp_path / "report.md").read_text(encoding="utf-8"))
     assert len(linked) == 2
     assert all((tmp_path / name).is_file() for name in linked)

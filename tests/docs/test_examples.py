@@ -75,7 +75,7 @@ def test_no_name_is_listed_twice() -> None:
     assert sorted(LISTED) == sorted(set(LISTED))
 
 
-RUN_A_BENCHMARK = ("plot_continuity", "plot_profile")
+RUN_A_BENCHMARK = ("plot_profile",)
 CALLABLE = [
     pytest.param(name, marks=[pytest.mark.slow] * name.endswith(RUN_A_BENCHMARK))
     for name in LISTED

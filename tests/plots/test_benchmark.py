@@ -8,15 +8,13 @@ import pandas as pd
 import pytest
 
 import tensionlab as tl
-from tensionlab.errors import InputError
-from tensionlab.plots import plot_continuity, plot_pareto, plot_profile
-from tensionlab.plots.benchmark import EXACT_N, _compared, pareto_front
+from tensionlab.plots import plot_pareto, plot_profile
+from tensionlab.plots.benchmark import EXACT_N, _compared, pareto_front, performance_ratios
 from tensionlab.plots.style import _cost, _distance, _places
 from tests.helpers.figures import content_of, words_in
 
 DRAW = {
     "profile": plot_profile,
-    "continuity": plot_continuity,
     "summary": plot_pareto,
 }
 each = pytest.mark.parametrize("draw", DRAW.values(), ids=DRAW)
@@ -32,7 +30,6 @@ def contents(bench_results):
     ("draw", "words"),
     [
         (plot_profile, ["newton", "closed-form", "osqp", "share of problems", "baseline, tight settings"]),
-        (plot_continuity, ["newton, force", "newton, direction", "daqp", "path (mm)", "infeasible"]),
         (plot_pareto, ["newton", "daqp", "typical time of a call (µs)", "max error of all answers (N)"]),
     ],
     ids=DRAW,
@@ -46,7 +43,7 @@ def test_what_is_shown_is_named(contents, draw, words):
 
 @each
 def test_the_same_results_make_the_same_figure_and_who_answered_nothing_is_left_out(contents, bench_results, draw):
-    nothing = dict.fromkeys(["call_s", "error", "violation", "gap", "path_mm", "sgm_s", "median_s"], np.nan)
+    nothing = dict.fromkeys(["call_s", "error", "violation", "gap", "sgm_s", "median_s"], np.nan)
 
     def with_absent(table):
         newton = table[table["label"] == "newton"]
@@ -61,11 +58,12 @@ def test_the_pareto_plot_needs_no_measurements_of_problems(contents, bench_resul
     assert content_of(plot_pareto(replace(bench_results, measurements=None))) == contents(plot_pareto)
 
 
-def test_without_a_trajectory_there_is_no_picture_of_one(bench_results):
-    table = bench_results.measurements
-    for without in (table[table["problem_set"] == "point"], table.dropna(axis=1)):
-        with pytest.raises(InputError, match="no trajectory"):
-            plot_continuity(replace(bench_results, measurements=without))
+def test_a_performance_profile_by_hand():
+    # Problems by row; entries A, B and C. A fails the third, C does not try the first, no entry solves the last.
+    seconds = pd.DataFrame([[1.0, 2.0, np.nan], [4.0, 1.0, 2.0], [1.0, 3.0, 6.0], [1.0, 1.0, 1.0]])
+    solved = pd.DataFrame([[1, 1, 0], [1, 1, 1], [0, 1, 1], [0, 0, 0]]).astype(bool)
+    expected = [[1.0, 2.0, np.nan], [4.0, 1.0, 2.0], [np.inf, 1.0, 2.0]]
+    np.testing.assert_array_equal(performance_ratios(seconds, solved), expected)
 
 
 def test_the_front_has_the_entries_that_no_other_surpasses_and_exact_ones_are_equal():
