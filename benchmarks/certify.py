@@ -22,7 +22,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace import CertifiedWorkspace, certify, wrench_closure
 from tensionlab.workspace.certification import WRENCH_CLOSURE
-from tensionlab.workspace.margin import required_margin
+from tensionlab.workspace.wrench_set import required_margin
 
 POSES = 1_000_000
 CHUNK_POSES = 100_000

@@ -91,7 +91,6 @@ NATIVE = {
     "benchmark/speed.py",
     "workspace/certification.py",
     "workspace/interference.py",
-    "workspace/margin.py",
     "workspace/structure_metrics.py",
     "workspace/sweep/plan.py",
     "workspace/wrench_set.py",

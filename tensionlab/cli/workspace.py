@@ -21,7 +21,7 @@ from tensionlab.workspace.metrics import find_metric
 from tensionlab.workspace.poses import Grid, PoseList, read_poses
 from tensionlab.workspace.poses import box as box_of_poses
 from tensionlab.workspace.sweep import sweep
-from tensionlab.workspace.sweep.summary import MEDIAN_SAMPLE, summary
+from tensionlab.workspace.sweep.dataset import MEDIAN_SAMPLE, summary
 from tensionlab.workspace.volume import describe_step
 
 if TYPE_CHECKING:

@@ -15,9 +15,8 @@ from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import RANK_TOLERANCE, Status
 from tensionlab.support.arrays import Floats
 from tensionlab.support.table import Finding
-from tensionlab.workspace.margin import required_margin
 from tensionlab.workspace.structure_metrics import feasibility_tolerance
-from tensionlab.workspace.wrench_set import half_spaces
+from tensionlab.workspace.wrench_set import half_spaces, required_margin
 
 MAX_TENSION_RATIO = 1e4  # tensions that balance only with a larger ratio between cables do not count
 LIKELY_LENGTHS_M = (0.01, 100.0)  # of the longest cable; only stadium cameras and telescopes have longer ones

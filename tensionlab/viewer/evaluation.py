@@ -12,8 +12,7 @@ from tensionlab.errors import TensionlabError
 from tensionlab.solvers.base import Policy, Status
 from tensionlab.support.arrays import Floats
 from tensionlab.viewer.state import DesignState
-from tensionlab.workspace.margin import required_margin
-from tensionlab.workspace.wrench_set import half_spaces, vertices
+from tensionlab.workspace.wrench_set import half_spaces, required_margin, vertices
 
 FLAT = 1e-9  # share of the largest force that counts as none
 COPLANAR = 1e-6  # largest difference of the equations of faces in one plane

@@ -11,11 +11,6 @@ from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.search import search_layout
 from tensionlab.workspace.layout.space import Space, Surface, room
-from tensionlab.workspace.margin import (
-    capacity_margin,
-    margin_gradient,
-    rig_margin_gradient,
-)
 from tensionlab.workspace.metrics import METRICS, Metric, metric
 from tensionlab.workspace.orientations import cone, roll_pitch_yaw
 from tensionlab.workspace.poses import Grid, PoseList, box, polyline, read_poses
@@ -27,8 +22,14 @@ from tensionlab.workspace.structure_metrics import (
     wrench_closure,
 )
 from tensionlab.workspace.sweep.configurations import vary
-from tensionlab.workspace.sweep.summary import summary
-from tensionlab.workspace.wrench_set import half_spaces, vertices
+from tensionlab.workspace.sweep.dataset import summary
+from tensionlab.workspace.wrench_set import (
+    capacity_margin,
+    half_spaces,
+    margin_gradient,
+    rig_margin_gradient,
+    vertices,
+)
 
 __all__ = [
     "METRICS",

@@ -24,7 +24,7 @@ from tensionlab.support import registry
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace import interference, structure_metrics
 from tensionlab.workspace.interference import Capsule
-from tensionlab.workspace.margin import required_margin
+from tensionlab.workspace.wrench_set import required_margin
 
 
 @dataclass(frozen=True, eq=False)

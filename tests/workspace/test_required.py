@@ -8,7 +8,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.model.directions import fibonacci
 from tensionlab.model.kinematics import exponential
-from tensionlab.workspace.margin import required_margin
+from tensionlab.workspace.wrench_set import required_margin
 
 COGIRO = tl.load_rig("cogiro")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +17,7 @@ from tensionlab.support.arrays import as_floats
 from tensionlab.workspace.poses import Label, label
 
 
-@dataclass(frozen=True, eq=False)
-class Axis:
+class Axis(NamedTuple):
     """Parameter that differs between the rigs: its name, its values, and their labels."""
 
     name: str
@@ -94,20 +93,17 @@ def vary(
         places = _rows(f"anchors[{name!r}]", points, "places, each a list of coordinates in m")
         axes.append(_axis("_".join(["anchor", *name.split()]), places, "m", f'anchor of module "{name}"'))
     if limits is not None:
-        axes.append(
-            _axis(
-                "limits",
-                _rows("limits", limits, "pairs (lower, upper) in N", 2),
-                "N",
-                "tension limits",
-                ("lower", "upper"),
-            )
-        )
+        pairs = _rows("limits", limits, "pairs (lower, upper) in N", 2)
+        axes.append(_axis("limits", pairs, "N", "tension limits", ("lower", "upper")))
 
     def configure(*values: Any) -> Rig:
         rig = make(*values[:first])
-        for name, anchor in zip(moved, values[first:], strict=False):
-            rig = _move(rig, name, anchor)
+        anchors_of = dict(zip(moved, values[first:], strict=False))
+        names = [module.name for module in rig.modules]
+        if unknown := [name for name in moved if name not in names]:
+            raise RigError(f'rig "{rig.name}" has no module "{unknown[0]}" to move; it has {", ".join(names)}')
+        modules = (replace(each, anchor=anchors_of.get(each.name, each.anchor)) for each in rig.modules)
+        rig = replace(rig, modules=tuple(modules))
         if limits is not None:
             lower, upper = values[-1]
             rig = replace(rig, modules=tuple(replace(each, lower=lower, upper=upper) for each in rig.modules))
@@ -123,9 +119,8 @@ def _rigs(what: Rig | Sequence[Rig], parameters: Mapping[str, Any]) -> tuple[lis
     rigs = [what] if isinstance(what, Rig) else list(what)
     if not rigs:
         raise SweepError("rigs is empty; give at least one rig")
-    for each in rigs:
-        if not isinstance(each, Rig):
-            raise SweepError(f"rigs holds {each!r}; give rigs, such as tl.load_rig returns, or what vary returns")
+    if other := [each for each in rigs if not isinstance(each, Rig)]:
+        raise SweepError(f"rigs holds {other[0]!r}; give rigs, such as tl.load_rig returns, or what vary returns")
     names = [each.name for each in rigs]
     if twice := [name for name in names if names.count(name) > 1]:
         raise SweepError(f'two rigs are called "{twice[0]}"; give each its own name')
@@ -181,12 +176,3 @@ def _rows(what: str, values: ArrayLike, expected: str, length: int | None = None
     if table.ndim != 2 or table.size == 0 or table.shape[1] != (length or table.shape[1]):
         raise SweepError(f"vary: {what} is {values!r}; give a list of {expected}")
     return [tuple(row) for row in table]
-
-
-def _move(rig: Rig, name: str, anchor: Any) -> Rig:
-    """Return the rig with one anchor elsewhere."""
-    if name not in (module.name for module in rig.modules):
-        names = ", ".join(module.name for module in rig.modules)
-        raise RigError(f'rig "{rig.name}" has no module "{name}" to move; it has {names}')
-    modules = tuple(replace(each, anchor=anchor) if each.name == name else each for each in rig.modules)
-    return replace(rig, modules=modules)

@@ -1,4 +1,4 @@
-"""Dataset of a sweep: coordinates of configurations, rigs and poses, attributes of metrics."""
+"""Dataset of a sweep: its coordinates and attributes, and `summary`, a row for each configuration and metric."""
 
 from __future__ import annotations
 
@@ -8,21 +8,27 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tensionlab.errors import SweepError
 from tensionlab.model import pose
+from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace.metrics import Metric
 from tensionlab.workspace.poses import Label, label
 from tensionlab.workspace.sweep.plan import Plan
+from tensionlab.workspace.volume import equal_weights, node_weights, weighted_share
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
+
+MEDIAN_SAMPLE = 4_000_000  # values of which the median is exact; of more, every second is taken, or third, ...
 
 
 def empty_dataset(plan: Plan) -> xarray.Dataset:
@@ -33,8 +39,11 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
     rigs = list(plan.configurations.rigs())
     if unknown := sorted(set(plan.frames) - {name for rig in rigs for name in rig.frames}):
         raise SweepError(f'frames: no module is attached to "{unknown[0]}"; leave it out')
-    for rig in rigs:
-        plan.check_dimension(rig)
+    if other := [rig for rig in rigs if rig.dimension != plan.poses.dimension]:
+        raise SweepError(
+            f'the poses have {plan.poses.dimension} coordinates; rig "{other[0].name}" ({other[0].kind}) needs '
+            f"{other[0].dimension}; give it other poses, or a sweep of its own"
+        )
     axes, poses, of_rigs = plan.configurations.labels(), plan.poses.labels(), _rig_labels(plan, rigs)
     for rig in {(rig.kind, rig.m): rig for rig in reversed(rigs)}.values():
         plan.check(rig)
@@ -55,13 +64,14 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
         "chunks": list(plan.chunks),
         "version": manifest["versions"]["tensionlab"],
     }
-    attrs = {
-        "title": f"tensionlab sweep: {', '.join(each.name for each in plan.metrics)}",
-        "sweep": json.dumps(identity),
-        "manifest": json.dumps(manifest),
-    }
-    coordinates = {**axes, **of_rigs, **demands, **poses}
-    empty: xarray.Dataset = provenance.import_xarray().Dataset(coords=coordinates, attrs=attrs)
+    empty: xarray.Dataset = provenance.import_xarray().Dataset(
+        coords={**axes, **of_rigs, **demands, **poses},
+        attrs={
+            "title": f"tensionlab sweep: {', '.join(each.name for each in plan.metrics)}",
+            "sweep": json.dumps(identity),
+            "manifest": json.dumps(manifest),
+        },
+    )
     return empty
 
 
@@ -97,10 +107,13 @@ def _rig_labels(plan: Plan, rigs: Sequence[Rig]) -> dict[str, Label]:
             padded[: len(row)] = row
         return label((*dims, "module", *more), table.reshape(*shape, *table.shape[1:]), units, meaning)
 
+    def demand(value: Callable[[Requirement, Rig], Any], units: str, meaning: str) -> Label:
+        return of_rig(lambda rig: value(plan.requirement(rig), rig), units, meaning)
+
     homes = np.stack([rig.home for rig in rigs]).reshape(*shape, -1)
     return {
-        "rig": of_rig(lambda rig: rig.name, "1", "name of the rig"),
-        "kind": of_rig(lambda rig: rig.kind, "1", "kind of the rig"),
+        "rig": of_rig(attrgetter("name"), "1", "name of the rig"),
+        "kind": of_rig(attrgetter("kind"), "1", "kind of the rig"),
         "up": of_rig(lambda rig: rig.up or "", "1", "axis of the world that points up"),
         "module": label(("module",), np.arange(most), "1", "number of the module"),
         "axis": label(("axis",), np.array(axes), "1", "axis of the world or of the platform"),
@@ -108,16 +121,12 @@ def _rig_labels(plan: Plan, rigs: Sequence[Rig]) -> dict[str, Label]:
         "module_name": of_modules(lambda rig: [each.name for each in rig.modules], "1", "name of the module"),
         "anchor": of_modules(anchors, "m", "anchor of the module in the world", "axis"),
         "attachment": of_modules(
-            lambda rig: rig.attachments, "m", "attachment of the cable in platform axes", "axis"
+            attrgetter("attachments"), "m", "attachment of the cable in platform axes", "axis"
         ),
-        "lower": of_modules(lambda rig: rig.limits.lower, "N", "minimum tension of the cable"),
-        "upper": of_modules(lambda rig: rig.limits.upper, "N", "maximum tension of the cable"),
-        "required": of_rig(
-            lambda rig: plan.requirement(rig).describe(rig), "1", "what the cables must exert at every pose"
-        ),
-        "characteristic_length": of_rig(
-            lambda rig: plan.requirement(rig).length_for(rig), "m", "arm at which torques count as forces"
-        ),
+        "lower": of_modules(attrgetter("limits.lower"), "N", "minimum tension of the cable"),
+        "upper": of_modules(attrgetter("limits.upper"), "N", "maximum tension of the cable"),
+        "required": demand(Requirement.describe, "1", "what the cables must exert at every pose"),
+        "characteristic_length": demand(Requirement.length_for, "m", "arm at which torques count as forces"),
     }
 
 
@@ -127,3 +136,74 @@ def _digest(labels: Mapping[str, Label], texts: Sequence[str] = ()) -> str:
         digest.update(repr((name, dims, values.dtype, values.shape)).encode())
         digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
+
+
+def summary(swept: xarray.Dataset) -> pandas.DataFrame:
+    """Return a table with a row for each configuration and metric of a sweep.
+
+    Its columns are ``rig``, ``metric``, ``unit``, the number of ``poses`` and of those that are ``missing`` a
+    value, ``min``, ``median`` and ``max``, and in ``above_zero`` the share of the volume (of the poses of a list)
+    where the metric is above zero.
+
+    Parameters
+    ----------
+    swept : Dataset
+        Result of `tensionlab.sweep`. SweepError if values in its store are damaged.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> poses = tl.workspace.box([-0.2, 0.2], 0.3, [-0.2, 0.2], step=0.1)
+    >>> table = tl.workspace.summary(tl.sweep(tl.load_rig("floor-3"), poses, "capacity-margin"))
+    >>> table[["rig", "poses", "missing"]].values.tolist()
+    [['floor-3', 25, 0]]
+    """
+    dims = [str(dim) for dim in swept["kind"].dims]
+    rows = []
+    for name, index in zip(configuration_names(swept), np.ndindex(*swept["kind"].shape), strict=True):
+        part = swept.isel(dict(zip(dims, index, strict=True)))
+        for metric, values in part.data_vars.items():
+            rows.append({"rig": name, "metric": str(metric), "unit": str(values.units), **_statistics(values)})
+    return provenance.data_frame(rows)
+
+
+def configuration_names(swept: xarray.Dataset) -> list[str]:
+    """Return the name of each configuration: its rig, or the parameters that tell it from the others."""
+    dims = [str(dim) for dim in swept["kind"].dims]
+    if dims in (["rig"], []):
+        return [str(name) for name in np.atleast_1d(swept["rig"].to_numpy())]
+    several = [dim for dim in dims if swept.sizes[dim] > 1] or dims
+    labels = {dim: swept[dim].to_numpy() for dim in dims}
+    return [
+        ", ".join(f"{dim} {labels[dim][i]}" for dim, i in zip(dims, index, strict=True) if dim in several)
+        for index in np.ndindex(*swept["kind"].shape)
+    ]
+
+
+def _statistics(values: xarray.DataArray) -> dict[str, float]:
+    """Return a variable's columns of the summary, a slab along the first axis at a time. NaN is not above zero."""
+    weights = [
+        node_weights(values[dim].to_numpy()) if dim in ("x", "y", "z") else equal_weights(length)
+        for dim, length in values.sizes.items()
+    ]
+    first = values.encoding.get("chunks", values.shape)[-values.ndim]
+    stride = -(-values.size // MEDIAN_SAMPLE)
+    above, lows, highs, sample, count = 0.0, [], [], [], 0
+    for start in range(0, values.shape[0], first):
+        slab = _read(values[start : start + first])
+        above += float(weighted_share(slab > 0, [weights[0][start : start + first], *weights[1:]]))
+        slab = slab[~np.isnan(slab)]
+        lows.append(slab.min(initial=np.inf))
+        highs.append(slab.max(initial=-np.inf))
+        sample.append(slab[::stride])
+        count += slab.size
+    statistics = [min(lows), np.median(np.concatenate(sample)), max(highs), above] if count else [np.nan] * 4
+    named = dict(zip(("min", "median", "max", "above_zero"), map(float, statistics), strict=True))
+    return {"poses": values.size, "missing": values.size - count, **named}
+
+
+def _read(values: xarray.DataArray) -> Floats:
+    try:
+        return np.asarray(values.values)
+    except (ValueError, OSError) as error:
+        raise SweepError(f"{values.name}: its values are damaged ({error}); delete the store") from None

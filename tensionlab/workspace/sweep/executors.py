@@ -19,8 +19,7 @@ CLUSTER_TIMEOUT_S = 10  # longest time until a scheduler answers
 class ExecutorTask(Protocol):
     """Part of the work, with all its data: small enough to send to another machine."""
 
-    def evaluate(self) -> Any:
-        """Return the result."""
+    def evaluate(self) -> Any: ...  # noqa: D102 - the result
 
 
 AnyTask = TypeVar("AnyTask", bound=ExecutorTask)

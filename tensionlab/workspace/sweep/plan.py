@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,10 +107,8 @@ class Plan:
         """Return the task that evaluates the chunk of a number."""
         block = self.block(number)
         count = len(self.configurations.shape)
-        rigs = tuple(
-            self.configurations.rig([part.start + i for i, part in zip(index, block[:count], strict=True)])
-            for index in np.ndindex(*(part.stop - part.start for part in block[:count]))
-        )
+        indices = product(*(range(part.start, part.stop) for part in block[:count]))
+        rigs = tuple(map(self.configurations.rig, indices))
         required = tuple(map(self.requirement, rigs))
         return ChunkTask(number, block, rigs, self.poses.block(block[count:]), self.metrics, self.frames, required)
 
@@ -121,14 +120,6 @@ class Plan:
         """Return the poses of a rig's body frames."""
         return {name: self.frames[name] for name in rig.frames if name in self.frames}
 
-    def check_dimension(self, rig: Rig) -> None:
-        """Refuse a rig with other dimensions than the poses."""
-        if rig.dimension != self.poses.dimension:
-            raise SweepError(
-                f"the poses have {self.poses.dimension} coordinates; "
-                f'rig "{rig.name}" ({rig.kind}) needs {rig.dimension}; give it other poses, or a sweep of its own'
-            )
-
     def check(self, rig: Rig) -> None:
         """Refuse a rig that cannot turn as the poses do, lacks a body frame, or that a metric refuses."""
         position, rotation = self.poses.block(tuple(slice(0, 1) for _ in self.poses.shape)).arrays()
@@ -136,8 +127,8 @@ class Plan:
             raise SweepError(
                 f'the poses have orientations, and rig "{rig.name}" ({rig.kind}) cannot turn; leave them out'
             )
-        none = None if rotation is None else rotation[:0]
-        batch, _ = _batch(rig, position[:0], none, self.own_frames(rig), self.requirement(rig))
+        turns = None if rotation is None else rotation[:0]
+        batch, _ = _batch(rig, position[:0], turns, self.own_frames(rig), self.requirement(rig))
         batch.required.check_rig(rig)
         for metric in self.metrics:
             metric.evaluate(batch)

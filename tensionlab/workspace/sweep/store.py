@@ -52,12 +52,8 @@ class MemoryStore:
 
     def dataset(self) -> xarray.Dataset:
         """Return the whole, once every chunk is written."""
-        return self._empty.assign(
-            {
-                metric.name: (self._plan.dims, values, attributes(metric))
-                for metric, values in zip(self._plan.metrics, self._values, strict=True)
-            }
-        )
+        variables = zip(self._plan.metrics, self._values, strict=True)
+        return self._empty.assign({m.name: (self._plan.dims, values, attributes(m)) for m, values in variables})
 
     def close(self) -> None:
         """Do nothing: memory has no lock."""
@@ -74,29 +70,51 @@ class ZarrStore:
     def __init__(self, path: Path, plan: Plan, empty: xarray.Dataset) -> None:
         with optional_import("workspace", "a store"):
             import zarr
-        self._path, self._plan = path, plan
+        self._path, self._plan, self._identity = path, plan, json.loads(empty.attrs["sweep"])
         self._lock: BaseFileLock | None = None
-        if not path.exists():
-            _require_space(path, plan, math.prod(plan.tiles))
-            _create(path, plan, empty)
-        with _explain_damage(path):
-            _require_same(path, json.loads(empty.attrs["sweep"]))
-            self.missing: Sequence[int] = self._find_missing()
+        self.missing: Sequence[int] = self._find_missing()
         if not self.missing:
             return
-        _require_space(path, plan, len(self.missing))
-        self._lock = _lock(path)
-        with _explain_damage(path):
-            group: Any = zarr.open_group(path, mode="r+")
-            every_chunk = {"write_empty_chunks": True}  # a chunk without a file is not finished
-            self._arrays = [group[each.name].with_config(every_chunk) for each in plan.metrics]
+        folder = path.absolute().parent
+        if not folder.is_dir():
+            raise SweepError(f"no folder {folder}; make it first")
+        needed = 8 * len(plan.metrics) * math.prod(plan.chunks) * len(self.missing)  # never much larger compressed
+        if needed > (free := shutil.disk_usage(folder).free):
+            raise SweepError(
+                f"{path}: the sweep may take {needed / 1e9:,.1f} GB, and {free / 1e9:,.1f} GB are free; "
+                "give another place, or fewer poses"
+            )
+        try:
+            self._lock = writing.acquire_lock(path.with_name(f".{path.name}.lock"), 0.0, "workspace")
+            if self._lock is None:
+                raise SweepError(
+                    f"{path}: another sweep writes to it; wait until that has ended, or give another place"
+                )
+            if not path.exists():
+                _create(path, plan, empty)
             self.missing = self._find_missing()  # another process may have continued before the lock was free
+            with _explain_damage(path):
+                group: Any = zarr.open_group(path, mode="r+")
+                every_chunk = {"write_empty_chunks": True}  # a chunk without a file is not finished
+                self._arrays = [group[each.name].with_config(every_chunk) for each in plan.metrics]
+        except OSError as error:
+            self.close()
+            raise SweepError(f"{path}: cannot be written ({error.strerror}); give another place") from None
+        except BaseException:
+            self.close()
+            raise
 
-    def _find_missing(self) -> list[int]:
-        """Return the numbers of the chunks of which some metric has no file."""
-        folders = [self._path / each.name / "c" for each in self._plan.metrics]
-        keys = ("/".join(map(str, tile)) for tile in np.ndindex(*self._plan.tiles))
-        return [number for number, key in enumerate(keys) if not all((each / key).exists() for each in folders)]
+    def _find_missing(self) -> Sequence[int]:
+        """Return the numbers of the chunks of which some metric has no file; refuse the store of another sweep."""
+        if not self._path.exists():
+            return range(math.prod(self._plan.tiles))
+        with _explain_damage(self._path):
+            _require_same(self._path, self._identity)
+            folders = [self._path / each.name / "c" for each in self._plan.metrics]
+            keys = ("/".join(map(str, tile)) for tile in np.ndindex(*self._plan.tiles))
+            return [
+                number for number, key in enumerate(keys) if not all((each / key).exists() for each in folders)
+            ]
 
     def write(self, task: ChunkTask, values: Floats) -> None:
         """Write the values of one chunk."""
@@ -119,73 +137,36 @@ class ZarrStore:
         self._lock = None
 
 
-def require_complete(swept: xarray.Dataset) -> None:
-    """Refuse a store that lacks chunks, which Zarr would read as NaN."""
-    store = Path(swept.encoding.get("source", ""))
-    if not (store.is_dir() and (store / "zarr.json").exists()):
-        return
-    import zarr
-
-    for name in map(str, swept.data_vars):
-        array: Any = zarr.open_array(store / name, mode="r")
-        if missing := array.nchunks - array.nchunks_initialized:
-            raise SweepError(
-                f"{store}: {missing:,} of {array.nchunks:,} chunks of {name} are missing; repeat the sweep "
-                "with the same out, which evaluates them"
-            )
-
-
-def _require_space(path: Path, plan: Plan, chunks: int) -> None:
-    """Refuse a sweep whose remaining chunks may not fit on the disk; compressed ones are never much larger."""
-    folder = path.absolute().parent
-    if not folder.is_dir():
-        raise SweepError(f"no folder {folder}; make it first")
-    needed, free = 8 * len(plan.metrics) * math.prod(plan.chunks) * chunks, shutil.disk_usage(folder).free
-    if needed > free:
-        raise SweepError(
-            f"{path}: the sweep may take {needed / 1e9:,.1f} GB, and {free / 1e9:,.1f} GB are free; give another "
-            "place, or fewer poses"
-        )
-
-
 def _create(path: Path, plan: Plan, empty: xarray.Dataset) -> None:
     """Make a store without values, under another name until it is whole."""
     import zarr
     from zarr.codecs import BloscCodec, Crc32cCodec
     from zarr.errors import ZarrUserWarning
 
-    folder = path.absolute().parent
     codecs: Any = (BloscCodec(cname="lz4", shuffle="shuffle"), Crc32cCodec())  # half the time of the default, Zstd
     # Texts of variable length are the only ones that the format specifies.
     texts = {name: each.astype(object) for name, each in empty.coords.items() if each.dtype.kind == "U"}
     labels = empty.assign_coords(texts)
-    try:
-        with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=folder) as making:
-            new = Path(making) / "store"
-            encoding = {name: {"compressors": codecs} for name in labels.variables}
-            labels.to_zarr(new, zarr_format=3, consolidated=False, encoding=encoding)
-            group = zarr.open_group(new, mode="r+")
-            for metric in plan.metrics:
-                group.create_array(
-                    metric.name,
-                    shape=plan.shape,
-                    chunks=plan.chunks,
-                    dtype="float64",
-                    fill_value=np.nan,
-                    compressors=codecs,
-                    dimension_names=plan.dims,
-                    attributes=attributes(metric),
-                )
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", ZarrUserWarning)  # xarray and zarr-python read it; others need not
-                zarr.consolidate_metadata(new.as_posix())
-            try:
-                new.rename(path)
-            except OSError:
-                if not path.exists():  # else another sweep was quicker; the caller compares
-                    raise
-    except OSError as error:
-        raise SweepError(f"{path}: cannot be made ({error.strerror}); give another place") from None
+    with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.absolute().parent) as making:
+        new = Path(making) / "store"
+        encoding = {name: {"compressors": codecs} for name in labels.variables}
+        labels.to_zarr(new, zarr_format=3, consolidated=False, encoding=encoding)
+        group = zarr.open_group(new, mode="r+")
+        for metric in plan.metrics:
+            group.create_array(
+                metric.name,
+                shape=plan.shape,
+                chunks=plan.chunks,
+                dtype="float64",
+                fill_value=np.nan,
+                compressors=codecs,
+                dimension_names=plan.dims,
+                attributes=attributes(metric),
+            )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ZarrUserWarning)  # xarray and zarr-python read it; others need not
+            zarr.consolidate_metadata(new.as_posix())
+        new.rename(path)
 
 
 def _require_same(path: Path, sweep: dict[str, Any]) -> None:
@@ -201,17 +182,6 @@ def _require_same(path: Path, sweep: dict[str, Any]) -> None:
         raise SweepError(
             f"{path} holds a sweep that differs in {' and '.join(differs)}; give another place, or delete it"
         )
-
-
-def _lock(path: Path) -> BaseFileLock:
-    """Lock a store; SweepError if another process writes to it."""
-    try:
-        lock = writing.acquire_lock(path.with_name(f".{path.name}.lock"), 0.0, "workspace")
-    except OSError as error:
-        raise SweepError(f"{path}: cannot be written ({error.strerror}); give another place") from None
-    if lock is None:
-        raise SweepError(f"{path}: another sweep writes to it; wait until that has ended, or give another place")
-    return lock
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from benchmarks.certify import (
 )
 from tensionlab.errors import InputError, RigError, ShapeError
 from tensionlab.workspace.certification import cell_problem
-from tensionlab.workspace.margin import required_margin
+from tensionlab.workspace.wrench_set import required_margin
 from tests.helpers.certified_cells import Cell
 from tests.helpers.examples import many
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.workspace.margin import required_margin
+from tensionlab.workspace.wrench_set import required_margin
 from tests.helpers.examples import many
 from tests.helpers.reference_metrics import renders
 

@@ -221,10 +221,6 @@ def test_a_path_that_holds_no_sweep_is_refused(store, tally, what):
 def test_a_chunk_without_a_file_is_evaluated_again_and_never_read_as_nan(store, tally):
     data = sweep(store, tally).load()
     (store / CHUNK_FILE).unlink()
-    with pytest.raises(
-        SweepError, match=rf"{re.escape(str(store))}: 1 of {COUNT} chunks of .* are missing; repeat"
-    ):
-        tl.workspace.summary(xr.open_zarr(store))
     shares = []
     xr.testing.assert_equal(sweep(store, tally, progress=shares.append).load(), data)
     assert shares == [1.0]

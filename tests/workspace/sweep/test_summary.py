@@ -4,7 +4,7 @@ import xarray as xr
 
 import tensionlab as tl
 from tensionlab.workspace import Grid
-from tensionlab.workspace.sweep import summary
+from tensionlab.workspace.sweep import dataset
 from tensionlab.workspace.volume import weighted_share
 
 RIGS = [tl.box_corners([2, 2, 2]), tl.alternate_corners([2, 2, 2])]
@@ -30,7 +30,7 @@ def test_where_there_is_no_value_there_is_no_summary():
 
 @pytest.mark.parametrize("sample", [4_000_000, 60])
 def test_a_store_is_summarised_in_parts(tmp_path, monkeypatch, sample):
-    monkeypatch.setattr(summary, "MEDIAN_SAMPLE", sample)
+    monkeypatch.setattr(dataset, "MEDIAN_SAMPLE", sample)
     grid = Grid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 8), np.linspace(-1, 1, 7))
     data = tl.sweep(RIGS, grid, "capacity-margin", out=tmp_path / "a.zarr", chunk=20)
     for (_, row), whole in zip(tl.workspace.summary(data).iterrows(), data["capacity-margin"].values, strict=True):

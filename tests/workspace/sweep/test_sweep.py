@@ -15,7 +15,6 @@ from tensionlab.errors import InputError, RigError, ShapeError, SweepError
 from tensionlab.model.directions import fibonacci
 from tensionlab.model.kinematics import exponential, planar_rotation
 from tensionlab.workspace.interference import Capsule, body_distance, cable_distance
-from tensionlab.workspace.margin import capacity_margin
 from tensionlab.workspace.metrics import METRICS, Metric, metric
 from tensionlab.workspace.poses import Grid, PoseList, box, polyline
 from tensionlab.workspace.structure_metrics import (
@@ -25,6 +24,7 @@ from tensionlab.workspace.structure_metrics import (
     wrench_closure,
 )
 from tensionlab.workspace.sweep.configurations import vary
+from tensionlab.workspace.wrench_set import capacity_margin
 from tests.helpers.examples import many
 
 CUBE = tl.box_corners([2.0, 1.0, 3.0])
