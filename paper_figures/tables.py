@@ -13,7 +13,7 @@ from paper_figures import anchor_count
 from tensionlab.plots.workspace import read_field, share_above
 from tensionlab.validation.data_tables import Published, Recording
 from tensionlab.validation.statistics import Interval, score
-from tensionlab.workspace.volume import describe_step
+from tensionlab.workspace.poses import describe_step
 
 LATEX = (("%", r"\%"), ("°", r"$^\circ$"), ("–", "--"), ("“", "``"), ("”", "''"))
 TAILS = (0.1, 0.5, 0.9)

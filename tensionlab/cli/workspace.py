@@ -18,11 +18,10 @@ from tensionlab.support.files.writing import unwritable
 from tensionlab.support.formatting import format_number, format_share
 from tensionlab.support.table import Column, Table
 from tensionlab.workspace.metrics import find_metric
-from tensionlab.workspace.poses import Grid, PoseList, read_poses
+from tensionlab.workspace.poses import Grid, PoseList, describe_step, read_poses
 from tensionlab.workspace.poses import box as box_of_poses
 from tensionlab.workspace.sweep import sweep
 from tensionlab.workspace.sweep.dataset import MEDIAN_SAMPLE, summary
-from tensionlab.workspace.volume import describe_step
 
 if TYPE_CHECKING:
     import pandas
@@ -49,9 +48,7 @@ def workspace(
     box: Box = None,
     step: Step = None,
     rotations: Rotations = None,
-    poses: Annotated[
-        Path | None, typer.Option(help="File of poses in place of a box (.csv, .parquet, .npz).")
-    ] = None,
+    poses: Annotated[Path | None, typer.Option(help="File of poses in place of a box (.csv, .parquet).")] = None,
     metrics: Annotated[
         list[str] | None,
         typer.Option(

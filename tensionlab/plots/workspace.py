@@ -14,8 +14,8 @@ from tensionlab.plots.style import Entry, add_legend, new_figure, one_panel
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.support.surfaces import level_surface
+from tensionlab.workspace.poses import node_weights, weighted_share
 from tensionlab.workspace.sweep.dataset import configuration_names
-from tensionlab.workspace.volume import node_weights, weighted_share
 
 if TYPE_CHECKING:
     import xarray

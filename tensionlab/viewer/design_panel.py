@@ -33,7 +33,7 @@ from tensionlab.viewer.workspace import COARSE, Volume
 from tensionlab.workspace.layout.task import LayoutTask, load_task
 from tensionlab.workspace.metrics import METRICS, find_metric
 from tensionlab.workspace.orientations import roll_pitch_yaw, roll_pitch_yaw_of
-from tensionlab.workspace.volume import describe_step
+from tensionlab.workspace.poses import describe_step
 
 if TYPE_CHECKING:
     import viser

@@ -17,11 +17,10 @@ from tensionlab.support.surfaces import level_surface
 from tensionlab.viewer.scene import Mesh, bounds
 from tensionlab.viewer.state import DesignState, ghost_state
 from tensionlab.workspace.metrics import find_metric
-from tensionlab.workspace.poses import Grid
+from tensionlab.workspace.poses import Grid, node_weights, weighted_share
 from tensionlab.workspace.sweep.configurations import vary
 from tensionlab.workspace.sweep.executors import evaluate_on_threads
 from tensionlab.workspace.sweep.plan import Plan
-from tensionlab.workspace.volume import node_weights, weighted_share
 
 LOG = logging.getLogger(__name__)
 COARSE, FINE = 30, 80  # positions along each axis while something is dragged, and when it is released

@@ -13,7 +13,7 @@ from tensionlab.workspace.layout.search import search_layout
 from tensionlab.workspace.layout.space import Space, Surface, room
 from tensionlab.workspace.metrics import METRICS, Metric, metric
 from tensionlab.workspace.orientations import cone, roll_pitch_yaw
-from tensionlab.workspace.poses import Grid, PoseList, box, polyline, read_poses
+from tensionlab.workspace.poses import Grid, PoseList, box, read_poses
 from tensionlab.workspace.structure_metrics import (
     feasible_direction_fraction,
     isotropic_force,
@@ -54,7 +54,6 @@ __all__ = [
     "isotropic_force",
     "margin_gradient",
     "metric",
-    "polyline",
     "read_poses",
     "rig_margin_gradient",
     "roll_pitch_yaw",

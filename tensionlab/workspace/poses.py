@@ -1,4 +1,4 @@
-"""Sets of poses: a grid or a list, from a box, a path or a file.
+"""Sets of poses: a grid or a list, from a box or a file; and shares of a grid.
 
 A set of poses has labelled axes and is cut into blocks along them; coordinates of a grid are made for one
 block at a time, so that a grid of any size takes no memory.
@@ -6,7 +6,7 @@ block at a time, so that a grid of any size takes no memory.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,12 +19,11 @@ from tensionlab.model import kinematics, pose
 from tensionlab.model.module import MAX_LENGTH
 from tensionlab.support.arrays import Floats, as_floats, require_finite
 from tensionlab.support.files.reading import as_path, brief
-from tensionlab.support.files.tables import check_columns, read_npz, read_parquet, read_table
+from tensionlab.support.files.tables import check_columns, read_parquet, read_table
 from tensionlab.support.formatting import format_count, format_range
 from tensionlab.workspace.orientations import roll_pitch_yaw_of
-from tensionlab.workspace.volume import equal_weights, node_weights
 
-POSE_FILE_SUFFIXES = (".csv", ".parquet", ".npz")
+POSE_FILE_SUFFIXES = (".csv", ".parquet")
 ROTATION_COLUMNS = ["rx", "ry", "rz"]  # axis times angle of an orientation in space, in rad
 MAX_ANGLE_RAD = 1000.0  # a larger angle is taken for another unit
 MAX_AXIS_POSES = 10_000_000  # more along one axis are taken for a mistaken step
@@ -63,15 +62,15 @@ class Grid:
     rotations: Floats | None = None
 
     def __post_init__(self) -> None:
-        for name in "xyz":
-            if getattr(self, name) is not None:
-                axis = np.atleast_1d(require_finite(name, getattr(self, name), 0))
-                if axis.ndim != 1 or axis.size == 0:
-                    raise ShapeError(f"{name} has shape {axis.shape}; give one or more coordinates in m, in a row")
-                object.__setattr__(self, name, axis)
+        for name in self.dims[: self.dimension]:
+            axis = np.atleast_1d(require_finite(name, getattr(self, name), 0))
+            if axis.ndim != 1 or axis.size == 0:
+                raise ShapeError(f"{name} has shape {axis.shape}; give one or more coordinates in m, in a row")
+            object.__setattr__(self, name, axis)
         if self.rotations is not None:
-            rotations = _checked_rotations(self.rotations, self.dimension, "rotations")
-            if rotations.shape[:1] in ((), (0,)) or rotations.ndim != (1 if self.dimension == 2 else 3):
+            pose.rotations(self.rotations, self.dimension, "rotations")
+            rotations = as_floats("rotations", self.rotations)
+            if rotations.ndim != (1 if self.dimension == 2 else 3) or not len(rotations):
                 raise ShapeError(f"rotations has shape {rotations.shape}; give one or more orientations in a row")
             object.__setattr__(self, "rotations", rotations)
 
@@ -106,23 +105,20 @@ class Grid:
         return np.stack(parts[: self.dimension], axis=-1), None if self.rotations is None else parts[-1]
 
     def weights(self) -> list[Floats]:
-        """Return the share of the box that belongs to each pose, along each axis: `node_weights`."""
-        return [
-            equal_weights(len(axis)) if name == "rotations" else node_weights(axis)
-            for name, axis in self._axes().items()
-        ]
+        """Return the share of the box that belongs to each pose, along each axis: `axis_weights`."""
+        return [axis_weights(name, axis) for name, axis in self._axes().items()]
 
     def labels(self) -> dict[str, Label]:
         """Return the labels of the axes."""
-        found = {name: _length((name,), axis, name) for name, axis in self._axes().items() if name in "xyz"}
+        labels = {name: _length(name, axis, name) for name, axis in self._axes().items() if name in "xyz"}
         if self.rotations is None:
-            return found
-        dims = self.dims[-1:]
+            return labels
+        dim = self.dims[-1]
         if self.dimension == 3:
-            found["orientation"] = label(dims, np.arange(len(self.rotations)), "1", "number of the orientation")
+            labels[dim] = label((dim,), np.arange(len(self.rotations)), "1", "number of the orientation")
             for name, angle in zip(("roll", "pitch", "yaw"), roll_pitch_yaw_of(self.rotations).T, strict=True):
-                found[name] = label(dims, angle, "rad", f"{name} of the platform")
-        return found | _orientation(dims[0], self.rotations)
+                labels[name] = label((dim,), angle, "rad", f"{name} of the platform")
+        return labels | _orientation(dim, self.rotations)
 
     def _axes(self) -> dict[str, Floats]:
         axes = {"x": self.x, "y": self.y, "z": self.z, "rotations": self.rotations}
@@ -139,8 +135,6 @@ class PoseList:
         Of the reference point, in m.
     rotation : (k, 3, 3) array, (k,) array or None
         Orientations, as in `Rig.structure_matrix`: matrices in space, angles in rad in the plane.
-    distance : (k,) array or None
-        How far along a path each pose is, in m; None where they are no path.
 
     Examples
     --------
@@ -151,29 +145,25 @@ class PoseList:
 
     position: Floats
     rotation: Floats | None = None
-    distance: Floats | None = None
 
     def __post_init__(self) -> None:
         position = require_finite("position", self.position, 0)
         if position.ndim != 2 or position.shape[0] == 0 or position.shape[1] not in (2, 3):
             raise ShapeError(f"position has shape {position.shape}; give one or more rows of x, y (and z), in m")
         object.__setattr__(self, "position", position)
-        k = len(position)
         if self.rotation is not None:
-            rotation = _checked_rotations(self.rotation, self.dimension, "rotation")
+            pose.rotations(self.rotation, self.dimension, "rotation")
+            rotation, k = as_floats("rotation", self.rotation), len(position)
             expected = (k,) if self.dimension == 2 else (k, 3, 3)
             if rotation.shape != expected:
                 raise ShapeError(
                     f"rotation has shape {rotation.shape}; {k} positions need orientations of shape {expected}"
                 )
             object.__setattr__(self, "rotation", rotation)
-        if self.distance is not None:
-            object.__setattr__(self, "distance", pose.points(self.distance, k, "distance"))
 
     def __repr__(self) -> str:
-        edges = ", ".join(
-            f"{axis} {format_range(values)} m" for axis, values in zip("xyz", self.position.T, strict=False)
-        )
+        axes = zip("xyz", self.position.T, strict=False)
+        edges = ", ".join(f"{axis} {format_range(values)} m" for axis, values in axes)
         return f"<PoseList of {format_count(len(self.position), 'pose')}: {edges}>"
 
     @property
@@ -194,8 +184,7 @@ class PoseList:
     def block(self, where: Sequence[slice]) -> PoseList:
         """Return the poses in a slice of the list."""
         (part,) = where
-        others = (None if each is None else each[part] for each in (self.rotation, self.distance))
-        return PoseList(self.position[part], *others)
+        return PoseList(self.position[part], None if self.rotation is None else self.rotation[part])
 
     def arrays(self) -> tuple[Floats, Floats | None]:
         """Return positions (B, d) and rotations, (B, 3, 3), (B,) or None."""
@@ -203,14 +192,23 @@ class PoseList:
 
     def labels(self) -> dict[str, Label]:
         """Return the labels of the list."""
-        found = {"pose": label(("pose",), np.arange(len(self.position)), "1", "number of the pose")}
-        found |= {n: _length(("pose",), values, n) for n, values in zip("xyz", self.position.T, strict=False)}
-        if self.distance is not None:
-            found["distance"] = label(("pose",), self.distance, "m", "distance along the path")
-        return found if self.rotation is None else found | _orientation("pose", self.rotation)
+        labels = {"pose": label(("pose",), np.arange(len(self.position)), "1", "number of the pose")}
+        labels |= {name: _length("pose", axis, name) for name, axis in zip("xyz", self.position.T, strict=False)}
+        return labels if self.rotation is None else labels | _orientation("pose", self.rotation)
 
 
 Poses = Grid | PoseList
+
+
+def _length(dim: str, values: Floats, name: str) -> Label:
+    return label((dim,), values, "m", f"{name} of the reference point")
+
+
+def _orientation(dim: str, rotations: Floats) -> dict[str, Label]:
+    """Label angles or matrices along an axis."""
+    if rotations.ndim == 1:
+        return {"angle": label((dim,), rotations, "rad", "angle of the platform")}
+    return {"rotation": label((dim, "row", "column"), rotations, "1", "rotation of the platform to the world")}
 
 
 def box(
@@ -235,120 +233,15 @@ def box(
     >>> tl.workspace.box([-0.1, 0.1], [0.0, 2.0], 0.0, step=[0.1, 1.0, 1.0]).x
     array([-0.1,  0. ,  0.1])
     """
-    intervals = [("x", x), ("y", y)] + ([] if z is None else [("z", z)])
+    intervals = [x, y] if z is None else [x, y, z]
     steps = require_finite("step", step, 0)
     if steps.shape not in ((), (len(intervals),)) or not (steps > 0).all():
-        given = brief(steps.tolist())
-        raise InputError(f"step is {given}; give one length in m, or one for each axis, above zero")
-    axes = [
-        _axis(name, ends, float(size))
-        for (name, ends), size in zip(intervals, np.broadcast_to(steps, len(intervals)), strict=True)
-    ]
+        raise InputError(
+            f"step is {brief(steps.tolist())}; give one length in m, or one for each axis, above zero"
+        )
+    each_step = np.broadcast_to(steps, len(intervals)).tolist()
+    axes = [_axis(*given) for given in zip("xyz", intervals, each_step, strict=False)]
     return Grid(*axes, rotations=rotations)  # type: ignore[arg-type, misc]  # becomes an array
-
-
-def polyline(points: ArrayLike, step: float, rotation: ArrayLike | None = None) -> PoseList:
-    """Return poses on a path of straight lines between points, one every step.
-
-    InputError if the path has no length, or the step is not above zero.
-
-    Parameters
-    ----------
-    points : (k, d) array
-        Corners of the path, in m.
-    step : float
-        Distance of neighbours along the path, in m; the last is the end of the path, and may be closer.
-    rotation : array, optional
-        One orientation for all poses, as in `Grid`.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> tl.workspace.polyline([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]], step=0.4).distance
-    array([0. , 0.4, 0.8, 1. ])
-    """
-    corners = PoseList(points).position  # type: ignore[arg-type]  # becomes an array
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
-    if not along[-1] > 0:
-        raise InputError("the path has no length; give two or more points that differ")
-    if not (np.isfinite(step) and step > 0 and along[-1] / step < MAX_AXIS_POSES):
-        raise InputError(f"step is {step}; the path is {along[-1]:g} m long, give a part of it, above zero")
-    whole = step * np.arange(int(np.floor(along[-1] / step * (1 + 1e-12))) + 1)
-    places = np.asarray(whole if np.isclose(whole[-1], along[-1], rtol=1e-9, atol=0) else [*whole, along[-1]])
-    position = np.stack([np.interp(places, along, column) for column in corners.T], axis=-1)
-    if rotation is None:
-        return PoseList(position, distance=places)
-    turn = require_finite("rotation", rotation, 0)
-    return PoseList(position, np.broadcast_to(turn, (len(places), *turn.shape)), places)
-
-
-def read_poses(path: str | Path) -> PoseList:
-    """Return the poses that a file lists.
-
-    CSV (with a line of column names) and Parquet have the columns x, y and z in m, in the plane x and y. An
-    orientation is given by rx, ry, rz, the axis times the angle in rad, in the plane by angle in rad. NPZ has
-    the arrays ``position`` and, if need be, ``rotation``, as in `PoseList`. DataError names file and row.
-
-    Parameters
-    ----------
-    path : path
-        A file that ends in .csv, .parquet or .npz.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import tensionlab as tl
-    >>> np.savez("poses.npz", position=[[0.0, 0.3, 0.0], [0.0, 1.0, 0.0]])
-    >>> tl.workspace.read_poses("poses.npz").position
-    array([[0. , 0.3, 0. ],
-           [0. , 1. , 0. ]])
-    """
-    suffix = as_path(path).suffix.lower()
-    if suffix not in POSE_FILE_SUFFIXES:
-        raise DataError(f"{path}: not a file of poses; give one that ends in {', '.join(POSE_FILE_SUFFIXES)}")
-    what = f"a file of poses (*{suffix})"
-    required, optional = ["x", "y"], ["z", *ROTATION_COLUMNS, "angle"]
-    try:
-        if suffix == ".npz":
-            arrays = read_npz(path, what, DataError)
-            if "position" not in arrays or set(arrays) - {"position", "rotation"}:
-                raise DataError(f"its arrays are {', '.join(arrays) or 'none':.100}; give position (and rotation)")
-            poses = PoseList(**arrays)
-        elif suffix == ".csv":
-            poses = poses_from_columns(read_table(path, required, optional, error=DataError, what=what))
-        else:
-            table = read_parquet(path, what, DataError)
-            names = table.columns.column_names
-            check_columns(names, required, optional, str(path), DataError)
-            poses = poses_from_columns({name: table.numbers(name, DataError) for name in names})
-        _require_below(MAX_LENGTH, poses.position, "is", f"m, within {MAX_LENGTH:g}")
-    except (DataError, ShapeError) as error:
-        raise DataError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
-    return poses
-
-
-def _require_below(most: float, rows: Floats, what: str, expected: str) -> None:
-    """Refuse numbers that are too large to be meant, as of a file in other units."""
-    if len(far := np.flatnonzero(np.abs(rows).max(axis=1) > most)):
-        raise DataError(f"pose {far[0] + 1} {what} {brief(rows[far[0]].tolist())}; give {expected}")
-
-
-def poses_from_columns(columns: dict[str, Floats]) -> PoseList:
-    """Return poses from the columns of `read_poses`; DataError for others."""
-    spatial = "z" in columns
-    places, turns = (["x", "y", "z"], ROTATION_COLUMNS) if spatial else (["x", "y"], ["angle"])
-    turned = bool(set(turns) & set(columns))
-    needed = [*places, *(turns if turned else [])]
-    if missing := [name for name in needed if name not in columns]:
-        raise DataError(f"no column {missing[0]}; the columns are {', '.join(columns)}")
-    if unknown := [name for name in columns if name not in needed]:
-        raise DataError(f"unknown column {unknown[0]}; give x, y, z, rx, ry, rz, or x, y, angle in the plane")
-    position = np.stack([columns[name] for name in places], axis=-1)
-    if not turned:
-        return PoseList(position)
-    angles = np.stack([columns[name] for name in turns], axis=-1)
-    _require_below(MAX_ANGLE_RAD, angles, "is turned by", "angles in rad")
-    return PoseList(position, kinematics.exponential(angles) if spatial else angles[:, 0])
 
 
 def _axis(name: str, ends: ArrayLike, step: float) -> Floats:
@@ -370,18 +263,100 @@ def _axis(name: str, ends: ArrayLike, step: float) -> Floats:
     return np.asarray(values[0] + step * np.arange(int(count) + 1))
 
 
-def _checked_rotations(values: ArrayLike, dimension: int, what: str) -> Floats:
-    """Return angles or matrices; refuse matrices that are no rotations."""
-    pose.rotations(values, dimension, what)
-    return as_floats(what, values)
+def read_poses(path: str | Path) -> PoseList:
+    r"""Return the poses that a file lists.
+
+    CSV (with a line of column names) and Parquet have the columns x, y and z in m, in the plane x and y. An
+    orientation is given by rx, ry, rz, the axis times the angle in rad, in the plane by angle in rad. DataError
+    names file and row.
+
+    Parameters
+    ----------
+    path : path
+        A file that ends in .csv or .parquet.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import tensionlab as tl
+    >>> _ = Path("poses.csv").write_text("x,y,z\n0.0,0.3,0.0\n0.0,1.0,0.0\n")
+    >>> tl.workspace.read_poses("poses.csv").position
+    array([[0. , 0.3, 0. ],
+           [0. , 1. , 0. ]])
+    """
+    suffix = as_path(path).suffix.lower()
+    if suffix not in POSE_FILE_SUFFIXES:
+        raise DataError(f"{path}: not a file of poses; give one that ends in {', '.join(POSE_FILE_SUFFIXES)}")
+    what = f"a file of poses (*{suffix})"
+    required, optional = ["x", "y"], ["z", *ROTATION_COLUMNS, "angle"]
+    if suffix == ".csv":
+        columns = read_table(path, required, optional, error=DataError, what=what)
+    else:
+        table = read_parquet(path, what, DataError)
+        names = table.columns.column_names
+        check_columns(names, required, optional, str(path), DataError)
+        columns = {name: table.numbers(name, DataError) for name in names}
+    try:
+        poses = poses_from_columns(columns)
+        _require_below(MAX_LENGTH, poses.position, "is", f"m, within {MAX_LENGTH:g}")
+    except (DataError, ShapeError) as error:
+        raise DataError(f"{path}: {error}") from None
+    return poses
 
 
-def _length(dims: tuple[str, ...], values: Floats, name: str) -> Label:
-    return label(dims, values, "m", f"{name} of the reference point")
+def poses_from_columns(columns: dict[str, Floats]) -> PoseList:
+    """Return poses from the columns of `read_poses`; DataError for others."""
+    spatial = "z" in columns
+    places, turns = (["x", "y", "z"], ROTATION_COLUMNS) if spatial else (["x", "y"], ["angle"])
+    turned = bool(set(turns) & set(columns))
+    needed = [*places, *(turns if turned else [])]
+    if missing := [name for name in needed if name not in columns]:
+        raise DataError(f"no column {missing[0]}; the columns are {', '.join(columns)}")
+    if unknown := [name for name in columns if name not in needed]:
+        raise DataError(f"unknown column {unknown[0]}; give x, y, z, rx, ry, rz, or x, y, angle in the plane")
+    position = np.stack([columns[name] for name in places], axis=-1)
+    if not turned:
+        return PoseList(position)
+    angles = np.stack([columns[name] for name in turns], axis=-1)
+    _require_below(MAX_ANGLE_RAD, angles, "is turned by", "angles in rad")
+    return PoseList(position, kinematics.exponential(angles) if spatial else angles[:, 0])
 
 
-def _orientation(dim: str, rotations: Floats) -> dict[str, Label]:
-    """Label angles or matrices along an axis."""
-    if rotations.ndim == 1:
-        return {"angle": label((dim,), rotations, "rad", "angle of the platform")}
-    return {"rotation": label((dim, "row", "column"), rotations, "1", "rotation of the platform to the world")}
+def _require_below(most: float, rows: Floats, what: str, expected: str) -> None:
+    """Refuse numbers that are too large to be meant, as of a file in other units."""
+    if len(far := np.flatnonzero(np.abs(rows).max(axis=1) > most)):
+        raise DataError(f"pose {far[0] + 1} {what} {brief(rows[far[0]].tolist())}; give {expected}")
+
+
+def node_weights(axis: Floats) -> Floats:
+    """Return the share of an interval that is nearest to each node: half a step at the ends, a whole one between.
+
+    On a grid in space a node in a face then counts half, in an edge a quarter, in a corner an eighth (the
+    trapezoidal rule). Nodes are coordinates in any order.
+    """
+    order = np.argsort(axis)
+    nodes = axis[order]
+    lengths = np.diff(np.concatenate([nodes[:1], (nodes[1:] + nodes[:-1]) / 2, nodes[-1:]]))
+    weights = np.empty(len(axis))
+    weights[order] = lengths / lengths.sum() if lengths.any() else 1.0 / len(axis)
+    return weights
+
+
+def axis_weights(name: str, axis: NDArray[Any]) -> Floats:
+    """Return `node_weights` of an axis of space, equal weights of one of poses or orientations."""
+    return node_weights(axis) if name in ("x", "y", "z") else np.full(len(axis), 1.0 / len(axis))
+
+
+def weighted_share(holds: ArrayLike, weights: Sequence[Floats]) -> Floats:
+    """Return the share (...) of a grid where something holds, (..., *grid), from the weights along each axis."""
+    share = np.asarray(holds, float)
+    for along in reversed(weights):
+        share = share @ along
+    return share
+
+
+def describe_step(axes: Iterable[Floats | None]) -> str:
+    """Return the step of a grid in words, such as "0.1 m apart" or "0.1 x 0.2 m apart"."""
+    steps = [float(np.ptp(axis)) / (len(axis) - 1) for axis in axes if axis is not None and len(axis) > 1]
+    texts = [f"{step:.3g}" for step in steps]
+    return f"{' x '.join(texts if len(set(texts)) > 1 else texts[:1])} m apart" if texts else ""

@@ -157,7 +157,7 @@ MISTAKES = {
     "compare cube-8 --required wrong.toml": 'wrong.toml: bx is an unknown key; did you mean "box"?',
     "compare cube-8 --directions heads.csv": "heads.csv, row 1: 'a,b,c' is not a row of numbers; write x,y,z",
     "workspace cube-8 --poses poses.csv": "poses.csv: line 2, column \"z\": 'nan' is no finite number",
-    "workspace cube-8 --poses run.mcap": "not a file of poses; give one that ends in .csv, .parquet, .npz",
+    "workspace cube-8 --poses run.mcap": "not a file of poses; give one that ends in .csv, .parquet",
     "workspace cube-8 --poses broken.parquet": "broken.parquet: a damaged file (ArrowInvalid); give a file of",
     "run cube-8 --program short.toml": "short.toml: step 1: wrench is [1.0, 2.0]; this rig takes 3 components",
     "layout search rig.toml": "rig.toml: 5 problems: counts is missing; target is missing",

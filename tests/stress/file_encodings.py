@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from typing import Any
 
 from tests.stress.file_mutations import Raw
@@ -69,16 +68,6 @@ def parquet(document: Any) -> bytes:
     table = pa.Table.from_arrays(list(arrays.values()), names=names)
     sink = io.BytesIO()
     pq.write_table(table.replace_schema_metadata({"tensionlab": json.dumps(manifest)}), sink)
-    return sink.getvalue()
-
-
-def npz(document: Any) -> bytes:
-    """Write arrays, each the bytes of a file of NumPy, with checksums that are right."""
-    sink = io.BytesIO()
-    with zipfile.ZipFile(sink, "w") as archive:
-        for name, content in document.items() if isinstance(document, dict) else ():
-            given = content if isinstance(content, bytes) else str(content).encode("utf-8", "replace")
-            archive.writestr(f"{name[:50]}.npy".replace("\x00", "?"), given)
     return sink.getvalue()
 
 

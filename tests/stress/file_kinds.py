@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import random
 import tempfile
@@ -38,7 +37,7 @@ from tensionlab.validation.sensors import follow_file
 from tensionlab.workspace.layout.task import load_task
 from tensionlab.workspace.poses import box, read_poses
 from tensionlab.workspace.sweep import sweep
-from tests.stress.file_encodings import csv, npz, parquet, toml, xml
+from tests.stress.file_encodings import csv, parquet, toml, xml
 from tests.stress.file_mutations import Raw, spoil, spoil_bytes
 
 Files = bytes | dict[str, bytes]  # content of a file; or of each file in a folder, by name
@@ -197,15 +196,6 @@ def _read_lengths(place: Path) -> object:
 def _read_forces(place: Path) -> object:
     with closing(follow_file(place)) as sensor:
         return sensor.take()
-
-
-def _positions() -> dict[str, bytes]:
-    def npy(values: Any) -> bytes:
-        sink = io.BytesIO()
-        np.save(sink, np.asarray(values))
-        return sink.getvalue()
-
-    return {"position": npy([[0.0, 0.0, 1.0], [0.1, 0.0, 1.0]]), "rotation": npy(np.tile(np.eye(3), (2, 1, 1)))}
 
 
 def _recording() -> dict[str, Any]:
@@ -379,7 +369,6 @@ KINDS = {
     "poses, Parquet": Kind(".parquet", lambda: POSE_TABLE, parquet, _read_poses),
     "recording": Kind(".parquet", _recording, parquet, _read_recording),
     "vectors": Kind(".parquet", _vectors, parquet, _read_vectors),
-    "poses, NPZ": Kind(".npz", _positions, npz, _read_poses),
     "CASPR": Kind("", _bodies, _both, _read_caspr),
     "journal": Kind(".jsonl", _journal, _json_lines, _read_journal),
     "log": Kind(".mcap", _log, _mcap, _read_log),

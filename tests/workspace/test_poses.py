@@ -5,7 +5,7 @@ import pytest
 
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.model.kinematics import exponential
-from tensionlab.workspace.poses import Grid, PoseList, box, polyline, read_poses
+from tensionlab.workspace.poses import Grid, PoseList, box, read_poses
 
 TURNS = exponential(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.3]]))
 
@@ -51,11 +51,10 @@ def test_a_grid_of_a_million_million_poses_takes_no_memory():
 
 
 def test_blocks_of_a_list_are_parts_of_it():
-    poses = PoseList(np.arange(12.0).reshape(4, 3), np.repeat(TURNS, 2, axis=0), np.arange(4.0))
+    poses = PoseList(np.arange(12.0).reshape(4, 3), np.repeat(TURNS, 2, axis=0))
     part = poses.block([slice(1, 3)])
     assert (poses.dims, poses.shape, part.shape) == (("pose",), (4,), (2,))
     assert part.position.tolist() == [[3.0, 4.0, 5.0], [6.0, 7.0, 8.0]]
-    assert part.distance.tolist() == [1.0, 2.0]
     np.testing.assert_array_equal(part.rotation, TURNS)
 
 
@@ -64,13 +63,13 @@ def test_blocks_of_a_list_are_parts_of_it():
     [
         Grid([0.0, 1.0], 5.0, 2.0, TURNS),
         Grid([0.0, 1.0], 5.0, rotations=[0.1]),
-        PoseList([[1.0, 2.0, 3.0]], TURNS[:1], [0.0]),
+        PoseList([[1.0, 2.0, 3.0]], TURNS[:1]),
         PoseList([[1.0, 2.0]], [0.5]),
     ],
 )
 def test_coordinates_have_units_and_fit_the_axes(poses):
     sizes = dict(zip(poses.dims, poses.shape, strict=True)) | {"row": 3, "column": 3}
-    units = {"x": "m", "y": "m", "z": "m", "distance": "m"}
+    units = {"x": "m", "y": "m", "z": "m"}
     units |= dict.fromkeys(("angle", "roll", "pitch", "yaw"), "rad")
     for name, (dims, values, attributes) in poses.labels().items():
         assert values.shape == tuple(sizes[dim] for dim in dims)
@@ -94,7 +93,6 @@ def test_coordinates_have_units_and_fit_the_axes(poses):
         (lambda: PoseList([[0.0, 1.0, np.inf]]), r"position\[0, 2\] is inf"),
         (lambda: PoseList(np.zeros((2, 3)), [np.eye(3)]), r"rotation has shape \(1, 3, 3\)"),
         (lambda: PoseList(np.zeros((2, 2)), [0.0]), r"rotation has shape \(1,\)"),
-        (lambda: PoseList(np.zeros((2, 2)), None, [0.0]), r"distance has shape \(1,\)"),
     ],
 )
 def test_odd_poses_are_refused(make, words):
@@ -117,15 +115,6 @@ def test_a_step_that_does_not_divide_the_edge_stops_short():
     np.testing.assert_allclose(box((0, 1), (0, 1), (0, 1), step=[0.5, 1.0, 2.0]).x, [0.0, 0.5, 1.0])
     assert box((0, 1), (0, 1), (0, 1), step=[0.5, 1.0, 2.0]).shape == (3, 2, 1)
     assert box((2, 2), 0, step=1).x.tolist() == [2.0]
-
-
-def test_a_polyline_is_walked_in_even_steps():
-    path = polyline([[0.0, 0.0], [3.0, 4.0], [3.0, 5.0]], step=2.5)
-    np.testing.assert_allclose(path.distance, [0.0, 2.5, 5.0, 6.0])
-    np.testing.assert_allclose(path.position, [[0, 0], [1.5, 2], [3, 4], [3, 5]])
-    turned = polyline([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], 0.1, rotation=np.eye(3))
-    assert turned.rotation.shape == (11, 3, 3)
-    assert polyline([[0.0, 0.0], [0.3, 0.0]], 0.1, rotation=0.5).rotation.tolist() == [0.5] * 4
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
@@ -154,14 +143,6 @@ def test_tables_hold_positions_and_orientations(tmp_path, suffix):
     assert write({"x": [1.0], "y": [2.0]}).rotation is None
 
 
-def test_arrays_hold_positions_and_orientations(tmp_path):
-    file = tmp_path / "poses.npz"
-    np.savez(file, position=[[1.0, 2.0, 3.0]], rotation=[np.eye(3)])
-    found = read_poses(file)
-    assert found.position.tolist() == [[1.0, 2.0, 3.0]]
-    assert found.rotation.shape == (1, 3, 3)
-
-
 @pytest.mark.parametrize(
     ("call", "error", "words"),
     [
@@ -171,9 +152,6 @@ def test_arrays_hold_positions_and_orientations(tmp_path):
         (lambda: box((0, 1), (0, 1), step=0.0), InputError, "step is 0.0"),
         (lambda: box((0, 1), (0, 1), step=[1, 1, 1]), InputError, r"step is \[1.0, 1.0, 1.0\]"),
         (lambda: box((0, 1), (0, 1), step=1e-9), InputError, r"1e\+09 poses along x"),
-        (lambda: polyline([[0.0, 0.0]], 1.0), InputError, "no length"),
-        (lambda: polyline([[0.0, 0.0], [1.0, 0.0]], -1.0), InputError, "step is -1"),
-        (lambda: polyline([[0.0, 0.0], [1.0, 0.0]], 1.0, rotation=np.eye(3)), ShapeError, "rotation has shape"),
     ],
 )
 def test_odd_boxes_and_paths_are_refused(call, error, words):
@@ -185,7 +163,7 @@ def test_odd_boxes_and_paths_are_refused(call, error, words):
     ("name", "text", "words"),
     [
         ("none.csv", None, "no such file"),
-        ("poses.txt", "x,y\n1,2", "ends in .csv, .parquet, .npz"),
+        ("poses.txt", "x,y\n1,2", "ends in .csv, .parquet"),
         ("poses.csv", "x,z\n1,2", 'column "y" is missing'),
         ("poses.csv", "x,y,z,rx\n1,2,3,4", "no column ry"),
         ("poses.csv", "x,y,Z\n1,2,3", 'unknown column "Z"'),
@@ -194,7 +172,6 @@ def test_odd_boxes_and_paths_are_refused(call, error, words):
         ("poses.csv", "", 'column "x" is missing'),
         ("poses.csv", "x,y\n", "no numbers"),
         ("poses.parquet", "x,y\n1,2", "poses.parquet"),
-        ("poses.npz", "x,y\n1,2", "poses.npz"),
         ("poses.csv", "x,y,x\n1,2,3", 'column "x" is there twice'),
         ("poses.csv", "x,y\n1,2\n1,2,3", "line 3 has 3 values for 2 columns"),
         ("poses.csv", "x_mm,y_mm\n1,2", 'column "x" is missing; there must be x, y, there are x_mm, y_mm'),
@@ -208,9 +185,3 @@ def test_odd_files_are_refused_by_name(tmp_path, name, text, words):
     with pytest.raises(DataError, match=words) as caught:
         read_poses(tmp_path / name)
     assert name in str(caught.value)
-
-
-def test_arrays_of_other_names_are_refused(tmp_path):
-    np.savez(tmp_path / "a.npz", positions=[[1.0, 2.0]])
-    with pytest.raises(DataError, match="its arrays are positions"):
-        read_poses(tmp_path / "a.npz")

@@ -15,8 +15,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_share
 from tensionlab.workspace.layout.space import Placement, Space
-from tensionlab.workspace.poses import Grid
-from tensionlab.workspace.volume import describe_step
+from tensionlab.workspace.poses import Grid, describe_step
 from tensionlab.workspace.wrench_set import capacity_margin, margin_gradient
 
 TIE_WEIGHT = 0.1  # of missing or spare force, relative to the share: enough to lead a search among equals

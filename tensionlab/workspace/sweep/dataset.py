@@ -20,9 +20,8 @@ from tensionlab.model.rig import Rig
 from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace.metrics import Metric
-from tensionlab.workspace.poses import Label, label
+from tensionlab.workspace.poses import Label, axis_weights, label, weighted_share
 from tensionlab.workspace.sweep.plan import Plan
-from tensionlab.workspace.volume import equal_weights, node_weights, weighted_share
 
 if TYPE_CHECKING:
     import pandas
@@ -182,10 +181,7 @@ def configuration_names(swept: xarray.Dataset) -> list[str]:
 
 def _statistics(values: xarray.DataArray) -> dict[str, float]:
     """Return a variable's columns of the summary, a slab along the first axis at a time. NaN is not above zero."""
-    weights = [
-        node_weights(values[dim].to_numpy()) if dim in ("x", "y", "z") else equal_weights(length)
-        for dim, length in values.sizes.items()
-    ]
+    weights = [axis_weights(str(dim), values[dim].to_numpy()) for dim in values.dims]
     first = values.encoding.get("chunks", values.shape)[-values.ndim]
     stride = -(-values.size // MEDIAN_SAMPLE)
     above, lows, highs, sample, count = 0.0, [], [], [], 0

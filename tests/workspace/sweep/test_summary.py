@@ -4,8 +4,8 @@ import xarray as xr
 
 import tensionlab as tl
 from tensionlab.workspace import Grid
+from tensionlab.workspace.poses import weighted_share
 from tensionlab.workspace.sweep import dataset
-from tensionlab.workspace.volume import weighted_share
 
 RIGS = [tl.box_corners([2, 2, 2]), tl.alternate_corners([2, 2, 2])]
 
