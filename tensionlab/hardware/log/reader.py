@@ -251,23 +251,18 @@ def describe_modules(run: Run) -> list[dict[str, Any]]:
     for index, module in enumerate(run.rig.modules):
         commanded = run.commanded[:, index][np.isfinite(run.commanded[:, index])]
         tensions = [commanded.min(), commanded.mean(), commanded.max()] if commanded.size else [np.nan] * 3
-        limiters = np.unique(run.limiters[:, index], return_counts=True)
+        row: dict[str, Any] = {"name": module.name, "link": run.setup.links.get(module.name, "")}
+        row |= {f"commanded_{word}_n": float(each) for word, each in zip(EXTREMES, tensions, strict=True)}
+        counts = Counter(run.limiters[:, index].tolist())
+        row["limiters"] = {
+            names.get(number, f"limiter {number}"): counts[number] / len(run)
+            for number in sorted(counts.keys() - {int(Limit.NONE)})
+        }
+        row["faults"] = [str(fault.name) for fault in Fault if (run.faults[:, index] & fault).any()]
+        row["telemetry_age_s"] = dict(zip(PERCENTILES, percentiles(run.ages[:, index]), strict=True))
         lost = run.time[~run.active[:, index]]
-        rows.append(
-            {
-                "name": module.name,
-                "link": run.setup.links.get(module.name, ""),
-                **{f"commanded_{word}_n": float(each) for word, each in zip(EXTREMES, tensions, strict=True)},
-                "limiters": {
-                    names.get(number, f"limiter {number}"): count / len(run)
-                    for number, count in zip(*(each.tolist() for each in limiters), strict=True)
-                    if number != Limit.NONE
-                },
-                "faults": [str(fault.name) for fault in Fault if (run.faults[:, index] & fault).any()],
-                "telemetry_age_s": dict(zip(PERCENTILES, percentiles(run.ages[:, index]), strict=True)),
-                "lost_at_s": float(lost[0]) if lost.size else None,
-            }
-        )
+        row["lost_at_s"] = float(lost[0]) if lost.size else None
+        rows.append(row)
     return rows
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-import struct
+import ctypes
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import Self
@@ -208,12 +207,8 @@ BINARY_PARAMETERS = frozenset({"timeout_brake", "brake_on_fault", "motor_directi
 
 
 def single(value: float) -> float:
-    """Return the 32-bit number that a module stores in place of this one."""
-    try:
-        stored: float = struct.unpack("<f", struct.pack("<f", value))[0]
-    except OverflowError:
-        return math.copysign(math.inf, value)
-    return stored
+    """Return the 32-bit number that a module stores in place of this one; infinity if it is too large."""
+    return ctypes.c_float(value).value
 
 
 def require_name(name: str) -> Parameter:

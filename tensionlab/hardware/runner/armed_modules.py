@@ -18,7 +18,7 @@ from tensionlab.hardware.protocol.messages import SetImpedance, Stop
 from tensionlab.hardware.runner.guard import Derating, Release, release_of
 from tensionlab.hardware.runner.records import Statistics
 from tensionlab.hardware.runner.settings import Clock, RunSettings
-from tensionlab.hardware.runner.state_estimation import Flags, Observation, observe, set_point_delays
+from tensionlab.hardware.runner.state_estimation import Flags, Observation, observe
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers
@@ -34,6 +34,8 @@ TELEMETRY_UNITS = {
 MAX_LENGTH_JUMP_M = _native.MAX_LENGTH_JUMP_M  # tolerance of a length against the cable's own speeds
 # Largest acceleration of a cable in m/s²: a hand reaches 30; a free spool (6 N on 0.03 kg) at most twice this.
 MAX_ACCELERATION_M_S2 = _native.MAX_ACCELERATION_M_S2
+SEQUENCE_NUMBERS = 256  # set-point numbers wrap around here
+HISTORY_S = 5.0  # time for which times of set-points are kept
 STALL_SHARE = 0.75  # a cycle that comes later than this share of the time to live after the one before has stalled
 
 
@@ -75,7 +77,9 @@ class ArmedModules:
         self._derating = Derating(rig.limits, np.array(group.continuous), self.names)
         statistics.derated = self._derating.lowest
         self._releases: dict[int, Release] = {}  # of lost modules
-        self._delays = set_point_delays(rig.m, settings.rate)
+        # At high rates set-points share numbers: which one a module follows is told by how many were sent since.
+        kept = SEQUENCE_NUMBERS * math.ceil(HISTORY_S * settings.rate / SEQUENCE_NUMBERS)
+        self._delays = _native.SetPointDelays(rig.m, kept)
         self._previous, self._stalled_until = math.inf, -math.inf
         self._stall_s = 0.0  # duration of the latest late cycle; 0 if it was long ago
         self._late_since = np.full(rig.m, np.nan)

@@ -44,6 +44,7 @@ MAX_PLACE_ERROR_M = 0.5  # largest error of a position that is given in place of
 # Where the other lengths fit a pose better than this, the one that was left out explains why all fit none.
 MAX_UNCERTAINTY_M = 0.01
 WITHOUT_LENGTHS = "Or say where it is by `--at X Y Z`, in Python a tracker: then a run needs no lengths"
+SLACK = "Cables are slack, caught, or off their hooks: pull at each"
 MEANINGS = {
     "long": "A cable is too long where it is slack or caught: pull at it, and see its spool turn",
     "short": "A cable is too short where it is off its hook, or its length was set elsewhere",
@@ -137,22 +138,19 @@ def explain_lengths(rig: Rig, tracker: PoseTracker, lengths: Floats, active: NDA
     more than unknowns, each of them explains it, and all by the same sign.
     """
     tracker.search(lengths, active)
-    worst, off = rig.modules[tracker.worst].name, tracker.off
+    worst = rig.modules[tracker.worst].name
+    reason = f'that of module "{worst}" is off most, by {tracker.off:.2f} m; no single one explains it. {SLACK}'
     found: list[tuple[float, str, float]] = []  # error of the others, name and excess of a cable
     for index in np.flatnonzero(active).tolist():
-        others = active & (np.arange(rig.m) != index)
-        pose, _ = tracker.search(lengths, others)
+        pose, _ = tracker.search(lengths, active & (np.arange(rig.m) != index))
         if tracker.fits:
             found.append((tracker.error, rig.modules[index].name, float((lengths - rig.lengths(*pose))[index])))
     tolerance = max(MAX_UNCERTAINTY_M, 2.0 * min(found)[0]) if found else 0.0
     likely = [(name, abs(by), "long" if by > 0.0 else "short") for error, name, by in found if error <= tolerance]
     if likely:
         reason = ", or ".join(f'that of module "{name}" is {by:.2f} m too {word}' for name, by, word in likely)
-        advice = ". ".join(MEANINGS[word] for word in sorted({word for _, _, word in likely}))
-    else:
-        reason = f'that of module "{worst}" is off most, by {off:.2f} m, and no single one explains it'
-        advice = "Cables are slack, caught, or off their hooks: pull at each"
-    return f"cable lengths fit no pose: {reason}. {advice}. {WITHOUT_LENGTHS}"
+        reason += "".join(f". {MEANINGS[word]}" for word in sorted({word for _, _, word in likely}))
+    return f"cable lengths fit no pose: {reason}. {WITHOUT_LENGTHS}"
 
 
 def _require_held(rig: Rig, shortest: Floats, lengths: Floats, speeds: Floats, active: NDArray[np.bool_]) -> None:

@@ -1,20 +1,4 @@
-"""Checks of demands, and programs: wrenches one after another, from a TOML file.
-
-::
-
-    name = "push, then release"
-    repeat = false                # true: from the start again, until the run is stopped
-
-    [[steps]]
-    seconds = 0.5
-    wrench = [0.0, 0.0, 1.5]      # N, and N·m after the forces
-    ramp = true                   # linearly from the wrench before, zero at first; false: at once
-
-    [[steps]]
-    seconds = 2.0
-    wrench = [0.0, 0.0, 1.5]
-    brakes = ["top"]              # modules whose brake is commanded on
-"""
+"""Checks of demands, and programs: wrenches one after another, from a file as `tensionlab new program` writes."""
 
 from __future__ import annotations
 

@@ -17,8 +17,6 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers
 
 Flags = NDArray[np.bool_]
-SEQUENCE_NUMBERS = 256  # set-point numbers wrap around here
-HISTORY_S = 5.0  # time for which times of set-points are kept
 
 
 class Observation(NamedTuple):
@@ -40,15 +38,6 @@ def observe(group: ModuleGroup) -> Observation:
     """Return the latest telemetry that has come by now."""
     measured, codes = group.observe()
     return Observation(*measured, *codes)
-
-
-def set_point_delays(count: int, rate: float) -> _native.SetPointDelays:
-    """Return a record of set-points, which tells the ages of those that modules report to follow.
-
-    At high rates, several set-points have the same number. The one it is follows from how many were sent since
-    the last report; of the first that is reported, the newest is taken. `rate` is set-points per second.
-    """
-    return _native.SetPointDelays(count, SEQUENCE_NUMBERS * math.ceil(HISTORY_S * rate / SEQUENCE_NUMBERS))
 
 
 MAX_STEPS = 3  # Newton steps per cycle: between two cycles a platform moves a few mm
