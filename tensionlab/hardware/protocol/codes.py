@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
+from array import array
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import Self
@@ -208,7 +208,7 @@ BINARY_PARAMETERS = frozenset({"timeout_brake", "brake_on_fault", "motor_directi
 
 def single(value: float) -> float:
     """Return the 32-bit number that a module stores in place of this one; infinity if it is too large."""
-    return ctypes.c_float(value).value
+    return array("f", [value])[0]
 
 
 def require_name(name: str) -> Parameter:

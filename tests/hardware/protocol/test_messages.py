@@ -11,14 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tensionlab.errors import HardwareError, ProtocolError
-from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol import codes
 from tensionlab.hardware.protocol.codes import Fault, Type
 from tensionlab.hardware.protocol.messages import (
     MAX_PAYLOAD,
     MESSAGES,
     PROTOCOL,
-    Decoder,
     Info,
     Log,
     SetTension,
@@ -26,8 +24,6 @@ from tensionlab.hardware.protocol.messages import (
     WireFrame,
     read,
 )
-from tensionlab.hardware.simulation.links import SimulatedLink
-from tensionlab.hardware.simulation.simulated_module import SimulatedModule
 
 CORE = Path(__file__).parents[3] / "firmware" / "core"
 FLOATS = st.floats(width=32, allow_nan=False, allow_infinity=False)
@@ -93,28 +89,24 @@ def parameter(value):
 
 
 def info(**changes):
-    numbers = {
-        "tension_lower": 0.5,
-        "tension_upper": 6.0,
-        "newton_per_ampere": 3.0,
-        "spool_radius": 0.02,
-    }
-    numbers |= changes
-    return WireFrame(
-        Type.INFO, 0, struct.pack("<BHI5BH4f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, *numbers.values())
-    )
+    usual = {"tension_lower": 0.5, "tension_upper": 6.0, "newton_per_ampere": 3.0, "spool_radius": 0.02}
+    numbers = (usual | changes).values()
+    return WireFrame(Type.INFO, 0, struct.pack("<BHI5BH4f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, *numbers))
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e39])
-def test_numbers_that_are_none_are_not_sent(value):
-    with pytest.raises(ProtocolError, match=r"SetTension\(session=1, tension="):
-        SetTension(1, value).pack()
-
-
-@pytest.mark.parametrize("session", [-1, 65536, "one", 1.5])
-def test_numbers_that_do_not_fit_are_not_sent(session):
-    with pytest.raises(ProtocolError, match="SetTension"):
-        SetTension(session, 1.0).pack()
+@pytest.mark.parametrize(
+    ("session", "tension"),
+    [
+        *((1, value) for value in (math.nan, math.inf, -math.inf, 1e39)),
+        (-1, 1.0),
+        (65536, 1.0),
+        ("one", 1.0),
+        (1.5, 1.0),
+    ],
+)
+def test_numbers_that_do_not_fit_are_not_sent(session, tension):
+    with pytest.raises(ProtocolError, match=r"SetTension\(session=.* cannot be sent"):
+        SetTension(session, tension).pack()
 
 
 @pytest.mark.parametrize(
@@ -122,16 +114,11 @@ def test_numbers_that_do_not_fit_are_not_sent(session):
     [
         (WireFrame(0x7F, 0), "no message has type 0x7f in protocol 3"),
         (WireFrame(Type.PONG, 0, bytes(11)), "Pong has 12 bytes of payload; got 11"),
-        (
-            WireFrame(Type.ACKNOWLEDGE, 0, bytes([1, 99, 0, 0, 0])),
-            "Acknowledge: 99 is not a valid Code; does the module",
-        ),
+        (WireFrame(Type.ACKNOWLEDGE, 0, bytes([1, 99, 0, 0, 0])), "Acknowledge: 99 is not a valid Code; does"),
         (WireFrame(Type.EVENT, 0, bytes([9, 0, 0, 0])), "Event: 9 is not a valid State"),
         (WireFrame(Type.INFO, 0), "Info has 30 bytes of payload; got 0"),
-        (
-            WireFrame(Type.INFO, 0, b"\4later, and longer"),
-            "speaks protocol 4, this tensionlab 3: install the tensionlab",
-        ),
+        (WireFrame(Type.INFO, 0, b"\2earlier"), "speaks protocol 2, this tensionlab 3: put the firmware"),
+        (WireFrame(Type.INFO, 0, b"\4later, and longer"), "speaks protocol 4, this tensionlab 3: install the"),
         (parameter(math.nan), "ParameterValue: value is nan; all its numbers must be finite"),
         (parameter(math.inf), "value is inf"),
         (info(tension_lower=-math.inf), "Info: tension_lower is -inf"),
@@ -174,18 +161,3 @@ def test_words_are_those_of_the_firmware(enum, header, declaration):
     ):
         words[re.sub("^kFault", "", word).upper()] = int(number, 0) if number else len(words)
     assert words == {member.name: member.value for member in enum}
-
-
-@pytest.mark.parametrize(("spoken", "advice"), [(2, "put the firmware"), (4, "install the tensionlab")])
-def test_a_module_of_another_protocol_is_refused_in_words(monkeypatch, spoken, advice):
-    client = ModuleClient("other", SimulatedLink(SimulatedModule()))
-
-    def receive(content):  # its INFO is another, but for the first byte
-        (frame,) = Decoder().feed(content)
-        said.append(WireFrame(Type.INFO, frame.sequence, bytes([spoken]) + bytes(40)).pack())
-
-    said: list[bytes] = []
-    monkeypatch.setattr(client.link.module, "receive", receive)
-    monkeypatch.setattr(client.link.module, "transmit", lambda: said.pop() if said else b"")
-    with pytest.raises(ProtocolError, match=f'"other" speaks protocol {spoken}, this tensionlab 3: {advice}'):
-        client.hello()

@@ -3,9 +3,7 @@
 In lockstep, where time is exact; `test_fault_processes.py` has what takes real processes.
 """
 
-import resource
 import signal
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,14 +12,12 @@ import pytest
 import tensionlab as tl
 from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, LogError, ModuleFault
-from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.protocol.codes import Code, Fault, Limit, State
-from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.hardware.simulation.world import simulated_module
 from tensionlab.solvers.base import Status
 from tensionlab.support.operating_system import ESTOP_SIGNAL
-from tensionlab.support.provenance import manifest
 from tests.helpers.rehearsal import GENTLE, TROUBLE, Rehearsal
+from tests.helpers.runs import EventList
 
 TTL, CYCLE = 0.25, 0.02
 TAUT = 0.5
@@ -167,35 +163,20 @@ def test_an_error_of_the_demand_or_the_solver_stops_all(rehearsal, trouble, erro
     assert_released(rehearsal)
 
 
-def test_a_disk_that_is_full(rehearsal, tmp_path, monkeypatch):
-    monkeypatch.setattr("tensionlab.hardware.log.writer.FLUSH_S", 0.0)
-    rig = rehearsal.rig
-    log = RunLog(
-        tmp_path / "run.mcap", rig, manifest(["test"]), "newton", RunSettings(), dict.fromkeys("abcd", "")
-    )
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+def test_a_sink_that_fails_stops_all_and_the_others_are_closed(rehearsal):
+    class Full(EventList):
+        def write(self, cycle):
+            if rehearsal.trouble_at is not None:
+                raise LogError("the disk is full")
 
-    def fill():
-        resource.setrlimit(resource.RLIMIT_FSIZE, ((tmp_path / "run.mcap").stat().st_size, before[1]))
+    class Other(EventList):
+        def close(self, statistics):
+            ended.append(statistics.ended)
 
-    class Slow:
-        """The next cycle comes when the log's thread has written the one before, however busy the machine is."""
-
-        now = rehearsal.clock.now
-
-        @staticmethod
-        def wait_until(when):
-            while log._queue.qsize() and log._thread.is_alive():
-                time.sleep(1e-3)
-            rehearsal.clock.wait_until(when)
-
-    try:
-        with pytest.raises(LogError, match=r"run.mcap: the log cannot be written \(File too large\)"):
-            rehearsal.runner(rehearsal.demand(trouble=fill), sinks=[log], clock=Slow()).run(5.0)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert rehearsal.world.time < 2.0
-    rehearsal.trouble_at = rehearsal.world.time
+    ended = []
+    with pytest.raises(LogError, match="the disk is full"):
+        rehearsal.runner(rehearsal.demand(), sinks=[Full(), Other()]).run(5.0)
+    assert ended == ["LogError: the disk is full"]
     assert_released(rehearsal)
 
 

@@ -11,7 +11,6 @@ from tensionlab.hardware.runner.pretension import (
     MISFIT_S,
     SHAKING_S,
     WINDOW_S,
-    CableSpeeds,
     require_possible,
     take_up_slack,
 )
@@ -124,13 +123,9 @@ def test_a_cable_that_holds_nothing_is_named_before_anything_is_rendered(name, m
         (
             "seven-modules",
             {4: 0.4},
-            'that of module "{4}" is 0.40 m too long. A cable is too long where it is slack or caught: pull at it',
+            'that of module "{4}" is 0.40 m too long. A cable is too long where it is slack',
         ),
-        (
-            "seven-modules",
-            {4: -0.4},
-            'that of module "{4}" is 0.40 m too short. A cable is too short where it is off its hook, or',
-        ),
+        ("seven-modules", {4: -0.4}, 'that of module "{4}" is 0.40 m too short. A cable is too short where'),
         ("seven-modules", {1: 0.6, 4: 0.8}, "no single one explains it. Cables are slack, caught, or off"),
         # With one cable more than unknowns, each explains it by the same sign.
         ("bartels2026-validation", {3: 0.4}, 'that of module "{3}" is 0.40 m too long'),
@@ -142,15 +137,13 @@ def test_lengths_at_rest_that_fit_no_pose_are_named_and_a_place_helps(name, wron
     group = world.group()
     for index, metres in wrong.items():
         group.clients[index].calibrate(Calibration.LENGTH, float(rig.lengths(rig.home)[index]) + metres)
-    with pytest.raises(HardwareError, match="fit no pose") as caught:
+    with pytest.raises(HardwareError, match=r"fit no pose.*--at X Y Z") as caught:
         begin(world, rig, group=group)
     text = str(caught.value)
     assert said.format(*(module.name for module in rig.modules)) in text
     if name == "bartels2026-validation":
         assert text.count("too long") == 1 + text.count("that of module")
         assert "too short" not in text
-    assert "--at X Y Z" in text
-    assert "calibrate" not in text
     assert {module.sample.state for module in world.modules} == {State.IDLE}
     place = Pose(rig.home)
     begin(world, rig, group=group, tracker=lambda time: place)
@@ -211,13 +204,9 @@ def test_a_run_that_is_told_the_place_takes_up_slack_first_too():
         client.set_parameter("motor_direction", 1.0)
     left, _ = begin(world, rig, group=group, tracker=lambda time: place)
     assert left < 1e-2
-
-
-def test_where_the_place_says_that_no_cable_is_slack_a_run_begins_at_once():
-    rig = tl.load_rig("bartels2026-validation")
-    world, place = World(rig), Pose(rig.home)
+    world = World(rig)
     begin(world, rig, tracker=lambda time: place)
-    assert world.time < 0.1 + WINDOW_S
+    assert world.time < 0.1 + WINDOW_S, "where no cable is slack a run begins at once"
 
 
 def test_an_interruption_while_slack_is_taken_up_stops_all_modules():
@@ -236,20 +225,6 @@ def test_an_interruption_while_slack_is_taken_up_stops_all_modules():
     assert 1.5 < slack(world).max() < 2.1
     assert {module.sample.state for module in world.modules} == {State.IDLE}
     assert runner.statistics.cycles == 0
-
-
-@pytest.mark.parametrize("period", [0.01, 0.125])
-def test_average_speeds_are_those_of_the_window(period):
-    """A cable that shortens by 2 m/s from 1 s on, and one that swings."""
-    average, found = CableSpeeds(), {}
-    for step in range(round(3.0 / period)):
-        time = period * step
-        lengths = np.array([5.0 - 2.0 * max(time - 1.0, 0.0), np.sin(4.0 * np.pi * time)])
-        found[round(time, 3)] = average.take(time, lengths)
-    assert all(speeds is None for time, speeds in found.items() if time < WINDOW_S - 1e-6)
-    np.testing.assert_allclose(found[1.0], [0.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(found[1.25], [-1.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(found[2.5], [-2.0, 0.0], atol=1e-9)
 
 
 # Cables by script

@@ -1,6 +1,5 @@
 """What a run renders, in lockstep with simulated modules; `test_faults.py` has what can go wrong."""
 
-import threading
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,11 +68,10 @@ def test_the_force_follows_a_hand_that_moves(rig):
     world, force, errors = World(rig, motion), np.array([0.0, 0.0, 1.5]), []
 
     def demand(state):
-        errors.append([*(state.pose.position - world.pose.position), *(state.twist - velocity(world.time))])
+        angle = 4.0 * world.time
+        velocity = 0.2 * np.array([-np.sin(angle), 0.2 * np.cos(angle), np.cos(angle)])
+        errors.append([*(state.pose.position - world.pose.position), *(state.twist - velocity)])
         return Demand(force)
-
-    def velocity(time):
-        return 0.2 * np.array([-np.sin(4 * time), 0.2 * np.cos(4 * time), np.cos(4 * time)])
 
     runner = run(world, rig, demand, 2.0)
     assert np.abs(np.array(errors)[5:, :3]).max() < 1e-3
@@ -295,14 +293,3 @@ def test_a_fast_hand_that_leaves_cables_slack_for_a_moment_does_not_end_a_run(ri
     runner = run(world, rig, demand, 2.0)
     assert runner.statistics.ended == "duration reached"
     assert max(off[-30:]) < 1e-3
-
-
-def test_a_run_in_another_thread_than_the_main_one(rig):
-    """Signals reach only the main thread; the rest is the same."""
-    found = []
-    thread = threading.Thread(
-        target=lambda: found.append(run(World(rig), rig, lambda state: Demand(), 0.2).statistics.cycles)
-    )
-    thread.start()
-    thread.join()
-    assert found == [10]
