@@ -1,9 +1,10 @@
 """Simulated modules of this process, behind URLs as `tensionlab simulate` prints them."""
 
 from tensionlab.hardware.client.links import OPENERS
-from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
+from tensionlab.hardware.simulation.links import Conditions, SimulatedLink
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.rig import Rig
+from tests.helpers.breakable import BreakableLink
 
 
 class ReachableRig:
@@ -30,7 +31,7 @@ class ReachableRig:
         """Break the link to a module."""
         self.links[name].cut()
 
-    def _open(self, name: str, index: int) -> FaultyLink:
+    def _open(self, name: str, index: int) -> BreakableLink:
         inner = SimulatedLink(self.world.modules[index], self.urls[name])
-        link = self.links[name] = FaultyLink(inner, self._conditions, seed=self._seed + index)
+        link = self.links[name] = BreakableLink(inner, self._conditions, seed=self._seed + index)
         return link

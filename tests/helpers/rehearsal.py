@@ -11,8 +11,9 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
-from tensionlab.hardware.simulation.links import FaultyLink, SimulatedLink
+from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.world import World
+from tests.helpers.breakable import BreakableLink
 
 # A force that no cable of the published rig needs more than 1.5 N for: a slew's way in one cycle.
 GENTLE = np.array([0.0, 0.0, 0.5])
@@ -31,7 +32,7 @@ class Rehearsal:
     def __post_init__(self):
         self.world = World(self.rig, self.motion)
         self.links = {
-            module.name: FaultyLink(SimulatedLink(simulated))
+            module.name: BreakableLink(SimulatedLink(simulated))
             for module, simulated in zip(self.rig.modules, self.world.modules, strict=True)
         }
         self.group = ModuleGroup([ModuleClient(name, link) for name, link in self.links.items()])

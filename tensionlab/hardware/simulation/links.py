@@ -53,11 +53,6 @@ class Channel:
             arrived.append(self._waiting.popleft()[1])
         return arrived
 
-    @property
-    def due(self) -> float:
-        """Time at which the next bytes arrive, in s; infinite if none are on their way."""
-        return self._waiting[0][0] if self._waiting else float("inf")
-
     def clear(self) -> None:
         """Discard what is on its way."""
         self._waiting.clear()
@@ -112,7 +107,7 @@ class SimulatedLink:
 
 
 class FaultyLink:
-    """Link that owns another one and delays, loses and damages its bytes; it can be cut, and frozen.
+    """Link that owns another one and delays, loses and damages its bytes.
 
     The other link is one to a simulated module of this process; bytes move only during `receive` and `send`. The
     seed is that of the damage.
@@ -126,13 +121,10 @@ class FaultyLink:
         conditions = Conditions() if conditions is None else conditions
         self._outbound = Channel(conditions, random.Random(f"out {seed}"))
         self._inbound = Channel(conditions, random.Random(f"in {seed}"))
-        self._cut = self._frozen = False
 
     def send(self, content: bytes) -> None:
         """Send bytes, which may come late, damaged or never."""
-        self._require_whole()
-        if not self._frozen:
-            self._outbound.put(content, self.clock())
+        self._outbound.put(content, self.clock())
         self._deliver(self.clock())
 
     def receive(self, timeout: float) -> bytes:
@@ -140,38 +132,22 @@ class FaultyLink:
         now = self.clock()
         end = now + timeout
         while True:
-            self._require_whole()
             self._deliver(now)
             if arrived := b"".join(content for content in self._inbound.take(now) if content):
                 return arrived
             content = self.inner.receive(min(max(end - now, 0.0), STEP_S))
             before, now = now, self.clock()
-            if content and not self._frozen:
+            if content:
                 self._inbound.put(content, now)
-            elif before >= end or (not content and now == before):  # less than a step of the firmware is left
+            elif before >= end or now == before:  # less than a step of the firmware is left
                 return b""
 
     def close(self) -> None:
         """Close the link inside."""
         self.inner.close()
 
-    def cut(self) -> None:
-        """Break the link: its user gets a `LinkError`, and the module finds it closed."""
-        self._cut = True
-        self.inner.close()
-
-    def freeze(self) -> None:
-        """Lose all bytes silently from now on, and those under way."""
-        self._frozen = True
-        self._outbound.clear()
-        self._inbound.clear()
-
     def _deliver(self, now: float) -> None:
         """Deliver what has arrived at the module's end by now."""
         for content in self._outbound.take(now):
             if content:
                 self.inner.send(content)
-
-    def _require_whole(self) -> None:
-        if self._cut:
-            raise LinkError(f"{self.url} broke: it was cut")

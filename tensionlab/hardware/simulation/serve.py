@@ -9,8 +9,8 @@ import socket
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from tensionlab.errors import HardwareError, InputError, cannot_listen
 from tensionlab.hardware.simulation.links import Channel, Conditions
@@ -90,15 +90,14 @@ class TcpPort:
             self._client = None
 
 
-TICK_S, IDLE_TICK_S = 1e-3, 20e-3  # period of steps of a module with a client, and without
+TICK_S, IDLE_TICK_S = 1e-3, 20e-3  # period of steps with a client, and without
 # Delay of the server that passes in its modules at once; a longer one must not make them time out.
 MAX_LATE_S = 20e-3
 PIECE_BYTES = 64  # read by a module at a time, as on the ESP32: answers to more may not fit
 FAULT_PATTERN = re.compile(r"(?P<part>[a-z]+)@(?P<when>\d+(\.\d+)?)(?P<unit>ms|s)?")
 
 
-@dataclass(frozen=True)
-class PlannedFault:
+class PlannedFault(NamedTuple):
     """Part that breaks, and the time in s after the start."""
 
     part: str
@@ -133,7 +132,7 @@ class ServedModule:
         conditions = Conditions() if conditions is None else conditions
         self._inbound = Channel(conditions, random.Random(f"in {seed}"))
         self._outbound = Channel(conditions, random.Random(f"out {seed}"))
-        self._faults = sorted(faults, key=lambda fault: fault.seconds, reverse=True)
+        self._faults = list(faults)
         self._settings_file, self._settings = settings_file, module.settings
         self._steps = 0
 
@@ -157,18 +156,14 @@ class ServedModule:
             if arrived:
                 self.port.send(arrived)
 
-    def due(self, now: float) -> float:
-        """Return the latest time of the next call of `serve`, in s since the start."""
-        tick = TICK_S if self.port.connected() else IDLE_TICK_S
-        return min((int(now / tick + 1e-6) + 1) * tick, self._inbound.due, self._outbound.due)
-
     def _listen(self, now: float) -> None:
         if content := self.module.transmit():
             self._outbound.put(content, now)
 
     def _advance(self, now: float) -> None:
-        while self._faults and self._faults[-1].seconds <= now:
-            self.module.damage(self._faults.pop().part)
+        for fault in [fault for fault in self._faults if fault.seconds <= now]:
+            self._faults.remove(fault)
+            self.module.damage(fault.part)
         steps = int(now / STEP_S) - self._steps
         self._steps += steps
         self.module.advance(steps * STEP_S)
@@ -180,7 +175,8 @@ class ServedModule:
 class Server:
     """Server of simulated modules in real time, by a clock in s.
 
-    All run in one thread; a module needs 3 % of a processor. Deadlines are absolute, so delays do not add up.
+    All run in one thread; a module needs 3 % of a processor. Steps are due at multiples of the tick, so delays
+    do not add up.
     """
 
     def __init__(self, modules: Sequence[ServedModule], clock: Callable[[], float] = time.perf_counter) -> None:
@@ -210,7 +206,8 @@ class Server:
             served.port.close()
 
     def _due(self) -> float:
-        return min(served.due(self._now) for served in self._modules)
+        tick = TICK_S if any(served.port.connected() for served in self._modules) else IDLE_TICK_S
+        return (int(self._now / tick + 1e-6) + 1) * tick
 
 
 def serve(server: Server, stopped: Callable[[], bool]) -> None:

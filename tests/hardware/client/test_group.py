@@ -11,8 +11,9 @@ from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Code, State
 from tensionlab.hardware.protocol.messages import Acknowledge, Decoder
-from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
+from tensionlab.hardware.simulation.links import Conditions, SimulatedLink
 from tensionlab.hardware.simulation.world import World
+from tests.helpers.breakable import BreakableLink
 
 # Arming, stopping and closing together. The modules are in this process, and so is their time.
 
@@ -26,7 +27,7 @@ class Modules:
     def __init__(self, conditions=None):
         self.world = World(RIG)
         self.links = {
-            name: FaultyLink(SimulatedLink(module), conditions, seed=3)
+            name: BreakableLink(SimulatedLink(module), conditions, seed=3)
             for name, module in zip(NAMES, self.world.modules, strict=True)
         }
         self.group = connect(RIG, self.links)
@@ -55,7 +56,7 @@ def test_a_stop_reaches_all_modules_over_links_that_lose_much(command, state, co
     assert modules.states == [state] * RIG.m
 
 
-@pytest.mark.parametrize("trouble", [FaultyLink.cut, FaultyLink.freeze])
+@pytest.mark.parametrize("trouble", [BreakableLink.cut, BreakableLink.freeze])
 def test_those_that_do_not_confirm_a_stop_are_named_and_the_others_stop_first(trouble, monkeypatch):
     monkeypatch.setattr(group, "PATIENT_TIMEOUTS_S", (0.1, 0.1))
     modules = Modules().pull()
@@ -63,11 +64,11 @@ def test_those_that_do_not_confirm_a_stop_are_named_and_the_others_stop_first(tr
     begin = modules.world.modules[0].seconds
     unconfirmed = modules.group.stop()
     assert {name: type(error) for name, error in unconfirmed.items()} == {
-        NAMES[1]: LinkError if trouble is FaultyLink.cut else LinkTimeout
+        NAMES[1]: LinkError if trouble is BreakableLink.cut else LinkTimeout
     }
     assert [modules.states[index] for index in (0, 2, 3)] == [State.IDLE] * 3
     passed = modules.world.modules[0].seconds - begin
-    assert passed == pytest.approx(0.0 if trouble is FaultyLink.cut else 0.2, abs=0.02), "it is asked twice"
+    assert passed == pytest.approx(0.0 if trouble is BreakableLink.cut else 0.2, abs=0.02), "it is asked twice"
 
 
 def test_a_module_that_latched_refuses_a_stop_and_that_is_as_good_if_it_answers(monkeypatch):
@@ -146,7 +147,7 @@ def test_modules_are_kept_alive_and_waited_for_by_the_clock_that_goes_fastest(fa
     """Clocks of simulated modules pass as fast as they are computed; each times out by its own."""
     world = World(RIG)
     fast_link = FastLink(world.modules[fast])
-    slow_link = FaultyLink(SimulatedLink(world.modules[2]), Conditions(latency=0.02))
+    slow_link = BreakableLink(SimulatedLink(world.modules[2]), Conditions(latency=0.02))
     clients = [ModuleClient("fast", fast_link), ModuleClient("slow", slow_link)]
     pair = ModuleGroup(clients if fast == 0 else clients[::-1])
     pair.arm([1.0, 1.0])

@@ -8,8 +8,9 @@ from tensionlab.errors import InputError, LinkError, LinkTimeout
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, State
 from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Hello
-from tensionlab.hardware.simulation.links import Channel, Conditions, FaultyLink, SimulatedLink
+from tensionlab.hardware.simulation.links import Channel, Conditions, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
+from tests.helpers.breakable import BreakableLink
 
 
 def channel(seed=1, **conditions):
@@ -21,7 +22,7 @@ def test_bytes_take_the_latency_and_up_to_the_jitter_and_never_overtake():
     for index in range(1000):
         sent = 0.1 * index
         link.put(bytes([index % 256]), sent)
-        delays.append(link.due - sent)
+        delays.append(link._waiting[0][0] - sent)
         assert link.take(sent + 0.0299) == []
         arrived += link.take(sent + 0.0501)
     assert b"".join(arrived) == bytes(index % 256 for index in range(1000))
@@ -60,7 +61,7 @@ def test_conditions_that_cannot_be_are_refused(wrong, message):
 def lockstep(conditions=None, seed=0):
     module = SimulatedModule()
     module.advance(STEP_S)
-    return FaultyLink(SimulatedLink(module), conditions, seed=seed)
+    return BreakableLink(SimulatedLink(module), conditions, seed=seed)
 
 
 def test_what_is_lost_and_damaged_is_made_good_by_asking_again():
