@@ -33,7 +33,7 @@ from tensionlab.haptics.bridge.messages import (
     Body,
     BridgeMessage,
 )
-from tensionlab.haptics.bridge.osc import MAX_DEPTH, MAX_MESSAGES
+from tensionlab.haptics.bridge.osc import MAX_MESSAGES
 from tensionlab.haptics.bridge.schema import (
     EXAMPLES,
     REFERENCE,
@@ -96,7 +96,7 @@ messages. This page is generated from the code, by `make generated`.
   `/effect/floor wall plane.point 0 0.32 0 plane.normal 0 1 0 stiffness 100`, and `field.kind` a word.
   Nothing is answered; what is refused is a line on stderr and a
   `refused` event, with the reason. All that one machine sends is one client's. A datagram has {MAX_MESSAGES}
-  messages at most, in bundles {MAX_DEPTH} deep. OSC has no token, so only this machine is listened to, unless
+  messages at most, in one bundle. OSC has no token, so only this machine is listened to, unless
   `--osc-host` says otherwise.
 
 `examples/bridge/` has clients in Python and JavaScript, and one in Python over OSC; `examples/unity/` is a package

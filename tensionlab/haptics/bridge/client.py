@@ -14,19 +14,8 @@ from tensionlab.haptics.bridge.messages import PROTOCOL, BridgeMessage, BridgeSt
 class BridgeClient:
     """Client that commands a bridge. A context manager.
 
-    Parameters
-    ----------
-    url : str
-        Address that ``tensionlab serve`` prints, such as ``ws://127.0.0.1:8765``.
-    token : str, optional
-        If the bridge needs one.
-
-    Attributes
-    ----------
-    welcome : Welcome
-        First message of the bridge.
-    events : list of dict
-        Events that came between the answers.
+    ``url`` is the address that ``tensionlab serve`` prints, such as ``ws://127.0.0.1:8765``. ``welcome`` is the
+    first message of the bridge, ``events`` are those that came between the answers.
 
     Raises
     ------
@@ -80,7 +69,7 @@ class BridgeClient:
         effects: dict[str, dict[str, Any]] | None = None,
         sequence: int = 0,
     ) -> BridgeState:
-        """Send the place of the hand (m) at a time (s), and effects; return the state of the rig."""
+        """Send the position of the hand (m) at a time (s), and effects; return the state of the rig."""
         bodies = {} if hand is None else {"hand": {"position": hand}}
         table = {"type": "frame", "time": time, "bodies": bodies, "effects": effects, "sequence": sequence}
         return self.send(parse_message(table))

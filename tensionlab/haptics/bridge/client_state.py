@@ -51,18 +51,8 @@ class BodyMotion:
 class ClientState:
     """Latest two frames of the client in command, and its effects. Used by several threads.
 
-    Attributes
-    ----------
-    rig : Rig
-        Rig that the client drives.
-    clock : callable
-        Clock of the bridge, in s: for arrivals of frames and silence of clients.
-    command : Command
-        Command of the clients.
-    count : int
-        Number of frames received.
-    stop_requested : bool
-        Whether a client has ended the run.
+    ``clock`` is the clock of the bridge, in s: for arrivals of frames and silence of clients; ``count`` the number
+    of frames received, ``stop_requested`` whether a client has ended the run.
     """
 
     def __init__(self, rig: Rig, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -81,14 +71,8 @@ class ClientState:
     def put(self, frame: Frame, now: float, commander: Commander | None = None) -> None:
         """Apply a frame; a refused one changes nothing.
 
-        The first frame of another client starts afresh: its hand has not moved, and no effects remain.
-
-        Parameters
-        ----------
-        now : float
-            Time of its arrival, in s.
-        commander : Commander, optional
-            Client that sent it; this process if left out.
+        The first frame of another client starts afresh: its hand has not moved, and no effects remain. ``now`` is
+        the time of its arrival, in s; without a commander it is from this process.
 
         Raises
         ------

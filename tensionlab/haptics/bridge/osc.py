@@ -38,12 +38,10 @@ from tensionlab.support.files.reading import brief
 
 ADDRESS = re.compile(r"/stop|/(body|effect)/[^/]+")
 MAX_MESSAGES = 64  # in a packet
-MAX_DEPTH = 4  # nesting of bundles
 BUNDLE = b"#bundle\0"
 IMMEDIATELY = 1  # time tag without a time
 SINCE_1900_S = 2_208_988_800  # from the epoch of time tags to 1970
 NUMBERS = {"i": ">i", "f": ">f", "h": ">q", "d": ">d"}
-CONSTANTS = {"T": True, "F": False}
 MAX_PARTS = 3  # dots in the name of a parameter, such as `wall.plane.point`
 MAX_DATAGRAM_BYTES = 65_536
 POLL_S = 0.25  # longest wait for a datagram before the thread checks whether to end
@@ -70,44 +68,34 @@ def read_packet(data: bytes) -> OscPacket:
     """Return the messages of a datagram; `ProtocolError` says what is wrong with it.
 
     A packet, big-endian and padded to four bytes, is a message (address, type tags, arguments) or a bundle: a time
-    tag, and packets after their sizes.
+    tag, and messages after their sizes. Bundles in a bundle are refused.
     """
-    messages: list[OscMessage] = []
-    sent = None
-    if data.startswith(BUNDLE):
-        if len(data) < 16:
-            raise ProtocolError(f"a bundle of {len(data)} bytes; its time tag is missing")
-        tag = int.from_bytes(data[8:16], "big")
-        sent = None if tag == IMMEDIATELY else tag / 2**32 - SINCE_1900_S
-    _read(data, 0, messages)
-    return OscPacket(messages, sent)
-
-
-def _read(data: bytes, depth: int, messages: list[OscMessage]) -> None:
-    """Read a packet, or an element of a bundle."""
     if len(data) % 4:
         raise ProtocolError(f"{len(data)} bytes; OSC has multiples of 4")
     if not data.startswith(BUNDLE):
-        if len(messages) >= MAX_MESSAGES:
-            raise ProtocolError(f"more than {MAX_MESSAGES} messages in a packet")
-        messages.append(_message(data))
-        return
-    if depth >= MAX_DEPTH:
-        raise ProtocolError(f"bundles in bundles, more than {MAX_DEPTH} deep")
-    at = 16
+        return OscPacket([_message(data)], None)
+    if len(data) < 16:
+        raise ProtocolError(f"a bundle of {len(data)} bytes; its time tag is missing")
+    tag, at = int.from_bytes(data[8:16], "big"), 16
+    messages: list[OscMessage] = []
     while at < len(data):
         size = int.from_bytes(data[at : at + 4], "big", signed=True)
         at += 4
-        if not 0 < size <= len(data) - at:
-            raise ProtocolError(f"an element of {size} bytes, where {len(data) - at} are left")
-        _read(data[at : at + size], depth + 1, messages)
+        if size % 4 or not 0 < size <= len(data) - at:
+            raise ProtocolError(
+                f"an element of {size} bytes, where {len(data) - at} are left; OSC has multiples of 4"
+            )
+        if len(messages) >= MAX_MESSAGES:
+            raise ProtocolError(f"more than {MAX_MESSAGES} messages in a packet")
+        messages.append(_message(data[at : at + size]))
         at += size
+    return OscPacket(messages, None if tag == IMMEDIATELY else tag / 2**32 - SINCE_1900_S)
 
 
 def _message(data: bytes) -> OscMessage:
     address, at = _text(data, 0)
     if not address.startswith("/"):
-        raise ProtocolError(f"an address that begins with {address[:1]!r}; addresses begin with /")
+        raise ProtocolError(f"an address that begins with {address[:1]!r}; those of messages begin with /")
     if at == len(data):  # old senders leave the type tags out where there are no arguments
         return OscMessage(address, [])
     tags, at = _text(data, at)
@@ -118,8 +106,6 @@ def _message(data: bytes) -> OscMessage:
         if tag == "s":
             text, at = _text(data, at)
             values.append(text)
-        elif tag in CONSTANTS:
-            values.append(CONSTANTS[tag])
         elif tag in NUMBERS:
             size = struct.calcsize(NUMBERS[tag])
             if at + size > len(data):
@@ -127,7 +113,7 @@ def _message(data: bytes) -> OscMessage:
             values.append(struct.unpack_from(NUMBERS[tag], data, at)[0])
             at += size
         else:
-            raise ProtocolError(f"the type tag {tag!r}; there are {', '.join([*NUMBERS, *CONSTANTS, 's'])}")
+            raise ProtocolError(f"the type tag {tag!r}; there are {', '.join([*NUMBERS, 's'])}")
     if at != len(data):
         raise ProtocolError(f"{len(data) - at} bytes after the last argument")
     return OscMessage(address, values)
@@ -145,18 +131,10 @@ def _text(data: bytes, at: int) -> tuple[str, int]:
 
 
 class OscServer:
-    """Server for OSC over UDP, with its own thread. A context manager.
+    """Server for OSC over UDP, with its own thread. A context manager; `HardwareError` if it cannot listen.
 
-    Each machine is one client, which commands like any other: see `Command`.
-
-    Parameters
-    ----------
-    client : ClientState
-        Gets the frames.
-    host, port : str, int
-        Where to listen; port 0 takes a free one. `HardwareError` if it cannot.
-    report : callable
-        Called with a line for each refusal; repeated ones are only counted.
+    Each machine is one client, which commands like any other: see `Command`. ``report`` is called with a line for
+    each refusal; repeated ones are only counted. Port 0 takes a free one.
     """
 
     def __init__(self, client: ClientState, host: str, port: int, report: Callable[[str], None]) -> None:

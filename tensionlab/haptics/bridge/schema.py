@@ -12,7 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from pydantic.json_schema import models_json_schema
+from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.bridge.messages import HAND, IN, KINDS, OUT, PROTOCOL
@@ -37,6 +37,14 @@ SHORT_LIST = re.compile(r"\[[^\[\]{}]{0,200}\]")
 PARAMETERS: tuple[type[Any], ...] = (*EFFECTS.values(), *SOLIDS.values(), Plane, Ripples, VirtualCoupling)
 
 
+class Untitled(GenerateJsonSchema):
+    """Generator of schemas without titles of keys, which only repeat their names."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        """Return False."""
+        return False
+
+
 def message_schema(rig: Rig | None = None) -> dict[str, Any]:
     """Return the JSON Schema of all messages, with the bodies, dimension and default directions of a rig.
 
@@ -48,7 +56,8 @@ def message_schema(rig: Rig | None = None) -> dict[str, Any]:
         *((kind, "validation") for kind in (*IN, *PARAMETERS)),
         *((kind, "serialization") for kind in OUT),
     ]
-    definitions = models_json_schema(models, ref_template=REFERENCE + "{model}")[1]["$defs"]
+    template = REFERENCE + "{model}"
+    definitions = models_json_schema(models, ref_template=template, schema_generator=Untitled)[1]["$defs"]
     for kind in (*IN, *OUT):
         message = definitions[kind.__name__]
         message["required"] = ["type", *(key for key in message.get("required", ()) if key != "type")]
@@ -83,7 +92,7 @@ def message_schema(rig: Rig | None = None) -> dict[str, Any]:
         "title": f"Messages of the tensionlab bridge, version {PROTOCOL}",
         "description": ABOUT,
         **_by_value("type", {each.model_fields["type"].default: each.__name__ for each in (*IN, *OUT)}),
-        "$defs": _without_titles(definitions),
+        "$defs": json.loads(json.dumps(definitions)),  # lists in place of tuples
     }
 
 
@@ -172,11 +181,3 @@ def _example(name: str, by_default: Any) -> dict[str, Any]:
     if "field" in table:
         table["field"] = {"kind": "sphere", **table["field"]}
     return {key: value for key, value in table.items() if not isinstance(value, float) or math.isfinite(value)}
-
-
-def _without_titles(schema: Any) -> Any:
-    """Return a schema without the titles that pydantic derives from names."""
-    if isinstance(schema, Mapping):
-        kept = {key: each for key, each in schema.items() if key != "title" or not isinstance(each, str)}
-        return {key: _without_titles(each) for key, each in kept.items()}
-    return [_without_titles(each) for each in schema] if isinstance(schema, list | tuple) else schema
