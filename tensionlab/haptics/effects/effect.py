@@ -27,22 +27,12 @@ MAX_HAND_SPEED_M_S = 10.0  # a faster hand was moved by its tracker
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motion of the hand, or of what the cables hold.
+    """Motion of the hand, or of what the cables hold."""
 
-    Attributes
-    ----------
-    position, velocity : (..., d) arrays
-        In m and m/s.
-    time : float or (...) array
-        In s, on the clock of events such as a shot or a grasp.
-    step : float
-        Time since the previous step, in s.
-    """
-
-    position: Floats
-    velocity: Floats
-    time: float | Floats = 0.0
-    step: float = 0.001
+    position: Floats  # (..., d), in m
+    velocity: Floats  # (..., d), in m/s
+    time: float | Floats = 0.0  # in s, (...), on the clock of events such as a shot or a grasp
+    step: float = 0.001  # time since the previous step, in s
 
 
 class Rendered(NamedTuple):
@@ -70,26 +60,15 @@ class AxisImpedance:
 
     A push along the axis of ``feed_forward + stiffness max(compression, 0) + damping max(its rate, 0)
     + amplitude sin(2 pi frequency t)`` N.
-
-    Attributes
-    ----------
-    axis : (d,) array
-        Unit vector along which it pushes the hand.
-    compression : float
-        Penetration of the hand now, against the axis, in m; negative before contact.
-    stiffness, damping : float
-        In N/m and N s/m.
-    feed_forward, amplitude, frequency : float
-        In N, N and Hz.
     """
 
-    axis: Floats
-    compression: float = 0.0
-    stiffness: float = 0.0
-    damping: float = 0.0
-    feed_forward: float = 0.0
-    amplitude: float = 0.0
-    frequency: float = 0.0
+    axis: Floats  # unit vector along which it pushes the hand, (d,)
+    compression: float = 0.0  # penetration of the hand now, against the axis, in m; negative before contact
+    stiffness: float = 0.0  # in N/m
+    damping: float = 0.0  # in N s/m
+    feed_forward: float = 0.0  # in N
+    amplitude: float = 0.0  # in N
+    frequency: float = 0.0  # in Hz
 
     def push(self, velocity: Floats) -> Floats:
         """Return this force (d,) in N without the vibration, for a hand with a velocity (d,)."""

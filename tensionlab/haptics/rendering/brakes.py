@@ -61,23 +61,13 @@ CONVINCING_ANGLE = np.pi / 4  # largest error of a convincing direction, in rad
 
 
 class LockSet(NamedTuple):
-    """Brakes to lock, and the tensions against a push with the desired force.
+    """Brakes to lock, and the tensions against a push with the desired force."""
 
-    Attributes
-    ----------
-    locked, available : (..., m) arrays of bool
-        Brakes to lock, and brakes that may be locked for this wall.
-    motors, brakes : (..., m) arrays
-        Tensions of the motors, inside their limits, and further tension by each brake, in N; 0 if not locked.
-    unresisted : (...) array
-        Norm of the missing force, in N.
-    """
-
-    locked: Flags
-    motors: Floats
-    brakes: Floats
-    unresisted: Floats
-    available: Flags
+    locked: Flags  # brakes to lock, (..., m)
+    motors: Floats  # tensions of the motors, inside their limits, in N, (..., m)
+    brakes: Floats  # further tension by each brake, in N, (..., m); 0 if not locked
+    unresisted: Floats  # norm of the missing force, in N, (...)
+    available: Flags  # brakes that may be locked for this wall, (..., m)
 
 
 def brake_strengths(rig: Rig) -> Floats:
@@ -98,33 +88,23 @@ def choose_locks(
 ) -> LockSet:
     """Return the brakes to lock to hold a push against a wall, and the tensions of the motors.
 
-    Leading axes of all arrays broadcast.
+    Leading axes of all arrays broadcast. `ShapeError` names an array whose shape does not fit, and refuses numbers
+    that are not finite, normals that are not of unit length, and negative forces or strengths.
 
     Parameters
     ----------
     structure : (..., d, m) array
         Structure matrices of a point: unit vectors towards the anchors.
-    normal : (..., d) array
-        Unit normal of the wall, towards the free side.
-    force : (...) array
-        Force that the wall should hold, in N, 0 or more.
-    limits : TensionLimits
-        Limits of the motors.
-    strengths : (m,) array
-        Largest load of each brake, in N: its strength or a lower cap for safety; 0 for none.
+    normal, force : (..., d), (...) arrays
+        Unit normals of the walls, towards the free side, and the forces that they should hold, in N.
+    limits, strengths : TensionLimits, (m,) array
+        Of the motors; largest load of each brake, in N: its strength or a lower cap for safety; 0 for none.
     pushing : (...) array of bool
         Whether the hand moves into the wall or is held by it; otherwise no further brake is locked.
     held : (..., m) array of bool, optional
         Brakes that are locked now.
     stiffness_ratio : (...) array, optional
-        Largest stiffness of a locked set, as a multiple of that of one cable; less than 1 refuses all. See
-        `tensionlab.haptics.rendering.brakes.ImpactCap`.
-
-    Raises
-    ------
-    ShapeError
-        Naming the array, if shapes do not fit, a number is not finite, a normal is not of unit length, or a force
-        or strength is negative.
+        Largest stiffness of a locked set, as a multiple of one cable's; below 1 refuses all: see `ImpactCap`.
     """
     m = limits.lower.size
     U, n, F, holds = _checked(structure, normal, force, strengths, m)
@@ -160,14 +140,12 @@ def choose_locks(
         RANK_TOLERANCE,
     )
     motors = np.minimum(tensions, limits.upper)
+
+    def whole(found: NDArray[Any]) -> NDArray[Any]:
+        return found.reshape((*shape, m))
+
     brakes = tensions - motors
-    return LockSet(
-        locked.reshape((*shape, m)),
-        motors.reshape((*shape, m)),
-        brakes.reshape((*shape, m)),
-        unresisted.reshape(shape),
-        available.reshape((*shape, m)),
-    )
+    return LockSet(whole(locked), whole(motors), whole(brakes), unresisted.reshape(shape), whole(available))
 
 
 def _checked(

@@ -35,19 +35,10 @@ def stiffness_bound(
     the negative damping ``K tau``, for which the dampers must make up. Exact for a heavy hand. For 0.3 kg and 30
     ms it is 3 % too low without B, and 3 % too high if B is as large as b.
 
-    Parameters
-    ----------
-    delay : array
-        t_d, there and back, from the hand's motion to the force on it, in s.
-    step : float
-        T, for which a force is held, in s: the slowest of the loops on the way.
-    hand_damping : array
-        b of the hand, in N s/m.
-    damping : array
-        B of the effect, which is just as late, in N s/m.
+    ``delay`` is t_d, there and back, from the hand's motion to the force on it, in s; ``step`` is T, for which a
+    force is held, in s: the slowest of the loops on the way; ``hand_damping`` b and the effect's ``damping`` B,
+    which is just as late, are in N s/m.
 
-    Notes
-    -----
     After Colgate and Schenkel 1994, "Passivity of a class of sampled-data systems: application to haptic
     interfaces"; Gil, Sanchez, Hulin, Preusche and Hirzinger 2009, "Stability boundary for haptic rendering:
     influence of damping and delay".
