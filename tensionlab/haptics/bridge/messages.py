@@ -207,15 +207,8 @@ def parse(content: str | bytes) -> Any:
 
     try:
         return json.loads(content, parse_constant=refuse)
-    except RecursionError:
-        raise ProtocolError("not JSON: nested too deep") from None
-    except UnicodeDecodeError:
-        raise ProtocolError("not JSON: not UTF-8 text") from None
-    except json.JSONDecodeError as error:
-        problem = error.msg[:1].lower() + error.msg[1:]
-        raise ProtocolError(f"not JSON: {problem}, at character {error.pos + 1}") from None
-    except ValueError:  # Python refuses to parse thousands of digits
-        raise ProtocolError("not JSON: a whole number has thousands of digits") from None
+    except (RecursionError, ValueError) as error:  # of thousands of digits, too
+        raise ProtocolError(f"not JSON: {error}") from None
 
 
 def parse_message(given: object) -> Frame | StopRun:

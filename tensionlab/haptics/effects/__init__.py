@@ -1,7 +1,8 @@
 """Haptic effects: pure functions from how the hand moves to the force on it.
 
 `Effect.render` takes a `Motion` and returns a `Rendered`. The stiff part of a `SplitEffect` is an `AxisImpedance`
-for a module. Defaults are choices of this project unless a docstring names a source.
+for a module; `relative` is the motion between two hands. Defaults are choices of this project unless a docstring
+names a source.
 
 Examples
 --------

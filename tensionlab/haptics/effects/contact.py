@@ -152,16 +152,6 @@ class Friction:
     F_c is ``mu_s F_n`` while it sticks and ``mu_d F_n`` while it slides. Passive, exactly so with the force at the
     end of each step: ``f·dp`` is at least the increase of ``s0/2 |z|²``. Jumps by ``(mu_s - mu_d) F_n`` when it
     begins to slide.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Friction, Motion
-    >>> friction, still = Friction(), np.zeros(3)
-    >>> first = friction.render(Motion(np.zeros(3), still))
-    >>> moved = Motion(np.array([1e-4, 0.0, 0.0]), still)
-    >>> float(friction.render(moved, first.memory).force[0].round(3))  # the memory is passed back in
-    -0.24
     """
 
     load: parameters.Force = 1.0

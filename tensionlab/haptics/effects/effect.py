@@ -96,16 +96,7 @@ def is_split(effect: object) -> TypeGuard[SplitEffect]:
 
 
 def relative(motion: Motion, to: Motion) -> Motion:
-    """Return a motion relative to that of another hand, ``to``, for what is between the two, such as a bow.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.haptics.effects import Motion, relative
-    >>> draw, bow = (Motion(np.array([x, 0.0, 0.0]), np.zeros(3)) for x in (0.7, 0.2))
-    >>> relative(draw, bow).position
-    array([0.5, 0. , 0. ])
-    """
+    """Return a motion relative to that of another hand, ``to``, for what is between the two, such as a bow."""
     return replace(motion, position=motion.position - to.position, velocity=motion.velocity - to.velocity)
 
 

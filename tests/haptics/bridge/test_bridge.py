@@ -92,7 +92,7 @@ def test_a_client_that_falls_silent_has_no_force_within_the_timeout(bridge):
 
 
 BAD = [
-    ('{"type": }', "not JSON: expecting value, at character 10"),
+    ('{"type": }', "not JSON: Expecting value"),
     (b"\x00\xff", "not JSON"),
     ("[" * 5000, "not JSON"),
     ("[1]", "a message is [1]; give an object whose type is"),
