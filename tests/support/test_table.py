@@ -17,8 +17,7 @@ from tensionlab.hardware.log.reader import recount
 from tensionlab.scenarios import load_scenario
 from tensionlab.support.formatting import format_duration, format_number, format_vector
 from tensionlab.support.table import MAX_HTML_ROWS, STATUS_MARKS, Column, Table
-from tensionlab.workspace.layout.objective import Objective
-from tensionlab.workspace.layout.results import Layout, LayoutSearch
+from tensionlab.workspace.layout.results import Layout, LayoutSearch, Objective
 from tests.helpers.runs import four, logged
 
 STRUCTURE = np.array([[1.0, -1.0]])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import islice
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,8 +15,7 @@ from tensionlab.model.module import Module, TensionLimits
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace.certification import certify as prove
-from tensionlab.workspace.layout.objective import Objective, target_margins, target_slopes
-from tensionlab.workspace.layout.results import Layout, LayoutSearch
+from tensionlab.workspace.layout.results import Layout, LayoutSearch, Objective, target_margins, target_slopes
 from tensionlab.workspace.layout.space import Placement, Space
 from tensionlab.workspace.poses import Grid
 
@@ -102,20 +100,19 @@ def search_layout(
     for what, number in (("generations", generations), ("starts", starts)):
         if number < 1:
             raise InputError(f"{what} is {number}; give 1 or more")
-    counts = sorted(space.counts)
-    layouts: list[Layout] = []
-    for count in counts:
 
-        def report(share: float, done: int = len(layouts)) -> None:
-            if progress is not None:
-                progress((done + share) / len(counts))
-
-        def finish(places: Placement, title: str = f"{name}-{count + len(space.fixed)}") -> Layout:
-            return evaluate(space, points, objective, places, title)
-
+    def search(count: int, done: int) -> Layout:
+        """Return the best layout with a number of modules, after those of ``done`` other numbers."""
         improved: list[Placement] = []  # layouts that were the best in turn
 
-        def show(places: Placement, improved: list[Placement] = improved, finish: Any = finish) -> None:
+        def report(share: float) -> None:
+            if progress is not None:
+                progress((done + share) / len(space.counts))
+
+        def finish(places: Placement) -> Layout:
+            return evaluate(space, points, objective, places, f"{name}-{count + len(space.fixed)}")
+
+        def show(places: Placement) -> None:
             improved.append(places)
             if on_improvement is not None:
                 on_improvement(finish(places))
@@ -124,18 +121,22 @@ def search_layout(
         ranked = _explore(
             space, points, objective, count, random, generations, lambda share: report(share / 3), show
         )
-        best, rank, candidates = ranked[0], (-np.inf, -np.inf), _distinct(ranked, starts)
+        candidates: dict[tuple[int, ...], Placement] = {}  # the first that use the surfaces equally often
+        for places in ranked:
+            candidates.setdefault(tuple(np.sort(places.surfaces)), places)
+        queue = list(candidates.values())[:starts]
+        best, rank = ranked[0], (-np.inf, -np.inf)
         for number in range(2 * starts):
-            start = candidates[number] if number < len(candidates) else _hop(space, best, random)
+            start = queue[number] if number < len(queue) else _hop(space, best, random)
             polished, values = polish(space, points, objective, start, space.tension_limits(count))
             found = float(objective.score(values)), float(objective.merit(values))
             if found > rank:
                 best, rank = polished, found
                 show(best)
             report(1 / 3 + (number + 1) / (3 * starts))
-        last_first = map(finish, reversed(improved))
-        layouts.append(most_proved(last_first, points, objective.force) if certify else finish(best))
-    return LayoutSearch(objective, tuple(layouts))
+        return most_proved(map(finish, reversed(improved)), points, objective.force) if certify else finish(best)
+
+    return LayoutSearch(objective, tuple(search(count, done) for done, count in enumerate(sorted(space.counts))))
 
 
 def _explore(
@@ -186,14 +187,6 @@ def _explore(
     everyone = layouts(found.population)
     order = np.argsort(found.population_energies, kind="stable")
     return [Placement(everyone.surfaces[index], everyone.along[index]) for index in order]
-
-
-def _distinct(ranked: list[Placement], most: int) -> list[Placement]:
-    """Return the first layouts that differ in how often they use each surface."""
-    seen: dict[tuple[int, ...], Placement] = {}
-    for places in ranked:
-        seen.setdefault(tuple(np.sort(places.surfaces)), places)
-    return list(seen.values())[:most]
 
 
 def _hop(space: Space, places: Placement, random: np.random.Generator) -> Placement:
@@ -300,11 +293,10 @@ def evaluate(space: Space, target: Floats, objective: Objective, places: Placeme
     score = float(objective.score(found))
     lost = []
     for index in range(len(modules)):
-        rest = np.arange(len(modules)) != index
-        fewer = TensionLimits(limits.lower[rest], limits.upper[rest]) if rest.any() else None
-        without = (
-            0.0 if fewer is None else float(objective.score(target_margins(space, anchors[rest], fewer, target)))
-        )
+        others, without = np.arange(len(modules)) != index, 0.0
+        if others.any():
+            fewer = TensionLimits(limits.lower[others], limits.upper[others])
+            without = float(objective.score(target_margins(space, anchors[others], fewer, target)))
         lost.append(max(score, 0.0) - max(without, 0.0))  # no force is less than none
     rig = space.rig(name, modules, target.mean(axis=0).round(DECIMALS) + 0.0)
     rig = replace(rig, description=f"A layout found by search: it {objective.describe(rig, score)}.")
@@ -355,14 +347,10 @@ def most_proved(layouts: Iterable[Layout], target: Floats, force: float | None) 
 
     Layouts come the best first; one that cannot surpass what is proved of an earlier one is left out.
     """
-    found: list[Layout] = []
+    found: list[tuple[float, Layout]] = []  # proved force, below any other if none is
     for layout in islice(layouts, MAX_PROVED):
         most = layout.worst if force is None else min(force, layout.worst)
-        if all(most > _held(each) for each in found):
-            found.append(replace(layout, proved=proved_force(layout.rig, target, most)))
-    return max(found, key=_held)
-
-
-def _held(layout: Layout) -> float:
-    """Return the force that is proved of a layout, below any other if none is."""
-    return -np.inf if layout.proved is None or np.isnan(layout.proved) else layout.proved
+        if all(most > held for held, _ in found):
+            proved = proved_force(layout.rig, target, most)
+            found.append((-np.inf if np.isnan(proved) else proved, replace(layout, proved=proved)))
+    return max(found, key=lambda each: each[0])[1]

@@ -176,18 +176,16 @@ class Space:
         return f"<Space: {modules} modules{fixed} on {names}, {format_range(self.limits)} N>"
 
     def __post_init__(self) -> None:
-        names = [surface.name for surface in self.surfaces]
-        if repeated := sorted({name for name in names if names.count(name) > 1}):
+        names, d = [surface.name for surface in self.surfaces], self.dimension
+        if repeated := [name for name in names if names.count(name) > 1]:
             raise RigError(f'surface "{repeated[0]}": its name is used twice; give each its own')
-        d = self.dimension
         sizes = {f'surface "{surface.name}"': surface.corner.size for surface in self.surfaces}
         sizes |= {f'module "{module.name}"': module.anchor.size for module in self.fixed}
         for what, size in sizes.items():
             if size != d:
                 raise RigError(f'{what}: has {size} coordinates and surface "{names[0]}" {d}; give both {d}')
-        for module in self.fixed:
-            if module.pulley_radius is not None:
-                raise RigError(f'module "{module.name}": its pulley cannot be part of a search; leave it out')
+        if pulleys := [module.name for module in self.fixed if module.pulley_radius is not None]:
+            raise RigError(f'module "{pulleys[0]}": its pulley cannot be part of a search; leave it out')
         if len(set(self.counts)) < len(self.counts):
             raise RigError(f"counts is {brief(list(self.counts))}; give different numbers")
         lower, upper = self.limits
@@ -204,21 +202,15 @@ class Space:
     def placed(self) -> SurfaceGeometry:
         """Surfaces and fixed modules in world axes."""
         d, count = self.dimension, len(self.surfaces)
-        corners = [(surface.corner, surface.frame) for surface in self.surfaces]
-        ends = [
-            (surface.corner + (surface.edges[k] if k < len(surface.edges) else 0.0), surface.frame)
+        modules = [
+            Module("end of an edge", surface.corner + edge, 0.0, 0.0, frame=surface.frame)
             for surface in self.surfaces
-            for k in range(d)
-        ]
-        fixed = [(module.anchor, module.frame) for module in self.fixed]
-        modules = [Module("any", point, 0.0, 0.0, frame=frame) for point, frame in corners + ends + fixed]
+            for edge in np.pad(surface.edges, ((1, d - len(surface.edges)), (0, 0)))  # the corner first
+        ] + [*self.fixed]
         frames = {each.name: each.frame for each in self.rest}
         points = pose.place_anchors(modules, np.stack([each.anchor for each in modules]), frames)
-        return SurfaceGeometry(
-            corners=points[:count],
-            edges=points[count : count * (1 + d)].reshape(count, d, d) - points[:count, None],
-            fixed=points[count * (1 + d) :],
-        )
+        ends = points[: count * (1 + d)].reshape(count, 1 + d, d)
+        return SurfaceGeometry(ends[:, 0], ends[:, 1:] - ends[:, :1], points[count * (1 + d) :])
 
     @cached_property
     def one_module(self) -> Rig:
@@ -266,8 +258,5 @@ class Space:
 
     def tension_limits(self, count: int) -> TensionLimits:
         """Return the tension limits of ``count`` modules and the fixed ones, which are last."""
-        lower, upper = ([limit] * count for limit in self.limits)
-        return TensionLimits(
-            np.array([*lower, *(module.lower for module in self.fixed)]),
-            np.array([*upper, *(module.upper for module in self.fixed)]),
-        )
+        limits = [self.limits] * count + [(module.lower, module.upper) for module in self.fixed]
+        return TensionLimits(*np.array(limits, float).T)

@@ -21,8 +21,7 @@ from tensionlab.model.schema import FrameTable, ModuleTable, PlatformTable, Requ
 from tensionlab.support.files.named import find
 from tensionlab.support.files.reading import brief, read_toml
 from tensionlab.support.validation import validate
-from tensionlab.workspace.layout.objective import Objective
-from tensionlab.workspace.layout.results import Layout, LayoutSearch
+from tensionlab.workspace.layout.results import Layout, LayoutSearch, Objective
 from tensionlab.workspace.layout.search import Progress, search_layout
 from tensionlab.workspace.layout.space import Hardware, Space, Surface, room
 from tensionlab.workspace.poses import Grid, box

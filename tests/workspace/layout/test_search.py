@@ -9,7 +9,7 @@ from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.module import Module, Platform
 from tensionlab.workspace import Objective, Space, Surface, box, capacity_margin, room, search_layout
 from tensionlab.workspace.layout import search
-from tensionlab.workspace.layout.objective import target_margins
+from tensionlab.workspace.layout.results import target_margins
 from tensionlab.workspace.layout.search import polish
 from tensionlab.workspace.layout.space import Placement
 from tests.helpers.examples import many

@@ -4,8 +4,8 @@ import pytest
 from tensionlab.errors import InputError
 from tensionlab.model.module import Module
 from tensionlab.model.requirement import Requirement
-from tensionlab.workspace.layout import objective
-from tensionlab.workspace.layout.objective import Objective, target_margins, target_slopes
+from tensionlab.workspace.layout import results
+from tensionlab.workspace.layout.results import Objective, target_margins, target_slopes
 from tensionlab.workspace.layout.space import Placement, Space, Surface, room
 
 CUBE = Space(room([2, 2, 2], centre=[0, 0, 0]), (4,), limits=(1.0, 5.0))
@@ -82,7 +82,7 @@ def test_many_layouts_at_once_are_each_one_alone(monkeypatch):
     for index in range(7):
         alone = CUBE.anchors(Placement(places.surfaces[index], places.along[index]))
         np.testing.assert_array_equal(together[index], target_margins(CUBE, alone, limits, target))
-    monkeypatch.setattr(objective, "MAX_CHUNK_POINTS", 20)
+    monkeypatch.setattr(results, "MAX_CHUNK_POINTS", 20)
     np.testing.assert_array_equal(together, target_margins(CUBE, CUBE.anchors(places), limits, target))
 
 
