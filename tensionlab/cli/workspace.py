@@ -17,7 +17,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.files.writing import unwritable
 from tensionlab.support.formatting import format_number, format_share
 from tensionlab.support.table import Column, Table
-from tensionlab.workspace.metrics import find_metric
+from tensionlab.workspace.metrics import metric
 from tensionlab.workspace.poses import Grid, PoseList, describe_step, read_poses
 from tensionlab.workspace.poses import box as box_of_poses
 from tensionlab.workspace.sweep import sweep
@@ -144,7 +144,7 @@ def _print_requirements(rigs: list[Rig]) -> None:
 
 def _print(table: pandas.DataFrame, where: Grid | PoseList, out: Path | None) -> None:
     """Print a row for each rig and metric, then what the metrics mean."""
-    metrics = {name: find_metric(name) for name in table["metric"].unique()}
+    metrics = {name: metric(name) for name in table["metric"].unique()}
     keys = {
         "rig": Column("rig"),
         "metric": Column("metric"),
@@ -173,10 +173,10 @@ def _print(table: pandas.DataFrame, where: Grid | PoseList, out: Path | None) ->
     title = f"{poses:,} poses{turns}{step and f', {step}'}: {region}"
     output.print_table(Table([*columns.values()], rows, title))
     output.print_line()
-    for name, metric in metrics.items():
-        meaning = f" Above 0: {metric.above_zero}." if metric.above_zero else ""
-        output.print_prose(f"{name}: {metric.description}{meaning}", "dim")
-    if step and any(metric.above_zero for metric in metrics.values()):
+    for name, shown in metrics.items():
+        meaning = f" Above 0: {shown.above_zero}." if shown.above_zero else ""
+        output.print_prose(f"{name}: {shown.description}{meaning}", "dim")
+    if step and any(shown.above_zero for shown in metrics.values()):
         output.print_prose(f"above 0: share of the volume, estimated from positions {step}", "dim")
     if table["missing"].any():
         output.print_prose("no value: a cable has no length there, or a force is infeasible", "dim")

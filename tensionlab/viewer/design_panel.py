@@ -31,7 +31,7 @@ from tensionlab.viewer.solver_comparison import SolverPanel
 from tensionlab.viewer.state import DesignState, selected_module
 from tensionlab.viewer.workspace import COARSE, Volume
 from tensionlab.workspace.layout.task import LayoutTask, load_task
-from tensionlab.workspace.metrics import METRICS, find_metric
+from tensionlab.workspace.metrics import METRICS, metric
 from tensionlab.workspace.orientations import roll_pitch_yaw, roll_pitch_yaw_of
 from tensionlab.workspace.poses import describe_step
 
@@ -290,9 +290,7 @@ def tensions_html(state: DesignState, found: StateEvaluation) -> str:
 
 def share_html(state: DesignState, volume: Volume, ghost: Volume | None = None) -> str:
     """Return the share of the box in which the metric is above the level."""
-    return render(
-        "design.share", find_metric(state.metric), volume, state.level, describe_step(volume.axes), ghost
-    )
+    return render("design.share", metric(state.metric), volume, state.level, describe_step(volume.axes), ghost)
 
 
 def place_below(folder: Path, path: str) -> Path:

@@ -16,7 +16,7 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.surfaces import level_surface
 from tensionlab.viewer.scene import Mesh, bounds
 from tensionlab.viewer.state import DesignState, ghost_state
-from tensionlab.workspace.metrics import find_metric
+from tensionlab.workspace.metrics import metric
 from tensionlab.workspace.poses import Grid, node_weights, weighted_share
 from tensionlab.workspace.sweep.configurations import vary
 from tensionlab.workspace.sweep.executors import evaluate_on_threads
@@ -62,7 +62,7 @@ def sweep(
     axes = tuple(np.linspace(a, b, resolution) for a, b in zip(*box, strict=True))
     rotations = None if state.rotation is None else state.rotation[None]
     grid = Grid(axes[0], axes[1], axes[2] if len(axes) == 3 else None, rotations)
-    plan = Plan(vary(rig), grid, (find_metric(state.metric),), rig.at_rest, CHUNK)
+    plan = Plan(vary(rig), grid, (metric(state.metric),), rig.at_rest, CHUNK)
     plan.check(rig)
     values = np.empty(plan.shape)
     tasks = (plan.task(number) for number in range(math.prod(plan.tiles)))

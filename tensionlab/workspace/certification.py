@@ -47,23 +47,20 @@ def certify(
     """Prove where in a region every pose of a rig renders all that is required, and where none does.
 
     Cells of positions are proved as a whole, or cut in two along all axes, down to the resolution. A cell is
-    inside if the tensions pull further than is required in all directions; that is proved of those normal to the
-    facets of the available wrench set, as they turn with the pose. It is outside if they do not in one. Of the
-    undecided cells, which lie along the border, a share is proved as well, so that the bounds of the volume come
-    together as the square of the resolution. Rounding is part of every bound.
+    inside if the tensions pull further than is required in all directions normal to the facets of the available
+    wrench set, as they turn with the pose; it is outside if they do not in one. Of the undecided cells a share is
+    proved as well, so that the bounds of the volume converge as the square of the resolution. Rounding is part of
+    every bound.
 
     Source: Gouttefarde, Daney and Merlet, "Interval-analysis-based determination of the wrench-feasible workspace
     of parallel cable-driven robots", 2011, for the proof of cells; Bouchard, Gosselin and Moore, "On the ability
     of a cable-driven robot to generate a prescribed set of wrenches", 2010, for the facets. That these may turn is
     shown in ``tensionlab/native/workspace/cell_proof.hpp``.
 
-    InputError, ShapeError or RigError if an argument does not suit the rig, or there are more cells than fit in
-    memory.
+    InputError, ShapeError or RigError if an argument does not suit the rig, or for more cells than fit in memory.
 
     Parameters
     ----------
-    rig : Rig
-        Rig whose poses are examined.
     region : (d, 2) array
         Box of positions: where it starts and ends along each axis, in m. It may have no extent along an axis.
     required : Requirement, array, tuple, "wrench-closure" or None
@@ -73,10 +70,10 @@ def certify(
     resolution : float, or one for each axis
         Longest edge of the finest cells, in m.
     rotations : array, optional
-        Orientations, one or several in a row, as in `Rig.structure_matrix`: a position is inside if it is so in
-        all of them, outside if in one. Left out: the identity.
+        Orientations, one or several in a row, as in `Rig.structure_matrix`, all of which count: a position is
+        outside if it is so in one of them. Left out: the identity.
     angle : float
-        Angle in rad about each of the rotations, all within which count as well.
+        All orientations within this angle, in rad, of each of the rotations count as well.
     clearance : float, optional
         Distance in m that cables must keep from each other, but for those that share an end, and from the bodies.
         Its part of the border is bounded to first order only.

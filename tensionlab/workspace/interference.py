@@ -58,12 +58,7 @@ def cable_distance(
     and Otis, "Geometric determination of the interference-free constant-orientation workspace of parallel
     cable-driven mechanisms", 2010.
 
-    Parameters
-    ----------
-    rig : Rig
-        Rig whose cables are measured.
-    position, rotation, frames
-        Poses and errors as in `Rig.structure_matrix`; leading axes broadcast.
+    Poses and errors are as in `Rig.structure_matrix`; leading axes broadcast.
 
     Examples
     --------
@@ -79,10 +74,9 @@ def cable_distance(
 def cable_pairs(rig: Rig) -> Integers:
     """Return the pairs of cables that share neither attachment nor anchor, (k, 2), the smaller index first."""
     anchors = [(module.frame, *module.anchor) for module in rig.modules]
-    ends = list(zip(map(tuple, rig.attachments), anchors, strict=True))
-    apart = [
-        (i, j) for i, j in combinations(range(rig.m), 2) if ends[i][0] != ends[j][0] and ends[i][1] != ends[j][1]
-    ]
+    attachments = list(map(tuple, rig.attachments))
+    pairs = combinations(range(rig.m), 2)
+    apart = [(i, j) for i, j in pairs if attachments[i] != attachments[j] and anchors[i] != anchors[j]]
     return np.array(apart, dtype=np.int64).reshape(-1, 2)
 
 

@@ -215,21 +215,16 @@ METRICS: dict[str, Metric] = {
 }  # fmt: skip
 
 
-def metric(name: str, **parameters: Any) -> Metric:
-    """Return a metric of `METRICS` with some of its parameters set.
+def metric(name: str | Metric, **parameters: Any) -> Metric:
+    """Return a metric of `METRICS` with some of its parameters set; SweepError if there is no such thing.
 
     Parameters
     ----------
     name : str
         Name of the metric. What follows a colon sets its first parameter: ``"feasible-direction-fraction:2.0"`` is
-        ``metric("feasible-direction-fraction", magnitude=2.0)``.
+        ``metric("feasible-direction-fraction", magnitude=2.0)``. A `Metric` is returned as it is.
     **parameters
         Parameters of the metric's function.
-
-    Raises
-    ------
-    SweepError
-        If there is no such metric or parameter.
 
     Examples
     --------
@@ -240,6 +235,10 @@ def metric(name: str, **parameters: Any) -> Metric:
     >>> tl.sweep(rig, [rig.home], ["squared-tension:worst", metric])["squared-tension:worst"].values.round(1)
     array([[9.1]])
     """
+    if isinstance(name, Metric):
+        return name
+    if not isinstance(name, str):
+        raise SweepError(f"{name!r} is no metric; give a name in METRICS, or a Metric")
     family, colon, variant = name.partition(":")
     if family not in METRICS:
         raise SweepError(f"no metric is called {family!r}; {registry.suggest(family, METRICS)}")
@@ -260,12 +259,3 @@ def metric(name: str, **parameters: Any) -> Metric:
     elif first is not None and parameters.get(first.name, first.default) != first.default:
         name = f"{family}:{parameters[first.name]}"
     return replace(found, name=name, parameters=parameters)
-
-
-def find_metric(name: str | Metric) -> Metric:
-    """Return the metric of a name, as in `metric`, or a metric as it is."""
-    if isinstance(name, Metric):
-        return name
-    if not isinstance(name, str):
-        raise SweepError(f"{name!r} is no metric; give a name in METRICS, or a Metric")
-    return metric(name)

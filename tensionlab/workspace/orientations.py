@@ -14,19 +14,10 @@ MAX_ORIENTATIONS = 100_000  # more are taken for a mistaken step
 
 
 def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> Floats:
-    """Return the orientations (k, 3, 3) that tilt an axis by up to an angle, in every direction.
+    """Return the orientations (k, 3, 3) that tilt an axis by up to ``half_angle``, in every direction.
 
-    The first is the identity; then come rings, one every step, with neighbours about a step apart, none of them
-    turned about the axis. InputError for angles of no use, or an axis without a direction.
-
-    Parameters
-    ----------
-    half_angle : float
-        Largest tilt, in rad, up to pi.
-    step : float
-        Distance of neighbours, in rad.
-    axis : (3,) array
-        Axis that is tilted, such as the one that points up.
+    The first is the identity; then come rings, one every ``step``, with neighbours about as far apart, none of
+    them turned about the axis. Angles are in rad. InputError for angles of no use, or an axis without a direction.
 
     Examples
     --------
@@ -58,13 +49,8 @@ def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> F
 def roll_pitch_yaw(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Floats:
     """Return the orientations (k, 3, 3) of every combination of angles, in rad; the yaw changes fastest.
 
-    Turns about the fixed axes x, y and z, one after the other: ``Rz(yaw) Ry(pitch) Rx(roll)``. ShapeError or
-    InputError for angles that are not finite, or too many combinations.
-
-    Parameters
-    ----------
-    roll, pitch, yaw : arrays of one axis, or numbers
-        In rad.
+    Angles are numbers, or arrays of one axis, about the fixed axes x, y and z: ``Rz(yaw) Ry(pitch) Rx(roll)``.
+    ShapeError or InputError for angles that are not finite, or too many combinations.
 
     Examples
     --------
@@ -75,10 +61,8 @@ def roll_pitch_yaw(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Floats:
            [ 1.,  0.,  0.],
            [ 0.,  0.,  1.]])
     """
-    angles = [
-        np.atleast_1d(require_finite(name, each, 0)).ravel()
-        for name, each in (("roll", roll), ("pitch", pitch), ("yaw", yaw))
-    ]
+    given = {"roll": roll, "pitch": pitch, "yaw": yaw}
+    angles = [np.atleast_1d(require_finite(name, values, 0)).ravel() for name, values in given.items()]
     if not 0 < np.prod([each.size for each in angles]) <= MAX_ORIENTATIONS:
         raise InputError(f"roll, pitch and yaw have too many combinations; give 1 to {MAX_ORIENTATIONS:,}")
     grid = np.stack(np.meshgrid(*angles, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -93,9 +77,8 @@ def roll_pitch_yaw_of(rotations: Floats) -> Floats:
 
     The yaw is 0 where the pitch is a right angle, and roll and yaw turn about the same axis.
     """
-    R = rotations
-    pitch = np.arctan2(-R[:, 2, 0], np.hypot(R[:, 0, 0], R[:, 1, 0]))
-    locked = np.hypot(R[:, 0, 0], R[:, 1, 0]) < 1e-9
+    R, level = rotations, np.hypot(rotations[:, 0, 0], rotations[:, 1, 0])
+    pitch, locked = np.arctan2(-R[:, 2, 0], level), level < 1e-9
     roll = np.where(locked, np.arctan2(-R[:, 1, 2], R[:, 1, 1]), np.arctan2(R[:, 2, 1], R[:, 2, 2]))
     yaw = np.where(locked, 0.0, np.arctan2(R[:, 1, 0], R[:, 0, 0]))
     return np.stack([roll, pitch, yaw], axis=1)
@@ -127,14 +110,7 @@ def parse_rotations(text: str, dimension: int, axis: ArrayLike) -> Floats:
         raise InputError(f"rotations {text!r}: write {ways}, in degrees, or the path of a .csv file")
     if kind == "cone":
         return cone(ends[0][1], step, axis)
-    angles = [_between(low, high, step) for low, high in ends]
+    if any(high < low or (high - low) / step > MAX_ORIENTATIONS for low, high in ends):
+        raise InputError(f"rotations {text!r}: give the lower end of a range first, and not too small a step")
+    angles = [np.linspace(low, high, max(int(high > low), round((high - low) / step)) + 1) for low, high in ends]
     return angles[0] if kind == "angle" else roll_pitch_yaw(*angles)
-
-
-def _between(low: float, high: float, step: float) -> Floats:
-    """Return angles from one to the other, evenly, about a step apart."""
-    if high < low or (high - low) / step > MAX_ORIENTATIONS:
-        raise InputError(
-            f"angles from {np.degrees(low):g} to {np.degrees(high):g} degrees; give the lower end first"
-        )
-    return np.linspace(low, high, max(1, round((high - low) / step)) + 1) if high > low else np.array([low])

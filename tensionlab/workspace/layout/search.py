@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
-from itertools import islice
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,7 +28,6 @@ DECIMALS = 6  # coordinates are rounded to micrometres
 SHARPNESS = (1.0, 0.1, 0.01)  # how closely shares are followed: blunt ones lead further, sharp ones count right
 PROOF_CELLS = 64  # number of finest cells of a proof along the longest edge
 BISECTIONS = 8  # of a proved force, down to half a percent
-MAX_PROVED = 5  # layouts that are proved; later ones are worse
 
 Progress = Callable[[float], None]
 
@@ -49,33 +47,28 @@ def search_layout(
 ) -> LayoutSearch:
     """Search for anchors of modules that are best for a target, by an objective.
 
-    For each number of modules in turn, in three stages. Differential evolution spreads over all surfaces, with a
-    whole generation in one call of the compiled capacity margin. The best layouts of its last generation, no two
-    of which use the same surfaces equally often, are polished by gradients. Then the best of them hops: one or two
-    of its modules are moved anywhere, the layout is polished, and kept if it is better. The result is a local
-    optimum, often the best there is; more starts make that more likely. The same seed gives the same result.
+    For each number of modules in turn, in three stages. Differential evolution spreads over all surfaces. The best
+    layouts of its last generation, no two of which use the same surfaces equally often, are polished by gradients.
+    Then the best of them hops: one or two of its modules are moved anywhere, the layout is polished, and kept if
+    it is better. The result is a local optimum; more starts are more likely to find the best there is. The same
+    seed gives the same result.
 
     Source: Storn and Price, "Differential evolution: a simple and efficient heuristic for global optimization over
     continuous spaces", 1997, in SciPy's implementation; Wales and Doye, "Global optimization by basin-hopping",
-    1997. ShapeError or InputError if the target has no point or other coordinates than the surfaces, or a number
-    is too small.
+    1997. ShapeError or InputError if the target does not suit the surfaces, or a number is too small.
 
     Parameters
     ----------
-    space : Space
-        The surfaces, and how many modules to place on them.
+    space, objective
+        Where modules may be, and how layouts are compared.
     target : Grid, as made by `box`, or (P, d) array
         Positions of the hand, in m.
-    objective : Objective
-        Criterion by which layouts are compared.
     name : str
         Start of the names of the rigs, which end in their number of modules.
     generations, starts : int
         Generations of the evolution, and number of its layouts that are polished; as many hops follow.
     certify : bool
-        Whether to prove what layouts render between the points of the target, too: `Layout.proved`. For each
-        number of modules, of the last layouts that were the best in turn, the one of which the most is proved is
-        returned.
+        Whether to prove what the layouts render between the points of the target, too: `Layout.proved`.
     progress : callable, optional
         Called with the share of the work that is done, from 0 to 1.
     on_improvement : callable, optional
@@ -103,7 +96,6 @@ def search_layout(
 
     def search(count: int, done: int) -> Layout:
         """Return the best layout with a number of modules, after those of ``done`` other numbers."""
-        improved: list[Placement] = []  # layouts that were the best in turn
 
         def report(share: float) -> None:
             if progress is not None:
@@ -113,7 +105,6 @@ def search_layout(
             return evaluate(space, points, objective, places, f"{name}-{count + len(space.fixed)}")
 
         def show(places: Placement) -> None:
-            improved.append(places)
             if on_improvement is not None:
                 on_improvement(finish(places))
 
@@ -134,7 +125,9 @@ def search_layout(
                 best, rank = polished, found
                 show(best)
             report(1 / 3 + (number + 1) / (3 * starts))
-        return most_proved(map(finish, reversed(improved)), points, objective.force) if certify else finish(best)
+        layout = finish(best)
+        most = layout.worst if objective.force is None else min(objective.force, layout.worst)
+        return replace(layout, proved=proved_force(layout.rig, points, most)) if certify else layout
 
     return LayoutSearch(objective, tuple(search(count, done) for done, count in enumerate(sorted(space.counts))))
 
@@ -340,17 +333,3 @@ def proved_force(rig: Rig, target: Floats, most: float) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if proved(middle) else (low, middle)
     return low
-
-
-def most_proved(layouts: Iterable[Layout], target: Floats, force: float | None) -> Layout:
-    """Return the layout with the largest proved force, up to a force, if one is given.
-
-    Layouts come the best first; one that cannot surpass what is proved of an earlier one is left out.
-    """
-    found: list[tuple[float, Layout]] = []  # proved force, below any other if none is
-    for layout in islice(layouts, MAX_PROVED):
-        most = layout.worst if force is None else min(force, layout.worst)
-        if all(most > held for held, _ in found):
-            proved = proved_force(layout.rig, target, most)
-            found.append((-np.inf if np.isnan(proved) else proved, replace(layout, proved=proved)))
-    return max(found, key=lambda each: each[0])[1]

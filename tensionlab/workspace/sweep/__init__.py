@@ -15,7 +15,7 @@ from tensionlab.errors import SweepError
 from tensionlab.model.pose import Frames
 from tensionlab.model.requirement import Requirement, as_requirement
 from tensionlab.model.rig import Rig
-from tensionlab.workspace.metrics import Metric, find_metric
+from tensionlab.workspace.metrics import Metric, metric
 from tensionlab.workspace.poses import Grid, PoseList
 from tensionlab.workspace.sweep.configurations import Configurations, vary
 from tensionlab.workspace.sweep.dataset import empty_dataset
@@ -48,21 +48,19 @@ def sweep(
     rigs : Rig, sequence of Rig, or Configurations
         Rigs with names that differ, or what `tensionlab.workspace.vary` returns.
     poses : Grid, PoseList or (k, d) array
-        From `tensionlab.workspace`: `Grid`, `box`, `polyline`, `read_poses`; or positions in m.
+        From `tensionlab.workspace`: `Grid`, `box`, `read_poses`; or positions in m.
     metrics : str, Metric, or sequence of them
-        Names in `tensionlab.workspace.METRICS`, such as "capacity-margin" or "feasible-direction-fraction:2.0", or
-        metrics of your own.
+        Metrics, or their names, as in `tensionlab.workspace.metric`.
     frames : mapping of name to Frame or (position, rotation), optional
         Where the body frames of the rigs are: one pose for each, the same all over the sweep.
     required : Requirement, (n,) array, (k, n) array or None
-        What the cables must exert at every pose: a wrench, the vertices of a set, or a `tensionlab.Requirement`,
-        which holds the weight as well if it says so. None is `Rig.required` of each rig.
+        What the cables must exert at every pose: a wrench, the vertices of a set, or a `tensionlab.Requirement`.
+        None is `Rig.required` of each rig.
     out : path, optional
-        Zarr store, by custom called DIR.zarr, to which chunks are written as they are finished. Called again, an
-        interrupted sweep is resumed, and a finished one is only opened. Without it, the sweep is kept in memory.
+        Zarr store, DIR.zarr, to which chunks are written as they are finished. Called again, an interrupted sweep
+        is resumed, and a finished one is only opened. Without it, the sweep is kept in memory.
     scheduler : str, optional
-        Address of a Dask scheduler, as in "tcp://host:8786", whose workers evaluate the chunks; else the
-        processors of this machine do.
+        Address of a Dask scheduler, as in "tcp://host:8786"; else the processors of this machine do the work.
     chunk : int
         Largest number of values of a metric in a chunk.
     progress : callable, optional
@@ -73,17 +71,14 @@ def sweep(
     xarray.Dataset
         A variable for each metric, named after it, with the axes of the configurations, then those of the poses.
         NaN where a cable has no length, or a metric has no value. Every variable has ``units`` and ``long_name``.
-        The coordinates ``anchor``, ``attachment``, ``lower`` and ``upper`` are the rigs themselves; ``required``
-        says in words what the cables must exert, ``characteristic_length`` at which arm a torque counts as a
-        force. Among the attributes is the ``manifest``, as JSON: the call, versions, commit and processor.
+        Coordinates describe the rigs, and what is required of them. Among the attributes is the ``manifest``, as
+        JSON: the call, versions, commit and processor.
 
     Raises
     ------
     SweepError, RigError, ShapeError, InputError
         Before any work: rigs, poses and metrics that do not fit, a place to write to that holds something else,
         a sweep too large for memory, a scheduler that does not answer.
-    MissingDependency
-        If xarray or zarr (extra ``workspace``), or distributed (extra ``cluster``) is not installed.
 
     Examples
     --------
@@ -101,7 +96,7 @@ def sweep(
     plan = Plan(
         configurations=rigs if isinstance(rigs, Configurations) else vary(rigs),
         poses=poses if isinstance(poses, (Grid, PoseList)) else PoseList(poses),  # type: ignore[arg-type]
-        metrics=tuple(map(find_metric, [metrics] if isinstance(metrics, (str, Metric)) else metrics)),
+        metrics=tuple(map(metric, [metrics] if isinstance(metrics, (str, Metric)) else metrics)),
         frames={} if frames is None else frames,
         chunk=chunk,
         required=None if required is None else as_requirement(required),

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tensionlab.errors import RigError, SweepError
+from tensionlab.errors import SweepError
 from tensionlab.model import layouts
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import as_floats
@@ -58,22 +57,18 @@ class Configurations:
 def vary(
     what: Rig | Sequence[Rig] | Callable[..., Rig],
     *,
-    anchors: Mapping[str, ArrayLike] | None = None,
     limits: Sequence[tuple[float, float]] | None = None,
     **parameters: Any,
 ) -> Configurations:
     """Return the rigs of every combination of these values.
 
-    The axes are "rig" or one for each listed parameter, "anchor_NAME" for each module (spaces become _), and
-    "limits". ``vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4, 5, 6, 8], limits=[(0.5, 6), (0.5, 12)])``
-    are 20 rigs. SweepError names the argument: no values, values of no use, names that are not the layout's.
+    The axes are "rig" or one for each listed parameter, and "limits". SweepError names the argument: no values,
+    values of no use, names that are not the layout's.
 
     Parameters
     ----------
     what : Rig, sequence of Rig, or callable
         Rigs with names that differ, or a layout: a function whose arguments are the parameters.
-    anchors : mapping of module name to (k, d) array, optional
-        Places to try for the anchor of a module, in the axes of its frame, in m. Every rig has that module.
     limits : sequence of (lower, upper), optional
         Tension limits to try, the same for all modules, in N.
     **parameters
@@ -88,26 +83,17 @@ def vary(
     {'side': 2, 'count': 3, 'pose': 1}
     """
     axes, make = _layout(what, parameters) if callable(what) else _rigs(what, parameters)
-    first, moved = len(axes), dict(anchors or {})
-    for name, points in moved.items():
-        places = _rows(f"anchors[{name!r}]", points, "places, each a list of coordinates in m")
-        axes.append(_axis("_".join(["anchor", *name.split()]), places, "m", f'anchor of module "{name}"'))
-    if limits is not None:
-        pairs = _rows("limits", limits, "pairs (lower, upper) in N", 2)
-        axes.append(_axis("limits", pairs, "N", "tension limits", ("lower", "upper")))
+    if limits is None:
+        return Configurations(tuple(axes), make)
+    pairs = as_floats("limits", limits)
+    if pairs.ndim != 2 or pairs.size == 0 or pairs.shape[1] != 2:
+        raise SweepError(f"vary: limits is {limits!r}; give a list of pairs (lower, upper) in N")
+    axes.append(_axis("limits", pairs.tolist(), "N", "tension limits", ("lower", "upper")))
 
     def configure(*values: Any) -> Rig:
-        rig = make(*values[:first])
-        anchors_of = dict(zip(moved, values[first:], strict=False))
-        names = [module.name for module in rig.modules]
-        if unknown := [name for name in moved if name not in names]:
-            raise RigError(f'rig "{rig.name}" has no module "{unknown[0]}" to move; it has {", ".join(names)}')
-        modules = (replace(each, anchor=anchors_of.get(each.name, each.anchor)) for each in rig.modules)
-        rig = replace(rig, modules=tuple(modules))
-        if limits is not None:
-            lower, upper = values[-1]
-            rig = replace(rig, modules=tuple(replace(each, lower=lower, upper=upper) for each in rig.modules))
-        return rig
+        *others, (lower, upper) = values
+        rig = make(*others)
+        return replace(rig, modules=tuple(replace(each, lower=lower, upper=upper) for each in rig.modules))
 
     return Configurations(tuple(axes), configure)
 
@@ -168,11 +154,3 @@ def _axis(name: str, values: Sequence[Any], unit: str, title: str, parts: Sequen
         part = parts[i] if i < len(parts) else str(i)
         labels[f"{name}_{part}"] = label((name,), column, unit, f"{part} of the {title}")
     return Axis(name, tuple(values), labels)
-
-
-def _rows(what: str, values: ArrayLike, expected: str, length: int | None = None) -> list[tuple[float, ...]]:
-    """Return the rows of a table of numbers."""
-    table = as_floats(what, values)
-    if table.ndim != 2 or table.size == 0 or table.shape[1] != (length or table.shape[1]):
-        raise SweepError(f"vary: {what} is {values!r}; give a list of {expected}")
-    return [tuple(row) for row in table]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.errors import RigError, SweepError
+from tensionlab.errors import SweepError
 from tensionlab.workspace import vary
 
 RIG = tl.ring_plus_top(1.0)
@@ -43,19 +43,6 @@ def test_points_are_labelled_by_number_and_coordinates():
     assert units(rigs, "size_z") == "m"
 
 
-def test_any_anchor_moves_and_all_else_stays():
-    rigs = vary(RIG, anchors={"top": [[0, 2, 0], [1, 2, 0]], "floor-2": [[0, 0, 1]]})
-    assert rigs.dims == ("rig", "anchor_top", "anchor_floor-2")
-    assert rigs.shape == (1, 2, 1)
-    moved = rigs.rig([0, 1, 0])
-    assert moved.modules[3].anchor.tolist() == [1.0, 2.0, 0.0]
-    assert moved.modules[1].anchor.tolist() == [0.0, 0.0, 1.0]
-    assert moved.modules[0] == RIG.modules[0]
-    assert values(rigs, "anchor_top_x") == [0.0, 1.0]
-    assert values(rigs, "rig") == ["ring-3-plus-top"]
-    assert vary(tl.box_corners([1, 1, 1]), anchors={"x- y- z+": [[0, 0, 0]]}).dims[1] == "anchor_x-_y-_z+"
-
-
 def test_limits_apply_to_all_modules_of_all_rigs():
     rigs = vary([RIG, tl.box_corners([1, 1, 1])], limits=[(0.5, 6), (1, 12)])
     assert rigs.dims == ("rig", "limits")
@@ -94,14 +81,8 @@ def test_a_layout_of_ones_own_has_parameters_too():
         (lambda: vary(RIG, limits=(0.5, 6)), "limits is .*pairs"),
         (lambda: vary(RIG, limits=[(0.5, 6, 7)]), "limits is .*pairs"),
         (lambda: vary(RIG, limits=[]), "limits is .*pairs"),
-        (lambda: vary(RIG, anchors={"top": [0, 1, 2]}), r"anchors\['top'\] is .*places"),
     ],
 )
 def test_odd_variations_are_refused(call, words):
     with pytest.raises(SweepError, match=words):
         call()
-
-
-def test_a_module_that_is_not_there_cannot_move():
-    with pytest.raises(RigError, match='no module "tip" to move; it has floor-1, floor-2, floor-3, top'):
-        vary(RIG, anchors={"tip": [[0, 1, 2]]}).rig([0, 0])

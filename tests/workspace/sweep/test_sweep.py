@@ -165,16 +165,14 @@ def test_where_a_cable_has_no_length_there_is_no_value():
 
 def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tmp_path):
     for out in (None, tmp_path / "a.zarr"):
-        rigs = vary(tl.ring_plus_top, side=[1.0], limits=[(0.5, 6)], anchors={"top": [[0, 2, 0]]})
+        rigs = vary(tl.ring_plus_top, side=[1.0], limits=[(0.5, 6)])
         data = tl.sweep(
             rigs,
             Grid(0.0, 0.2, 0.1),
             ["feasible-direction-fraction:2.0", "squared-tension"],
             out=out,
         )
-        assert {"side", "limits", "limits_lower", "anchor_top", "anchor_top_x", "anchor", "lower"} <= set(
-            data.coords
-        )
+        assert {"side", "limits", "limits_lower", "anchor", "lower"} <= set(data.coords)
         for name, variable in data.variables.items():
             assert variable.attrs["units"], name
             assert variable.attrs["long_name"], name
@@ -205,7 +203,6 @@ FLAT_BODY = metric("body-distance", bodies=(Capsule([0, 0]),))
         ({"rigs": "cube.toml"}, SweepError, "rigs holds 'c'"),
         ({"rigs": vary(tl.ring_plus_top, side=[1.0, -1.0])}, RigError, "side is -1.0"),
         ({"rigs": vary(CUBE, limits=[(6, 1)])}, RigError, '"lower" is 6.0'),
-        ({"rigs": vary(CUBE, anchors={"a": [[0, 0, 0]]})}, RigError, 'no module "a"'),
         ({"rigs": [CUBE, tl.load_rig("kntu-planar")]}, SweepError, 'rig "kntu-planar" .* needs 2'),
         ({"rigs": CLASHING, "poses": Grid(0.0, 0.0, 0.0)}, SweepError, 'are called "x"'),
         ({"poses": [[0, 0]]}, SweepError, '2 coordinates; rig "box-corners".*needs 3'),
