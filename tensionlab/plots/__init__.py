@@ -41,7 +41,7 @@ __all__ = [
     "styled",
 ]
 
-
+# Figure of each class, by its name: a figure loads only the room whose result it draws.
 PLOTTERS: dict[str, Callable[..., Figure]] = {
     "tensionlab.allocation.Allocation": plot_allocation,
     "tensionlab.benchmark.results.Results": plot_pareto,
@@ -55,27 +55,13 @@ PLOTTERS: dict[str, Callable[..., Figure]] = {
     "tensionlab.workspace.layout.results.Layout": lambda layout, **options: plot_rig(layout.rig, **options),
     "tensionlab.workspace.layout.results.LayoutSearch": plot_front,
 }
-"""Figure of each class, by its name: a figure loads only the room whose result it draws."""
 
 
 def plot(result: Any, *context: Any, **options: Any) -> Figure:
     """Draw a rig or a result: an allocation, comparison, benchmark, run, scenario, validation or layout search.
 
-    Parameters
-    ----------
-    result
-        What to draw.
-    *context, **options
-        Further arguments of the ``plot_`` function of that class: `plot_allocation` takes the rig, too.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If there is no figure of such an object.
+    Further arguments are those of the ``plot_`` function of its class: `plot_allocation` takes the rig, too.
+    InputError if there is no figure of such an object.
 
     Examples
     --------

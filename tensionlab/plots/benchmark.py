@@ -9,7 +9,7 @@ import numpy as np
 
 from tensionlab.benchmark.comparison import Comparison
 from tensionlab.errors import InputError
-from tensionlab.plots.style import Entry, label_points, new_figure, one_panel, panel_legend
+from tensionlab.plots.style import Entry, add_legend, label_points, new_figure, one_panel
 from tensionlab.solvers import is_built_in
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 
@@ -150,10 +150,10 @@ def add_kind_legend(
 ) -> None:
     """Put a legend of the kinds of entries below the panels, or into a panel of another figure."""
     shown = [LOOKS[kind] for kind in LOOKS if kind in kinds]
-    panel_legend(figure, ax, len(shown) + len(also), [
+    add_legend(figure, len(shown) + len(also), [
         (name, {"color": colour, "marker": marker, "ls": ""} if marked else {"color": colour, "linewidth": 1.8})
         for name, colour, marker in shown
-    ] + list(also))  # fmt: skip
+    ] + list(also), ax)  # fmt: skip
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

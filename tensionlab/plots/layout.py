@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from tensionlab.plots.rig import frame_panel, plot_rig
-from tensionlab.plots.style import add_legend, new_figure, one_panel, panel_legend
+from tensionlab.plots.style import add_legend, new_figure, one_panel
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREY, ORANGE
 
@@ -59,7 +59,7 @@ def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure | None:
         axes.set_ylim(bottom=min(0.0, *(layout.score for layout in found.layouts)))
         axes.grid(axis="y")
         looks = [("best with as many modules or fewer", ON_FRONT), ("no better than with fewer", OFF_FRONT)]
-        panel_legend(figure, ax, 2, looks[: 1 + (len(found.front) < len(found.layouts))])
+        add_legend(figure, 2, looks[: 1 + (len(found.front) < len(found.layouts))], ax)
     return figure if ax is None else None
 
 

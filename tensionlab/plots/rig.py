@@ -8,7 +8,7 @@ import numpy as np
 
 from tensionlab.errors import ShapeError
 from tensionlab.model.pulleys import ways
-from tensionlab.plots.style import HALO, one_panel, panel_legend
+from tensionlab.plots.style import HALO, add_legend, one_panel
 from tensionlab.support.colours import BLUE, GREY, ORANGE, RED
 from tensionlab.support.table import STATUS_MARKS
 
@@ -21,12 +21,13 @@ if TYPE_CHECKING:
     from tensionlab.support.arrays import Floats
 
 
-MARKERS: tuple[dict[str, Any], ...] = (
+# Shape of each `Status`, in its order.
+MARKERS: list[dict[str, Any]] = [
     {"marker": "o"},
     {"marker": "o", "fillstyle": "none"},
     {"marker": "^"},
     {"marker": "x"},
-)  # shape of each `Status`, in its order
+]
 FEW = 50  # fewer wrenches are drawn as larger dots
 MAX_DOTS = 2000  # largest number of wrenches drawn for each status, evenly spread
 SPREAD = 0.12  # half the height of a row's dots, as a share of the row: spread out, many of the same tension show
@@ -40,13 +41,8 @@ def plot_rig(rig: Rig, *, ax: Axes) -> None: ...
 def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
     """Draw where a rig's modules stand and how its cables run at home, to scale.
 
-    The rig's vertical axis is upright. Body frames are drawn at the origin of the world.
-
-    Parameters
-    ----------
-    rig : Rig
-    ax : Axes, optional
-        Panel of another figure to draw into; for a rig in space with the projection "3d".
+    The rig's vertical axis is upright. Body frames are drawn at the origin of the world. ``ax`` is a panel of
+    another figure to draw into; for a rig in space with the projection "3d".
 
     Examples
     --------
@@ -59,32 +55,31 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
     ends = rig.home + rig.attachments
     with one_panel(ax, (7.5, 7.0), "3d" if spatial else None) as (figure, axes):
         everything = np.concatenate([rig.anchors, ends])
-        low, high = everything.min(axis=0), everything.max(axis=0)
-        floor = frame_panel(axes, low, high, rig.vertical)
+        floor = frame_panel(axes, everything.min(axis=0), everything.max(axis=0), rig.vertical)
         if spatial:
-            up = "xyz".index(rig.vertical)
-            for anchor in rig.anchors:  # a thread to the floor shows where an anchor is
-                foot = anchor.copy()
-                foot[up] = floor[up]
+            feet = rig.anchors.copy()
+            feet[:, "xyz".index(rig.vertical)] = floor["xyz".index(rig.vertical)]
+            for anchor, foot in zip(rig.anchors, feet, strict=True):  # a thread to the floor shows where it is
                 axes.plot(*zip(anchor, foot, strict=True), color="#BBBBBB", linewidth=0.8, linestyle=":")
         for way, end in zip(np.swapaxes(ways(ends, rig.anchors, rig.pulleys), 0, 1), ends, strict=True):
             axes.plot(*way.T, color=GREY, linewidth=1.1)
             axes.plot(*zip(rig.home, end, strict=True), color=RED, linewidth=1.1, alpha=0.5)
         on_body = np.array([module.frame in rig.frames for module in rig.modules])
-        axes.plot(*rig.anchors[~on_body].T, linestyle="", marker="s", markersize=6, color=BLUE)
-        axes.plot(*rig.anchors[on_body].T, linestyle="", marker="s", markersize=6, color=ORANGE)
-        axes.plot(*([part] for part in rig.home), linestyle="", marker="o", markersize=6, color=RED)
+        for points, marker, colour in (
+            (rig.anchors[~on_body], "s", BLUE), (rig.anchors[on_body], "s", ORANGE), (rig.home[None], "o", RED),
+        ):  # fmt: skip
+            axes.plot(*points.T, linestyle="", marker=marker, markersize=6, color=colour)
         _label_anchors(axes, rig)
         if ax is None:
             figure.suptitle(rig.name, fontweight="bold")
         else:
             axes.set_title(rig.name)
-        panel_legend(figure, ax, 4, [
+        add_legend(figure, 4, [
             ("module", {"color": BLUE, "marker": "s", "ls": ""}),
             *([("module on a body", {"color": ORANGE, "marker": "s", "ls": ""})] if on_body.any() else []),
             ("cable", {"color": GREY, "linewidth": 1.1}),
             ("platform, home" if rig.attachments.any() else "home", {"color": RED, "marker": "o", "ls": ""}),
-        ])  # fmt: skip
+        ], ax)  # fmt: skip
     if spatial and ax is None:
         _crop(figure, axes)
     return figure if ax is None else None
@@ -156,23 +151,10 @@ def plot_allocation(allocation: Allocation, rig: Rig, *, ax: None = None) -> Fig
 @overload
 def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes) -> None: ...
 def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes | None = None) -> Figure | None:
-    """Draw the tensions of each cable between its limits, a row a cable, by status.
+    """Draw the tensions of each cable between its limits, one row per cable, by status.
 
-    One wrench is one dot a cable, several are a cloud of dots for each status.
-
-    Parameters
-    ----------
-    allocation : Allocation
-        Of one wrench or of many.
-    rig : Rig
-        Rig of the modules.
-    ax
-        As in `plot_rig`.
-
-    Raises
-    ------
-    ShapeError
-        If the rig has another number of cables.
+    One wrench is one dot in each row, several are a cloud of dots for each status. ``ax`` is as in `plot_rig`.
+    ShapeError if the rig has another number of cables.
 
     Examples
     --------
@@ -185,22 +167,21 @@ def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes | None = None)
     if allocation.tensions.shape[-1] != rig.m:
         raise ShapeError(f"the allocation has {allocation.tensions.shape[-1]} cables, and {rig.name} has {rig.m}")
     tensions, status = allocation.tensions.reshape(-1, rig.m), np.ravel(allocation.status)
-    there, few = np.unique(status), len(tensions) < FEW
+    present, few = np.unique(status), len(tensions) < FEW
     with one_panel(ax, (7.5, 1.4 + 0.45 * rig.m)) as (figure, axes):
         for row, module in enumerate(rig.modules):
-            axes.plot(
-                [module.lower, module.upper], [row, row], color=GREY, linewidth=0.8, marker="|", markersize=14
-            )
-        for place, each in enumerate(there):
-            index = np.flatnonzero(status == each)
+            span = [module.lower, module.upper]
+            axes.plot(span, [row, row], color=GREY, linewidth=0.8, marker="|", markersize=14)
+        for place, code in enumerate(present):
+            index = np.flatnonzero(status == code)
             index = index[np.linspace(0, len(index) - 1, min(len(index), MAX_DOTS)).astype(int)]
-            height = 0.6 * ((place + 0.5) / len(there) - 0.5) * (len(there) > 1)
+            height = 0.6 * ((place + 0.5) / len(present) - 0.5) * (len(present) > 1)
             # The golden ratio spreads any number of dots evenly.
             spread = SPREAD * (2 * np.modf(0.618034 * np.arange(len(index)))[0] - 1) * (len(index) > 1)
             for row in range(rig.m):
                 axes.plot(
-                    tensions[index, row], row + height + spread, linestyle="", color=STATUS_MARKS[each].colour,
-                    markersize=6 if few else 3, alpha=1.0 if few else 0.5, zorder=3, **MARKERS[each],
+                    tensions[index, row], row + height + spread, linestyle="", color=STATUS_MARKS[code].colour,
+                    markersize=6 if few else 3, alpha=1.0 if few else 0.5, zorder=3, **MARKERS[code],
                 )  # fmt: skip
         axes.set_title(f"{rig.name}: {len(tensions):,} wrenches" if len(tensions) > 1 else rig.name)
         axes.set_yticks(range(rig.m), [module.name for module in rig.modules])
@@ -208,10 +189,8 @@ def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes | None = None)
         axes.tick_params(axis="y", length=0)
         axes.spines["left"].set_visible(False)
         axes.grid(axis="x")
-        words = [
-            (STATUS_MARKS[each].word, {"color": STATUS_MARKS[each].colour, "ls": "", **MARKERS[each]})
-            for each in there
-        ]
+        looks = [(STATUS_MARKS[code], MARKERS[code]) for code in present]
+        entries = [(mark.word, {"color": mark.colour, "ls": "", **marker}) for mark, marker in looks]
         limits = ("limits", {"color": GREY, "linewidth": 0.8, "marker": "|", "markersize": 10})
-        panel_legend(figure, ax, 1 + len(words), [*words, limits])
+        add_legend(figure, 1 + len(entries), [*entries, limits], ax)
     return figure if ax is None else None

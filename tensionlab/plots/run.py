@@ -35,44 +35,33 @@ LOST = ("fault, or lost", "#000000")  # worse than all those
 NAMED_EVENTS = 8  # largest number of events with a name; further ones are lines alone
 MIN_TIME_MS = 1e-2  # times below are drawn here, in ms
 MIN_RANGE = 0.05  # forces and torques are drawn at least so far up and down, in N and N·m
-TIMES = ("start delay", "compute time", "oldest telemetry")
+TIMES = {"start delay": BLUE, "compute time": GREEN, "oldest telemetry": ORANGE}
+WRENCH_LOOKS: dict[str, dict[str, Any]] = {
+    "desired": {"linewidth": 4, "alpha": 0.35},
+    "commanded": {"linewidth": 1.2},
+    "measured": {"linewidth": 1.0, "linestyle": ":"},
+}
 
 
 def plot_run(run: Run) -> Figure:
     """Draw a run, from above: wrench, tension of each module, status and limiters, times.
 
-    Parameters
-    ----------
-    run : Run
-        From `tensionlab.hardware.read_run`.
-
     Examples
     --------
-    >>> import numpy as np
-    >>> import tensionlab as tl
     >>> from tensionlab import plots
-    >>> from tensionlab.hardware import Demand, RunLog, Runner, RunSettings, World, WorldClock, read_run
-    >>> from tensionlab.support.provenance import manifest
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> world, settings, pull = World(rig), RunSettings(rate=50.0), Demand(np.array([0.0, 0.0, 1.5]))
-    >>> links = {module.name: "sim:" for module in rig.modules}
-    >>> log = RunLog("run.mcap", rig, manifest(["an example"]), "newton", settings, links)
-    >>> clock = WorldClock(world)
-    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, sinks=[log], clock=clock)
-    >>> _ = runner.run(seconds=1.0)
-    >>> run = read_run("run.mcap")
-    >>> figure = plots.plot_run(run)
+    >>> from tensionlab.scenarios import load_scenario
+    >>> from tensionlab.scenarios.play import play, simulate_modules
+    >>> recoil = load_scenario("recoil")
+    >>> figure = plots.plot_run(play(recoil, simulate_modules(recoil), seconds=0.5).run)
     """
-    d, m = run.rig.dimension, run.rig.m
-    wrenches = [("force (N)", slice(0, d))]
-    if run.rig.n > d:
-        wrenches.append(("torque (N·m)", slice(d, run.rig.n)))
+    d, m, n = run.rig.dimension, run.rig.m, run.rig.n
+    wrenches = {"force (N)": slice(0, d)} | ({"torque (N·m)": slice(d, n)} if n > d else {})
     heights = [1.7] * len(wrenches) + [0.8] * m + [0.35 + 0.17 * (m + 2), 1.5]
     with new_figure((13.0, 0.7 + 1.08 * sum(heights))) as figure:
         figure.suptitle(_title(run), fontweight="bold")
         panels = list(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights))
         tensions, timeline, times = panels[len(wrenches) : -2], panels[-2], panels[-1]
-        for axes, (label, part) in zip(panels, wrenches, strict=False):
+        for axes, (label, part) in zip(panels, wrenches.items(), strict=False):
             _draw_wrench(axes, run, part)
             axes.set_ylabel(label)
         top = _top(run)
@@ -80,33 +69,26 @@ def plot_run(run: Run) -> Figure:
             _draw_tension(axes, run, index, top)
         used = _draw_timeline(timeline, run)
         _draw_times(times, run)
-        times.set_xlabel("time (s)")
         for axes in panels:
             axes.margins(x=0.0)
             if axes is not timeline:
                 axes.grid()
-        if len(run):
-            times.set_xlim(0.0, run.time[-1] + 1.0 / run.setup.rate)
-        else:
-            times.set_xlim(0.0, 1.0)
+        times.set(xlabel="time (s)", xlim=(0.0, run.time[-1] + 1.0 / run.setup.rate if len(run) else 1.0))
+        if not len(run):
             panels[0].text(0.5, 0.5, "no cycle in the log", transform=panels[0].transAxes, ha="center", color=GREY)
         _draw_events(panels, run)
+        dashed = {"color": GREY, "linestyle": "--", "linewidth": 0.9}
         legend_beside(panels[0], [
             *((axis, {"color": colour}) for axis, colour in zip("xyz"[:d], COLOURS, strict=False)),
-            ("desired", {"color": GREY, "linewidth": 4, "alpha": 0.35}),
-            ("commanded", {"color": GREY, "linewidth": 1.2}),
-            ("measured", {"color": GREY, "linewidth": 1.0, "linestyle": ":"}),
+            *((name, {"color": GREY, **look}) for name, look in WRENCH_LOOKS.items()),
         ])  # fmt: skip
-        legend_beside(tensions[0], [
+        shown = [
             ("commanded", {"color": BLUE, "linewidth": 1.2}),
             ("measured", {"color": ORANGE, "linewidth": 1.2}),
-            ("limits", {"color": GREY, "linestyle": "--", "linewidth": 0.9}),
-        ])  # fmt: skip
+        ]
+        legend_beside(tensions[0], [*shown, ("limits", dashed)])
         legend_beside(timeline, [(word, {"color": colour, "linewidth": 6}) for word, colour in used])
-        legend_beside(times, [
-            *((word, {"color": colour}) for word, colour in zip(TIMES, (BLUE, GREEN, ORANGE), strict=True)),
-            ("period", {"color": GREY, "linestyle": "--", "linewidth": 0.9}),
-        ])  # fmt: skip
+        legend_beside(times, [*((word, {"color": colour}) for word, colour in TIMES.items()), ("period", dashed)])
     return figure
 
 
@@ -136,16 +118,14 @@ def _line(axes: Axes, run: Run, values: Floats, **look: Any) -> None:
 
 
 def _draw_wrench(axes: Axes, run: Run, part: slice) -> None:
-    desired = run.desired[:, part]
     local = np.nan_to_num(run.demanded - run.solver_wrench)  # what modules with an impedance, and lost ones, pull
-    commanded = (run.rendered + local)[:, part]
-    measured = np.einsum("knm,km->kn", run.structure, np.nan_to_num(run.measured))[:, part]
+    measured = np.einsum("knm,km->kn", run.structure, np.nan_to_num(run.measured))
+    lines = {"desired": run.desired, "commanded": run.rendered + local, "measured": measured}
+    count = run.desired[:, part].shape[1]
     # Where there is one torque only, it is that about z.
-    colours = COLOURS if desired.shape[1] > 1 else COLOURS[2:]
-    for index, colour in zip(range(desired.shape[1]), colours, strict=False):
-        _line(axes, run, desired[:, index], color=colour, linewidth=4, alpha=0.35)
-        _line(axes, run, commanded[:, index], color=colour, linewidth=1.2)
-        _line(axes, run, measured[:, index], color=colour, linewidth=1.0, linestyle=":")
+    for index, colour in enumerate(COLOURS[:count] if count > 1 else COLOURS[2:]):
+        for name, wrench in lines.items():
+            _line(axes, run, wrench[:, part][:, index], color=colour, **WRENCH_LOOKS[name])
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, -MIN_RANGE), max(high, MIN_RANGE))  # rounding errors are not worth a panel
 
@@ -183,7 +163,8 @@ def _draw_timeline(axes: Axes, run: Run) -> list[tuple[str, str]]:
     """Draw status and limiters as rows of colours; return the words and colours that were needed."""
     from matplotlib.colors import ListedColormap
 
-    held = [(word, colour) for word, colour, _ in LIMITER_LOOKS] + [LOST]
+    looks = [(mark.word, mark.colour) for mark in STATUS_MARKS]
+    looks += [*((word, colour) for word, colour, _ in LIMITER_LOOKS), LOST]
     names = ["status", *(module.name for module in run.rig.modules)]
     axes.set_yticks(np.arange(len(names)) + 0.5, names)
     axes.tick_params(axis="y", length=0, labelsize=8)
@@ -193,27 +174,25 @@ def _draw_timeline(axes: Axes, run: Run) -> list[tuple[str, str]]:
         return []
     begins = bins_of(len(run))
     edges = np.append(run.time[begins], run.time[-1] + 1.0 / run.setup.rate)
-    proofs = np.maximum.reduceat(run.status.astype(np.int64), begins)
-    levels = np.maximum.reduceat(severity(run), begins)
-    rows = np.concatenate([proofs[:, None], len(Status) + levels], axis=1)
-    look = [*((mark.word, mark.colour) for mark in STATUS_MARKS), *held]
+    worst = [run.status[:, None].astype(np.int64), len(Status) + severity(run)]
+    rows = np.maximum.reduceat(np.concatenate(worst, axis=1), begins)
+    colours = ListedColormap([colour for _, colour in looks])
     for row in range(len(names)):
         axes.pcolormesh(
-            edges, [row + 0.08, row + 0.92], rows[None, :, row], cmap=ListedColormap([each for _, each in look]),
-            vmin=-0.5, vmax=len(look) - 0.5, rasterized=True,
+            edges, [row + 0.08, row + 0.92], rows[None, :, row], cmap=colours, vmin=-0.5, vmax=len(looks) - 0.5,
+            rasterized=True,
         )  # fmt: skip
-    return [look[int(level)] for level in np.unique(rows)]
+    return [looks[int(level)] for level in np.unique(rows)]
 
 
 def _draw_times(axes: Axes, run: Run) -> None:
     oldest = np.fmax.reduce(np.where(run.active, run.ages, np.nan), axis=1)
     begins = bins_of(len(run))
-    for seconds, colour in zip((run.start_delay, run.compute_time, oldest), (BLUE, GREEN, ORANGE), strict=True):
+    for seconds, colour in zip((run.start_delay, run.compute_time, oldest), TIMES.values(), strict=True):
         worst = np.fmax.reduceat(seconds, begins) if len(run) else seconds
         axes.plot(run.time[begins], np.fmax(1e3 * worst, MIN_TIME_MS), color=colour, linewidth=0.9)
     axes.axhline(1e3 / run.setup.rate, color=GREY, linestyle="--", linewidth=0.9)
-    axes.set_yscale("log")
-    axes.set_ylabel("ms")
+    axes.set(yscale="log", ylabel="ms")
 
 
 def _draw_events(panels: list[Axes], run: Run) -> None:

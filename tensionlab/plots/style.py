@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensionlab.errors import InputError
 from tensionlab.support.arrays import Floats
@@ -51,15 +52,7 @@ def import_matplotlib() -> None:
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Draw in the style of tensionlab while the block lasts, as its own figures are.
-
-    Examples
-    --------
-    >>> import matplotlib.pyplot as plt
-    >>> from tensionlab import plots
-    >>> with plots.styled():
-    ...     figure, axes = plt.subplots()
-    """
+    """Draw in the style of tensionlab while the block lasts, as in ``with plots.styled(): plt.subplots()``."""
     from matplotlib import rcParams, style
 
     with style.context(STYLE):
@@ -71,10 +64,7 @@ def styled() -> Iterator[None]:
 
 @contextmanager
 def new_figure(size: tuple[float, float], dpi: float | None = None) -> Iterator[Figure]:
-    """Make a figure in the style of tensionlab, complete when the block ends; a notebook shows it.
-
-    The size is in inches; ``dpi``, the dots per inch of a PNG, is for large figures; None for the style's.
-    """
+    """Make a figure of a size in inches, complete when the block ends; ``dpi`` replaces the style's in PNG."""
     with styled():
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -98,13 +88,7 @@ def new_figure(size: tuple[float, float], dpi: float | None = None) -> Iterator[
 def one_panel(
     ax: Axes | None, size: tuple[float, float], projection: str | None = None
 ) -> Iterator[tuple[Figure, Any]]:
-    """Make a figure with one panel, or draw into a given panel; yield figure and panel.
-
-    Raises
-    ------
-    InputError
-        If the panel is not of that projection.
-    """
+    """Make a figure with one panel, or draw into a given panel; InputError if that has another projection."""
     if ax is None:
         with new_figure(size) as figure:
             yield figure, figure.add_subplot(projection=projection)
@@ -131,19 +115,9 @@ def _plain_text(artist: Artist) -> Iterator[None]:
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure to a file, without dates or versions; the suffix chooses the format: png, pdf or svg.
+    """Write a figure to a file, without dates or versions, or replace the file.
 
-    Parameters
-    ----------
-    figure : Figure
-        What is written.
-    path : path
-        Of the file; one that is there is replaced.
-
-    Raises
-    ------
-    InputError
-        If the suffix is no such format.
+    The suffix chooses the format: png, pdf or svg; InputError for any other.
 
     Examples
     --------
@@ -181,21 +155,16 @@ def _write(figure: Figure, file: IO[bytes], suffix: str) -> None:
 
 
 def lines_of(entries: Sequence[Entry]) -> list[Line2D]:
-    """Make the lines that a legend shows, from words and looks."""
+    """Return the lines of a legend, from words and looks."""
     from matplotlib.lines import Line2D
 
     return [Line2D([0, 1], [0, 0], label=label, **look) for label, look in entries]
 
 
-def add_legend(figure: FigureBase, columns: int, entries: Sequence[Entry]) -> None:
-    """Put a legend below the panels."""
-    figure.legend(handles=lines_of(entries), loc="outside lower center", ncols=columns)
-
-
-def panel_legend(figure: Figure, ax: Axes | None, columns: int, entries: Sequence[Entry]) -> None:
-    """Put a legend below the panel, or where there is room in a given panel."""
+def add_legend(figure: FigureBase, columns: int, entries: Sequence[Entry], ax: Axes | None = None) -> None:
+    """Put a legend below the panels, or where there is room in a given panel."""
     if ax is None:
-        add_legend(figure, columns, entries)
+        figure.legend(handles=lines_of(entries), loc="outside lower center", ncols=columns)
     else:
         ax.legend(handles=lines_of(entries))
 
@@ -241,27 +210,19 @@ def label_points(figure: Figure, axes: Axes, points: Mapping[str, Sequence[tuple
     Figure and axes are complete but for the names: where things are is known only then.
     """
     figure.draw_without_rendering()
-    scale = 72.0 / figure.dpi
+    scale = 72.0 / figure.dpi  # from pixels to points
     frame = scale * axes.get_window_extent().get_points()
-
-    def in_points(ends: Sequence[tuple[float, float]]) -> Floats:
-        return np.asarray(scale * axes.transData.transform(np.array(ends)))
-
-    places = {name: in_points(ends) for name, ends in points.items()}
-    taken = [
-        np.concatenate([place - POINT_RADIUS, place + POINT_RADIUS]) for ends in places.values() for place in ends
-    ]
-    # Those in a crowd first: they have the least choice.
-    crowd = {
-        name: -sum(np.hypot(*(box[:2] + POINT_RADIUS - ends[0])) < 40.0 for box in taken)
-        for name, ends in places.items()
-    }
+    places = {name: scale * axes.transData.transform(np.array(ends)) for name, ends in points.items()}
+    all_places = np.concatenate([np.zeros((0, 2)), *places.values()])
+    taken = np.hstack([all_places - POINT_RADIUS, all_places + POINT_RADIUS])
+    # Names in a crowd first: they have the least choice.
+    crowd = {name: -(np.hypot(*(all_places - ends[0]).T) < 40.0).sum() for name, ends in places.items()}
     for name in sorted(points, key=lambda name: (crowd[name], name)):
         place = places[name][0]
         others = np.concatenate([np.zeros((0, 2)), *(ends for other, ends in places.items() if other != name)])
         width, height = 0.6 * FONT_SIZE * len(name), 1.2 * FONT_SIZE
-        best = min(_places(place, width, height), key=lambda box: _cost(box, place, others, taken, frame))
-        taken.append(best)
+        best = free_box(place, (width, height), others, taken, frame)
+        taken = np.vstack([taken, best])
         middle = (best[:2] + best[2:]) / 2
         far = np.hypot(*(middle - place)) > max(width, height) / 2 + 12.0
         axes.annotate(
@@ -271,28 +232,29 @@ def label_points(figure: Figure, axes: Axes, points: Mapping[str, Sequence[tuple
         )  # fmt: skip
 
 
-def _places(place: Floats, width: float, height: float) -> list[Floats]:
-    """Return boxes (left, bottom, right, top) around a point that a name could fill, in points."""
-    boxes, half = [], np.array([width / 2, height / 2])
-    for away in DISTANCES:
-        for turn in 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS:
-            toward = np.array([np.cos(turn), np.sin(turn)])
-            middle = place + toward * (away + np.abs(toward) @ half)
-            boxes.append(np.concatenate([middle - half, middle + half]))
-    return boxes
+def free_box(
+    place: Floats, size: tuple[float, float], others: Floats, taken: Floats, frame: Floats
+) -> NDArray[np.float64]:
+    """Return the box (left, bottom, right, top) of a size near a place, (2,), for the name of that point.
 
+    Of some around it, it covers least of the boxes ``taken`` (k, 4), sticks out least of the ``frame`` (2, 2), and
+    is near the place, and nearer than to ``others`` (k, 2). All are in points.
+    """
+    half, angle = np.array(size) / 2, 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    toward = np.tile(np.column_stack([np.cos(angle), np.sin(angle)]), (len(DISTANCES), 1))
+    away = np.repeat(DISTANCES, DIRECTIONS)
+    middle = place + toward * (away + np.abs(toward) @ half)[:, None]
+    low, high = middle - half, middle + half
+    overlap = np.minimum(high[:, None], taken[:, 2:]) - np.maximum(low[:, None], taken[:, :2])
+    covered = np.maximum(overlap, 0.0).prod(axis=2).sum(axis=1)
+    outside = (np.maximum(frame[0] - low, 0.0) + np.maximum(high - frame[1], 0.0)).sum(axis=1)
 
-def _cost(box: Floats, place: Floats, other_points: Floats, taken: list[Floats], frame: Floats) -> float:
-    """Return the cost of a place: what it covers, what sticks out, its distance, how much nearer others are."""
-    others = np.array(taken)
-    overlap = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
-    covered = float(np.prod(np.maximum(overlap, 0.0), axis=1).sum())
-    outside = float(np.maximum(frame[0] - box[:2], 0.0).sum() + np.maximum(box[2:] - frame[1], 0.0).sum())
-    own = float(_distance(box, place[None])[0])
-    closer = float(np.maximum(own + 6.0 - _distance(box, other_points), 0.0).sum())
-    return 100.0 * (covered + outside) + 3.0 * closer + own
+    def distance(points: Floats) -> Floats:
+        """Return the distance of points (k, 2) from each box."""
+        gap = np.maximum(np.maximum(low[:, None] - points, points - high[:, None]), 0.0)
+        return np.asarray(np.linalg.norm(gap, axis=2))
 
-
-def _distance(box: Floats, places: Floats) -> Floats:
-    """Return the distance of each place from the box."""
-    return np.asarray(np.linalg.norm(np.maximum(np.maximum(box[:2] - places, places - box[2:]), 0.0), axis=1))
+    own = distance(place[None])
+    closer = np.maximum(own + 6.0 - distance(others), 0.0).sum(axis=1)
+    best = np.argmin(100.0 * (covered + outside) + 3.0 * closer + own[:, 0])
+    return np.concatenate([low[best], high[best]])

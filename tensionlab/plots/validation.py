@@ -18,21 +18,16 @@ if TYPE_CHECKING:
     from tensionlab.validation.data_tables import Recording
 
 
-# Axes of each view, and what it is called; Y is up. From above, z points towards the viewer's feet.
+# Axes of each view, and its name; Y is up. From above, z points towards the viewer's feet.
 VIEWS = {(0, 1): "from the front (along −z)", (0, 2): "from above (along −y)"}
 DESIRED: Entry = ("desired force", {"color": BLUE, "marker": "o", "fillstyle": "none", "ls": ""})
 FAR_ALPHA = 0.35  # opacity of what lies on the far side
 
 
 def plot_forces(recording: Recording) -> Figure:
-    """Draw the desired forces, and what the sensor measured, from the front and from above.
+    """Draw the desired forces of a validation, and those that the sensor measured, from the front and from above.
 
-    Blue circles: desired forces. Red lines: from there to the measured force. What lies on the far side is pale.
-
-    Parameters
-    ----------
-    recording : Recording
-        Of a validation.
+    Blue circles are desired forces, red lines go from there to the measured ones. Those on the far side are pale.
 
     Examples
     --------

@@ -10,7 +10,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.plots import plot_pareto, plot_profile
 from tensionlab.plots.benchmark import EXACT_N, _compared, pareto_front, performance_ratios
-from tensionlab.plots.style import _cost, _distance, _places
+from tensionlab.plots.style import free_box
 from tests.helpers.figures import content_of, words_in
 
 DRAW = {
@@ -99,20 +99,22 @@ def test_a_comparison_is_drawn_by_the_error_above_the_smallest():
         assert word in words, word
 
 
+NOTHING = np.zeros((0, 2)), np.zeros((0, 4))
+FRAME = np.array([[0.0, 0.0], [200.0, 200.0]])
+
+
 def test_a_name_avoids_what_is_there_and_stays_inside():
-    frame = np.array([[0.0, 0.0], [200.0, 200.0]])
-    place = np.array([100.0, 100.0])
-    crowd = [np.array([105.0, 60.0, 200.0, 140.0])]  # everything to the right is taken
-    no_points = np.zeros((0, 2))
-    best = min(_places(place, 30.0, 10.0), key=lambda box: _cost(box, place, no_points, crowd, frame))
+    everything_to_the_right = np.array([[105.0, 60.0, 200.0, 140.0]])
+    best = free_box(np.array([100.0, 100.0]), (30.0, 10.0), NOTHING[0], everything_to_the_right, FRAME)
     assert best[2] <= 105.0
-    corner = np.array([2.0, 2.0])
-    best = min(_places(corner, 30.0, 10.0), key=lambda box: _cost(box, corner, no_points, crowd, frame))
-    assert best[:2].min() >= 0.0
+    assert free_box(np.array([2.0, 2.0]), (30.0, 10.0), *NOTHING, FRAME)[:2].min() >= 0.0
 
 
 def test_a_name_is_nearest_to_its_own_point():
-    frame, place = np.array([[0.0, 0.0], [200.0, 200.0]]), np.array([100.0, 100.0])
-    stranger = np.array([[100.0, 120.0]])
-    best = min(_places(place, 30.0, 10.0), key=lambda box: _cost(box, place, stranger, [np.zeros(4)], frame))
-    assert _distance(best, place[None])[0] < _distance(best, stranger)[0]
+    place, stranger = np.array([100.0, 100.0]), np.array([100.0, 120.0])
+    best = free_box(place, (30.0, 10.0), stranger[None], NOTHING[1], FRAME)
+
+    def distance(point):
+        return np.linalg.norm(np.maximum(np.maximum(best[:2] - point, point - best[2:]), 0.0))
+
+    assert distance(place) < distance(stranger)
