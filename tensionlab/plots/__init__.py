@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from tensionlab.errors import InputError
 from tensionlab.plots.benchmark import plot_pareto, plot_profile
-from tensionlab.plots.certified import plot_certified
 from tensionlab.plots.comparison import plot_comparison
 from tensionlab.plots.layout import plot_front, plot_search
 from tensionlab.plots.rig import plot_allocation, plot_rig
@@ -15,7 +14,7 @@ from tensionlab.plots.run import plot_run
 from tensionlab.plots.scenario import plot_scenario
 from tensionlab.plots.style import METADATA, save_figure, styled
 from tensionlab.plots.validation import plot_forces, plot_validation
-from tensionlab.plots.workspace import plot_shares, plot_slices, plot_volume
+from tensionlab.plots.workspace import plot_certified, plot_shares, plot_slices, plot_volume
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

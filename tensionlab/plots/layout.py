@@ -31,14 +31,7 @@ def plot_front(found: LayoutSearch, *, ax: Axes) -> None: ...
 def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure | None:
     """Draw the score of the layouts that a search found against their number of modules.
 
-    The line joins those that no other beats with as many modules or fewer.
-
-    Parameters
-    ----------
-    found : LayoutSearch
-        From `tensionlab.workspace.search_layout`.
-    ax
-        As in `plot_rig`.
+    The line joins those that no other beats with as many modules or fewer; ``ax`` is as in `plot_rig`.
 
     Examples
     --------
@@ -66,15 +59,8 @@ def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure | None:
 def plot_search(space: Space, target: Grid, found: LayoutSearch) -> Figure:
     """Draw a search for a layout: where modules might stand, where the best layout has them, and the score.
 
-    The last panel, that of `plot_front`, is there where several numbers of modules were searched for.
-
-    Parameters
-    ----------
-    space : Space
-    target : Grid
-        Positions of the hand.
-    found : LayoutSearch
-        From `tensionlab.workspace.search_layout`, of both.
+    ``found`` is what `tensionlab.workspace.search_layout` returned of the space and the target. The last panel,
+    that of `plot_front`, is there where several numbers of modules were searched for.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""Figures of a sweep over a grid, from `tensionlab.sweep`: slices, volumes, and shares of the volume."""
+"""Figures of workspaces: slices, volumes and shares of a sweep over a grid, and slices of what is proved."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from tensionlab.workspace.certified import CertifiedWorkspace
+
 
 NONE_COLOUR = "#E4E4E4"  # where a value is zero or less
 NO_YES = (NONE_COLOUR, GREEN)  # colours of a metric that is 0 or 1
@@ -34,6 +36,12 @@ SLICE_LEGEND: list[Entry] = [
     ("cable at home", {"color": GREY, "linewidth": 0.8}),
     ("zero or less", {"color": NONE_COLOUR, "marker": "s", "markersize": 9, "ls": ""}),
 ]
+PIXELS = 500  # along the longer edge of a slice
+PROOF_COLOURS = (NONE_COLOUR, ORANGE, GREEN)  # colours of cells that are outside, undecided and inside
+PROOF_LEGEND: list[Entry] = [
+    (word, {"color": colour, "marker": "s", "markersize": 9, "ls": ""})
+    for word, colour in zip(("proved outside", "undecided", "proved inside"), PROOF_COLOURS, strict=True)
+] + [("module", {"color": BLUE, "marker": "s", "ls": ""}), ("home", {"color": GREY, "marker": "+", "ls": ""})]
 
 
 def curve_look(index: int) -> dict[str, Any]:
@@ -41,15 +49,11 @@ def curve_look(index: int) -> dict[str, Any]:
     return {"color": CURVES[index % len(CURVES)], "linestyle": DASHES[index // len(CURVES) % len(DASHES)]}
 
 
-@overload
-def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: None = None) -> Figure: ...
-@overload
-def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes) -> None: ...
-def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | None = None) -> Figure | None:
+def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
     """Draw metrics over a slice of space for each rig, with the rig in it; a row for each of several metrics.
 
     In space the slice is the one that the grid is, where one axis has one point only; else the upright one through
-    the middle.
+    the middle. InputError if there is no such variable or no grid.
 
     Parameters
     ----------
@@ -57,13 +61,6 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
         From `tensionlab.sweep` over a grid.
     metric : str, optional
         Name of the variable; left out: all.
-    ax : Axes, optional
-        Panel of another figure to draw one metric of one rig into.
-
-    Raises
-    ------
-    InputError
-        If there is no such variable or no grid; several rigs or metrics for one panel.
 
     Examples
     --------
@@ -74,13 +71,7 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
     >>> figure = plots.plot_slices(swept)
     """
     fields = [read_field(swept, name) for name in ([metric] if metric else map(str, swept.data_vars))]
-    field = fields[0]
-    if ax is not None:
-        require_one(field, fields)
-        with one_panel(ax, (0.0, 0.0)) as (figure, axes):
-            _colour_bar(figure, draw_slice(axes, field, 0, shade_levels([field])), axes, field)
-        return None
-    several, count = len(fields) > 1, len(field.names)
+    field, several, count = fields[0], len(fields) > 1, len(fields[0].names)
     columns = count if several else min(COLUMNS, count)
     rows = len(fields) if several else -(-count // columns)
     with new_figure((1.6 + PANEL_WIDTH * columns, 1.0 + (_height(field) - 0.3 * several) * rows)) as figure:
@@ -93,7 +84,10 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
                 shades = draw_slice(axes, each, number, levels)
                 if several:
                     axes.label_outer()
-            _colour_bar(figure, shades, panels, each, shrink=0.85)
+            bar = figure.colorbar(shades, ax=panels, shrink=0.85, label=each.label)
+            if each.yes_or_no:
+                bar.set_ticks([0.25, 0.75], labels=["no", "yes"])
+                bar.ax.tick_params(length=0)
         if title := cut_title(field):
             figure.suptitle(title, fontsize="medium")
         add_legend(figure, 3, SLICE_LEGEND[: 2 if field.yes_or_no and not several else 3])
@@ -131,14 +125,6 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
     return shades
 
 
-def _colour_bar(figure: Any, shades: Any, panels: Any, field: Field, shrink: float = 1.0) -> None:
-    """Draw what the shades mean: values, or no and yes."""
-    bar = figure.colorbar(shades, ax=panels, shrink=shrink, label=field.label)
-    if field.yes_or_no:
-        bar.set_ticks([0.25, 0.75], labels=["no", "yes"])
-        bar.ax.tick_params(length=0)
-
-
 def cut_title(field: Field) -> str:
     """Return where the slices cut, such as "z = 0 m"; nothing for a planar rig."""
     cut = _plane(field)[2]
@@ -161,8 +147,8 @@ def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes) -
 def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | None = None) -> Figure | None:
     """Draw, for each rig, the share of the volume in which a metric has at least each value.
 
-    Parameters and errors as in `plot_slices`, but any number of rigs is one panel, and the metric left out is the
-    first. A pose without a value counts as one where nothing can be done.
+    Parameters and errors as in `plot_slices`, but the metric left out is the first; ``ax`` is a panel of another
+    figure. A pose without a value counts as one where nothing can be done.
 
     Examples
     --------
@@ -199,19 +185,10 @@ def share_above(field: Field, number: int, levels: ArrayLike) -> Floats:
     return np.array([weighted_share((values >= level) & (values > 0), weights) for level in np.atleast_1d(levels)])
 
 
-@overload
-def plot_volume(
-    swept: xarray.Dataset, level: float = 0.0, metric: str | None = None, *, ax: None = None
-) -> Figure: ...
-@overload
-def plot_volume(swept: xarray.Dataset, level: float = 0.0, metric: str | None = None, *, ax: Axes) -> None: ...
-def plot_volume(
-    swept: xarray.Dataset, level: float = 0.0, metric: str | None = None, *, ax: Axes | None = None
-) -> Figure | None:
+def plot_volume(swept: xarray.Dataset, level: float = 0.0, metric: str | None = None) -> Figure:
     """Draw, for each rig, the volume in which a metric is above a level, in its unit.
 
-    Other parameters and errors as in `plot_shares`; a panel is of one rig and has the projection "3d". The sweep
-    is over a grid in space.
+    Other parameters and errors as in `plot_shares`. The sweep is over a grid in space.
 
     Examples
     --------
@@ -222,11 +199,6 @@ def plot_volume(
     >>> figure = plots.plot_volume(swept, level=0.5)
     """
     field = read_field(swept, metric)
-    if ax is not None:
-        require_one(field)
-        with one_panel(ax, (0.0, 0.0), "3d") as (figure, axes):
-            draw_volume(axes, field, 0, level)
-        return None
     columns = min(3, len(field.names))
     rows = -(-len(field.names) // columns)
     with new_figure((4.6 * columns, 0.8 + 4.2 * rows)) as figure:
@@ -328,13 +300,6 @@ def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:
     )
 
 
-def require_one(field: Field, fields: Sequence[Field] = ()) -> None:
-    """Refuse several rigs, or several metrics, for one panel."""
-    for many, what in ((field.names, "rigs; choose one, by swept.sel(...)"), (fields, "metrics; name one")):
-        if len(many) > 1:
-            raise InputError(f"ax is one panel, and the sweep has {len(many)} {what}")
-
-
 def _middle(field: Field) -> dict[str, int]:
     """Return the index of the middle of each axis."""
     return {name: len(axis) // 2 for name, axis in field.axes.items()}
@@ -355,3 +320,62 @@ def _plane(field: Field) -> tuple[str, str, str | None]:
     cut = (single or [name for name in names if name != field.up])[-1]
     first, second = (name for name in names if name != cut)
     return (second, first, cut) if first == field.up else (first, second, cut)
+
+
+def plot_certified(proved: CertifiedWorkspace) -> Figure:
+    """Draw what is proved in slices through the home, or where the region is nearest to it.
+
+    One slice across each axis of space; one alone where the region is a plane. InputError if it is a line.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> region = [[-0.4, 0.4], [0.0, 1.6], [-0.4, 0.4]]
+    >>> proved = tl.workspace.certify(tl.load_rig("bartels2026-validation"), region, ([0.0, 0.0, 0.0], 1.0), 0.05)
+    >>> figure = plots.plot_certified(proved)
+    """
+    rig, extent = proved.rig, proved.subdivision.extent
+    wide = [axis for axis in range(rig.dimension) if extent[axis] > 0]
+    if len(wide) < 2:
+        raise InputError(f"the region is a line along {'xyz'[wide[0]]}; figures need an extent along two axes")
+    planes = list(combinations(wide, 2))[::-1]
+    with new_figure((max(5.0, 1.0 + PANEL_WIDTH * len(planes)), 1.4 + PANEL_WIDTH)) as figure:
+        panels: Any = figure.subplots(1, len(planes), squeeze=False)[0]
+        for panel, plane in zip(panels, planes, strict=True):
+            _draw_proved_slice(panel, proved, *sorted(plane, key=lambda axis: "xyz"[axis] == rig.vertical))
+        bounds = f"{proved.volume.describe()} {proved.unit}"
+        figure.suptitle(f"{rig.name}: {bounds} inside\nrequired: {proved.required}", fontsize="medium")
+        add_legend(figure, 3 if len(planes) == 1 else len(PROOF_LEGEND), PROOF_LEGEND)
+    return figure
+
+
+def _draw_proved_slice(panel: Any, proved: CertifiedWorkspace, across: int, along: int) -> None:
+    """Draw what is proved in a plane of two axes."""
+    from matplotlib.colors import ListedColormap
+
+    cells, home = proved.subdivision, proved.rig.home
+    low, high = cells.low, cells.low + cells.extent
+    shown = [across, along]
+    through = np.clip(home, low, high)
+    counts = np.ceil(PIXELS * cells.extent / cells.extent[shown].max()).astype(int)
+    points = np.broadcast_to(through, (counts[along], counts[across], len(home))).copy()
+    for axis, view in ((across, np.s_[None, :]), (along, np.s_[:, None])):
+        points[..., axis] = (low[axis] + cells.extent[axis] * (np.arange(counts[axis]) + 0.5) / counts[axis])[view]
+    ends = [(low[axis], high[axis]) for axis in shown]
+    panel.imshow(
+        proved.at(points) + 1,
+        origin="lower",
+        extent=(*ends[0], *ends[1]),
+        cmap=ListedColormap(PROOF_COLOURS),
+        vmin=0,
+        vmax=2,
+        interpolation="nearest",
+    )
+    modules = proved.anchors[((proved.anchors >= low - 1e-9) & (proved.anchors <= high + 1e-9)).all(axis=1)]
+    if len(modules):  # of none, unclipped, the layout does not know the size
+        panel.plot(*modules[:, shown].T, linestyle="", marker="s", markersize=5, color=BLUE, clip_on=False)
+    panel.plot(*home[shown], linestyle="", marker="+", markersize=8, color=GREY)
+    panel.set(xlabel=f"{'xyz'[across]} (m)", ylabel=f"{'xyz'[along]} (m)", xlim=ends[0], ylim=ends[1])
+    cut = [f"{'xyz'[axis]} = {through[axis]:.4g} m" for axis in range(len(home)) if axis not in shown]
+    panel.set_title(", ".join(cut), fontsize="medium")

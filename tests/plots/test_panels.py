@@ -58,17 +58,9 @@ def test_rigs_and_sweeps(swept, panel):
     ax = panel("3d")
     assert plots.plot_rig(RIGS[0], ax=ax) is None  # a notebook shows the figure once
     assert ax.get_title() == "box-corners"
-    one = swept.isel(rig=1)
-    ax = panel()
-    assert plots.plot_slices(one, ax=ax) is None  # a notebook shows the figure once
-    assert ax.get_title(loc="left") == "alternate-corners"
-    assert len(ax.figure.axes) == 2  # with the colour bar
     ax = panel()
     plots.plot_shares(swept, ax=ax)
     assert len(ax.get_lines()) == 2
-    ax = panel("3d")
-    plots.plot_volume(one, level=0.5, ax=ax)
-    assert "alternate-corners" in ax.get_title()
     rig = four()
     ax = panel()
     plots.plot_allocation(tl.allocate(rig.structure_matrix(rig.home), np.zeros(3), rig.limits), rig, ax=ax)
@@ -76,12 +68,9 @@ def test_rigs_and_sweeps(swept, panel):
     assert ax.get_legend().get_texts()[0].get_fontsize() == 8.5  # in the style of tensionlab
 
 
-def test_what_does_not_fit_is_refused(swept, panel):
+def test_a_panel_of_another_projection_is_refused(panel):
     with pytest.raises(InputError, match='ax has the projection "rectilinear"; give one with "3d"'):
         plots.plot_rig(RIGS[0], ax=panel())
-    for draw, projection in ((plots.plot_slices, None), (plots.plot_volume, "3d")):
-        with pytest.raises(InputError, match="ax is one panel, and the sweep has 2 rigs"):
-            draw(swept, ax=panel(projection))
 
 
 def test_own_figures_can_have_the_style(panel):
