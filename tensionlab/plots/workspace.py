@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.errors import InputError
+from tensionlab.plots.rig import frame_panel
 from tensionlab.plots.style import Entry, add_legend, new_figure, one_panel
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
@@ -186,9 +187,9 @@ def share_above(field: Field, number: int, levels: ArrayLike) -> Floats:
 
 
 def plot_volume(swept: xarray.Dataset, level: float = 0.0, metric: str | None = None) -> Figure:
-    """Draw, for each rig, the volume in which a metric is above a level, in its unit.
+    """Draw, for each rig, the volume in which a metric is above a level, in its unit, of a sweep over x, y and z.
 
-    Other parameters and errors as in `plot_shares`. The sweep is over a grid in space.
+    Other parameters and errors as in `plot_shares`.
 
     Examples
     --------
@@ -212,23 +213,14 @@ def plot_volume(swept: xarray.Dataset, level: float = 0.0, metric: str | None = 
 
 def draw_volume(axes: Any, field: Field, number: int, level: float) -> None:
     """Draw the rig of a number, and the volume in which the metric is above a level, in axes in space."""
-    from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     if len(field.axes) != 3 or min(len(axis) for axis in field.axes.values()) < 2:
         raise InputError("a volume needs a sweep over a grid with several x, y and z")
     anchors = field.anchors[number]
     ends = np.array([[axis[0], axis[-1]] for axis in field.axes.values()])
-    low, high = np.minimum(ends[:, 0], anchors.min(axis=0)), np.maximum(ends[:, 1], anchors.max(axis=0))
-    axes.view_init(elev=18, azim=-62, vertical_axis=field.up)
-    axes.set_box_aspect(high - low, zoom=0.78)
-    for letter, a, b in zip("xyz", low, high, strict=True):
-        axes.set(**{f"{letter}lim": (a, b), f"{letter}label": f"{letter} (m)"})
-    shares = (high - low) / (high - low).max()
-    for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares, strict=True):
-        axis.set_pane_color("white")
-        axis.labelpad = 8
-        axis.set_major_locator(MaxNLocator(nbins=max(1, round(4 * share))))
+    corners = np.concatenate([ends.T, anchors])
+    frame_panel(axes, corners.min(axis=0), corners.max(axis=0), field.up)
     if field.yes_or_no and level == 0.0:
         level = 0.5  # half way: the border is somewhere between a pose that is in and one that is out
     if surface := level_surface(field.values[number], tuple(field.axes.values()), level):
