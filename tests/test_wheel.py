@@ -63,7 +63,7 @@ WORK = [
     "rig export RIG --out rig.xml",
     "datasets",
     "solvers",
-    "problems list",
+    "datasets problems",
     "problems show robots --count 4",
     "layout search space.toml --out found.toml",
     "run RIG --seconds 0.1",

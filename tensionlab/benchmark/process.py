@@ -118,7 +118,7 @@ def run(
         Names, as ``tensionlab solvers`` lists them, ``"module:Class"``, baselines, such as "daqp" or
         "qpsolvers:osqp", and instances; left out: all solvers and baselines by name.
     sets : sequence of str, optional
-        Names, as ``tensionlab problems list`` has them, and paths, as
+        Names, as ``tensionlab datasets problems`` has them, and paths, as
         `tensionlab.benchmark.problem_files.read_problem_set` reads; left out: all by name.
     count : int, optional
         Problems in each set; left out: 1000, or 60 if quick.

@@ -54,28 +54,37 @@ PARSER_WORDS = {
 PRINTERS = {"click", "typer", "rich"}  # packages that write to stdout; errors of all other writers name a file
 ClickException: type[Any] = typer.BadParameter.__mro__[2]  # later versions of typer bring a click of their own
 
-VERBS = {
-    "compare": ("compare", "Compare solvers on one set of forces, or along a trajectory."),
-    "allocate": ("allocate", "Choose the cable tensions that render one wrench."),
-    "solvers": ("solvers", "List the solvers, with what each minimises, its policies, and its source."),
-    "workspace": ("workspace", "Evaluate where, and how well, rigs can pull."),
-    "certify": ("certify", "Prove where a rig renders what is required."),
-    "bench": ("bench", "Benchmark all solvers and baselines."),
-    "run": ("run", "Render forces on the modules of a rig."),
-    "scenario": ("scenario", "Play a haptic scenario and check its forces."),
-    "serve": ("serve", "Let a game engine drive a rig over a WebSocket."),
-    "simulate": ("simulate", "Simulate the modules of a rig, with their firmware."),
-    "validate": ("validate", "Repeat the published validation and compare with it."),
-    "estop": ("estop", "Stop modules at once, also those of other processes."),
-    "module": ("module", "Find, inspect, set up and stop modules."),
-    "new": ("new", "Write a rig, a space, a scenario or a program to start from."),
-    "view": ("view", "Design a rig in the browser, or watch a run there."),
-    "rig": ("rig", "Show, check, import and export rigs."),
-    "layout": ("layout", "Find out where to put the modules."),
-    "log": ("log", "Show, export, draw and play logs of runs."),
-    "problems": ("bench", "List, show and export the benchmark's problem sets."),
-    "datasets": ("datasets", "List the rigs and other data sets that are known by name."),
-}  # module of each verb, and what `--help` says of it
+PANELS = {
+    "Try": {
+        "allocate": ("allocate", "Choose the cable tensions that render one wrench."),
+        "compare": ("compare", "Compare solvers on one set of forces, or along a trajectory."),
+        "solvers": ("catalogue", "List the solvers, with what each minimises, its policies, and its source."),
+        "bench": ("bench", "Benchmark all solvers and baselines."),
+        "problems": ("bench", "Show and export the benchmark's problem sets."),
+    },
+    "Design": {
+        "new": ("catalogue", "Write a rig, a space, a scenario or a program to start from."),
+        "rig": ("rig", "Show, check, import and export rigs."),
+        "layout": ("layout", "Find out where to put the modules."),
+        "workspace": ("workspace", "Evaluate where, and how well, rigs can pull."),
+        "certify": ("certify", "Prove where a rig renders what is required."),
+        "view": ("view", "Design a rig in the browser, or watch a run there."),
+    },
+    "Run": {
+        "simulate": ("simulate", "Simulate the modules of a rig, with their firmware."),
+        "module": ("module", "Find, inspect, set up and stop modules."),
+        "estop": ("estop", "Stop modules at once, also those of other processes."),
+        "run": ("run", "Render forces on the modules of a rig."),
+        "scenario": ("scenario", "Play a haptic scenario and check its forces."),
+        "serve": ("serve", "Let a game engine drive a rig over a WebSocket."),
+        "validate": ("validate", "Repeat the published validation and compare with it."),
+    },
+    "Data": {
+        "log": ("log", "Show, export, draw and play logs of runs."),
+        "datasets": ("catalogue", "List the rigs and other data sets that are known by name."),
+    },
+}  # module of each verb, and its line in `--help`
+VERBS = {name: verb for verbs in PANELS.values() for name, verb in verbs.items()}
 
 
 class AllVerbs(TyperGroup):
@@ -99,8 +108,10 @@ class AllVerbs(TyperGroup):
 
     def format_commands(self, context: Any, formatter: Any) -> None:
         """Write the verbs, without importing them."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, about) for name, (_, about) in VERBS.items()])
+        width = max(map(len, VERBS))
+        for panel, verbs in PANELS.items():
+            with formatter.section(panel):
+                formatter.write_dl([(name.ljust(width), about) for name, (_, about) in verbs.items()])
 
 
 app = typer.Typer(
@@ -122,7 +133,7 @@ def _version(wanted: bool) -> None:
 
 
 @app.callback()
-def options(
+def read_options(
     version: Annotated[
         bool,
         typer.Option(
@@ -199,21 +210,22 @@ def _run(words: Sequence[str]) -> int:
         print_error(f"interrupted: {str(error) or NOTHING_KEPT}")
         return INTERRUPTED
     except ClickException as error:
-        return _parser_refused(error)
+        return _report_usage(error)
     except TensionlabError as error:
-        print_error(str(error))
+        text = str(error)
     except OSError as error:
-        return _system_refused(error)
+        return _report_system(error)
     except MemoryError:
-        print_error("out of memory; try fewer modules, poses or forces at once")
+        text = "out of memory; try fewer modules, poses or forces at once"
     except RecursionError as error:
-        print_error(f"nested too deeply ({_where(error)}); give input that is less nested")
+        text = f"nested too deeply ({_where(error)}); give input that is less nested"
     except ValueError as error:
-        print_error(f"{error} ({_where(error)})")
+        text = f"{error} ({_where(error)})"
+    print_error(text)
     return BAD_INPUT
 
 
-def _parser_refused(error: Any) -> int:
+def _report_usage(error: Any) -> int:
     """Print what the parser refused: the option, the problem, and where to read about it."""
     if type(error).__name__ == "NoArgsIsHelpError":
         with suppress(OSError):
@@ -228,7 +240,7 @@ def _parser_refused(error: Any) -> int:
     return BAD_INPUT
 
 
-def _system_refused(error: OSError) -> int:
+def _report_system(error: OSError) -> int:
     """Print what the system refused, which may be to write to stdout."""
     innermost = traceback.extract_tb(error.__traceback__)[-1].filename
     if error.filename is None and PRINTERS & set(Path(innermost).parts):

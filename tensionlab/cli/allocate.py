@@ -3,44 +3,41 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import At, BodyFrames, Gravity, Policy, RigArgument, Solver
-from tensionlab.cli.common.verbs import Json
+from tensionlab.cli.common.options import option
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
+from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_number, format_vector
 from tensionlab.support.table import Column, Table
 
 STATUS_TEXTS = {
-    "EXACT": "exact: all limits kept, the wrench rendered",
-    "NEAREST": "nearest in {policy}: the wrench is certified infeasible, this is the best substitute",
-    "UNPROVEN": "unproven: neither exact nor certified infeasible; try --solver newton",
-    "FAILED": "failed: the solver broke",
+    Status.EXACT: "exact: all limits kept, the wrench rendered",
+    Status.NEAREST: "nearest in {policy}: the wrench is certified infeasible, this is the best substitute",
+    Status.UNPROVEN: "unproven: neither exact nor certified infeasible; try --solver newton",
+    Status.FAILED: "failed: the solver broke",
 }
 REFERENCES = ("lower", "middle")
 LIMIT_TOLERANCE_N = 1e-9  # within which a tension counts as at its limit
 
 
 def allocate(
-    rig: RigArgument,
-    wrench: Annotated[str, typer.Option(metavar="FX FY ...", help="Desired wrench in N (and N·m).")],
-    gravity: Gravity = None,
-    frames: BodyFrames = None,
-    at: At = None,
-    solver: Solver = "newton",
-    policy: Policy = None,
+    rig: options.RigArgument,
+    wrench: Annotated[str, option("FX FY ...", "Desired wrench in N (and N·m).")],
+    gravity: options.Gravity = None,
+    frames: options.BodyFrames = None,
+    at: options.At = None,
+    solver: options.Solver = "newton",
+    policy: options.Policy = None,
     reference: Annotated[
-        str | None,
-        typer.Option(
-            metavar="T1 T2 ...", help="Tensions in N to stay close to, or: lower, middle. Left out: 0 for each."
-        ),
+        str | None, option("T1 T2 ...", "Tensions in N to stay close to, or: lower, middle. Left out: 0 for each.")
     ] = None,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Choose the cable tensions that render one wrench. Exit status 1 where they do not render it exactly.
 
@@ -48,11 +45,11 @@ def allocate(
     """
     loaded = options.load(rig, frames, wrench, gravity)
     options.check_solvers(loaded, [solver], policy)
-    desired = loaded.required.middle(loaded).tolist()
+    desired = loaded.required.middle(loaded)
     position = options.parse_position(at, loaded)
     allocator = Allocator(loaded.limits, solver, _reference(loaded, reference), policy)  # type: ignore[arg-type]  # checked
     result = allocator(loaded.structure_matrix(position, frames=loaded.at_rest), desired)
-    status = Status(int(result.status))
+    status, reason = Status(int(result.status)), result.failures.get(0)
     if json:
         output.print_json(
             rig=loaded.name,
@@ -65,25 +62,23 @@ def allocate(
             wrench_desired=desired,
             wrench_rendered=result.wrench,
             **output.fields(result, "residual", "scale", "iterations", "separation"),
-            failure=result.failures.get(0),
+            failure=reason,
         )
     else:
-        _print(loaded, position, desired, result)
+        text = STATUS_TEXTS[status].format(policy=allocator.policy)
+        if status is Status.NEAREST and allocator.policy == "direction":
+            scale = float(result.scale)
+            text += (
+                "; no part of it keeps the direction, so this is the nearest in force"
+                if math.isnan(scale)
+                else f", {100 * scale:.4g} % of it"
+            )
         unit = "N" if loaded.n == loaded.dimension else "(N and N·m together)"
-        text = _status_text(status, allocator.policy, float(result.scale))
-        output.print_line(f"\nerror {format_number(float(result.residual))} {unit}, {text}")
-        if reason := result.failures.get(0):
-            output.print_line(reason)
+        notes = [f"error {format_number(float(result.residual))} {unit}, {text}", *([reason] if reason else [])]
+        output.print_table(_tensions(loaded, position, result))
+        output.print_line()
+        output.print_table(_wrenches(loaded, desired, result.wrench, notes))
     raise typer.Exit(0 if status is Status.EXACT else 1)
-
-
-def _status_text(status: Status, policy: str | None, scale: float) -> str:
-    text = STATUS_TEXTS[status.name].format(policy=policy)
-    if status is not Status.NEAREST or policy != "direction":
-        return text
-    if math.isnan(scale):
-        return text + "; no part of it keeps the direction, so this is the nearest in force"
-    return text + f", {100 * scale:.4g} % of it"
 
 
 def _reference(rig: Rig, text: str | None) -> str | list[float] | None:
@@ -93,31 +88,27 @@ def _reference(rig: Rig, text: str | None) -> str | list[float] | None:
     if not any(each.isdigit() for each in text):
         names = " or ".join(REFERENCES)
         raise typer.BadParameter(f"--reference is {text!r}; give {names}, or {rig.m} tensions in N")
-    tensions = options.parse_numbers("--reference", text)
-    options.check_components("--reference", tensions, [module.name for module in rig.modules], rig.name)
-    return tensions
+    return options.parse_components("--reference", text, [module.name for module in rig.modules], rig.name)
 
 
-def _print(rig: Rig, position: Any, desired: list[float], result: Allocation) -> None:
-    """Print the tensions with their limits, then the desired and the rendered wrench."""
+def _tensions(rig: Rig, position: Floats, result: Allocation) -> Table:
+    """Return the table of tensions with their limits."""
     rows = []
     for module, tension in zip(rig.modules, result.tensions, strict=True):
-        at = ""
-        if tension <= module.lower + LIMIT_TOLERANCE_N:
-            at = "at its lower limit"
-        elif tension >= module.upper - LIMIT_TOLERANCE_N:
-            at = "at its upper limit"
+        low, high = tension <= module.lower + LIMIT_TOLERANCE_N, tension >= module.upper - LIMIT_TOLERANCE_N
+        at = "at its lower limit" if low else "at its upper limit" if high else ""
         rows.append((module.name, tension, module.lower, module.upper, at))
     title = f"{rig.name} at {format_vector(position)} m"
     if rig.required.gravity and rig.platform is not None:
         title += f", its weight of {rig.platform.mass:g} kg held as well"
-    columns = ["module", Column("tension", "N", ".4f"), Column("lower", "N"), Column("upper", "N"), ""]
-    output.print_table(Table(columns, rows, title))
-    output.print_line()
-    components = (
-        (name, one, round(other, 4) + 0.0, one - other)
-        for name, one, other in zip(options.wrench_components(rig), desired, result.wrench, strict=True)
+    return Table(
+        ["module", Column("tension", "N", ".4f"), Column("lower", "N"), Column("upper", "N"), ""], rows, title
     )
+
+
+def _wrenches(rig: Rig, desired: Floats, rendered: Floats, notes: list[str]) -> Table:
+    """Return the table of the desired and the rendered wrench."""
+    rows = zip(options.wrench_components(rig), desired, rendered.round(4) + 0.0, desired - rendered, strict=True)
     columns = ["wrench", Column("desired", format=".4f"), Column("rendered", format=".4f"),
                Column("difference", format=format_number)]  # fmt: skip
-    output.print_table(Table(columns, components))
+    return Table(columns, rows, notes=notes)

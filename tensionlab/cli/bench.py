@@ -6,7 +6,7 @@ import sys
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -14,10 +14,11 @@ import typer
 from tensionlab.allocation import allocate
 from tensionlab.benchmark import process, report
 from tensionlab.benchmark.problem_files import find_problem_set, qp_rows
-from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 from tensionlab.benchmark.results import Results, read
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.verbs import Json, Verbs
+from tensionlab.cli.common.options import flag, option
+from tensionlab.cli.common.verbs import Verbs
 from tensionlab.errors import InputError
 from tensionlab.solvers.base import Status
 from tensionlab.support import provenance
@@ -25,38 +26,33 @@ from tensionlab.support.files.writing import make_folder, write_text
 from tensionlab.support.formatting import format_number
 from tensionlab.support.table import Column, Table
 
-problems = Verbs("List, show and export the benchmark's problem sets.")
-Count = Annotated[int, typer.Option(metavar="N", min=1, help="Approximate number of problems in the set.")]
-Seed = Annotated[int, typer.Option(metavar="N", min=0, help="The same seed gives the same problems.")]
+problems = Verbs("Show and export the benchmark's problem sets. `tensionlab datasets problems` lists them.")
+Count = Annotated[int, option("N", "Approximate number of problems in the set.", min=1)]
 COMPLETE_SETS = options.complete(lambda: PROBLEM_SETS)
 
 
 def bench(
     out: Annotated[Path, options.writes_folder("Folder for the results; made if it is not there.", parents=True)],
     sets: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="A,B,...", help="Problem sets, also repeated; all if left out."),
+        list[str] | None, option("A,B,...", "Problem sets; may be repeated; all if left out.", "--set")
     ] = None,
     solvers: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="A,B,...", help="Solvers and baselines, such as newton,daqp,qpsolvers:osqp; all if left out."
-        ),
+        option("A,B,...", "Solvers and baselines, such as newton,daqp,qpsolvers:osqp; all if left out."),
     ] = None,
     count: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Problems in each set. Left out: 1000, or 60 with --quick.", min=1),
+        int | None, option("N", "Problems in each set. Left out: 1000, or 60 with --quick.", min=1)
     ] = None,
-    seed: Annotated[int, typer.Option(metavar="N", help="Seed of problems and order.", min=0)] = 0,
-    quick: Annotated[bool, typer.Option("--quick", help="Two minutes instead of twenty.")] = False,
-    json: Json = False,
+    seed: options.Seed = 0,
+    quick: Annotated[bool, flag("--quick", "Two minutes instead of twenty.")] = False,
+    json: options.Json = False,
 ) -> None:
     """Benchmark all solvers and baselines.
 
-    Measures accuracy, speed and the worst case on seeded problem sets. Writes results.parquet, manifest.json,
-    report.md and figures/ into the folder. Measured in a process of its own, on one thread. Built-in solvers run
-    through tensionlab's interface. The baselines solve the plain quadratic program, at their default and at
-    tight tolerances: daqp, qpsolvers:BACKEND, cvxpy:plain.
+    Measures accuracy, speed and the worst case on seeded problem sets, in a process of its own, on one thread.
+    Writes results.parquet, manifest.json, report.md and figures/ into the folder. Built-in solvers run through
+    tensionlab's interface. The baselines solve the plain quadratic program, at their default and at tight
+    tolerances: daqp, qpsolvers:BACKEND, cvxpy:plain.
     """
     what = process.plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
@@ -80,77 +76,57 @@ def _write(results: Results, out: Path, writer: output.ResultWriter) -> None:
     """Write the figures for which there is something to draw, and the report."""
     from tensionlab import plots
 
-    def save(figure: Any, path: Path) -> None:
-        make_folder(path.parent)
-        plots.save_figure(figure, path)
-
     drawn = []
+    make_folder(out / "figures")
     for name in report.FIGURES:
         with suppress(InputError):  # nothing to draw, such as no trajectory
             figure = getattr(plots, f"plot_{name}")(results)
             paths = [out / "figures" / f"{name}.{suffix}" for suffix in ("png", "pdf")]
-            if all(writer.write("", path, partial(save, figure)) for path in paths):
+            if all(writer.write("", path, partial(plots.save_figure, figure)) for path in paths):
                 drawn.append(name)
     writer.write("report", out / "report.md", lambda path: write_text(path, report.report(results, drawn)))
-
-
-@problems.command("list")
-def list_sets(json: Json = False) -> None:
-    """List the sets: which of their wrenches are feasible by construction, and what each set tests."""
-    found = [problem_set(name, 1) for name in PROBLEM_SETS]
-    if json:
-        output.print_json(
-            sets=[{"set": each.name, "reachable": each.reachable, "title": each.title} for each in found]
-        )
-    else:
-        rows = ((each.name, each.reachable, each.title) for each in found)
-        output.print_table(Table(["set", "feasible", "what it is"], rows))
 
 
 @problems.command()
 def show(
     name: Annotated[str, typer.Argument(metavar="SET", help="Name of a set.", autocompletion=COMPLETE_SETS)],
     count: Count = 1000,
-    seed: Seed = 0,
-    json: Json = False,
+    seed: options.Seed = 0,
+    json: options.Json = False,
 ) -> None:
     """Show the groups of a set: their size, how many problems are feasible, how near to singular they are."""
     found = find_problem_set(name, count, seed)
-    groups = []
-    for group in found.groups:
-        statuses = allocate(group.structure, group.wrench, (group.lower, group.upper)).counts()
-        groups.append(
-            {
-                "group": group.label,
-                "problems": len(group.wrench),
-                "components": group.structure.shape[1],
-                "cables": group.structure.shape[2],
-                "reachable": statuses[Status.EXACT],
-                "condition_median": float(np.median(np.linalg.cond(group.structure))),
-                "wrench_median": float(np.median(np.linalg.norm(group.wrench, axis=1))),
-            }
-        )
+    groups = [
+        {
+            "group": group.label,
+            "problems": len(group.wrench),
+            "components": group.structure.shape[1],
+            "cables": group.structure.shape[2],
+            "feasible": allocate(group.structure, group.wrench, (group.lower, group.upper)).counts()[Status.EXACT],
+            "condition_median": float(np.median(np.linalg.cond(group.structure))),
+            "wrench_median": float(np.median(np.linalg.norm(group.wrench, axis=1))),
+        }
+        for group in found.groups
+    ]
     if json:
         output.print_json(set=found.name, title=found.title, reachable=found.reachable, groups=groups)
-        return
-    columns = ["group", "problems", "components", "cables", "feasible",
-               Column("condition median", format=format_number),
-               Column("wrench median", "N", format_number)]  # fmt: skip
-    rows = ([*group.values()] for group in groups)
-    output.print_table(Table(columns, rows, f"{found.name}: {found.title}"))
+    else:
+        columns = ["group", "problems", "components", "cables", "feasible",
+                   Column("condition median", format=format_number),
+                   Column("wrench median", "N", format_number)]  # fmt: skip
+        output.print_table(Table(columns, [[*group.values()] for group in groups], f"{found.name}: {found.title}"))
 
 
 @problems.command()
 def export(
-    name: Annotated[str, typer.Option("--set", help="Name of a set.", autocompletion=COMPLETE_SETS)],
+    name: Annotated[str, option("SET", "Name of a set.", "--set", autocompletion=COMPLETE_SETS)],
     out: Annotated[Path, options.writes("The Parquet file to write.", ".parquet")],
     count: Count = 1000,
-    seed: Seed = 0,
+    seed: options.Seed = 0,
 ) -> None:
     """Write a set as quadratic programs to a Parquet file, as qpbenchmark's ParquetTestSet reads them."""
     found = find_problem_set(name, count, seed)
     rows = qp_rows(found)
-    manifest = output.manifest(seed)
-    description = {"set": found.name, "title": found.title, "reachable": found.reachable, "count": count}
-    provenance.write_parquet(out, rows, manifest | description)
+    about = {"set": found.name, "title": found.title, "reachable": found.reachable, "count": count}
+    provenance.write_parquet(out, rows, output.manifest(seed) | about)
     output.print_line(f"{found.name}, {len(rows)} problems: {out}")

@@ -9,21 +9,9 @@ from typing import Annotated
 import numpy as np
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import (
-    BodyFrames,
-    Box,
-    Gravity,
-    Plot,
-    Required,
-    RigArgument,
-    Rotations,
-    Scheduler,
-    Step,
-    Wrench,
-)
-from tensionlab.cli.common.verbs import Json
 from tensionlab.support.files import writing
 from tensionlab.support.formatting import format_count
+from tensionlab.support.table import Table
 from tensionlab.workspace.certification import WRENCH_CLOSURE
 from tensionlab.workspace.certification import certify as prove
 from tensionlab.workspace.certified import Bounds, CertifiedWorkspace
@@ -31,19 +19,20 @@ from tensionlab.workspace.certified import Bounds, CertifiedWorkspace
 VERDICTS = {1: "inside", -1: "outside", 0: "undecided"}
 
 
+@output.if_interrupted(output.NOTHING_KEPT)
 def certify(
-    rig: RigArgument,
-    box: Box = None,
-    step: Step = None,
-    rotations: Rotations = None,
-    wrench: Wrench = None,
-    gravity: Gravity = None,
-    required: Required = None,
-    frames: BodyFrames = None,
+    rig: options.RigArgument,
+    box: options.Box = None,
+    step: options.Step = None,
+    rotations: options.Rotations = None,
+    wrench: options.Wrench = None,
+    gravity: options.Gravity = None,
+    required: options.Required = None,
+    frames: options.BodyFrames = None,
     out: Annotated[Path | None, options.writes("Write the cells to this file.", ".npz")] = None,
-    scheduler: Scheduler = None,
-    plot: Plot = None,
-    json: Json = False,
+    scheduler: options.Scheduler = None,
+    plot: options.Plot = None,
+    json: options.Json = False,
 ) -> None:
     """Prove where a rig renders what is required.
 
@@ -52,19 +41,13 @@ def certify(
     """
     loaded = options.load(rig, frames, wrench, gravity, required)
     region, steps = options.parse_region([loaded], box, step)
+    turned = options.parse_orientations(loaded, rotations)
+    required_wrenches = loaded.required if loaded.required else WRENCH_CLOSURE
     began = time.perf_counter()
-    with output.if_interrupted(output.NOTHING_KEPT), output.ResultWriter(quiet=json) as writer:
+    with output.ResultWriter(quiet=json) as writer:
         with output.progress("Cells") as progress:
-            proved = prove(
-                loaded,
-                region,
-                loaded.required if loaded.required else WRENCH_CLOSURE,
-                steps,
-                rotations=options.parse_orientations(loaded, rotations),
-                frames=loaded.at_rest,
-                scheduler=scheduler,
-                progress=progress,
-            )
+            proved = prove(loaded, region, required_wrenches, steps, rotations=turned, frames=loaded.at_rest,
+                           scheduler=scheduler, progress=progress)  # fmt: skip
         duration_s = time.perf_counter() - began
         if out is not None:
             writer.write("cells", out, lambda path: _write_cells(path, proved))
@@ -72,19 +55,14 @@ def certify(
         if json:
             output.print_json(
                 rig=loaded.name,
-                required=proved.required,
-                unit=proved.unit,
-                region_volume=proved.region_volume,
-                volume=proved.volume,
-                share=proved.share,
+                **output.fields(proved, "required", "unit", "region_volume", "volume", "share", "evaluations"),
                 cells={VERDICTS[verdict]: cells for verdict, (cells, _) in proved.tally().items()},
-                evaluations=proved.evaluations,
                 duration_s=duration_s,
                 out=out,
                 manifest=output.manifest(),
             )
         else:
-            _print(proved, duration_s)
+            output.print_table(_table(proved, duration_s))
 
 
 def _write_cells(path: Path, proved: CertifiedWorkspace) -> None:
@@ -95,18 +73,14 @@ def _write_cells(path: Path, proved: CertifiedWorkspace) -> None:
         )
 
 
-def _print(proved: CertifiedWorkspace, duration_s: float) -> None:
-    """Print how many cells are proved, and the bounds of the workspace's volume."""
-    cells = proved.subdivision
+def _table(proved: CertifiedWorkspace, duration_s: float) -> Table:
+    """Return how many cells are proved, with the bounds of the workspace's volume."""
+    cells, table = proved.subdivision, proved.table()
     axes = zip("xyz", cells.low, cells.low + cells.extent, strict=False)
-    table = proved.table()
-    table.title = f"{proved.rig.name}, {proved.required}: " + ", ".join(
-        f"{axis} {low:g} to {high:g} m" for axis, low, high in axes
-    )
-    table.notes = []
-    output.print_table(table)
-    output.print_line()
+    region = ", ".join(f"{axis} {low:g} to {high:g} m" for axis, low, high in axes)
     shares = Bounds(*(100 * each for each in proved.share)).describe()
-    output.print_line(f"workspace: {proved.volume.describe()} {proved.unit}, {shares} % of the box")
     finest = f"{format_count(proved.evaluations, 'cell')} down to {cells.edges(cells.levels).max():.3g} m"
-    output.print_line(f"looked at: {finest}, in {duration_s:.1f} s", "dim")
+    table.title = f"{proved.rig.name}, {proved.required}: {region}"
+    table.notes = [f"workspace: {proved.volume.describe()} {proved.unit}, {shares} % of the box",
+                   f"evaluated: {finest}, in {duration_s:.1f} s"]  # fmt: skip
+    return table

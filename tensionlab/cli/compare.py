@@ -11,18 +11,7 @@ import typer
 from tensionlab.benchmark import comparison
 from tensionlab.benchmark.comparison import read_trajectory
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import (
-    At,
-    BodyFrames,
-    Gravity,
-    Plot,
-    Required,
-    RigArgument,
-    Rows,
-    Solvers,
-    Wrench,
-)
-from tensionlab.cli.common.verbs import Json
+from tensionlab.cli.common.options import option
 from tensionlab.support import provenance
 from tensionlab.support.table import WIDE, Table
 
@@ -44,45 +33,42 @@ call: one wrench, verification included   batch: all wrenches in one call, time 
 
 
 def compare(
-    rig: RigArgument,
-    at: At = None,
+    rig: options.RigArgument,
+    at: options.At = None,
     magnitude: Annotated[
         float | None,
-        typer.Option(
-            metavar="NEWTON", help="Size of each force in N. Left out: 1.5, or the radius of a required ball."
-        ),
+        option("NEWTON", "Size of each force in N. Left out: 1.5, or the radius of a required ball."),
     ] = None,
     directions: Annotated[
         str | None,
-        typer.Option(
-            metavar="SET",
-            help="Directions of the forces: grid18, fibonacci:N or FILE.csv; in a plane, circle:N. Left out: "
+        option(
+            "SET",
+            "Directions of the forces: grid18, fibonacci:N or FILE.csv; in a plane, circle:N. Left out: "
             "grid18 or circle:72.",
         ),
     ] = None,
-    solvers: Solvers = None,
+    solvers: options.Solvers = None,
     policy: Annotated[
         str | None,
-        typer.Option(
-            metavar="POLICY",
-            help="Only this policy for infeasible wrenches: force, tension or direction; all if left out.",
+        option(
+            "POLICY", "Only this policy for infeasible wrenches: force, tension or direction; all if left out."
         ),
     ] = None,
     trajectory: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE.csv",
-            help="Compare along a trajectory: columns x, y, z in m and Fx, Fy, Fz in N; optional rx, ry, rz in "
+        option(
+            "FILE.csv",
+            "Compare along a trajectory: columns x, y, z in m and Fx, Fy, Fz in N; optional rx, ry, rz in "
             "rad and Mx, My, Mz in N·m; in the plane x, y, Fx, Fy, optional angle and Mz.",
         ),
     ] = None,
-    wrench: Wrench = None,
-    gravity: Gravity = None,
-    required: Required = None,
-    frames: BodyFrames = None,
-    plot: Plot = None,
-    out: Rows = None,
-    json: Json = False,
+    wrench: options.Wrench = None,
+    gravity: options.Gravity = None,
+    required: options.Required = None,
+    frames: options.BodyFrames = None,
+    plot: options.Plot = None,
+    out: options.Rows = None,
+    json: options.Json = False,
 ) -> None:
     """Compare solvers on one set of forces, or along a trajectory.
 

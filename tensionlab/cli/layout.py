@@ -10,8 +10,8 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Gravity, Plot, Required, Wrench
-from tensionlab.cli.common.verbs import Json, Verbs
+from tensionlab.cli.common.options import flag, option
+from tensionlab.cli.common.verbs import Verbs
 from tensionlab.support.files import writing
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.task import load_task
@@ -35,18 +35,16 @@ def search(
             metavar="RIG",
         ),
     ] = None,
-    wrench: Wrench = None,
-    gravity: Gravity = None,
-    required: Required = None,
-    seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Seed in place of the file's.")] = None,
+    wrench: options.Wrench = None,
+    gravity: options.Gravity = None,
+    required: options.Required = None,
+    seed: Annotated[int | None, option("N", "Seed in place of the file's.", min=0)] = None,
     certify: Annotated[
         bool,
-        typer.Option(
-            "--certify", help="Prove what the layouts render everywhere in the target, not at its points alone."
-        ),
+        flag("--certify", "Prove what the layouts render everywhere in the target, not at its points alone."),
     ] = False,
-    plot: Plot = None,
-    json: Json = False,
+    plot: options.Plot = None,
+    json: options.Json = False,
 ) -> None:
     """Search for the best places of modules.
 

@@ -9,19 +9,18 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Browser, PagePort
+from tensionlab.cli.common.options import option
 from tensionlab.cli.common.output import if_interrupted, open_page
-from tensionlab.cli.common.verbs import Json, Verbs
+from tensionlab.cli.common.verbs import Verbs
 from tensionlab.errors import LogError
 from tensionlab.hardware.log import reader
 from tensionlab.support import provenance
 
 log = Verbs("Show, export, draw and play logs of runs.")
-RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).")]
 
 
 @log.command()
-def info(path: RunFile, json: Json = False) -> None:
+def info(path: options.RunFile, json: options.Json = False) -> None:
     """Show how a run went: answers, timing, limits and events."""
     run = _read(path)
     if json:
@@ -34,7 +33,7 @@ def info(path: RunFile, json: Json = False) -> None:
 
 @log.command()
 def export(
-    path: RunFile,
+    path: options.RunFile,
     out: Annotated[
         Path,
         options.writes("Write to this file: NetCDF (.nc), Parquet or CSV.", ".nc", *provenance.TABLE_SUFFIXES),
@@ -54,9 +53,9 @@ def export(
 
 @log.command()
 def plot(
-    path: RunFile,
+    path: options.RunFile,
     file: Annotated[
-        Path, typer.Option("--plot", callback=options.picture_file, help="Draw to this file (png, pdf, svg).")
+        Path, option("?", "Draw to this file (png, pdf, svg).", "--plot", callback=options.picture_file)
     ],
 ) -> None:
     """Draw wrenches, tensions, statuses, limits and timing of a run."""
@@ -65,7 +64,7 @@ def plot(
 
 
 @log.command()
-def view(path: RunFile, port: PagePort = 0, browser: Browser = True) -> None:
+def view(path: options.RunFile, port: options.PagePort = 0, browser: options.Browser = True) -> None:
     """Play a run in the browser.
 
     The rig as it was at each time, with cables by tension, forces, brakes and modules, and its

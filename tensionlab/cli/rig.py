@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import BodyFrames, Gravity, Plot, Required, RigArgument, Wrench
-from tensionlab.cli.common.verbs import Json, Verbs
+from tensionlab.cli.common.options import option
+from tensionlab.cli.common.verbs import Verbs
 from tensionlab.interop import caspr as caspr_models
 from tensionlab.interop.mjcf import rig_to_mjcf
 from tensionlab.model.files import load_rig, rig_to_toml, save_rig
@@ -21,7 +21,12 @@ rig = Verbs("Show, check, import and export rigs.")
 
 
 @rig.command()
-def show(path: RigArgument, frames: BodyFrames = None, plot: Plot = None, json: Json = False) -> None:
+def show(
+    path: options.RigArgument,
+    frames: options.BodyFrames = None,
+    plot: options.Plot = None,
+    json: options.Json = False,
+) -> None:
     """Show anchors, cable lengths at home and limits of a rig."""
     loaded = options.load(path, frames)
     lengths = loaded.lengths(loaded.home, frames=loaded.at_rest)
@@ -50,13 +55,13 @@ def show(path: RigArgument, frames: BodyFrames = None, plot: Plot = None, json: 
 
 @rig.command()
 def check(
-    path: RigArgument,
-    wrench: Wrench = None,
-    gravity: Gravity = None,
-    required: Required = None,
-    frames: BodyFrames = None,
-    plot: Plot = None,
-    json: Json = False,
+    path: options.RigArgument,
+    wrench: options.Wrench = None,
+    gravity: options.Gravity = None,
+    required: options.Required = None,
+    frames: options.BodyFrames = None,
+    plot: options.Plot = None,
+    json: options.Json = False,
 ) -> None:
     """Check that a rig can work at its home.
 
@@ -79,12 +84,10 @@ def check(
 
 @rig.command("import")
 def import_(
-    caspr: Annotated[
-        tuple[Path, Path], typer.Option(metavar="BODIES.xml CABLES.xml", help="The two files of a CASPR model.")
-    ],
+    caspr: Annotated[tuple[Path, Path], option("BODIES.xml CABLES.xml", "The two files of a CASPR model.")],
     cable_set: Annotated[
         str | None,
-        typer.Option("--set", metavar="ID", help="Which set of cables; the file's default if left out."),
+        option("ID", "Which set of cables; the file's default if left out.", "--set"),
     ] = None,
     out: Annotated[
         Path | None, options.writes("Write the rig file here, not to stdout.", ".toml", metavar="RIG")
@@ -105,7 +108,7 @@ def import_(
 
 @rig.command()
 def export(
-    path: RigArgument,
+    path: options.RigArgument,
     out: Annotated[Path, options.writes("Write a MuJoCo model here.", ".xml", metavar="FILE.xml")],
 ) -> None:
     """Write a rig as a MuJoCo model.

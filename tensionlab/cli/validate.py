@@ -11,9 +11,8 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.links import links_of_rig
-from tensionlab.cli.common.options import Modules, Solver
+from tensionlab.cli.common.options import option
 from tensionlab.cli.common.runs import print_simulated
-from tensionlab.cli.common.verbs import Json
 from tensionlab.errors import HardwareError, LogError
 from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.model.files import load_rig
@@ -34,31 +33,29 @@ def validate(
     rig: Annotated[
         str | None, options.rig_argument(", of a point in space; the published one if left out")
     ] = None,
-    modules: Modules = None,
+    modules: options.Modules = None,
     sensor: Annotated[
         str,
-        typer.Option(
-            metavar="FILE|URL|sim:",
-            help="Force sensor: a table to which its program keeps writing (ATI's CSV), socket://HOST:PORT that "
+        option(
+            "FILE|URL|sim:",
+            "Force sensor: a table to which its program keeps writing (ATI's CSV), socket://HOST:PORT that "
             "sends lines of numbers, or a simulated one that simulated modules pull on.",
         ),
     ] = SIMULATED,
-    solver: Solver = "newton",
+    solver: options.Solver = "newton",
     preset: Annotated[
         str | None,
-        typer.Option(
-            metavar="ideal|paper-like",
-            help="Errors of the simulated rig: none, or such as the paper may have had.  [default: paper-like]",
+        option(
+            "ideal|paper-like",
+            "Errors of the simulated rig: none, or such as the paper may have had.  [default: paper-like]",
         ),
     ] = None,
-    seed: Annotated[
-        int, typer.Option(metavar="N", help="Seed of the simulated rig's errors and noise.", min=0)
-    ] = 0,
+    seed: Annotated[int, option("N", "Seed of the simulated rig's errors and noise.", min=0)] = 0,
     hold: Annotated[
         float,
-        typer.Option(metavar="S", help="How long each force is held, in s; the first 0.3 s are not averaged."),
+        option("S", "How long each force is held, in s; the first 0.3 s are not averaged."),
     ] = 1.0,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Repeat the published validation and compare with it.
 

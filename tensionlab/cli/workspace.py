@@ -11,8 +11,7 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import BodyFrames, Box, Gravity, Required, Rotations, Scheduler, Step, Wrench
-from tensionlab.cli.common.verbs import Json
+from tensionlab.cli.common.options import option
 from tensionlab.model.rig import Rig
 from tensionlab.support.files.writing import unwritable
 from tensionlab.support.formatting import format_number, format_share
@@ -28,11 +27,7 @@ if TYPE_CHECKING:
 
 DEFAULT_METRICS = ["wrench-closure", "capacity-margin", "isotropic-force", "feasible-direction-fraction"]
 DRAWN_METRIC = "capacity-margin"  # metric that is drawn if none is named
-# What the characteristic length is, if the file of the rig has none.
-ROOT_MEAN_SQUARE = "the root mean square distance of its attachments"
 ORIENTATION_WORKSPACES = {"total": "in all orientations", "inclusive": "in one at least"}
-# Message after Ctrl-C.
-WITHOUT_STORE = "no values are kept; with --out DIR.zarr, the same command resumes the sweep"
 
 
 class View(StrEnum):
@@ -45,41 +40,30 @@ class View(StrEnum):
 
 def workspace(
     rigs: Annotated[list[str], options.rig_argument()],
-    box: Box = None,
-    step: Step = None,
-    rotations: Rotations = None,
-    poses: Annotated[Path | None, typer.Option(help="File of poses in place of a box (.csv, .parquet).")] = None,
+    box: options.Box = None,
+    step: options.Step = None,
+    rotations: options.Rotations = None,
+    poses: Annotated[Path | None, option("FILE", "File of poses in place of a box (.csv, .parquet).")] = None,
     metrics: Annotated[
         list[str] | None,
-        typer.Option(
-            "--metric", metavar="A,B,...", help=f"Metrics, also repeated. Left out: {', '.join(DEFAULT_METRICS)}."
-        ),
+        option("A,B,...", f"Metrics; may be repeated. Left out: {', '.join(DEFAULT_METRICS)}.", "--metric"),
     ] = None,
-    wrench: Wrench = None,
-    gravity: Gravity = None,
-    required: Required = None,
-    frames: BodyFrames = None,
+    wrench: options.Wrench = None,
+    gravity: options.Gravity = None,
+    required: options.Required = None,
+    frames: options.BodyFrames = None,
     out: Annotated[
         Path | None,
         options.writes_folder(
             "Write all values to this folder. The same command resumes an interrupted sweep.", ".zarr"
         ),
     ] = None,
-    scheduler: Scheduler = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(
-            callback=options.picture_file,
-            help=f"Draw the first metric ({DRAWN_METRIC} if none is named) to this file (png, pdf, svg).",
-        ),
-    ] = None,
+    scheduler: options.Scheduler = None,
+    plot: options.Plot = None,
     view: Annotated[
-        View,
-        typer.Option(
-            help="What to draw: slices of the box, its volume, or how large a share has at least a value."
-        ),
+        View, typer.Option(help="What to draw of the first metric, or of the capacity margin.")
     ] = View.slices,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Evaluate where, and how well, rigs can pull.
 
@@ -102,8 +86,10 @@ def workspace(
     if names is None:
         names = [*["wrench-feasible"][: any(rig.required for rig in loaded)], *DEFAULT_METRICS]
     places = {name: place for rig in loaded for name, place in rig.at_rest.items()}
-    resumed = WITHOUT_STORE if out is None else f"the same command resumes the sweep in {out}"
-    with output.if_interrupted(resumed), output.ResultWriter(quiet=json) as writer:
+    kept = f"the same command resumes the sweep in {out}"
+    if out is None:
+        kept = "no values are kept; with --out DIR.zarr, the same command resumes the sweep"
+    with output.if_interrupted(kept), output.ResultWriter(quiet=json) as writer:
         try:
             with output.progress("Poses") as progress:
                 data = sweep(loaded, where, names, frames=places, out=out, scheduler=scheduler, progress=progress)
@@ -111,76 +97,69 @@ def workspace(
             if out is None:
                 raise
             raise unwritable(out, error) from None
-        table, drawn_data = summary(data), data
+        found, drawn = summary(data), data
         if rotations:
             axis = where.dims[-1]
-            total, inclusive = data.min(axis, skipna=False, keep_attrs=True), data.max(axis, keep_attrs=True)
-            table["total_above_zero"] = summary(total)["above_zero"]
-            table["inclusive_above_zero"] = summary(inclusive)["above_zero"]
-            drawn_data = total
-        writer.draw(plot, view, drawn_data, metric=names[0] if metrics else DRAWN_METRIC)
+            drawn = data.min(axis, skipna=False, keep_attrs=True)
+            found["total_above_zero"] = summary(drawn)["above_zero"]
+            found["inclusive_above_zero"] = summary(data.max(axis, keep_attrs=True))["above_zero"]
+        writer.draw(plot, view, drawn, metric=names[0] if metrics else DRAWN_METRIC)
         if json:
-            output.print_json(
-                poses=int(table["poses"].iloc[0]),
-                out=out,
-                rows=table.to_dict("records"),
-                manifest=json_text.loads(data.manifest),
-            )
+            rows, manifest = found.to_dict("records"), json_text.loads(data.manifest)
+            output.print_json(poses=int(found["poses"].iloc[0]), out=out, rows=rows, manifest=manifest)
         else:
-            _print(table, where, out)
-            _print_requirements(loaded)
+            output.print_table(_table(found, where, loaded))
+            if out:
+                output.print_line(f"values: {out}")
 
 
-def _print_requirements(rigs: list[Rig]) -> None:
-    """Print what is required of each rig, and at which arm its torques count as forces."""
-    for rig in rigs:
-        if rig.required:
-            output.print_line(f"required of {rig.name}: {rig.required.describe(rig)}", "dim")
-        if rig.n > rig.dimension:
-            text = f"torques of {rig.name} count as forces at {rig.characteristic_length:.3g} m in margins"
-            own = rig.required.length is not None
-            output.print_line(f"{text}, {'as required' if own else ROOT_MEAN_SQUARE}", "dim")
-
-
-def _print(table: pandas.DataFrame, where: Grid | PoseList, out: Path | None) -> None:
-    """Print a row for each rig and metric, then what the metrics mean."""
-    metrics = {name: metric(name) for name in table["metric"].unique()}
-    keys = {
-        "rig": Column("rig"),
-        "metric": Column("metric"),
-        "unit": Column("unit"),
+def _table(found: pandas.DataFrame, where: Grid | PoseList, rigs: list[Rig]) -> Table:
+    """Return a row for each rig and metric; notes say what the metrics and requirements mean."""
+    metrics = {name: metric(name) for name in found["metric"].unique()}
+    columns = {
+        **{name: Column(name) for name in ("rig", "metric", "unit")},
         **{name: Column(name, format=format_number) for name in ("min", "median", "max")},
         "above_zero": Column("above 0", format=format_share),
         "missing": Column("no value"),
         **{
-            f"{name}_above_zero": Column(ORIENTATION_WORKSPACES[name], format=format_share)
-            for name in ORIENTATION_WORKSPACES
+            f"{name}_above_zero": Column(title, format=format_share)
+            for name, title in ORIENTATION_WORKSPACES.items()
         },
     }
-    columns = {name: column for name, column in keys.items() if name in table}
+    columns = {name: column for name, column in columns.items() if name in found}
     rows = []
-    for row in table.to_dict("records"):
+    for row in found.to_dict("records"):
         if not metrics[row["metric"]].above_zero:
             row |= {name: None for name in row if name.endswith("above_zero")}
         row |= {"unit": row["unit"].removeprefix("1"), "missing": row["missing"] or None}
         rows.append([row[name] for name in columns])
     axes = {name: values for name, (_, values, _) in where.labels().items() if name in "xyz"}
     region = ", ".join(f"{name} {values.min():g} to {values.max():g} m" for name, values in axes.items())
-    poses = int(table["poses"].iloc[0])
-    places = int(np.prod(where.shape[: len(axes)])) if isinstance(where, Grid) else poses
-    turns = f", {places:,} positions in {poses // places} orientations" if poses > places else ""
-    step = describe_step(axes.values()) if isinstance(where, Grid) else ""
-    title = f"{poses:,} poses{turns}{step and f', {step}'}: {region}"
-    output.print_table(Table([*columns.values()], rows, title))
-    output.print_line()
-    for name, shown in metrics.items():
-        meaning = f" Above 0: {shown.above_zero}." if shown.above_zero else ""
-        output.print_prose(f"{name}: {shown.description}{meaning}", "dim")
+    poses = int(found["poses"].iloc[0])
+    title, step = f"{poses:,} poses", ""
+    if isinstance(where, Grid):
+        places, step = int(np.prod(where.shape[: len(axes)])), describe_step(axes.values())
+        title += f", {places:,} positions in {poses // places} orientations" * (poses > places) + f", {step}"
+    notes = [
+        f"{name}: {shown.description}" + (f" Above 0: {shown.above_zero}." if shown.above_zero else "")
+        for name, shown in metrics.items()
+    ]
     if step and any(shown.above_zero for shown in metrics.values()):
-        output.print_prose(f"above 0: share of the volume, estimated from positions {step}", "dim")
-    if table["missing"].any():
-        output.print_prose("no value: a cable has no length there, or a force is infeasible", "dim")
+        notes.append(f"above 0: share of the volume, estimated from positions {step}")
+    if found["missing"].any():
+        notes.append("no value: a cable has no length there, or a force is infeasible")
     if poses > MEDIAN_SAMPLE:
-        output.print_prose(f"median: of an even selection of {MEDIAN_SAMPLE:,} values at most", "dim")
-    if out:
-        output.print_line(f"values: {out}")
+        notes.append(f"median: of an even selection of {MEDIAN_SAMPLE:,} values at most")
+    for rig in rigs:
+        if rig.required:
+            notes.append(f"required of {rig.name}: {rig.required.describe(rig)}")
+        if rig.n > rig.dimension:
+            own = (
+                "as required"
+                if rig.required.length is not None
+                else "the root mean square distance of its attachments"
+            )
+            notes.append(
+                f"torques of {rig.name} count as forces at {rig.characteristic_length:.3g} m in margins, {own}"
+            )
+    return Table([*columns.values()], rows, f"{title}: {region}", notes)

@@ -7,7 +7,7 @@ import tomllib
 import pytest
 
 import tensionlab as tl
-from tensionlab.cli.new import FOLDER, KINDS
+from tensionlab.cli.catalogue import TEMPLATE_KINDS, TEMPLATES
 from tensionlab.hardware import load_program
 from tensionlab.scenarios import check_needs, load_scenario
 from tensionlab.validation.rig_check import check_rig
@@ -35,7 +35,7 @@ CHECKS = {
 }
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", TEMPLATE_KINDS)
 def test_what_is_written_can_be_used_as_it_is(run, tmp_path, kind):
     path = tmp_path / f"first-{kind}.toml"
     code, out, err = run("new", kind, "--out", path)
@@ -49,9 +49,9 @@ def test_what_is_written_can_be_used_as_it_is(run, tmp_path, kind):
     assert text.replace(str(path), f"my-{kind}.toml").replace(path.stem, f"my-{kind}") == run("new", kind)[1]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", TEMPLATE_KINDS)
 def test_keys_that_are_commented_out_are_read_as_well(tmp_path, kind):
-    text = (FOLDER / f"{kind}.toml").read_text()
+    text = (TEMPLATES / f"{kind}.toml").read_text()
     whole = re.sub(r"^# (?=\w+ = |\[)", "", text, flags=re.MULTILINE)
     assert whole != text
     (tmp_path / "whole.toml").write_text(whole)
@@ -59,14 +59,14 @@ def test_keys_that_are_commented_out_are_read_as_well(tmp_path, kind):
     read(kind, tmp_path / "whole.toml")
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", TEMPLATE_KINDS)
 def test_the_commands_in_it_are_commands(kind):
     """Their words and options are known to the program."""
     import typer
 
     from tensionlab.cli import app
 
-    lines = (FOLDER / f"{kind}.toml").read_text().splitlines()
+    lines = (TEMPLATES / f"{kind}.toml").read_text().splitlines()
     commands = [line.split(": ", 1)[1].split("  (")[0] for line in lines if "tensionlab " in line]
     assert commands
     for command in commands:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from tensionlab.cli.common.output import if_interrupted, print_error
+from tensionlab.cli.common.options import option
+from tensionlab.cli.common.output import if_interrupted, print_error, print_json
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.links import URL_KINDS, load_modules, require_known
 from tensionlab.hardware.client.locks import normalised
@@ -23,8 +24,7 @@ Links = Annotated[
     list[str] | None, typer.Argument(metavar="URL", help="Links to modules; with --modules, names of modules.")
 ]
 ModulesFile = Annotated[
-    Path | None,
-    typer.Option("--modules", metavar="FILE", help="Modules file (TOML): all of its modules, or those named."),
+    Path | None, option("FILE", "Modules file (TOML): all of its modules, or those named.", "--modules")
 ]
 
 
@@ -88,14 +88,24 @@ def call_all(
     return {name: each for name, each in found.items() if not isinstance(each, HardwareError)}, failed
 
 
-def json_rows(
-    urls: Mapping[str, str], failed: Mapping[str, HardwareError], row: Callable[[str], dict[str, Any]]
-) -> list[dict[str, Any]]:
-    """Return what JSON has of each module: its name, its URL, a row of its own, and its error, or None."""
-    return [
-        {"module": name, "url": url, **row(name), "error": str(failed[name]) if name in failed else None}
-        for name, url in urls.items()
-    ]
+def print_all(
+    links: Mapping[str, str],
+    job: Callable[[ModuleClient], Answer],
+    json: bool,
+    to_json: Callable[[Answer | None], dict[str, Any]],
+    show: Callable[[dict[str, Answer]], None],
+) -> None:
+    """Carry out a job on all modules, and print the answers; leave with exit status 1 if one failed.
+
+    In JSON each module has its name, its URL, what ``to_json`` makes of its answer, and its error, or None.
+    """
+    answers, failed = call_all(links, job)
+    if json:
+        about = {name: {"module": name, "url": url, **to_json(answers.get(name))} for name, url in links.items()}
+        print_json([{**about[name], "error": failed.get(name) and str(failed[name])} for name in links])
+    elif answers:
+        show(answers)
+    exit_if_failed(failed)
 
 
 def exit_if_failed(failed: Mapping[str, HardwareError]) -> None:

@@ -35,33 +35,39 @@ EXAMPLES = {
 STEPS = 40  # number of steps along the longest edge of a box, if no step is given
 
 
-def parse_numbers(option: str, text: str) -> list[float]:
+def parse_numbers(name: str, text: str) -> list[float]:
     """Return the numbers in an option, separated by commas or spaces; there must be one at least."""
-    example = f"write {option} {EXAMPLES.get(option, '0 -0.1 0.3')}"
+    example = f"write {name} {EXAMPLES.get(name, '0 -0.1 0.3')}"
     values: list[float] = []
     for part in text.replace(",", " ").split():
         try:
             values.append(float(part))
         except ValueError:
-            raise typer.BadParameter(f"{option}: {brief(part)} is not a number; {example}") from None
+            raise typer.BadParameter(f"{name}: {brief(part)} is not a number; {example}") from None
     if not values:
-        raise typer.BadParameter(f"{option}: no numbers; {example}")
+        raise typer.BadParameter(f"{name}: no numbers; {example}")
     if not all(abs(value) < MAX_MAGNITUDE for value in values):
-        raise typer.BadParameter(f"{option} is {text.replace(',', ' ')}; give finite numbers below 1e100")
+        raise typer.BadParameter(f"{name} is {text.replace(',', ' ')}; give finite numbers below 1e100")
+    return values
+
+
+def parse_components(name: str, text: str, components: list[str], owner: str) -> list[float]:
+    """Return the numbers in an option, one for each component of its owner."""
+    values = parse_numbers(name, text)
+    if len(values) != len(components):
+        found = format_count(len(values), "component")
+        raise typer.BadParameter(f"{name} has {found}; {owner} needs {len(components)}: {', '.join(components)}")
     return values
 
 
 def parse_position(text: str | None, rig: Rig) -> Floats:
     """Return the position that ``--at`` gives, in m; the rig's home if it is left out."""
-    if text is None:
-        return rig.home
-    values = parse_numbers("--at", text)
-    check_components("--at", values, [f"{axis} (m)" for axis in "xyz"[: rig.dimension]], rig.name)
-    return np.array(values)
+    axes = [f"{axis} (m)" for axis in "xyz"[: rig.dimension]]
+    return rig.home if text is None else np.array(parse_components("--at", text, axes, rig.name))
 
 
 def parse_names(values: list[str] | None) -> list[str] | None:
-    """Return the names in an option, given once or repeatedly, each with commas or not; None if left out."""
+    """Return the names in an option that is repeated, or has commas; None if left out."""
     if values is None:
         return None
     return [name.strip() for value in values for name in value.split(",") if name.strip()]
@@ -101,8 +107,7 @@ def with_requirement(rig: Rig, wrench: str | None, gravity: bool | None, require
     """Return the rig with what the options require of it; refuse what does not suit it."""
     found = rig.required if required is None else load_requirement(required)
     if wrench is not None:
-        numbers = parse_numbers("--wrench", wrench)
-        check_components("--wrench", numbers, wrench_components(rig), rig.name)
+        numbers = parse_components("--wrench", wrench, wrench_components(rig), rig.name)
         found = replace(found, wrench=np.array(numbers))
     return replace(rig, required=found if gravity is None else replace(found, gravity=gravity))
 
@@ -145,13 +150,19 @@ def check_solvers(rig: Rig, names: list[str] | None, policy: str | None) -> None
     select_solvers(names, policy, (rig.n, rig.m))
 
 
-def check_components(option: str, values: list[float], names: list[str], owner: str) -> None:
-    """Refuse an option whose values are not as many as the components of its owner."""
-    if len(values) != len(names):
-        raise typer.BadParameter(
-            f"{option} has {format_count(len(values), 'component')}; {owner} needs {len(names)}: "
-            + ", ".join(names)
-        )
+def option(metavar: str, help_text: str, *names: str, **settings: Any) -> Any:
+    """Return an option with a value."""
+    return typer.Option(*names, metavar=metavar, help=help_text, **settings)
+
+
+def flag(names: str, help_text: str, **settings: Any) -> Any:
+    """Return an option without a value."""
+    return typer.Option(names, help=help_text, **settings)
+
+
+def port_option(help_text: str, *names: str, least: int = 0) -> Any:
+    """Return an option that is a TCP or UDP port."""
+    return option("PORT", help_text, *names, min=least, max=65535)
 
 
 def checked(check: Callable[[Path], None]) -> Callable[[Path | None], Path | None]:
@@ -170,13 +181,12 @@ def checked(check: Callable[[Path], None]) -> Callable[[Path | None], Path | Non
 
 def writes(help_text: str, *suffixes: str, metavar: str = "FILE", names: Sequence[str] = ("--out", "-o")) -> Any:
     """Return an option that names a file to write, with one of the suffixes, if there are any."""
-    check = checked(lambda path: writing.require_writable(path, suffixes))
-    return typer.Option(*names, metavar=metavar, callback=check, help=help_text)
+    return option(
+        metavar, help_text, *names, callback=checked(lambda path: writing.require_writable(path, suffixes))
+    )
 
 
-def writes_folder(
-    help_text: str, suffix: str = "", *, parents: bool = False, names: Sequence[str] = ("--out", "-o")
-) -> Any:
+def writes_folder(help_text: str, suffix: str = "", *, parents: bool = False) -> Any:
     """Return an option that names a folder to write."""
 
     def check(path: Path) -> None:
@@ -184,16 +194,7 @@ def writes_folder(
             raise WriteError(f"{path}: the name must end in {suffix}")
         writing.require_folder(path, parents=parents)
 
-    return typer.Option(*names, metavar=f"DIR{suffix}", callback=checked(check), help=help_text)
-
-
-def _require_lsl(wanted: bool) -> bool:
-    """Check that streams for Lab Streaming Layer can be opened, if they are wanted."""
-    if wanted:
-        from tensionlab.interop.lsl import require_lsl
-
-        require_lsl()
-    return wanted
+    return option(f"DIR{suffix}", help_text, "--out", "-o", callback=checked(check))
 
 
 @checked
@@ -211,13 +212,22 @@ def log_file(path: Path) -> None:
     writing.require_new(path, "the log")
 
 
+def require_lsl_if(wanted: bool) -> bool:
+    """Check that streams for Lab Streaming Layer can be opened, if they are wanted."""
+    if wanted:
+        from tensionlab.interop.lsl import require_lsl
+
+        require_lsl()
+    return wanted
+
+
 def complete(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
     """Return a shell completion by names; the shell itself completes paths."""
     return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
 
 
 def stored_argument(kind: str, metavar: str, note: str = "") -> Any:
-    """Return an argument that is the name of a data set of a kind, or the path of a file."""
+    """Return an argument that is the name of a data set of a kind, or a file; the note ends its help."""
     what = kind.removesuffix("s")
     return typer.Argument(
         metavar=metavar,
@@ -227,124 +237,99 @@ def stored_argument(kind: str, metavar: str, note: str = "") -> Any:
 
 
 def rig_argument(note: str = "") -> Any:
-    """Return an argument that is a rig; the note ends its help."""
+    """Return an argument that is a rig."""
     return stored_argument("rigs", "RIG", note)
 
 
 RigArgument = Annotated[str, rig_argument()]
-At = Annotated[str | None, typer.Option(metavar="X Y Z", help="Position in m; the rig's home if left out.")]
+RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).")]
+Json = Annotated[bool, flag("--json", "Print JSON instead of a table.")]
+Seed = Annotated[int, option("N", "Seed of all random numbers.", min=0)]
+At = Annotated[str | None, option("X Y Z", "Position in m; the rig's home if left out.")]
 BodyFrames = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
+        "NAME X Y Z [RX RY RZ]",
+        "Position of a body frame in m, and its rotation, axis times angle in rad; may be repeated. Left out: at "
+        "rest as in the rig's file, or the origin.",
         "--frame",
-        metavar="NAME X Y Z [RX RY RZ]",
-        help="Where a body frame is, in m, and how it is turned, axis times angle in rad; also repeated. Left "
-        "out: at rest as in the rig's file, or the origin.",
     ),
 ]
 Solver = Annotated[
     str,
-    typer.Option(
-        metavar="NAME",
-        help="Name of a solver, as `tensionlab solvers` lists them.",
-        autocompletion=complete(every_solver),
-    ),
+    option("NAME", "Name of a solver, as `tensionlab solvers` lists them.", autocompletion=complete(every_solver)),
 ]
 Solvers = Annotated[
-    list[str] | None,
-    typer.Option(metavar="A,B,...", help="Solvers, such as newton,qp:daqp, also repeated; all if left out."),
+    list[str] | None, option("A,B,...", "Solvers, such as newton,qp:daqp; may be repeated; all if left out.")
 ]
 Policy = Annotated[
     str | None,
-    typer.Option(
-        metavar="POLICY",
-        help="What to render where the wrench is infeasible: the nearest in force, tension or direction. "
-        "The solver's own choice if left out.",
+    option(
+        "POLICY",
+        "What to render where the wrench is infeasible: the nearest in force, tension or direction. Left out: the "
+        "solver's own choice.",
     ),
 ]
-Plot = Annotated[
-    Path | None, typer.Option(metavar="FILE", callback=picture_file, help="Draw to this file (png, pdf, svg).")
-]
+Plot = Annotated[Path | None, option("FILE", "Draw to this file (png, pdf, svg).", callback=picture_file)]
 Rows = Annotated[Path | None, writes("Write the rows to this file: Parquet or CSV.", *TABLE_SUFFIXES)]
 Log = Annotated[
     Path | None,
-    typer.Option(
-        metavar="FILE.mcap",
-        callback=log_file,
-        help="Log every cycle to this file, a new one; see `tensionlab log`.",
-    ),
+    option("FILE.mcap", "Log every cycle to this file, a new one; see `tensionlab log`.", callback=log_file),
 ]
 Lsl = Annotated[
     bool,
-    typer.Option(
-        "--lsl", callback=_require_lsl, help="Stream forces, tensions, pose and markers by Lab Streaming Layer."
-    ),
+    flag("--lsl", "Stream forces, tensions, pose and markers by Lab Streaming Layer.", callback=require_lsl_if),
 ]
-PagePort = Annotated[
-    int, typer.Option("--port", metavar="PORT", help="Port of the page; 0 takes a free one.", min=0, max=65535)
-]
-Browser = Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open a browser.")]
-View = Annotated[
-    bool, typer.Option("--view", help="Show the run in the browser, with a button that stops its modules.")
-]
+PagePort = Annotated[int, port_option("Port of the page; 0 takes a free one.", "--port")]
+Browser = Annotated[bool, flag("--browser/--no-browser", "Whether to open a browser.")]
+View = Annotated[bool, flag("--view", "Show the run in the browser, with a button that stops its modules.")]
 Duration = Annotated[
     float | None,
-    typer.Option(
-        metavar="S", callback=require_positive, help="Duration in s; to the end, or until Ctrl-C, if left out."
-    ),
+    option("S", "Duration in s; to the end, or until Ctrl-C, if left out.", callback=require_positive),
 ]
 Modules = Annotated[
     str | None,
-    typer.Option(
-        metavar="FILE|URL,...",
-        help="Modules file, or one link for each module, in the rig's order. Left out: modules simulated in this "
-        "process.",
+    option(
+        "FILE|URL,...",
+        "Modules file, or a link for each module in the rig's order. Left out: modules simulated in this process.",
     ),
 ]
 Box = Annotated[
     str | None,
-    typer.Option(
-        metavar="X0 X1 Y0 Y1 Z0 Z1",
-        help="Box of positions in m; Z0 = Z1 is a plane. Left out: the box around all anchors and homes.",
+    option(
+        "X0 X1 Y0 Y1 Z0 Z1",
+        "Box of positions in m; Z0 = Z1 is a plane. Left out: the box around all anchors and homes.",
     ),
 ]
 Step = Annotated[
     str | None,
-    typer.Option(
-        metavar="STEP",
-        help="Distance between positions in m, of cells their longest edge: one, or one for each axis. "
-        f"Left out: {STEPS} steps along the longest edge of the box.",
+    option(
+        "STEP",
+        "Distance between positions in m, or longest edge of cells: one, or one for each axis. Left out: "
+        f"{STEPS} steps along the longest edge of the box.",
     ),
 ]
 Rotations = Annotated[
     str | None,
-    typer.Option(
-        metavar="SET",
-        help="Orientations at every position of the box, in degrees: cone:10, how far the axis that points "
-        "up is tilted; rpy:-10..10,0,-30..30, roll, pitch and yaw about x, y and z; in the plane "
-        "angle:-30..30; each with :STEP, 5 if left out. Or a file (.csv): rx, ry, rz, axis times angle, rad.",
+    option(
+        "SET",
+        "Orientations at every position of the box, in degrees: cone:10, tilt of the axis that points up; "
+        "rpy:-10..10,0,-30..30, roll, pitch and yaw about x, y and z; in the plane angle:-30..30; each with "
+        ":STEP, 5 if left out. Or a file (.csv): rx, ry, rz, axis times angle, rad.",
     ),
 ]
-Scheduler = Annotated[str | None, typer.Option(help="Evaluate on a Dask cluster, tcp://HOST:PORT.")]
-
-
+Scheduler = Annotated[str | None, option("URL", "Evaluate on a Dask cluster, tcp://HOST:PORT.")]
 Wrench = Annotated[
     str | None,
-    typer.Option(
-        metavar="FX FY ...", help="Wrench that the cables must exert, in N (and N·m); the middle of a set of them."
-    ),
+    option("FX FY ...", "Wrench that the cables must exert, in N (and N·m); the middle of a set of them."),
 ]
 Gravity = Annotated[
     bool | None,
-    typer.Option(
-        "--gravity/--no-gravity",
-        help="Whether the cables hold the platform's weight as well. Left out: as the file says.",
+    flag(
+        "--gravity/--no-gravity", "Whether the cables also hold the platform's weight. Left out: as the file says."
     ),
 ]
 Required = Annotated[
     Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="File of required wrenches (TOML): a box, a ball or a list. Left out: what the file itself says.",
-    ),
+    option("FILE", "File of required wrenches (TOML): a box, a ball or a list. Left out: as the rig's file says."),
 ]

@@ -17,19 +17,7 @@ from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.runner.records import CTRL_C, RunSink, Statistics
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings, WorldClock
 from tensionlab.hardware.simulation.world import Motion, World
-from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-from tensionlab.scenarios import Scenario, load_scenario
-
-
-def load_rig_or_scenario(rig: str | None, scenario: str | None) -> tuple[Rig | None, Scenario | None]:
-    """Load a rig, or a scenario with its rig or the one named; None if it is not named."""
-    if scenario is None:
-        return None if rig is None else load_rig(rig), None
-    played = load_scenario(scenario, rig)
-    if played.turned:
-        typer.echo(played.turned, err=True)
-    return played.rig, played
 
 
 class ReachedModules(NamedTuple):
@@ -95,11 +83,9 @@ def open_sinks(
 ) -> list[RunSink]:
     """Open the log of a run and its streams for Lab Streaming Layer, as far as they are wanted."""
     streams = lsl_streams(rig, solver, settings.rate, wanted=lsl)
-    return (
-        streams
-        if log is None
-        else [RunLog(log, rig, output.manifest(), solver, settings, links, scenery), *streams]
-    )
+    if log is not None:
+        streams.insert(0, RunLog(log, rig, output.manifest(), solver, settings, links, scenery))
+    return streams
 
 
 def end_run(

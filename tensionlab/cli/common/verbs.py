@@ -1,16 +1,15 @@
-"""Parsing of all verbs' words, and ``--json``."""
+"""Parsing of all verbs' words."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from typing import Annotated, Any, TypeVar
+from typing import Any, TypeVar
 
 import typer
 from typer.core import TyperCommand
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
 
 class Verb(TyperCommand):

@@ -1,0 +1,131 @@
+"""``tensionlab solvers``, ``datasets`` and ``new``: what is known by name, and files to start from."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from tensionlab import datasets as stored
+from tensionlab.benchmark.problem_sets import problem_set
+from tensionlab.cli.common import options, output
+from tensionlab.errors import DataError
+from tensionlab.model.module import require_name
+from tensionlab.solvers import every_solver, find_plugins, make
+from tensionlab.support.files import writing
+from tensionlab.support.files.named import SUFFIXES
+from tensionlab.support.files.reading import read_toml
+from tensionlab.support.table import Table
+
+# How the docstrings of solvers name their publications: "Source: ...", or a section "References".
+SOURCE = re.compile(r"(?:Sources?:\s|References\n-+\n)(.+?)(?:\n\s*\n|\Z)", re.DOTALL)
+PARQUET_TITLES = {
+    "vectors": "directions of the published validation",
+    "recordings": "desired, rendered and measured forces of a validation",
+    "what-if": "validations of many simulated rigs",
+    "benchmarks": "results of the benchmark of solvers",
+}  # what the Parquet files of each kind are; other files have a description
+HINT = """\
+Verbs that take a rig or a space take its name: tensionlab compare ipanema-2. A path ends in .toml or has a "/".
+In Python: tl.load_rig("ipanema-2"), tl.datasets.load("vectors/grid18")."""
+TEMPLATES = Path(__file__).parent / "templates"
+TEMPLATE_KINDS = ("rig", "space", "scenario", "program")
+
+
+def solvers(json: options.Json = False) -> None:
+    """List the solvers, with what each minimises, its policies, and its source.
+
+    A policy says which tensions replace those of an infeasible wrench.
+    """
+    broken = {name: str(found) for name, found in find_plugins().items() if not isinstance(found, type)}
+    entries: list[dict[str, Any]] = []
+    sources: dict[str, str] = {}
+    for name, installed in every_solver().items():
+        if name in broken:
+            continue
+        solver = make(name)
+        found = SOURCE.search(inspect.getdoc(type(solver)) or "")
+        source = " ".join(found[1].split()) if found else ""
+        if source:
+            sources.setdefault(name.partition(":")[0], source)
+        policies = list(solver.policies)
+        entries.append({"solver": name, "installed": installed, "policy": policies, "objective": solver.objective,
+                        "source": source})  # fmt: skip
+    if json:
+        output.print_json(solvers=entries, broken=broken)
+        return
+    headings = [
+        "solver",
+        "installed",
+        "if infeasible, nearest in",
+        "minimises, among tensions that render the wrench",
+    ]
+    rows = [
+        [each["solver"], each["installed"], ", ".join(each["policy"]) or None, each["objective"]]
+        for each in entries
+    ]
+    notes = [*(f"{family}: {source}" for family, source in sources.items()),
+             'To install all of them: pip install "tensionlab[solvers,reference]"',
+             *(f"Left out: {problem}" for problem in broken.values())]  # fmt: skip
+    output.print_table(Table(headings, rows, notes=notes))
+
+
+def datasets(
+    kind: Annotated[
+        str | None,
+        typer.Argument(
+            help=f"Only this kind: {', '.join(stored.KINDS)}.",
+            autocompletion=options.complete(lambda: stored.KINDS),
+        ),
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """List the rigs and other data sets that are known by name."""
+    rows = [(*(parts := each.split("/")), _title(*parts)) for each in stored.names(kind)]
+    if json:
+        output.print_json(datasets=[dict(zip(("kind", "name", "title"), row, strict=True)) for row in rows])
+    else:
+        shown = [
+            ("" if index and row[0] == rows[index - 1][0] else row[0], *row[1:]) for index, row in enumerate(rows)
+        ]
+        output.print_table(Table(["kind", "name", "description"], shown, notes=[HINT]))
+
+
+def _title(kind: str, name: str) -> str:
+    """Return what a data set is, in a line or two."""
+    if kind == stored.PROBLEMS:
+        return problem_set(name, 1).title
+    if kind in PARQUET_TITLES:
+        return PARQUET_TITLES[kind]
+    content = read_toml(stored.folder() / kind / f"{name}{SUFFIXES[kind]}", "a data set", DataError)
+    return str(content.get("description") or content["source"])
+
+
+def new(
+    kind: Annotated[
+        str,
+        typer.Argument(
+            metavar="|".join(TEMPLATE_KINDS),
+            help="What to start.",
+            autocompletion=options.complete(lambda: TEMPLATE_KINDS),
+        ),
+    ],
+    out: Annotated[Path | None, options.writes("Write the file here, not to stdout.", ".toml")] = None,
+) -> None:
+    """Write a rig, a space, a scenario or a program to start from.
+
+    The file has a comment for each key, and can be used as it is: its first lines say how.
+    """
+    if kind not in TEMPLATE_KINDS:
+        raise typer.BadParameter(f"{kind!r} is none of {', '.join(TEMPLATE_KINDS)}")
+    text = (TEMPLATES / f"{kind}.toml").read_text(encoding="utf-8")
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    require_name(out.stem, str(out), "name", "give the file a name")
+    writing.require_new(out, f"the {kind}")
+    writing.write_text(out, text.replace(f"my-{kind}.toml", str(out)).replace(f"my-{kind}", out.stem))
+    output.print_line(f"{kind}: {out}; its first lines say how to use it")
