@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.links import Links, ModulesFile, call_all, exit_if_failed, find_links, json_rows
-from tensionlab.cli.common.verbs import Json, Verbs
+from tensionlab.cli.common.links import Links, ModulesFile, call_all, exit_if_failed, find_links, print_all
+from tensionlab.cli.common.options import flag
+from tensionlab.cli.common.verbs import Verbs
 from tensionlab.cli.module_calibrate import calibrate
 from tensionlab.cli.module_monitor import monitor, ping
 from tensionlab.errors import HardwareError, ModuleFault
@@ -23,9 +23,8 @@ from tensionlab.hardware.client.module import PATIENT_TIMEOUTS_S, ModuleClient
 from tensionlab.hardware.client.parameter_file import Change, firmware, plain
 from tensionlab.hardware.protocol import messages
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, PARAMETERS, State
-from tensionlab.hardware.protocol.messages import Clear, Info, Message, Stop
+from tensionlab.hardware.protocol.messages import Clear, Info, Message, ParameterValue, Stop
 from tensionlab.support.files.reading import read_text
-from tensionlab.support.files.writing import make_folder, write_text
 from tensionlab.support.table import Column, Table
 
 module = Verbs("Find, inspect, set up and stop modules.")
@@ -36,7 +35,7 @@ LinksAndParameters = Annotated[
         metavar="URL|PARAMETER", help="Links to modules, or with --modules names of modules; and parameters."
     ),
 ]
-Save = Annotated[bool, typer.Option("--save", help="Store all parameters: they outlast the next start.")]
+Save = Annotated[bool, flag("--save", "Store all parameters: they outlast the next start.")]
 # Columns of `info`.
 INFO = ("module", "serial number", "firm- ware", "state", "cali- brated", "length known", "started by",
         Column("TTL", "ms"), Column("tension", "N"), Column("gain", "N/A", ".3g"),
@@ -45,35 +44,22 @@ INFO = ("module", "serial number", "firm- ware", "state", "cali- brated", "lengt
 
 @module.command()
 def discover(
-    links: Links = None,
-    modules: ModulesFile = None,
-    everything: Annotated[bool, typer.Option("--all", help="Try every serial port.")] = False,
-    json: Json = False,
+    everything: Annotated[bool, flag("--all", "Try every serial port.")] = False, json: options.Json = False
 ) -> None:
     """Find the modules at this computer's ports.
 
     USB, and Bluetooth where they are paired. Only ports that look like a module's are tried, unless --all is
-    given; ports in use are only listed. With links, those are tried instead. Exit status 1 if no module was
-    found.
+    given; ports in use are only listed. Exit status 1 if no module was found.
     """
-    if links or modules is not None:
-        urls = {url: name if name != url else "" for name, url in find_links(links, modules).items()}
-    else:
-        urls = ports(everything=everything)
-    found = find_all(urls)
+    found = find_all(ports(everything=everything))
     if json:
         output.print_json(
             [
-                {
-                    "url": each.url,
-                    "port": each.about,
-                    "in_use": each.in_use,
-                    "problem": each.problem or None,
-                    "info": each.info and _plain(each.info),
-                }
+                {"url": each.url, "port": each.about, "in_use": each.in_use, "problem": each.problem or None,
+                 "info": _info_json(each.info)}
                 for each in found
             ]
-        )
+        )  # fmt: skip
     elif not found:
         output.print_line("no port looks like a module's; --all tries every serial port")
     else:
@@ -89,25 +75,25 @@ def discover(
         raise typer.Exit(1)
 
 
+def _info_json(info: Info | None) -> dict[str, Any] | None:
+    return None if info is None else {**asdict(info), "firmware": firmware(info)}
+
+
 @module.command()
-def info(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
+def info(links: Links = None, modules: ModulesFile = None, json: options.Json = False) -> None:
     """Show versions, state, limits and calibration of modules."""
-    urls = find_links(links, modules)
-    answers, failed = call_all(urls, ModuleClient.hello)
-    if json:
-        found = {name: _plain(each) for name, each in answers.items()}
-        output.print_json(json_rows(urls, failed, lambda name: {"info": found.get(name)}))
-    elif answers:
-        rows = []
-        for name, each in answers.items():
-            rows.append(
-                (name, f"{each.serial_number:08x}", firmware(each), each.state.name.lower(), each.calibrated,
-                 each.length_known, each.reset_reason.name.lower(), each.ttl_ms,
-                 f"{each.tension_lower:g} to {each.tension_upper:g}", each.newton_per_ampere,
-                 1e3 * each.spool_radius)
-            )  # fmt: skip
+
+    def show(answers: dict[str, Info]) -> None:
+        rows = [
+            (name, f"{each.serial_number:08x}", firmware(each), each.state.name.lower(), each.calibrated,
+             each.length_known, each.reset_reason.name.lower(), each.ttl_ms,
+             f"{each.tension_lower:g} to {each.tension_upper:g}", each.newton_per_ampere,
+             1e3 * each.spool_radius)
+            for name, each in answers.items()
+        ]  # fmt: skip
         output.print_table(Table(INFO, rows))
-    exit_if_failed(failed)
+
+    print_all(find_links(links, modules), ModuleClient.hello, json, lambda each: {"info": _info_json(each)}, show)
 
 
 @module.command()
@@ -129,13 +115,13 @@ def identify(links: Links = None, modules: ModulesFile = None) -> None:
 
 
 @module.command()
-def stop(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
+def stop(links: Links = None, modules: ModulesFile = None, json: options.Json = False) -> None:
     """Stop modules: they release their cables and are idle. Exit status 1 if one did not confirm it."""
     _command(find_links(links, modules), Stop(), json)
 
 
 @module.command()
-def clear(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
+def clear(links: Links = None, modules: ModulesFile = None, json: options.Json = False) -> None:
     """Clear a fault or an emergency stop. Refused while the cause of a fault is still there."""
     _command(find_links(links, modules), Clear(), json)
 
@@ -143,54 +129,42 @@ def clear(links: Links = None, modules: ModulesFile = None, json: Json = False) 
 def _command(urls: Mapping[str, str], command: Message, json: bool) -> None:
     """Send all modules a command, and print in which state that left them."""
 
-    def send(client: ModuleClient) -> State | None:
+    def send(client: ModuleClient) -> dict[str, State | None]:
         try:
             client.command(command, PATIENT_TIMEOUTS_S)
         except ModuleFault:  # its driver is off already
             if not (isinstance(command, Stop) and client.state in LATCHED_STATES):
                 raise
-        return client.state
+        return {"state": client.state}
 
-    states, failed = call_all(urls, send)
-    if json:
-        output.print_json(
-            json_rows(urls, failed, lambda name: {"confirmed": name in states, "state": states.get(name)})
-        )
-    else:
-        for name, state in states.items():
+    def show(answers: dict[str, dict[str, State | None]]) -> None:
+        for name, answer in answers.items():
+            state = answer["state"]
             off = ": driver off; `tensionlab module clear` leads out of it" if state in LATCHED_STATES else ""
             typer.echo(f"{name}: {'done' if state is None else state.name.lower()}{off}")
-    exit_if_failed(failed)
 
-
-def _plain(info: Info) -> dict[str, Any]:
-    """Return a module's description as JSON has it."""
-    return {**asdict(info), "firmware": firmware(info)}
+    print_all(urls, send, json, lambda each: {"confirmed": each is not None, **(each or {"state": None})}, show)
 
 
 @config.command()
-def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Json = False) -> None:
+def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: options.Json = False) -> None:
     """Show parameters, such as slew or ttl; all of them if none is named."""
     named, others = _split(words, PARAMETERS.__contains__)
     named = named or list(PARAMETERS)
-    links = find_links(others, modules)
-    answers, failed = call_all(links, parameter_file.parameters)
-    if json:
-        output.print_json(
-            [
-                {"module": name, "url": links[name], "parameters": {each: found[each].value for each in named}}
-                for name, found in answers.items()
-            ]
-        )
-    elif answers:
+
+    def to_json(found: dict[str, ParameterValue] | None) -> dict[str, Any]:
+        return {"parameters": found and {name: found[name].value for name in named}}
+
+    def show(answers: dict[str, dict[str, ParameterValue]]) -> None:
         rows = [
-            [each, *(found[each].value for found in answers.values()), PARAMETERS[each].unit,
-             PARAMETERS[each].meaning if len(answers) == 1 else ""]
-            for each in named
+            [name, *(found[name].value for found in answers.values()), PARAMETERS[name].unit,
+             PARAMETERS[name].meaning if len(answers) == 1 else ""]
+            for name in named
         ]  # fmt: skip
-        columns = ["parameter", *(Column(name, format=plain) for name in answers), "unit", "what it is"]
+        columns = ["parameter", *(Column(module, format=plain) for module in answers), "unit", "meaning"]
         output.print_table(Table(columns, rows))
-    exit_if_failed(failed)
+
+    print_all(find_links(others, modules), parameter_file.parameters, json, to_json, show)
 
 
 @config.command(name="set")
@@ -206,8 +180,7 @@ def set_(words: LinksAndParameters = None, modules: ModulesFile = None, save: Sa
         except ValueError:
             raise typer.BadParameter(f"{name}={value}: give a number, such as {name}=50") from None
     parameter_file.checked(values, "set")
-    links = find_links(others, modules)
-    _change(links, lambda client: parameter_file.change(client, values, "set"), save)
+    _change(find_links(others, modules), values, "set", save)
 
 
 def _split(words: list[str] | None, is_parameter: Callable[[str], bool]) -> tuple[list[str], list[str]]:
@@ -217,64 +190,36 @@ def _split(words: list[str] | None, is_parameter: Callable[[str], bool]) -> tupl
 
 
 @config.command()
-def dump(
-    links: Links = None,
-    modules: ModulesFile = None,
-    folder: Annotated[
-        Path | None,
-        options.writes_folder(
-            "Write NAME.toml for each module to this folder; made if it is not there.", names=["--folder"]
-        ),
-    ] = None,
-) -> None:
-    """Print all parameters of a module as a file (TOML); those of several go to a folder."""
+def dump(links: Links = None, modules: ModulesFile = None) -> None:
+    """Print all parameters of a module as a file (TOML)."""
     urls = find_links(links, modules)
-    if folder is None and len(urls) > 1:
-        raise typer.BadParameter("more than one module; give --folder DIRECTORY, for a file of each")
-    if folder is not None and modules is None:
-        raise typer.BadParameter("--folder needs --modules FILE, whose names the files get")
+    if len(urls) > 1:
+        raise typer.BadParameter("more than one module; name one")
     texts, failed = call_all(urls, parameter_file.dump)
-    with output.ResultWriter() as writer:
-        if folder is None:
-            for text in texts.values():
-                typer.echo(text, nl=False)
-        else:
-            make_folder(folder)
-            for name, text in texts.items():
-                file = parameter_file.parameter_path(folder, name)
-                if writer.write("", file, partial(write_text, text=text)):
-                    typer.echo(file)
-        exit_if_failed(failed)
+    typer.echo("".join(texts.values()), nl=False)
+    exit_if_failed(failed)
 
 
 @config.command()
 def restore(
-    path: Annotated[
-        Path, typer.Argument(metavar="FILE", help="What dump wrote, or a part of it; a folder with --modules.")
-    ],
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="What dump wrote, or a part of it.")],
     links: Links = None,
     modules: ModulesFile = None,
     save: Save = False,
 ) -> None:
     """Set the parameters of modules from a file, until the next start, or for good with --save.
 
-    What the file does not name stays as it is. All values are checked before the first is changed. One file
-    serves several modules; in a folder, each has its NAME.toml.
+    What the file does not name stays as it is. All values are checked before the first is changed.
     """
-    urls = find_links(links, modules)
-    files = {name: parameter_file.parameter_path(path, name) if path.is_dir() else path for name in urls}
-    values = {
-        name: parameter_file.parse(read_text(file, "a file of parameters (*.toml)", HardwareError), str(file))
-        for name, file in files.items()
-    }
-    _change(urls, lambda client: parameter_file.change(client, values[client.name], str(files[client.name])), save)
+    text = read_text(path, "a file of parameters (*.toml)", HardwareError)
+    _change(find_links(links, modules), parameter_file.parse(text, str(path)), str(path), save)
 
 
-def _change(links: Mapping[str, str], job: Callable[[ModuleClient], list[Change]], save: bool) -> None:
+def _change(links: Mapping[str, str], values: Mapping[str, float], source: str, save: bool) -> None:
     """Change parameters of all modules, store them if ``save``, and print what changed."""
 
     def change_and_save(client: ModuleClient) -> list[Change]:
-        changes = job(client)
+        changes = parameter_file.change(client, values, source)
         if save:
             client.command(messages.Save())
         return changes

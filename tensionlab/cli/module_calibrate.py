@@ -11,8 +11,8 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import RigArgument
-from tensionlab.cli.common.verbs import Json, Verbs
+from tensionlab.cli.common.options import flag, option
+from tensionlab.cli.common.verbs import Verbs
 from tensionlab.hardware.calibration import anchors as calibration
 from tensionlab.hardware.calibration import lengths as length_calibration
 from tensionlab.hardware.calibration.anchors import AnchorEstimate
@@ -35,12 +35,8 @@ calibrate = Verbs("Calibrate modules and rigs.")
 Url = Annotated[
     str, typer.Argument(metavar="URL", help="Link to the module, or sim: for a simulated one with a mass on it.")
 ]
-ModulesOfRig = Annotated[
-    Path, typer.Option("--modules", metavar="FILE", help="Modules file (TOML): the link to each module.")
-]
-SIMULATED_CONSTANT = (
-    1.1  # torque constant of `sim:` divided by the data sheet's, so that there is an error to find
-)
+ModulesOfRig = Annotated[Path, option("FILE", "Modules file (TOML): the link to each module.", "--modules")]
+SIMULATED_CONSTANT = 1.1  # torque constant of `sim:` divided by the data sheet's: an error to find
 LARGEST_UNCERTAINTY = 0.05  # share of a gain: a less certain one is not written to a module
 
 
@@ -48,27 +44,22 @@ LARGEST_UNCERTAINTY = 0.05  # share of a gain: a less certain one is not written
 @output.if_interrupted(output.NOTHING_KEPT)
 def gain(
     url: Url,
-    mass: Annotated[
-        list[float], typer.Option(metavar="KG", help="Mass to hang on the cable; two or more are better.")
-    ],
-    repeat: Annotated[int, typer.Option(metavar="N", help="How often each mass is lifted.", min=2, max=100)] = 5,
-    write: Annotated[
-        bool, typer.Option("--write", help="Write the N/A to the module, and save it there.")
-    ] = False,
-    json: Json = False,
+    mass: Annotated[list[float], option("KG", "Mass to hang on the cable; two or more are better.")],
+    repeat: Annotated[int, option("N", "How often each mass is lifted.", min=2, max=100)] = 5,
+    write: Annotated[bool, flag("--write", "Write the N/A to the module, and save it there.")] = False,
+    json: options.Json = False,
 ) -> None:
-    """Find N/A, friction and zero current of a module.
+    """Find N/A, friction and zero current of a module from masses on its cable.
 
-    From masses on its cable. The module stands above, and the mass hangs still or stands
-    on something, with 5 cm to rise. It is lifted and lowered slowly, some mm each time. Exit status 1 if the
-    result is too uncertain to be written.
+    The module stands above, and the mass hangs still or stands on something, with 5 cm to rise. It is lifted and
+    lowered slowly, some mm each time. Exit status 1 if the result is too uncertain to be written.
     """
     for each in mass:
         if not 0.0 < each < 100.0:
             raise typer.BadParameter(f"--mass {each:g}: give kg, above 0 and below 100")
     with _open(url) as client:
         before = client.hello().newton_per_ampere
-        found = estimate_gain(_weigh_all(client, mass, repeat), before)
+        found = estimate_gain([each for kg in mass for each in _weigh(client, kg, repeat)], before)
         uncertainty = found.gain.half_width / found.gain.value
         written = write and uncertainty <= LARGEST_UNCERTAINTY
         if written:
@@ -79,19 +70,18 @@ def gain(
             url=url,
             newton_per_ampere_before=found.previous_gain,
             newton_per_ampere=found.gain,
-            friction=found.friction,
-            zero=found.zero,
+            **output.fields(found, "friction", "zero", "balances"),
             error_before=found.before,
             error_after=found.after,
-            balances=found.balances,
             written=written,
         )
     else:
-        _print_gain(url, found)
+        table = _gain_table(url, found)
         if written:
-            output.print_line(
-                "\nWritten and saved. Saving may make a module forget its cable's length: calibrate that next."
+            table.notes.append(
+                "Written and saved. Saving may make a module forget its cable's length: calibrate that next."
             )
+        output.print_table(table)
     if write and not written:
         certain = f"N/A is only certain to {100 * uncertainty:.1f} %"
         output.print_error(f"not written: {certain}; take masses that differ more, or more repeats")
@@ -108,20 +98,17 @@ def _open(url: str) -> ModuleClient:
     return ModuleClient("sim", SimulatedLink(HangingMass(0.1, plant={"torque_constant": constant})))
 
 
-def _weigh_all(client: ModuleClient, masses: list[float], repeat: int) -> list[Balance]:
-    """Have each mass hung on the cable, and lift it."""
-    balances = []
-    for mass in masses:
-        if isinstance(client.link, SimulatedLink) and isinstance(client.link.module, HangingMass):
-            client.link.module.mass = mass
-        else:
-            output.wait_for_enter(f"Hang {mass:g} kg on the cable, still, with 5 cm to rise")
-        with output.progress(f"{mass:g} kg") as progress:
-            balances += weigh(client, mass, repeat, progress)
-    return balances
+def _weigh(client: ModuleClient, mass: float, repeat: int) -> list[Balance]:
+    """Have a mass hung on the cable, and lift it."""
+    if isinstance(client.link, SimulatedLink) and isinstance(client.link.module, HangingMass):
+        client.link.module.mass = mass
+    else:
+        output.wait_for_enter(f"Hang {mass:g} kg on the cable, still, with 5 cm to rise")
+    with output.progress(f"{mass:g} kg") as progress:
+        return weigh(client, mass, repeat, progress)
 
 
-def _print_gain(url: str, found: GainEstimate) -> None:
+def _gain_table(url: str, found: GainEstimate) -> Table:
     rows = [
         (name, before, round(each.value, digits), f"{each.lower:.{digits}f} to {each.upper:.{digits}f}")
         for name, before, each, digits in (
@@ -133,12 +120,12 @@ def _print_gain(url: str, found: GainEstimate) -> None:
     ]
     rows.append(("error of tension (rms), N", round(found.before, 3), round(found.after, 3), ""))
     columns = ["", "before", "now", Column("interval", "95 %")]
-    output.print_table(Table(columns, rows, f"{len(found.balances)} balances at {url}"))
+    return Table(columns, rows, f"{len(found.balances)} balances at {url}")
 
 
 @calibrate.command()
 @output.if_interrupted(output.NOTHING_KEPT)
-def lengths(path: RigArgument, modules: ModulesOfRig, json: Json = False) -> None:
+def lengths(path: options.RigArgument, modules: ModulesOfRig, json: options.Json = False) -> None:
     """Set the cable lengths of all modules of a rig.
 
     Hold the platform at the rig's home meanwhile. Modules forget them when they restart, and perhaps when they
@@ -169,45 +156,42 @@ def lengths(path: RigArgument, modules: ModulesOfRig, json: Json = False) -> Non
 @calibrate.command()
 @output.if_interrupted(output.NOTHING_KEPT)
 def record(
-    path: RigArgument,
+    path: options.RigArgument,
     modules: ModulesOfRig,
     out: Annotated[Path, options.writes("Write the lengths to this file.", ".csv", metavar="CSV")],
-    poses: Annotated[int, typer.Option(metavar="N", help="End after this number of poses.", min=1)] = 30,
-    seconds: Annotated[
-        float, typer.Option(metavar="S", help="End after this time at the latest, in s.", min=1.0)
-    ] = 300.0,
+    poses: Annotated[int, option("N", "End after this number of poses.", min=1)] = 30,
+    seconds: Annotated[float, option("S", "End after this time at the latest, in s.", min=1.0)] = 300.0,
 ) -> None:
     """Record cable lengths at poses, for `anchors`.
 
     Move the platform, and hold it still for half a second at each pose. Spread the poses over the whole
-    workspace. The result is for `anchors`; columns x, y and z may be added to it.
+    workspace. Columns x, y and z may be added to the file.
     """
     rig = load_rig(path)
-
-    def report(count: int) -> None:
-        typer.echo(f"pose {count}", err=True)
-
     with _group(rig, modules) as group:
-        clock = RealClock(group.clients)
-        measured = length_calibration.record_lengths(group, rig, clock, poses, seconds, report)
+        measured = length_calibration.record_lengths(
+            group,
+            rig,
+            RealClock(group.clients),
+            poses,
+            seconds,
+            lambda count: typer.echo(f"pose {count}", err=True),
+        )
     with output.ResultWriter() as writer:
         writer.write_text(f"{len(measured)} poses", out, table_text(length_calibration.columns(rig, measured)))
 
 
 @calibrate.command()
 def anchors(
-    path: RigArgument,
+    path: options.RigArgument,
     measured: Annotated[Path, typer.Argument(metavar="LENGTHS", help="CSV: a column of lengths for each module.")],
     known: Annotated[
-        bool, typer.Option("--known", help="The file's x, y, z (and rotation) are where the platform was.")
-    ] = False,
-    offsets: Annotated[
-        bool, typer.Option("--offsets", help="Also find a constant error of each cable's length.")
+        bool, flag("--known", "The file's x, y, z (and rotation) are where the platform was.")
     ] = False,
     out: Annotated[
         Path | None, options.writes("Write the calibrated rig to this file.", ".toml", metavar="RIG")
     ] = None,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Find the anchors of a rig from cable lengths.
 
@@ -220,8 +204,8 @@ def anchors(
     values, poses = length_calibration.load_lengths(measured, rig)
     if known and poses is None:
         raise typer.BadParameter(f"--known: {measured} has no columns x, y (and z) of the poses")
-    found = calibration.calibrate_anchors(rig, values, poses, known=known, offsets=offsets)
-    misfits = calibration.length_errors(rig, values, found, known=known, offsets=offsets)
+    found = calibration.calibrate_anchors(rig, values, poses, known=known)
+    errors = calibration.length_errors(rig, values, found, known=known, offsets=False)
     how = f"{len(values)} {'known' if known else 'unknown'} poses"
     with output.ResultWriter(quiet=json) as writer:
         if out is not None:
@@ -231,37 +215,27 @@ def anchors(
         if json:
             columns = {"nominal": rig.anchors, "anchor": found.anchors, "deviation": found.deviations,
                        "interval": found.intervals}  # fmt: skip
-            output.print_json(
-                rig=rig.name,
-                poses=len(values),
-                known=known,
-                freedom=found.freedom,
-                length_deviation=found.sigma,
-                misfit=misfits,
-                modules=[
-                    {"name": module.name}
-                    | {name: column[j] for name, column in columns.items()}
-                    | {"length_offset": found.offsets[j] if offsets else None}
-                    for j, module in enumerate(rig.modules)
-                ],
-                written=out,
-            )
+            rows = [
+                {"name": module.name} | {name: column[j] for name, column in columns.items()}
+                for j, module in enumerate(rig.modules)
+            ]
+            output.print_json(rig=rig.name, poses=len(values), known=known, freedom=found.freedom,
+                              length_deviation=found.sigma, misfit=errors, modules=rows, written=out)  # fmt: skip
         else:
-            _print_anchors(rig, found, f"{rig.name}: anchors from {how} (± 95 %)", offsets=offsets)
-            before, after, held = (
-                "–" if math.isnan(each) else f"{1e3 * each:.2f} mm" for each in misfits.values()
-            )
-            output.print_line(
-                f"\nError of the lengths: {before} before, {after} now, {held} at poses that were held out "
-                f"({'rms' if known else 'rms, beyond what the poses take up'})."
-            )
+            table = _anchors_table(rig, found, f"{rig.name}: anchors from {how} (± 95 %)")
+            before, after, held = ("–" if math.isnan(each) else f"{1e3 * each:.2f} mm" for each in errors.values())
+            kind = "rms" if known else "rms, beyond what the poses take up"
+            table.notes = [
+                f"Error of the lengths: {before} before, {after} now, {held} at poses that were held out ({kind})."
+            ]
             if not known:
-                output.print_line(
+                table.notes.append(
                     "The rig's place and rotation are kept as in the rig file: lengths cannot show them."
                 )
+            output.print_table(table)
 
 
-def _print_anchors(rig: Rig, found: AnchorEstimate, title: str, *, offsets: bool) -> None:
+def _anchors_table(rig: Rig, found: AnchorEstimate, title: str) -> Table:
     moved = np.linalg.norm(found.anchors - rig.anchors, axis=1)
     rows = []
     for j, module in enumerate(rig.modules):
@@ -269,10 +243,9 @@ def _print_anchors(rig: Rig, found: AnchorEstimate, title: str, *, offsets: bool
             f"{x:.4f} ± {'–' if math.isnan(width) else f'{width:.4f}'}"
             for x, width in zip(found.anchors[j], found.intervals[j], strict=True)
         ]
-        rows.append((module.name, *places, 1e3 * moved[j], 1e3 * found.offsets[j] if offsets else None))
+        rows.append((module.name, *places, 1e3 * moved[j]))
     axes = [Column(axis, "m") for axis in "xyz"[: rig.dimension]]
-    columns = ["module", *axes, Column("moved", "mm", ".1f"), Column("length error", "mm", "+.1f")]
-    output.print_table(Table(columns, rows, title))
+    return Table(["module", *axes, Column("moved", "mm", ".1f")], rows, title)
 
 
 def _group(rig: Rig, modules: Path) -> closing[ModuleGroup]:

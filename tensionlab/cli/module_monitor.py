@@ -8,13 +8,13 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, nullcontext
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from tensionlab.cli.common import output
+from tensionlab.cli.common import options, output
 from tensionlab.cli.common.links import Links, ModulesFile, call_all, exit_if_failed, find_links
-from tensionlab.cli.common.verbs import Json
+from tensionlab.cli.common.options import option
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
 from tensionlab.hardware.client.diagnostics import RoundTrips, is_bluetooth, measure, safe_rates
 from tensionlab.hardware.client.links import OPENERS
@@ -38,7 +38,7 @@ TELEMETRY = ("module", "state", Column("tension", "N", ".2f"), Column("current",
 # Columns of `ping`.
 PERCENTILES = {"p50": 50.0, "p95": 95.0, "p99": 99.0, "max": 100.0}
 TRIPS = ("module", "pings", "lost", *(Column(name, "ms", format_number) for name in PERCENTILES),
-         Column("TTL", "ms", ".0f"), Column("safe rate", "Hz"), Column("clock", "s"))  # fmt: skip
+         Column("TTL", "ms", ".0f"), Column("safe rate", "Hz"))  # fmt: skip
 
 
 class WatchedModule:
@@ -69,10 +69,8 @@ Monitored = dict[str, ModuleClient | WatchedModule]
 def monitor(
     links: Links = None,
     modules: ModulesFile = None,
-    seconds: Annotated[
-        float, typer.Option(metavar="S", help="How long; until Ctrl-C if left out.", min=0.1)
-    ] = math.inf,
-    json: Json = False,
+    seconds: Annotated[float, option("S", "How long; until Ctrl-C if left out.", min=0.1)] = math.inf,
+    json: options.Json = False,
 ) -> None:
     """Show the telemetry of modules in a live table, also of those in a run.
 
@@ -89,14 +87,13 @@ def monitor(
         raise typer.Exit(1)
     with ExitStack() as stack:
         found, failed = _connect(urls)
-        for each in found.values():
-            if isinstance(each, ModuleClient):
-                stack.callback(each.close)
-        processes = {each.process for each in found.values() if isinstance(each, WatchedModule)}
+        clients = [each for each in found.values() if isinstance(each, ModuleClient)]
+        watched = {each.url: each for each in found.values() if isinstance(each, WatchedModule)}
+        processes = {each.process for each in watched.values()}
         watchers = [Watcher(process.port, process.token) for process in processes if process.port is not None]
-        for watcher in watchers:
-            stack.callback(watcher.close)
-        clock = RealClock(each for each in found.values() if isinstance(each, ModuleClient))
+        for close in (*(client.close for client in clients), *(watcher.close for watcher in watchers)):
+            stack.callback(close)
+        clock = RealClock(clients)
         end = clock.now() + seconds
         shown = sys.stdout.isatty() and not json
         live = Live(output.styled(_telemetry_table(found, failed)), console=output.console(), auto_refresh=False)
@@ -107,14 +104,19 @@ def monitor(
                 for watcher in watchers:
                     watcher.ask()
                 clock.wait_until(clock.now() + REFRESH_PERIOD_S)
-                reports = {report.url: report for watcher in watchers for report in watcher.reports()}
-                for name, each in found.items():
-                    if isinstance(each, WatchedModule) and each.url in reports:
-                        each.take(reports[each.url])
-                    _check(name, each, failed)
+                for report in (report for watcher in watchers for report in watcher.reports()):
+                    if report.url in watched:
+                        watched[report.url].take(report)
+                for name, module in found.items():
+                    try:
+                        module.check()
+                    except LinkError as error:
+                        failed[name] = error
+                    except ModuleFault:
+                        pass  # the table has it
                 live.update(output.styled(_telemetry_table(found, failed)), refresh=shown)
         if json:
-            output.print_json([_telemetry_json(urls[name], each) for name, each in found.items()])
+            output.print_json([_telemetry_json(urls[name], module) for name, module in found.items()])
         elif not shown:
             output.print_table(_telemetry_table(found, failed))
         exit_if_failed(failed)
@@ -139,16 +141,6 @@ def _connect(links: dict[str, str]) -> tuple[Monitored, dict[str, HardwareError]
     with ThreadPoolExecutor(len(links)) as threads:
         reached = dict(zip(links, threads.map(connect, links), strict=True))
     return {name: each for name, each in reached.items() if each is not None}, failed
-
-
-def _check(name: str, each: ModuleClient | WatchedModule, failed: dict[str, HardwareError]) -> None:
-    """Keep the error of a link that broke. A fault of the module is in the table."""
-    try:
-        each.check()
-    except LinkError as error:
-        failed[name] = error
-    except ModuleFault:
-        pass
 
 
 def _telemetry_table(found: Monitored, failed: dict[str, HardwareError]) -> Table:
@@ -193,11 +185,29 @@ def _telemetry_json(url: str, each: ModuleClient | WatchedModule) -> dict[str, A
     }
 
 
+class Latency(NamedTuple):
+    """Round trips to a module, its time to live in s, and its safe rates in Hz, if there are any."""
+
+    trips: RoundTrips
+    ttl: float
+    safe_rate: tuple[float, float] | None
+
+    @property
+    def percentiles(self) -> dict[str, float]:
+        """Percentiles of the round-trip time in s."""
+        return {name: self.trips.percentile(share) for name, share in PERCENTILES.items()}
+
+    @property
+    def pings(self) -> int:
+        """Number of pings sent."""
+        return len(self.trips.times) + self.trips.lost
+
+
 def ping(
     links: Links = None,
     modules: ModulesFile = None,
-    count: Annotated[int, typer.Option(metavar="N", help="Pings to each module.", min=1)] = 200,
-    json: Json = False,
+    count: Annotated[int, option("N", "Pings to each module.", min=1)] = 200,
+    json: options.Json = False,
 ) -> None:
     """Measure the latency of links to modules.
 
@@ -207,69 +217,45 @@ def ping(
     often enough that all three could be. The highest is 100 Hz over Bluetooth and 1000 Hz over anything else. All
     modules are measured at the same time. Ctrl-C ends it early. Exit status 1 where a module does not answer, or
     no rate is safe.
-
-    The clock is how much the module's is ahead of this computer's, as exact as half the shortest trip; it wraps
-    around after 71 minutes.
     """
     urls = find_links(links, modules)
     done = dict.fromkeys(urls, 0)
-    ttls: dict[str, float] = {}
-
     with output.until_interrupted("nothing was changed; the same command measures again") as interrupted:
 
-        def job(client: ModuleClient) -> RoundTrips:
-            ttls[client.name] = 1e-3 * client.hello().ttl_ms
-
+        def job(client: ModuleClient) -> Latency:
             def report(now: int) -> bool:
                 done[client.name] = now
                 progress(min(done.values()) / count)
                 return not interrupted()
 
-            return measure(client, count, report)
+            ttl = 1e-3 * client.hello().ttl_ms
+            trips = measure(client, count, report)
+            return Latency(trips, ttl, safe_rates(trips, ttl, bluetooth=is_bluetooth(urls[client.name])))
 
         with output.progress("pinging") as progress:
-            trips, failed = call_all(urls, job)
-        rates = {
-            name: safe_rates(each, ttls[name], bluetooth=is_bluetooth(urls[name])) for name, each in trips.items()
-        }
+            found, failed = call_all(urls, job)
         if json:
-            output.print_json([_trips_json(urls, name, trips[name], rates[name], ttls[name]) for name in trips])
-        elif trips:
-            output.print_table(_trips_table(trips, rates, ttls))
-        for name, safe in rates.items():
-            if safe is None:
-                output.print_error(
-                    f"{name}: no rate is safe over this link; make it better, or raise the module's "
-                    f"parameter ttl (`tensionlab module config set {urls[name]} ttl=...`)"
-                )
+            output.print_json(
+                [
+                    {"module": name, "url": urls[name], "pings": each.pings, "lost": each.trips.lost,
+                     "seconds": each.percentiles, "ttl": each.ttl, "safe_rate": each.safe_rate}
+                    for name, each in found.items()
+                ]
+            )  # fmt: skip
+        elif found:
+            rows = [
+                (name, each.pings, each.trips.lost, *(1e3 * trip for trip in each.percentiles.values()),
+                 1e3 * each.ttl,
+                 "{:.0f} to {:.0f}".format(*each.safe_rate) if each.safe_rate else "none")
+                for name, each in found.items()
+            ]  # fmt: skip
+            output.print_table(Table(TRIPS, rows))
+        unsafe = [name for name, each in found.items() if each.safe_rate is None]
+        for name in unsafe:
+            output.print_error(
+                f"{name}: no rate is safe over this link; make it better, or raise the module's "
+                f"parameter ttl (`tensionlab module config set {urls[name]} ttl=...`)"
+            )
         exit_if_failed(failed)
-        if None in rates.values():
+        if unsafe:
             raise typer.Exit(1)
-
-
-def _trips_table(
-    trips: dict[str, RoundTrips], rates: dict[str, tuple[float, float] | None], ttls: dict[str, float]
-) -> Table:
-    rows = []
-    for name, each in trips.items():
-        times = [1e3 * each.percentile(share) for share in PERCENTILES.values()]
-        rate = "none" if (safe := rates[name]) is None else f"{safe[0]:.0f} to {safe[1]:.0f}"
-        clock = f"{each.offset:.4f} ± {each.offset_error:.4f}" if each.times else None
-        rows.append((name, len(each.times) + each.lost, each.lost, *times, 1e3 * ttls[name], rate, clock))
-    return Table(TRIPS, rows)
-
-
-def _trips_json(
-    urls: dict[str, str], name: str, trips: RoundTrips, rate: tuple[float, float] | None, ttl: float
-) -> dict[str, Any]:
-    return {
-        "module": name,
-        "url": urls[name],
-        "pings": len(trips.times) + trips.lost,
-        "lost": trips.lost,
-        "seconds": {key: trips.percentile(share) for key, share in PERCENTILES.items()},
-        "ttl": ttl,
-        "safe_rate": rate,
-        "clock_offset": trips.offset,
-        "clock_offset_error": trips.offset_error,
-    }

@@ -101,7 +101,6 @@ def test_ping_tells_percentiles_and_the_safe_rate(run, reach):
         least, most = found["safe_rate"]
         assert least == pytest.approx(3 / (0.25 - times["p99"] / 2))
         assert most == 1000.0
-        assert found["clock_offset_error"] < 0.05
     status, out, _ = run("module", "ping", "--count", "5", urls["top"])
     assert status == 0
     assert out.splitlines()[-1].split()[:3] == [urls["top"], "5", "0"]
@@ -216,35 +215,24 @@ def test_parameters_from_one_module_to_a_file_and_back(call, tmp_path, urls):
     status, out, _ = call("config set", "top", "slew=50", "ttl=200")
     assert (status, out) == (0, "top: slew 60.0 -> 50.0\ntop: ttl 250.0 -> 200.0\n")
     status, out, _ = call("config get", "top", "slew", "--json")
-    assert json.loads(out) == [{"module": "top", "url": urls["top"], "parameters": {"slew": 50.0}}]
+    assert json.loads(out) == [{"module": "top", "url": urls["top"], "parameters": {"slew": 50.0}, "error": None}]
     status, out, _ = call(f"config restore {file}", "top", "--save")
     assert out == "top: slew 50.0 -> 60.0\ntop: ttl 200.0 -> 250.0\ntop: stored\n"
     assert call(f"config restore {file}", "top")[1] == "top: nothing to change\n"
+    file.write_text("[parameters]\nspool_radius = 0.02\n")
+    assert call(f"config restore {file}", "top")[1].splitlines() == [
+        "top: spool_radius 0.0195 -> 0.02",
+        "top: it no longer knows how long its cable is; calibrate that",
+    ]
+    file.write_text("[parameters]\nspool_radius = 2\n")
+    status, out, err = call(f"config restore {file}", "top")
+    assert (status, out) == (2, "")
+    assert "top.toml: spool_radius is from 0.005 to 0.1 m; got 2" in err
     status, out, _ = call("config get", "top", "floor-1", "slew", "ttl")
     assert [line.split() for line in out.splitlines()[2:]] == [
         ["slew", "60.0", "60.0", "N/s"],
         ["ttl", "250.0", "250.0", "ms"],
     ]
-
-
-def test_names_that_are_no_file_names_stay_inside_the_folder(run, tmp_path):
-    folder, file = tmp_path / "in" / "here", tmp_path / "modules.toml"
-    folder.parent.mkdir()
-    files = {
-        "../../../x": "..%2F..%2F..%2Fx",
-        "..": "..",
-        "100 %": "100 %25",
-        "a\\b": "a%5Cb",
-        "ü→ [red]": "ü→ [red]",
-    }
-    for name in files:
-        file.write_text(f"[modules]\n'{name}' = 'sim:'\n", encoding="utf-8")
-        status, out, err = run("module", "config", "dump", "--modules", file, "--folder", folder)
-        assert (status, err) == (0, "")
-        assert Path(out.strip()).parent == folder
-        said = run("module", "config", "restore", folder, "--modules", file)[1]
-        assert said == f"{name}: nothing to change\n"
-    assert {path.name for path in folder.iterdir()} == {f"{name}.toml" for name in files.values()}
 
 
 class Elsewhere:
@@ -307,22 +295,3 @@ def test_monitor_says_that_the_other_process_has_ended(run, monkeypatch, simulat
     status, _, err = run("module", "monitor", "--seconds", "20", *OTHERS.values())
     assert status == 1
     assert "process 4711 (tensionlab run floor) has ended or released it; start the monitor again" in err
-
-
-def test_parameters_of_all_modules_in_a_folder(call, tmp_path, urls):
-    status, out, _ = call("config dump", "--folder", str(tmp_path))
-    assert status == 0
-    assert sorted(Path(line).stem for line in out.split()) == sorted(urls)
-    (tmp_path / "top.toml").write_text("[parameters]\nspool_radius = 0.02\n")
-    status, out, _ = call(f"config restore {tmp_path}")
-    assert out.splitlines() == [
-        "floor-1: nothing to change",
-        "floor-2: nothing to change",
-        "floor-3: nothing to change",
-        "top: spool_radius 0.0195 -> 0.02",
-        "top: it no longer knows how long its cable is; calibrate that",
-    ]
-    (tmp_path / "top.toml").write_text("[parameters]\nspool_radius = 2\n")
-    status, out, err = call(f"config restore {tmp_path}")
-    assert (status, out) == (2, "")
-    assert "top.toml: spool_radius is from 0.005 to 0.1 m; got 2" in err

@@ -67,7 +67,7 @@ RECIPES = {
     "module monitor": "module monitor sim: --seconds 0.1",
     "module ping": "module ping sim: --count 2",
     "module stop": "module stop sim:",
-    "module discover": "module discover sim:",
+    "module discover": "module discover",
     "new": "new rig --out rig.toml",
     "view": "view cube-8 --no-browser",
     "rig show": "rig show rig.toml --plot r.png",

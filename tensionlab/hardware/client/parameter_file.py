@@ -15,12 +15,9 @@ A file may leave parameters out; those stay as they are.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from pathlib import Path
-from urllib.parse import quote
 
 import numpy as np
 
@@ -42,7 +39,6 @@ LOWER_BOUNDS = frozenset({"tension_lower", "length_lower", "supply_lower"})
 # Parameters whose change makes a module forget its cable's length.
 LENGTH_PARAMETERS = frozenset({"spool_radius", "motor_direction"})
 COMMENT_COLUMN = 34
-UNFIT_CHARACTERS = re.compile(r'[%/\\:*?"<>|]')  # in a file name, on some system
 
 
 @dataclass(frozen=True)
@@ -69,11 +65,6 @@ def dump(client: ModuleClient) -> str:
         comment = f"# {PARAMETERS[name].unit}{bounds}: {PARAMETERS[name].meaning}"
         lines.append(f"{name} = {plain(found.value)}".ljust(COMMENT_COLUMN) + comment)
     return "\n".join([*lines, ""])
-
-
-def parameter_path(folder: Path, module: str) -> Path:
-    """Return the path of a module's file in a folder, NAME.toml, with a slash as %2F and a per cent as %25."""
-    return folder / (UNFIT_CHARACTERS.sub(lambda found: quote(found[0], safe=""), module) + ".toml")
 
 
 def parse(text: str, origin: str) -> dict[str, float]:
