@@ -11,17 +11,17 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Policy, RigArgument, Solver, View
+from tensionlab.cli.common.options import option
 from tensionlab.cli.common.runs import end_run, open_sinks, reach_modules, show_run
 from tensionlab.demand import Demand, DemandSource, Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Fault, Limit, State
 from tensionlab.hardware.runner.program import load_program
+from tensionlab.hardware.runner.records import Cycle
 from tensionlab.hardware.runner.runner import Runner, Tracker
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_duration
 from tensionlab.support.table import Column, Table
 
@@ -33,47 +33,35 @@ REFRESH_RATE_HZ = 5.0  # rate of the live table
 
 
 def run(
-    rig: RigArgument,
-    modules: Modules = None,
-    solver: Solver = "newton",
-    policy: Policy = None,
+    rig: options.RigArgument,
+    modules: options.Modules = None,
+    solver: options.Solver = "newton",
+    policy: options.Policy = None,
     force: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X Y Z", help="Desired force in N; torques in N·m may follow, and are 0 if left out."
-        ),
+        str | None, option("X Y Z", "Desired force in N; torques in N·m may follow, and are 0 if left out.")
     ] = None,
-    program: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Program (TOML): desired wrenches one after another.")
-    ] = None,
+    program: Annotated[Path | None, option("FILE", "Program (TOML): desired wrenches one after another.")] = None,
     at: Annotated[
         str | None,
-        typer.Option(
-            metavar="X Y Z", help="Position of the point in m; computed from the cable lengths if left out."
-        ),
+        option("X Y Z", "Position of the point in m; computed from the cable lengths if left out."),
     ] = None,
-    rate: Annotated[
-        float, typer.Option(metavar="HZ", callback=options.require_positive, help="Cycles per second.")
-    ] = 50.0,
+    rate: Annotated[float, option("HZ", "Cycles per second.", callback=options.require_positive)] = 50.0,
     ttl: Annotated[
         float,
-        typer.Option(
-            metavar="S",
+        option(
+            "S",
+            "Time to live of a set-point in a module, in s; a module that is silent for longer is lost.",
             callback=options.require_positive,
-            help="Time to live of a set-point in a module, in s; a module that is silent for longer is lost.",
         ),
     ] = 0.25,
-    seconds: Duration = None,
+    seconds: options.Duration = None,
     on_loss: Annotated[
-        str,
-        typer.Option(
-            metavar="stop|continue", help="When a module is lost: stop all, or continue with the others."
-        ),
+        str, option("stop|continue", "When a module is lost: stop all, or continue with the others.")
     ] = "stop",
-    log: Log = None,
-    lsl: Lsl = False,
-    view: View = False,
-    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON, and no live table.")] = False,
+    log: options.Log = None,
+    lsl: options.Lsl = False,
+    view: options.View = False,
+    json: options.Json = False,
 ) -> None:
     """Render forces on the modules of a rig. Without a force or a program, the cables are held taut.
 
@@ -122,7 +110,7 @@ def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
         return lambda state: Demand()
     wrench = np.array(options.parse_numbers("--force", force))
     if wrench.size != rig.dimension:
-        options.check_components("--force", wrench.tolist(), options.wrench_components(rig), rig.name)
+        wrench = np.array(options.parse_components("--force", force, options.wrench_components(rig), rig.name))
     constant = Demand(np.pad(wrench, (0, rig.n - wrench.size)))
     return lambda state: constant
 
@@ -139,61 +127,53 @@ def _tracker(rig: Rig, at: str | None) -> Tracker | None:
 
 def live_table(runner: Runner) -> RenderableType:
     """Return a table of how each module is now, and how the run goes."""
-    from rich.text import Text
-
-    cycle = runner.latest
+    cycle, statistics = runner.latest, runner.statistics
     if cycle is None:
-        return Text("arming, and reeling in slack cables: hold the platform still ...")
-    state = cycle.state
-    wrench = cycle.demand.wrench if cycle.demand.desired is None else cycle.demand.desired
-    desired = "taut cables" if wrench is None else _components(wrench)
-    measured = _components(state.structure @ np.nan_to_num(state.tensions))
+        return "arming, and reeling in slack cables: hold the platform still ..."
+    state, wrenches = cycle.state, _wrenches(cycle)
     rows = []
     for index, module in enumerate(runner.rig.modules):
-        limit, faults = Limit(int(state.limiters[index])), Fault(int(state.faults[index]))
-        active = state.active[index]
-        limited_by = limit.name.lower() if active and limit is not Limit.NONE else ""
-        now = State(int(state.states[index])).name.lower() if active else f"lost {faults.name or ''}"
-        rows.append((module.name, cycle.commanded[index], state.tensions[index], limited_by or "–", now,
+        if state.active[index]:
+            limit, now = Limit(int(state.limiters[index])), State(int(state.states[index])).name.lower()
+        else:
+            limit, now = Limit.NONE, f"lost {Fault(int(state.faults[index])).name or ''}"
+        rows.append((module.name, cycle.commanded[index], state.tensions[index],
+                     "–" if limit is Limit.NONE else limit.name.lower(), now,
                      100.0 * state.thermal[index], 1e3 * state.ages[index]))  # fmt: skip
-    times, statistics = runner.statistics.percentiles(), runner.statistics
-    figures = [statistics.answers, f"start jitter {format_duration(times['start_delay'][1])}"]
-    figures.append(f"compute time {format_duration(times['compute_time'][1])} (p99)")
+    jitter, compute = (format_duration(times[1]) for times in statistics.percentiles().values())
+    notes = f"{statistics.answers} · start jitter {jitter} · compute time {compute} (p99)"
     if statistics.missed:
-        figures.append(f"{statistics.missed} deadlines missed")
-    title = f"{runner.rig.name}, {state.time:.1f} s: desired {desired}, measured {measured}"
+        notes += f" · {statistics.missed} deadlines missed"
+    title = f"{runner.rig.name}, {state.time:.1f} s: desired {wrenches.get('desired', 'taut cables')}"
     columns = ["module", Column("commanded", "N", ".2f"), Column("measured", "N", ".2f"), "limited by", "state",
                Column("heat", "%", ".0f"), Column("age", "ms", ".0f")]  # fmt: skip
-    return output.styled(Table(columns, rows, title, [" · ".join(figures)]))
+    return output.styled(Table(columns, rows, f"{title}, measured {wrenches['measured']}", [notes]))
 
 
 def print_summary(runner: Runner) -> None:
-    """Print how a run went."""
-    damaged = [
+    """Print how a run went, and what its last cycle rendered."""
+    cycle, statistics = runner.latest, runner.statistics
+    rows = statistics.rows()
+    if cycle is not None and cycle.demand.wrench is not None:
+        unit = "N" if runner.rig.n == runner.rig.dimension else "N and N·m"
+        rows += [(f"{name} in the last cycle", f"{text} {unit}") for name, text in _wrenches(cycle).items()]
+    rows += [
         (f"damaged frames of {client.name}", str(client.bad_frames))
         for client in runner.modules.clients
         if client.bad_frames
     ]
-    statistics = runner.statistics
-    rows = [*statistics.rows(), *_last(runner), *damaged]
     output.print_table(Table(["", ""], rows, f"{runner.rig.name}: {statistics.title}"))
 
 
-def _last(runner: Runner) -> list[tuple[str, str]]:
-    """Return what the last cycle desired, and what came of it, as lines of two texts."""
-    cycle = runner.latest
-    if cycle is None or cycle.demand.wrench is None:
-        return []
-    unit = "N" if runner.rig.n == runner.rig.dimension else "N and N·m"
-    local = cycle.demand.wrench - cycle.solver_wrench  # by impedances and lost modules
-    wrenches = {
-        "desired": cycle.demand.wrench if cycle.demand.desired is None else cycle.demand.desired,
-        "commanded": cycle.allocation.wrench + local,
-        "measured": cycle.state.structure @ np.nan_to_num(cycle.state.tensions),
+def _wrenches(cycle: Cycle) -> dict[str, str]:
+    """Return desired, commanded and measured wrench, if there is one, in texts that keep their width."""
+    demand = cycle.demand
+    found = {"measured": cycle.state.structure @ np.nan_to_num(cycle.state.tensions)}
+    if demand.wrench is not None:
+        local = demand.wrench - cycle.solver_wrench  # by impedances and lost modules
+        desired = demand.wrench if demand.desired is None else demand.desired
+        found = {"desired": desired, "commanded": cycle.allocation.wrench + local, **found}
+    return {
+        name: "(" + ", ".join(f"{value + 0.0:5.2f}" for value in wrench.round(2)) + ")"
+        for name, wrench in found.items()
     }
-    return [(f"{name} in the last cycle", f"{_components(each)} {unit}") for name, each in wrenches.items()]
-
-
-def _components(wrench: Floats) -> str:
-    """Return components that keep their width from one drawing to the next."""
-    return "(" + ", ".join(f"{value + 0.0:5.2f}" for value in wrench.round(2)) + ")"

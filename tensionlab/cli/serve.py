@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -12,8 +11,8 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Solver, View
-from tensionlab.cli.common.runs import end_run, load_rig_or_scenario, open_sinks, reach_modules, show_run
+from tensionlab.cli.common.options import option, port_option
+from tensionlab.cli.common.runs import end_run, open_sinks, reach_modules, show_run
 from tensionlab.cli.run import print_summary
 from tensionlab.errors import InputError, TensionlabError
 from tensionlab.haptics.bridge.admission import PAGE_PATH, SCHEMA_PATH, Admission
@@ -30,8 +29,9 @@ from tensionlab.hardware import Runner, RunSettings
 from tensionlab.hardware.protocol.codes import BrakeState, Limit
 from tensionlab.hardware.sharing import SharedRun
 from tensionlab.hardware.simulation.world import GuidedHand
+from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-from tensionlab.scenarios import SCENARIOS, Scenario, ScenarioDemand
+from tensionlab.scenarios import SCENARIOS, Scenario, ScenarioDemand, load_scenario
 from tensionlab.scenarios.play import module_limits, needs_tracker, temporary_slew
 from tensionlab.scenarios.scenery import as_mapping
 from tensionlab.support.files.reading import read_text
@@ -46,58 +46,45 @@ def serve(
     rig: Annotated[str | None, options.rig_argument("; the scenario's own if left out")] = None,
     scenario: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME",
+        option(
+            "NAME",
+            "Play a scenario, over and over: hand and bodies are where the client says, and its effects replace "
+            "those of the scenario with the same names.",
             autocompletion=options.complete(lambda: SCENARIOS),
-            help="Play a scenario, over and over: hand and bodies are where the client says, and its effects "
-            "replace those of the scenario with the same names.",
         ),
     ] = None,
-    modules: Modules = None,
-    solver: Solver = "newton",
+    modules: options.Modules = None,
+    solver: options.Solver = "newton",
     rate: Annotated[
         float | None,
-        typer.Option(
-            metavar="HZ",
-            callback=options.require_positive,
-            help="Cycles per second.  [default: 50, or the scenario's]",
-        ),
+        option("HZ", "Cycles per second.  [default: 50, or the scenario's]", callback=options.require_positive),
     ] = None,
-    seconds: Duration = None,
+    seconds: options.Duration = None,
     host: Annotated[
         str,
-        typer.Option(
-            help="Address to listen at. Beyond this computer a token is needed: --token-file or the variable "
-            f"{TOKEN_VARIABLE}."
+        option(
+            "HOST",
+            f"Address to listen at. Others than this computer need a token: --token-file or {TOKEN_VARIABLE}.",
         ),
     ] = "127.0.0.1",
-    port: Annotated[
-        int, typer.Option(metavar="PORT", help="Port of the WebSocket; 0 takes a free one.", min=0, max=65535)
-    ] = 8765,
-    osc: Annotated[
-        int | None, typer.Option(metavar="PORT", help="Also listen for OSC at this UDP port.", min=0, max=65535)
-    ] = None,
+    port: Annotated[int, port_option("Port of the WebSocket; 0 takes a free one.")] = 8765,
+    osc: Annotated[int | None, port_option("Also listen for OSC at this UDP port.")] = None,
     osc_host: Annotated[
         str,
-        typer.Option(
-            help="Address to listen at for OSC, whatever --host is. OSC has no token: anyone who reaches it sets "
-            "forces."
-        ),
+        option("HOST", "Address to listen at for OSC, which has no token: anyone who reaches it sets forces."),
     ] = "127.0.0.1",
     token_file: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="File with the token that clients have to send. There is no option for the token itself, because "
+        option(
+            "FILE",
+            "File with the token that clients have to send. There is no option for the token itself, because "
             "others on this computer can read command lines.",
         ),
     ] = None,
-    page: Annotated[
-        list[str] | None, typer.Option(metavar="ORIGIN", help="A web page that may connect; also repeated.")
-    ] = None,
-    log: Log = None,
-    lsl: Lsl = False,
-    view: View = False,
+    page: Annotated[list[str] | None, option("ORIGIN", "A web page that may connect; may be repeated.")] = None,
+    log: options.Log = None,
+    lsl: options.Lsl = False,
+    view: options.View = False,
 ) -> None:
     """Let a game engine drive a rig over a WebSocket.
 
@@ -105,12 +92,7 @@ def serve(
     messages. Without --modules, the simulated hand is where the client says it is. Ctrl-C stops all modules and
     ends it.
     """
-    loaded, played = load_rig_or_scenario(rig, scenario)
-    if loaded is None:
-        raise typer.BadParameter("give a rig, or --scenario NAME, which has a rig of its own")
-    settings = RunSettings() if played is None else RunSettings(played.rate, policy=played.policy)
-    if rate is not None:
-        settings = replace(settings, rate=rate)
+    loaded, played, settings = _load(rig, scenario, rate)
     options.check_solvers(loaded, [solver], settings.policy)
     client = ClientState(loaded)
     follow = tracked_pose(client)
@@ -135,7 +117,9 @@ def serve(
     with ExitStack() as stack:
         with output.if_interrupted("before the run began; no module pulls"):
             stack.enter_context(bridge)
-            _print_addresses(bridge.url)
+            web = bridge.url.replace("ws:", "http:")
+            typer.echo(f"{bridge.url}/command takes frames, {bridge.url}/events tells what happens")
+            typer.echo(f"{web}{PAGE_PATH} shows the state, {web}{SCHEMA_PATH} has the messages' schema")
             if osc is not None:
                 door = stack.enter_context(OscServer(client, osc_host, osc, partial(report, "refused")))
                 typer.echo(f"OSC at UDP port {door.port}")
@@ -159,10 +143,16 @@ def serve(
     end_run(runner.statistics, runner.sinks, log, failure)
 
 
-def _print_addresses(url: str) -> None:
-    page = url.replace("ws:", "http:")
-    typer.echo(f"{url}/command takes frames, {url}/events tells what happens")
-    typer.echo(f"{page}{PAGE_PATH} shows the state, {page}{SCHEMA_PATH} has the messages' schema")
+def _load(name: str | None, scenario: str | None, rate: float | None) -> tuple[Rig, Scenario | None, RunSettings]:
+    """Return the rig, the scenario that is played on it, if any, and the run's settings."""
+    if scenario is None and name is None:
+        raise typer.BadParameter("give a rig, or --scenario NAME, which has a rig of its own")
+    if scenario is None:
+        return load_rig(str(name)), None, RunSettings(rate or RunSettings().rate)
+    played = load_scenario(scenario, name)
+    if played.turned:
+        typer.echo(played.turned, err=True)
+    return played.rig, played, RunSettings(rate or played.rate, policy=played.policy)
 
 
 def _welcome(rig: Rig, played: Scenario | None, settings: RunSettings) -> Welcome:

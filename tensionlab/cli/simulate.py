@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
+from tensionlab.cli.common.options import option, port_option
 from tensionlab.hardware.client.links import modules_to_toml
 from tensionlab.hardware.simulation import serve as serving
 from tensionlab.hardware.simulation.links import Conditions
@@ -23,42 +24,25 @@ SINGLE_MODULE = "module"  # name of a module that belongs to no rig
 
 def simulate(
     rig: Annotated[str | None, options.rig_argument("; a single module if left out")] = None,
-    listen: Annotated[str, typer.Option(metavar="HOST", help="Address to listen at.")] = "127.0.0.1",
+    listen: Annotated[str, option("HOST", "Address to listen at.")] = "127.0.0.1",
     port: Annotated[
-        int,
-        typer.Option(
-            metavar="PORT",
-            help="TCP port of the first module served, the next ones following; 0 takes free ones.",
-            min=0,
-            max=65535,
-        ),
+        int, port_option("TCP port of the first module, the next ones following; 0 takes free ones.")
     ] = 0,
     modules: Annotated[
         Path | None, options.writes("Also write the modules file here.", ".toml", names=["--modules"])
     ] = None,
-    seed: Annotated[int, typer.Option(metavar="N", help="Seed of all random noise and losses.", min=0)] = 0,
-    latency_ms: Annotated[
-        float, typer.Option(metavar="MS", help="Delay of bytes, one way.", min=0, max=60_000)
-    ] = 0.0,
-    jitter_ms: Annotated[
-        float, typer.Option(metavar="MS", help="Largest random delay added to it.", min=0, max=60_000)
-    ] = 0.0,
-    drop_pct: Annotated[
-        float, typer.Option(metavar="PCT", help="Per cent of the bytes that are lost.", min=0, max=100)
-    ] = 0.0,
+    seed: options.Seed = 0,
+    latency_ms: Annotated[float, option("MS", "Delay of bytes, one way.", min=0, max=60_000)] = 0.0,
+    jitter_ms: Annotated[float, option("MS", "Largest random delay added to it.", min=0, max=60_000)] = 0.0,
+    drop_pct: Annotated[float, option("PCT", "Per cent of the bytes that are lost.", min=0, max=100)] = 0.0,
     corrupt_pct: Annotated[
-        float, typer.Option(metavar="PCT", help="Per cent of the bytes with a flipped bit.", min=0, max=100)
+        float, option("PCT", "Per cent of the bytes with a flipped bit.", min=0, max=100)
     ] = 0.0,
     fault: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="PART@TIME",
-            help="A fault, such as encoder@2s in all modules, or floor-1:cable@800ms in one; also repeated.",
-        ),
+        option("PART@TIME", "Fault of all modules, encoder@2s, or of one, floor-1:cable@800ms; may be repeated."),
     ] = None,
-    only: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Only these modules of the rig; also repeated.")
-    ] = None,
+    only: Annotated[list[str] | None, option("NAME", "Only these modules of the rig; may be repeated.")] = None,
     config_file: Annotated[
         Path | None,
         options.writes(
@@ -77,23 +61,27 @@ def simulate(
     """
     conditions = Conditions(1e-3 * latency_ms, 1e-3 * jitter_ms, 0.01 * drop_pct, 0.01 * corrupt_pct)
     simulated = _modules(None if rig is None else load_rig(rig), seed, config_file)
-    chosen, faults = _chosen(only, list(simulated)), _faults(fault or [], list(simulated))
+    faults = _faults(fault or [], list(simulated))
+    if unknown := set(only or ()) - simulated.keys():
+        raise typer.BadParameter(f"--only {min(unknown)}: no such module; there are {', '.join(simulated)}")
+    chosen = [name for name in simulated if not only or name in only]
     with ExitStack() as opened:
         served = []
         for index, (name, (module, settings_file)) in enumerate(simulated.items()):
-            if name in chosen:
-                tcp = serving.TcpPort(listen, port and port + chosen.index(name))
-                opened.callback(tcp.close)
-                served.append(
-                    serving.ServedModule(
-                        module,
-                        tcp,
-                        conditions=conditions,
-                        seed=seed + index,
-                        faults=faults[name],
-                        settings_file=settings_file,
-                    )
+            if name not in chosen:
+                continue
+            tcp = serving.TcpPort(listen, port and port + chosen.index(name))
+            opened.callback(tcp.close)
+            served.append(
+                serving.ServedModule(
+                    module,
+                    tcp,
+                    conditions=conditions,
+                    seed=seed + index,
+                    faults=faults[name],
+                    settings_file=settings_file,
                 )
+            )
         text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
         if modules is not None:
             writing.write_text(modules, text)
@@ -110,34 +98,27 @@ def _modules(
 
     Without a rig it is a single one as its maker leaves it: neither set up nor calibrated.
     """
+    read = serving.read_settings
     simulated: dict[str, tuple[SimulatedModule, Path | None]] = {}
     if rig is None:
-        settings = None if config_file is None else serving.read_settings(config_file)
+        settings = None if config_file is None else read(config_file)
         simulated[SINGLE_MODULE] = (SimulatedModule(seed=seed, settings=settings), config_file)
     else:
-        lengths = rig.lengths(rig.home, frames=rig.at_rest)
+        lengths = rig.lengths(rig.home, frames=rig.at_rest).tolist()
         for index, (each, length) in enumerate(zip(rig.modules, lengths, strict=True)):
             file = config_file and config_file.with_name(f"{config_file.stem}-{index + 1}{config_file.suffix}")
             module = simulated_module(
                 each,
-                float(length),
+                length,
                 serial_number=index + 1,
                 seed=seed + index,
-                settings=None if file is None else serving.read_settings(file),
+                settings=None if file is None else read(file),
             )
             simulated[each.name] = (module, file)
     for module, file in simulated.values():
         if file is not None and file.exists() and not module.loaded:
             typer.echo(f"{file}: not the settings of a module; it starts with its defaults", err=True)
     return simulated
-
-
-def _chosen(only: list[str] | None, names: list[str]) -> list[str]:
-    """Return the modules that are served; all, if none is named."""
-    for name in only or []:
-        if name not in names:
-            raise typer.BadParameter(f"--only {name}: no such module; there are {', '.join(names)}")
-    return [name for name in names if not only or name in only]
 
 
 def _faults(texts: list[str], names: list[str]) -> dict[str, list[serving.PlannedFault]]:

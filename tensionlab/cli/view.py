@@ -9,9 +9,8 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Browser, PagePort
+from tensionlab.cli.common.options import flag, option
 from tensionlab.cli.common.output import if_interrupted, open_page
-from tensionlab.errors import RigError
 from tensionlab.hardware.sharing import RunWatcher, find_runs
 from tensionlab.model.files import load_rig
 from tensionlab.support.files.named import is_path
@@ -25,12 +24,12 @@ def view(
         str | None, options.rig_argument("; with --live, that of the run, if there are several")
     ] = None,
     live: Annotated[
-        bool, typer.Option("--live", help="Show the run in progress on this computer, and a button that stops it.")
+        bool, flag("--live", "Show the run in progress on this computer, and a button that stops it.")
     ] = False,
-    port: PagePort = 0,
-    browser: Browser = True,
+    port: options.PagePort = 0,
+    browser: options.Browser = True,
     host: Annotated[
-        str, typer.Option(help="Address to listen at. Browsers need the token that the page's address has.")
+        str, option("HOST", "Address to listen at. Browsers need the token that the page's address has.")
     ] = "127.0.0.1",
 ) -> None:
     """Design a rig in the browser, or watch a run there.
@@ -48,19 +47,17 @@ def view(
     if rig is None:
         raise typer.BadParameter("give a rig to design, or --live for a run in progress")
     page = DesignPage(load_rig(rig), PageServer(host, port), rig)
-    with (
-        if_interrupted("what was saved from the page is kept; the same command shows the file's rig again"),
-        closing(page),
-    ):
+    kept = "what was saved from the page is kept; the same command shows the file's rig again"
+    with if_interrupted(kept), closing(page):
         open_page(page.server, page.rig.name, browser=browser)
         threading.Event().wait()
 
 
-def _watcher(name: str | None) -> tuple[RunWatcher, str]:
+def _watcher(rig: str | None) -> tuple[RunWatcher, str]:
     """Return the watcher of the run in progress, or of the one with that rig, and the name of its rig."""
-    wanted = _names(name)
+    name = load_rig(rig).name if rig is not None and is_path(rig, ".toml") else rig
     runs = {each: each.info for each in find_runs() if each.info is not None}
-    found = [each for each, info in runs.items() if not wanted or info.rig.name in wanted]
+    found = [each for each, info in runs.items() if name in (None, info.rig.name)]
     for each in runs:
         if each not in found or len(found) > 1:
             each.close()
@@ -74,15 +71,3 @@ def _watcher(name: str | None) -> tuple[RunWatcher, str]:
         programs = "; ".join(f"{runs[each].rig.name}: {runs[each].program}" for each in found)
         raise typer.BadParameter(f"{len(found)} runs are in progress; name the rig of one of them ({programs})")
     return found[0], runs[found[0]].rig.name
-
-
-def _names(rig: str | None) -> set[str]:
-    """Return the names of rigs that a word may mean: itself, and the name in the rig file."""
-    if rig is None:
-        return set()
-    try:
-        return {rig, load_rig(rig).name}
-    except RigError:
-        if is_path(rig, ".toml"):
-            raise
-        return {rig}  # of a rig that only its program knows

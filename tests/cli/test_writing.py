@@ -65,7 +65,6 @@ RECIPES = {
     ("validate", "--out"): (f"validate {RIG} --preset ideal --hold 0.35", ""),
     ("module calibrate record", "--out"): (f"module calibrate record {RIG} --modules modules.toml", ".csv"),
     ("module calibrate anchors", "--out"): (f"module calibrate anchors {RIG} lengths.csv --known", ".toml"),
-    ("module config dump", "--folder"): ("module config dump --modules modules.toml", ""),
     ("rig show", "--plot"): (f"rig show {RIG}", ".pdf"),
     ("rig check", "--plot"): (f"rig check {CUBE}", ".png"),
     ("rig import", "--out"): ("rig import --caspr bodies.xml cables.xml", ".toml"),
