@@ -9,7 +9,7 @@ import typer
 
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import option
+from tensionlab.cli.common.verbs import Json, option
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
@@ -37,7 +37,7 @@ def allocate(
     reference: Annotated[
         str | None, option("T1 T2 ...", "Tensions in N to stay close to, or: lower, middle. Left out: 0 for each.")
     ] = None,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Choose the cable tensions that render one wrench. Exit status 1 where they do not render it exactly.
 

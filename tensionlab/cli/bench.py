@@ -17,8 +17,7 @@ from tensionlab.benchmark.problem_files import find_problem_set, qp_rows
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 from tensionlab.benchmark.results import Results, read
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import flag, option
-from tensionlab.cli.common.verbs import Verbs
+from tensionlab.cli.common.verbs import Json, Verbs, flag, option
 from tensionlab.errors import InputError
 from tensionlab.solvers.base import Status
 from tensionlab.support import provenance
@@ -45,7 +44,7 @@ def bench(
     ] = None,
     seed: options.Seed = 0,
     quick: Annotated[bool, flag("--quick", "Two minutes instead of twenty.")] = False,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Benchmark all solvers and baselines.
 
@@ -92,7 +91,7 @@ def show(
     name: Annotated[str, typer.Argument(metavar="SET", help="Name of a set.", autocompletion=COMPLETE_SETS)],
     count: Count = 1000,
     seed: options.Seed = 0,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Show the groups of a set: their size, how many problems are feasible, how near to singular they are."""
     found = find_problem_set(name, count, seed)

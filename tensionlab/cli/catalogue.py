@@ -12,6 +12,7 @@ import typer
 from tensionlab import datasets as stored
 from tensionlab.benchmark.problem_sets import problem_set
 from tensionlab.cli.common import options, output
+from tensionlab.cli.common.verbs import Json
 from tensionlab.errors import DataError
 from tensionlab.model.module import require_name
 from tensionlab.solvers import every_solver, find_plugins, make
@@ -35,7 +36,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 TEMPLATE_KINDS = ("rig", "space", "scenario", "program")
 
 
-def solvers(json: options.Json = False) -> None:
+def solvers(json: Json = False) -> None:
     """List the solvers, with what each minimises, its policies, and its source.
 
     A policy says which tensions replace those of an infeasible wrench.
@@ -81,7 +82,7 @@ def datasets(
             autocompletion=options.complete(lambda: stored.KINDS),
         ),
     ] = None,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """List the rigs and other data sets that are known by name."""
     rows = [(*(parts := each.split("/")), _title(*parts)) for each in stored.names(kind)]

@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from tensionlab.cli.common import options, output
+from tensionlab.cli.common.verbs import Json
 from tensionlab.support.files import writing
 from tensionlab.support.formatting import format_count
 from tensionlab.support.table import Table
@@ -32,7 +33,7 @@ def certify(
     out: Annotated[Path | None, options.writes("Write the cells to this file.", ".npz")] = None,
     scheduler: options.Scheduler = None,
     plot: options.Plot = None,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Prove where a rig renders what is required.
 

@@ -11,7 +11,7 @@ import typer
 from tensionlab.benchmark import comparison
 from tensionlab.benchmark.comparison import read_trajectory
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import option
+from tensionlab.cli.common.verbs import Json, option
 from tensionlab.support import provenance
 from tensionlab.support.table import WIDE, Table
 
@@ -68,7 +68,7 @@ def compare(
     frames: options.BodyFrames = None,
     plot: options.Plot = None,
     out: options.Rows = None,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Compare solvers on one set of forces, or along a trajectory.
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import typer
 
-from tensionlab.cli.common import options, output
+from tensionlab.cli.common import output
 from tensionlab.cli.common.links import Links, ModulesFile, find_links
+from tensionlab.cli.common.verbs import Json
 from tensionlab.hardware.client.emergency_stop import emergency_stop
 from tensionlab.hardware.client.locks import locked_links
 
 
 @output.if_interrupted("NOT CONFIRMED that all have stopped; the same command again, or cut the motors' supply")
-def estop(links: Links = None, modules: ModulesFile = None, json: options.Json = False) -> None:
+def estop(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Stop modules at once, also those of other processes.
 
     They stay stopped until ``tensionlab module clear``. Without links and file: all modules that your processes

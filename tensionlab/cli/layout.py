@@ -10,8 +10,7 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import flag, option
-from tensionlab.cli.common.verbs import Verbs
+from tensionlab.cli.common.verbs import Json, Verbs, flag, option
 from tensionlab.support.files import writing
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.task import load_task
@@ -44,7 +43,7 @@ def search(
         flag("--certify", "Prove what the layouts render everywhere in the target, not at its points alone."),
     ] = False,
     plot: options.Plot = None,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Search for the best places of modules.
 

@@ -9,9 +9,8 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import option
 from tensionlab.cli.common.output import if_interrupted, open_page
-from tensionlab.cli.common.verbs import Verbs
+from tensionlab.cli.common.verbs import Json, Verbs, option
 from tensionlab.errors import LogError
 from tensionlab.hardware.log import reader
 from tensionlab.support import provenance
@@ -20,7 +19,7 @@ log = Verbs("Show, export, draw and play logs of runs.")
 
 
 @log.command()
-def info(path: options.RunFile, json: options.Json = False) -> None:
+def info(path: options.RunFile, json: Json = False) -> None:
     """Show how a run went: answers, timing, limits and events."""
     run = _read(path)
     if json:

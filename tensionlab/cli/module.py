@@ -9,10 +9,9 @@ from typing import Annotated, Any
 
 import typer
 
-from tensionlab.cli.common import options, output
+from tensionlab.cli.common import output
 from tensionlab.cli.common.links import Links, ModulesFile, call_all, exit_if_failed, find_links, print_all
-from tensionlab.cli.common.options import flag
-from tensionlab.cli.common.verbs import Verbs
+from tensionlab.cli.common.verbs import Json, Verbs, flag
 from tensionlab.cli.module_calibrate import calibrate
 from tensionlab.cli.module_monitor import monitor, ping
 from tensionlab.errors import HardwareError, ModuleFault
@@ -44,7 +43,7 @@ INFO = ("module", "serial number", "firm- ware", "state", "cali- brated", "lengt
 
 @module.command()
 def discover(
-    everything: Annotated[bool, flag("--all", "Try every serial port.")] = False, json: options.Json = False
+    everything: Annotated[bool, flag("--all", "Try every serial port.")] = False, json: Json = False
 ) -> None:
     """Find the modules at this computer's ports.
 
@@ -80,7 +79,7 @@ def _info_json(info: Info | None) -> dict[str, Any] | None:
 
 
 @module.command()
-def info(links: Links = None, modules: ModulesFile = None, json: options.Json = False) -> None:
+def info(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Show versions, state, limits and calibration of modules."""
 
     def show(answers: dict[str, Info]) -> None:
@@ -115,13 +114,13 @@ def identify(links: Links = None, modules: ModulesFile = None) -> None:
 
 
 @module.command()
-def stop(links: Links = None, modules: ModulesFile = None, json: options.Json = False) -> None:
+def stop(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Stop modules: they release their cables and are idle. Exit status 1 if one did not confirm it."""
     _command(find_links(links, modules), Stop(), json)
 
 
 @module.command()
-def clear(links: Links = None, modules: ModulesFile = None, json: options.Json = False) -> None:
+def clear(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Clear a fault or an emergency stop. Refused while the cause of a fault is still there."""
     _command(find_links(links, modules), Clear(), json)
 
@@ -147,7 +146,7 @@ def _command(urls: Mapping[str, str], command: Message, json: bool) -> None:
 
 
 @config.command()
-def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: options.Json = False) -> None:
+def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Show parameters, such as slew or ttl; all of them if none is named."""
     named, others = _split(words, PARAMETERS.__contains__)
     named = named or list(PARAMETERS)

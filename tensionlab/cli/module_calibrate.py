@@ -11,8 +11,7 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import flag, option
-from tensionlab.cli.common.verbs import Verbs
+from tensionlab.cli.common.verbs import Json, Verbs, flag, option
 from tensionlab.hardware.calibration import anchors as calibration
 from tensionlab.hardware.calibration import lengths as length_calibration
 from tensionlab.hardware.calibration.anchors import AnchorEstimate
@@ -47,7 +46,7 @@ def gain(
     mass: Annotated[list[float], option("KG", "Mass to hang on the cable; two or more are better.")],
     repeat: Annotated[int, option("N", "How often each mass is lifted.", min=2, max=100)] = 5,
     write: Annotated[bool, flag("--write", "Write the N/A to the module, and save it there.")] = False,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Find N/A, friction and zero current of a module from masses on its cable.
 
@@ -125,7 +124,7 @@ def _gain_table(url: str, found: GainEstimate) -> Table:
 
 @calibrate.command()
 @output.if_interrupted(output.NOTHING_KEPT)
-def lengths(path: options.RigArgument, modules: ModulesOfRig, json: options.Json = False) -> None:
+def lengths(path: options.RigArgument, modules: ModulesOfRig, json: Json = False) -> None:
     """Set the cable lengths of all modules of a rig.
 
     Hold the platform at the rig's home meanwhile. Modules forget them when they restart, and perhaps when they
@@ -191,7 +190,7 @@ def anchors(
     out: Annotated[
         Path | None, options.writes("Write the calibrated rig to this file.", ".toml", metavar="RIG")
     ] = None,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Find the anchors of a rig from cable lengths.
 

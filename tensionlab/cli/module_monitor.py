@@ -12,9 +12,9 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from tensionlab.cli.common import options, output
+from tensionlab.cli.common import output
 from tensionlab.cli.common.links import Links, ModulesFile, call_all, exit_if_failed, find_links
-from tensionlab.cli.common.options import option
+from tensionlab.cli.common.verbs import Json, option
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
 from tensionlab.hardware.client.diagnostics import RoundTrips, is_bluetooth, measure, safe_rates
 from tensionlab.hardware.client.links import OPENERS
@@ -70,7 +70,7 @@ def monitor(
     links: Links = None,
     modules: ModulesFile = None,
     seconds: Annotated[float, option("S", "How long; until Ctrl-C if left out.", min=0.1)] = math.inf,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Show the telemetry of modules in a live table, also of those in a run.
 
@@ -207,7 +207,7 @@ def ping(
     links: Links = None,
     modules: ModulesFile = None,
     count: Annotated[int, option("N", "Pings to each module.", min=1)] = 200,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Measure the latency of links to modules.
 

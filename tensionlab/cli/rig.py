@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import option
-from tensionlab.cli.common.verbs import Verbs
+from tensionlab.cli.common.verbs import Json, Verbs, option
 from tensionlab.interop import caspr as caspr_models
 from tensionlab.interop.mjcf import rig_to_mjcf
 from tensionlab.model.files import load_rig, rig_to_toml, save_rig
@@ -25,7 +24,7 @@ def show(
     path: options.RigArgument,
     frames: options.BodyFrames = None,
     plot: options.Plot = None,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Show anchors, cable lengths at home and limits of a rig."""
     loaded = options.load(path, frames)
@@ -61,7 +60,7 @@ def check(
     required: options.Required = None,
     frames: options.BodyFrames = None,
     plot: options.Plot = None,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Check that a rig can work at its home.
 

@@ -11,8 +11,8 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import option
 from tensionlab.cli.common.runs import end_run, open_sinks, reach_modules, show_run
+from tensionlab.cli.common.verbs import Json, option
 from tensionlab.demand import Demand, DemandSource, Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Fault, Limit, State
@@ -61,7 +61,7 @@ def run(
     log: options.Log = None,
     lsl: options.Lsl = False,
     view: options.View = False,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Render forces on the modules of a rig. Without a force or a program, the cables are held taut.
 

@@ -11,8 +11,8 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.links import links_of_rig
-from tensionlab.cli.common.options import option, port_option
 from tensionlab.cli.common.runs import end_run, lsl_streams, print_required, print_simulated, show_run
+from tensionlab.cli.common.verbs import Json, option, port_option
 from tensionlab.errors import HardwareError
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.osc import OscServer
@@ -57,7 +57,7 @@ def scenario(
     lsl: options.Lsl = False,
     plot: options.Plot = None,
     view: options.View = False,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Play a haptic scenario and check its forces.
 

@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import option, port_option
 from tensionlab.cli.common.runs import end_run, open_sinks, reach_modules, show_run
+from tensionlab.cli.common.verbs import option, port_option
 from tensionlab.cli.run import print_summary
 from tensionlab.errors import InputError, TensionlabError
 from tensionlab.haptics.bridge.admission import PAGE_PATH, SCHEMA_PATH, Admission

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import option, port_option
+from tensionlab.cli.common.verbs import option, port_option
 from tensionlab.hardware.client.links import modules_to_toml
 from tensionlab.hardware.simulation import serve as serving
 from tensionlab.hardware.simulation.links import Conditions

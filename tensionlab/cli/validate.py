@@ -11,8 +11,8 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.links import links_of_rig
-from tensionlab.cli.common.options import option
 from tensionlab.cli.common.runs import print_simulated
+from tensionlab.cli.common.verbs import Json, option
 from tensionlab.errors import HardwareError, LogError
 from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.model.files import load_rig
@@ -55,7 +55,7 @@ def validate(
         float,
         option("S", "How long each force is held, in s; the first 0.3 s are not averaged."),
     ] = 1.0,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Repeat the published validation and compare with it.
 

@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import flag, option
 from tensionlab.cli.common.output import if_interrupted, open_page
+from tensionlab.cli.common.verbs import flag, option
 from tensionlab.hardware.sharing import RunWatcher, find_runs
 from tensionlab.model.files import load_rig
 from tensionlab.support.files.named import is_path

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import option
+from tensionlab.cli.common.verbs import Json, option
 from tensionlab.model.rig import Rig
 from tensionlab.support.files.writing import unwritable
 from tensionlab.support.formatting import format_number, format_share
@@ -63,7 +63,7 @@ def workspace(
     view: Annotated[
         View, typer.Option(help="What to draw of the first metric, or of the capacity margin.")
     ] = View.slices,
-    json: options.Json = False,
+    json: Json = False,
 ) -> None:
     """Evaluate where, and how well, rigs can pull.
 

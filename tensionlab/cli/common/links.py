@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from tensionlab.cli.common.options import option
 from tensionlab.cli.common.output import if_interrupted, print_error, print_json
+from tensionlab.cli.common.verbs import option
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.links import URL_KINDS, load_modules, require_known
 from tensionlab.hardware.client.locks import normalised

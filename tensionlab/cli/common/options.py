@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from tensionlab.cli.common.verbs import flag, option, port_option
 from tensionlab.errors import WriteError
 from tensionlab.model.files import load_requirement, load_rig
 from tensionlab.model.pose import RestPose
@@ -150,21 +151,6 @@ def check_solvers(rig: Rig, names: list[str] | None, policy: str | None) -> None
     select_solvers(names, policy, (rig.n, rig.m))
 
 
-def option(metavar: str, help_text: str, *names: str, **settings: Any) -> Any:
-    """Return an option with a value."""
-    return typer.Option(*names, metavar=metavar, help=help_text, **settings)
-
-
-def flag(names: str, help_text: str, **settings: Any) -> Any:
-    """Return an option without a value."""
-    return typer.Option(names, help=help_text, **settings)
-
-
-def port_option(help_text: str, *names: str, least: int = 0) -> Any:
-    """Return an option that is a TCP or UDP port."""
-    return option("PORT", help_text, *names, min=least, max=65535)
-
-
 def checked(check: Callable[[Path], None]) -> Callable[[Path | None], Path | None]:
     """Return a check as the callback of an option that may be left out; the parser's message names the option."""
 
@@ -243,7 +229,6 @@ def rig_argument(note: str = "") -> Any:
 
 RigArgument = Annotated[str, rig_argument()]
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).")]
-Json = Annotated[bool, flag("--json", "Print JSON instead of a table.")]
 Seed = Annotated[int, option("N", "Seed of all random numbers.", min=0)]
 At = Annotated[str | None, option("X Y Z", "Position in m; the rig's home if left out.")]
 BodyFrames = Annotated[

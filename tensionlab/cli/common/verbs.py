@@ -1,15 +1,33 @@
-"""Parsing of all verbs' words."""
+"""Parsing of all verbs' words, and the kinds of options. It imports little, for the sake of `estop`."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import typer
 from typer.core import TyperCommand
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def option(metavar: str, help_text: str, *names: str, **settings: Any) -> Any:
+    """Return an option with a value."""
+    return typer.Option(*names, metavar=metavar, help=help_text, **settings)
+
+
+def flag(names: str, help_text: str, **settings: Any) -> Any:
+    """Return an option without a value."""
+    return typer.Option(names, help=help_text, **settings)
+
+
+def port_option(help_text: str, *names: str, least: int = 0) -> Any:
+    """Return an option that is a TCP or UDP port."""
+    return option("PORT", help_text, *names, min=least, max=65535)
+
+
+Json = Annotated[bool, flag("--json", "Print JSON instead of a table.")]
 
 
 class Verb(TyperCommand):
