@@ -43,18 +43,7 @@ BROKEN = (KeyError, TypeError, ValueError, OverflowError, RecursionError)  # err
 
 @dataclass(frozen=True)
 class LogMetadata:
-    """Metadata of a log, by their names.
-
-    Attributes
-    ----------
-    manifest : dict
-        Origin of the run: `tensionlab.support.provenance.manifest`.
-    setup : RunSetup
-    modules : dict of str to dict
-        Fields of `protocol.Info` by the name of the module.
-    summary : dict
-        `Statistics.summary` at the end; empty in a log that was cut off.
-    """
+    """Metadata of a log, by their names."""
 
     manifest: dict[str, Any]
     setup: RunSetup
@@ -64,11 +53,17 @@ class LogMetadata:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Run(CycleTable, LogMetadata):
-    """Run read from its log: arrays over its K cycles, as in `CycleTable`, its `LogMetadata`, and its events.
+    """Run read from its log: arrays over its K cycles, as in `CycleTable`, and the rest of the log.
 
     Attributes
     ----------
-    rig : Rig
+    rig, setup : Rig, RunSetup
+    manifest : dict
+        Origin of the run: `tensionlab.support.provenance.manifest`.
+    modules : dict of str to dict
+        Fields of `protocol.Info` by the name of the module.
+    summary : dict
+        `Statistics.summary` at the end; empty in a log that was cut off.
     events : tuple of RunEvent
     began : float
         Seconds since 1970 at the run's time 0, by the host's clock; NaN if there is no cycle.
@@ -138,14 +133,10 @@ class Run(CycleTable, LogMetadata):
 
 
 def read_run(path: str | PathLike[str], progress: Callable[[float], None] | None = None) -> Run:
-    """Return the run in a log; of one that was cut off, what it holds.
+    """Return the run in the log at `path`; of one that was cut off, what it holds.
 
-    `progress` is called with the share of the work that is done, from 0 to 1.
-
-    Raises
-    ------
-    LogError
-        If the file can't be read, is no log of a run, or was cut off before the run began.
+    `progress` is called with the share of the work that is done, from 0 to 1. A `LogError` if the file can't be
+    read, is no log of a run, or was cut off before the run began.
 
     Examples
     --------

@@ -62,7 +62,8 @@ class RunLog:
     """Log of a run, written by a thread, so that no cycle waits for a disk.
 
     Every cycle is in the file within `FLUSH_S` seconds, even if the process is killed then. Close the log: only
-    then has it an index, and counts as complete.
+    then has it an index, and counts as complete. A `LogError` if there is something in the file already, or it
+    can't be written.
 
     Parameters
     ----------
@@ -77,13 +78,6 @@ class RunLog:
         Link to each module, by its name.
     scenery : mapping, optional
         What pages draw around the rig, as plain values (`tensionlab.scenarios.scenery`).
-
-    Raises
-    ------
-    LogError
-        If there is something in the file already, or it can't be written.
-    MissingDependency
-        If mcap is not installed.
 
     Examples
     --------

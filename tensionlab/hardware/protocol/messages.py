@@ -86,11 +86,9 @@ class OtherProtocolError(ProtocolError):
     """Answer of a module that speaks another protocol."""
 
     def __init__(self, spoken: int) -> None:
-        advice = (
-            "put the firmware of this tensionlab on the module (firmware/README.md)"
-            if spoken < PROTOCOL
-            else "install the tensionlab that the module's firmware came with"
-        )
+        advice = "install the tensionlab that the module's firmware came with"
+        if spoken < PROTOCOL:
+            advice = "put the firmware of this tensionlab on the module (firmware/README.md)"
         super().__init__(f"speaks protocol {spoken}, this tensionlab {PROTOCOL}: {advice}")
 
 

@@ -173,7 +173,7 @@ class ArmedModules:
         `HardwareError` names the module whose set-point would be outside its limits, NaN among that.
         """
         lower, upper = self.limits.lower, self.limits.upper
-        self.tensions, commanded, slew_limited, refused = _native.next_tensions(
+        tensions, commanded, slew_limited, refused = _native.next_tensions(
             self.tensions, chosen, free, lower, upper, self._max_change
         )
         if refused >= 0:
@@ -181,6 +181,7 @@ class ArmedModules:
                 f'module "{self.names[refused]}" would be sent {chosen[refused]:g} N; its limits are '
                 f"{lower[refused]:g} to {upper[refused]:g} N"
             )
+        self.tensions = tensions
         return commanded, slew_limited
 
     def send(self, demand: Demand) -> Integers:

@@ -64,7 +64,8 @@ class Runner:
 
     Each cycle reads the modules, finds the pose, calls the demand, allocates, checks, sends and logs. What the rig
     requires, such as the weight of its platform, is rendered in addition. Whatever ends a run (its time, the
-    demand, an error, a signal), all modules are stopped.
+    demand, an error, a signal), all modules are stopped. A `HardwareError` refuses modules that do not belong to
+    the rig, and a rig whose pose cannot be known.
 
     Parameters
     ----------
@@ -89,11 +90,6 @@ class Runner:
     statistics : Statistics
     sinks : list of RunSink
         May be changed until the run begins.
-
-    Raises
-    ------
-    HardwareError
-        If rig and modules do not belong together, or the pose cannot be known.
 
     Examples
     --------
@@ -139,15 +135,10 @@ class Runner:
     def run(self, seconds: float | None = None) -> Statistics:
         """Arm all modules, render for some seconds, or until the demand or a signal ends it, and stop them.
 
-        A signal such as Ctrl-C is no error. A solver or a demand that does not return is interrupted. Where it
-        cannot be, in a native call, the modules are stopped and the process ends, with exit status 1 and a line on
-        stderr.
-
-        Raises
-        ------
-        HardwareError
-            After all modules have been commanded to stop. Errors of the demand and of the solver come through as
-            they are.
+        A signal such as Ctrl-C is no error. A `HardwareError`, and errors of the demand and of the solver as they
+        are, come after all modules have been commanded to stop. A solver or a demand that does not return is
+        interrupted. Where it cannot be, in a native call, the modules are stopped and the process ends, with exit
+        status 1 and a line on stderr.
         """
         if seconds is not None and not 0.0 < seconds < math.inf:
             raise HardwareError(f"a run takes a finite time above 0 s; got {seconds:g}")

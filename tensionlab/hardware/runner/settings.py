@@ -21,7 +21,7 @@ MIN_TELEMETRY_MS = 5  # shortest period of telemetry that modules accept
 
 @dataclass(frozen=True)
 class RunSettings:
-    """Settings of a run.
+    """Settings of a run; a `HardwareError` names one that cannot work.
 
     Attributes
     ----------
@@ -33,11 +33,6 @@ class RunSettings:
         When a module is lost (fault, refused set-point, silence): stop all, or continue with the others.
     policy : str or None
         Policy for an infeasible wrench; the solver's own if None.
-
-    Raises
-    ------
-    HardwareError
-        Naming the setting.
 
     Examples
     --------

@@ -132,11 +132,9 @@ class LengthMonitor:
     With more cables than unknowns, each length is compared with what the others say (`_native.LengthCheck`): the
     estimate of its bias, averaged over 0.25 s, is in doubt where such a bias would change the rendered force by
     0.5 N, but not below 8 mm and always above 40 mm of residual. This is receiver autonomous integrity monitoring
-    (RAIM), as in satellite navigation: Parkinson and Axelrad 1988, "Autonomous GPS integrity monitoring using the
-    pseudorange residual", Navigation 35(2); Brown 1992, "A baseline GPS RAIM scheme and a note on the equivalence
-    of three RAIM methods", Navigation 39(3). The protection level is the largest change of the force by a bias
-    that is not in doubt; near singular poses it grows with the tensions, and the force is limited there. Each
-    length is also compared with its own speed, which needs no other cable.
+    (RAIM): Parkinson and Axelrad 1988, Navigation 35(2); Brown 1992, Navigation 39(3). The protection level is the
+    largest change of the force by a bias that is not in doubt; near singular poses it grows with the tensions, and
+    the force is limited there. Each length is also compared with its own speed, which needs no other cable.
 
     What remains undetectable: without redundancy, a module whose length and speed drift together, or whose length
     drifts by less than `MAX_CREEP_M` in 10 s; with it, lengths that drift as a motion of the platform would have

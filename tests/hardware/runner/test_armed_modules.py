@@ -329,7 +329,9 @@ def test_free_tensions_go_the_same_share_of_their_way_none_by_more_than_it_may(b
 @pytest.mark.parametrize("value", [0.49, 6.01, np.nan, np.inf, -np.inf])
 def test_tensions_outside_the_limits_are_refused(value):
     tensions = np.array([0.5, value, 6.0])  # those on the limits are within them
+    modules = on_their_way(np.ones(3), 9.0)
     with pytest.raises(HardwareError) as caught:
-        on_their_way(np.ones(3), 9.0).go_to(tensions, np.ones(3, dtype=bool))
+        modules.go_to(tensions, np.ones(3, dtype=bool))
+    np.testing.assert_array_equal(modules.tensions, np.ones(3), "they stay as they were")
     assert str(caught.value) == f'module "b" would be sent {value:g} N; its limits are 0.5 to 6 N'
-    on_their_way(np.ones(3), 9.0).go_to(tensions, np.array([True, False, True]))
+    modules.go_to(tensions, np.array([True, False, True]))
