@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from typing import NoReturn
 
 import numpy as np
 
@@ -260,20 +261,16 @@ def require_plausible(name: str, before: Received | None, received: Received) ->
     It came after the one `before`, of a module that follows set-points.
     """
     now = received.message
+
+    def refuse(report: str, code: Code | Fault) -> NoReturn:
+        raise ModuleFault(f'module "{name}" reports {report}', name, code)
+
     for field, unit in TELEMETRY_UNITS.items():
         if not math.isfinite(value := getattr(now, field)):
-            raise ModuleFault(
-                f'module "{name}" reports a {field} of {value} {unit}: its firmware or its link is broken',
-                name,
-                Code.BAD_VALUE,
-            )
+            refuse(f"a {field} of {value} {unit}: its firmware or its link is broken", Code.BAD_VALUE)
     if now.faults:
-        raise ModuleFault(
-            f'module "{name}" reports a fault ({now.faults.name or int(now.faults)}) and keeps pulling '
-            f"({now.state.name}); update its firmware, it must release its cable",
-            name,
-            now.faults,
-        )
+        fault = f"a fault ({now.faults.name or int(now.faults)}) and keeps pulling ({now.state.name})"
+        refuse(f"{fault}; update its firmware, it must release its cable", now.faults)
     if before is None:
         return
     earlier = before.message
@@ -281,10 +278,6 @@ def require_plausible(name: str, before: Received | None, received: Received) ->
     seconds = max(1e-6 * ((now.time_us - earlier.time_us) % CLOCK_WRAP_US), received.time - before.time)
     jump = now.length - (earlier.length + 0.5 * (earlier.speed + now.speed) * seconds)
     if abs(jump) > MAX_LENGTH_JUMP_M + 0.25 * MAX_ACCELERATION_M_S2 * seconds**2:
-        raise ModuleFault(
-            f'module "{name}" reports a length of {now.length:.3f} m, {1e3 * abs(jump):.0f} mm '
-            f"{'more' if jump > 0.0 else 'less'} than its speed explains in {1e3 * seconds:.0f} ms; look at its "
-            "encoder, and calibrate its length",
-            name,
-            Fault.ENCODER,
-        )
+        more = f"{1e3 * abs(jump):.0f} mm {'more' if jump > 0.0 else 'less'} than its speed explains"
+        jumped = f"a length of {now.length:.3f} m, {more} in {1e3 * seconds:.0f} ms"
+        refuse(f"{jumped}; look at its encoder, and calibrate its length", Fault.ENCODER)

@@ -77,21 +77,14 @@ def test_the_arrow_points_along_the_force_in_proportion_to_it(tensions):
 
 @pytest.mark.parametrize("name", ["kntu-planar", "cogiro", "body-mounted"])
 def test_every_kind_of_rig_is_drawn_before_and_after_its_first_telemetry(name):
-    rig = tl.load_rig(name)
-    first = next(runs.cycles(tl.load_rig("bartels2026-validation"), 2))
-    pose = Pose(rig.home, frames=rig.at_rest)
-    structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
-    for tensions, arrows in ((np.nan, 0), (1.0, 1)):
-        state = replace(
-            first.state,
-            pose=pose,
-            structure=structure,
-            active=np.full(rig.m, True),
-            tensions=tensions * np.arange(rig.m),
-        )
-        entity = drawn(replace(first, state=state, commanded=np.full(rig.m, np.nan)), rig)
-        assert len(entity["arrows"]) == arrows
-        assert len(entity["spheres"]) == rig.m
+    rig, active = tl.load_rig(name), cycle_of(runs.four())
+    pose, structure = Pose(rig.home, frames=rig.at_rest), rig.structure_matrix(rig.home, frames=rig.at_rest)
+    for tension, arrows in ((np.nan, 0), (1.0, 1)):
+        tensions = tension * np.arange(rig.m)
+        changed = {"pose": pose, "structure": structure, "active": np.full(rig.m, True), "tensions": tensions}
+        cycle = replace(active, state=replace(active.state, **changed), commanded=np.full(rig.m, np.nan))
+        entity = drawn(cycle, rig)
+        assert (len(entity["arrows"]), len(entity["spheres"])) == (arrows, rig.m)
 
 
 @pytest.mark.parametrize(("rate", "pictures"), [(10.0, 20), (50.0, 60), (1000.0, 60)])

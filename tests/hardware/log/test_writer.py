@@ -1,12 +1,8 @@
 """Logs are written by real cycles, to real files that real systems refuse."""
 
 import itertools
-import os
-import subprocess
-import sys
 import threading
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,43 +15,31 @@ from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.runner.records import RunEvent
 from tensionlab.support.files import writing
 from tests.helpers import runs
+from tests.helpers.scripts import running
 
-ROOT = Path(__file__).parents[3]
 TIMEOUT_S = 60.0
-KILLED = """
-import os, signal, sys, threading
-from tensionlab.hardware.log.mcap_file import McapWriter
+WRITES = """
+import sys, time
+from tensionlab.hardware.log import writer
 from tests.helpers import runs
 
-def message(self, *words):
-    global written
-    write(self, *words)
-    if words[0] != "cycle":
-        return
-    written += 1
-    taken.release()
-    if flushes == last and written >= kept + more:
-        print(kept, written, flush=True)
-        os.kill(os.getpid(), signal.SIGKILL)
+class Counting(writer.McapWriter):
+    cycles = 0
 
-def flush(self):
-    global flushes, kept
-    hand_over(self)
-    flushes, kept = flushes + 1, written
+    def message(self, topic, *words):
+        super().message(topic, *words)
+        self.cycles += topic == "cycle"
 
-write, hand_over = McapWriter.message, McapWriter.flush
-rig = runs.four()
-for number, (last, more) in enumerate(((1, 1), (2, 2), (3, 10))):
-    child = os.fork()
-    if child == 0:
-        log = runs.new_log(f"{sys.argv[1]}/{number}.mcap", rig)
-        taken, written, flushes, kept = threading.Semaphore(0), 0, 0, 0
-        McapWriter.message, McapWriter.flush = message, flush
-        for cycle in runs.cycles(rig, 20_000):
-            log.write(cycle)
-            taken.acquire()
-        os._exit(0)
-    os.waitpid(child, 0)
+    def flush(self):
+        super().flush()
+        print(self.cycles, flush=True)
+
+writer.McapWriter = Counting
+print(flush=True)
+log = runs.new_log(sys.argv[1], runs.four())
+for cycle in runs.cycles(runs.four(), 20_000):
+    log.write(cycle)
+    time.sleep(2e-3)
 """
 
 
@@ -118,29 +102,17 @@ def test_a_disk_that_fills_up_stops_the_writing_with_its_reason(tmp_path, monkey
     assert len(run) > 20
 
 
-@pytest.mark.realtime  # processes that are killed with -9
+@pytest.mark.realtime  # a process that is killed with -9
 def test_what_was_logged_outlives_the_process(tmp_path):
     """Killed while it writes: every cycle that was handed over is in the file, without a gap."""
-    command = [sys.executable, "-c", KILLED, str(tmp_path)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    said = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True).stdout
-    moments = [[int(word) for word in line.split()] for line in said.splitlines()]
-    assert len(moments) == 3
-    for number, (kept, written) in enumerate(moments):
-        run = read_run(tmp_path / f"{number}.mcap")
-        assert not run.complete
-        assert list(run.cycle) == list(range(len(run)))
-        assert 0 < kept <= len(run) <= written
-
-
-def test_cycles_are_in_the_file_soon(tmp_path, monkeypatch):
-    flushed, flush = threading.Semaphore(0), McapWriter.flush
-    monkeypatch.setattr(McapWriter, "flush", lambda file: (flush(file), flushed.release()))
-    log = open_log(tmp_path / "run.mcap")
-    write_all(log, 20)
-    while len(read_run(tmp_path / "run.mcap")) < 20:
-        assert flushed.acquire(timeout=TIMEOUT_S)
-    log.close()
+    with running(WRITES, str(tmp_path / "run.mcap")) as process:
+        kept = [int(process.stdout.readline()) for _ in range(4)]
+        process.kill()
+        process.wait()
+    run = read_run(tmp_path / "run.mcap")
+    assert not run.complete
+    assert list(run.cycle) == list(range(len(run)))
+    assert 0 == kept[0] < kept[1] < kept[-1] <= len(run)
 
 
 def test_a_cycle_waits_no_longer_because_more_follow(tmp_path, monkeypatch):
