@@ -138,8 +138,7 @@ def dominant_frequency(time: Floats, values: Floats) -> float:
     return float(frequencies[int(np.argmax(spectrum))])
 
 
-@dataclass(frozen=True)
-class Directions:
+class Directions(NamedTuple):
     """Numbers of cycles with a force above 0.5 N, of those within 45 degrees, and of the others by `REASONS`."""
 
     cycles: int

@@ -115,30 +115,26 @@ class PersonPlan:
 
 @dataclass(frozen=True, eq=False)
 class PersonRecord:
-    """Motion of a simulated person and the force of the cables on it, once a ms.
+    """Motion of a simulated person and the force of the cables on it, once a ms."""
 
-    Time (K,) in s since the script began; position (K, d) of the hand or the head in m, and true force (K, d) of
-    the cables on it in N; true tensions (K, m) in N.
-    """
-
-    time: Floats
-    position: Floats
-    force: Floats
-    tensions: Floats
+    time: Floats  # (K,), in s since the script began
+    position: Floats  # of the hand or the head, (K, d), in m
+    force: Floats  # true force of the cables on it, (K, d), in N
+    tensions: Floats  # true tensions, (K, m), in N
 
 
 class Person:
     """Simulated person, called with a time for its pose.
 
     It stands still at the start of its script until `begin` is called. The rig's point is its hand or head;
-    ``pose`` is its current pose and that of the bodies.
+    ``pose``, with the bodies, and ``velocity`` (d,), in m/s, are those now.
     """
 
     def __init__(self, plan: PersonPlan, rig: Rig) -> None:
         self._plan, self._rig = plan, rig
         self._time, self._start = 0.0, math.inf
         self._position = plan.script.position(0.0)
-        self._velocity: Floats = np.zeros_like(self._position)
+        self.velocity: Floats = np.zeros_like(self._position)
         self._tensions: Floats = np.zeros(rig.m)
         self._required = rig.required.middle(rig)  # wrench that the cables hold besides
         self._force: Floats | None = None
@@ -157,11 +153,6 @@ class Person:
     def apply_force(self, force: Floats) -> None:
         """Set a force from now on, (d,) in N, instead of the cables' force."""
         self._force = force
-
-    @property
-    def velocity(self) -> Floats:
-        """Velocity of the hand or the head, (d,) in m/s."""
-        return self._velocity
 
     def __call__(self, time: float) -> Pose:
         """Return the pose at a time in s, which must not decrease from call to call."""
@@ -187,14 +178,9 @@ class Person:
     @property
     def record(self) -> PersonRecord:
         """Record since the script began."""
-        time, position, force, tensions = zip(*self._rows, strict=True) if self._rows else ((),) * 4
-        d, m = self._rig.dimension, self._rig.m
-        return PersonRecord(
-            np.array(time),
-            np.array(position).reshape(-1, d),
-            np.array(force).reshape(-1, d),
-            np.array(tensions).reshape(-1, m),
-        )
+        columns = zip(*self._rows, strict=True) if self._rows else ((),) * 4
+        widths = ((), (self._rig.dimension,), (self._rig.dimension,), (self._rig.m,))
+        return PersonRecord(*(np.array(c).reshape(-1, *width) for c, width in zip(columns, widths, strict=True)))
 
     def _move(self, step: float) -> None:
         """Take one step of the semi-implicit Euler method, with which a spring gains no energy."""
@@ -204,9 +190,9 @@ class Person:
         force = self._force
         if force is None:
             force = structure_matrix(self.cables.directions, self.cables.arms) @ self._tensions - self._required
-        own = plan.stiffness * (goal - self._position) + plan.damping * (speed - self._velocity)
-        self._velocity = self._velocity + step * (own + force) / plan.mass
-        self._position = self._position + step * self._velocity
+        own = plan.stiffness * (goal - self._position) + plan.damping * (speed - self.velocity)
+        self.velocity = self.velocity + step * (own + force) / plan.mass
+        self._position = self._position + step * self.velocity
         self._take_place()
         self._rows.append((now, self._position, force, self._tensions))
 

@@ -34,18 +34,14 @@ SIMULATED = "sim:"
 
 @dataclass(frozen=True, eq=False)
 class ScenarioModules:
-    """Open modules, with their links by name, and the source of the poses of hand and bodies.
-
-    Without a tracker the pose comes from the cables' lengths. The person is simulated in this process; the client
-    receives a tracker's frames, and without frames the force is 0.
-    """
+    """Open modules, with their links by name, and the source of the poses of hand and bodies."""
 
     group: ModuleGroup
     clock: Clock
     links: Mapping[str, str]
-    tracker: Tracker | None = None
-    person: Person | None = None
-    client: ClientState | None = None
+    tracker: Tracker | None = None  # without one, the pose comes from the cables' lengths
+    person: Person | None = None  # simulated in this process
+    client: ClientState | None = None  # receives a tracker's frames; without frames the force is 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,23 +93,9 @@ def play(
 ) -> ScenarioResult:
     """Play a scenario on modules, which stay open, and read its log.
 
-    Parameters
-    ----------
-    seconds : float, optional
-        Duration; the whole scenario if left out.
-    log : path, optional
-        MCAP file of the run; a temporary one if left out.
-    call : sequence of str
-        Call in the log's manifest.
-    progress : callable, optional
-        Called with the share that has been played, from 0 to 1.
-    sinks : sequence of RunSink, optional
-        Sinks of the run, besides the log.
-
-    Raises
-    ------
-    HardwareError
-        A module failed; all have been stopped.
+    It lasts ``seconds``, by default the whole scenario. ``log`` is the MCAP file of the run, a temporary one if
+    left out, and ``call`` the call in its manifest. ``progress`` is called with the share that has been played;
+    ``sinks`` get the run besides the log. `HardwareError` if a module failed; all have been stopped.
     """
     with tempfile.TemporaryDirectory() as folder, temporary_slew(modules.group, scenario.slew):
         path = Path(folder) / "scenario.mcap" if log is None else Path(log)

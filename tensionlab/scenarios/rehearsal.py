@@ -28,17 +28,14 @@ MAX_MISSING = 0.07  # share of a desired force that may be missing: the just not
 
 @dataclass(frozen=True, eq=False)
 class Rehearsal:
-    """Cycles of a rehearsal: time (K,) in s, position in the world and in the frame of the effects (K, d) in m.
+    """Cycles of a rehearsal."""
 
-    The other fields are structure matrices (K, n, m), cable lengths (K, m) in m, and desired forces (K, n) in N.
-    """
-
-    time: Floats
-    position: Floats
-    seen: Floats
-    structure: Floats
-    lengths: Floats
-    desired: Floats
+    time: Floats  # (K,), in s
+    position: Floats  # in the world, (K, d), in m
+    seen: Floats  # position in the frame of the effects, (K, d), in m
+    structure: Floats  # structure matrices, (K, n, m)
+    lengths: Floats  # of the cables, (K, m), in m
+    desired: Floats  # forces, (K, n), in N
 
 
 def rehearse(scenario: Scenario) -> Rehearsal:
@@ -80,13 +77,8 @@ def _stop(target: BrakeTarget, motion: Motion) -> Floats:
 def check_needs(scenario: Scenario) -> list[Finding]:
     """Check whether a scenario's rig has the reach, the forces of each phase, and the brakes.
 
-    A finding fails if the rig has nothing of what is needed, and is a note if it has a part. RigError if the hand
-    comes to an anchor.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        Scenario with its rig.
+    A finding fails if the rig has nothing of what is needed, and is a note if it has a part. `RigError` if the
+    hand of the ``scenario`` comes to an anchor.
     """
     played = rehearse(scenario)
     findings = [_reach(scenario, played)]
