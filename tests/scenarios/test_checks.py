@@ -81,9 +81,3 @@ def test_infeasible_and_limited_are_reasons(run):
     slewing[: COUNT // 2, 1] = Limit.SLEW
     reasons = check_directions(replace(wrong, limiters=slewing)).reasons
     assert reasons["module limited"] == reasons["unexplained"] == COUNT // 2
-
-
-def test_every_strong_force_is_within_or_has_a_reason(run):
-    random = np.random.default_rng(1)
-    found = check_directions(pulling(run, random.normal(size=(COUNT, 3)), random.normal(size=(COUNT, 3))))
-    assert found.within + sum(found.reasons.values()) == found.cycles

@@ -23,12 +23,6 @@ def test_the_five_scenarios_can_be_read_and_are_proposals(name):
     assert scenario.phases[0] in scenario.active_phases(scenario.phases[0].begin)
 
 
-def test_only_the_materials_are_grounded():
-    """As the publication says: the others mix modules on the body and in the room, or are on the body alone."""
-    frames = {name: load_scenario(name).rig.frames for name in SCENARIOS}
-    assert [name for name, worn in frames.items() if not worn] == ["materials"]
-
-
 @pytest.fixture
 def bow(tmp_path):
     """A copy of the bow that may be changed: the file, and what changes it."""
@@ -69,28 +63,20 @@ def test_another_rig_may_take_its_place(bow):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("seconds = 5.0", "secnds = 5.0", 'secnds is an unknown key; did you mean "seconds"?'),
         ('up = "z"', "", "up is missing"),
         ('up = "z"', 'up = "w"', "key \"up\" is 'w'; give the axis that points up"),
         ('up = "z"', 'up = "z"\nrig = 3', "rig is 3; give a text"),
         ("seconds = 5.0", "seconds = -1.0", "give both above 0"),
-        ("seconds = 5.0", 'seconds = "long"', "seconds is 'long'; give a number"),
         ('frame = "bow"', 'frame = "bw"', 'frame is "bw"'),
-        ("mass = 1.0", "mass = 0.0", "person.mass is 0.0; give more than 0, up to 100"),
         ("time = 2.0", "tme = 2.0", "tme is an unknown key"),
         ("frequency = 0.4", "freq = 0.4", "bodies.bow.sway.freq is an unknown key"),
-        ("loosed = 3.2", "losed = 3.2", "losed is an unknown key"),
         ('effects.string = { kind = "bow", loosed = 3.2 }', "effects.string = 3", "effect 'string': is 3; give a"),
         ('{ kind = "bow", loosed = 3.2 }', '{ kind = "spring", centre = [0, 0] }', "centre is (0.0, 0.0); give 3"),
         ("reach = 0.80", "plane = { point = [0, 0] }", "hold: plane.point is (0.0, 0.0); give 3"),
-        ("reach = 0.80", "reach = inf", "reach is inf"),
-        ("amplitude = [0.002, 0.004, 0.004]", "amplitude = [0.002, 1e308, 0.004]", "amplitude[1] is 1e+308"),
         ("reach = 0.80", "reach = 0.80, plane = {}", "a plane or a reach"),
         ("end = 5.0", "end = -5.0", 'phase "draw": begin 0.0, end -5.0'),
-        ("end = 5.0", "", 'phases[0] ("draw"): end is missing'),
         ('policy = "force"', 'policy = "nowhere"', "policy is 'nowhere'; give 'force', 'tension' or 'direction'"),
         ("[person.bodies.bow]", "[person.bodies.bw]", "modules are attached to ['bow']"),
-        ("title =", "title", "not valid TOML"),
     ],
 )
 def test_a_refusal_names_the_file_and_the_key(bow, old, new, said):

@@ -12,7 +12,6 @@ from tensionlab.hardware.log.reader import read_run
 from tensionlab.scenarios import SCENARIOS, Phase, load_scenario
 from tensionlab.scenarios.play import play, simulate_modules
 from tensionlab.scenarios.scenery import (
-    JOINT_HEIGHTS_M,
     ScenerySurface,
     as_mapping,
     read_scenery,
@@ -97,8 +96,3 @@ def test_it_stands_along_any_axis():
     np.testing.assert_allclose(other.head, turn @ one.head)
     for line, same in zip(one.lines, other.lines, strict=True):
         np.testing.assert_allclose(same, line @ turn.T)
-
-
-def test_a_person_of_whom_nothing_is_known_stands_upright():
-    figure = stick_figure(np.zeros(3), np.array([0.0, 1.0, 0.0]), [])
-    assert figure.head.tolist() == [0.0, JOINT_HEIGHTS_M["head"], 0.0]

@@ -15,14 +15,10 @@ from websockets.sync.client import connect
 
 from benchmarks.processes import process
 from tensionlab.haptics.bridge.client import BridgeClient
+from tests.haptics.bridge.test_bridge import FLOOR, HAND, RIG
 from tools.site.browser import browser, installed
 
 ROOT = Path(__file__).parents[3]
-RIG = ROOT / "datasets/rigs/bartels2026-validation.toml"
-FLOOR = {
-    "floor": {"kind": "wall", "plane": {"point": [0.0, 0.32, 0.0], "normal": [0.0, 1.0, 0.0]}, "stiffness": 100.0}
-}
-HAND = (0.0, 0.31, 0.0)  # a cm below the floor: 1 N
 HANGS_S = 600.0  # only what hangs takes so long
 
 
@@ -49,17 +45,6 @@ def until(wanted, act):
         assert time.monotonic() < end, answer
         time.sleep(1.0 / 90.0)
     return answer
-
-
-@pytest.mark.realtime  # a server in another process, over TCP
-def test_what_a_client_desires_is_pulled(bridge):
-    with BridgeClient(bridge) as client:
-        begin = time.monotonic()
-        state = until(
-            lambda state: state.measured == pytest.approx([0.0, 1.0, 0.0], abs=0.05),
-            lambda: client.frame(time.monotonic() - begin, HAND, FLOOR),
-        )
-        assert state.desired == pytest.approx([0.0, 1.0, 0.0], abs=0.01)
 
 
 @pytest.mark.realtime  # the example is a program

@@ -156,27 +156,3 @@ def test_all_that_a_client_and_the_bridge_say_is_of_the_schema(monkeypatch):
         BRIDGE.validate(json.loads(text))
     assert {json.loads(text)["type"] for text in said.received} == {"welcome", "state", "event"}
     assert len(said.sent) > 1.0 / CYCLE_S
-
-
-def test_the_answers_are_those_of_the_examples(monkeypatch):
-    frame, state = EXAMPLES["frame"], EXAMPLES["state"]
-    with SimulatedServe((ROOT / "datasets/rigs/bartels2026-validation.toml", "--port", 0), monkeypatch) as bridge:
-        line = bridge.connect(f"{bridge.url}/command")
-        assert json.loads(line.recv()) == EXAMPLES["welcome"]
-
-        def answer(said):
-            line.send(json.dumps(said))
-            while (found := json.loads(line.recv()))["type"] == "event":
-                pass
-            return found
-
-        for number in range(180):
-            found = answer({**frame, "time": frame["time"] + number / 90.0})
-            bridge.sleep(1.0 / 90.0)
-        wrong = json.loads(json.dumps(frame))
-        wrong["effects"]["floor"]["stifness"] = 100.0
-        assert answer(wrong) == EXAMPLES["refused"]
-    for key, value in state.items():
-        numbers = isinstance(value, float) or (isinstance(value, list) and isinstance(value[0], float))
-        expected = pytest.approx(value, rel=0.1, abs=0.05) if numbers and key != "time" else value
-        assert key == "time" or found[key] == expected, key

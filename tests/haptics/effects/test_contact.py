@@ -32,11 +32,6 @@ def test_magnet_is_continuous():
         assert np.abs(np.diff(height(Magnet(), *z, speed=speed))).max() <= 300.0 * 1e-6 * 1.01
 
 
-def test_soft_magnet_pulls_less_but_still_has_a_profile():
-    soft = Magnet(stiffness=20.0)
-    assert -height(soft, 0.05, 0.075, 0.10) == pytest.approx([1.0, 0.5, 0.0])
-
-
 def test_texture_repeats_every_4_mm_with_the_slope_of_its_ripples():
     texture = Texture(friction=Friction(static=0.0, dynamic=0.0))
     x = np.arange(0.0, 0.02, 0.0001)
@@ -125,10 +120,3 @@ def test_the_energy_of_friction_is_exactly_accounted_for():
         now = friction.stiffness / 2 * memory.stretch @ memory.stretch
         assert -done.force @ (position[k] - before) >= now - stored - 1e-12
         stored = now
-
-
-def test_a_batch_of_friction_is_the_same_as_one_by_one():
-    paths = np.cumsum(np.random.default_rng(2).normal(size=(50, 4, 3)) * 1e-3, axis=0)
-    together = follow(Friction(), paths, 0.001)
-    for which in range(4):
-        assert follow(Friction(), paths[:, which], 0.001) == pytest.approx(together[:, which])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tensionlab.haptics.effects import Bow, Motion, Recoil, Weight, relative
-from tensionlab.haptics.rendering.renderer import limit_force_slew
 from tests.helpers.motions import at, follow
 
 
@@ -39,16 +38,6 @@ def test_a_shot_has_its_impulse():
     assert np.trapezoid(-force[:, 1], time) == pytest.approx(5.5 * (0.0025 + 0.06), rel=1e-5)
     assert -force[:, 1].min() == pytest.approx(5.5)
     assert time[np.argmin(force[:, 1])] == pytest.approx(0.005)
-
-
-@pytest.mark.parametrize(("slew", "peak", "impulse"), [(60.0, 2.8, 0.23), (300.0, 4.6, 0.31)])
-def test_what_a_modules_own_limit_leaves_of_a_shot(slew, peak, impulse):
-    time, now, forces = np.arange(0.0, 1.0, 1e-4), np.zeros(3), []
-    for wanted in kick(Recoil(shots=(0.0,)), time).force:
-        now = limit_force_slew(wanted, now, slew * 1e-4)
-        forces.append(-now[1])
-    assert max(forces) == pytest.approx(peak, abs=0.05)
-    assert np.trapezoid(forces, time) == pytest.approx(impulse, abs=0.005)
 
 
 def test_shots_add_up_and_may_leap():

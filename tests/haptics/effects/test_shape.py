@@ -31,12 +31,6 @@ def test_known_distances():
     assert Sphere()(np.array([1e-4, 0.0, 0.0]))[1].tolist() == [1.0, 0.0, 0.0]
 
 
-def test_a_hand_in_a_ball_is_pushed_out_along_the_radius():
-    force = Shape().render(at(0.0, 0.06, 0.0)).force
-    assert force == pytest.approx([0.0, 400.0 * 0.04, 0.0])
-    assert not Shape().render(at(0.0, 0.11, 0.0)).force.any()
-
-
 def test_the_proxy_slides_around_a_ball_to_where_the_hand_is_nearest():
     angle = np.linspace(0.0, np.pi / 2, 200)
     path = 0.09 * np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=-1)
