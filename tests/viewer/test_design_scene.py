@@ -23,12 +23,6 @@ def point():
     return begin(tl.load_rig("bartels2026-validation"))
 
 
-def test_cables_run_from_the_hand_to_the_anchors(point):
-    scene = drawn(edits.move_hand(point, [0.1, 0.5, 0.0]))
-    assert scene.rig.cables.points[:, 0] == pytest.approx(np.tile([0.1, 0.5, 0.0], (4, 1)))
-    assert scene.rig.cables.points[:, 1] == pytest.approx(point.rig.anchors)
-
-
 def test_a_rig_in_the_plane_lies_in_it():
     scene = drawn(begin(tl.load_rig("kntu-planar")))
     assert scene.rig.cables.points.shape == (4, 2, 3)
@@ -36,10 +30,10 @@ def test_a_rig_in_the_plane_lies_in_it():
         assert not part[..., 2].any()
 
 
-def test_colours_tell_where_a_tension_is_between_its_limits(point):
-    found = evaluate(edits.set_wrench(point, [1.0, 0.5, 1.0]))  # floor-3 is at its lower limit
-    colours = tension_colours(point.rig, found)
-    assert colours[2].tolist() == rgb("#0072B2").tolist()
+def test_colours_and_labels_tell_where_a_tension_is_between_its_limits(point):
+    state = edits.set_wrench(point, [1.0, 0.5, 1.0])  # floor-3 is at its lower limit
+    assert tension_colours(point.rig, evaluate(state))[2].tolist() == rgb("#0072B2").tolist()
+    assert drawn(state).rig.labels[2:] == ("floor-3 · 0.50 N", "top · 2.61 N")
     full = evaluate(edits.set_wrench(point, [0.0, 50.0, 0.0]))
     assert tension_colours(point.rig, full)[3].tolist() == rgb("#D55E00").tolist()
 
@@ -49,11 +43,8 @@ def test_the_desired_force_ends_at_its_tip_to_scale(point):
     assert scene.tip - scene.rig.hand == pytest.approx([4.0 * force_scale(point.rig), 0.0, 0.0])
     assert scene.rig.arrows["desired"][1] == pytest.approx(scene.tip)
     assert set(scene.rig.arrows) == {"desired"}  # it is rendered
-
-
-def test_without_a_force_there_is_something_to_grab_beside_the_hand(point):
-    scene = drawn(point)
-    assert np.linalg.norm(scene.tip - scene.rig.hand) > 0.05
+    nothing = drawn(point)
+    assert np.linalg.norm(nothing.tip - nothing.rig.hand) > 0.05  # it can be grabbed next to the hand
 
 
 def test_an_infeasible_force_has_its_certificate(point):
@@ -80,19 +71,11 @@ def test_the_certificate_of_a_platform_is_one_at_its_torque():
     assert (scene.tip - start) @ (end - start) > 0.0
 
 
-def test_labels_have_names_and_tensions(point):
-    assert drawn(edits.set_wrench(point, [1.0, 0.5, 1.0])).rig.labels[2:] == (
-        "floor-3 · 0.50 N",
-        "top · 2.61 N",
-    )
-
-
-def test_another_rig_is_drawn_beside(point):
+def test_another_rig_of_the_same_dimension_is_drawn_too(point):
     scene = drawn(edits.set_fields(ghost=tl.load_rig("seven-modules"))(point))
     assert len(scene.ghost.points) == 7
-    assert (
-        len(drawn(edits.set_fields(ghost=tl.load_rig("kntu-planar"))(point)).ghost.points) == 0
-    )  # of another space
+    planar = edits.set_fields(ghost=tl.load_rig("kntu-planar"))(point)
+    assert len(drawn(planar).ghost.points) == 0
 
 
 def test_a_hand_at_an_anchor_is_drawn_without_tensions(point):
@@ -106,22 +89,20 @@ def test_a_hand_at_an_anchor_is_drawn_without_tensions(point):
 def test_every_rig_is_drawn(name):
     state = begin(tl.load_rig(name.removeprefix("rigs/")))
     wrench = np.where(np.arange(state.rig.n) < state.rig.dimension, 3.0 * state.rig.limits.upper.max(), 0.0)
-    for each in (state, edits.set_wrench(state, wrench)):
-        scene = drawn(each)
+    for changed in (state, edits.set_wrench(state, wrench)):
+        scene = drawn(changed)
+        assert scene.rig.cables.points.reshape(-1, 3)[-1] == pytest.approx(scene.rig.anchors[-1])
         assert np.isfinite(scene.rig.cables.points).all()
         assert len(scene.rig.labels) == state.rig.m
 
 
-def test_arrows_have_the_same_colours_on_the_page_of_a_rig_and_on_that_of_a_run():
+def test_arrows_have_the_same_linear_colours_on_both_pages():
+    assert linear(np.array([0, 10, 128, 255], np.uint8)).tolist() == [0, 1, 55, 255]
     for colours in (ARROWS, FORCE_COLOURS):
         server = MagicMock()
         RigDrawing(server, colours)
         added = {call.args[0]: call.args[2].tolist() for call in server.scene.add_arrows.call_args_list}
         assert added == {f"/arrows/{name}": linear(rgb(colour)).tolist() for name, colour in colours.items()}
-
-
-def test_colours_are_linear_where_viser_takes_them_so():
-    assert linear(np.array([0, 10, 128, 255], np.uint8)).tolist() == [0, 1, 55, 255]
 
 
 def test_modules_that_are_added_and_removed_have_a_ball_each():

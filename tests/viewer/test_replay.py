@@ -47,12 +47,9 @@ def test_time_passes_at_the_chosen_speed_and_stops_at_the_end():
     assert over.advance(1.0) == over
     assert over.play().time == 1.0  # from the begin again
     assert AT_4.advance(1.0) == AT_4
-
-
-@pytest.mark.parametrize(("time", "shown"), [(2.5, 2.5), (0.0, 1.0), (99.0, 9.0)])
-def test_a_time_that_is_chosen_is_in_the_run_and_stops_there(time, shown):
-    found = AT_4.play().seek(time)
-    assert (found.time, found.playing) == (shown, False)
+    for time, shown in ((2.5, 2.5), (0.0, 1.0), (99.0, 9.0)):
+        chosen = playing.seek(time)
+        assert (chosen.time, chosen.playing) == (shown, False)
 
 
 def test_steps_go_to_the_next_event_and_back_and_nowhere_beyond_the_last():
@@ -95,14 +92,11 @@ def test_curves_are_to_one_scale_and_broken_where_there_is_no_force(four):
     assert min(heights) == pytest.approx(0.04, abs=1e-3)
     assert max(heights) <= 1.0
     assert most == pytest.approx(np.nanmax(np.linalg.norm(four.desired, axis=1)), rel=0.5)
-    nothing = replace(four, desired=four.desired * np.nan, measured=four.measured * np.nan)
-    assert curves(nothing)[0][0][2] == ""
-
-
-def test_the_timeline_has_marks_and_the_time_that_is_shown_where_they_are():
     text = render("run.timeline", [], 1.0, [(0.75, KINDS["fault"])], 0.25)
     assert re.search(rf'x1="0.7500" x2="0.7500" .* stroke="{KINDS["fault"]}"', text)
     assert 'x1="0.25000" x2="0.25000"' in text
+    nothing = replace(four, desired=four.desired * np.nan, measured=four.measured * np.nan)
+    assert curves(nothing)[0][0][2] == ""
 
 
 @pytest.fixture
@@ -123,10 +117,6 @@ def during(first, last, value, quiet, name, module=None):
     return replace(quiet, **{name: changed})
 
 
-def test_where_nothing_happens_there_are_no_marks(quiet):
-    assert marks(quiet) == ()
-
-
 @pytest.mark.parametrize(
     ("name", "value", "module", "mark"),
     [
@@ -144,11 +134,7 @@ def test_what_lasts_has_a_mark_at_its_begin(quiet, name, value, module, mark):
     assert found[0].time == pytest.approx(mark.time)
     assert (found[0].kind, found[0].text) == (mark.kind, text)
     assert len(found) == (2 if name == "faults" else 1)
-
-
-def test_what_lasts_to_the_end_says_so(quiet):
-    [found] = marks(during(90, 99, Status.NEAREST, quiet, "status"))
-    assert found.text == "NEAREST, to the end"
+    assert marks(during(90, 99, value, quiet, name, module))[0].text.endswith(", to the end")
 
 
 def test_noted_events_have_the_kind_of_phases_brakes_or_the_run(quiet):
@@ -165,11 +151,11 @@ def test_noted_events_have_the_kind_of_phases_brakes_or_the_run(quiet):
     ]  # fmt: skip
 
 
-def test_the_marks_of_a_real_run_are_in_order_and_of_known_kinds(four):
+def test_the_marks_of_a_real_run_are_in_order_and_of_known_kinds(four, quiet):
+    assert marks(quiet) == ()
     found = marks(four)
-    assert {mark.kind for mark in found} <= set(KINDS)
+    assert {"run", "limiter", "brake"} <= {mark.kind for mark in found} <= set(KINDS)
     assert [mark.time for mark in found] == sorted(mark.time for mark in found)
-    assert {"run", "limiter", "brake"} <= {mark.kind for mark in found}
 
 
 def test_short_gaps_do_not_end_a_spell():
@@ -198,13 +184,10 @@ def test_an_instant_has_what_the_cycle_had(recorded):
     assert instant.tensions == pytest.approx(recorded.measured[70])
     assert instant.desired == pytest.approx(recorded.desired[70])
     assert instant.active.tolist() == [True, True, False, True, True, True, True]
-
-
-def test_before_the_first_telemetry_cables_have_the_tension_that_was_sent(recorded):
+    first = instant_at(recorded, 0)  # before the first telemetry
     assert np.isnan(recorded.measured[0]).all()
-    instant = instant_at(recorded, 0)
-    assert instant.tensions == pytest.approx(recorded.commanded[0])
-    assert not instant.measured.any()  # what was not measured is not shown as measured
+    assert first.tensions == pytest.approx(recorded.commanded[0])
+    assert not first.measured.any()  # nothing else is shown as measured
 
 
 def test_a_report_knows_what_had_happened_until_then(recorded):
@@ -216,18 +199,11 @@ def test_a_report_knows_what_had_happened_until_then(recorded):
     end = report_at(recorded, 119)
     assert end.answers == tl.hardware.log.reader.recount(recorded).answers
     assert end.start_delays.tolist() == recorded.start_delay.tolist()
-
-
-def test_missed_deadlines_are_counted_until_then(recorded):
     late = replace(recorded, time=recorded.time + np.where(np.arange(120) >= 50, 3 / recorded.setup.rate, 0.0))
     late = replace(late, start_delay=np.zeros(120))
     assert (report_at(late, 49).missed, report_at(late, 50).missed, report_at(late, 119).missed) == (0, 3, 3)
-
-
-def test_the_setup_is_that_of_the_log(recorded):
     info = info_of(recorded)
-    assert (info.program, info.solver, info.rate) == ("tensionlab run", "dykstra", 50.0)
-    assert info.rig == recorded.rig
+    assert (info.program, info.solver, info.rate, info.rig) == ("tensionlab run", "dykstra", 50.0, recorded.rig)
 
 
 @pytest.mark.parametrize(
@@ -245,38 +221,31 @@ def test_a_run_of_which_nothing_can_be_drawn_is_refused_with_the_name_of_its_fil
         require_drawable(replace(recorded, **change(recorded)), "bad.mcap")
 
 
-@pytest.fixture
-def page(tmp_path, monkeypatch):
-    """The page of a run of seven modules one of which is lost, in a time of its own."""
+@pytest.mark.realtime  # a real server
+def test_picture_and_texts_follow_the_time_that_is_chosen(recorded, monkeypatch):
     passing = SimulatedTime()
     monkeypatch.setattr(replay, "time", passing)
-    runs.logged(tmp_path / "run.mcap", runs.seven(), 120, lost=2)
-    made = ReplayPage(read_run(tmp_path / "run.mcap"), PageServer())
-    made.passing = passing
-    yield made
-    made.close()
+    page = ReplayPage(recorded, PageServer())
 
+    def change(change, seconds):
+        page.change(change)
+        passing.sleep(seconds)
+        page.turn()
 
-def passes(page, seconds):
-    page.passing.sleep(seconds)
-    page.turn()
-
-
-@pytest.mark.realtime  # a real server
-def test_picture_and_texts_follow_the_time_that_is_chosen(page):
-    assert "LOST" not in page._modules.content
-    page.change(lambda now: now.seek(1.3))
-    passes(page, 0.1)
-    assert page.index == 65
-    assert page._modules.content.count("LOST") == 1
-    assert "cycle 65 at 50 Hz" in page._heading.content
-    assert page._slider.value == 1.3
-    page.change(lambda now: replace(now, speed=0.5).play())
-    passes(page, 0.0)
-    passes(page, 0.4)
-    assert page.playback.time == pytest.approx(1.5)
-    passes(page, 60.0)
-    assert (page.playback.time, page.playback.playing) == (page._run.time[-1], False)
+    try:
+        assert "LOST" not in page._modules.content
+        change(lambda now: now.seek(1.3), 0.1)
+        assert page.index == 65
+        assert page._modules.content.count("LOST") == 1
+        assert "cycle 65 at 50 Hz" in page._heading.content
+        assert page._slider.value == 1.3
+        change(lambda now: replace(now, speed=0.5).play(), 0.0)
+        change(lambda now: now, 0.4)
+        assert page.playback.time == pytest.approx(1.5)
+        change(lambda now: now, 60.0)
+        assert (page.playback.time, page.playback.playing) == (recorded.time[-1], False)
+    finally:
+        page.close()
 
 
 @pytest.mark.slow

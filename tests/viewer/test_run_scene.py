@@ -48,7 +48,7 @@ def ended(scene, name):
     return scene.arrows[name][1] - scene.arrows[name][0]
 
 
-def test_three_forces_are_drawn_to_scale_beside_one_another(rig, instant):
+def test_three_forces_are_drawn_to_scale_next_to_each_other(rig, instant):
     scene = draw_instant(rig, instant)
     for name in FORCE_COLOURS:
         force = ENLARGED * force_scale(rig) * getattr(instant, name)
@@ -57,18 +57,13 @@ def test_three_forces_are_drawn_to_scale_beside_one_another(rig, instant):
     assert np.linalg.norm(starts[:, None] - starts, axis=-1)[np.triu_indices(3, 1)].min() > 0.01 * size(rig)
 
 
-def test_what_the_solver_was_not_asked_to_render_counts_as_commanded(rig):
-    _, row = instant_of(rig)
-    row["solver_wrench"] = row["demanded"] - [0.0, 1.0, 0.0]  # an impedance pulls with 1 N
-    found = Instant.of(rig, row)
-    assert found.commanded == pytest.approx(row["structure"] @ row["commanded"] + [0.0, 1.0, 0.0])
-
-
-def test_without_a_desired_wrench_the_other_two_are_drawn(rig):
+def test_modules_impedances_count_as_commanded_and_no_desired_force_has_no_arrow(rig):
     instant, row = instant_of(rig, 50)
     assert np.isnan(instant.desired).all()
-    assert instant.commanded == pytest.approx(row["structure"] @ np.nan_to_num(row["commanded"]))
     assert set(draw_instant(rig, instant).arrows) == {"commanded", "measured"}
+    row["demanded"], row["solver_wrench"] = np.array([0.0, 1.0, 0.0]), np.zeros(3)  # an impedance pulls with 1 N
+    expected = row["structure"] @ np.nan_to_num(row["commanded"]) + [0.0, 1.0, 0.0]
+    assert Instant.of(rig, row).commanded == pytest.approx(expected)
 
 
 def test_a_lost_module_is_marked_and_its_cable_dashed(rig):
@@ -100,18 +95,15 @@ def test_what_is_not_fresh_looks_like_nothing_live(rig, instant):
     assert list(scene.labels) == [module.name for module in rig.modules]
 
 
-def test_modules_on_bodies_have_their_colour_and_are_where_they_were():
+def test_modules_on_bodies_have_their_colour_and_are_where_they_were(instant):
     rig = tl.load_rig("body-mounted")
-    assert rig.frames
-    moved = rig.anchors + 1.0
-    m, n = rig.m, rig.n
-    instant = Instant(
-        time=0.0, hand=rig.home, anchors=moved, ends=np.tile(rig.home, (m, 1)), tensions=np.full(m, np.nan),
-        set_points=np.full(m, np.nan), active=np.ones(m, bool), desired=np.full(n, np.nan), commanded=np.zeros(n),
-        measured=np.zeros(n),
+    m, nothing, taut = rig.m, np.full(rig.n, np.nan), np.ones(rig.m)
+    moved = replace(
+        instant, hand=rig.home, anchors=rig.anchors + 1.0, ends=np.tile(rig.home, (m, 1)), tensions=taut,
+        set_points=taut, active=taut > 0.0, desired=nothing, commanded=nothing, measured=nothing,
     )  # fmt: skip
-    scene = draw_instant(rig, instant)
-    assert scene.anchors == pytest.approx(moved)
+    scene = draw_instant(rig, moved)
+    assert scene.anchors == pytest.approx(moved.anchors)
     for module, colour in zip(rig.modules, scene.colours, strict=True):
         assert colour.tolist() == rgb(ORANGE if module.frame in rig.frames else BLUE).tolist()
     assert scene.arrows == {}
@@ -136,9 +128,9 @@ def played(name, tmp_path, seconds=0.1):
     return scenery(scenario), run.rig, instant_at(run, len(run) - 1)
 
 
-@pytest.fixture
-def bow(tmp_path):
-    return played("bow", tmp_path)
+@pytest.fixture(scope="module")
+def bow(tmp_path_factory):
+    return played("bow", tmp_path_factory.mktemp("bow"))
 
 
 def normal(plate):
@@ -167,15 +159,6 @@ def test_a_ball_and_a_box_have_their_place_and_size():
     assert (box.centre.tolist(), box.edges.tolist()) == ([0.0, 0.0, 1.0], [0.1, 0.2, 0.3])
 
 
-def test_surfaces_in_the_frame_of_a_body_go_with_it(bow):
-    found, rig, instant = bow
-    shift = np.array([0.1, 0.2, 0.3])
-    for anchors in (instant.anchors, instant.anchors + shift):
-        scene = draw_scenery(found, rig, replace(instant, anchors=anchors))
-        (plate,) = scene.solids
-        assert np.linalg.norm(plate.centre - scene.places["bow hand"]) == pytest.approx(0.8)
-
-
 def test_only_surfaces_of_phases_in_progress_are_coloured(bow):
     found, rig, instant = bow
     nodes = []
@@ -193,9 +176,12 @@ def test_only_surfaces_of_phases_in_progress_are_coloured(bow):
         assert [label.text for label in nodes[1:3]] == ["draw hand", "bow hand"]
 
 
-def test_the_person_holds_what_is_known_of_it(bow):
+def test_surfaces_and_the_person_follow_the_bodies(bow):
     found, rig, instant = bow
+    shifted = draw_scenery(found, rig, replace(instant, anchors=np.add(instant.anchors, [0.1, 0.2, 0.3])))
     scene = draw_scenery(found, rig, instant)
+    for moved in (scene, shifted):  # the surface in the frame of the bow goes with it
+        assert np.linalg.norm(moved.solids[0].centre - moved.places["bow hand"]) == pytest.approx(0.8)
     joints = np.concatenate(scene.person.lines)
     for place in scene.places.values():
         assert np.linalg.norm(joints - place, axis=1).min() == pytest.approx(0.0, abs=1e-9)

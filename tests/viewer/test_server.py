@@ -40,21 +40,14 @@ def test_the_token_is_needed_on_this_machine_too(host, local):
     assert refused(gate, TOKEN, Host=host, Origin=f"http://{host}") is None
 
 
-@pytest.mark.parametrize("origin", ["http://evil.example", "http://127.0.0.1:9999", "null", "file://"])
-@pytest.mark.parametrize("local", [True, False])
-def test_a_page_of_another_origin_may_not_connect_even_with_it(origin, local):
-    assert "may not connect" in refused(Gate("secret", local=local), TOKEN, Host=HERE, Origin=origin)
-
-
-def test_a_name_that_leads_here_is_not_this_machine():
+def test_other_origins_names_and_sites_are_refused_with_the_token_too():
+    for origin in ("http://evil.example", "http://127.0.0.1:9999", "null", "file://"):
+        for local in (True, False):
+            assert "may not connect" in refused(Gate("secret", local=local), TOKEN, Host=HERE, Origin=origin)
     evil = {"Host": "evil.example:8080", "Origin": "http://evil.example:8080"}
-    assert refused(Gate("secret"), TOKEN, **evil) == (
-        "the host 'evil.example:8080' is not this machine; open 127.0.0.1"
-    )
+    message = "the host 'evil.example:8080' is not this machine; open 127.0.0.1"
+    assert refused(Gate("secret"), TOKEN, **evil) == message
     assert refused(Gate("secret", local=False), TOKEN, **evil) is None  # served to others, by their name for it
-
-
-def test_no_other_site_loads_the_page_as_an_image():
     assert "may not load" in refused(Gate("secret"), TOKEN, Host=HERE, Sec_Fetch_Site="cross-site")
     navigates = {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Mode": "navigate"}
     assert refused(Gate("secret"), TOKEN, Host=HERE, **navigates) is None
@@ -93,14 +86,10 @@ def hostile_messages(panel):
     def update(element, **attributes):
         return {"type": "GuiUpdateMessage", "uuid": element._impl.uuid, "updates": attributes}
 
-    upload = {
-        "type": "FileTransferStartUpload", "source_component_uuid": panel._solver._impl.uuid,
-        "transfer_uuid": "mine", "filename": "x", "mime_type": "text/plain", "part_count": 2, "size_bytes": 10,
-    }  # fmt: skip
-    part = {
-        "type": "FileTransferPart", "source_component_uuid": panel._solver._impl.uuid, "transfer_uuid": "mine",
-        "part_index": 0, "content": b"12345",
-    }  # fmt: skip
+    transfer = {"source_component_uuid": panel._solver._impl.uuid, "transfer_uuid": "mine"}
+    about = {"filename": "x", "mime_type": "text/plain", "part_count": 2, "size_bytes": 10}
+    upload = {"type": "FileTransferStartUpload", **transfer, **about}
+    part = {"type": "FileTransferPart", **transfer, "part_index": 0, "content": b"12345"}
     pose = {"type": "TransformControlsUpdateMessage", "name": "/nowhere", "owner": "", "position": [0, 0, 0]}
     yield update(panel._solver, value="evil_solver:Solver")
     for name in ("update_cb", "sync_cb", "gui_api", "props", "uuid", "is_button", "removed"):
@@ -112,16 +101,8 @@ def hostile_messages(panel):
         yield update(panel._grid, value=value)
     yield update(panel._file, value="x" * (MAX_TEXT + 1))
     yield {"type": "GuiUpdateMessage", "uuid": panel._solver._impl.uuid}
-    yield from (
-        upload,
-        part,
-        {"type": "ShareUrlRequest"},
-        {"type": "ResetGuiMessage"},
-        {"type": "NoSuch"},
-        {},
-        [],
-        7,
-    )
+    others = ({"type": name} for name in ("ShareUrlRequest", "ResetGuiMessage", "NoSuch"))
+    yield from (upload, part, *others, {}, [], 7)
     yield pose | {"wxyz": [1, 0, 0, 0]}
     yield pose | {"wxyz": [1, 0, 0, 0], "name": "/handle", "owner": "other"}
     yield pose | {"wxyz": [1, 0, 0], "name": "/handle"}
@@ -207,17 +188,12 @@ def test_the_page_outlives_edits_that_fail_and_states_that_cannot_be_shown():
             until(lambda: page.state.position.tolist() == [0.0, 0.0, 0.5], "a pose after it")
 
 
-@pytest.mark.parametrize("host", ["no.such.host.invalid", "192.0.2.1", "a..b"])
-def test_an_address_at_which_nothing_can_listen_is_refused(host):
-    with pytest.raises(InputError, match="cannot be served at"):
-        PageServer(host)
-
-
-def test_a_port_that_is_taken_is_refused():
+def test_an_address_at_which_nothing_can_listen_is_refused():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(InputError, match=f"port {port} "):
-            PageServer(port=port)
+        for host in ("127.0.0.1", "no.such.host.invalid", "192.0.2.1", "a..b"):
+            with pytest.raises(InputError, match=f"cannot be served at {host}, port {port} "):
+                PageServer(host, port)
 
 
 @pytest.mark.realtime  # a real server

@@ -20,56 +20,41 @@ def point():
     )
 
 
-def test_the_circle_is_level_and_as_strong_as_the_desired_force(point):
-    study = problems(point)
-    assert np.linalg.norm(study.forces, axis=1) == pytest.approx(np.full(180, 1.5))
-    assert not study.forces[:, 1].any()  # Y is up
-    assert np.degrees(np.arctan2(study.forces[45, 2], study.forces[45, 0])) == pytest.approx(study.along[45])
-
-
-def test_all_directions_are_those_of_the_validation(point):
-    study = problems(edits.set_fields(study="force in all directions")(point))
-    assert len(study.forces) == 182
-
-
-def test_the_hand_goes_around_with_the_same_force(point):
-    study = problems(edits.set_fields(study="hand in a circle")(point))
-    assert np.ptp(study.forces, axis=0).tolist() == [0.0, 0.0, 0.0]
-    assert np.linalg.norm(study.positions - point.position, axis=1) == pytest.approx(np.full(180, 0.23))
+def test_the_studies_are_level_circles_and_the_directions_of_the_validation(point):
+    circle, around, hand = (problems(edits.set_fields(study=study)(point)) for study in STUDIES)
+    assert np.linalg.norm(circle.forces, axis=1) == pytest.approx(np.full(180, 1.5))
+    assert not circle.forces[:, 1].any()  # Y is up
+    assert np.degrees(np.arctan2(circle.forces[45, 2], circle.forces[45, 0])) == pytest.approx(circle.along[45])
+    assert len(around.forces) == 182
+    assert np.ptp(hand.forces, axis=0).tolist() == [0.0, 0.0, 0.0]
+    assert np.linalg.norm(hand.positions - point.position, axis=1) == pytest.approx(np.full(180, 0.23))
 
 
 def test_answers_are_those_of_the_interface(point):
     study, found = compare(point, lambda: True)
-    assert [each.solver for each in found] == ["newton", "minimax", "dykstra"]
-    rig = point.rig
-    structure = rig.structure_matrix(rig.home)
-    for each in found:
-        direct = tl.allocate(structure, study.forces, rig.limits, solver=each.solver)
-        assert each.study.tensions == pytest.approx(direct.tensions)
-        now = tl.allocate(structure, point.wrench, rig.limits, solver=each.solver)
-        assert each.now.tensions == pytest.approx(now.tensions)
-        assert each.seconds > 0.0
+    assert [answers.solver for answers in found] == ["newton", "minimax", "dykstra"]
+    structure, limits = point.rig.structure_matrix(point.rig.home), point.rig.limits
+    for answers in found:
+        direct = tl.allocate(structure, study.forces, limits, solver=answers.solver)
+        assert answers.study.tensions == pytest.approx(direct.tensions)
+        now = tl.allocate(structure, point.wrench, limits, solver=answers.solver)
+        assert answers.now.tensions == pytest.approx(now.tensions)
+        assert answers.seconds > 0.0
+    assert compare(point, lambda: False) is None  # it is no longer wanted
 
 
-def test_what_a_rig_requires_is_held_beside_each_force():
+def test_the_required_wrench_is_exerted_in_addition_to_each_force():
     state = edits.set_fields(study="force in a circle")(begin(tl.load_rig("cogiro")))
     found = answer(state, "newton", problems(state))
     assert found.now.status == tl.Status.EXACT
     assert (found.study.wrench[:, 2] > 800.0).all()  # the weight of 91 kg
 
 
-def test_a_policy_that_a_solver_has_not_is_left_to_it(point):
+def test_a_solver_with_other_policies_keeps_its_own_and_one_for_other_rigs_says_so(point):
     state = edits.set_fields(policy="direction")(point)
     assert answer(state, "dykstra", problems(state)).problem == ""
-
-
-def test_a_solver_that_serves_no_such_rig_says_so(point):
-    state = edits.set_fields(study="force in a circle")(begin(tl.load_rig("seven-modules")))
+    state = begin(tl.load_rig("seven-modules"))
     assert "serves no such problem" in answer(state, "polygon", problems(state)).problem
-
-
-def test_a_comparison_ends_as_soon_as_it_is_not_wanted(point):
-    assert compare(point, lambda: False) is None
 
 
 @pytest.mark.parametrize("study", STUDIES)

@@ -20,9 +20,9 @@ SIMULATED = {"left": "sim:", "right": "sim:"}
 class Watched:
     """Run as its watcher sees it; `after` its process is signalled."""
 
-    def __init__(self, links, after="ended", unconfirmed=None):
+    def __init__(self, links, after="ended", unconfirmed=None, condition="live"):
         self.info = SimpleNamespace(links=links, pid=PID)
-        self.condition, self.report = "live", SimpleNamespace(unconfirmed=unconfirmed or {})
+        self.condition, self.report = condition, SimpleNamespace(unconfirmed=unconfirmed or {})
         self.after, self.signals = after, []
 
     def kill(self, pid, number):
@@ -30,51 +30,53 @@ class Watched:
         self.condition = self.after
 
 
-@pytest.fixture
-def stopped(monkeypatch):
-    """What is stopped by its links, and the outcomes of that."""
-    found = SimpleNamespace(links=None, outcomes={})
+@pytest.mark.parametrize(
+    ("outcomes", "confirmed", "lines"),
+    [
+        ({}, True, ("confirmed by 2 modules",)),
+        ({"right": Outcome(None, "out of range")}, False, ("right: out of range", "confirmed by 1 module")),
+    ],
+)
+def test_modules_with_links_are_stopped_by_the_emergency_stop(monkeypatch, outcomes, confirmed, lines):
+    stopped = []
 
     def emergency_stop(links):
-        found.links = links
-        return {name: found.outcomes.get(name, Outcome(None)) for name in links}
+        stopped.append(links)
+        return {name: outcomes.get(name, Outcome(None)) for name in links}
 
     monkeypatch.setattr(live, "emergency_stop", emergency_stop)
-    return found
+    assert stop_modules(Watched(LINKS)) == (confirmed, lines)
+    assert stopped == [LINKS]
 
 
-def test_modules_with_links_are_stopped_by_the_emergency_stop(stopped):
-    outcome = stop_modules(Watched(LINKS))
-    assert stopped.links == LINKS
-    assert (outcome.confirmed, outcome.lines) == (True, ("confirmed by 2 modules",))
-
-
-def test_one_that_did_not_confirm_is_named_with_the_reason(stopped):
-    stopped.outcomes["right"] = Outcome(None, "it is out of range")
-    outcome = stop_modules(Watched(LINKS))
-    assert not outcome.confirmed
-    assert outcome.lines == ("right: it is out of range", "confirmed by 1 module")
-
-
-def test_whatever_is_in_the_way_of_stopping_is_said(monkeypatch):
+def test_an_emergency_stop_that_fails_is_told(monkeypatch):
     def refused(links):
         raise LinkError("/tmp: no folder for locks of modules")
 
     monkeypatch.setattr(live, "emergency_stop", refused)
-    outcome = stop_modules(Watched(LINKS))
-    assert (outcome.confirmed, outcome.lines) == (False, ("/tmp: no folder for locks of modules",))
+    assert stop_modules(Watched(LINKS)) == (False, ("/tmp: no folder for locks of modules",))
 
 
-def test_a_process_is_told_to_stop_the_modules_that_it_simulates(monkeypatch, stopped):
-    run = Watched(SIMULATED)
+@pytest.mark.parametrize(
+    ("run", "signals", "confirmed", "line"),
+    [
+        (Watched(SIMULATED), [(PID, ESTOP_SIGNAL)], True, "confirmed by 2 modules"),
+        (Watched(SIMULATED, unconfirmed={"left": "mute"}), [(PID, ESTOP_SIGNAL)], False, "left: mute"),
+        # Another process may have its number by now.
+        (Watched(SIMULATED, condition="ended"), [], True, "confirmed by 2 modules"),
+        (Watched(SIMULATED, condition="gone"), [], True, "confirmed by 2 modules"),
+    ],
+)
+def test_a_process_in_progress_is_signalled_to_stop_its_simulated_modules(
+    run, signals, confirmed, line, monkeypatch
+):
+    monkeypatch.setattr(live, "emergency_stop", lambda links: pytest.fail("they have no links"))
     monkeypatch.setattr(os, "kill", run.kill)
     outcome = stop_modules(run)
-    assert stopped.links is None
-    assert run.signals == [(PID, ESTOP_SIGNAL)]
-    assert outcome.confirmed
+    assert (outcome.confirmed, outcome.lines[0], run.signals) == (confirmed, line, signals)
 
 
-def test_a_process_that_does_not_say_that_it_stopped_them_is_named(monkeypatch):
+def test_a_process_that_does_not_report_that_its_modules_stopped_is_named(monkeypatch):
     run, passing = Watched(SIMULATED, after="stale"), SimulatedTime()
     monkeypatch.setattr(os, "kill", run.kill)
     monkeypatch.setattr(live, "time", passing)
@@ -82,18 +84,9 @@ def test_a_process_that_does_not_say_that_it_stopped_them_is_named(monkeypatch):
     outcome = stop_modules(run)
     assert passing.perf_counter() - began == pytest.approx(RELEASE_TIMEOUT_S, abs=0.1)
     assert not outcome.confirmed
-    assert outcome.lines[0].startswith(
-        f"process {PID} was signalled and has not reported that its modules stopped"
-    )
+    assert f"process {PID} was signalled and has not reported that its modules stopped" in outcome.lines[0]
     assert f"kill -9 {PID}" in outcome.lines[0]
     assert outcome.lines[1:] == ("confirmed by 0 modules",)
-
-
-def test_what_the_run_says_did_not_stop_is_said(monkeypatch):
-    run = Watched(SIMULATED, unconfirmed={"left": "no answer"})
-    monkeypatch.setattr(os, "kill", run.kill)
-    outcome = stop_modules(run)
-    assert (outcome.confirmed, outcome.lines[0]) == (False, "left: no answer")
 
 
 def test_a_process_that_may_not_be_signalled_is_named(monkeypatch):
@@ -102,20 +95,11 @@ def test_a_process_that_may_not_be_signalled_is_named(monkeypatch):
 
     monkeypatch.setattr(os, "kill", refuse)
     outcome = stop_modules(Watched(SIMULATED))
+    assert not outcome.confirmed
     assert outcome.lines[0] == f"process {PID} cannot be signalled: Operation not permitted"
 
 
-@pytest.mark.parametrize("condition", ["ended", "gone"])
-def test_a_process_that_has_ended_is_not_signalled(condition, monkeypatch):
-    """Another process may have its number by now."""
-    run = Watched(SIMULATED)
-    run.condition = condition
-    monkeypatch.setattr(os, "kill", run.kill)
-    assert stop_modules(run).confirmed
-    assert run.signals == []
-
-
-def test_before_it_is_known_what_there_is_nothing_is_said_to_have_stopped():
+def test_before_the_modules_are_known_nothing_is_said_to_have_stopped():
     run = Watched({})
     run.info = None
     assert not stop_modules(run).confirmed

@@ -1,5 +1,6 @@
 """Workspaces of the design page: values, shares, and the thread that evaluates the newest."""
 
+import queue
 import threading
 
 import numpy as np
@@ -59,104 +60,72 @@ def test_in_the_plane_the_region_is_filled():
     assert not mesh.vertices[:, 2].any()
 
 
-class Found:
-    """What a worker found, to be waited for."""
-
-    def __init__(self):
-        self.seen, self._more = [], threading.Condition()
-
-    def __call__(self, volume, ghost):
-        with self._more:
-            self.seen.append((volume, ghost))
-            self._more.notify_all()
-
-    @property
-    def counts(self):
-        return [len(volume.axes[0]) for volume, _ in self.seen]
-
-    def until(self, met):
-        with self._more:
-            assert self._more.wait_for(lambda: met(self), HANGS_S)
-
-
-def shown(name="bartels2026-validation", **changes):
-    return edits.set_fields(show_workspace=True, **changes)(begin(tl.load_rig(name)))
-
-
 @pytest.fixture
 def found():
-    return Found()
+    """What a worker shows, one after another: the volume and that of the other rig."""
+    return queue.Queue()
 
 
 @pytest.fixture
 def worker(found):
-    made = WorkspaceWorker(found)
+    made = WorkspaceWorker(lambda *volumes: found.put(volumes))
     yield made
     made.close()
 
 
+def shown(name="kntu-planar", **changes):
+    return edits.set_fields(show_workspace=True, **changes)(begin(tl.load_rig(name)))
+
+
+def count(volumes):
+    return len(volumes[0].axes[0])
+
+
 def test_it_is_coarse_at_first_then_fine_and_another_force_leaves_it_so(worker, found):
-    start = shown("kntu-planar")
+    start = shown()
     worker.submit(start, fine=True)
-    found.until(lambda found: found.counts == [COARSE, FINE])
+    assert count(found.get(timeout=HANGS_S)) == COARSE
+    fine = found.get(timeout=HANGS_S)
+    assert count(fine) == FINE
     worker.submit(edits.set_wrench(start, [1.0, 0.0, 0.0]), fine=True)
-    found.until(lambda found: len(found.seen) == 3)
-    assert found.seen[2] == found.seen[1]  # at once
+    assert found.get(timeout=HANGS_S) == fine  # at once
 
 
 def test_while_something_is_dragged_it_stays_coarse(worker, found):
-    state = shown("kntu-planar")
+    state = shown()
     for step in range(5):
         state = edits.move_anchor(state, "cable-1", state.anchors[0] + [0.01 * step, 0.0])
         worker.submit(state, fine=False)
-    low = bounds(state.rig)[0]
-    found.until(lambda found: found.seen and found.seen[-1][0].axes[0][0] == low[0])
-    assert set(found.counts) == {COARSE}
+    volume = None
+    while volume is None or volume.axes[0][0] != bounds(state.rig)[0][0]:
+        volume, _ = found.get(timeout=HANGS_S)
+        assert len(volume.axes[0]) == COARSE
 
 
 def test_the_other_rig_has_its_workspace_in_the_same_box(worker, found):
-    worker.submit(shown("kntu-planar", ghost=tl.load_rig("kntu-planar")), fine=False)
-    found.until(lambda found: found.seen and found.seen[-1][1] is not None)
-    volume, ghost = found.seen[-1]
+    worker.submit(shown(metric="body-distance"), fine=False)  # which the rig does not have: nothing is shown
+    worker.submit(shown(ghost=tl.load_rig("kntu-planar")), fine=False)
+    volume, ghost = found.get(timeout=HANGS_S)
     assert ghost.axes[0].tolist() == volume.axes[0].tolist()
 
 
-def test_a_metric_that_a_rig_has_not_is_no_end(worker, found):
-    worker.submit(shown(metric="body-distance"), fine=False)
-    worker.submit(shown(), fine=False)
-    found.until(lambda found: found.seen)
-
-
-def test_what_is_at_work_learns_that_it_is_no_longer_wanted():
-    begun, dropped = threading.Event(), threading.Event()
+def test_a_worker_drops_an_item_for_a_newer_one_and_survives_errors(caplog):
+    begun, done = threading.Event(), queue.Queue()
 
     def work(item, wanted):
         begun.set()
-        while item == 1 and wanted():
+        while item == "first" and wanted():
             pass
-        dropped.set()
-
-    worker = Latest("test", work)
-    worker.submit(1)
-    assert begun.wait(HANGS_S)
-    worker.submit(2)
-    assert dropped.wait(HANGS_S)
-    worker.close()
-
-
-def test_it_outlives_what_fails(caplog):
-    failed, done = threading.Event(), threading.Event()
-
-    def work(item, wanted):
+        done.put(item)
         if item == "impossible":
-            failed.set()
             raise ValueError("shapes differ")
-        done.set()
 
     worker = Latest("example", work)
-    worker.submit("impossible")
-    assert failed.wait(HANGS_S)
-    worker.submit("possible")
-    assert done.wait(HANGS_S)
+    worker.submit("first")
+    assert begun.wait(HANGS_S)
+    for item in ("impossible", "possible"):
+        worker.submit(item)
+        while done.get(timeout=HANGS_S) != item:
+            pass
     worker.close()
     assert caplog.messages == ["view example: ValueError: shapes differ"]
