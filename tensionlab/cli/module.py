@@ -208,7 +208,7 @@ def restore(
 ) -> None:
     """Set the parameters of modules from a file, until the next start, or for good with --save.
 
-    What the file does not name stays as it is. All values are checked before the first is changed.
+    What the file does not name stays as it is. It is taken over as a whole, or not at all.
     """
     text = read_text(path, "a file of parameters (*.toml)", HardwareError)
     _change(find_links(links, modules), parameter_file.parse(text, str(path)), str(path), save)

@@ -43,14 +43,6 @@ def simulate(
         option("PART@TIME", "Fault of all modules, encoder@2s, or of one, floor-1:cable@800ms; may be repeated."),
     ] = None,
     only: Annotated[list[str] | None, option("NAME", "Only these modules of the rig; may be repeated.")] = None,
-    config_file: Annotated[
-        Path | None,
-        options.writes(
-            "File of the module's stored parameters, read at the start and written when it saves. In a rig, "
-            "-1, -2, ... is put before the suffix.",
-            names=["--config-file"],
-        ),
-    ] = None,
 ) -> None:
     """Simulate the modules of a rig, with their firmware.
 
@@ -60,14 +52,14 @@ def simulate(
     client at a time, and refuses others.
     """
     conditions = Conditions(1e-3 * latency_ms, 1e-3 * jitter_ms, 0.01 * drop_pct, 0.01 * corrupt_pct)
-    simulated = _modules(None if rig is None else load_rig(rig), seed, config_file)
+    simulated = _modules(None if rig is None else load_rig(rig), seed)
     faults = _faults(fault or [], list(simulated))
     if unknown := set(only or ()) - simulated.keys():
         raise typer.BadParameter(f"--only {min(unknown)}: no such module; there are {', '.join(simulated)}")
     chosen = [name for name in simulated if not only or name in only]
     with ExitStack() as opened:
         served = []
-        for index, (name, (module, settings_file)) in enumerate(simulated.items()):
+        for index, (name, module) in enumerate(simulated.items()):
             if name not in chosen:
                 continue
             tcp = serving.TcpPort(listen, port and port + chosen.index(name))
@@ -79,7 +71,6 @@ def simulate(
                     conditions=conditions,
                     seed=seed + index,
                     faults=faults[name],
-                    settings_file=settings_file,
                 )
             )
         text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
@@ -91,34 +82,18 @@ def simulate(
             serving.serve(serving.Server(served), interrupted)
 
 
-def _modules(
-    rig: Rig | None, seed: int, config_file: Path | None
-) -> dict[str, tuple[SimulatedModule, Path | None]]:
-    """Return the modules by their names, each with the file of its parameters.
+def _modules(rig: Rig | None, seed: int) -> dict[str, SimulatedModule]:
+    """Return the modules by their names.
 
     Without a rig it is a single one as its maker leaves it: neither set up nor calibrated.
     """
-    read = serving.read_settings
-    simulated: dict[str, tuple[SimulatedModule, Path | None]] = {}
     if rig is None:
-        settings = None if config_file is None else read(config_file)
-        simulated[SINGLE_MODULE] = (SimulatedModule(seed=seed, settings=settings), config_file)
-    else:
-        lengths = rig.lengths(rig.home, frames=rig.at_rest).tolist()
-        for index, (each, length) in enumerate(zip(rig.modules, lengths, strict=True)):
-            file = config_file and config_file.with_name(f"{config_file.stem}-{index + 1}{config_file.suffix}")
-            module = simulated_module(
-                each,
-                length,
-                serial_number=index + 1,
-                seed=seed + index,
-                settings=None if file is None else read(file),
-            )
-            simulated[each.name] = (module, file)
-    for module, file in simulated.values():
-        if file is not None and file.exists() and not module.loaded:
-            typer.echo(f"{file}: not the settings of a module; it starts with its defaults", err=True)
-    return simulated
+        return {SINGLE_MODULE: SimulatedModule(seed=seed)}
+    lengths = rig.lengths(rig.home, frames=rig.at_rest)
+    return {
+        each.name: simulated_module(each, float(length), serial_number=index + 1, seed=seed + index)
+        for index, (each, length) in enumerate(zip(rig.modules, lengths, strict=True))
+    }
 
 
 def _faults(texts: list[str], names: list[str]) -> dict[str, list[serving.PlannedFault]]:

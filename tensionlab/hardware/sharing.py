@@ -66,8 +66,7 @@ class RunInfo:
 class SharedRun:
     """Sink of a run that publishes it, until another run begins; without a publisher it does nothing.
 
-    Rig, solver and settings are those of the `Runner`; the scenery is what pages draw around the rig, as plain
-    values (`tensionlab.scenarios.scenery`).
+    Rig, solver and settings are those of the `Runner`, the scenery as in `RunInfo`.
     """
 
     def __init__(
@@ -122,19 +121,14 @@ class SharedRun:
             "bad_frames": [client.bad_frames for client in self._clients],
             "currents": [None if each is None else each.message.current for each in telemetry],
             "supplies": [None if each is None else each.message.supply for each in telemetry],
-            "start_delays": latest(statistics.start_delays),
-            "compute_times": latest(statistics.compute_times),
+            **{
+                name: list(islice(reversed(getattr(statistics, name)), MAX_TIMES))[::-1]
+                for name in ("start_delays", "compute_times")
+            },
             "events": [asdict(event) for event in list(self._events)],
         }
         newest = b"null" if cycle is None else encode(cycle, self._rig)
         return b'{"cycle":' + newest + b"," + json.dumps(row).encode()[1:]
-
-
-def latest(times: deque[float]) -> list[float]:
-    """Return the newest `MAX_TIMES` values, the newest last, while another thread may add to them."""
-    while True:
-        with suppress(RuntimeError):  # another value was just added
-            return list(islice(reversed(times), MAX_TIMES))[::-1]
 
 
 @dataclass(frozen=True, eq=False)

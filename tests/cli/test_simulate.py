@@ -14,21 +14,17 @@ from benchmarks.processes import simulated
 from tensionlab.cli import main
 from tensionlab.errors import LinkError
 from tensionlab.hardware.client.links import load_modules
-from tensionlab.hardware.protocol.codes import PARAMETERS, Calibration, Code, State
+from tensionlab.hardware.protocol.codes import Calibration, Code, State
 from tensionlab.hardware.protocol.messages import (
     Arm,
     Calibrate,
     Decoder,
     EmergencyStop,
     Event,
-    GetParameter,
     Hello,
     Info,
-    ParameterValue,
     Ping,
     Pong,
-    Save,
-    SetParameter,
     SetTension,
     Stop,
     read,
@@ -129,24 +125,6 @@ def test_a_fault_of_one_module_leaves_the_others_alone(simulate):
         assert client.ask(Arm(1)).code is Code.FAULT_PRESENT
     with simulation.connected("floor-1") as client:
         assert client.ask(Arm(1)).code is Code.OK
-
-
-def test_settings_survive_a_restart(simulate, tmp_path, capsys):
-    file, index = tmp_path / "settings.bin", PARAMETERS["slew"].index
-    with simulate("--config-file", file).connected() as client:
-        assert client.ask(SetParameter(index, 33.0)).code is Code.OK
-        assert not file.exists()
-        assert client.ask(Save()).code is Code.OK
-        client.take(0.01)
-        assert file.exists()
-        assert client.ask(SetParameter(index, 44.0)).code is Code.OK  # not saved
-    with simulate("--config-file", file).connected() as client:
-        assert client.ask(GetParameter(index), ParameterValue).value == 33.0
-    assert capsys.readouterr().err == ""
-    file.write_bytes(b"spoilt" + file.read_bytes())
-    with simulate("--config-file", file).connected() as client:
-        assert client.ask(GetParameter(index), ParameterValue).value == PARAMETERS["slew"].default
-        assert "settings.bin: not the settings of a module" in capsys.readouterr().err
 
 
 def test_a_client_that_goes_away_is_a_link_that_closed(simulate):

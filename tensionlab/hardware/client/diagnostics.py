@@ -76,24 +76,20 @@ def paired() -> dict[str, str]:
     return {f"bt://{address}/1": printable(name) for address, name in devices}
 
 
-def find(url: str, about: str = "") -> Found:
-    """Return the module at a port, if any; a port in use is not opened."""
-    user = holder(url)
-    if user is not None:
-        return Found(url, about, problem=f"in use by {user}", in_use=True)
-    try:
-        with ModuleClient(url, url) as client:
-            return Found(url, about, client.request(Hello(), Info, TIMEOUTS_S))
-    except LinkTimeout:
-        return Found(url, about, problem="no answer")
-    except HardwareError as error:
-        return Found(url, about, problem=str(error))
-
-
 def find_all(urls: dict[str, str]) -> list[Found]:
-    """Return the module at each of the `ports`; all are tried at the same time."""
+    """Return the module at each of the `ports`; all are tried at once, but those in use are not opened."""
+
+    def find(url: str) -> Found:
+        if (user := holder(url)) is not None:
+            return Found(url, urls[url], problem=f"in use by {user}", in_use=True)
+        try:
+            with ModuleClient(url, url) as client:
+                return Found(url, urls[url], client.request(Hello(), Info, TIMEOUTS_S))
+        except HardwareError as error:
+            return Found(url, urls[url], problem="no answer" if isinstance(error, LinkTimeout) else str(error))
+
     with ThreadPoolExecutor(PARALLEL_PORTS) as threads:
-        return list(threads.map(lambda url: find(url, urls[url]), urls))
+        return list(threads.map(find, urls))
 
 
 def identify(client: ModuleClient, begun: Callable[[], None]) -> None:

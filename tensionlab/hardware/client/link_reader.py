@@ -41,8 +41,8 @@ class LinkReader:
 
     def __init__(self) -> None:
         self._native = _native.LinkReader()
-        self._reads: dict[int, Callable[[], bool]] = {}
-        self._endpoints: dict[int, _native.Endpoint | None] = {}  # they live as long as they are read
+        # By file descriptor; endpoints live as long as they are read.
+        self._links: dict[int, tuple[Callable[[], bool], _native.Endpoint | None]] = {}
         self._changes: deque[Callable[[], None]] = deque()
         self._ended = False
         self._waker, woken = socket.socketpair()
@@ -72,8 +72,7 @@ class LinkReader:
         """Stop reading a file before this returns."""
 
         def change() -> None:
-            if self._reads.get(file) == read:
-                self._drop(file)
+            self._drop(file, read)
             done.set()
 
         done = threading.Event()
@@ -94,24 +93,27 @@ class LinkReader:
             self._waker.send(b"\1")
 
     def _add(self, file: int, read: Callable[[], bool], endpoint: _native.Endpoint | None) -> None:
-        self._reads[file], self._endpoints[file] = read, endpoint
+        self._links[file] = read, endpoint
         self._native.add(file, endpoint)  # in place of one that was closed elsewhere
 
-    def _drop(self, file: int) -> None:
-        self._native.drop(file)
-        del self._reads[file], self._endpoints[file]
+    def _drop(self, file: int, read: Callable[[], bool]) -> None:
+        """Stop reading a file, unless another link has its number now."""
+        if self._links.get(file, (None, None))[0] == read:
+            self._native.drop(file)
+            del self._links[file]
 
     def _run(self) -> None:
         while not self._ended:
             for file in self._native.wait():
-                read = self._reads.get(file)  # none if a change has just dropped it
-                if read is not None and not self._read_link(read) and self._reads.get(file) is read:
-                    self._drop(file)
-
-    def _read_link(self, read: Callable[[], bool]) -> bool:
-        """Read a link, and return whether to read it again; an error ends the reading of this link only."""
-        try:
-            return read()
-        except BaseException as error:
-            threading.excepthook(threading.ExceptHookArgs((type(error), error, error.__traceback__, self._thread)))
-            return False
+                read, _ = self._links.get(file, (None, None))
+                if read is None:  # a change has just dropped it
+                    continue
+                again = False
+                try:
+                    again = read()
+                except BaseException as error:  # which ends the reading of this link only
+                    threading.excepthook(
+                        threading.ExceptHookArgs((type(error), error, error.__traceback__, self._thread))
+                    )
+                if not again:
+                    self._drop(file, read)

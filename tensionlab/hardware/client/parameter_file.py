@@ -1,33 +1,24 @@
-"""Parameters of a module as a TOML file, and back: checked as a whole before anything is changed.
+"""Parameters of a module as a TOML file, and back: taken over as a whole, or not at all.
 
-::
-
-    [module]                                     # for information
-    serial_number = 1
-    firmware = "0.1"
-
-    [parameters]
-    tension_lower = 0.5                          # N, 0.1 to 2: minimum tension of an armed module
-    ...
-
-A file may leave parameters out; those stay as they are.
+A file has [parameters], with lines such as ``tension_lower = 0.5``, and perhaps [module] for information.
+Parameters that it leaves out stay as they are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
 
 import numpy as np
 
-from tensionlab.errors import HardwareError
+from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import (
     BINARY_PARAMETERS,
     PARAMETERS,
     require_value,
-    single,
 )
 from tensionlab.hardware.protocol.messages import GetParameter, Info, ParameterValue, SetParameter
 from tensionlab.support.files.reading import brief, parse_toml
@@ -95,21 +86,22 @@ def checked(values: Mapping[str, object], origin: str) -> dict[str, float]:
 def change(client: ModuleClient, values: Mapping[str, float], origin: str) -> list[Change]:
     """Set the parameters of an idle module, until it is switched off, and return those that changed.
 
-    All values are checked before the first is changed, together with those that stay. They are changed in an order
-    in which parameters that bound each other never conflict. A `HardwareError` names origin and parameter.
+    They are changed in an order in which parameters that bound each other never conflict. If the module refuses
+    one, those before it are changed back, and a `HardwareError` names origin and parameter.
     """
     wanted = checked(values, origin)
     before = {name: found.value for name, found in parameters(client).items()}
-    _require_consistent({**before, **wanted}, f'{origin}: module "{client.name}"')
-
     changes = [Change(name, before[name], number) for name, number in wanted.items() if number != before[name]]
     changes.sort(key=_order)
     for index, each in enumerate(changes):
         try:
             client.command(SetParameter(PARAMETERS[each.name].index, each.after))
         except HardwareError as error:
-            done = ", ".join(earlier.name for earlier in changes[:index]) or "nothing"
-            raise HardwareError(f"{error}; until then it took over {done}, and stored nothing") from error
+            for done in reversed(changes[:index]):
+                with suppress(HardwareError):
+                    client.command(SetParameter(PARAMETERS[done.name].index, done.before))
+            hint = "; does it fit the other limits?" if isinstance(error, ModuleFault) else ""
+            raise HardwareError(f"{origin}: {each.name} = {plain(each.after)}: {error}{hint}") from error
     return changes
 
 
@@ -126,22 +118,6 @@ def firmware(info: Info) -> str:
 def plain(value: float) -> str:
     """Return a module's 32-bit number in as few digits as give it back."""
     return str(np.float32(value))
-
-
-def _require_consistent(values: Mapping[str, float], origin: str) -> None:
-    """Refuse values that contradict each other, as the firmware does."""
-    continuous = single(values["current_continuous"] * values["newton_per_ampere"])
-    rules = (
-        ("tension_lower", "tension_upper", values["tension_lower"] <= values["tension_upper"]),
-        ("tension_lower", "current_continuous times newton_per_ampere", values["tension_lower"] <= continuous),
-        ("current_continuous", "current_peak", values["current_continuous"] <= values["current_peak"]),
-        ("length_lower", "length_upper", values["length_lower"] < values["length_upper"]),
-        ("supply_lower", "supply_upper", values["supply_lower"] < values["supply_upper"]),
-    )
-    for less, more, holds in rules:
-        if not holds:
-            limit = values.get(more, continuous)
-            raise HardwareError(f"{origin}: {less} would be {values[less]:g}, but {more} {limit:g}; change either")
 
 
 def _order(change: Change) -> int:

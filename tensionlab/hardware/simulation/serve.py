@@ -9,14 +9,11 @@ import socket
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
-from pathlib import Path
 from typing import NamedTuple
 
-from tensionlab.errors import HardwareError, InputError, cannot_listen
+from tensionlab.errors import InputError, cannot_listen
 from tensionlab.hardware.simulation.links import Channel, Conditions
 from tensionlab.hardware.simulation.simulated_module import PARTS, STEP_S, SimulatedModule
-from tensionlab.support.files import writing
-from tensionlab.support.files.reading import read_bytes
 
 READ_BYTES = 65536
 
@@ -113,10 +110,7 @@ def parse_fault(text: str) -> PlannedFault:
 
 
 class ServedModule:
-    """Simulated module at a port, behind a link of given conditions, whose damage has the seed.
-
-    The settings file is written when the module saves.
-    """
+    """Simulated module at a port, behind a link of given conditions, whose damage has the seed."""
 
     def __init__(
         self,
@@ -126,14 +120,12 @@ class ServedModule:
         conditions: Conditions | None = None,
         seed: int = 0,
         faults: Sequence[PlannedFault] = (),
-        settings_file: Path | None = None,
     ) -> None:
         self.module, self.port = module, port
         conditions = Conditions() if conditions is None else conditions
         self._inbound = Channel(conditions, random.Random(f"in {seed}"))
         self._outbound = Channel(conditions, random.Random(f"out {seed}"))
         self._faults = list(faults)
-        self._settings_file, self._settings = settings_file, module.settings
         self._steps = 0
 
     def serve(self, now: float) -> None:
@@ -167,9 +159,6 @@ class ServedModule:
         steps = int(now / STEP_S) - self._steps
         self._steps += steps
         self.module.advance(steps * STEP_S)
-        if self._settings_file is not None and self.module.settings != self._settings:
-            self._settings = self.module.settings
-            writing.write_bytes(self._settings_file, self._settings)
 
 
 class Server:
@@ -216,8 +205,3 @@ def serve(server: Server, stopped: Callable[[], bool]) -> None:
         while not stopped():
             select.select(server.files(), [], [], server.wait())
             server.step()
-
-
-def read_settings(path: Path) -> bytes | None:
-    """Return the settings that an earlier module stored in a file; None if there is no such file."""
-    return read_bytes(path, "a file for settings", HardwareError) if path.exists() else None

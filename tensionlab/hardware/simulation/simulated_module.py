@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ from tensionlab.hardware.protocol.codes import PARAMETERS, Fault, Limit, ResetRe
 from tensionlab.model.module import STANDARD_GRAVITY_M_S2
 
 
-@dataclass(frozen=True)
-class PlantParameter:
+class PlantParameter(NamedTuple):
     """Parameter of the simulated hardware, and where its value comes from."""
 
     unit: str
@@ -80,9 +79,11 @@ class SimulatedModule:
         for name, value in plant.items():
             if name not in PLANT:
                 raise InputError(f"the plant has no parameter {name!r}; it has {', '.join(PLANT)}")
-            if not PLANT[name].lower <= value < math.inf:
-                least = f"{PLANT[name].lower:g} {PLANT[name].unit}"
-                raise InputError(f"plant parameter {name!r} is finite and at least {least}; got {value}")
+            row = PLANT[name]
+            if not row.lower <= value < math.inf:
+                raise InputError(
+                    f"plant parameter {name!r} is finite and at least {row.lower:g} {row.unit}; got {value}"
+                )
         _require_distance(distance)
         self._distance = distance
         self._module = _native.SimulatedModule(serial_number, plant, distance, seed, start_us, reset_reason)

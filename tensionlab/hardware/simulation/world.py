@@ -44,15 +44,13 @@ def simulated_module(
     *,
     serial_number: int = 1,
     seed: int = 0,
-    settings: bytes | None = None,
     plant: Mapping[str, float] | None = None,
 ) -> SimulatedModule:
     """Return a simulated module of a rig, calibrated and with the rig's limits, as a maker would leave it.
 
     Its cable has the length in m. What the rig does not say is as in `PLANT`; without ``brake`` it has none.
-    `plant` replaces parameters of the hardware without the firmware's knowledge. Stored settings replace all but
-    the cable's length, which no module remembers. A `HardwareError` names the module and what none of its kind can
-    do.
+    `plant` replaces parameters of the hardware without the firmware's knowledge. A `HardwareError` names the
+    module and what none of its kind can do.
     """
     longest, strongest = PARAMETERS["length_upper"].upper, PARAMETERS["tension_upper"].upper
     problem = ""
@@ -69,18 +67,15 @@ def simulated_module(
     if problem:
         raise HardwareError(f'module "{module.name}": {problem}')
     built = plant_parameters(module)
-    simulated = SimulatedModule(
-        serial_number, plant=built | dict(plant or {}), distance=length, seed=seed, settings=settings
-    )
+    simulated = SimulatedModule(serial_number, plant=built | dict(plant or {}), distance=length, seed=seed)
     simulated.advance(STEP_S)  # before its first step, a module knows nothing
     client = ModuleClient(module.name, SimulatedLink(simulated), seed)
-    if not simulated.loaded:
-        lower = PARAMETERS["tension_lower"]
-        client.set_parameter("length_upper", min(max(PARAMETERS["length_upper"].default, 2.0 * length), longest))
-        client.set_parameter("tension_upper", module.upper)
-        client.set_parameter("tension_lower", min(max(module.lower, lower.lower), lower.upper))
-        client.set_parameter("spool_radius", built["radius"])
-        client.calibrate(Calibration.NEWTON_PER_AMPERE, newton_per_ampere(module))
+    lower, upper = PARAMETERS["tension_lower"], PARAMETERS["length_upper"]
+    client.set_parameter("length_upper", min(max(upper.default, 2.0 * length), upper.upper))
+    client.set_parameter("tension_upper", module.upper)
+    client.set_parameter("tension_lower", min(max(module.lower, lower.lower), lower.upper))
+    client.set_parameter("spool_radius", built["radius"])
+    client.calibrate(Calibration.NEWTON_PER_AMPERE, newton_per_ampere(module))
     client.calibrate(Calibration.LENGTH, length)
     return simulated
 
@@ -162,7 +157,7 @@ class World:
                 seed=seed + index,
                 plant=(plants or {}).get(module.name),
             )
-            for index, (module, length) in enumerate(zip(rig.modules, self._lengths(), strict=True))
+            for index, (module, length) in enumerate(zip(rig.modules, self._lengths().tolist(), strict=True))
         )
 
     def advance(self, seconds: float) -> None:
@@ -174,7 +169,7 @@ class World:
             if self._compliant is not None:
                 self._compliant.apply_tensions(self.tensions)
             self.pose = self._motion(self.time)
-            moved = list(zip(self.modules, self._lengths(), strict=True))
+            moved = zip(self.modules, self._lengths().tolist(), strict=True)
             if self.watch is None:
                 for module, length in moved:
                     module.advance(step, length)
@@ -201,16 +196,13 @@ class World:
             clients.append(ModuleClient(module.name, link, seed + index))
         return ModuleGroup(clients)
 
-    def _lengths(self) -> list[float]:
-        lengths = self._rig.lengths(*self.pose) if self._compliant is None else self._compliant.lengths
-        return list(lengths.tolist())
+    def _lengths(self) -> Floats:
+        return self._rig.lengths(*self.pose) if self._compliant is None else self._compliant.lengths
 
 
 APPROACH_GAIN_1_S = 20.0  # largest speed of a hand per distance from its target
 MAX_HAND_SPEED_M_S = 1.5  # modules let the cable in and out at 2 m/s
-# At twice that, as where a body moves too, modules still keep their cables taut.
-MAX_HAND_ACCELERATION_M_S2 = 10.0
-TINY_M = 1e-12  # smallest distance to divide by
+MAX_HAND_ACCELERATION_M_S2 = 10.0  # at twice that, modules still keep their cables taut
 MAX_INTEGRATION_STEP_S = 0.01
 
 
@@ -229,12 +221,11 @@ class GuidedHand:
         """Return the pose at a time, no earlier than the last."""
         wanted = self._guide(time)
         step, self._time = time - self._time, time
-        position = self._follow("", wanted.position, step)
         frames = {}
         for name, where in (wanted.frames or {}).items():
             place, rotation = frame_of(where)
             frames[name] = (self._follow(name, np.asarray(place, dtype=np.float64), step), rotation)
-        return Pose(position, wanted.rotation, frames)
+        return Pose(self._follow("", wanted.position, step), wanted.rotation, frames)
 
     def _follow(self, name: str, wanted: Floats, seconds: float) -> Floats:
         place, velocity = self._places.get(name, (wanted, np.zeros_like(wanted)))
@@ -244,7 +235,7 @@ class GuidedHand:
             far = float(np.linalg.norm(gap))
             # slow enough to brake in time
             speed = min(MAX_HAND_SPEED_M_S, math.sqrt(MAX_HAND_ACCELERATION_M_S2 * far), APPROACH_GAIN_1_S * far)
-            change = gap * (speed / max(far, TINY_M)) - velocity
+            change = gap * (speed / max(far, 1e-12)) - velocity
             most = MAX_HAND_ACCELERATION_M_S2 * step
             velocity = velocity + change * (most / max(float(np.linalg.norm(change)), most))
             place = place + step * velocity

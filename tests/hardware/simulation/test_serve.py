@@ -6,7 +6,7 @@ import pytest
 
 from tensionlab.errors import InputError
 from tensionlab.hardware.protocol.codes import State
-from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Decoder, Hello, Info, Ping, Pong, Save, read
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Decoder, Hello, Info, Ping, Pong, read
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.serve import (
     MAX_LATE_S,
@@ -15,7 +15,6 @@ from tensionlab.hardware.simulation.serve import (
     ServedModule,
     Server,
     parse_fault,
-    read_settings,
     serve,
 )
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
@@ -90,24 +89,6 @@ def test_a_planned_fault_comes_at_its_time():
     supplies = {message.time_us: message.supply for message in port.got if hasattr(message, "supply")}
     assert min(supply for time, supply in supplies.items() if time < 0.5e6) > 10.0
     assert max(supply for time, supply in supplies.items() if time > 0.51e6) < 6.0
-
-
-def test_settings_are_written_when_the_module_saves_and_only_then(tmp_path):
-    file, port = tmp_path / "settings.bin", FakePort()
-    assert read_settings(file) is None
-    module = SimulatedModule()
-    served = ServedModule(module, port, settings_file=file)
-    port.coming.append(Hello().frame(1).pack())
-    served.serve(0.01)
-    assert not file.exists()
-    port.coming.append(Save().frame(2).pack())
-    served.serve(0.02)
-    served.serve(0.03)
-    assert SimulatedModule(settings=read_settings(file)).loaded
-    assert [path.name for path in tmp_path.iterdir()] == ["settings.bin"]
-    file.unlink()
-    served.serve(0.04)
-    assert not file.exists()
 
 
 def test_serving_ends_when_it_is_told_to_and_closes_the_ports():

@@ -13,7 +13,6 @@ from tensionlab.hardware.protocol.messages import (
     ConfigureTelemetry,
     Decoder,
     Hello,
-    Save,
     SetTension,
     Telemetry,
     read,
@@ -69,15 +68,6 @@ def test_a_module_without_a_brake_holds_nothing():
         held.append(simulated.sample.tension)
     assert held[0] > 10.0
     assert held[1] < 1.0
-
-
-def test_settings_that_were_stored_take_the_place_of_the_rigs():
-    first = simulated_module(Module("a", [0.0, 0.0], 0.5, 4.0), 1.0)
-    tell(first, Save())
-    first.advance(0.01)
-    second = simulated_module(Module("a", [0.0, 0.0], 0.5, 6.0), 1.5, settings=first.settings)
-    [info] = tell(second, Hello())
-    assert (info.tension_upper, info.calibrated, info.length_known) == (4.0, True, True)
 
 
 @pytest.mark.parametrize(
