@@ -18,9 +18,8 @@ from tensionlab.viewer.scene import Mesh, bounds
 from tensionlab.viewer.state import DesignState, ghost_state
 from tensionlab.workspace.metrics import metric
 from tensionlab.workspace.poses import Grid, node_weights, weighted_share
-from tensionlab.workspace.sweep.configurations import vary
 from tensionlab.workspace.sweep.executors import evaluate_on_threads
-from tensionlab.workspace.sweep.plan import Plan
+from tensionlab.workspace.sweep.plan import Plan, vary
 
 LOG = logging.getLogger(__name__)
 COARSE, FINE = 30, 80  # positions along each axis while something is dragged, and when it is released

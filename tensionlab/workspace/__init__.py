@@ -20,8 +20,8 @@ from tensionlab.workspace.structure_metrics import (
     tension_factor,
     wrench_closure,
 )
-from tensionlab.workspace.sweep.configurations import vary
 from tensionlab.workspace.sweep.dataset import summary
+from tensionlab.workspace.sweep.plan import vary
 from tensionlab.workspace.wrench_set import (
     capacity_margin,
     half_spaces,

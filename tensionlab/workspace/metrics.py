@@ -1,8 +1,4 @@
-"""Metrics that a sweep evaluates at every pose: the table `METRICS`, and metrics of your own.
-
-A metric is a function of a `Batch` with a name, a unit and a direction. To add one, write the function and its row
-in the table.
-"""
+"""Metrics that a sweep evaluates at every pose: the table `METRICS`, and metrics of your own."""
 
 from __future__ import annotations
 
@@ -29,10 +25,9 @@ from tensionlab.workspace.wrench_set import required_margin
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """B poses of one rig at which no cable has length zero, and their structure matrices (B, n, m).
+    """B poses of one rig, as in `Rig.structure_matrix`, at which no cable has length zero.
 
-    Position (B, d), in m, rotation and frames are as in `Rig.structure_matrix`; ``required`` is what the cables
-    must exert at all of them. Functions of a `Metric` take it.
+    With their structure matrices (B, n, m), and what the cables must exert. Functions of a `Metric` take it.
     """
 
     rig: Rig

@@ -24,14 +24,10 @@ def tension_factor(structure: ArrayLike) -> Floats:
 
     0 where there is no wrench closure, as where W has a rank below n.
 
-    Source: Pham, Yeo, Yang and Chen, "Workspace analysis of fully restrained cable-driven manipulators", 2009.
-    Instead of their linear program, the facets of the wrench set for tensions between 1 and tau: it holds zero
-    for all tau from 1/factor on.
+    ``structure`` are structure matrices (..., n, m); ShapeError names an entry that is not finite.
 
-    Parameters
-    ----------
-    structure : (..., n, m) array
-        Structure matrices. ShapeError names an entry that is not finite.
+    Source: Pham, Yeo, Yang and Chen, "Workspace analysis of fully restrained cable-driven manipulators", 2009;
+    but by the facets of the wrench set, in place of their linear program.
 
     Examples
     --------
@@ -76,8 +72,8 @@ def isotropic_force(
     structure, limits
         Parameters and errors as in `capacity_margin`.
     dimension : int or None
-        Number of the n components that are forces; the others are torques, and stay zero. None: the first three,
-        or all where n is less. A planar platform, which has n = 3, needs 2: give ``rig.dimension``.
+        Number of the n components that are forces, ``rig.dimension``; the others are torques, and stay zero. None
+        is 3, or n where that is less.
     offset_wrench : (..., n) array or None
         Wrench that is rendered at the same time, such as that which holds a weight; None is zero.
 
@@ -122,10 +118,9 @@ def feasible_direction_fraction(
     structure, limits, offset_wrench
         Parameters and errors as in `isotropic_force`.
     directions : (..., k, d) array
-        Vectors of any length but zero, k for each pose or for all. Where d is less than n they are forces, and all
-        other components are zero: no torque.
+        Vectors of any length but zero, k for each pose or for all; components beyond d are zero.
     magnitude : float
-        Norm of the wrench; in N, if the directions are forces.
+        Norm of the wrench.
 
     Examples
     --------

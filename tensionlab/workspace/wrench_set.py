@@ -70,9 +70,8 @@ def half_spaces(structure: ArrayLike, limits: TensionRange) -> HalfSpaces:
     """Return the half-spaces that bound the available wrench set.
 
     All choices of n - 1 independent cables span two parallel facets, on which every other cable is at one of its
-    limits. Some half-spaces may be redundant: all poses have as many as the one that needs most, twice the choices
-    of n - 1 of m cables as a rule, and those that need fewer repeat their last. Where the set is flat, planes from
-    both sides confine it.
+    limits. All poses have as many half-spaces as the one that needs most; those that need fewer repeat their last.
+    Where the set is flat, planes from both sides confine it.
 
     Source: Bouchard, Gosselin and Moore, "On the ability of a cable-driven robot to generate a prescribed set of
     wrenches", 2010; Gouttefarde and Krut, "Characterization of parallel manipulator available wrench set facets",
@@ -162,15 +161,13 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Requir
     """Return the signed distance (...) of the required wrench set from the boundary of the available one.
 
     0 or more if and only if all of it is feasible. The available wrench set is all ``W t`` with t inside the
-    limits; one without volume (W of lower rank) ends at once in the directions that it lacks: its margin is at
-    most 0, less the distance of the required set from its plane. Where n is more than 3, its distances mix N and
-    N·m: divide the torques of W and of the required wrenches by a length of your choice first, such as
-    `Rig.characteristic_length`. ShapeError names an entry that does not fit.
+    limits; where W has a lower rank, the margin is at most 0, less the distance of the required set from its
+    plane. Where n is more than 3, distances mix N and N·m: divide the torques of W and of the required wrenches by
+    a length first, such as `Rig.characteristic_length`. ShapeError names an entry that does not fit.
 
     Source: Guay, Cardou, Cruz-Ruiz and Caro, "Measuring how well a structure supports varying external wrenches",
-    2014; Ruiz, Caro, Cardou and Guay, "ARACHNIS: Analysis of robots actuated by cables with handy and neat
-    interface software", 2015. The facets are found by hyperplane shifting: Bouchard, Gosselin and Moore, "On the
-    ability of a cable-driven robot to generate a prescribed set of wrenches", 2010.
+    2014. The facets are found by hyperplane shifting: Bouchard, Gosselin and Moore, "On the ability of a
+    cable-driven robot to generate a prescribed set of wrenches", 2010.
 
     Parameters
     ----------
@@ -179,9 +176,8 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Requir
     limits : object with ``lower`` and ``upper``, or a pair
         Tension limits in N, each (..., m) or a number.
     required : None, (n,) array, (..., k, n) array, or tuple
-        None is no wrench at all: zero. An array with one axis is one wrench. An array with more holds the vertices
-        of a set, k for each pose or for all; one wrench for each pose is ``wrench[..., None, :]``. A tuple is
-        always a ball, ``(centre, radius)``: (..., n) and (...).
+        None is zero. An array with one axis is one wrench, with more the vertices of a set, k for each pose or for
+        all. A tuple is a ball, ``(centre, radius)``: (..., n) and (...).
 
     Examples
     --------
@@ -219,13 +215,10 @@ def margin_gradient(
 ) -> MarginGradient:
     """Return the capacity margin and its derivative with respect to the structure matrix.
 
-    The nearest facet turns and moves with W such that the derivative is ``h t'``: h is its unit normal, and t are
-    the tensions whose wrench is, of all in the plane of the facet, the nearest to the required one. Where several
-    facets or wrenches are equally near, the margin has no derivative, and this is one that belongs to one of them;
-    where a flat set holds what is required it is zero.
-
-    Source: as `capacity_margin`; the derivative is that of the support function of a zonotope at a facet.
-    Parameters and errors as in `capacity_margin`.
+    The derivative is ``h t'``: h is the unit normal of the nearest facet, and t are the tensions whose wrench is,
+    of all in the plane of the facet, the nearest to the required one. Where several facets or wrenches are equally
+    near, it is that of one of them; where a flat set holds what is required it is zero. Parameters, errors and
+    source as in `capacity_margin`.
 
     Examples
     --------

@@ -12,7 +12,7 @@ from tensionlab.plots.style import save_figure
 from tensionlab.plots.workspace import Field, read_field, share_above
 from tensionlab.support.surfaces import level_surface
 from tensionlab.workspace.poses import Grid
-from tensionlab.workspace.sweep.configurations import vary
+from tensionlab.workspace.sweep.plan import vary
 from tests.helpers.figures import content_of, words_in, words_of
 
 

@@ -70,19 +70,6 @@ def test_qhull_agrees(n, m):
     assert np.any(expected[:, 0] < 0)
 
 
-@pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 4), (3, 8), (6, 8)])
-def test_its_sign_is_that_of_a_linear_program(n, m):
-    count = many(500)
-    rng, W, lower, upper = poses(n, n, m, count)
-    wrench = np.einsum("bnm,bm->bn", W, rng.uniform(lower, upper)) * rng.uniform(0.5, 2.0, (count, 1))
-    found = margin(W, (lower, upper), wrench[:, None, :])
-    expected = np.array([renders(*each) for each in zip(W, lower, upper, wrench, strict=True)])
-    clear = np.abs(found) > 1e-7
-    assert np.array_equal(found[clear] > 0, expected[clear])
-    assert clear.mean() > 0.99
-    assert 0.1 < expected.mean() < 0.9
-
-
 @given(cases())
 def test_whatever_the_rank_its_sign_is_that_of_a_linear_program(case):
     found = margin(case.structure, case.limits, case.wrench)
@@ -102,19 +89,6 @@ def test_a_flat_set_ends_at_its_plane():
     assert margin(W[:, :1], (1.0, 5.0)) == pytest.approx(-1.0)
     assert margin(np.zeros((3, 4)), (0.0, 5.0), [3.0, 0.0, 4.0]) == -5
     assert margin(W[:, :1], (1.0, 5.0), [3.0, 0.0, 0.0]) == 0
-
-
-def test_a_tilted_flat_set_is_no_different():
-    rng = np.random.default_rng(4)
-    turn, _ = np.linalg.qr(rng.normal(size=(6, 6)))
-    W = np.zeros((6, 7))
-    W[:3] = rng.normal(size=(3, 7))
-    off = np.array([0.0, 0.0, 0.0, 3.0, 0.0, 4.0])
-    inside = margin(W[:3], (1.0, 4.0), (2.5 * W[:3].sum(axis=1)))
-    middle = 2.5 * W.sum(axis=1)
-    assert inside > 0
-    assert margin(turn @ W, (1.0, 4.0), turn @ middle) == pytest.approx(0.0, abs=1e-12)
-    assert margin(turn @ W, (1.0, 4.0), turn @ (middle + off)) == pytest.approx(-5.0)
 
 
 @pytest.mark.parametrize("scale", [1e-53, 1e-8, 1e8, 1e75])
@@ -143,20 +117,6 @@ def test_nearly_flat_sets_have_their_margin_or_none(n, m, condition):
     assert np.all(found > 0 if condition < 1e6 else found > -1e-9)
 
 
-@pytest.mark.parametrize("share", [0.5, 0.1])
-def test_two_parallel_cables_are_one_strong_one(share):
-    # Outside the set too, where a plane that is no facet would be further away than all that are.
-    rng, W, lower, upper = poses(6, 3, 5, 8)
-    double = np.concatenate([W, W[..., -1:] / 0.3], axis=-1)
-    low, high = (np.concatenate([x, 0.3 * share * x[:, -1:]], axis=-1) for x in (lower, upper))
-    low[:, 4] *= 1 - share
-    high[:, 4] *= 1 - share
-    wrench = 20 * rng.normal(size=(8, 1, 3))
-    expected = margin(W, (lower, upper), wrench)
-    assert np.all(expected < 0)
-    np.testing.assert_allclose(margin(double, (low, high), wrench), expected, atol=1e-10)
-
-
 def test_leading_axes_broadcast():
     W = np.random.default_rng(8).normal(size=(4, 1, 3, 6))
     limits = (0.0, np.linspace(1.0, 3.0, 5)[:, None])
@@ -173,9 +133,7 @@ def test_leading_axes_broadcast():
         ([[np.nan, 1.0], [0.0, 1.0]], None, r"structure\[0, 0\] is nan"),
         (np.eye(7), None, "structure has 7 wrench components"),
         (np.eye(2), [1.0, 2.0, 3.0], "required wrenches have 3 components"),
-        (np.eye(2), [np.inf, 0.0], r"required\[0\] is inf"),
         (np.eye(2), ([0.0, 0.0], -1.0), "required radius is -1"),
-        (np.eye(2), ([0.0, 0.0],), "required is a tuple of 1"),
         (np.eye(2), np.zeros((0, 2)), "required has no wrench"),
         (np.ones((3, 2, 4)), np.zeros((2, 1, 2)), "leading axes do not broadcast together: structure"),
     ],
@@ -210,14 +168,6 @@ def test_by_the_structure_matrix(n, m):
             assert found.margin == margin(W, limits, wrenches)
             expected = differences(lambda W, wrenches=wrenches, limits=limits: margin(W, limits, wrenches), W)
             np.testing.assert_allclose(found.structure, expected, rtol=1e-5, atol=1e-6)
-
-
-def test_a_ball_has_the_gradient_of_its_centre():
-    rng = np.random.default_rng(1)
-    W, centre = random_structure(rng, 3, 6), np.array([0.3, -0.2, 0.1])
-    ball, point = gradient(W, (0.5, 6.0), (centre, 0.25)), gradient(W, (0.5, 6.0), centre)
-    assert ball.margin == point.margin - 0.25
-    np.testing.assert_array_equal(ball.structure, point.structure)
 
 
 def test_off_a_flat_set_it_points_at_its_plane():

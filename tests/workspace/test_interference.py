@@ -108,15 +108,6 @@ def test_cables_of_real_rigs_agree_with_sampling(name):
         assert segment_distance(*segments[pair[0]], *segments[pair[1]]) == pytest.approx(distance, abs=1e-12)
 
 
-def test_two_crossed_cables_and_which_they_are():
-    """Cables 1 and 2 cross in the plane x = 0 when the platform is 0.2 m off; cable 0 stays away."""
-    rig = rig_of([[9, 0, 0], [0, -1, 1], [0.1, 1, 1]], [[0.5, 0, 0], [0, 0.3, 0], [0, -0.3, 0]])
-    found = cable_distance(rig, [[0, 0, 0], [0, 0, 0.5]])
-    assert found.pair.tolist() == [[1, 2], [1, 2]]
-    assert (found.distance < 0.1).all()
-    assert (found.distance > 0).all()
-
-
 def test_a_turned_platform_and_a_moved_frame_are_taken_into_account():
     rig = rig_of([[2, 0, 0], [0, 0, 0]], [[1, 0, 0], [-1, 0, 0]], frames=["world", "hip"])
     half_turn = np.diag([-1.0, -1.0, 1.0])
@@ -148,12 +139,6 @@ def test_cables_that_share_an_end_are_left_out():
     assert cable_pairs(together).shape == (0, 2)
 
 
-def test_cables_of_a_point_never_meet():
-    found = cable_distance(box_corners([1, 1, 1]), np.zeros((4, 3)))
-    assert (found.distance == np.inf).all()
-    assert (found.pair == -1).all()
-
-
 def test_a_head_beside_one_cable():
     """The cable of module 1 runs along X at a height of 1 m; the head, of 0.1 m, is centred 0.25 m above it."""
     modules = (Module("up", [0, 5, 0], 0.5, 6), Module("side", [3, 1, 0], 0.5, 6))
@@ -169,28 +154,6 @@ def test_a_head_beside_one_cable():
     assert entered.distance == pytest.approx(-0.05, abs=0.01)
     assert body_distance(rig, [], [0, 1, 0]).distance == np.inf
     assert body_distance(rig, [], [0, 1, 0]).pair.tolist() == [-1, -1]
-
-
-def test_moving_bodies_broadcast_with_poses():
-    rig = box_corners([2, 2, 2])
-    heads = np.array([[0, 0.5, 0], [0, 0.9, 0], [5, 0, 0.0]])
-    found = body_distance(rig, [Capsule(heads, radius=0.1), Capsule([9, 9, 9])], np.zeros((4, 1, 3)))
-    assert found.distance.shape == (4, 3)
-    for index, centre in enumerate(heads):
-        segments = [(anchor, np.zeros(3)) for anchor in rig.anchors] + [(centre, centre)]
-        sampled = statement(segments, [(i, 8) for i in range(8)], [0.0] * 8 + [0.1])
-        assert found.distance[0, index] == pytest.approx(sampled, abs=0.01)
-
-
-def test_a_batch_equals_a_loop_and_may_be_empty():
-    rig = load_rig(RIGS / "ipanema-1.toml")
-    positions = rig.home + np.random.default_rng(1).uniform(-0.4, 0.4, size=(37, 3))
-    batch = cable_distance(rig, positions)
-    for index, position in enumerate(positions):
-        alone = cable_distance(rig, position)
-        assert alone.distance == batch.distance[index]
-        assert (alone.pair == batch.pair[index]).all()
-    assert cable_distance(rig, np.zeros((0, 3))).distance.shape == (0,)
 
 
 def test_a_body_that_is_none_is_refused():

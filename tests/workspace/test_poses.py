@@ -84,15 +84,10 @@ def test_coordinates_have_units_and_fit_the_axes(poses):
         (lambda: Grid([], 0.0), r"x has shape \(0,\)"),
         (lambda: Grid(0.0, [[1.0]]), r"y has shape \(1, 1\)"),
         (lambda: Grid(0.0, 1.0, [np.nan]), r"z\[0\] is nan"),
-        (lambda: Grid(0.0, "a"), "y is not an array of numbers"),
         (lambda: Grid(0.0, 1.0, 2.0, np.eye(3)), r"rotations has shape \(3, 3\)"),
         (lambda: Grid(0.0, 1.0, 2.0, [2 * np.eye(3)]), r"rotations\[0\] is not a rotation"),
-        (lambda: Grid(0.0, 1.0, rotations=[]), r"rotations has shape \(0,\)"),
         (lambda: PoseList([1.0, 2.0]), r"position has shape \(2,\)"),
-        (lambda: PoseList(np.zeros((0, 3))), r"position has shape \(0, 3\)"),
-        (lambda: PoseList([[0.0, 1.0, np.inf]]), r"position\[0, 2\] is inf"),
         (lambda: PoseList(np.zeros((2, 3)), [np.eye(3)]), r"rotation has shape \(1, 3, 3\)"),
-        (lambda: PoseList(np.zeros((2, 2)), [0.0]), r"rotation has shape \(1,\)"),
     ],
 )
 def test_odd_poses_are_refused(make, words):
@@ -148,8 +143,6 @@ def test_tables_hold_positions_and_orientations(tmp_path, suffix):
     [
         (lambda: box((1, 0), 0, step=1), InputError, "x goes from 1 to 0"),
         (lambda: box(0, (0, 1, 2), step=1), ShapeError, r"y has shape \(3,\)"),
-        (lambda: box(0, (0, np.nan), step=1), ShapeError, r"y\[1\] is nan"),
-        (lambda: box((0, 1), (0, 1), step=0.0), InputError, "step is 0.0"),
         (lambda: box((0, 1), (0, 1), step=[1, 1, 1]), InputError, r"step is \[1.0, 1.0, 1.0\]"),
         (lambda: box((0, 1), (0, 1), step=1e-9), InputError, r"1e\+09 poses along x"),
     ],
@@ -167,16 +160,7 @@ def test_odd_boxes_and_paths_are_refused(call, error, words):
         ("poses.csv", "x,z\n1,2", 'column "y" is missing'),
         ("poses.csv", "x,y,z,rx\n1,2,3,4", "no column ry"),
         ("poses.csv", "x,y,Z\n1,2,3", 'unknown column "Z"'),
-        ("poses.csv", "x,y\n1,a", r"line 2, column \"y\": 'a' is no finite number"),
-        ("poses.csv", "x,y\n1,", r"line 2, column \"y\": '' is no finite number"),
-        ("poses.csv", "", 'column "x" is missing'),
-        ("poses.csv", "x,y\n", "no numbers"),
         ("poses.parquet", "x,y\n1,2", "poses.parquet"),
-        ("poses.csv", "x,y,x\n1,2,3", 'column "x" is there twice'),
-        ("poses.csv", "x,y\n1,2\n1,2,3", "line 3 has 3 values for 2 columns"),
-        ("poses.csv", "x_mm,y_mm\n1,2", 'column "x" is missing; there must be x, y, there are x_mm, y_mm'),
-        ("poses.csv", 'x,y\n1,"2', "line 2: unexpected end of data"),
-        ("poses.csv", "x,y\n1,1e999", "'1e999' is no finite number"),
     ],
 )
 def test_odd_files_are_refused_by_name(tmp_path, name, text, words):

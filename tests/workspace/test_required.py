@@ -41,17 +41,6 @@ def test_a_pose_is_feasible_where_every_corner_has_exact_tensions(required):
     np.testing.assert_array_equal(data["capacity-margin"].values[0] > 0, expected)
 
 
-def test_an_array_is_what_is_required_with_the_weight_in_it():
-    poses, own = scattered(50), COGIRO.required.at(COGIRO)
-    level = tl.workspace.PoseList(poses.position)
-    by_array = tl.sweep(COGIRO, level, "wrench-feasible", required=own)
-    by_rig = tl.sweep(COGIRO, level, "wrench-feasible")
-    np.testing.assert_array_equal(by_array["wrench-feasible"], by_rig["wrench-feasible"])
-    assert by_rig["required"].values.tolist() == ["its weight of 91.058 kg"]
-    unloaded = tl.sweep(COGIRO, level, "wrench-feasible", required=np.zeros(6))["wrench-feasible"]
-    assert unloaded.sum() < 0.2 * by_rig["wrench-feasible"].sum()
-
-
 def test_a_ball_takes_its_radius_off_the_margin():
     poses = scattered(20)
     requirements = [tl.Requirement(gravity=True, ball=radius) for radius in (0.0, 40.0)]
@@ -97,15 +86,3 @@ def test_isotropic_force_share_and_squared_tension_are_beside_the_weight():
     assert data["isotropic-force"].item() == pytest.approx(force)
     assert data["feasible-direction-fraction:100"].item() == 1.0
     assert tl.workspace.isotropic_force(structure, COGIRO.limits, 3) == 0.0
-
-
-def test_stores_tell_what_is_required_apart(tmp_path):
-    poses = [COGIRO.home]
-    tl.sweep(COGIRO, poses, "wrench-feasible", out=tmp_path / "a.zarr")
-    with pytest.raises(tl.errors.SweepError, match="a sweep that differs in required"):
-        tl.sweep(COGIRO, poses, "wrench-feasible", required=np.zeros(6), out=tmp_path / "a.zarr")
-
-
-def test_a_requirement_of_another_size_is_refused_before_any_work():
-    with pytest.raises(tl.errors.RigError, match='key "wrench" has 3 components; cogiro, a platform rig, needs 6'):
-        tl.sweep(COGIRO, [COGIRO.home], "wrench-feasible", required=[0.0, 0.0, 1.0])

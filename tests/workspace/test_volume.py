@@ -14,14 +14,6 @@ def test_a_sphere_that_touches_all_faces_has_its_share_of_the_box(nodes, within)
     assert weighted_share(inside, [node_weights(axis) for axis in axes]) == pytest.approx(np.pi / 6, abs=within)
 
 
-@pytest.mark.parametrize("nodes", [4, 8, 16])
-def test_a_half_space_through_the_middle_has_half_of_the_box(nodes):
-
-    x = np.linspace(0.0, 1.0, nodes)
-    assert weighted_share(x < 0.5, [node_weights(x)]) == pytest.approx(0.5)
-    assert weighted_share(x < 1.0, [node_weights(x)]) == pytest.approx(1.0 - 0.5 / (nodes - 1))
-
-
 def test_nodes_stand_for_what_is_nearest_to_them_however_they_lie():
     np.testing.assert_allclose(node_weights(np.array([0.0, 1.0, 4.0])), [0.125, 0.5, 0.375])
     np.testing.assert_allclose(node_weights(np.array([4.0, 0.0, 1.0])), [0.375, 0.125, 0.5])

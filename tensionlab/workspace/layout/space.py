@@ -32,7 +32,7 @@ GENE_BORDER = 0.15  # share of an edge's genes that decode to each of its two en
 class Surface:
     """Rail, rectangle or box for modules: all ``corner + x @ edges``, with the entries of x from 0 to 1.
 
-    RigError names the surface and the wrong key, also for edges that do not span k dimensions.
+    RigError names the surface and the wrong key.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Surface:
     corner : (d,) read-only array
         Where all edges start, in the axes of ``frame``, in m.
     edges : (k, d) read-only array
-        One to d vectors from the corner, in m: one is a rail, two are a rectangle, three a box.
+        One to d independent vectors from the corner, in m: a rail, a rectangle, a box.
     frame : str
         "world", or the name of a body frame to which the modules are attached.
 
@@ -80,14 +80,8 @@ class Surface:
 def room(size: Sequence[float], centre: Sequence[float] | None = None) -> tuple[Surface, ...]:
     """Return the surfaces of a room: floor, ceiling and four walls; Y is up.
 
-    RigError if the size is not three positive numbers.
-
-    Parameters
-    ----------
-    size : (width, height, depth)
-        Along X, Y and Z, in m.
-    centre : (3,) array, optional
-        Middle of the room, in m; left out, the middle of its floor is the origin.
+    ``size`` is along X, Y and Z, in m. ``centre``, in m, is the middle of the room; left out, the middle of its
+    floor is the origin. RigError if the size is not three positive numbers.
 
     Examples
     --------
@@ -132,9 +126,7 @@ class Placement(NamedTuple):
 @raises(RigError)
 @pydantic_dataclass(frozen=True, eq=False)
 class Space:
-    """Surfaces for modules, how many modules to place, and their tension limits.
-
-    RigError names the surface, module or frame, and the wrong key.
+    """Surfaces for modules, how many to place, and what they are; RigError names what is wrong of them.
 
     Attributes
     ----------
@@ -241,8 +233,8 @@ class Space:
     def decode(self, genes: Floats) -> Placement:
         """Decode genes (..., k, d + 1), from 0 to 1, into places.
 
-        The first gene of a module picks the surface, all of which are equally likely, so that a search finds the
-        small ones too. The others are the shares of its edges.
+        The first gene of a module picks the surface, all of which are equally likely; the others are the shares of
+        its edges.
         """
         count = len(self.surfaces)
         surfaces = np.minimum((genes[..., 0] * count).astype(np.int64), count - 1)

@@ -1,7 +1,4 @@
-"""Search tasks from TOML files: `load_task`, and what a file may hold, as pydantic sees it.
-
-`Space` checks what the numbers mean.
-"""
+"""Search tasks from TOML files: `load_task`, and what a file may hold; `Space` checks what the numbers mean."""
 
 from __future__ import annotations
 
@@ -126,10 +123,9 @@ class LayoutTask(NamedTuple):
 
 
 def load_task(path: str | PathLike[str]) -> LayoutTask:
-    """Return the search task of a space that comes with this package, by name, or of a space file, by path.
+    """Return the search task of a space of this package, by name, or of a space file, by path, as in `load_rig`.
 
-    Names and paths are distinguished as in `load_rig`. ``datasets/README.md`` shows the format of the file, with
-    every key. RigError names the file, the table and the key, or says that there is no space of that name.
+    ``datasets/README.md`` shows the format of the file. RigError names the file, the table and the key.
     """
     path = find(path, "spaces", RigError)
     document = read_toml(path, "a space file (*.toml)", RigError)

@@ -17,10 +17,9 @@ from tensionlab.model.requirement import Requirement, as_requirement
 from tensionlab.model.rig import Rig
 from tensionlab.workspace.metrics import Metric, metric
 from tensionlab.workspace.poses import Grid, PoseList
-from tensionlab.workspace.sweep.configurations import Configurations, vary
 from tensionlab.workspace.sweep.dataset import empty_dataset
 from tensionlab.workspace.sweep.executors import evaluate_on_cluster, evaluate_on_threads
-from tensionlab.workspace.sweep.plan import Plan
+from tensionlab.workspace.sweep.plan import Configurations, Plan, vary
 from tensionlab.workspace.sweep.store import MemoryStore, ZarrStore
 
 if TYPE_CHECKING:

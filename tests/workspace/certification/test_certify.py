@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -179,39 +177,11 @@ def test_an_angle_covers_all_rotations_within_it():
     assert (margin > 0).all()
 
 
-def test_cells_around_an_anchor_are_bounded_too():
-    rig = rig_of("planar-point", [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 0.5]])
-    proved = certify(rig, [(0.3, 0.7), (0.3, 0.7)], "wrench-closure", 0.05)
-    assert proved.proved  # whichever way the fifth cable runs
-    within = certify(rig, [(0.3, 0.7), (0.3, 0.7)], ([0.0, 0.0], 0.5), 0.01)
-    assert within.volume.lower > 0.1
-
-
-def test_a_plane_of_space_has_an_area():
-    rig = tl.load_rig("bartels2026-validation")
-    proved = certify(rig, [(-0.4, 0.4), (0.3, 0.3), (-0.4, 0.4)], BALL, 0.01)
-    assert proved.unit == "m²"
-    assert gap(proved) < 0.01
-    x, z = np.meshgrid(np.linspace(-0.4, 0.4, 201), np.linspace(-0.4, 0.4, 201))
-    margin = tl.workspace.capacity_margin(rig.structure_matrix(np.stack([x, 0 * x + 0.3, z], axis=-1)), rig.limits)
-    assert proved.volume.lower / 0.64 - 0.005 < (margin >= 1.0).mean() < proved.volume.upper / 0.64 + 0.005
-
-
-def test_the_rig_itself_says_what_is_required():
-    rig = replace(tl.load_rig("kntu-planar"), required=tl.Requirement(ball=5.0))
-    region = [(-0.5, 0.5), (-0.5, 0.5)]
-    own, given = certify(rig, region, None, 0.1), certify(rig, region, rig.required, 0.1)
-    np.testing.assert_array_equal(own.verdict, given.verdict)
-    assert own.required == rig.required.describe(rig)
-
-
 @pytest.mark.parametrize(
     ("arguments", "error", "words"),
     [
-        ({"region": [(0.0, 1.0)]}, InputError, "region has shape"),
         ({"region": [(0.0, 1.0), (1.0, 0.0)]}, InputError, "along y; give the lower end first"),
         ({"resolution": 0.0}, InputError, "resolution is 0.0"),
-        ({"resolution": [0.1, 0.1, 0.1]}, InputError, "one for each axis"),
         ({"resolution": 1e-12}, InputError, "along an axis"),
         ({"required": [1.0, 2.0, 3.0]}, RigError, "needs 2"),
         ({"required": "everything"}, InputError, "wrench-closure"),
@@ -219,7 +189,6 @@ def test_the_rig_itself_says_what_is_required():
         ({"angle": 0.1}, InputError, "cannot turn"),
         ({"region": [(0.0, np.nan), (0.0, 1.0)]}, ShapeError, "region"),
         ({"bodies": [tl.workspace.Capsule([0.0, 0.0])]}, InputError, "clearance"),
-        ({"clearance": -1.0}, InputError, "clearance is -1.0"),
         ({"angle": 2.0}, InputError, "angle is 2"),
     ],
 )

@@ -45,20 +45,6 @@ def test_what_is_climbed_ranks_by_share_then_by_what_is_missing_then_by_what_is_
     assert (np.diff(climb(np.array(better))) > 0).all()
 
 
-def test_without_a_force_all_of_them_are_the_worst_margin():
-    np.testing.assert_array_equal(Objective().merit(MARGINS), Objective().score(MARGINS))
-    np.testing.assert_array_equal(Objective().smooth(MARGINS, 0.1), Objective().score(MARGINS))
-
-
-def test_the_sharper_the_likeness_the_less_it_matters_how_much_is_missing():
-    slight, severe = np.array([1.9, 2.0]), np.array([0.0, 2.0])
-
-    def ratio(sharp):
-        return Objective(2.0).smooth(severe, sharp) / Objective(2.0).smooth(slight, sharp)
-
-    assert ratio(0.1) > ratio(0.004) > 1
-
-
 @pytest.mark.parametrize("force", [0.0, -1.0, np.nan, np.inf])
 def test_a_force_that_is_none_is_refused(force):
     with pytest.raises(InputError, match="give a force in N above zero"):

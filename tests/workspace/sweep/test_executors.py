@@ -1,6 +1,5 @@
 """Chunks are evaluated by threads of this process, or by the workers of a real Dask cluster."""
 
-import json
 import os
 import signal
 import subprocess
@@ -12,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-import zarr
 
 import tensionlab as tl
 from tensionlab.errors import SweepError
@@ -103,16 +101,6 @@ def scheduler():
         yield cluster.scheduler_address
 
 
-@pytest.fixture
-def other_scheduler(start, tmp_path):
-    """Process of a scheduler, and its address."""
-    file = tmp_path / "scheduler.json"
-    where = ["--host", "127.0.0.1", "--port", 0, "--scheduler-file", file]
-    process = start("distributed.cli.dask_scheduler", *where, "--no-dashboard")
-    wait_for(lambda: file.exists() and file.read_text().endswith("}"))
-    return process, json.loads(file.read_text())["address"]
-
-
 def worker(start, scheduler):
     return start("distributed.cli.dask_worker", scheduler, "--no-nanny", "--nthreads", 1, "--no-dashboard")
 
@@ -160,34 +148,6 @@ def test_a_cluster_whose_worker_dies_half_way_gives_the_same(start, scheduler, t
     xr.testing.assert_equal(data, expected)
 
 
-@pytest.mark.realtime  # a scheduler is killed with -9
-def test_a_scheduler_that_dies_is_an_error_and_what_was_finished_stays(start, other_scheduler, tmp_path):
-    process, scheduler = other_scheduler
-    only = worker(start, scheduler)
-    wait_for_workers(scheduler, 1)
-    tally, gate, out = tmp_path / "tally", tmp_path / "gate", tmp_path / "sweep.zarr"
-
-    def finished():
-        return zarr.open_group(out, mode="r")["tallied"].nchunks_initialized
-
-    def kill():
-        wait_for(lambda: out.exists() and finished() >= 9)
-        process.kill()
-
-    killer = threading.Thread(target=kill)
-    killer.start()
-    arguments = {"metrics": tallied(tally, gate=gate, held_after=20), "out": out, "chunk": CHUNK}
-    with pytest.raises(SweepError, match=r"(?s)gave up: .*the same call resumes"):
-        tl.sweep(CUBE, POSES, **arguments, scheduler=scheduler)
-    killer.join()
-    only.kill()
-    only.wait()
-    gate.touch()
-    done, evaluated = finished(), len(read(tally))
-    assert tl.sweep(CUBE, POSES, **arguments)["tallied"].notnull().all()
-    assert len(read(tally)) - evaluated == COUNT - done
-
-
 class Arrays:
     """Task of arrays; its answer is whether each is aligned, with arrays again."""
 
@@ -221,11 +181,3 @@ def test_a_scheduler_that_does_not_answer_is_named(address, monkeypatch):
     monkeypatch.setattr(executors, "CLUSTER_TIMEOUT_S", 0.5)
     with pytest.raises(SweepError, match=f"scheduler '{address}' does not answer"):
         tl.sweep(CUBE, POSES, "capacity-margin", scheduler=address)
-
-
-def test_without_distributed_the_extra_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(
-        tl.errors.MissingDependency, match=r'needs distributed: pip install "tensionlab\[cluster\]"'
-    ):
-        tl.sweep(CUBE, POSES, "capacity-margin", scheduler="tcp://127.0.0.1:9")

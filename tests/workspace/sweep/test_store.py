@@ -108,21 +108,6 @@ def test_an_interrupted_sweep_is_resumed(store, tally, inside):
         np.testing.assert_array_equal(data[name], expected[name])
 
 
-@pytest.mark.realtime  # a process that is killed with -9
-def test_after_kill_9_at_most_the_chunks_under_way_are_evaluated_again(store, tally):
-    with start(store, tally) as process:
-        process.stdin.write("go\n")
-        process.stdin.flush()
-        while len(read(tally)) < 10:
-            assert process.poll() is None
-        process.kill()
-        process.communicate()
-    done, evaluated = finished(store), len(read(tally))
-    assert 0 < done < COUNT
-    assert sweep(store, tally, seconds=0.02)["tallied"].notnull().all()
-    assert len(read(tally)) - evaluated == COUNT - done
-
-
 @pytest.mark.realtime  # two processes that race
 def test_two_sweeps_that_start_together_end_well(store, tally, tmp_path):
     """Each is refused in words, or opens what the other finished; the store is whole."""
