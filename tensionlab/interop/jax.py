@@ -28,34 +28,13 @@ def allocate(
 ) -> jax.Array:
     """Return the tensions of `tensionlab.allocate`, for ``jax.grad``, ``jax.vmap`` and ``jax.jit``.
 
-    Each call is a callback to the processor, for the whole batch, also under ``jax.vmap``: in float64, whatever
-    the type of the arrays. Gradients are of reverse mode; going back chooses the tensions a second time.
+    Arguments are those of `tensionlab.allocate` with newton as the solver, as arrays of JAX; ``limits`` may be a
+    pair, and ``policy`` and ``wrench_weights`` are no tracers. Each call is a callback to the processor, for the
+    whole batch, also under ``jax.vmap``: in float64, whatever the type of the arrays.
 
-    Parameters
-    ----------
-    structure : (..., n, m) array
-        Structure matrices.
-    wrench : (..., n) array
-        Desired wrenches, N and N·m. All leading axes broadcast.
-    limits : object with ``lower`` and ``upper``, or a pair
-        Tension limits in N, each an (..., m) array or a number.
-    reference : (..., m) array, "lower", "middle" or None
-        Tensions to stay close to.
-    nearest, wrench_weights
-        As in `tensionlab.allocate`; no tracers. There is no gradient by the weights.
-
-    Returns
-    -------
-    (..., m) array
-        In N. Gradients go to all arrays before, by `tensionlab.AllocationJacobian.pull_back`; at kinks they are
-        what it says there.
-
-    Raises
-    ------
-    InputError, ShapeError
-        As `tensionlab.allocate`; under ``jax.jit`` inside an error of JAX.
-    MissingDependency
-        If JAX is not installed.
+    Gradients are of reverse mode, by all arrays but the weights, as `tensionlab.AllocationJacobian.pull_back` has
+    them; going back chooses the tensions a second time. Errors are those of `tensionlab.allocate`, under
+    ``jax.jit`` inside an error of JAX; MissingDependency if JAX is not installed.
     """
     with optional_import("jax", "tensionlab.interop.jax"):
         import jax.numpy as jnp

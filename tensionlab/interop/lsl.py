@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["LslStreams", "require_lsl"]
 
-LAST_SAMPLES_S = 0.3  # an outlet that is closed drops what its inlets have not got yet: so long they have
+LAST_SAMPLES_S = 0.3  # time for inlets to get the last samples before their outlet is closed
 
 
 class StreamChannel(NamedTuple):
@@ -130,24 +130,12 @@ class LslStreams:
         orientation = [StreamChannel(f"Orientation{axis}", "quaternion", f"Orientation{axis}") for axis in "XYZW"]
         if rig.n == 3 and rig.dimension == 2:
             orientation = [StreamChannel("OrientationZ", "rad", "OrientationZ")]
-        self._forces = outlet(
-            "forces",
-            "Force",
-            [
-                StreamChannel(f"{of} {name}", unit, of)
-                for of in ("desired", "commanded", "measured")
-                for name, unit in wrench
-            ],
-        )
-        self._tensions = outlet(
-            "tensions",
-            "Tension",
-            [
-                StreamChannel(f"{of} {module.name}", "N", of)
-                for of in ("commanded", "measured")
-                for module in rig.modules
-            ],
-        )
+        kinds = ("desired", "commanded", "measured")
+        forces = [StreamChannel(f"{kind} {name}", unit, kind) for kind in kinds for name, unit in wrench]
+        names = [module.name for module in rig.modules]
+        tensions = [StreamChannel(f"{kind} {name}", "N", kind) for kind in kinds[1:] for name in names]
+        self._forces = outlet("forces", "Force", forces)
+        self._tensions = outlet("tensions", "Tension", tensions)
         self._pose = outlet("pose", "MoCap", position + (orientation if rig.n > rig.dimension else []))
         self._markers = outlet("markers", "Markers", [StreamChannel("event", "", "Marker")], numbers=False)
 

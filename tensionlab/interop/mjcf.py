@@ -104,31 +104,20 @@ def _platform(world: Xml.Element, rig: Rig, size: float) -> Xml.Element:
 
 def _pulley(body: Xml.Element, site: Xml.Element, cable: Xml.Element, module: Module, away: Floats) -> None:
     """Add a pulley after the site of the anchor, turned to ``away``, (d,) in the body's axes."""
-    radius, axis, anchor = (
-        float(module.pulley_radius or 0.0),
-        in_space(np.asarray(module.pulley_axis)),
-        module.anchor,
-    )
+    radius, axis = float(module.pulley_radius or 0.0), in_space(np.asarray(module.pulley_axis))
     axis = axis / np.linalg.norm(axis)
     outward = in_space(away) - (in_space(away) @ axis) * axis
     if not outward.any():  # in line with the axis: any side will do
         outward = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
     outward = outward / np.linalg.norm(outward)
     centre, name = radius * outward, f"{module.name} pulley"
-    site.set("pos", _row(in_space(anchor) - OFF_RIM_SHARE * radius * axis))
-    swivel = Xml.SubElement(body, "body", name=name, pos=_row(in_space(anchor)))
+    anchor = in_space(module.anchor)
+    site.set("pos", _row(anchor - OFF_RIM_SHARE * radius * axis))
+    swivel = Xml.SubElement(body, "body", name=name, pos=_row(anchor))
     across = np.cross(axis, outward)
     ends = np.concatenate([centre - RIM_SHARE * radius * across, centre + RIM_SHARE * radius * across])
-    Xml.SubElement(
-        swivel,
-        "geom",
-        name=name,
-        type="cylinder",
-        size=_row([radius]),
-        fromto=_row(ends),
-        contype="0",
-        conaffinity="0",
-    )
+    shape = {"type": "cylinder", "size": _row([radius]), "fromto": _row(ends)}
+    Xml.SubElement(swivel, "geom", shape, name=name, contype="0", conaffinity="0")
     side = f"{module.name} rim"
     Xml.SubElement(swivel, "site", name=side, pos=_row(centre + 1.5 * radius * (axis - outward)))
     Xml.SubElement(cable, "geom", geom=name, sidesite=side)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import repeat
 from types import ModuleType
 from typing import Any, Literal
 
@@ -27,10 +28,10 @@ AXIS_TOLERANCE = 1e-9  # smaller parts of a joint's motion along an axis of the 
 def structure_matrix(model: Any, data: Any, tendons: Sequence[str], body: str) -> Floats:
     """Return the structure matrix of tendons that pull at a body, where it is now.
 
-    It is read off MuJoCo's Jacobian of the tendons, with all that MuJoCo knows of their way: pulleys that they
-    wrap around, sites on bodies that move. The joints of the body itself say which components a wrench has;
-    whatever hangs on the body moves with it, and the bodies that carry it stand still. Source: virtual work, as in
-    Verhoeven 2004; Todorov, Erez and Tassa, "MuJoCo: A physics engine for model-based control", 2012.
+    It comes from MuJoCo's Jacobian of the tendons, with all that MuJoCo knows of their paths: pulleys, sites on
+    bodies that move. The joints of the body itself decide which components a wrench has; bodies attached to it
+    move with it, and the bodies that carry it are at rest. Source: virtual work, as in Verhoeven 2004; Todorov,
+    Erez and Tassa, "MuJoCo: A physics engine for model-based control", 2012.
 
     Parameters
     ----------
@@ -45,9 +46,9 @@ def structure_matrix(model: Any, data: Any, tendons: Sequence[str], body: str) -
     Returns
     -------
     (n, m) array
-        ``W @ tensions`` is the wrench on the body at the origin of its frame, in world axes: force and moment (6)
-        for a body that can move freely, the force (3) for one that only slides, and along the axes of the world
-        alone in which the body can move: forces along x and y and the moment about z (3) for one in that plane.
+        ``W @ tensions`` is the wrench on the body at the origin of its frame, along the axes of the world in which
+        it can move: force and moment (6) for a free body, the force (3) for one that only slides, forces along x
+        and y and the moment about z (3) for one in that plane.
 
     Raises
     ------
@@ -80,22 +81,10 @@ def structure_matrix(model: Any, data: Any, tendons: Sequence[str], body: str) -
 
 
 def gravity(model: Any, data: Any, body: str) -> Floats:
-    """Return the wrench of gravity on a body and all that hangs on it, with the components of `structure_matrix`.
+    """Return the wrench (n,) of gravity on a body and those attached to it, as in `structure_matrix`.
 
-    Parameters
-    ----------
-    model, data, body
-        As in `structure_matrix`.
-
-    Returns
-    -------
-    (n,) array
-        At the origin of the body's frame, in N and N·m; what holds the body is the opposite.
-
-    Raises
-    ------
-    InputError, MissingDependency
-        As `structure_matrix`.
+    It is at the origin of the body's frame, in N and N·m; the cables must exert the opposite. Arguments and errors
+    are those of `structure_matrix`.
 
     Examples
     --------
@@ -120,10 +109,10 @@ def gravity(model: Any, data: Any, body: str) -> Floats:
 class TendonAllocator:
     """Tension allocation for a body of a MuJoCo model, written to the controls of its actuators.
 
-    Each tendon has one actuator without dynamics whose force is its control times a gain. What that can do limits
-    the tension: ``ctrlrange`` times gain and gear; ``forcerange``, and ``actuatorfrcrange`` of the tendon, times
-    gear; and zero, since cables cannot push. Passive forces of the tendon (stiffness, damping, friction) are
-    next to the tension, not in it.
+    Each tendon has one actuator without dynamics whose force is its control times a gain. The limits of the
+    tension are ``ctrlrange`` times gain and gear; ``forcerange``, and ``actuatorfrcrange`` of the tendon, times
+    gear; and zero, since cables cannot push. The tendon's passive forces (stiffness, damping, friction) come on
+    top.
 
     Parameters
     ----------
@@ -179,12 +168,8 @@ class TendonAllocator:
             raise InputError("tendons is empty; give the names of the cables")
         _number(model, "body", body)
         self._actuators = [_actuator(mujoco, model, name) for name in self._tendons]
-        drawn = [
-            _pulls(model, name, actuator) for name, actuator in zip(self._tendons, self._actuators, strict=True)
-        ]
-        self._newton_per_control, self.lower, self.upper = (
-            np.array(values) for values in zip(*drawn, strict=True)
-        )
+        ranges = map(_pulls, repeat(model), self._tendons, self._actuators)
+        self._newton_per_control, self.lower, self.upper = np.array(list(ranges)).T
         self._allocate = Allocator((self.lower, self.upper), solver, reference, policy, wrench_weights)
 
     def __call__(self, data: Any, wrench: ArrayLike) -> Allocation:
@@ -200,24 +185,23 @@ class TendonAllocator:
 
 
 class RigBody:
-    """What the cables of a rig hold, moved by MuJoCo: the motion of a `tensionlab.hardware.World`.
+    """Point or platform of a rig, moved by MuJoCo: the motion of a `tensionlab.hardware.World`.
 
-    The rig is that of `rig_to_mjcf`: its masses, its gravity if it says which axis is up. A module pulls with what
-    it pulls, be that outside its limits. Body frames are at rest.
+    Masses and gravity are those of `rig_to_mjcf`. Tensions are not limited. Body frames are at rest.
 
     Parameters
     ----------
     rig : Rig
     position : (d,) array, optional
-        Where it is at first, not turned; `Rig.home` if left out.
+        Its first position, not turned; `Rig.home` if left out.
 
     Attributes
     ----------
     model, data : mujoco.MjModel, mujoco.MjData
-        Yours to change, before time passes: geometry to collide with, a push in ``data.xfrc_applied``.
+        May be changed before time passes: geometry to collide with, a push in ``data.xfrc_applied``.
     held : bool
-        Whether it is held in place: at first, since a platform that hangs would fall before its modules
-        pull. It moves from when you set this to False.
+        Whether it is held in place: at first, since a platform that hangs would fall before its modules pull.
+        Set it to False to let it move.
 
     Raises
     ------
@@ -253,7 +237,13 @@ class RigBody:
         self._number = _number(self.model, "body", "platform")
         self._time = 0.0
         # In the plane, pulleys do not swivel.
-        self._swivels = _Swivels(self.model, rig) if rig.pulleys is not None and rig.dimension == 3 else None
+        swivels = rig.pulleys is not None and rig.dimension == 3
+        self._swivels = [i for i, module in enumerate(rig.modules) if swivels and module.pulley_radius is not None]
+        names = [f"{rig.modules[i].name} pulley" for i in self._swivels]
+        self._swivel_bodies = [_number(self.model, "body", name) for name in names]
+        self._swivels_at_first = np.array([self.model.geom(name).pos for name in names])  # across the axis
+        self._swivel_axes = np.zeros((0, 3)) if rig.pulleys is None else rig.pulleys.axes[self._swivels]
+        self._anchors = place_anchors(rig.modules, rig.anchors, rig.at_rest)
         self.turn_pulleys()
         self._mujoco.mj_step1(self.model, self.data)
 
@@ -281,15 +271,23 @@ class RigBody:
         return self._pose()
 
     def turn_pulleys(self) -> None:
-        """Turn the rig's pulleys to where the cables are; only after you have changed ``data.qpos``."""
-        if self._swivels is None:
+        """Turn the rig's pulleys to where the cables are; only after you have changed ``data.qpos``.
+
+        A pulley turns at once: its inertia is negligible against the pull of its cable.
+        """
+        rig = self._rig
+        if not self._swivels:
             return
-        attachments = self._rig.attachments
-        if self._rig.kind == "platform":
+        attachments = rig.attachments
+        if rig.kind == "platform":
             turn = np.zeros(9)
             self._mujoco.mju_quat2Mat(turn, self.data.qpos[3:7])
             attachments = attachments @ turn.reshape(3, 3).T
-        self.model.body_quat[self._swivels.bodies] = self._swivels.quaternions(self.data.qpos[:3] + attachments)
+        away = to_module_frames(rig.modules, self.data.qpos[:3] + attachments - self._anchors, rig.at_rest)
+        away, axes, first = away[self._swivels], self._swivel_axes, self._swivels_at_first
+        sine = np.einsum("pi,pi->p", axes, np.cross(first, away))
+        half = 0.5 * np.arctan2(sine, np.einsum("pi,pi->p", first, away))[:, None]
+        self.model.body_quat[self._swivel_bodies] = np.hstack([np.cos(half), np.sin(half) * axes])
 
     def _pose(self) -> Pose:
         rig, data = self._rig, self.data
@@ -300,30 +298,6 @@ class RigBody:
         elif rig.kind == "planar":
             rotation = np.array(data.qpos[2])
         return Pose(place, rotation, rig.at_rest)
-
-
-class _Swivels:
-    """Pulleys of a rig in space whose bodies MuJoCo keeps at given poses.
-
-    A pulley turns at once: its inertia is negligible against the pull of its cable.
-    """
-
-    def __init__(self, model: Any, rig: Rig) -> None:
-        names = [f"{module.name} pulley" for module in rig.modules if module.pulley_radius is not None]
-        self._rig = rig
-        self._of = [number for number, module in enumerate(rig.modules) if module.pulley_radius is not None]
-        self._anchors = place_anchors(rig.modules, rig.anchors, rig.at_rest)
-        self._axes = rig.pulleys.axes[self._of] if rig.pulleys is not None else np.zeros((0, 3))
-        self._at_first = np.array([model.geom(name).pos for name in names])
-        self.bodies = [_number(model, "body", name) for name in names]
-
-    def quaternions(self, attachments: Floats) -> Floats:
-        """Return the quaternions w, x, y, z of the pulleys that are turned to attachments (m, 3) in the world."""
-        away = to_module_frames(self._rig.modules, attachments - self._anchors, self._rig.at_rest)[self._of]
-        sine = np.einsum("pi,pi->p", self._axes, np.cross(self._at_first, away))
-        cosine = np.einsum("pi,pi->p", self._at_first, away)  # the first is across the axis
-        half = 0.5 * np.arctan2(sine, cosine)[:, None]
-        return np.concatenate([np.cos(half), np.sin(half) * self._axes], axis=1)
 
 
 def _import_mujoco(what: str) -> ModuleType:
@@ -348,8 +322,7 @@ def _motions(
     mujoco: ModuleType, model: Any, data: Any, number: int, name: str
 ) -> tuple[list[int], list[int], Floats]:
     """Return a body's own degrees of freedom, the components of its twist, and that by the velocities, (6, n)."""
-    first, count = int(model.body_dofadr[number]), int(model.body_dofnum[number])
-    own = list(range(first, first + count))
+    own = list(range(model.body_dofadr[number], model.body_dofadr[number] + model.body_dofnum[number]))
     linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
     mujoco.mj_jacBody(model, data, linear, angular, number)
     twist = np.concatenate([linear, angular])[:, own]

@@ -28,34 +28,13 @@ def allocate(
 ) -> torch.Tensor:
     """Return the tensions of `tensionlab.allocate`, through which gradients go back.
 
-    The whole batch is one call, forwards and backwards. Tensors may be on any device; the work is done on the
-    processor, in float64. Second derivatives, which are zero or jumps in most respects, are refused by PyTorch.
+    Arguments are those of `tensionlab.allocate` with newton as the solver, as tensors on any device; ``limits``
+    may be a pair. The whole batch is one call, forwards and backwards, on the processor, in float64; the tensions
+    have the type and the device of ``structure``.
 
-    Parameters
-    ----------
-    structure : (..., n, m) tensor
-        Structure matrices.
-    wrench : (..., n) tensor
-        Desired wrenches, N and N·m. All leading axes broadcast.
-    limits : object with ``lower`` and ``upper``, or a pair
-        Tension limits in N, each a (..., m) tensor, an array or a number.
-    reference : (..., m) tensor, "lower", "middle" or None
-        Tensions to stay close to.
-    nearest, wrench_weights
-        As in `tensionlab.allocate`. There is no gradient by the weights.
-
-    Returns
-    -------
-    (..., m) tensor
-        In N, of the type and on the device of ``structure``. Gradients go to all tensors before, by
-        `tensionlab.AllocationJacobian.pull_back`; at kinks they are what it says there.
-
-    Raises
-    ------
-    InputError, ShapeError
-        As `tensionlab.allocate`.
-    MissingDependency
-        If PyTorch is not installed.
+    Gradients go to all tensors but the weights, as `tensionlab.AllocationJacobian.pull_back` has them. Second
+    derivatives, which are zero or jumps in most respects, are refused by PyTorch. Errors are those of
+    `tensionlab.allocate`; MissingDependency if PyTorch is not installed.
     """
     with optional_import("torch", "tensionlab.interop.torch"):
         import torch

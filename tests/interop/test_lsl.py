@@ -62,15 +62,8 @@ def test_inlets_get_every_cycle_and_every_event(tmp_path):
     assert described(tensions, "unit") == ["N"] * (2 * rig.m)
     assert described(pose, "type") == ["PositionX", "PositionY", "PositionZ"]
     world = World(rig)
-    runner = Runner(
-        rig,
-        world.group(),
-        "newton",
-        lambda state: PULL,
-        settings,
-        sinks=[log, streams],
-        clock=WorldClock(world, paced=True),
-    )
+    clock, sinks = WorldClock(world, paced=True), [log, streams]
+    runner = Runner(rig, world.group(), "newton", lambda state: PULL, settings, sinks=sinks, clock=clock)
     before = pylsl.local_clock()
     runner.run(seconds=1.0)
     after = pylsl.local_clock()

@@ -123,26 +123,23 @@ def test_anchors_on_a_body_that_moves_by_joints_of_its_own():
 
 
 @pytest.mark.parametrize(
-    ("joints", "body", "message"),
+    ("joints", "names", "message"),
     [
-        ("<freejoint/>", "lode", "the model has no body 'lode'; it has 'world', 'load'"),
-        ("", "load", "body 'load' has no joint, so that no cable can move it; give it one, or another body"),
-        (
-            '<joint type="slide" axis="1 1 0"/>',
-            "load",
-            "body 'load' moves by 1 joint velocities along or about 2 axes of the world; "
-            "give it a free joint, or joints along and about axes of the world",
-        ),
-        ("<freejoint/>", "load", "the model has no tendon 'rope'; it has 'a'"),
+        ("<freejoint/>", ("a", "lode"), "the model has no body 'lode'; it has 'world', 'load'"),
+        ("<freejoint/>", ("rope", "load"), "the model has no tendon 'rope'; it has 'a'"),
+        ("", ("a", "load"), "body 'load' has no joint"),
+        ('<joint type="slide" axis="1 1 0"/>', ("a", "load"), "moves by 1 joint velocities along or about 2 axes"),
     ],
 )
-def test_names_and_joints_that_do_not_fit_are_told(joints, body, message):
+def test_names_and_joints_that_do_not_fit_are_told(joints, names, message):
     model = mujoco.MjModel.from_xml_string(hanging(joints=joints))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    with pytest.raises(InputError) as refused:
-        structure_matrix(model, data, ["rope" if "tendon" in message else "a"], body)
-    assert str(refused.value) == message
+    with pytest.raises(InputError, match=message):
+        structure_matrix(model, data, names[:1], names[1])
+
+
+FORCE_RANGE = 'actuatorfrclimited="true" actuatorfrcrange="-1 5"'
 
 
 def hanging(joints="<freejoint/>", actuators="", tendon=""):
@@ -160,11 +157,7 @@ def hanging(joints="<freejoint/>", actuators="", tendon=""):
         ('<motor tendon="a" gear="-2" ctrlrange="-3 6"/>', "", (0.0, 12.0)),  # it cannot push
         ('<motor tendon="a" ctrlrange="-7 -2"/>', "", (2.0, 7.0)),
         ('<motor tendon="a" gear="-2" ctrlrange="0 6" forcerange="0.5 4"/>', "", (1.0, 8.0)),
-        (
-            '<motor tendon="a" gear="-1" ctrlrange="0 9"/>',
-            'actuatorfrclimited="true" actuatorfrcrange="-1 5"',
-            (0.0, 5.0),
-        ),
+        ('<motor tendon="a" gear="-1" ctrlrange="0 9"/>', FORCE_RANGE, (0.0, 5.0)),
         ('<general tendon="a" gear="-0.5" gainprm="10" ctrlrange="0.2 1"/>', "", (1.0, 5.0)),
     ],
 )
@@ -185,32 +178,20 @@ def test_limits_are_those_of_the_actuators_and_controls_lead_to_the_tensions(act
 @pytest.mark.parametrize(
     ("actuators", "message"),
     [
-        ("", """tendon 'a' has no actuator; give it one, such as <motor tendon="a" gear="-1"/>"""),
+        ("", "tendon 'a' has no actuator; give it one"),
         (
             '<motor name="one" tendon="a"/><motor name="two" tendon="a"/>',
-            """tendon 'a' has 2 actuators, 'one', 'two'; give it one, such as <motor tendon="a" gear="-1"/>""",
+            "has 2 actuators, 'one', 'two'",
         ),
-        (
-            '<position name="servo" tendon="a" kp="3"/>',
-            "actuator 'servo' of tendon 'a' does not pull by its control times a gain; give a <motor>, or a "
-            "<general> with a fixed gain other than 0, no bias and no dynamics",
-        ),
-        (
-            '<motor name="strong" tendon="a" gear="-1"/>',
-            "actuator 'strong' of tendon 'a' has no limit; give it a ctrlrange or a forcerange",
-        ),
-        (
-            '<motor name="pusher" tendon="a" ctrlrange="0 5"/>',
-            "actuator 'pusher' of tendon 'a' cannot pull: its range, gain and gear lead to tensions from 0 to "
-            "0 N; turn the sign of its gear, or correct its ranges",
-        ),
+        ('<position name="servo" tendon="a" kp="3"/>', "'servo' of tendon 'a' does not pull by its control times"),
+        ('<motor name="strong" tendon="a" gear="-1"/>', "actuator 'strong' of tendon 'a' has no limit"),
+        ('<motor name="pusher" tendon="a" ctrlrange="0 5"/>', "cannot pull: .* tensions from 0 to 0 N"),
     ],
 )
 def test_actuators_that_cannot_be_given_tensions_are_refused(actuators, message):
     model = mujoco.MjModel.from_xml_string(hanging(actuators=actuators))
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError, match=message):
         TendonAllocator(model, ["a"], "load")
-    assert str(refused.value) == message
 
 
 def test_forces_over_pulleys_balance_gravity_exactly(pulleys):
@@ -220,13 +201,9 @@ def test_forces_over_pulleys_balance_gravity_exactly(pulleys):
     mujoco.mj_forward(model, data)
     assert found.status == Status.EXACT
     np.testing.assert_allclose(data.qacc, 0.0, atol=1e-9)
-
-
-def test_other_actuators_and_infeasible_wrenches(pulleys):
-    model, data, tendons = pulleys
-    allocate = TendonAllocator(model, tendons[:4], "platform", solver="newton")
+    # An infeasible wrench, and actuators of other tendons.
     data.ctrl[:] = 7.0
-    found = allocate(data, [0.0, 0.0, 1000.0, 0.0, 0.0, 0.0])
+    found = TendonAllocator(model, tendons[:4], "platform")(data, [0.0, 0.0, 1000.0, 0.0, 0.0, 0.0])
     assert found.status == Status.NEAREST
     np.testing.assert_array_equal(data.ctrl[4:], 7.0)
     np.testing.assert_allclose(data.ctrl[:4], found.tensions)
