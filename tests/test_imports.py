@@ -96,7 +96,7 @@ NATIVE = {
     "workspace/wrench_set.py",
     "haptics/rendering/brakes.py",
     "hardware/client/group.py",
-    "hardware/client/link_reader.py",
+    "hardware/client/links.py",
     "hardware/client/module.py",
     "hardware/protocol/codes.py",
     "hardware/protocol/messages.py",

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -120,18 +121,11 @@ def identify(client: ModuleClient, begun: Callable[[], None]) -> None:
         client.stop()
 
 
-@dataclass(frozen=True)
-class RoundTrips:
-    """Round-trip times of the pings that came back, in s, and the number of those that were lost.
-
-    `offset` is the module's clock less that of the link, in s, and its error half the shortest trip; both are NaN
-    if no ping came back.
-    """
+class RoundTrips(NamedTuple):
+    """Round-trip times of the pings that came back, in s, and the number of those that were lost."""
 
     times: tuple[float, ...]
     lost: int
-    offset: float = math.nan
-    offset_error: float = math.nan
 
     def percentile(self, percent: float) -> float:
         """Return a percentile of the times, in s; NaN if no ping came back."""
@@ -140,27 +134,20 @@ class RoundTrips:
     @property
     def loss(self) -> float:
         """Share of the pings that were lost."""
-        sent = len(self.times) + self.lost
-        return self.lost / sent if sent else 0.0
+        return self.lost / max(len(self.times) + self.lost, 1)
 
 
 def measure(client: ModuleClient, count: int, progress: Callable[[int], bool]) -> RoundTrips:
     """Send pings one after another; `progress` gets their number after each, and returns whether to continue."""
-    trips: list[tuple[float, float]] = []  # duration, and the module's clock less that of the link half way
-    done = 0
-    while done < count:
+    times: list[float] = []
+    for done in range(1, count + 1):
         began = client.link.clock()
         with suppress(LinkTimeout):
-            pong = client.request(Ping(done), Pong, (PING_TIMEOUT_S,))
-            now = client.link.clock()
-            trips.append((now - began, 1e-6 * pong.time_us - (began + now) / 2))
-        done += 1
+            client.request(Ping(done), Pong, (PING_TIMEOUT_S,))
+            times.append(client.link.clock() - began)
         if not progress(done):
             break
-    if not trips:
-        return RoundTrips((), done)
-    shortest, offset = min(trips)
-    return RoundTrips(tuple(trip for trip, _ in trips), done - len(trips), offset, shortest / 2)
+    return RoundTrips(tuple(times), done - len(times))
 
 
 def safe_rates(trips: RoundTrips, ttl: float, *, bluetooth: bool) -> tuple[float, float] | None:

@@ -12,8 +12,7 @@ from typing import NamedTuple, Self, TypeVar
 
 from tensionlab import _native
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault, ProtocolError
-from tensionlab.hardware.client.link_reader import link_reader
-from tensionlab.hardware.client.links import Link, open_link
+from tensionlab.hardware.client.links import Link, link_reader, open_link
 from tensionlab.hardware.client.shared_telemetry import MODULE, Report, publisher
 from tensionlab.hardware.protocol import messages
 from tensionlab.hardware.protocol.codes import (

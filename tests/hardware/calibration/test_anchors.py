@@ -149,16 +149,6 @@ def test_the_error_of_all_lengths_by_the_same_share_makes_a_larger_rig():
     np.testing.assert_allclose(found.anchors - centre, 1.02 * (SEVEN.anchors - centre), atol=1e-9)
 
 
-def test_a_calibrated_rig_says_how_and_keeps_the_rest():
-    poses = sampled(POINT, 10, np.random.default_rng(0))
-    rig = calibrated_rig(
-        POINT, calibrate_anchors(POINT, lengths_at(POINT, poses), poses, known=True), "calibrated"
-    )
-    np.testing.assert_allclose(rig.anchors, POINT.anchors, atol=1e-9)
-    modules = tuple(replace(m, anchor=a.anchor) for m, a in zip(rig.modules, POINT.modules, strict=True))
-    assert replace(rig, modules=modules) == replace(POINT, source=POINT.source + "; calibrated")
-
-
 # What cannot be told
 
 

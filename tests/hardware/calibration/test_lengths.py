@@ -113,33 +113,22 @@ def test_whatever_goes_wrong_all_modules_are_stopped(world_of, trouble, error, s
 
 
 def test_lengths_come_back_from_a_file_with_poses_and_without(tmp_path):
-    lengths = RIG.lengths(PLACES)
-    (tmp_path / "lengths.csv").write_text(table_text(columns(RIG, lengths)))
-    again, poses = load_lengths(tmp_path / "lengths.csv", RIG)
-    np.testing.assert_allclose(again, lengths, rtol=1e-9)
+    path, lengths = tmp_path / "lengths.csv", columns(RIG, RIG.lengths(PLACES))
+    known = dict(zip("xyz", PLACES.T, strict=True)) | lengths
+    path.write_text(table_text(lengths))
+    again, poses = load_lengths(path, RIG)
+    np.testing.assert_allclose(again, RIG.lengths(PLACES), rtol=1e-9)
     assert poses is None
-    (tmp_path / "known.csv").write_text(
-        table_text({"x": PLACES[:, 0], **columns(RIG, lengths), "y": PLACES[:, 1], "z": PLACES[:, 2]})
-    )
-    poses = load_lengths(tmp_path / "known.csv", RIG)[1]
-    np.testing.assert_allclose(poses.position, PLACES, rtol=1e-9)
-    with pytest.raises(CalibrationError, match='column "floor-1" is missing'):
-        load_lengths(_without(tmp_path, "floor-1"), RIG)
-    with pytest.raises(CalibrationError, match="a pose has the columns x, y, z; give all, or none"):
-        load_lengths(_without(tmp_path, "z"), RIG)
-
-
-def _without(folder, name):
-    lines = [line.split(",") for line in (folder / "known.csv").read_text().splitlines()]
-    index = lines[0].index(name)
-    path = folder / f"without-{name}.csv"
-    path.write_text("\n".join(",".join(line[:index] + line[index + 1 :]) for line in lines))
-    return path
-
-
-def test_planar_poses_have_an_angle(tmp_path):
-    lengths = PLANAR.lengths(PLANAR.home, 0.1)[None]
+    path.write_text(table_text(known))
+    np.testing.assert_allclose(load_lengths(path, RIG)[1].position, PLACES, rtol=1e-9)
+    for missing, message in (
+        ("floor-1", 'column "floor-1" is missing'),
+        ("z", "has the columns x, y, z; give all"),
+    ):
+        path.write_text(table_text({name: column for name, column in known.items() if name != missing}))
+        with pytest.raises(CalibrationError, match=message):
+            load_lengths(path, RIG)
+    planar = columns(PLANAR, PLANAR.lengths(PLANAR.home, 0.1)[None])
     pose = {"x": [PLANAR.home[0]], "y": [PLANAR.home[1]], "angle": [0.1]}
-    (tmp_path / "a.csv").write_text(table_text(columns(PLANAR, lengths) | pose))
-    poses = load_lengths(tmp_path / "a.csv", PLANAR)[1]
-    assert poses.rotation[0, 1, 0] == pytest.approx(np.sin(0.1))
+    path.write_text(table_text(planar | pose))
+    assert load_lengths(path, PLANAR)[1].rotation[0, 1, 0] == pytest.approx(np.sin(0.1))

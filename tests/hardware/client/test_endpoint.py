@@ -111,12 +111,6 @@ def until(holds):
         time.sleep(1e-3)
 
 
-def test_the_native_clock_is_that_of_python():
-    for _ in range(100):
-        before = time.perf_counter()
-        assert before <= _native.seconds_now() <= time.perf_counter()
-
-
 def test_what_a_thread_without_python_reads_is_what_the_module_said(pair):
     client, far = pair
     for number, length in enumerate((1.0, 1.25, 1.5)):

@@ -8,9 +8,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from tensionlab.hardware.client import link_reader as link_readers
-from tensionlab.hardware.client.link_reader import link_reader
-from tensionlab.hardware.client.links import SocketLink
+from tensionlab.hardware.client.links import REMOVAL_TIMEOUT_S, SocketLink, link_reader
 from tensionlab.hardware.client.module import ModuleClient
 
 LONG_S = 30.0
@@ -87,7 +85,7 @@ def test_a_link_may_be_removed_while_it_is_read():
     link_reader().add(one.number, read)
     one.send(b"a")
     one.close()
-    assert took[0] < 0.5 * link_readers.REMOVAL_TIMEOUT_S
+    assert took[0] < 0.5 * REMOVAL_TIMEOUT_S
 
 
 def test_a_number_that_was_closed_without_a_word_is_read_for_the_next_link():

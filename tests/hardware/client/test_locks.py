@@ -58,15 +58,6 @@ def test_a_lock_ends_with_its_release_and_no_note_stays(locks_folder):
     assert locks_folder.stat().st_mode & 0o777 == 0o700
 
 
-def test_who_is_just_letting_go_is_waited_for(monkeypatch):
-    monkeypatch.setattr(locks, "LOCK_TIMEOUT_S", 60.0)
-    first = LinkLock("COM5")
-    monkeypatch.setattr("time.sleep", lambda seconds: first.release())  # while the second waits
-    second = LinkLock("COM5")
-    assert holder("COM5").pid == os.getpid()
-    second.release()
-
-
 def test_names_of_one_module_are_one_lock(tmp_path):
     port = tmp_path / "ttyUSB0"
     port.touch()
