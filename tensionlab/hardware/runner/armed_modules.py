@@ -78,7 +78,7 @@ class ArmedModules:
         self._derating = Derating(rig.limits, np.array(group.continuous), self.names)
         statistics.derated = self._derating.lowest
         self._releases: dict[int, Release] = {}  # of lost modules
-        # At high rates set-points share numbers: which one a module follows is told by how many were sent since.
+        # At high rates set-points share numbers: which one a module follows depends on how many were sent since.
         kept = SEQUENCE_NUMBERS * math.ceil(HISTORY_S * settings.rate / SEQUENCE_NUMBERS)
         self._delays = _native.SetPointDelays(rig.m, kept)
         self._previous, self._stalled_until = math.inf, -math.inf

@@ -212,7 +212,7 @@ def test_a_module_is_lost_once_it_is_silent_late_or_too_hot_beyond_what_a_stall_
         assert said in watched.statistics.lost[lost]
         np.testing.assert_array_equal(watched.modules.active, [name != lost for name in "abc"])
         (client,) = (client for client in watched.clients if client.name == lost)
-        assert client.sent == [(Stop(),)], "it is told, should it hear"
+        assert client.sent == [(Stop(),)], "it is commanded to stop"
         assert watched.cycle(**silent(9.0 if lost == "a" else 0.01)) == lost, "and lost only once"
 
 

@@ -54,7 +54,7 @@ def test_silence_stops_all(rehearsal):
     runner = rehearsal.runner(rehearsal.demand(trouble=rehearsal.links["top"].freeze))
     with pytest.raises(LinkTimeout, match=r'module "top" at sim: has been silent for 0\.2'):
         runner.run(2.0)
-    # It is waited for at the end, and then its time is over; the others were told before, as this shows.
+    # The end waits for it, and then its time is over; the others were stopped before.
     assert rehearsal.let_pass(0.0) == 0.0
     assert rehearsal.states() == {"floor-1": "IDLE", "floor-2": "IDLE", "floor-3": "IDLE", "top": "TIMEOUT"}
 
@@ -130,7 +130,7 @@ def test_a_module_too_hot_to_hold_its_cable_taut_is_lost(rehearsal):
 
 @dataclass(frozen=True)
 class Raises:
-    """Solves until it is told not to."""
+    """Solver that fails once `broken` has an entry."""
 
     broken: list
     policies = ("force",)
@@ -251,7 +251,7 @@ def test_one_that_is_lost_is_done_without_by_the_others(published_rig):
     pulls = np.append(TAUT, last.allocation.tensions[1:])
     np.testing.assert_allclose(last.state.structure @ pulls, wrench, atol=1e-6)
     assert last.allocation.tensions[0] == 0.0
-    # Within one cycle: the first one after the cut has neither asked nor told the lost module anything.
+    # Within one cycle: the first one after the cut neither reads nor commands the lost module.
     _, after = [state for state in rehearsal.cycles if state.time >= TROUBLE][:2]
     assert not after.active[0]
     assert rehearsal.module(name).sample.commanded <= TAUT

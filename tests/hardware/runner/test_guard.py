@@ -149,7 +149,7 @@ SILENT, CLOSED, FAULT = LinkTimeout("silent"), LinkError("closed"), ModuleFault(
     [
         (FAULT, 10.0, State.FAULT, [0.0, 0.0, 0.0, 0.0]),
         (FAULT, 10.0, State.ESTOP, [0.0, 0.0, 0.0, 0.0]),
-        (FAULT, 10.0, State.RUNNING, [4.0, 2.0, 0.0, 0.0]),  # it is told to stop
+        (FAULT, 10.0, State.RUNNING, [4.0, 2.0, 0.0, 0.0]),  # it hears the stop
         (FAULT, 10.0, State.TIMEOUT, [4.0, 2.0, 0.5, 0.0]),
         (CLOSED, 10.0, State.RUNNING, [4.0, 2.0, 0.5, 0.0]),
         (CLOSED, 9.5, State.RUNNING, [4.0, 2.0, 0.5, 0.0]),  # silent, and closed only now

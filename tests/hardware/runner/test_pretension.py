@@ -24,7 +24,7 @@ PULL = np.array([0.0, 0.5, 0.0])
 
 
 def out_and_back(rig, metres):
-    """Return the world of a hand that has gone away from home and back in 4 s: all it pulled out hangs slack."""
+    """Return the world of a hand that moved away from home and back in 4 s: all it pulled out hangs slack."""
     away = metres / np.sqrt(14.0) * np.array([3.0, 2.0, 1.0])
     world = World(rig, lambda time: Pose(rig.home + away * np.sin(np.pi * np.clip(time / 4.0, 0.0, 1.0)) ** 2))
     world.advance(4.1)

@@ -145,7 +145,7 @@ def test_modules_with_an_impedance_render_it_and_the_others_share_the_wrench(rig
     assert cycle.state.tensions[3] == pytest.approx(0.5 + 10.0 * 0.1, abs=0.02)
     assert np.isnan(cycle.commanded[3])
     assert cycle.sequences[3] >= 0
-    # All together exert the force; what the spring pulls is known from the cable's length as the module told it.
+    # All together exert the force; what the spring pulls is known from the cable's reported length.
     pulls = np.append(cycle.commanded[:3], spring.tension(cycle.state.lengths[3], cycle.state.speeds[3]))
     np.testing.assert_allclose(cycle.state.structure @ pulls, force, atol=1e-6)
 
@@ -234,7 +234,7 @@ def round_trip(rig, radius=0.2, period=4.0):
 
 @pytest.mark.parametrize("name", ["bartels2026-validation", "seven-modules", "floor-3"])
 def test_a_run_begins_with_slack_cables_while_the_hand_moves(name):
-    """Nobody reels in while no run is on: cables are paid out by the hand and hang slack as it comes back."""
+    """Between runs nothing reels in: the hand pays cables out, and they hang slack as it comes back."""
     rig = tl.load_rig(f"datasets/rigs/{name}.toml")
     world = World(rig, round_trip(rig))
     world.advance(7.3)

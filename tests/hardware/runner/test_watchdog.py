@@ -40,7 +40,7 @@ class Ticks:
 
 
 class Kicks(list):
-    """Native watchdog that notes how long it is told to wait."""
+    """Native watchdog that notes how long it has to wait."""
 
     def kick(self, seconds):
         self.append(round(seconds, 9))
