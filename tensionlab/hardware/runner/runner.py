@@ -18,19 +18,12 @@ from tensionlab.demand import Demand, DemandSource, Pose, RigState
 from tensionlab.errors import HardwareError, LinkTimeout
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.messages import Stop
+from tensionlab.hardware.runner import records
 from tensionlab.hardware.runner.armed_modules import ArmedModules
 from tensionlab.hardware.runner.guard import EXACT_SOLVER, GuardedAllocator
 from tensionlab.hardware.runner.pretension import explain_lengths, require_possible, take_up_slack
 from tensionlab.hardware.runner.program import require_demand
-from tensionlab.hardware.runner.records import (
-    DEMAND_STOPPED,
-    DURATION_REACHED,
-    EMERGENCY_STOP,
-    Cycle,
-    RunEvent,
-    RunSink,
-    Statistics,
-)
+from tensionlab.hardware.runner.records import Cycle, RunEvent, RunSink, Statistics
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings
 from tensionlab.hardware.runner.state_estimation import (
     MAX_LENGTH_ERROR_M,
@@ -162,8 +155,8 @@ class Runner:
                 with watched:
                     self.statistics.ended = self._render(self._begin(), seconds)
             except Interrupted as interrupted:
-                self.statistics.emergency = interrupted.number == ESTOP_SIGNAL
-                self.statistics.ended = EMERGENCY_STOP if self.statistics.emergency else f"signal {interrupted}"
+                self.statistics.emergency = emergency = interrupted.number == ESTOP_SIGNAL
+                self.statistics.ended = records.EMERGENCY_STOP if emergency else f"signal {interrupted}"
             except Hung as hung:
                 self.statistics.ended = str(hung)
                 raise HardwareError(str(hung)) from None
@@ -238,12 +231,12 @@ class Runner:
                 raise HardwareError(f"the clock went back by {due * period - now:g} s")
             self._watchdog.begin(f"cycle {self.statistics.cycles}", hung)
             if not self._cycle(modules, now, now - due * period):
-                return DEMAND_STOPPED
+                return records.DEMAND_STOPPED
             self._watchdog.rest()
             next_due = max(due + 1, int((self._clock.now() - start) * self.settings.rate + 1.0))
             self.statistics.missed += next_due - due - 1
             due = next_due
-        return DURATION_REACHED
+        return records.DURATION_REACHED
 
     def _cycle(self, modules: ArmedModules, now: float, start_delay: float) -> bool:
         """Do one cycle; False if the demand is to stop."""

@@ -5,12 +5,7 @@ import tensionlab as tl
 from tensionlab.errors import LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.protocol.codes import Limit, State
 from tensionlab.hardware.runner import guard
-from tensionlab.hardware.runner.guard import (
-    Derating,
-    GuardedAllocator,
-    Release,
-    release_of,
-)
+from tensionlab.hardware.runner.guard import Derating, GuardedAllocator, Release, release_of
 from tensionlab.solvers.base import Status
 
 LIMITS = tl.TensionLimits(np.full(4, 0.5), np.full(4, 6.0))

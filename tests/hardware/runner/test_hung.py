@@ -1,4 +1,4 @@
-"""A run survives what does not come back: modules release, the process ends with a reason, an emergency stop works.
+"""Solvers that do not return: modules release, the process ends with a reason, an emergency stop works.
 
 Judged by causes, and by what the modules say; how soon it happens on this machine does not matter.
 """

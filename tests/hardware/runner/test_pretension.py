@@ -7,13 +7,7 @@ import tensionlab as tl
 from tensionlab.demand import Demand, Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Calibration, State
-from tensionlab.hardware.runner.pretension import (
-    MISFIT_S,
-    SHAKING_S,
-    WINDOW_S,
-    require_possible,
-    take_up_slack,
-)
+from tensionlab.hardware.runner.pretension import MISFIT_S, SHAKING_S, WINDOW_S, require_possible, take_up_slack
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.runner.state_estimation import MAX_LENGTH_ERROR_M, Observation, PoseTracker
