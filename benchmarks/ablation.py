@@ -19,8 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.solver_speed import LOWER, UPPER, infeasible_wrenches, random_problems
 from tensionlab.allocation import allocate
-from tensionlab.benchmark.speed import LOWER, THREADS, UPPER, infeasible_wrenches, random_problems
+from tensionlab.benchmark.speed import THREADS
 from tensionlab.model.files import load_rig
 from tensionlab.workspace import tension_factor
 from tools.sanitize import PRELOADED, build

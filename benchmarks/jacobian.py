@@ -15,14 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.solver_speed import infeasible_wrenches, random_problems
 from benchmarks.workspace import LOWER, UPPER
 from tensionlab.allocation import Allocation, allocate
-from tensionlab.benchmark.speed import (
-    describe_kernels,
-    infeasible_wrenches,
-    random_problems,
-    using_threads,
-)
+from tensionlab.benchmark.speed import describe_kernels, using_threads
 from tensionlab.gradients import allocation_jacobian
 from tensionlab.solvers.base import POLICIES, Policy, Status
 from tensionlab.support.arrays import Floats

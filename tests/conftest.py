@@ -52,7 +52,7 @@ def bench_folder(tmp_path_factory):
     """The folder of a tiny benchmark, measured once for all tests that read or draw one, whichever worker's."""
     from filelock import FileLock
 
-    from tensionlab.benchmark.process import BenchmarkPlan, measure
+    from tensionlab.benchmark.experiment import BenchmarkPlan, measure
 
     root = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -65,9 +65,6 @@ def bench_folder(tmp_path_factory):
         seed=3,
         seconds=0.05,
         repeats=2,
-        batch=200,
-        rounds=1,
-        calls=10,
     )
     shares = []
     with FileLock(root / "bench.lock"):

@@ -40,9 +40,10 @@ search = { generations = 1, starts = 1 }
 VERBS = """
 import contextlib, dataclasses, io, json, sys
 from tensionlab.cli import main
-from tensionlab.benchmark import process
-make = process.plan
-process.plan = lambda *words: dataclasses.replace(make(*words), seconds=0.01, rounds=0)  # no large batches
+from tensionlab.benchmark import experiment
+make = experiment.plan
+experiment.plan = lambda *words: dataclasses.replace(make(*words), seconds=0.01)
+experiment.run_single_threaded = lambda words: None
 found = []
 for words in json.loads(sys.argv[1]):
     out, err = io.StringIO(), io.StringIO()

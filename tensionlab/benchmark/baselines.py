@@ -5,13 +5,11 @@ The plain program minimises ``|t|²`` subject to ``W t = w`` and the limits. Not
 
 from __future__ import annotations
 
-import importlib.util
 import threading
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensionlab.errors import InputError, optional_import
 from tensionlab.solvers.convex import SETTINGS, CompiledPrograms, compiled_programs, require_cvxpy
@@ -57,16 +55,6 @@ def load_daqp() -> Any:
     return daqp
 
 
-def daqp_installed() -> bool:
-    """Return whether DAQP's module can be imported."""
-    return importlib.util.find_spec("daqp") is not None
-
-
-def constraint_types(components: int, cables: int) -> NDArray[np.int32]:
-    """Return DAQP's type of each constraint: first the limits of the cables, then the equations."""
-    return np.array([0] * cables + [DAQP_EQUALITY] * components, dtype=np.int32)
-
-
 class DirectDaqp:
     """DAQP by its own Python module, the fastest baseline.
 
@@ -82,7 +70,8 @@ class DirectDaqp:
         """Make the cost and stack limits and equations, as a script does in each call."""
         n, m = structure.shape
         above, below = np.concatenate([upper, wrench]), np.concatenate([lower, wrench])
-        return np.eye(m), np.zeros(m), structure, above, below, constraint_types(n, m)
+        sense = np.array([0] * m + [DAQP_EQUALITY] * n, dtype=np.int32)
+        return np.eye(m), np.zeros(m), structure, above, below, sense
 
     def run(self, program: Any) -> Any:
         """Solve a program of `build`."""
@@ -188,11 +177,3 @@ def make_baseline(name: str, tolerance: Tolerance = "default") -> Baseline:
     if name == "cvxpy:plain":
         return PlainConvex(tolerance)
     return PlainProgram(name.partition(":")[2], tolerance)
-
-
-def solve_qp(structure: Floats, wrench: Floats, lower: Floats, upper: Floats, backend: str) -> Any:
-    """Return the tensions by the one call of qpsolvers' front page; None if there are none."""
-    import qpsolvers
-
-    cost, linear = np.eye(len(lower)), np.zeros(len(lower))
-    return qpsolvers.solve_qp(cost, linear, A=structure, b=wrench, lb=lower, ub=upper, solver=backend)

@@ -6,8 +6,7 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from tensionlab.benchmark.results import COUNTS, NUMBERS, SUMMARY_COLUMNS, Results, with_dagger
-from tensionlab.benchmark.speed import PASSES
-from tensionlab.support.formatting import format_duration, format_number, format_share
+from tensionlab.support.formatting import format_share
 from tensionlab.support.table import Column, Table
 
 if TYPE_CHECKING:
@@ -79,7 +78,6 @@ def report(results: Results, figures: Collection[str] = tuple(FIGURES)) -> str:
         "## How to read it",
         HOW_TO_READ.format(repeats=plan["repeats"], seconds=plan["seconds"]),
         *(_set(results, name) for name in results.sets),
-        *(["## Batches", batches_table(results).to_markdown(), calls_table(results)] if results.batches else []),
         "## Machine and versions",
         _machine(results),
     ]
@@ -126,48 +124,12 @@ def _set(results: Results, name: str) -> str:
     return "\n\n".join(parts + (["\n".join(notes)] if notes else []))
 
 
-def batches_table(results: Results) -> Table:
-    """Return the times of large batches."""
-    times = ("one core", "all cores", "DAQP in C", "loop over DAQP")
-    columns = ["", "wrenches", *(Column(name, format=format_duration) for name in times),
-               Column("one core / DAQP in C", format=".3f"), Column("loop / all cores", format=".2g"),
-               Column("gap max", "N", format_number)]  # fmt: skip
-    rows = [
-        (f"n = {row.components}, m = {row.cables}", "feasible" if row.reachable else "infeasible", row.one_core_s,
-         row.all_cores_s, row.daqp_c_s, row.daqp_loop_s, row.ratio, row.daqp_loop_s / row.all_cores_s, row.gap_max)
-        for row in results.batches
-    ]  # fmt: skip
-    first = results.batches[0]
-    return Table(columns, rows, notes=[
-        f"{first.count:,} random problems in one `tl.allocate` call on one and on all {first.cores} cores, "
-        "verification included: time for each. DAQP's time in C is set-up plus solve by its own clock; the loop "
-        "calls its Python module with all arrays ready. Each the best of its rounds."
-    ])  # fmt: skip
-
-
-def calls_table(results: Results) -> str:
-    """Return the times of single calls, with a sentence on what the columns are."""
-    columns = ["", "caller", Column("median", format=format_duration), Column("p99.9", format=format_duration),
-               Column("p99.9 / median", format=".2g"), Column("uninterrupted", format=".2g")]  # fmt: skip
-    rows = [
-        (f"n = {call.components}, m = {call.cables}", f"`{call.caller}`", call.median_s, call.p999_s,
-         call.p999_s / call.median_s, call.quiet_p999_s / call.median_s)
-        for call in results.calls
-    ]  # fmt: skip
-    return (
-        "One call for one problem, the callers in turn. Whatever interrupts the process counts in p99.9, but "
-        f"hardly in the last column, where each problem has its best time of {PASSES}:"
-        f"\n\n{Table(columns, rows).to_markdown()}"
-    )
-
-
 def _machine(results: Results) -> str:
     """Return the list of what is known of the machine and of the run."""
     about, bench = results.manifest, results.manifest["bench"]
     busy = bench["processor_share"]
     lines = [
-        f"- Processor: {about['processor']}; instruction set used: {bench['instruction_set']}; one thread, but "
-        "for the batches on all cores.",
+        f"- Processor: {about['processor']}; instruction set used: {bench['instruction_set']}; one thread.",
         f"- {about['platform']}; Python {about['python']}.",
         "- " + ", ".join(f"{name} {version}" for name, version in about["versions"].items()) + ".",
         f"- Seed {about['seed']}; commit {about['git_commit'] or 'unknown'}; {about['date']}.",

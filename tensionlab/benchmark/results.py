@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.benchmark.speed import BatchRow, CallRow
 from tensionlab.errors import DataError, InputError
 from tensionlab.support import provenance
 from tensionlab.support.files import writing
@@ -87,8 +86,7 @@ class Results:
         nothing was measured. ``policy`` is "" for a solver without one, which is compared with "force".
     manifest : dict
         As of `provenance.manifest`; under ``bench`` what the report says of the run: ``sets`` (by name: title,
-        reachable, groups, problems, verified), ``plan``, ``instruction_set``, ``processor_share``, ``batches`` and
-        ``calls``.
+        reachable, groups, problems, verified), ``plan``, ``instruction_set`` and ``processor_share``.
     measurements : DataFrame or None
         A row for each problem of each entry, with the columns `KEY`, ``label``, ``problem`` and `QUANTITIES`. None
         for the committed results.
@@ -184,16 +182,6 @@ class Results:
         """Names of the sets whose wrenches are all feasible; all sets if there is none."""
         return [name for name, about in self.sets.items() if about["reachable"] == "all"] or list(self.sets)
 
-    @property
-    def batches(self) -> list[BatchRow]:
-        """Times of large batches."""
-        return [BatchRow(**row) for row in self.manifest["bench"]["batches"]]
-
-    @property
-    def calls(self) -> list[CallRow]:
-        """Times of single calls."""
-        return [CallRow(**row) for row in self.manifest["bench"]["calls"]]
-
 
 def with_dagger(labels: Any, comparable: Any) -> list[str]:
     """Return labels of entries, marked where the entry has another objective."""
@@ -233,7 +221,7 @@ def read(path: str | Path) -> Results:
     file = place / FILE if place.is_dir() else place
     manifest, rows = _read_table(file, TYPES)
     bench = manifest.get("bench")
-    if not isinstance(bench, dict) or not {"sets", "plan", "batches", "calls"} <= bench.keys():
+    if not isinstance(bench, dict) or not {"sets", "plan"} <= bench.keys():
         raise DataError(f"{file}: its manifest describes no run; give {KIND}")
     measurements = place / MEASUREMENTS_FILE
     if not (place.is_dir() and measurements.exists()):

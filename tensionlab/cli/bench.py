@@ -12,10 +12,10 @@ import numpy as np
 import typer
 
 from tensionlab.allocation import allocate
-from tensionlab.benchmark import process, report
+from tensionlab.benchmark import experiment, report
 from tensionlab.benchmark.problem_files import find_problem_set, qp_rows
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS
-from tensionlab.benchmark.results import Results, read
+from tensionlab.benchmark.results import Results
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json, Verbs, flag, option
 from tensionlab.errors import InputError
@@ -48,17 +48,18 @@ def bench(
 ) -> None:
     """Benchmark all solvers and baselines.
 
-    Measures accuracy, speed and the worst case on seeded problem sets, in a process of its own, on one thread.
-    Writes results.parquet, manifest.json, report.md and figures/ into the folder. Built-in solvers run through
-    tensionlab's interface. The baselines solve the plain quadratic program, at their default and at tight
-    tolerances: daqp, qpsolvers:BACKEND, cvxpy:plain.
+    Measures accuracy, speed and the worst case on seeded problem sets, on one thread. Writes results.parquet,
+    manifest.json, report.md and figures/ into the folder. Built-in solvers run through tensionlab's interface. The
+    baselines solve the plain quadratic program, at their default and at tight tolerances: daqp, qpsolvers:BACKEND,
+    cvxpy:plain.
     """
-    what = process.plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
+    if (status := experiment.run_single_threaded(sys.argv[1:])) is not None:
+        raise typer.Exit(status)
+    what = experiment.plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
-        process.measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
+        results = experiment.measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
     rest = f"the results are in {out}, but not all figures and the report; the same command measures again"
     with output.if_interrupted(rest), output.ResultWriter(quiet=json) as writer:
-        results = read(out)
         _write(results, out, writer)
         if json:
             output.print_json(

@@ -1,27 +1,18 @@
 import json
 import re
+from dataclasses import replace
 
 import pytest
 
-from tensionlab.benchmark import process as room
+from tensionlab.benchmark import experiment
 
 
 @pytest.fixture
 def run(run, monkeypatch):
-    """Run `tensionlab bench`, all of it in this process, without the batches: exit status, stdout, stderr."""
-    make = room.plan
-
-    def without_batches(*words):
-        from dataclasses import replace
-
-        return replace(make(*words), seconds=0.01, rounds=0)
-
-    def in_this_process(what, folder, *words):
-        folder.mkdir(parents=True, exist_ok=True)
-        return room.measure_here(what, folder, *words)
-
-    monkeypatch.setattr(room, "plan", without_batches)
-    monkeypatch.setattr(room, "measure", in_this_process)
+    """Run `tensionlab bench` in this process, as if its libraries had one thread: exit status, stdout, stderr."""
+    make = experiment.plan
+    monkeypatch.setattr(experiment, "plan", lambda *words: replace(make(*words), seconds=0.01))
+    monkeypatch.setattr(experiment, "run_single_threaded", lambda words: None)
     return lambda *words: run("bench", *words)
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensionlab.benchmark import process as bench
+from tensionlab.benchmark import experiment as bench
 from tensionlab.benchmark import results
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.simulation import serve as serving
@@ -138,17 +138,17 @@ def quick(monkeypatch):
     from tensionlab.hardware.calibration import lengths
     from tensionlab.interop import caspr
 
-    def measured(what, folder, call, progress):
-        writing.require_folder(folder, parents=True)
-        writing.make_folder(folder)
-        brief = replace(what, count=2, seconds=0.01, repeats=1, rounds=0)
-        return bench.measure_here(brief, folder, call, progress)
+    make = bench.plan
+
+    def brief(*words):
+        return replace(make(*words), count=2, seconds=0.01, repeats=1)
 
     @contextmanager
     def nobody(*_):
         yield ModuleGroup([])
 
-    monkeypatch.setattr(bench, "measure", measured)
+    monkeypatch.setattr(bench, "plan", brief)
+    monkeypatch.setattr(bench, "run_single_threaded", lambda words: None)
     monkeypatch.setattr(serving, "serve", lambda server, stopped: server.close())
     monkeypatch.setattr(module_calibrate, "_group", nobody)
     monkeypatch.setattr(lengths, "record_lengths", lambda *_: np.ones((3, 4)))

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 import tensionlab as tl
-from tensionlab.benchmark.speed import LOWER, UPPER, infeasible_wrenches, random_problems
+from benchmarks.solver_speed import LOWER, UPPER, infeasible_wrenches, random_problems
 
 
 @pytest.mark.parametrize("weights", [None, (1.0, 4.0, 0.25)])

@@ -1,6 +1,5 @@
 import json
 import os
-import subprocess
 import sys
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -9,11 +8,10 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmark import results
+from tensionlab.benchmark.experiment import ONE_THREAD, BenchmarkPlan, measure, plan, run_single_threaded
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS
-from tensionlab.benchmark.process import ONE_THREAD, BenchmarkPlan, measure, plan
-from tensionlab.benchmark.results import KEY, read
-from tensionlab.errors import InputError, TensionlabError, UnknownSolver
+from tensionlab.benchmark.results import KEY
+from tensionlab.errors import InputError, UnknownSolver
 
 
 def test_a_run_writes_tables_with_their_manifest(bench_folder, bench_results):
@@ -30,10 +28,16 @@ def test_a_run_writes_tables_with_their_manifest(bench_folder, bench_results):
     assert 0 < manifest["bench"]["processor_share"] <= 1.1
 
 
-def test_every_library_was_told_to_use_one_thread(bench_results):
-    assert bench_results.manifest["bench"]["threads"] == ONE_THREAD
-    assert set(ONE_THREAD.values()) == {"1"}
+def test_a_command_is_run_again_with_one_thread_for_every_library(tmp_path, monkeypatch, capfd):
     assert {"TENSIONLAB_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"} <= set(ONE_THREAD)
+    (tmp_path / "python").write_text('#!/bin/sh\necho "$OMP_NUM_THREADS $*"; exit 3\n')
+    (tmp_path / "python").chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    assert run_single_threaded(["bench"]) == 3
+    assert capfd.readouterr().out == "1 -P -m tensionlab bench\n"
+    for name, count in ONE_THREAD.items():
+        monkeypatch.setenv(name, count)
+    assert run_single_threaded(["bench"]) is None
 
 
 def test_each_set_has_a_row_for_each_solver_setting_and_policy(bench_results):
@@ -65,7 +69,7 @@ def test_a_plan_covers_everything_unless_told_otherwise():
     assert full.solvers is None
     assert (quick.count, quick.seed) == (7, 5)
     assert quick.seconds < full.seconds
-    assert plan(["edge", "edge"], ["newton"]) == BenchmarkPlan(("edge",), ("newton",), rounds=0)
+    assert plan(["edge", "edge"], ["newton"]) == BenchmarkPlan(("edge",), ("newton",))
 
 
 @pytest.mark.parametrize(
@@ -95,10 +99,9 @@ class Halves:
         return exact.tensions if problem.lower.shape[1] == 6 else replace(exact, tensions=0.5 * exact.tensions)
 
 
-def test_a_solver_of_ones_own_is_measured_and_its_mistakes_are_in_the_table(tmp_path):
-    what = BenchmarkPlan(("edge",), (Halves(), "newton"), count=12, seconds=0.05, repeats=1, rounds=0)
-    measure(what, tmp_path, [], lambda done: None)
-    found = read(tmp_path)
+def test_a_solver_of_ones_own_is_measured_and_its_mistakes_are_in_the_table():
+    what = BenchmarkPlan(("edge",), (Halves(), "newton"), count=12, seconds=0.05, repeats=1)
+    found = measure(what, None, [], lambda done: None)
     _, own = next(found.rows[:1].iterrows())
     assert list(found.rows["label"]) == ["Halves", "newton"]
     assert list(found.rows["solved_1e6"]) == [0.0, 1.0]
@@ -109,33 +112,13 @@ def test_a_solver_of_ones_own_is_measured_and_its_mistakes_are_in_the_table(tmp_
     assert os.environ.get("TENSIONLAB_NUM_THREADS") is None
 
 
-def test_a_class_of_a_module_is_measured_in_the_process_of_its_own(tmp_path, monkeypatch):
-    (tmp_path / "mine.py").write_text("from tensionlab.solvers import Newton\nclass Mine(Newton):\n    pass\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    what = BenchmarkPlan(("edge",), ("mine:Mine",), count=6, seconds=0.01, repeats=1, rounds=0)
-    measure(what, tmp_path / "out", [], lambda done: None)
-    found = read(tmp_path / "out")
-    assert list(found.rows["label"]) == ["mine:Mine"]
-    assert found.manifest["bench"]["threads"] == ONE_THREAD
+def test_what_backends_print_is_no_result(capfd):
+    class Loud(Halves):
+        def solve(self, problem):
+            os.write(1, b"loud")
+            return super().solve(problem)
 
-
-def test_a_measuring_process_that_breaks_is_an_error(tmp_path, monkeypatch):
-    monkeypatch.setattr(sys, "executable", "false")
-    with pytest.raises(TensionlabError, match="status 1"):
-        measure(plan(["point"], ["newton"]), tmp_path, [], lambda done: None)
-
-
-def test_what_backends_print_does_not_disturb_the_progress(tmp_path):
-    order = json.dumps({"plan": {"sets": ["point"], "solvers": ["newton"], "count": 5, "seconds": 0.01,
-                                 "rounds": 0}, "folder": str(tmp_path), "call": [], "path": []})  # fmt: skip
-    script = (
-        "import os, sys; from tensionlab.benchmark import process as worker; "
-        "old = worker.measure_here; "
-        "worker.measure_here = lambda *a: (os.write(1, b'loud\\n'), old(*a))[1]; worker.main()"
-    )
-    done = subprocess.run([sys.executable, "-c", script, order], capture_output=True, text=True, check=True)
-    shares = [json.loads(line) for line in done.stdout.splitlines()]
-    assert shares
-    assert all(0 <= share <= 1 for share in shares)
-    assert results.read(tmp_path)
-    assert "loud" in done.stderr
+    measure(BenchmarkPlan(("edge",), (Loud(),), count=6, seconds=0.01, repeats=1), None, [], lambda done: None)
+    out, err = capfd.readouterr()
+    assert not out
+    assert "loud" in err

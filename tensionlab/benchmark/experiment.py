@@ -1,0 +1,211 @@
+"""A benchmark from its plan to its results.
+
+Numerical libraries read how many threads they may use when they are loaded: `tensionlab bench` starts itself again
+with one thread for each (`run_single_threaded`), while `run` measures with the threads that the process has.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tensionlab.benchmark import results
+from tensionlab.benchmark.entries import entries
+from tensionlab.benchmark.evaluation import Repetitions, evaluate_set
+from tensionlab.benchmark.problem_files import find_problem_set
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS, checksum
+from tensionlab.benchmark.speed import INSTRUCTION_SET, THREADS, using_threads
+from tensionlab.errors import InputError
+from tensionlab.solvers import Solver, name_solvers
+from tensionlab.support import provenance
+from tensionlab.support.files import writing
+
+# Environment of `tensionlab bench`.
+ONE_THREAD = {THREADS: "1"} | {
+    f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "RAYON")
+} | {"VECLIB_MAXIMUM_THREADS": "1"}  # fmt: skip
+
+
+MAX_STOP_S = 10.0  # time that a single-threaded benchmark has to end after Ctrl-C
+
+
+@dataclass(frozen=True)
+class BenchmarkPlan:
+    """Problem sets, entries and effort of a benchmark.
+
+    ``sets`` are as in `find_problem_set`, ``solvers`` as in `entries`; ``count`` problems in each set; ``seconds``
+    for an entry in each set, or else fewer problems; ``repeats`` timed calls of each problem.
+    """
+
+    sets: tuple[str, ...]
+    solvers: tuple[str | Solver, ...] | None = None
+    count: int = 1000
+    seed: int = 0
+    seconds: float = 3.0
+    repeats: int = 3
+
+    def __post_init__(self) -> None:
+        if not self.sets:
+            raise InputError(f"no problem set is named; choose one of {', '.join(PROBLEM_SETS)}")
+        if self.count < 1 or self.seed < 0:
+            raise InputError(f"count {self.count} must be 1 or more, and seed {self.seed} not negative")
+        for name in self.sets:
+            find_problem_set(name, 1)
+        entries("none", self.solvers)
+
+
+def plan(
+    sets: Sequence[str] | None = None,
+    solvers: Sequence[str | Solver] | None = None,
+    count: int | None = None,
+    seed: int = 0,
+    quick: bool = False,
+) -> BenchmarkPlan:
+    """Return the plan of a full benchmark, or of a quick one of two minutes."""
+    names = tuple(PROBLEM_SETS) if sets is None else tuple(dict.fromkeys(sets))
+    chosen = None if solvers is None else tuple(solvers) if name_solvers(solvers) else ()
+    return BenchmarkPlan(
+        names, chosen, count or (60 if quick else 1000), seed, 0.1 if quick else 3.0, 2 if quick else 3
+    )
+
+
+def run(
+    solvers: Sequence[str | Solver] | None = None,
+    sets: Sequence[str] | None = None,
+    *,
+    count: int | None = None,
+    seed: int = 0,
+    quick: bool = False,
+    out: str | PathLike[str] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> results.Results:
+    """Measure accuracy, speed and the worst case of solvers on sets of problems.
+
+    Parameters
+    ----------
+    solvers : sequence of str or Solver, optional
+        Names, as ``tensionlab solvers`` lists them, ``"module:Class"``, baselines, such as "daqp" or
+        "qpsolvers:osqp", and instances; left out: all solvers and baselines by name.
+    sets : sequence of str, optional
+        Names, as ``tensionlab datasets problems`` has them, and paths, as
+        `tensionlab.benchmark.problem_files.read_problem_set` reads; left out: all by name.
+    count : int, optional
+        Problems in each set; left out: 1000, or 60 if quick.
+    seed : int
+        Seed of the problems and their order.
+    quick : bool
+        Spend 0.1 s on each solver and set, and not 3 s.
+    out : path, optional
+        Folder for the results; made if it is not there.
+    progress : callable, optional
+        Called with the share that is done.
+
+    Raises
+    ------
+    InputError, UnknownSolver, PluginError, DataError
+        Before any work: solvers, sets or numbers that cannot be used.
+    MissingDependency
+        If pyarrow (extra ``data``) is not installed, which results are kept with.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> results = tl.benchmark.run([tl.solvers.Newton(), "closed-form"], ["edge"], count=12, quick=True)
+    >>> results.rows[["label", "solved_1e6"]].values.tolist()
+    [['newton', 1.0], ['closed-form', 1.0]]
+    """
+    what = plan(sets, solvers, count, seed, quick)
+    return measure(what, None if out is None else Path(out), sys.orig_argv, progress or (lambda _: None))
+
+
+def measure(
+    what: BenchmarkPlan, folder: Path | None, call: Sequence[str], progress: Callable[[float], None]
+) -> results.Results:
+    """Run a benchmark, and write its results into the folder; ``call`` is the command line, for the manifest."""
+    if folder is not None:
+        writing.require_folder(folder, parents=True)
+        writing.make_folder(folder)
+    wall, processor = time.perf_counter(), time.process_time()
+    effort, rng = Repetitions(what.seconds, what.repeats), np.random.default_rng(what.seed)
+    rows: list[dict[str, Any]] = []
+    measurements: list[dict[str, Any]] = []
+    sets = {}
+    for done, name in enumerate(what.sets):
+        problems = find_problem_set(name, what.count, what.seed)
+        with using_threads(1), _stdout_to_stderr():
+            evaluation = evaluate_set(
+                problems,
+                entries(problems.reachable, what.solvers),
+                effort,
+                rng,
+                lambda part, done=done: progress((done + part) / len(what.sets)),  # type: ignore[misc]
+            )
+        rows += evaluation.rows
+        measurements += evaluation.measurements
+        sets[name] = {
+            "title": problems.title,
+            "reachable": problems.reachable,
+            "groups": [[group.label, len(group.structure)] for group in problems.groups],
+            "problems": len(problems),
+            "verified": evaluation.verified,
+            "checksum": checksum(problems),
+        }
+    names = None if what.solvers is None else list(name_solvers(what.solvers))
+    manifest = provenance.manifest(call, what.seed)
+    manifest["bench"] = {
+        "sets": sets,
+        "plan": {**vars(what), "sets": list(what.sets), "solvers": names},
+        "instruction_set": INSTRUCTION_SET,
+        "processor_share": (time.process_time() - processor) / (time.perf_counter() - wall),
+        "threads": {name: os.environ.get(name) for name in ONE_THREAD},
+    }
+    columns = {
+        name: np.concatenate([np.broadcast_to(part[name], len(part["problem"])) for part in measurements])
+        for name in (measurements[0] if measurements else ())
+    }
+    table = provenance.data_frame(columns) if columns else None
+    found = results.Results(provenance.data_frame(rows), manifest, table)
+    if folder is not None:
+        results.write(folder, found)
+    return found
+
+
+@contextmanager
+def _stdout_to_stderr() -> Iterator[None]:
+    """Send what backends print to stderr: only results belong on stdout."""
+    saved = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 1)
+        os.close(saved)
+
+
+def run_single_threaded(words: Sequence[str]) -> int | None:
+    """Run this command of tensionlab in a process whose libraries use one thread, and return its exit status.
+
+    None, and nothing is run, if this process is such a one.
+    """
+    if ONE_THREAD.items() <= os.environ.items():
+        return None
+    # -P: nothing is loaded from the working directory.
+    command = [sys.executable, "-P", "-m", "tensionlab", *words]
+    with subprocess.Popen(command, env=os.environ | ONE_THREAD) as process:
+        try:
+            return process.wait()
+        except KeyboardInterrupt:  # the other process has it as well, and says what is kept
+            with suppress(subprocess.TimeoutExpired):
+                return process.wait(MAX_STOP_S)
+            process.kill()
+            return 130
