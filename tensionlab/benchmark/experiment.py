@@ -192,12 +192,16 @@ def _stdout_to_stderr() -> Iterator[None]:
         os.close(saved)
 
 
-def run_single_threaded(words: Sequence[str]) -> int | None:
+def run_single_threaded() -> int | None:
     """Run this command of tensionlab in a process whose libraries use one thread, and return its exit status.
 
-    None, and nothing is run, if this process is such a one.
+    None, and nothing is run, if this process is such a one, or was not started as a command of tensionlab.
     """
-    if ONE_THREAD.items() <= os.environ.items():
+    program, *words = sys.argv
+    if (
+        "tensionlab" not in (Path(program).stem, Path(program).parent.name)
+        or ONE_THREAD.items() <= os.environ.items()
+    ):
         return None
     # -P: nothing is loaded from the working directory.
     command = [sys.executable, "-P", "-m", "tensionlab", *words]

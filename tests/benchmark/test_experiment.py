@@ -33,11 +33,12 @@ def test_a_command_is_run_again_with_one_thread_for_every_library(tmp_path, monk
     (tmp_path / "python").write_text('#!/bin/sh\necho "$OMP_NUM_THREADS $*"; exit 3\n')
     (tmp_path / "python").chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
-    assert run_single_threaded(["bench"]) == 3
+    monkeypatch.setattr(sys, "argv", ["/usr/bin/tensionlab", "bench"])
+    assert run_single_threaded() == 3
     assert capfd.readouterr().out == "1 -P -m tensionlab bench\n"
     for name, count in ONE_THREAD.items():
         monkeypatch.setenv(name, count)
-    assert run_single_threaded(["bench"]) is None
+    assert run_single_threaded() is None
 
 
 def test_each_set_has_a_row_for_each_solver_setting_and_policy(bench_results):

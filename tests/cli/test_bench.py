@@ -9,10 +9,9 @@ from tensionlab.benchmark import experiment
 
 @pytest.fixture
 def run(run, monkeypatch):
-    """Run `tensionlab bench` in this process, as if its libraries had one thread: exit status, stdout, stderr."""
+    """Run `tensionlab bench` in this process, briefly: exit status, stdout, stderr."""
     make = experiment.plan
     monkeypatch.setattr(experiment, "plan", lambda *words: replace(make(*words), seconds=0.01))
-    monkeypatch.setattr(experiment, "run_single_threaded", lambda words: None)
     return lambda *words: run("bench", *words)
 
 

@@ -91,7 +91,6 @@ def test_files_that_were_written_by_then_are_named(run, tmp_path, monkeypatch):
 
 def test_results_of_a_benchmark_outlive_its_report(run, bench_folder, monkeypatch):
     bench = importlib.import_module("tensionlab.cli.bench")
-    monkeypatch.setattr(bench.experiment, "run_single_threaded", lambda words: None)
     monkeypatch.setattr(bench.experiment, "measure", lambda *_: None)
     monkeypatch.setattr(bench, "_write", press)
     code, _, err = run("bench", "--out", bench_folder)
