@@ -55,7 +55,7 @@ def script_path(scenario: Scenario) -> tuple[Floats, Moment]:
     That is when it first gets to a brake, or else when it is farthest from where it began.
     """
     times = np.linspace(0.0, scenario.seconds, SCRIPT_SAMPLES)
-    moments = [scene.scripted_moment(scenario, float(time)) for time in times]
+    moments = [scripted_moment(scenario, float(time)) for time in times]
     path, stopped = [], []
     for time, moment in zip(times, moments, strict=True):
         held = moment.held
@@ -69,3 +69,11 @@ def script_path(scenario: Scenario) -> tuple[Floats, Moment]:
     far = np.round(np.linalg.norm(places - places[0], axis=1), 3)  # of equals the first, whatever the last digits
     best = int(np.argmax(stopped if any(stopped) else far))
     return places, moments[best]._replace(held=places[best])
+
+
+def scripted_moment(scenario: Scenario, time: float) -> Moment:
+    """Return where the script has everything at a time."""
+    bodies = {name: script.position(time) for name, script in scenario.person.bodies.items()}
+    nowhere = np.zeros(scenario.rig.dimension)
+    anchors = np.array([module.anchor + bodies.get(module.frame, nowhere) for module in scenario.rig.modules])
+    return Moment(scenario.person.script.position(time), anchors, bodies)

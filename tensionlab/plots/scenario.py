@@ -214,8 +214,10 @@ def force_distance(played: ScenarioResult) -> list[ForceDistance]:
     desired = ForceRecord(played.run.time, measured.position, desired_force(played.run))
     found = []
     for phase in scenario.phases:
-        parts = [part for effect in phase.effects.values() for part in (effect, getattr(effect, "wall", None))]
-        plane: Any = next((getattr(part, "plane") for part in parts if hasattr(part, "plane")), None)  # noqa: B009
+        parts: list[Any] = [
+            part for each in phase.effects.values() for part in (each, getattr(each, "wall", None))
+        ]
+        plane = next((part.plane for part in parts if hasattr(part, "plane")), None)
         name = "height above the surface (mm)"
         if plane is None:
             if scenario.frame is None or not phase.effects:

@@ -65,14 +65,6 @@ class Moment(NamedTuple):
     bodies: Mapping[str, Floats]
 
 
-def scripted_moment(scenario: Scenario, time: float) -> Moment:
-    """Return where the script has everything at a time."""
-    bodies = {name: script.position(time) for name, script in scenario.person.bodies.items()}
-    nowhere = np.zeros(scenario.rig.dimension)
-    anchors = np.array([module.anchor + bodies.get(module.frame, nowhere) for module in scenario.rig.modules])
-    return Moment(scenario.person.script.position(time), anchors, bodies)
-
-
 def origin_of(scenario: Scenario, moment: Moment) -> Floats:
     """Return the origin of the coordinates of effects and brakes."""
     return np.zeros_like(moment.held) if scenario.frame is None else moment.bodies[scenario.frame]

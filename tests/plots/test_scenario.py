@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from paper_figures.scenario_layouts import scripted_moment
 from tensionlab.errors import InputError
 from tensionlab.plots.scenario import (
     draw_force,
@@ -13,7 +14,7 @@ from tensionlab.plots.scenario import (
     pawl_engaged,
     plot_scenario,
 )
-from tensionlab.plots.scene import scripted_moment, view_of
+from tensionlab.plots.scene import view_of
 from tensionlab.plots.style import save_figure
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.checks import rendered_force
