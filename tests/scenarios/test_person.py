@@ -1,4 +1,4 @@
-"""Somebody whom the cables hold: Newton's law, and the springs of an arm."""
+"""Simulated person held by the cables: Newton's law, and the springs of an arm."""
 
 import itertools
 from dataclasses import replace
@@ -85,7 +85,7 @@ def test_it_stands_still_until_it_begins_and_its_script_begins_then():
     assert len(person.record.time) == 0
     person.begin()
     person(5.5)
-    person.begin()  # again: it goes on
+    person.begin()  # again: no restart
     person(6.5)
     assert person.pose.frames["shoulder"][0] == pytest.approx([0.1, 0.0, 0.0])
     assert person.record.time[[0, -1]] == pytest.approx([0.001, 1.5])

@@ -89,7 +89,7 @@ def test_a_refusal_names_the_file_and_the_key(bow, old, new, said):
 
 
 def test_a_rig_that_stands_otherwise_is_turned_and_one_that_does_not_say_how_is_refused(tmp_path):
-    """A rig with Y up played in a scenario with Z up without a word, most of its forces out of reach."""
+    """Unturned, a rig with Y up would play a scenario with Z up, most of its forces out of reach."""
     own = load_rig("bartels2026-validation")
     turned = load_scenario("materials", rig="bartels2026-validation")
     assert (turned.rig.up, turned.up) == ("z", "z")

@@ -185,7 +185,7 @@ def test_foreign_pages_and_other_paths_are_refused(bridge, capsys, headers, path
 
 @pytest.mark.parametrize("path", ["/", "/schema.json", "/command", "/state"])
 def test_a_foreign_name_that_leads_here_is_refused(bridge, path):
-    """DNS rebinding: the page is of the same origin, by a name that somebody else has given to this machine."""
+    """DNS rebinding: the page is of the same origin, by a foreign name for this machine."""
     port = urlsplit(bridge.url).port
     for host in (f"example.org:{port}", "127.0.0.1.example.org", "", "169.254.1.1"):
         status, _, text = get(bridge, path, host)
@@ -211,7 +211,7 @@ def get(bridge, path, host=None, **headers):
     return int(status.split()[1]), dict(line.split(": ", 1) for line in given), text
 
 
-def test_a_browser_gets_a_page_that_loads_nothing_from_elsewhere_and_is_framed_by_nobody(bridge):
+def test_a_browser_gets_a_page_that_loads_nothing_from_elsewhere_and_cannot_be_framed(bridge):
     status, headers, text = get(bridge, "/")
     assert status == 200
     assert headers["Content-Type"] == "text/html; charset=utf-8"

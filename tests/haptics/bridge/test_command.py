@@ -93,7 +93,7 @@ def test_an_unknown_address_or_a_bad_message_changes_nothing(box, door):
         build_msg("/effect/pull", ["spring", 3.0]),
         build_msg("/effect/pull", [2.0]),
         build_msg("/body/hand", [0.0, 0.0]),
-        build_msg("/body/nobody", [0.0, 0.0, 0.0]),
+        build_msg("/body/tail", [0.0, 0.0, 0.0]),
     ]
     for message in bad:
         door._take(message.dgram, "127.0.0.1", 1.0)
@@ -104,7 +104,7 @@ def test_an_unknown_address_or_a_bad_message_changes_nothing(box, door):
     assert len(door.said) == len(bad) + 1, "each reason once"
     assert any("no address '/nowhere'" in line for line in door.said)
     assert any("'pull': centre is (0.0, 0.0); give 3 components" in line for line in door.said)
-    assert any("no body 'nobody'; there are: hand" in line for line in door.said)
+    assert any("no body 'tail'; there are: hand" in line for line in door.said)
     door._report.finish()
     assert door.said[-1] == "2999 more such lines"
     box.put(FRAME, 2.0, door._commander)
@@ -146,7 +146,7 @@ def test_a_hand_at_an_anchor_is_refused(box, off, said):
 
 
 def refused(size, rate, work=0.0, seconds=10.0):
-    """Share of messages that are refused, of so many bytes, at a rate, that take so long to read; and why."""
+    """Return the share of messages of a size, rate and reading time that is refused, and the last reason."""
     budget, reasons = Budget(), []
     for number in range(int(rate * seconds)):
         why = budget.refuse(size, number / rate)
@@ -171,7 +171,7 @@ def test_too_much_is_refused_with_the_reason(size, rate, work, said):
     assert said in {refused(size, rate, work, seconds)[1] for seconds in (9.7, 9.8, 9.9, 10.0)}
 
 
-def test_a_pause_is_enough_to_go_on():
+def test_a_pause_restores_the_budget():
     budget = Budget()
     while not budget.refuse(60_000, 0.0):
         pass

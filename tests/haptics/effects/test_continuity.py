@@ -1,4 +1,4 @@
-"""Forces that are promised to be continuous have no leaps: a step of the hand changes them by so much at most."""
+"""Continuous forces have no jumps: a small step of the hand changes them by a bounded amount."""
 
 import numpy as np
 import pytest

@@ -27,7 +27,7 @@ SPLIT = {
     "magnet": Magnet(TILTED, stiffness=60.0, reach=0.2),
     "ball": Shape(Sphere(centre=(0.1, -0.2, 0.05), radius=0.2), VirtualCoupling(damping=3.0)),
 }
-# Effects of which a module damps what is along its axis, and nobody what is across.
+# Effects whose module damps motion along its axis; motion across is not damped.
 ALONG_ONLY = {"magnet", "ball"}
 
 

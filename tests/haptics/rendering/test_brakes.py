@@ -187,7 +187,7 @@ def test_nothing_new_is_locked_where_the_user_does_not_push():
 
 @given(st.integers(0, 2**32 - 1), st.integers(3, 8), st.sampled_from([0.0, 10.0, 50.0]))
 def test_brakes_hold_pushes_alone(seed, m, force):
-    """Whatever the user does, brakes only oppose it: they never pull where nobody pushes."""
+    """Brakes only oppose the user: they never pull without a push."""
     rng = np.random.default_rng(seed)
     U, n = unit(rng, m, 3).T, unit(rng, 3)
     found = choose_locks(U, n, force, limits(m), np.full(m, 186.0))
