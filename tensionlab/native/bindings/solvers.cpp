@@ -9,7 +9,7 @@
 #include "solvers/kernels.hpp"
 #include "solvers/polygon.hpp"
 #include "solvers/scale_search.hpp"
-#include "solvers/tension_programs.hpp"
+#include "solvers/linear_program.hpp"
 #include "verification/kernels.hpp"
 
 namespace tensionlab {

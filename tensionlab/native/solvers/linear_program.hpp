@@ -1,10 +1,31 @@
+// The tension programs as linear programs whose limits close in.
+//
+//   least sum      minimise sum t                               [W; 1'] t + (0, 1) S = (w, 0),  a <= t <= b
+//   minimax        minimise max t, which is -S                  W t = w,  a <= t <= min(b, -S)
+//   optimally safe maximise S, a + S <= t <= b - alpha S        W t = w
+//
+// In the last two a cable whose limits are equal does not count, neither as the largest tension nor as the least
+// margin.
+#pragma once
+
+#include <cmath>
+#include <limits>
+
+#include "simd/batch.hpp"
+#include "solvers/simplex_basis.hpp"
+
+namespace tensionlab {
+
+enum class Program { least_sum, minimax, safe };
+
+inline namespace TENSIONLAB_BUILD {
+
 // A linear program over tensions whose limits close in, solved exactly.
 //
 //   maximise S   subject to   A t + g S = f,   l_i(S) <= t_i <= u_i(S)
 //
-// The limits of each cable approach each other as S grows (solvers/simplex_basis.hpp).
-// solvers/tension_programs.hpp puts the tension programs into this form. Written as an ordinary linear program it
-// would have a row for every limit that moves; here it has those of A.
+// The limits of each cable approach each other as S grows (solvers/simplex_basis.hpp). Written as an ordinary linear
+// program it would have a row for every limit that moves; here it has those of A.
 //
 // Method: dual simplex for bounded variables. Any direction y bounds S from above, because y'(f - g S) is at most
 // the largest y'A t, with every cable held at the limit to which y pulls it. Where that bound is attained only the
@@ -18,15 +39,6 @@
 // Sources: Lemke (1954), "The dual method of solving the linear programming problem"; Maros (2003), "A generalized
 // dual phase-2 simplex algorithm", for the long step; Bland (1977), "New finite pivoting rules for the simplex
 // method". No heap, no exceptions.
-#pragma once
-
-#include <cmath>
-#include <limits>
-
-#include "solvers/simplex_basis.hpp"
-
-namespace tensionlab {
-inline namespace TENSIONLAB_BUILD {
 
 template <class Real, int N, int M>
 class LinearProgram {
@@ -303,6 +315,70 @@ class LinearProgram {
   Real along_[M] = {}, turn_along_[M] = {}, length_[M] = {};  // y'A, turn'A, sizes of the columns
   FreeColumns<Real, N> columns_;
   Real tension_[N] = {};  // of the free cables
+};
+
+template <class Real, int N, int M>
+class TensionProgram {
+ public:
+  // N: wrench components, and one more for the least sum. alpha: of the optimally safe tensions only.
+  TensionProgram(int m, Program program, Real alpha) : m_(m), program_(program), alpha_(alpha), linear_(m) {}
+
+  // Finds limits that the best tensions keep, and no others that render the wrench; those of the problem if it is
+  // infeasible. Returns the steps.
+  int tighten(const Problem<Real>& problem, Real* lower, Real* upper) {
+    const bool found = load(problem);
+    if (found) linear_.face(lower, upper);
+    for (int i = 0; i < m_; ++i) {
+      const Real a = problem.lower[i], b = problem.upper[i];
+      if (!found) {
+        lower[i] = a;
+        upper[i] = b;
+      }
+      lower[i] = smaller(larger(lower[i], a), b);
+      upper[i] = smaller(larger(upper[i], lower[i]), b);  // rounding may have crossed them
+    }
+    return linear_.steps();
+  }
+
+ private:
+  // Solves the program; returns whether the wrench is feasible.
+  bool load(const Problem<Real>& problem) {
+    const bool sum = program_ == Program::least_sum;
+    const int n = sum ? N - 1 : N;
+    Real start[N] = {};
+    for (int k = 0; k < n; ++k) {
+      const Real* row = problem.structure + k * m_;
+      linear_.target[k] = start[k] = problem.wrench[k];
+      for (int i = 0; i < m_; ++i) linear_.rows[k][i] = row[i];
+    }
+    linear_.most = std::numeric_limits<Real>::max();
+    for (int i = 0; i < m_; ++i) {
+      const Real a = problem.lower[i], b = problem.upper[i];
+      ClosingLimits<Real>& limits = linear_.cables.limits[i];
+      if (sum) limits = {a, b, 0, 0, 0, 0};
+      if (program_ == Program::minimax) limits = {a, 0, 0, 1, -b, -a};
+      if (program_ == Program::safe) limits = {a, b, 1, alpha_, 0, (b - a) / (1 + alpha_)};
+      if (sum) linear_.rows[n][i] = 1;
+      // S has its best value where the first cable has no more room, though the others have.
+      if (!sum && a < b) linear_.most = smaller(linear_.most, limits.shut);
+      const Real closed = limits.lower + limits.rise * limits.shut;
+      for (int k = 0; k < n; ++k) start[k] -= closed * linear_.rows[k][i];
+    }
+    if (sum) {
+      // The start is the sum alone. Otherwise it is the error of the tensions when all limits are closed.
+      for (int k = 0; k < n; ++k) start[k] = 0;
+      start[n] = -1;
+      linear_.gain[n] = 1;
+      linear_.least = 0;
+      for (int i = 0; i < m_; ++i) linear_.least -= problem.upper[i];
+    }
+    return linear_.solve(start);
+  }
+
+  int m_;
+  Program program_;
+  Real alpha_;
+  LinearProgram<Real, N, M> linear_;
 };
 
 }  // namespace TENSIONLAB_BUILD
