@@ -6,7 +6,6 @@
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
-#include "bindings/share_out.hpp"
 #include "solvers/kernels.hpp"
 #include "verification/kernels.hpp"
 

@@ -3,7 +3,6 @@
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
-#include "bindings/share_out.hpp"
 #include "hardware/length_check.hpp"
 #include "hardware/lock_sets.hpp"
 #include "hardware/pose_tracker.hpp"

@@ -7,7 +7,6 @@
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
 #include "hardware/endpoint.hpp"
-#include "hardware/link_reader.hpp"
 
 namespace tensionlab {
 namespace {

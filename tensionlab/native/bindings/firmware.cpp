@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <string>
+#include <tuple>
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
@@ -33,26 +34,15 @@ PlantParameters plant_from(const nb::dict& changes) {
   return parameters;
 }
 
-nb::tuple sample_tuple(const Sample& s) {
-  return nb::make_tuple(s.seconds, s.distance, s.length, s.tension, s.commanded, s.current, s.brake_force, s.state,
-                        s.limit, s.driver_on, s.pawl_down);
+auto fields(const Sample& s) {
+  return std::make_tuple(s.seconds, s.distance, s.length, s.tension, s.commanded, s.current, s.brake_force,
+                         s.state, s.limit, s.driver_on, s.pawl_down);
 }
 
-constexpr std::size_t kColumns = 11;
+constexpr std::size_t kColumns = std::tuple_size_v<decltype(fields(Sample{}))>;
 
-void write(const Sample& s, double* row) {
-  const double numbers[kColumns] = {s.seconds,
-                                    s.distance,
-                                    s.length,
-                                    s.tension,
-                                    s.commanded,
-                                    s.current,
-                                    s.brake_force,
-                                    static_cast<double>(s.state),
-                                    static_cast<double>(s.limit),
-                                    s.driver_on ? 1.0 : 0.0,
-                                    s.pawl_down ? 1.0 : 0.0};
-  std::copy(numbers, numbers + kColumns, row);
+void write(const Sample& sample, double* row) {
+  std::apply([&](auto... field) { ((*row++ = static_cast<double>(field)), ...); }, fields(sample));
 }
 
 nb::bytes transmit(SimulatedModule& self) {
@@ -207,7 +197,7 @@ void bind_firmware(nb::module_& module) {
       .def("close_link", &SimulatedModule::close_link)
       .def("advance", &advance)
       .def("trace", &trace)
-      .def("sample", [](const SimulatedModule& self) { return sample_tuple(self.sample()); })
+      .def("sample", [](const SimulatedModule& self) { return fields(self.sample()); })
       .def("faults", [](const SimulatedModule& self) { return self.module().faults(); })
       .def("parameters", &parameters)
       .def("pause", &SimulatedModule::pause)

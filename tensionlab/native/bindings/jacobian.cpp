@@ -3,7 +3,6 @@
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
-#include "bindings/share_out.hpp"
 #include "solvers/allocation_jacobian.hpp"
 
 namespace tensionlab {

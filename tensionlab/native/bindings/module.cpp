@@ -1,6 +1,5 @@
 // The Python module tensionlab._native: arrays in, arrays out.
 #include "bindings/bindings.hpp"
-#include "bindings/share_out.hpp"
 #include "simd/batch.hpp"
 #include "simd/instruction_set.hpp"
 

@@ -1,9 +1,5 @@
 // Threads that share the rows of a batch. They sleep between batches: starting one takes as long as hundreds of
 // problems.
-#include "bindings/share_out.hpp"
-
-#include <nanobind/nanobind.h>
-
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -14,6 +10,7 @@
 #include <system_error>
 #include <thread>
 
+#include "bindings/bindings.hpp"
 #include "simd/batch.hpp"
 
 #if !defined(_WIN32)

@@ -4,12 +4,11 @@
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
-#include "bindings/share_out.hpp"
 #include "solvers/closed_form.hpp"
 #include "solvers/kernels.hpp"
+#include "solvers/linear_program.hpp"
 #include "solvers/polygon.hpp"
 #include "solvers/scale_search.hpp"
-#include "solvers/linear_program.hpp"
 #include "verification/kernels.hpp"
 
 namespace tensionlab {
@@ -23,6 +22,14 @@ nb::tuple solve_batch(const Batch& batch, const Solve& solve) {
   const IterativeAnswer answer{tensions.data(), iterations.data()};
   share_out(batch.size, [&](std::size_t begin, std::size_t end) { solve(begin, end, answer); });
   return nb::make_tuple(tensions, iterations);
+}
+
+// The same by a kernel and its settings.
+template <class Kernel, class... Settings>
+nb::tuple solve_in_lanes(const Batch& batch, Kernel kernel, const Settings&... settings) {
+  return solve_batch(batch, [&](std::size_t begin, std::size_t end, const IterativeAnswer& answer) {
+    kernel(batch, settings..., begin, end, answer);
+  });
 }
 
 // The same by iterations = solve(n, row, problem, tensions) for each row, with n as a constant.
@@ -108,39 +115,23 @@ nb::tuple tighten(const ProblemArrays& arrays, int program, double alpha) {
 
 nb::tuple dykstra_tensions(const ProblemArrays& arrays, double tolerance, std::int64_t iteration_limit,
                            double rank_tolerance) {
-  const Batch batch = batch_of(arrays);
   const DykstraSettings settings{tolerance, rank_tolerance, iteration_limit};
-  const auto kernel = dykstra_for_this_processor();
-  return solve_batch(batch, [&](std::size_t begin, std::size_t end, const IterativeAnswer& answer) {
-    kernel(batch, settings, begin, end, answer);
-  });
+  return solve_in_lanes(batch_of(arrays), dykstra_for_this_processor(), settings);
 }
 
 nb::tuple log_barrier_tensions(const ProblemArrays& arrays) {
-  const Batch batch = batch_of(arrays);
-  const auto kernel = log_barrier_for_this_processor();
-  return solve_batch(batch, [&](std::size_t begin, std::size_t end, const IterativeAnswer& answer) {
-    kernel(batch, begin, end, answer);
-  });
+  return solve_in_lanes(batch_of(arrays), log_barrier_for_this_processor());
 }
 
 nb::tuple slack_norm_tensions(const ProblemArrays& arrays, double p, double c1, double c2, double kappa,
                               double epsilon, double gamma) {
-  const Batch batch = batch_of(arrays);
   const SlackPrices prices{p, c1, c2, kappa, epsilon, gamma};
-  const auto kernel = slack_norm_for_this_processor();
-  return solve_batch(batch, [&](std::size_t begin, std::size_t end, const IterativeAnswer& answer) {
-    kernel(batch, prices, begin, end, answer);
-  });
+  return solve_in_lanes(batch_of(arrays), slack_norm_for_this_processor(), prices);
 }
 
 // The weights of these arrays are the prices of the rows over mu, as their roots.
 nb::tuple box_price_tensions(const ProblemArrays& arrays) {
-  const Batch batch = batch_of(arrays);
-  const auto kernel = box_price_for_this_processor();
-  return solve_batch(batch, [&](std::size_t begin, std::size_t end, const IterativeAnswer& answer) {
-    kernel(batch, begin, end, answer);
-  });
+  return solve_in_lanes(batch_of(arrays), box_price_for_this_processor());
 }
 
 nb::tuple newton_tensions(const ProblemArrays& arrays, int policy, double rank_tolerance, double tolerance) {

@@ -5,7 +5,6 @@
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
-#include "bindings/share_out.hpp"
 #include "workspace/kernels.hpp"
 
 namespace tensionlab {
@@ -66,49 +65,36 @@ Wrenches wrenches_of(const Poses& poses, const In<3>& wrenches) {
   return {rows_of(wrenches), static_cast<int>(wrenches.shape(1))};
 }
 
-// One number a pose, by measure(begin, end, found).
-template <class Measure>
-Out<double, 1> measured(const Poses& poses, const Measure& measure) {
+// One number for each pose, by a kernel and what it takes after the poses.
+template <class Kernel, class... Options>
+Out<double, 1> measure(Kernel kernel, const Poses& poses, const Options&... options) {
   const auto found = make_array<double>(poses.size);
-  share_out(poses.size, [&](std::size_t begin, std::size_t end) { measure(begin, end, found.data()); });
+  share_out(poses.size,
+            [&](std::size_t begin, std::size_t end) { kernel(poses, options..., begin, end, found.data()); });
   return found;
 }
 
 Out<double, 1> margins(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
                        double rank_tolerance) {
   const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
-  const Wrenches required = wrenches_of(poses, wrenches);
-  const auto kernel = capacity_margin_for_this_processor();
-  return measured(poses, [&](std::size_t begin, std::size_t end, double* margin) {
-    kernel(poses, required, begin, end, margin);
-  });
+  return measure(capacity_margin_for_this_processor(), poses, wrenches_of(poses, wrenches));
 }
 
 Out<double, 1> factors(const In<3>& structure, const In<2>& lower, const In<2>& upper, double rank_tolerance) {
-  const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
-  const auto kernel = tension_factor_for_this_processor();
-  return measured(poses,
-                  [&](std::size_t begin, std::size_t end, double* factor) { kernel(poses, begin, end, factor); });
+  return measure(tension_factor_for_this_processor(), poses_of(structure, lower, upper, rank_tolerance));
 }
 
 Out<double, 1> forces(const In<3>& structure, const In<2>& lower, const In<2>& upper, int dimension,
                       double rank_tolerance) {
   const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
   require(dimension >= 1 && dimension <= poses.n, "no such dimension");
-  const auto kernel = isotropic_force_for_this_processor();
-  return measured(poses, [&](std::size_t begin, std::size_t end, double* force) {
-    kernel(poses, dimension, begin, end, force);
-  });
+  return measure(isotropic_force_for_this_processor(), poses, dimension);
 }
 
 Out<double, 1> fractions(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
                          double tolerance, double rank_tolerance) {
   const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
-  const Wrenches directions = wrenches_of(poses, wrenches);
-  const auto kernel = feasible_direction_fraction_for_this_processor();
-  return measured(poses, [&](std::size_t begin, std::size_t end, double* fraction) {
-    kernel(poses, directions, tolerance, begin, end, fraction);
-  });
+  return measure(feasible_direction_fraction_for_this_processor(), poses, wrenches_of(poses, wrenches), tolerance);
 }
 
 nb::tuple active_facets(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
