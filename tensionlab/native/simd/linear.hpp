@@ -167,32 +167,54 @@ struct Whitening {
   }
 };
 
+// Independent columns of N numbers, and an orthonormal basis of their span by Gram-Schmidt, each column twice, so
+// that even a small remainder is accurate: columns = basis * triangle.
+template <class Real, int N>
+struct OrthogonalColumns {
+  int count = 0;
+  Real basis[N][N], triangle[N][N];  // a row of the basis for each column
+
+  // Adds a column, unless its distance from the span of the others is at most this share of its length.
+  bool add(const Real* column, Real least_share) {
+    if (count >= N) return false;
+    Real *last = basis[count], part[N] = {};
+    copy<N>(column, last);
+    take_out(last, part);
+    take_out(last, part);
+    const Real length = normalise<N>(last);
+    if (!(length > least_share * std::sqrt(dot<N>(column, column)))) return false;
+    for (int j = 0; j < count; ++j) triangle[j][count] = part[j];
+    triangle[count][count] = length;
+    ++count;
+    return true;
+  }
+
+  // Subtracts from x its part in the span, and adds the part along each vector of the basis to share. Called twice
+  // where x may be nearly inside the span, as rounding leaves some of it.
+  void take_out(Real* x, Real* share) const {
+    for (int j = 0; j < count; ++j) {
+      const Real part = dot<N>(basis[j], x);
+      share[j] += part;
+      for (int k = 0; k < N; ++k) x[k] -= part * basis[j][k];
+    }
+  }
+};
+
 // Finds the dual basis of `count` columns (a row each): vectors in their span, each with product 1 with its own
-// column and 0 with the others. Gram-Schmidt, each column twice, so that even a small remainder is accurate.
-// Returns false if a column's distance from the span of those before it is below least_share of its length.
+// column and 0 with the others. Returns false if a column's distance from the span of those before it is below
+// least_share of its length.
 template <int N>
 bool dual_basis(const double (&column)[N][N], int count, double least_share, double (&basis)[N][N]) {
-  double q[N][N], r[N][N];
+  OrthogonalColumns<double, N> span;
   for (int a = 0; a < count; ++a) {
-    for (int k = 0; k < N; ++k) q[a][k] = column[a][k];
-    for (int b = 0; b < a; ++b) r[b][a] = 0;
-    for (int pass = 0; pass < 2; ++pass) {
-      for (int b = 0; b < a; ++b) {
-        const double share = dot<N>(q[a], q[b]);
-        for (int k = 0; k < N; ++k) q[a][k] -= share * q[b][k];
-        r[b][a] += share;
-      }
-    }
-    r[a][a] = std::sqrt(dot<N>(q[a], q[a]));
-    if (!(r[a][a] > least_share * std::sqrt(dot<N>(column[a], column[a])))) return false;
-    for (int k = 0; k < N; ++k) q[a][k] /= r[a][a];
+    if (!span.add(column[a], least_share)) return false;
   }
   for (int a = count; a-- > 0;) {
-    for (int k = 0; k < N; ++k) basis[a][k] = q[a][k];
+    copy<N>(span.basis[a], basis[a]);
     for (int b = a + 1; b < count; ++b) {
-      for (int k = 0; k < N; ++k) basis[a][k] -= r[a][b] * basis[b][k];
+      for (int k = 0; k < N; ++k) basis[a][k] -= span.triangle[a][b] * basis[b][k];
     }
-    for (int k = 0; k < N; ++k) basis[a][k] /= r[a][a];
+    for (int k = 0; k < N; ++k) basis[a][k] /= span.triangle[a][a];
   }
   return true;
 }

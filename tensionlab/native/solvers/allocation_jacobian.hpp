@@ -129,11 +129,7 @@ class AllocationJacobian {
     for (int k = 0; k < N; ++k) sum += entry(k, i) * entry(k, i);
     return std::sqrt(sum);
   }
-  static double length(const double* d) {
-    double sum = 0;
-    for (int k = 0; k < N; ++k) sum += d[k] * d[k];
-    return std::sqrt(sum);
-  }
+  static double length(const double* d) { return std::sqrt(dot<N>(d, d)); }
   bool has_range(int i) const { return source_.lower[i] < source_.upper[i]; }
 
   void find_free() {
@@ -170,7 +166,7 @@ class AllocationJacobian {
       const Whitening<double, N, N> whitening(columns[0], count_, N, rank_tolerance_);
       rank_ = whitening.rank;
       pseudoinverse(
-          whitening.rows, count_, N, [&](int f, int k) { return columns[f][k]; },
+          whitening, count_, N, [&](int f, int k) { return columns[f][k]; },
           [&](int k, int f) -> double& { return x_[f][k]; });
       return;
     }
@@ -181,22 +177,22 @@ class AllocationJacobian {
     const Whitening<double, N, M> whitening(rows, N, count_, rank_tolerance_);
     rank_ = whitening.rank;
     pseudoinverse(
-        whitening.rows, N, count_, [&](int k, int f) { return columns[f][k]; },
+        whitening, N, count_, [&](int k, int f) { return columns[f][k]; },
         [&](int f, int k) -> double& { return x_[f][k]; });
   }
 
   // out(i, k) = (B A)'B of a matrix A, n x m, whose rows B makes orthonormal.
-  template <class Matrix, class Out>
-  void pseudoinverse(const double (*b)[N], int n, int m, const Matrix& a, const Out& out) const {
+  template <class Whitener, class Matrix, class Out>
+  static void pseudoinverse(const Whitener& b, int n, int m, const Matrix& a, const Out& out) {
     for (int i = 0; i < m; ++i) {
-      double white[N];
-      for (int r = 0; r < rank_; ++r) {
+      double white[N] = {};
+      for (int r = 0; r < b.rank; ++r) {
         white[r] = 0;
-        for (int k = 0; k < n; ++k) white[r] += b[r][k] * a(k, i);
+        for (int k = 0; k < n; ++k) white[r] += b.rows[r][k] * a(k, i);
       }
       for (int k = 0; k < n; ++k) {
         out(i, k) = 0;
-        for (int r = 0; r < rank_; ++r) out(i, k) += white[r] * b[r][k];
+        for (int r = 0; r < b.rank; ++r) out(i, k) += white[r] * b.rows[r][k];
       }
     }
   }
@@ -236,7 +232,7 @@ class AllocationJacobian {
     nearest(d);
     for (int i = 0; i < m_; ++i) tau_[i] = t_[i] + along(i, z_);
     kind_ = Kind::gram_less;
-    if (whitening.rank < N && whitening.rank == m_) return render_apart(d);
+    if (whitening.rank < N && whitening.rank == m_) return render_apart(whitening);
     kink_ = kink_ || whitening.rank < N;
     finish_dependent();
   }
@@ -267,19 +263,11 @@ class AllocationJacobian {
   }
 
   // Fewer cables than components, all independent: W+ w.
-  void render_apart(const double* d) {
+  void render_apart(const Whitening<double, N, M>& whitening) {
     kind_ = Kind::independent;
-    for (int i = 0; i < m_; ++i) {
-      double whitened[N];
-      for (int r = 0; r < N; ++r) {
-        whitened[r] = 0;
-        for (int k = 0; k < N; ++k) whitened[r] += d[r * N + k] * entry(k, i);
-      }
-      for (int k = 0; k < N; ++k) {
-        inverse_[i][k] = 0;
-        for (int r = 0; r < N; ++r) inverse_[i][k] += whitened[r] * d[r * N + k];
-      }
-    }
+    pseudoinverse(
+        whitening, N, m_, [&](int k, int i) { return entry(k, i); },
+        [&](int i, int k) -> double& { return inverse_[i][k]; });
     std::copy_n(source_.wrench, N, z_);
     for (int k = 0; k < N; ++k) {
       for (int i = 0; i < m_; ++i) z_[k] -= entry(k, i) * tau_[i];
@@ -304,8 +292,7 @@ class AllocationJacobian {
     std::copy_n(t_, m_, tau_);
     double d[N];
     normal(d);
-    double towards = 0;
-    for (int k = 0; k < N; ++k) towards += d[k] * source_.wrench[k];
+    double towards = dot<N>(d, source_.wrench);
     if (towards < 0) {
       for (int k = 0; k < N; ++k) d[k] = -d[k];
       towards = -towards;
@@ -315,8 +302,7 @@ class AllocationJacobian {
     for (int i = 0; i < m_; ++i) hold(i, along(i, d), kWeak * length(i));
     if (!(towards > 0)) return;
     for (int f = 0; f < count_; ++f) {
-      double sum = 0;
-      for (int k = 0; k < N; ++k) sum += p_[f][k] * source_.wrench[k];
+      const double sum = dot<N>(p_[f], source_.wrench);
       for (int k = 0; k < N; ++k) p_[f][k] -= sum * d[k] / towards;
     }
   }
@@ -352,12 +338,12 @@ class AllocationJacobian {
       const int g = slot_[j];
       row[j] = 0;
       if (kind_ == Kind::independent) {
-        for (int k = 0; k < N; ++k) row[j] += p_[f][k] * inverse_[j][k];
+        row[j] = dot<N>(p_[f], inverse_[j]);
         continue;
       }
       if (g >= 0 && kind_ == Kind::projector) row[j] = (f == g ? 1.0 : 0.0) - along(j, p_[f]);
       if (g >= 0 && (kind_ == Kind::gram || kind_ == Kind::gram_less)) {
-        for (int k = 0; k < N; ++k) row[j] += x_[f][k] * x_[g][k];
+        row[j] = dot<N>(x_[f], x_[g]);
       }
       if (kind_ == Kind::gram_less) row[j] -= along(j, p_[f]);
     }
@@ -373,12 +359,12 @@ class AllocationJacobian {
       const int g = slot_[j];
       q[j] = 0;
       if (kind_ == Kind::independent) {
-        for (int k = 0; k < N; ++k) q[j] += inverse_[j][k] * u[k];
+        q[j] = dot<N>(inverse_[j], u);
         continue;
       }
       if (g >= 0 && kind_ == Kind::projector) q[j] = cotangent[j] - along(j, u);
       if (g >= 0 && (kind_ == Kind::gram || kind_ == Kind::gram_less)) {
-        for (int k = 0; k < N; ++k) q[j] += x_[g][k] * v[k];
+        q[j] = dot<N>(x_[g], v);
       }
       if (kind_ == Kind::gram_less) q[j] -= along(j, u);
     }

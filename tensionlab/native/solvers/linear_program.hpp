@@ -24,8 +24,8 @@ inline namespace TENSIONLAB_BUILD {
 //
 //   maximise S   subject to   A t + g S = f,   l_i(S) <= t_i <= u_i(S)
 //
-// The limits of each cable approach each other as S grows (solvers/simplex_basis.hpp). Written as an ordinary linear
-// program it would have a row for every limit that moves; here it has those of A.
+// The limits of each cable approach each other as S grows (solvers/simplex_basis.hpp). Written as an ordinary
+// linear program it would have a row for every limit that moves; here it has those of A.
 //
 // Method: dual simplex for bounded variables. Any direction y bounds S from above, because y'(f - g S) is at most
 // the largest y'A t, with every cable held at the limit to which y pulls it. Where that bound is attained only the

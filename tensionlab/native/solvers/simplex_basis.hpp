@@ -93,48 +93,35 @@ class HeldCables {
   End lower_[M] = {}, upper_[M] = {};
 };
 
-// At most N independent columns of N numbers, and an orthogonal basis of their span: columns = basis * triangle.
+// The columns of the free cables, at most N independent ones.
 template <class Real, int N>
 class FreeColumns {
  public:
-  int count() const { return count_; }
+  int count() const { return span_.count; }
   int cable(int place) const { return cable_[place]; }
-  void clear() { count_ = 0; }
+  void clear() { span_.count = 0; }
 
   void add(int cable, const Real* column) {
-    if (count_ >= N) return;  // never; tells the compiler
-    Real *last = basis_[count_], part[N] = {};
-    copy<N>(column, last);
-    take_out(last, part);
-    take_out(last, part);
-    for (int j = 0; j < count_; ++j) triangle_[j][count_] = part[j];
-    triangle_[count_][count_] = normalise<N>(last);
-    copy<N>(column, columns_[count_]);
-    cable_[count_++] = cable;
+    const int place = span_.count;
+    if (!span_.add(column, Real(-1))) return;  // never; tells the compiler
+    copy<N>(column, columns_[place]);
+    cable_[place] = cable;
   }
 
   // Adds the columns behind again, so that no error accumulates.
   void drop(int place) {
-    const int last = count_;
-    count_ = place;
+    const int last = span_.count;
+    span_.count = place;
     for (int j = place + 1; j < last; ++j) add(cable_[j], columns_[j]);
   }
 
-  // Subtracts from x its part in the span, and adds the part along each vector of the basis to share. Called twice
-  // where x may be nearly inside the span, as rounding leaves some of it.
-  void take_out(Real* x, Real* share) const {
-    for (int j = 0; j < count_; ++j) {
-      const Real part = dot<N>(basis_[j], x);
-      share[j] += part;
-      for (int k = 0; k < N; ++k) x[k] -= part * basis_[j][k];
-    }
-  }
+  void take_out(Real* x, Real* share) const { span_.take_out(x, share); }
 
   // Converts the parts of a vector along the basis to coefficients of the columns, in place.
   void solve(Real* share) const {
-    for (int j = count_ - 1; j >= 0; --j) {
-      for (int k = j + 1; k < count_; ++k) share[j] -= triangle_[j][k] * share[k];
-      share[j] /= triangle_[j][j];
+    for (int j = span_.count - 1; j >= 0; --j) {
+      for (int k = j + 1; k < span_.count; ++k) share[j] -= span_.triangle[j][k] * share[k];
+      share[j] /= span_.triangle[j][j];
     }
   }
 
@@ -142,10 +129,10 @@ class FreeColumns {
   // the parts share: row `place` of the inverse triangle has both.
   Real own(int place, const Real* share, Real* along) const {
     Real row[N] = {}, square = 0, sum = 0;
-    for (int k = place; k < count_; ++k) {
+    for (int k = place; k < span_.count; ++k) {
       row[k] = k == place ? Real(1) : Real(0);
-      for (int j = place; j < k; ++j) row[k] -= row[j] * triangle_[j][k];
-      row[k] /= triangle_[k][k];
+      for (int j = place; j < k; ++j) row[k] -= row[j] * span_.triangle[j][k];
+      row[k] /= span_.triangle[k][k];
       square += row[k] * row[k];
       sum += row[k] * share[k];
     }
@@ -155,8 +142,9 @@ class FreeColumns {
   }
 
  private:
-  int count_ = 0, cable_[N] = {};
-  Real columns_[N][N] = {}, basis_[N][N] = {}, triangle_[N][N] = {};  // columns_ and basis_: a row for each
+  OrthogonalColumns<Real, N> span_{};
+  int cable_[N] = {};
+  Real columns_[N][N] = {};  // a row for each
 };
 
 }  // namespace TENSIONLAB_BUILD

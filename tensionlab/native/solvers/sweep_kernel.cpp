@@ -92,6 +92,54 @@ class Sweep {
     int count;
   };
 
+  // W_F W_F' of the free cables F, and the wrench that is missing.
+  struct NormalEquations {
+    V matrix[N][N], residual[N];
+
+    explicit NormalEquations(const V (&wrench)[N]) {
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) {
+        residual[k] = wrench[k];
+        TENSIONLAB_UNROLL
+        for (int j = 0; j <= k; ++j) matrix[k][j] = V{};
+      }
+    }
+
+    // Adds a cable; part: its column, or zeros if it is not free.
+    template <class Part>
+    TENSIONLAB_INLINE void add(const V (&column)[N], const V& tension, const Part& part) {
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) {
+        residual[k] -= column[k] * tension;
+        const V own = part(column[k]);
+        TENSIONLAB_UNROLL
+        for (int j = 0; j <= k; ++j) matrix[k][j] += own * column[j];
+      }
+    }
+
+    // Solves for the change of the dual; pivots are at least this share of the diagonal of W W'.
+    TENSIONLAB_INLINE void solve(double share, const V (&diagonal)[N], V (&change)[N]) {
+      V least[N];
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) least[k] = share * diagonal[k];
+      Factor<V, N>(matrix, least).solve(residual, change);
+    }
+  };
+
+  TENSIONLAB_INLINE void load_column(const Group& group, int i, V (&column)[N]) const {
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) column[k] = group.structure[k * m_ + i];
+  }
+
+  // Loads column i of W; returns the tension that the dual wants of the cable.
+  TENSIONLAB_INLINE V load_wanted(const Group& group, const Limits& limit, int i, V (&column)[N]) const {
+    load_column(group, i, column);
+    V wanted = limit.reference[i];
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) wanted += column[k] * group.dual[k];
+    return wanted;
+  }
+
   // L rows from `first` on; past the end the last one is repeated.
   static LaneRows rows_at(std::size_t first, std::size_t end) {
     LaneRows rows;
@@ -113,8 +161,7 @@ class Sweep {
       prefetch(batch_.structure[row], static_cast<std::size_t>(N * m_));
       prefetch(batch_.wrench[row], N);
     }
-    const V* reference = limits(g).reference;
-    V size = V{}, matrix[N][N], residual[N];
+    V size = V{};
     const double* row[L];
     for (int l = 0; l < L; ++l) row[l] = batch_.structure[rows.row[l]];
     transpose<double, L>(row, N * m_, [&](int j, const V& entry) {
@@ -124,33 +171,27 @@ class Sweep {
     for (int l = 0; l < L; ++l) row[l] = batch_.wrench[rows.row[l]];
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
-      const V wrench = gather<double, L>([&](int l) { return row[l][k]; });
-      group.wrench[k] = residual[k] = wrench;
-      size += magnitude(wrench);
-      TENSIONLAB_UNROLL
-      for (int j = 0; j <= k; ++j) matrix[k][j] = V{};
+      group.wrench[k] = gather<double, L>([&](int l) { return row[l][k]; });
+      size += magnitude(group.wrench[k]);
     }
     group.size = size;
+    NormalEquations sums(group.wrench);
     for (int i = 0; i < m_; ++i) {
       V column[N];
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) {
-        column[k] = group.structure[k * m_ + i];
-        residual[k] -= column[k] * reference[i];
-        TENSIONLAB_UNROLL
-        for (int j = 0; j <= k; ++j) matrix[k][j] += column[k] * column[j];
-      }
+      load_column(group, i, column);
+      sums.add(column, limits(g).reference[i], [](const V& entry) { return entry; });
     }
     group.gain = V{};
     V least[N];
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
-      group.gain = larger(group.gain, matrix[k][k]);
-      group.diagonal[k] = matrix[k][k] > V{} ? matrix[k][k] : V{} + 1;
+      const V square = sums.matrix[k][k];
+      group.gain = larger(group.gain, square);
+      group.diagonal[k] = square > V{} ? square : V{} + 1;
       least[k] = kTight * group.diagonal[k];
     }
-    const Factor<V, N> factor(matrix, least);
-    factor.solve(residual, group.dual);
+    const Factor<V, N> factor(sums.matrix, least);
+    factor.solve(sums.residual, group.dual);
     if (guessed_ && m_ == N + 1) guess<1>(g, factor);
     if (guessed_ && m_ == N + 2) guess<2>(g, factor);
   }
@@ -160,74 +201,41 @@ class Sweep {
   void guess(int g, const Factor<V, N>& gram) {
     Group& group = group_[g];
     const Limits& limit = limits(g);
-    V unlimited[M], matrix[N][N], residual[N], least[N];
-    for (int i = 0; i < m_; ++i) {
-      unlimited[i] = limit.reference[i];
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) unlimited[i] += group.structure[k * m_ + i] * group.dual[k];
-    }
-    TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) {
-      group.other[k] = group.dual[k];
-      residual[k] = group.wrench[k];
-      least[k] = kTight * group.diagonal[k];
-      TENSIONLAB_UNROLL
-      for (int j = 0; j <= k; ++j) matrix[k][j] = V{};
-    }
+    V unlimited[M], column[N];
+    for (int i = 0; i < m_; ++i) unlimited[i] = load_wanted(group, limit, i, column);
     const NullSpace<L, N, M, K> null_space(group.structure, gram, unlimited, limit.lower, limit.upper);
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) group.other[k] = group.dual[k];
+    NormalEquations sums(group.wrench);
     for (int i = 0; i < m_; ++i) {
       const V side = null_space.at(i);
       const auto free = side == V{};
       const V tension = free ? limit.reference[i] : side > V{} + 1 ? limit.upper[i] : limit.lower[i];
-      V column[N];
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) column[k] = group.structure[k * m_ + i];
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) {
-        residual[k] -= column[k] * tension;
-        const V part = free ? column[k] : V{};
-        TENSIONLAB_UNROLL
-        for (int j = 0; j <= k; ++j) matrix[k][j] += part * column[j];
-      }
+      load_column(group, i, column);
+      sums.add(column, tension, [&](const V& entry) { return free ? entry : V{}; });
     }
-    Factor<V, N>(matrix, least).solve(residual, group.dual);
+    sums.solve(kTight, group.diagonal, group.dual);
   }
 
   // Takes a Newton step from the tensions inside the limits.
   void step(int g, int s) {
     Group& group = group_[g];
     const Limits& limit = limits(g);
-    V dual[N], matrix[N][N], residual[N];
-    TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) {
-      dual[k] = group.before[s][k] = group.dual[k];
-      residual[k] = group.wrench[k];
-      TENSIONLAB_UNROLL
-      for (int j = 0; j <= k; ++j) matrix[k][j] = V{};
-    }
+    NormalEquations sums(group.wrench);
     for (int i = 0; i < m_; ++i) {
-      V column[N], wanted = limit.reference[i];
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) {
-        column[k] = group.structure[k * m_ + i];
-        wanted += column[k] * dual[k];
-      }
+      V column[N];
+      const V wanted = load_wanted(group, limit, i, column);
       const V tension = smaller(larger(wanted, limit.lower[i]), limit.upper[i]);
       const auto free = tension == wanted;
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) {
-        residual[k] -= column[k] * tension;
-        const V part = free ? column[k] : V{};
-        TENSIONLAB_UNROLL
-        for (int j = 0; j <= k; ++j) matrix[k][j] += part * column[j];
-      }
+      sums.add(column, tension, [&](const V& entry) { return free ? entry : V{}; });
     }
-    V least[N], path[N];
+    V path[N];
+    sums.solve(kFloors[s], group.diagonal, path);
     TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) least[k] = kFloors[s] * group.diagonal[k];
-    Factor<V, N>(matrix, least).solve(residual, path);
-    TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) group.dual[k] = dual[k] + path[k];
+    for (int k = 0; k < N; ++k) {
+      group.before[s][k] = group.dual[k];
+      group.dual[k] += path[k];
+    }
   }
 
   // Goes back to the guess where that was right, so that an answer does not depend on the other lanes.
@@ -246,12 +254,8 @@ class Sweep {
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) rendered[k] = V{};
     for (int i = 0; i < m_; ++i) {
-      V column[N], wanted = limit.reference[i];
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) {
-        column[k] = group.structure[k * m_ + i];
-        wanted += column[k] * group.dual[k];
-      }
+      V column[N];
+      const V wanted = load_wanted(group, limit, i, column);
       tensions[i] = smaller(larger(wanted, limit.lower[i]), limit.upper[i]);
       const V off = tensions[i] - limit.reference[i];
       change += off * off;

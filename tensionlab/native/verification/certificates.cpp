@@ -108,25 +108,34 @@ class Verifier {
     return clean;
   }
 
+  // Adds up numbers of all cables: visit(zero, i, sums) adds those of the cables in lanes from i on, or of one.
+  template <int K, class Visit>
+  void sum_up(double (&sums)[K], const Visit& visit) const {
+    V lanes[K] = {};
+    int i = 0;
+    for (; i + L <= m_; i += L) visit(V{}, i, lanes);
+    for (int k = 0; k < K; ++k) {
+      for (int l = 0; l < L; ++l) sums[k] += read<double>(lanes[k], l);
+    }
+    for (; i < m_; ++i) visit(0.0, i, sums);
+  }
+
+  // Numbers of a row that belong to those of `zero`.
+  template <class T>
+  static T at(const double* row, int i, const T&) {
+    return load<double, sizeof(T) / sizeof(double)>(row + i);
+  }
+
   // row . tensions; adds the magnitudes of the products to the size.
   double product(const double* row, const double* tensions, double* size) const {
-    V sums = {}, sizes = {};
-    int i = 0;
-    for (; i + L <= m_; i += L) {
-      const V part = load<double, L>(row + i) * load<double, L>(tensions + i);
-      sums += part;
-      sizes += magnitude(part);
-    }
-    double sum = 0;
-    for (int l = 0; l < L; ++l) {
-      sum += read<double>(sums, l);
-      *size += read<double>(sizes, l);
-    }
-    for (; i < m_; ++i) {
-      sum += row[i] * tensions[i];
-      *size += std::abs(row[i] * tensions[i]);
-    }
-    return sum;
+    double sums[2] = {0, *size};
+    sum_up(sums, [&](const auto& zero, int i, auto& sum) {
+      const auto part = at(row, i, zero) * at(tensions, i, zero);
+      sum[0] += part;
+      sum[1] += magnitude(part);
+    });
+    *size = sums[1];
+    return sums[0];
   }
 
   // w - row . t in twice the precision (Ogita, Rump, Oishi, "Accurate sum and dot product", 2005).
@@ -163,38 +172,23 @@ class Verifier {
       s.wrench += d[k] * problem.wrench[k];
       s.rounding += std::abs(d[k] * problem.wrench[k]);
     }
-    V support = {}, rounding = {}, gap = {};
-    int i = 0;
-    for (; i + L <= m_; i += L) {
-      V along = {}, size = {};
+    double sums[3] = {0, 0, s.rounding};
+    sum_up(sums, [&](const auto& zero, int i, auto& sum) {
+      auto along = zero, size = zero;
       for (int k = 0; k < N; ++k) {
-        const V part = d[k] * load<double, L>(problem.structure + k * m_ + i);
+        const auto part = d[k] * at(problem.structure + k * m_, i, zero);
         along += part;
         size += magnitude(part);
       }
-      const V lower = load<double, L>(problem.lower + i), upper = load<double, L>(problem.upper + i);
-      const V end = along > V{} ? upper : lower;
-      support += along * end;
-      gap += along * (end - load<double, L>(tensions + i));
-      rounding += size * larger(magnitude(lower), magnitude(upper));
-    }
-    for (int l = 0; l < L; ++l) {
-      s.support += read<double>(support, l);
-      s.gap += read<double>(gap, l);
-      s.rounding += read<double>(rounding, l);
-    }
-    for (; i < m_; ++i) {
-      double along = 0, size = 0;
-      for (int k = 0; k < N; ++k) {
-        const double part = d[k] * problem.structure[k * m_ + i];
-        along += part;
-        size += std::abs(part);
-      }
-      const double end = along > 0 ? problem.upper[i] : problem.lower[i];
-      s.support += along * end;
-      s.gap += along * (end - tensions[i]);
-      s.rounding += size * larger(std::abs(problem.lower[i]), std::abs(problem.upper[i]));
-    }
+      const auto lower = at(problem.lower, i, zero), upper = at(problem.upper, i, zero);
+      const auto end = along > zero ? upper : lower;
+      sum[0] += along * end;
+      sum[1] += along * (end - at(tensions, i, zero));
+      sum[2] += size * larger(magnitude(lower), magnitude(upper));
+    });
+    s.support = sums[0];
+    s.gap = sums[1];
+    s.rounding = sums[2];
     // A product of three numbers and sums of N and m of them, each rounded by half of epsilon at most, twice over.
     s.rounding *= (N + m_ + 3) * std::numeric_limits<double>::epsilon();
     return s;
@@ -241,26 +235,16 @@ class Verifier {
   // limits would magnify.
   void remove_free(const Problem<double>& problem, const double* tensions, double* d) const {
     constexpr double kInside = 1e-6, kNew = 1e-8;
-    double basis[N][N];
-    double play = 0;
+    OrthogonalColumns<double, N> span;
+    double play = 0, column[N], unused[N] = {};
     for (int i = 0; i < m_; ++i) play = larger(play, kInside * std::abs(tensions[i]));
-    int found = 0;
-    for (int i = 0; i < m_ && found < N; ++i) {
+    for (int i = 0; i < m_ && span.count < N; ++i) {
       if (!(tensions[i] - problem.lower[i] > play && problem.upper[i] - tensions[i] > play)) continue;
-      double* column = basis[found];
       for (int k = 0; k < N; ++k) column[k] = problem.structure[k * m_ + i];
-      const double before = std::sqrt(dot<N>(column, column));
-      for (int pass = 0; pass < 2; ++pass) {
-        for (int j = 0; j < found; ++j) subtract(basis[j], dot<N>(basis[j], column), column);
-      }
-      const double after = std::sqrt(dot<N>(column, column));
-      if (!(after > kNew * before)) continue;
-      for (int k = 0; k < N; ++k) column[k] /= after;
-      ++found;
+      span.add(column, kNew);
     }
-    for (int pass = 0; pass < 2; ++pass) {
-      for (int j = 0; j < found; ++j) subtract(basis[j], dot<N>(basis[j], d), d);
-    }
+    span.take_out(d, unused);
+    span.take_out(d, unused);
   }
 
   void subtract(const double* x, double factor, double* from) const {

@@ -83,18 +83,12 @@ class FacetRays {
       constexpr int kRest = N - K;
       if (N > 3 && K == 2) checkpoint();
       for (int i = first; i <= count_ - (N - 1 - K); ++i) {
-        double share[kRest], square = 0, size = 0, smaller[N][N];
-        for (int b = 0; b < kRest; ++b) {
-          share[b] = 0;
-          for (int k = 0; k < N; ++k) share[b] += basis[b][k] * column_[i][k];
-          square += share[b] * share[b];
-        }
-        for (int k = 0; k < N; ++k) size += column_[i][k] * column_[i][k];
-        const double length = std::sqrt(square);
+        double share[kRest], smaller[N][N];
+        for (int b = 0; b < kRest; ++b) share[b] = dot<N>(basis[b], column_[i]);
+        const double length = std::sqrt(dot<kRest>(share, share)), size = dot<N>(column_[i], column_[i]);
         // The reflection that maps the shares to the last one alone; the other vectors are then across the column.
         share[kRest - 1] += share[kRest - 1] < 0 ? -length : length;
-        double norm = 0, sum[N];
-        for (int b = 0; b < kRest; ++b) norm += share[b] * share[b];
+        double norm = dot<kRest>(share, share), sum[N];
         for (int k = 0; k < N; ++k) {
           sum[k] = 0;
           for (int b = 0; b < kRest; ++b) sum[k] += share[b] * basis[b][k];
@@ -113,14 +107,11 @@ class FacetRays {
   // Where that bound is poor, the size of the dual vectors gives a better one.
   void add(const double (&direction)[N], double volume, std::uint32_t chosen, double squares) {
     FacetRay<N> ray{};
-    double length = 0;
-    for (int k = 0; k < N; ++k) length += direction[k] * direction[k];
-    length = std::sqrt(length);
+    const double length = std::sqrt(dot<N>(direction, direction));
     for (int k = 0; k < N; ++k) ray.v[k] = direction[k] / length;
     double along[kMaxCables], off = 0;
     for (int i = 0; i < count_; ++i) {
-      along[i] = 0;
-      for (int k = 0; k < N; ++k) along[i] += ray.v[k] * column_[i][k];
+      along[i] = dot<N>(ray.v, column_[i]);
       if (chosen >> i & 1) off += along[i] * along[i];
     }
     off = std::sqrt(off) + N * N * kUnit * largest_;
@@ -150,9 +141,7 @@ class FacetRays {
       if (chosen >> i & 1) std::copy(column_[i], column_[i] + N, column[count++]);
     }
     if (!dual_basis<N>(column, count, 1e-13, basis)) return std::numeric_limits<double>::infinity();
-    for (int a = 0; a < count; ++a) {
-      for (int k = 0; k < N; ++k) sum += basis[a][k] * basis[a][k];
-    }
+    for (int a = 0; a < count; ++a) sum += dot<N>(basis[a], basis[a]);
     return std::sqrt(sum);
   }
 };
