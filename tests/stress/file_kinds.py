@@ -155,14 +155,6 @@ def _program() -> dict[str, Any]:
     return {"name": "push", "repeat": False, "steps": [step, {"seconds": 2.0, "wrench": [0.0, 0.0, 1.5]}]}
 
 
-def _read_program(place: Path) -> object:
-    return load_program(place, BRAKED).seconds
-
-
-def _read_modules(place: Path) -> object:
-    return load_modules(place)
-
-
 def _read_parameters(place: Path) -> object:
     return parse(read_text(place, "a file of parameters (*.toml)", HardwareError), str(place))
 
@@ -176,21 +168,9 @@ def _published() -> dict[str, Any]:
     }
 
 
-def _read_published(place: Path) -> object:
-    return read_published(place)
-
-
-def _read_directions(place: Path) -> object:
-    return directions.forces(directions.read_csv(place), 3, 3)
-
-
 def _read_poses(place: Path) -> object:
     poses = read_poses(place)
     return poses.arrays(), poses.labels()
-
-
-def _read_lengths(place: Path) -> object:
-    return load_lengths(place, RIG)
 
 
 def _read_forces(place: Path) -> object:
@@ -227,10 +207,6 @@ def _vectors() -> dict[str, Any]:
     return {"columns": {"vector": [0, 1], "x": [0.0, 1.0], "y": [1.0, 0.0], "z": [0.0, 0.0]}, "manifest": {}}
 
 
-def _read_vectors(place: Path) -> object:
-    return read_vectors(place)
-
-
 def _journal() -> list[Any]:
     force = {
         "number": 0,
@@ -253,10 +229,6 @@ def _json_lines(document: Any) -> bytes:
     return "".join(f"{row if isinstance(row, Raw) else json.dumps(row)}\n" for row in rows).encode(
         errors="replace"
     )
-
-
-def _read_journal(place: Path) -> object:
-    return Journal(place, {"rig": "r"}).measurements
 
 
 @cache
@@ -358,19 +330,21 @@ KINDS = {
     "rig": Kind(".toml", lambda: RIG_TABLE, toml, _read_rig),
     "space": Kind(".toml", _space, toml, _read_space),
     "scenario": Kind(".toml", _scenario, toml, _read_scenario),
-    "program": Kind(".toml", _program, toml, _read_program),
-    "modules": Kind(".toml", lambda: LINKS, toml, _read_modules),
+    "program": Kind(".toml", _program, toml, lambda place: load_program(place, BRAKED).seconds),
+    "modules": Kind(".toml", lambda: LINKS, toml, load_modules),
     "parameters": Kind(".toml", lambda: PARAMETERS, toml, _read_parameters),
-    "published values": Kind(".toml", _published, toml, _read_published),
-    "directions": Kind(".csv", lambda: DIRECTIONS, csv, _read_directions),
+    "published values": Kind(".toml", _published, toml, read_published),
+    "directions": Kind(
+        ".csv", lambda: DIRECTIONS, csv, lambda place: directions.forces(directions.read_csv(place), 3, 3)
+    ),
     "poses, CSV": Kind(".csv", lambda: POSES, csv, _read_poses),
-    "lengths": Kind(".csv", lambda: LENGTHS, csv, _read_lengths),
+    "lengths": Kind(".csv", lambda: LENGTHS, csv, lambda place: load_lengths(place, RIG)),
     "forces": Kind(".csv", lambda: SENSOR_FORCES, csv, _read_forces),
     "poses, Parquet": Kind(".parquet", lambda: POSE_TABLE, parquet, _read_poses),
     "recording": Kind(".parquet", _recording, parquet, _read_recording),
-    "vectors": Kind(".parquet", _vectors, parquet, _read_vectors),
+    "vectors": Kind(".parquet", _vectors, parquet, read_vectors),
     "CASPR": Kind("", _bodies, _both, _read_caspr),
-    "journal": Kind(".jsonl", _journal, _json_lines, _read_journal),
+    "journal": Kind(".jsonl", _journal, _json_lines, lambda place: Journal(place, {"rig": "r"}).measurements),
     "log": Kind(".mcap", _log, _mcap, _read_log),
     "store": Kind(".zarr", _store, _store_files, _sweep),
 }
