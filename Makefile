@@ -10,7 +10,7 @@ BUILD_TOOLS := scikit-build-core nanobind hatch-fancy-pypi-readme $(foreach tool
 export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
 NATIVE := $(wildcard tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo install test test-fast test-lowest coverage check firmware-check sanitize format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner bench-view stress file-fuzz soak soak-view drift faults impacts what-if hostile figures docs docs-check generated checksums clean
+.PHONY: demo install test test-fast test-lowest coverage check firmware-check sanitize format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner bench-view stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check generated checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -77,7 +77,7 @@ bench-workspace: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.certify
 
 stress: .venv/dev.stamp
-	@TENSIONLAB_STRESS=500 $(BIN)/pytest -n auto tests/stress/test_stress.py
+	@TENSIONLAB_STRESS=500 $(BIN)/pytest -n auto tests/stress/test_tensions.py
 	@TENSIONLAB_STRESS=150 $(BIN)/pytest -n auto tests/stress/test_verdicts.py
 
 file-fuzz: .venv/dev.stamp
@@ -108,9 +108,6 @@ bench-runner: .venv/dev.stamp
 # In a browser; other load on the computer disturbs it.
 bench-view: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.view_latency
-
-soak-view: .venv/dev.stamp
-	@$(BIN)/python -m tests.stress.view_soak
 
 what-if: .venv/dev.stamp
 	@$(BIN)/python paper_figures/what_if.py --out datasets/what-if/paper-like-simulated.parquet
