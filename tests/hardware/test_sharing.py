@@ -123,22 +123,6 @@ def test_a_run_that_fails_before_its_first_cycle_is_told_as_ended_and_the_next_t
     assert (watcher.info.rig.name, second.over) == ("floor-3", True)
 
 
-def test_a_lost_module_is_told_with_the_reason(watcher):
-    def demand(state):
-        if state.cycle == 20:
-            world.modules[1].damage("encoder")
-        return PULL
-
-    world, runner = runner_of(demand=demand, settings=RunSettings(on_loss="continue"))
-    runner.run(1.0)
-    report = hear(watcher, lambda report: True)
-    name = runner.rig.modules[1].name
-    assert list(report.lost) == [name]
-    assert "ENCODER" in report.lost[name]
-    assert report.cycle["active"].tolist() == [True, False, True, True]
-    assert [(event.kind, event.module) for event in report.events if event.module] == [("lost", name)]
-
-
 def test_a_lost_request_is_repeated_and_answers_that_make_no_sense_are_ignored(passing):
     other = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     other.bind(("127.0.0.1", 0))

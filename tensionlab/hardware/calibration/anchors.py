@@ -59,16 +59,10 @@ class AnchorEstimate:
 
     anchors: Floats  # (m, d) in m in world axes
     offsets: Floats  # (m,) excess of each measured length in m; zeros if not fitted
-    covariance: Floats  # (p, p) in m² of the anchors, row by row, and then of offsets that are fitted
+    deviations: Floats  # (m, d) standard deviations of the anchors' coordinates, in m
     sigma: float  # standard deviation of one measured length, in m
     freedom: int  # number of lengths minus all that was fitted to them
-    residuals: Floats  # (K, m) measured minus modelled lengths in m
     poses: Poses
-
-    @property
-    def deviations(self) -> Floats:
-        """Standard deviation of each coordinate of the anchors, (m, d), in m."""
-        return np.sqrt(np.diag(self.covariance)[: self.anchors.size]).reshape(self.anchors.shape)
 
     @property
     def intervals(self) -> Floats:
@@ -180,16 +174,6 @@ def calibrate_anchors(
             raise CalibrationError("known poses were announced and none given; add them, or leave them unknown")
         poses = Poses.at(rig, np.tile(rig.home, (len(lengths), 1)))
     problem = AnchorProblem(rig, lengths, known, offsets)
-    _require_enough(problem)
-    shared = np.concatenate([rig.anchors.ravel(), np.zeros(rig.m * offsets)])
-    shared, poses = _fit(problem, shared, poses)
-    if not known:
-        shared, poses = _onto_nominal(problem, shared, poses)
-    return _with_uncertainty(problem, shared, poses)
-
-
-def _require_enough(problem: AnchorProblem) -> None:
-    rig, count = problem.rig, len(problem.lengths)
     if problem.spare <= 0:
         raise CalibrationError(
             f'rig "{rig.name}" has {rig.m} cables for {rig.n} degrees of freedom: lengths at unknown poses say '
@@ -197,12 +181,17 @@ def _require_enough(problem: AnchorProblem) -> None:
         )
     unknown = problem.size - problem.gauge
     least = math.ceil(unknown / problem.spare)
-    if count < least:
+    if len(lengths) < least:
         raise CalibrationError(
-            f"{count} pose{'s' if count != 1 else ''} cannot tell the {unknown} unknowns of {rig.m} anchors"
-            f"{' and offsets' if problem.offsets else ''}; measure at {least} or more, twice as many if you can, "
-            "spread over the whole workspace"
+            f"{len(lengths)} poses cannot tell the {unknown} unknowns of {rig.m} anchors"
+            f"{' and offsets' if offsets else ''}; measure at {least} or more, twice as many if you can, spread "
+            "over the whole workspace"
         )
+    shared = np.concatenate([rig.anchors.ravel(), np.zeros(rig.m * offsets)])
+    shared, poses = _fit(problem, shared, poses)
+    if not known:
+        shared, poses = _onto_nominal(problem, shared, poses)
+    return _with_uncertainty(problem, shared, poses)
 
 
 ITERATION_LIMIT = 200
@@ -307,7 +296,8 @@ def _with_uncertainty(problem: AnchorProblem, shared: Floats, poses: Poses) -> A
             f"change a length. Add poses all over the workspace, in no common plane or line{turned}"
         )
     root = free @ vt.T / strength
-    return AnchorEstimate(anchors, offsets, sigma**2 * (root @ root.T), sigma, freedom, error, poses)
+    deviations = sigma * np.linalg.norm(root, axis=1)[: anchors.size].reshape(anchors.shape)
+    return AnchorEstimate(anchors, offsets, deviations, sigma, freedom, poses)
 
 
 def _rigid_motions(anchors: Floats, size: int) -> Floats:

@@ -131,8 +131,7 @@ def estimate_gain(balances: Sequence[Balance], previous_gain: float) -> GainEsti
     return GainEstimate(gain, friction, zero, previous_gain, before, after, tuple(balances))
 
 
-PERIOD_S = 0.02  # from one set-point to the next, in s
-TELEMETRY_MS = 10
+PERIOD_S, TELEMETRY_MS = 0.02, 10  # from one set-point, and one telemetry message, to the next
 MAX_SILENT_PERIODS = 25  # without telemetry
 ARM_TRIES = 3
 LIMITER_ADVICE = {

@@ -54,10 +54,10 @@ class ModuleGroup:
         self._lockstep = tuple(client for client in self.clients if client.link.lockstep)
 
     def observe(self) -> tuple[Floats, Integers]:
-        """Return the latest telemetry, a row for each quantity.
+        """Return the latest telemetry; a module without any has NaN, an infinite age, IDLE and -1.
 
         Lengths, speeds, tensions, ages and thermal shares (5, m); states, faults, limiters, brakes and sequence
-        numbers (5, m). A module without telemetry has NaN, an infinite age, IDLE and -1.
+        numbers (5, m).
         """
         for client in self._lockstep:
             client.listen()

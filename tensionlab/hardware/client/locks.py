@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import errno
 import hashlib
-import ipaddress
 import json
 import os
 import socket
@@ -161,10 +160,7 @@ def _address(host: str, look_up: bool) -> str:
     flags = 0 if look_up else socket.AI_NUMERICHOST
     with suppress(OSError, UnicodeError):
         host = str(socket.getaddrinfo(host, None, type=socket.SOCK_STREAM, flags=flags)[0][4][0])
-    with suppress(ValueError):
-        if ipaddress.ip_address(host) == ipaddress.ip_address("::1"):
-            return "127.0.0.1"
-    return host
+    return "127.0.0.1" if host == "::1" else host  # as the system writes it
 
 
 def _file_name(url: str, *, look_up: bool = True) -> str:

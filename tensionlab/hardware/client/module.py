@@ -76,14 +76,8 @@ class ModuleClient:
     A thread reads all links of the process; messages of a simulated module in this process are read by each
     request and `listen`. As a context manager, it closes the link; after an error it stops the module first.
 
-    Parameters
-    ----------
-    name : str
-        The module's name in error messages.
-    link : Link or str
-        A link, or the URL of one.
-    seed : int, optional
-        Of the first numbers of messages and sessions, for a reproducible simulation.
+    The name is for error messages; the seed, of the first numbers of messages and sessions, is for a reproducible
+    simulation.
 
     Examples
     --------
@@ -170,13 +164,12 @@ class ModuleClient:
         tries = tries or (SLOW_TIMEOUTS_S if isinstance(command, SLOW_COMMANDS) else ANSWER_TIMEOUTS_S)
         for timeout in tries:
             sequence = self.send(command, sequence)
-            end = self.link.clock() + timeout
-            while (found := self.answer(command, sequence, answer)) is None:
+            end, waiting = self.link.clock() + timeout, True
+            while waiting:
+                if (found := self.answer(command, sequence, answer)) is not None:
+                    return found
                 left = end - self.link.clock()
-                if left <= 0 or not self._wait(sequence, left):
-                    break
-            if found is not None:
-                return found
+                waiting = left > 0 and self._wait(sequence, left)
         raise self.no_answer(command, len(tries))
 
     def no_answer(self, command: Message, tries: int) -> LinkTimeout:
@@ -371,8 +364,7 @@ class ModuleClient:
     def _wait(self, sequence: int, seconds: float) -> bool:
         """Wait for an answer; return False if nothing came in time."""
         if self.link.lockstep:
-            content = self.link.receive(seconds)
-            self._feed(content)
+            self._feed(content := self.link.receive(seconds))
             return bool(content)
         with self._arrived:
             return self._arrived.wait_for(lambda: sequence in self._answers or self._broken is not None, seconds)

@@ -61,12 +61,8 @@ class Report:
 class Publisher:
     """Thread that answers requests for topics.
 
-    Attributes
-    ----------
-    port, token : int, str
-        Where it listens, and what a request must begin with.
-    topics : dict
-        Function that returns the answer, of at most `MAX_REPLY_BYTES`, by the name of the topic.
+    It listens at `port`; a request must begin with the `token`. `topics` has a function for each name, which
+    returns the answer, of at most `MAX_REPLY_BYTES`.
     """
 
     def __init__(self) -> None:

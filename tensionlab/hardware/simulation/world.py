@@ -104,24 +104,10 @@ class CompliantMotion(Protocol):
 class World:
     """World of simulated modules and the platform that their cables hold.
 
-    Parameters
-    ----------
-    rig : Rig
-    motion : callable, optional
-        Pose of the platform at each time; the rig's home if left out. A `CompliantMotion` reacts to the tensions.
-    seed : int
-        Of the sensors' noise.
-    plants : mapping of str to mapping, optional
-        Parameters of the hardware by the module's name, as in `simulated_module`.
-
-    Attributes
-    ----------
-    modules : tuple of SimulatedModule
-        In the rig's order.
-    time, pose : float, Pose
-        Time in s since the start, and the pose then.
-    watch : callable or None
-        Called in `advance` with a `Trace` of each module, in the rig's order.
+    The platform follows the motion, or stays at the rig's home; a `CompliantMotion` reacts to the tensions. The
+    seed is of the sensors' noise, `plants` are parameters of the hardware by the module's name (see
+    `simulated_module`). `time` is in s since the start, `pose` the pose then; `modules` are in the rig's order.
+    `watch`, if set, is called in `advance` with a `Trace` of each.
 
     Examples
     --------

@@ -254,15 +254,10 @@ def test_bytes_of_a_com_port_come_together_and_reading_does_not_configure_it_ane
     assert [len(com.receive(0.001)) for _ in range(3)] == [READ_BYTES, 5, 0]
     assert port.configured == before
     assert com.receive(0.0) == b""
-    port.come(b"a")
-    assert com.receive(0.0) == b"a"
-
-
-def test_a_com_port_is_written_without_waiting(port, com):
     com.send(b"one")
     com.send(b"two")
     assert port.written == b"onetwo"
-    assert port.timeouts.WriteTotalTimeoutConstant == MAX_DWORD
+    assert port.timeouts.WriteTotalTimeoutConstant == MAX_DWORD, "it is written without waiting"
 
 
 def test_a_thread_that_waits_at_a_com_port_ends_when_its_device_goes_or_it_is_closed(port, com):
