@@ -163,7 +163,7 @@ def play(case: Case) -> Outcome:
     error, doubts = ForceError(rig), []
 
     def demand(state: RigState) -> Demand:
-        doubts.append(float(runner._length_monitor.doubts.max()))
+        doubts.append(float(runner._length_monitor._native.doubts()[0].max()))
         if drifting is not None:
             offsets = np.zeros(rig.m)
             offsets[victim] = drifting.offset(float(state.ages[victim]))

@@ -193,11 +193,6 @@ class LengthMonitor:
         assert self._tracker is not None
         return self._native.protection(self._tracker.native, tensions)
 
-    @property
-    def doubts(self) -> Floats:
-        """Estimates of the lengths' biases over their thresholds, (m,); above 1 a run stops."""
-        return self._native.doubts()[0]
-
     def _crept(self) -> str:
         creeps = self._native.doubts()[3]
         worst = int(np.argmax(np.abs(creeps)))

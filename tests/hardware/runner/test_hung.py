@@ -29,12 +29,8 @@ import ctypes, dataclasses, sys
 from pathlib import Path
 import numpy as np
 import tensionlab as tl
-from tensionlab.demand import Demand
-from tensionlab.errors import HardwareError
-from tensionlab.hardware import Runner, connect
+from tensionlab.hardware import Demand, RunLog, Runner, RunSettings, connect
 from tensionlab.hardware.client import locks as link_locks
-from tensionlab.hardware.log.writer import RunLog
-from tensionlab.hardware.runner.settings import RunSettings
 
 def locks(library):
     mutex = ctypes.create_string_buffer(64)
@@ -56,22 +52,13 @@ class ThirdParty:
 solved = []
 link_locks.user_folders = lambda: [Path(sys.argv[3]).with_name("locks")]  # as `locks_folder` has it
 rig = tl.load_rig(sys.argv[2])
-names = [module.name for module in rig.modules]
-links = dict(zip(names, sys.argv[4:]))
-group = connect(rig, links)
-solver = ThirdParty()
-settings = RunSettings(ttl=1.0)
+links = dict(zip((module.name for module in rig.modules), sys.argv[4:]))
+group, solver, settings = connect(rig, links), ThirdParty(), RunSettings(ttl=1.0)
 log = RunLog(sys.argv[3], rig, {}, solver, settings, links)
 runner = Runner(rig, group, solver, lambda state: Demand(np.array([0.0, 0.0, 0.5])), settings, sinks=[log])
 print(flush=True)
-try:
-    runner.run()
-except HardwareError as error:
-    print(f"tensionlab: {error}", file=sys.stderr)
-    group.close()
-    sys.exit(1)
+runner.run()
 group.close()
-print(runner.statistics.ended, flush=True)
 sys.exit(3)
 """
 pytestmark = pytest.mark.usefixtures("locks_folder")
