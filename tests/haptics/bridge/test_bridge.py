@@ -284,6 +284,18 @@ def test_a_token_is_needed_beyond_this_machine(serve, run, monkeypatch):
         assert bridge.osc._socket.getsockname()[0] == "127.0.0.1"  # OSC knows no token
 
 
+def test_a_token_file_without_a_token_is_refused(run, tmp_path):
+    (tmp_path / "token").write_text("")
+    status, _, err = run("serve", RIG, "--token-file", tmp_path / "token")
+    assert (status, "is empty" in err) == (2, True)
+
+
+def test_another_version_of_the_messages_is_refused(bridge, monkeypatch):
+    monkeypatch.setattr("tensionlab.haptics.bridge.client.PROTOCOL", 1)
+    with pytest.raises(HardwareError, match="the bridge has version 3 of the messages, this client 1"):
+        BridgeClient(bridge.url)
+
+
 def test_osc_does_the_same(serve, tmp_path):
     log = tmp_path / "osc.mcap"
     with serve("--osc", 0, "--log", log) as bridge, bridge.connect(f"{bridge.url}/events") as watch:
