@@ -11,13 +11,7 @@ from tensionlab.haptics.effects import Box, Shape
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.scenarios import SCENARIOS, Phase, load_scenario
 from tensionlab.scenarios.play import play, simulate_modules
-from tensionlab.scenarios.scenery import (
-    ScenerySurface,
-    as_mapping,
-    read_scenery,
-    scenery,
-    stick_figure,
-)
+from tensionlab.scenarios.scenery import ScenerySurface, as_mapping, read_scenery, scenery, stick_figure
 
 
 def kinds(name):

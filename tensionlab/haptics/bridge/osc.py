@@ -23,12 +23,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from tensionlab.errors import (
-    EffectError,
-    ProtocolError,
-    TensionlabError,
-    cannot_listen,
-)
+from tensionlab.errors import EffectError, ProtocolError, TensionlabError, cannot_listen
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, LimitedReport
 from tensionlab.haptics.bridge.messages import Frame, parse_message, refusal_reason

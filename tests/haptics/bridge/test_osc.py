@@ -12,12 +12,7 @@ from pythonosc.osc_message_builder import build_msg
 
 from tensionlab.errors import ProtocolError
 from tensionlab.haptics.bridge.client_state import ClientState
-from tensionlab.haptics.bridge.osc import (
-    MAX_MESSAGES,
-    OscMessage,
-    OscServer,
-    read_packet,
-)
+from tensionlab.haptics.bridge.osc import MAX_MESSAGES, OscMessage, OscServer, read_packet
 from tensionlab.scenarios import load_scenario
 from tests.helpers.examples import many
 from tests.helpers.tracked import bundle_of

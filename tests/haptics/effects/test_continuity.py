@@ -5,18 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tensionlab.haptics.effects import (
-    Bow,
-    Box,
-    Magnet,
-    Motion,
-    Plane,
-    Shape,
-    Sphere,
-    Spring,
-    Wall,
-    Water,
-)
+from tensionlab.haptics.effects import Bow, Box, Magnet, Motion, Plane, Shape, Sphere, Spring, Wall, Water
 from tests.helpers.examples import many
 from tests.helpers.motions import follow
 

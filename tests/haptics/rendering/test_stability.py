@@ -7,15 +7,7 @@ import pytest
 
 from benchmarks.wall_stability import Hand, measured_bound, simulate
 from tensionlab.errors import EffectError
-from tensionlab.haptics.effects import (
-    Friction,
-    Magnet,
-    Motion,
-    Shape,
-    Texture,
-    Viscous,
-    Wall,
-)
+from tensionlab.haptics.effects import Friction, Magnet, Motion, Shape, Texture, Viscous, Wall
 from tensionlab.haptics.effects.shape import VirtualCoupling
 from tensionlab.haptics.rendering.renderer import Stages
 from tensionlab.haptics.rendering.stability import (

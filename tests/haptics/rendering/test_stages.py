@@ -5,12 +5,7 @@ import pytest
 
 from tensionlab.haptics.effects import Viscous, Wall
 from tensionlab.haptics.effects.effect import smoothstep
-from tensionlab.haptics.rendering.renderer import (
-    Stages,
-    fade_in,
-    limit_force_slew,
-    low_pass,
-)
+from tensionlab.haptics.rendering.renderer import Stages, fade_in, limit_force_slew, low_pass
 from tensionlab.haptics.rendering.stability import PassivityController
 from tests.helpers.motions import Staged, at, follow
 
