@@ -95,22 +95,18 @@ def _reach(scenario: Scenario, played: Rehearsal) -> Finding:
     """Check that the cables hold the hand inside their limits on its whole path."""
     rig = scenario.rig
     low, high = played.position.min(axis=0).round(2) + 0.0, played.position.max(axis=0).round(2) + 0.0
-    where = f"{format_vector(low)} to {format_vector(high)} m"
-    lengths = f"cables of {format_range(played.lengths.round(2))} m"
+    text = f"{format_vector(low)} to {format_vector(high)} m, cables of {format_range(played.lengths.round(2))} m"
     if rig.m <= rig.n:
-        return Finding(
-            "reach", None, f"{where}, {lengths}; {format_count(rig.m, 'cable')} cannot pull in all directions"
-        )
-    nothing = rig.required.middle(rig)
+        return Finding("reach", None, f"{text}; {format_count(rig.m, 'cable')} cannot pull in all directions")
+    nothing, home = rig.required.middle(rig), rig.structure_matrix(rig.home, frames=rig.at_rest)
     held = allocate(played.structure, nothing, rig.limits).status == Status.EXACT
     if held.all():
-        return Finding("reach", True, f"{where}, {lengths}")
-    home = rig.structure_matrix(rig.home, frames=rig.at_rest)
+        return Finding("reach", True, text)
     if not held.any() and allocate(home, nothing, rig.limits).status != Status.EXACT:
-        return Finding("reach", None, f"{where}, {lengths}; not all directions, nor at the rig's home")
+        return Finding("reach", None, f"{text}; not all directions, nor at the rig's home")
     first = int(np.argmin(held))
-    text = (
-        f"{where}, {lengths}; the cables hold the hand {format_share(float(held.mean()))} of the time, not at "
+    text += (
+        f"; the cables hold the hand {format_share(float(held.mean()))} of the time, not at "
         f"{played.time[first]:.2f} s, {format_vector(played.position[first].round(2) + 0.0)} m"
     )
     return Finding("reach", None if held.any() else False, text)
@@ -152,13 +148,8 @@ def _brakes(scenario: Scenario, phase: Phase, target: BrakeTarget, played: Rehea
     strengths = brake_strengths(rig)
     if target.cap is not None:
         strengths = np.minimum(strengths, target.cap.force)
-    chosen = choose_locks(
-        played.structure[during[touched]],
-        np.array([walls[index].normal for index in touched]),
-        target.force,
-        rig.limits,
-        strengths,
-    )
+    structure, normals = played.structure[during[touched]], np.array([walls[index].normal for index in touched])
+    chosen = choose_locks(structure, normals, target.force, rig.limits, strengths)
     held = target.force - float(chosen.unresisted.max())
     text = f"{max(held, 0.0):.0f} N of {target.force:g} N are held, where the hand is stopped"
     if chosen.unresisted.max() <= MAX_MISSING * target.force:

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import field, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import InstanceOf
+from pydantic import Field, InstanceOf
 
 from tensionlab.allocation import Policy
 from tensionlab.errors import EffectError, RigError, ScenarioError
@@ -30,6 +30,7 @@ from tensionlab.support.formatting import format_count
 from tensionlab.support.validation import describe, validate
 
 FOLDER = Path(__file__).parent / "files"  # scenarios of this package: NAME.toml and NAME.rig.toml
+PositiveNumber = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 SCENARIOS = ("materials", "collision", "recoil", "weight", "bow")  # their names, in the order of the publication
 
 
@@ -91,11 +92,11 @@ class Scenario:
     """Rig of a point: the hand or the head."""
     person: PersonPlan
     """Simulated person, for runs without a real one."""
-    phases: tuple[Phase, ...]
+    phases: Annotated[tuple[Phase, ...], Field(min_length=1)]
     """Phases; overlapping ones are rendered together."""
-    seconds: float
+    seconds: PositiveNumber
     """Duration, in s."""
-    rate: float = 200.0
+    rate: PositiveNumber = 200.0
     """Rate of cycles, in Hz."""
     policy: Policy = "direction"
     """Policy for infeasible forces."""
@@ -134,15 +135,11 @@ class Scenario:
         if self.frame is not None and self.frame not in rig.frames:
             known = f"one of {frames}" if rig.frames else "a rig with modules that are attached to it"
             raise self._error(f'frame is "{self.frame:.40}", no body frame of rig "{rig.name}"; give {known}')
-        if not self.phases:
-            raise self._error("there are no phases; give at least one")
         for name, script in {"person": self.person.script, **self.person.bodies}.items():
             if (axes := len(script.waypoints[0].position)) != rig.dimension:
                 raise self._error(
                     f'waypoints of "{name}" have {axes} coordinates; give {rig.dimension}, as the rig has axes'
                 )
-        if not (0.0 < self.rate < math.inf and 0.0 < self.seconds < math.inf):
-            raise self._error(f"seconds {self.seconds}, rate {self.rate}; give both above 0")
         if self.feet is not None and len(self.feet) != rig.dimension:
             raise self._error(f"feet is {brief(list(self.feet))}; give {rig.dimension} coordinates, in m")
         caps = [phase.hold.cap.force for phase in self.phases if phase.hold is not None and phase.hold.cap]

@@ -66,7 +66,7 @@ def test_another_rig_may_take_its_place(bow):
         ('up = "z"', "", "up is missing"),
         ('up = "z"', 'up = "w"', "key \"up\" is 'w'; give the axis that points up"),
         ('up = "z"', 'up = "z"\nrig = 3', "rig is 3; give a text"),
-        ("seconds = 5.0", "seconds = -1.0", "give both above 0"),
+        ("seconds = 5.0", "seconds = -1.0", "seconds is -1.0; give more than 0"),
         ('frame = "bow"', 'frame = "bw"', 'frame is "bw"'),
         ("time = 2.0", "tme = 2.0", "tme is an unknown key"),
         ("frequency = 0.4", "freq = 0.4", "bodies.bow.sway.freq is an unknown key"),
