@@ -39,11 +39,6 @@ class Sway:
     amplitude: parameters.Point
     frequency: parameters.Frequency = 0.4
 
-    @cached_property
-    def amplitudes(self) -> Floats:
-        """The same as an array (d,)."""
-        return np.array(self.amplitude)
-
 
 @parameters.checked_dataclass(ScenarioError)
 class Script:
@@ -70,16 +65,12 @@ class Script:
             )
 
     @cached_property
-    def _times(self) -> list[float]:
-        return [waypoint.time for waypoint in self.waypoints]
-
-    @cached_property
-    def _positions(self) -> list[Floats]:
-        return [np.array(waypoint.position, dtype=np.float64) for waypoint in self.waypoints]
+    def _path(self) -> tuple[list[float], list[Floats]]:
+        return [point.time for point in self.waypoints], [np.array(point.position) for point in self.waypoints]
 
     def position(self, time: float) -> Floats:
         """Return the position in m at a time in s."""
-        times, positions = self._times, self._positions
+        times, positions = self._path
         latest = bisect_right(times, time) - 1
         if 0 <= latest < len(times) - 1:
             share = (time - times[latest]) / (times[latest + 1] - times[latest])
@@ -89,7 +80,7 @@ class Script:
             position = positions[max(latest, 0)].copy()
         if self.sway is not None:
             phases = 2.0 * math.pi * self.sway.frequency * time * AXIS_RATES[: position.size]
-            position = position + self.sway.amplitudes * np.sin(phases)
+            position = position + np.array(self.sway.amplitude) * np.sin(phases)
         return position
 
 

@@ -29,8 +29,6 @@ from tensionlab.scenarios.scenario import Scenario
 from tensionlab.scenarios.scenery import as_mapping
 from tensionlab.support.provenance import manifest
 
-SIMULATED = "sim:"
-
 
 @dataclass(frozen=True, eq=False)
 class ScenarioModules:
@@ -75,7 +73,7 @@ def simulate_modules(
     """
     person = Person(scenario.person, scenario.rig)
     world = World(scenario.rig, person, seed)
-    links = dict.fromkeys((module.name for module in scenario.rig.modules), SIMULATED)
+    links = dict.fromkeys((module.name for module in scenario.rig.modules), "sim:")
     tracker = (lambda time: person.pose) if needs_tracker(scenario.rig) else None
     clock = WorldClock(world, paced=paced)
     return ScenarioModules(world.group(conditions, seed), clock, links, tracker, person)
