@@ -5,17 +5,16 @@ from __future__ import annotations
 import atexit
 import sys
 from collections.abc import Callable
-from html import escape
 
 import numpy as np
 
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.design_panel import DesignPanel
 from tensionlab.viewer.design_scene import TIP, DesignDrawing, Grab, draw, rotation_of
 from tensionlab.viewer.evaluation import evaluate
 from tensionlab.viewer.history import UNDOABLE, EditQueue
+from tensionlab.viewer.html import render
 from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.server import PageServer
 from tensionlab.viewer.solver_comparison import compare
@@ -68,10 +67,7 @@ class DesignPage:
         return f"<DesignPage of {self.rig.name} at {self.url}>"
 
     def _repr_html_(self) -> str:
-        return (
-            f'<iframe src="{escape(self.url)}" style="width:100%;height:{HEIGHT_PIXELS}px;'
-            f'border:1px solid rgba(128,128,128,.4)" title="{escape(self.rig.name)}"></iframe>'
-        )
+        return render("design.frame", self.url, self.rig.name, HEIGHT_PIXELS)
 
     def close(self) -> None:
         """Close the page; the rig stays as it was designed."""
@@ -138,21 +134,8 @@ class DesignPage:
 def view(rig: Rig) -> DesignPage:
     """Open the design page of a rig: inline in a notebook, in a browser elsewhere.
 
-    A thread serves it until it is closed or this process ends.
-
-    Parameters
-    ----------
-    rig : Rig
-
-    Returns
-    -------
-    DesignPage
-        With ``url``, ``rig`` (as it is designed now) and ``close()``.
-
-    Raises
-    ------
-    MissingDependency
-        If viser is not installed.
+    A thread serves it until it is closed or this process ends. The page has ``url``, ``rig`` (as it is designed
+    now) and ``close()``. MissingDependency if viser is not installed.
 
     Examples
     --------
@@ -177,8 +160,8 @@ def in_notebook() -> bool:
 def dragged(state: DesignState, grab: Grab) -> DesignState:
     """Return the state after something was dragged to a place; with the mouse, in the plane of a planar rig."""
     d, place, eye = state.rig.dimension, grab.place, grab.eye
-    if d == 2 and eye is not None:
-        place = on_plane(eye, place)
+    if d == 2 and eye is not None and abs(eye[2] - place[2]) > 1e-9 * float(np.linalg.norm(place - eye)):
+        place = eye - eye[2] / (place[2] - eye[2]) * (place - eye)  # along the ray
     if grab.what == TIP:
         force = (place[:d] - state.position) / force_scale(state.rig)
         return edits.set_wrench(state, np.concatenate([np.round(force, edits.DECIMALS), state.wrench[d:]]))
@@ -186,11 +169,3 @@ def dragged(state: DesignState, grab: Grab) -> DesignState:
         moved = edits.move_hand(state, place[:d])
         return moved if grab.turn is None else edits.turn_platform(moved, rotation_of(grab.turn, d))
     return edits.move_anchor(state, grab.what, place[:d])
-
-
-def on_plane(eye: Floats, through: Floats) -> Floats:
-    """Return where the ray from the eye through a place meets the plane z = 0; that place if it does not."""
-    ray = through - eye
-    if abs(ray[2]) < 1e-9 * float(np.linalg.norm(ray)):
-        return through
-    return np.asarray(eye - eye[2] / ray[2] * ray)

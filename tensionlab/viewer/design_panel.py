@@ -26,7 +26,7 @@ from tensionlab.viewer.evaluation import StateEvaluation
 from tensionlab.viewer.history import EditQueue
 from tensionlab.viewer.html import render
 from tensionlab.viewer.scene import force_scale
-from tensionlab.viewer.server import lay_out, on_input, on_press
+from tensionlab.viewer.server import on_input, on_press
 from tensionlab.viewer.solver_comparison import SolverPanel
 from tensionlab.viewer.state import DesignState, selected_module
 from tensionlab.viewer.workspace import COARSE, Volume
@@ -57,7 +57,6 @@ class DesignPanel:
         self._folder = Path.cwd()
         self._fields: list[tuple[Any, Callable[[DesignState], Any]]] = []  # with functions that read their values
         gui = self._gui
-        lay_out(gui)
         self._status, self._problem, self._tensions = (gui.add_html("") for _ in range(3))
         both = gui.add_button_group("", ("Undo", "Redo"))
         on_press(both, lambda: queue.undo() if both.value == "Undo" else queue.redo())
@@ -118,10 +117,13 @@ class DesignPanel:
         self._position = self._bind(position, lambda state: state.position, edits.move_hand)
         if n > d:
             self._bind(self._vector("turned °", n - d, STEP_DEG), angles_deg, turn_by_degrees)
-        self._bind(self._vector("force N", d, STEP_N), lambda s: s.wrench[:d], lambda s, v: set_part(s, v, 0))
+        force = self._vector("force N", d, STEP_N)
+        self._bind(force, lambda s: s.wrench[:d], lambda s, v: edits.set_wrench(s, [*v, *s.wrench[d:]]))
         if n > d:
             torque = self._vector("torque N·m", n - d, STEP_N)
-            self._bind(torque, lambda s: s.wrench[d:], lambda s, v: set_part(s, v, d))
+            self._bind(
+                torque, lambda s: s.wrench[d:], lambda s, v: edits.set_wrench(s, np.append(s.wrench[:d], v))
+            )
         self._solver = self._bind_attribute(gui.add_dropdown("solver", solver_names(self._rig)), "solver")
         self._bind(
             gui.add_dropdown("if infeasible", (DEFAULT_POLICY, *POLICIES)),
@@ -226,11 +228,10 @@ class DesignPanel:
         """Show the share of the box that the workspace has, and let the level range over the values."""
         low, high = volume.extent
         if len(volume.axes[0]) > COARSE and high > low:  # or it would move during a drag
-            step = 10.0 ** math.floor(math.log10((high - low) / LEVEL_STEPS))
-            decimals = max(0, -round(math.log10(step)))
+            decimals = -math.floor(math.log10((high - low) / LEVEL_STEPS))
+            self._level.step = step = 10.0**-decimals
             self._level.min = round(math.floor(low / step) * step, decimals)
             self._level.max = round(math.ceil(high / step) * step, decimals)
-            self._level.step = step
         self._level.value = float(state.level)
         self._share.content = share_html(state, volume, ghost)
 
@@ -251,13 +252,6 @@ def turn_by_degrees(state: DesignState, angles: Any) -> DesignState:
     """Turn the platform by roll, pitch and yaw, or in the plane by an angle, in degrees."""
     turn = np.radians(np.atleast_1d(angles))
     return edits.turn_platform(state, roll_pitch_yaw(*turn)[0] if len(turn) == 3 else turn[0])
-
-
-def set_part(state: DesignState, part: Any, start: int) -> DesignState:
-    """Set components of the desired wrench, from a first one on."""
-    wrench, values = state.wrench.copy(), np.atleast_1d(part)
-    wrench[start : start + len(values)] = values
-    return edits.set_wrench(state, wrench)
 
 
 def body_position(state: DesignState, module: Module) -> Floats | None:

@@ -81,11 +81,16 @@ def draw(state: DesignState, found: StateEvaluation) -> DesignScene:
         corners = hand + scale * in_space(found.available.corners)
         available, edges = Mesh(corners, found.available.faces), plain_lines(corners[found.available.edges], BLUE)
     arrows = _arrows(state, found, hand, scale)
+
+    def cables(of: DesignState, colours: Colours) -> Lines:
+        points = ways(of.attachments, of.anchors, of.rig.pulleys_in_world(of.rig.at_rest))
+        return cable_lines(in_space(points), colours)
+
     if found.certificate is not None:
         arrows["certificate"], plane = _certificate(state, found.certificate, hand, scale)
     return DesignScene(
         rig=RigScene(
-            cables=cable_lines(_cable_points(state), tension_colours(rig, found)),
+            cables=cables(state, tension_colours(rig, found)),
             platform=platform_lines(hand, ends),
             anchors=anchors,
             colours=module_colours(rig),
@@ -94,7 +99,7 @@ def draw(state: DesignState, found: StateEvaluation) -> DesignScene:
             arrows=arrows,
         ),
         tip=hand + tip,
-        ghost=NO_LINES if ghost is None else cable_lines(_cable_points(ghost), rgb(GREY)),
+        ghost=NO_LINES if ghost is None else cables(ghost, rgb(GREY)),
         walls=NO_LINES if task is None else plain_lines(in_space(outlines(task.space)), GREY),
         edges=edges,
         available=available,
@@ -106,10 +111,6 @@ def tension_colours(rig: Rig, found: StateEvaluation) -> Colours:
     """Return the colour of each cable, (m, 3), by where its tension is between its limits; grey without one."""
     tensions = np.full(rig.m, np.nan) if found.allocation is None else found.allocation.tensions
     return ramp(tensions, rig.limits.lower, rig.limits.upper)
-
-
-def _cable_points(state: DesignState) -> Floats:
-    return in_space(ways(state.attachments, state.anchors, state.rig.pulleys_in_world(state.rig.at_rest)))
 
 
 def _arrows(state: DesignState, found: StateEvaluation, hand: Floats, scale: float) -> dict[str, Floats]:
@@ -177,7 +178,18 @@ class DesignDrawing:
         self._make_draggable(self._rig.hand, lambda: HAND)
         self._tip = self._scene.add_icosphere("/tip", color=rgb(ORANGE), cast_shadow=False)
         self._make_draggable(self._tip, lambda: TIP)
-        self._add_gizmo()
+        # The handle with arrows and arcs, for what is selected.
+        self._gizmo = self._scene.add_transform_controls(
+            "/handle", GIZMO_PIXELS, fixed=True, active_axes=(True, True, not self._flat), depth_test=False,
+            visible=False,
+        )  # fmt: skip
+        self._gizmo_held, self._gizmo_at = False, HAND
+        self._gizmo.on_update(self._drag_gizmo)
+
+    async def _drag_gizmo(self, event: Any) -> None:
+        self._gizmo_held = event.phase != "end"
+        turn = None if self._gizmo.disable_rotations else np.array(event.target.wxyz)
+        self._on_grab(Grab(self._gizmo_at, event.phase, np.array(event.target.position), turn=turn))
 
     def _add_mesh(self, name: str, colour: str, opacity: float, *, smooth: bool = False) -> Any:
         # Of a closed surface the far side alone is drawn, since a near one would hide what is inside. Shading in
@@ -233,33 +245,17 @@ class DesignDrawing:
         node.on_drag("left")(dragged)
         node.on_click(clicked)
 
-    def _add_gizmo(self) -> None:
-        """Add the handle with arrows and arcs, for what is selected."""
-        self._gizmo = self._scene.add_transform_controls(
-            "/handle", GIZMO_PIXELS, fixed=True, active_axes=(True, True, not self._flat), depth_test=False,
-            visible=False,
-        )  # fmt: skip
-        self._gizmo_held, self._gizmo_at = False, HAND
-
-        async def dragged(event: Any) -> None:
-            self._gizmo_held = event.phase != "end"
-            turn = None if self._gizmo.disable_rotations else np.array(event.target.wxyz)
-            self._on_grab(Grab(self._gizmo_at, event.phase, np.array(event.target.position), turn=turn))
-
-        self._gizmo.on_update(dragged)
-
     def _show_gizmo(self, scene: DesignScene, state: DesignState) -> None:
         """Put the handle with arrows at what is selected, unless it is being dragged."""
         if self._gizmo_held:
             return
         self._gizmo_at = state.selected
         self._gizmo.visible = state.selected in (*self._names, HAND) and state.selected != self._by_ball
-        at_module = state.selected in self._names
-        self._gizmo.disable_rotations = at_module or state.rotation is None
-        self._gizmo.position = (
-            scene.rig.anchors[self._names.index(state.selected)] if at_module else scene.rig.hand
-        )
-        self._gizmo.wxyz = quaternion(None if at_module else state.rotation, state.rig.dimension)
+        rotation, self._gizmo.position = state.rotation, scene.rig.hand
+        if state.selected in self._names:
+            rotation, self._gizmo.position = None, scene.rig.anchors[self._names.index(state.selected)]
+        self._gizmo.disable_rotations = rotation is None
+        self._gizmo.wxyz = quaternion(rotation, state.rig.dimension)
 
 
 def quaternion(rotation: Floats | None, dimension: int) -> Floats:

@@ -15,7 +15,7 @@ from tensionlab.support.colours import FORCE_COLOURS
 from tensionlab.viewer.html import render
 from tensionlab.viewer.run_scene import ENLARGED, Instant
 from tensionlab.viewer.scene import force_scale
-from tensionlab.viewer.server import PageServer, lay_out
+from tensionlab.viewer.server import PageServer
 
 DECIMALS = 3  # decimals of components in N: a text that changes its length from cycle to cycle cannot be read
 LATE_PERIODS = 3.0  # age of telemetry, in cycles, from which on it is marked
@@ -32,7 +32,6 @@ class RunPage(ABC):
     def __init__(self, server: PageServer) -> None:
         self.server = server
         gui = server.viser.gui
-        lay_out(gui)
         gui.add_html(render("run.animations"))
         self._outcome, self._heading, self._phases, self._forces = (gui.add_html("") for _ in range(4))
         tabs = gui.add_tab_group()

@@ -29,6 +29,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model
 from tensionlab.errors import InputError, optional_import
 from tensionlab.support.access import LOOPBACK, Header, knows_token, loaded_by_other_page, names_this_machine
 from tensionlab.support.files.reading import brief
+from tensionlab.viewer.html import render
 
 if TYPE_CHECKING:
     import viser
@@ -48,15 +49,6 @@ MAX_MESSAGE_BYTES = 1 << 14  # longest message of a browser
 MAX_WAITING = 256  # connections without a request; beyond, the oldest is closed, so that the stop is reached
 MAX_TEXT = 1000  # longest text that a browser may enter, in characters
 PANEL_PIXELS = 410.0
-# Outside of what viser draws: it works while viser's connection or its panel does not.
-STOP_BUTTON = (
-    '<div style="position:fixed;left:16px;bottom:16px;z-index:100000;font:bold 18px sans-serif">'
-    '<div style="color:#d00000;background:#fff;max-width:40em;white-space:pre-line"></div>'
-    '<button style="font:inherit;padding:14px 24px;border:0;border-radius:4px;color:#fff;background:#d00000" '
-    "onclick=\"fetch('/stop'+location.search).then(a=>a.ok?'':a.text(),"
-    "()=>'NOT STOPPED: the server of this page does not answer; end the run itself')"
-    '.then(t=>this.previousElementSibling.textContent=t)">STOP ALL MODULES</button></div>'
-)
 QUIET = logging.getLogger(f"{__name__}.connections")
 QUIET.setLevel(logging.CRITICAL)  # a caller that is no browser leaves no traceback
 _starting = threading.Lock()
@@ -155,7 +147,7 @@ class Gate:
             response = connection.respond(HTTPStatus.SEE_OTHER, "")
             response.headers["Location"] = location
         elif self.stop is not None and urlsplit(request.path).path == PAGE_PATH:
-            response.body = response.body.replace(b"</body>", STOP_BUTTON.encode() + b"</body>")
+            response.body = response.body.replace(b"</body>", render("run.stop_button").encode() + b"</body>")
             del response.headers["Content-Length"]
             response.headers["Content-Length"] = str(len(response.body))
         response.headers.update(HEADERS)
@@ -210,6 +202,10 @@ class PageServer:
         with _starting, contextlib.redirect_stdout(io.StringIO()):  # viser prints its address
             self.viser = self.gate.server = _start_viser(host, port, self.gate)
         self.viser.scene.configure_default_lights(cast_shadow=False)  # half of the work without a graphics card
+        gui = self.viser.gui
+        gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        gui.main_panel.dock_right()  # next to the picture, so that neither hides the other
+        gui.main_panel.set_width(PANEL_PIXELS)
         name = f"[{host}]" if ":" in host else socket.gethostname() if host in ("0.0.0.0", "::") else host
         self.url = f"http://{name}:{self.viser.get_port()}/?token={self.gate.token}"
 
@@ -294,13 +290,6 @@ def _start_viser(host: str, port: int, gate: Gate) -> viser.ViserServer:
         server.stop()
         raise RuntimeError("this version of viser does not ask who connects; install viser 1.1")
     return server
-
-
-def lay_out(gui: Any) -> None:
-    """Put the panel next to the picture, so that neither hides the other."""
-    gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
-    gui.main_panel.dock_right()
-    gui.main_panel.set_width(PANEL_PIXELS)
 
 
 def on_input(field: Any, act: Callable[[], None]) -> Any:

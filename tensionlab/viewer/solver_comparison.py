@@ -85,8 +85,7 @@ def answer(state: DesignState, solver: str, study: StudyProblems) -> SolverAnswe
     d = rig.dimension
     try:
         made = make(solver)
-        policy = state.policy if state.policy in made.policies else None
-        allocator = Allocator(rig.limits, made, policy=policy)
+        allocator = Allocator(rig.limits, made, policy=state.policy if state.policy in made.policies else None)
         here = rig.structure_matrix(state.position, state.rotation, rig.at_rest)
         now = allocator(here, state.exerted)
         wrenches = np.tile(state.exerted, (len(study.forces), 1))
@@ -137,7 +136,8 @@ class SolverPanel:
         self._tab = tab
         with gui.add_folder("compare with", expand_by_default=False):
             for name in solvers:
-                bind(gui.add_checkbox(name, False), partial(_is_compared, name), partial(_set_compared, name))
+                is_compared = partial(lambda name, state: name in state.compared, name)
+                bind(gui.add_checkbox(name, False), is_compared, partial(_set_compared, name))
         study = gui.add_dropdown("at", STUDIES)
         bind(study, lambda state: state.study, lambda state, value: replace(state, study=value))
         self._table = gui.add_html("")
@@ -171,10 +171,6 @@ class SolverPanel:
         for chart, (title, values) in zip(self._charts, lines.items(), strict=False):
             chart.title = title
             chart.data = (study.along, *values)
-
-
-def _is_compared(name: str, state: DesignState) -> bool:
-    return name in state.compared
 
 
 def _set_compared(name: str, state: DesignState, compared: bool) -> DesignState:

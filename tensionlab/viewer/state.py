@@ -91,10 +91,9 @@ def selected_module(state: DesignState) -> Module | None:
 
 def find(state: DesignState, name: str) -> Module:
     """Return a module by its name; RigError if there is none."""
-    for module in state.rig.modules:
-        if module.name == name:
-            return module
-    raise RigError(f'rig "{state.rig.name}" has no module "{name}"; it has {", ".join(state.names)}')
+    if name not in state.names:
+        raise RigError(f'rig "{state.rig.name}" has no module "{name}"; it has {", ".join(state.names)}')
+    return state.rig.modules[state.names.index(name)]
 
 
 def change_module(state: DesignState, name: str, /, **changes: Any) -> DesignState:
@@ -133,26 +132,22 @@ def snap(state: DesignState, place: ArrayLike) -> Floats:
 def nearest_on_surfaces(space: Space, place: Floats) -> Floats:
     """Return the point of the surfaces nearest to a place, (d,), in m; the place if none is in the world."""
     points = []
-    for corner, edges in _surfaces(space):
+    for surface in (surface for surface in space.surfaces if surface.frame == WORLD):
         # Of a rectangle or a box this is the nearest point, of a skew surface one that is near.
-        share = np.clip(np.linalg.lstsq(edges.T, place - corner, rcond=None)[0], 0.0, 1.0)
-        points.append(corner + share @ edges)
+        share = np.linalg.lstsq(surface.edges.T, place - surface.corner, rcond=None)[0]
+        points.append(surface.corner + np.clip(share, 0.0, 1.0) @ surface.edges)
     return min(points, key=lambda point: float(np.linalg.norm(point - place)), default=place)
 
 
 def outlines(space: Space) -> Floats:
     """Return the edges of all surfaces as line segments (k, 2, d), in m."""
     found: list[Floats] = []
-    for corner, edges in _surfaces(space):
-        corners = corner + np.array(list(product((0.0, 1.0), repeat=len(edges)))) @ edges
+    for surface in (surface for surface in space.surfaces if surface.frame == WORLD):
+        edges = surface.edges
+        corners = surface.corner + np.array(list(product((0.0, 1.0), repeat=len(edges)))) @ edges
         pairs = product(range(len(corners)), (1 << bit for bit in range(len(edges))))
         found += [corners[[i, i | step]] for i, step in pairs if not i & step]
     return np.stack(found) if found else np.empty((0, 2, space.dimension))
-
-
-def _surfaces(space: Space) -> list[tuple[Floats, Floats]]:
-    """Return corner (d,) and edges (k, d) of the surfaces in the world."""
-    return [(surface.corner, surface.edges) for surface in space.surfaces if surface.frame == WORLD]
 
 
 def move_anchor(state: DesignState, name: str, place: ArrayLike) -> DesignState:
