@@ -21,7 +21,7 @@ from tensionlab.solvers.base import (
     refusal,
     resolve_policy,
 )
-from tensionlab.solvers.closed_form import ImprovedClosedForm, Polygon, PolygonGoal, Pseudoinverse, Puncture
+from tensionlab.solvers.closed_form import ImprovedClosedForm, Polygon, PolygonGoal, Pseudoinverse, Puncture, Start
 from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.least_squares import Dykstra, Newton
 from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
@@ -50,9 +50,6 @@ SOLVERS: dict[str, type[Any]] = {
 }  # built-in solvers by name
 
 PLUGIN_GROUP = "tensionlab.solvers"
-# Attributes that the class of a solver has, and of which kind.
-REQUIRED_ATTRIBUTES: dict[str, Any] = {"objective": str, "policies": tuple, "solve": Callable}
-GUIDE = "docs/how-to/add-a-solver.md has one to copy"  # what to do about a class that is no solver
 
 
 def make(name: str) -> Solver:
@@ -72,12 +69,15 @@ def make(name: str) -> Solver:
     found = SOLVERS.get(family)
     names: Iterable[str] = SOLVERS
     if found is None:
+        from importlib.metadata import EntryPoint
+
         offered = offered_plugins()
         names = [*SOLVERS, *offered, *(f"qp:{backend}" for backend in BACKENDS)]
         if family in offered:
             found = _load_only(offered[family])
         elif rest and _is_module(family):
-            found, name = _load_class(family, rest.partition(":")[0]), rest
+            class_name = rest.partition(":")[0]
+            found, name = _load(EntryPoint(class_name, f"{family}:{class_name}", PLUGIN_GROUP)), rest
         elif rest[:1].isupper():
             raise UnknownSolver(
                 f"no solver is called {family!r}, and Python can import no module of that name; install the "
@@ -97,9 +97,8 @@ def title_of(solver: Solver) -> str:
     kind = type(solver)
     name = next((family for family, known in SOLVERS.items() if known is kind), kind.__name__)
     settings: tuple[Field[Any], ...] = fields(kind) if is_dataclass(kind) else ()
-    values = {each.name: getattr(solver, each.name) for each in settings if each.init}
-    changed = [f"{each.name}={values[each.name]!r}" for each in settings if each.name in values
-               and repr(values[each.name]) != repr(each.default)]  # fmt: skip
+    changed = [f"{each.name}={value!r}" for each in settings
+               if each.init and repr(value := getattr(solver, each.name)) != repr(each.default)]  # fmt: skip
     return f"{name}({', '.join(changed)})" if changed else name
 
 
@@ -130,7 +129,7 @@ def _built_in() -> dict[str, bool]:
     variants = {
         "cvxpy": {"cvxpy": find_spec("cvxpy") is not None},
         "qp": {f"qp:{backend}": backend in installed for backend in BACKENDS},
-        "pseudoinverse": {"pseudoinverse:reference": True, "pseudoinverse:middle": True},
+        "pseudoinverse": {f"pseudoinverse:{start}": True for start in get_args(Start)},
         "polygon": {f"polygon:{goal}": True for goal in get_args(PolygonGoal)},
     }
     names = [variants.get(name, {name: True}) for name in SOLVERS]
@@ -159,10 +158,8 @@ def name_solvers(solvers: Sequence[str | Solver]) -> dict[str, Solver | None]:
         if isinstance(each, type):
             raise InputError(f"solvers has the class {each.__name__}; give an instance, {each.__name__}()")
         if not isinstance(each, str) and (lacks := _lacks(each)):
-            raise InputError(
-                f"solvers has {each!r:.60}, which lacks {', '.join(lacks)}; give names in tensionlab.SOLVERS, or "
-                "instances of solvers, as tensionlab.solvers.Solver says"
-            )
+            raise InputError(f"solvers has {each!r:.60}, which lacks {', '.join(lacks)}; give names, or instances "
+                             "of solvers, as tensionlab.solvers.Solver says")  # fmt: skip
         found |= {each: None} if isinstance(each, str) else {title_of(each): each}
     return found
 
@@ -183,7 +180,7 @@ def select_solvers(
     that lack the policy, unless all do; what else is in the way of one is an `InputError`, `UnknownSolver`,
     `MissingDependency` or `PluginError`.
     """
-    if policy is not None and not (isinstance(policy, str) and policy in POLICIES):
+    if policy is not None and policy not in POLICIES:
         raise InputError(f"policy={policy!r} is unknown; choose one of {', '.join(POLICIES)}")
     usable = every_solver() if solvers is None else _built_in()
     wanted = dict.fromkeys(usable) if solvers is None else name_solvers(solvers)
@@ -203,9 +200,7 @@ def select_solvers(
             missing[name] = reason
         elif policy is None:
             runs += [Selected(name, policy, solver) for policy in solver.policies or (None,)]
-        elif solvers is None and policy not in solver.policies:
-            continue
-        else:
+        elif solvers is not None or policy in solver.policies:
             try:
                 runs.append(Selected(name, resolve_policy(solver, policy, f"solver {name}"), solver))
             except InputError as error:
@@ -241,15 +236,10 @@ def find_plugins() -> dict[str, type[Any] | PluginError]:
     return found
 
 
-def _origins(entries: list[EntryPoint]) -> str:
-    """Return names and versions of the distributions that entry points belong to."""
-    return " and ".join(f"{each.dist.name} {each.dist.version}" if each.dist else "none" for each in entries)
-
-
 def _load_only(entries: list[EntryPoint]) -> type[Any]:
     """Return the solver of an entry point whose name no other has."""
     entry, *others = entries
-    offer = f"{_origins(entries)} offers a solver {entry.name!r}"
+    offer = f"{' and '.join(map(_origin, entries))} offers a solver {entry.name!r}"
     if others:
         raise PluginError(f"{offer}; uninstall all but one")
     if entry.name in SOLVERS:
@@ -259,27 +249,23 @@ def _load_only(entries: list[EntryPoint]) -> type[Any]:
     return _load(entry)
 
 
+def _origin(entry: EntryPoint) -> str:
+    """Return name and version of the distribution that an entry point belongs to."""
+    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else "none"
+
+
 def _is_module(name: str) -> bool:
     """Return whether Python can import a module of this name."""
-    if not all(part.isidentifier() for part in name.split(".")):
-        return False
     try:
-        return find_spec(name) is not None
+        return all(part.isidentifier() for part in name.split(".")) and find_spec(name) is not None
     except (ModuleNotFoundError, ValueError):  # of the package that it would be in; __main__
         return False
-
-
-def _load_class(module: str, name: str) -> type[Any]:
-    """Load the class of a module, and check that it is a solver."""
-    from importlib.metadata import EntryPoint
-
-    return _load(EntryPoint(name, f"{module}:{name}", PLUGIN_GROUP))
 
 
 @functools.cache
 def _load(entry: EntryPoint) -> type[Any]:
     """Load the class of an entry point, once, and check that it is a solver."""
-    where = f"solver {entry.name!r}" + (f" of {_origins([entry])}" if entry.dist else "") + f" ({entry.value})"
+    where = f"solver {entry.name!r}" + (f" of {_origin(entry)}" if entry.dist else "") + f" ({entry.value})"
     try:
         found = entry.load()
         if isinstance(found, type):
@@ -292,13 +278,11 @@ def _load(entry: EntryPoint) -> type[Any]:
     if not faults and (unknown := [each for each in found.policies if each not in POLICIES]):
         faults.append(f"has a policy {unknown[0]!r}; there are {', '.join(POLICIES)}")
     if faults:
-        raise PluginError(f"{where} {' and '.join(faults)}; {GUIDE}")
-    solver_class: type[Any] = found
-    return solver_class
+        raise PluginError(f"{where} {' and '.join(faults)}; docs/how-to/add-a-solver.md has one to copy")
+    return cast("type[Any]", found)
 
 
 def _lacks(solver: object) -> list[str]:
     """Return what a class or an instance lacks to be a solver."""
-    return [
-        name for name, kind in REQUIRED_ATTRIBUTES.items() if not isinstance(getattr(solver, name, None), kind)
-    ]
+    required: dict[str, Any] = {"objective": str, "policies": tuple, "solve": Callable}
+    return [name for name, kind in required.items() if not isinstance(getattr(solver, name, None), kind)]
