@@ -7,7 +7,6 @@ from tensionlab.benchmark.baselines import BASELINES
 from tensionlab.benchmark.entries import WRAPPERS, entries
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers import SOLVERS
-from tensionlab.solvers.quadratic import BACKENDS
 from tests.helpers import batch
 
 
@@ -22,14 +21,6 @@ def test_every_built_in_family_and_every_baseline_is_an_entry():
     assert {each.solver for each in found if each.setting != "proved"} == set(BASELINES)
     assert len(found) == len(names(found))
     assert not any(each.missing for each in found)
-
-
-def test_baselines_run_at_their_defaults_and_tight_where_they_have_such_options():
-    found = names(entries("all"))
-    for backend in BACKENDS:
-        assert (f"qpsolvers:{backend}", "default") in found
-        assert ((f"qpsolvers:{backend}", "tight") in found) == (backend != "quadprog")
-    assert {("daqp", "default"), ("daqp", "tight"), ("cvxpy:plain", "default"), ("cvxpy:plain", "tight")} <= found
 
 
 def test_for_infeasible_wrenches_every_policy_runs_and_wrappers_get_theirs():

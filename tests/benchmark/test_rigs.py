@@ -9,18 +9,11 @@ from tensionlab.benchmark.rigs import (
     near_singular,
     rotations,
     structures,
-    unit_vectors,
     workspace_samples,
 )
 from tensionlab.errors import RigError
 from tensionlab.model.files import load_rig
 from tensionlab.workspace import capacity_margin
-
-
-def test_directions_have_length_1_and_no_preference():
-    vectors = unit_vectors(np.random.default_rng(0), 100, 200, 3)
-    np.testing.assert_allclose(np.linalg.norm(vectors, axis=-1), 1.0)
-    np.testing.assert_allclose(np.einsum("abi,abj->ij", vectors, vectors) / 20000, np.eye(3) / 3, atol=0.01)
 
 
 @pytest.mark.parametrize(("n", "m"), [(3, 5), (6, 8)])
@@ -80,13 +73,6 @@ def test_a_path_is_a_slow_loop_that_starts_inside_and_comes_back(turning):
     assert max(closing) < 1.1 * max(np.abs(np.diff(each, axis=0)).max() for each in (structure, wrench))
     inside = capacity_margin(structure, rig.limits, wrench[:, None]) > 0.0
     assert inside[0] or turning
-    assert 0.1 <= inside.mean() <= 0.9
-
-
-def test_a_path_that_hardly_enters_the_workspace_is_drawn_again():
-    rig = load_rig("seven-modules")  # the first loop of this seed is within reach for 8 of 100 samples
-    structure, wrench = border_path(np.random.default_rng(49), rig, 100, 0.3, 1.5, True)
-    inside = capacity_margin(structure, rig.limits, wrench[:, None]) > 0.0
     assert 0.1 <= inside.mean() <= 0.9
 
 
