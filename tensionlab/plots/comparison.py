@@ -61,7 +61,7 @@ def plot_comparison(comparison: Comparison) -> Figure:
     >>> found = tl.compare(rig, directions=[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], solvers=["newton", "closed-form"])
     >>> figure = plots.plot_comparison(found)
     """
-    return _plot_forces(comparison) if not comparison.along_trajectory else _plot_trajectory(comparison)
+    return _plot_trajectory(comparison) if comparison.along_trajectory else _plot_forces(comparison)
 
 
 def _plot_forces(comparison: Comparison) -> Figure:
@@ -103,25 +103,29 @@ def _draw_solvers(part: Any, comparison: Comparison, names: Sequence[str]) -> No
         if not is_built_in(name):
             label.set(color=PURPLE, fontweight="bold")
     panels[0].set_ylim(max(len(names), 4) - 0.4, -0.6)
-    _draw_statuses(panels[0], rows, lines)
+    for row, line in zip(rows, lines, strict=True):
+        start = 0
+        for key, mark in zip(COUNTS, STATUS_MARKS, strict=True):
+            panels[0].barh(line, getattr(row, key), left=start, height=0.2, color=mark.colour)
+            start += getattr(row, key)
     panels[0].set(xlabel="forces", xlim=(0, count))
     for name in comparison.missing:
         panels[0].text(0.02 * count, names.index(name), "left out", va="center", color=GREY, style="italic")
     errors = [max(row.residual_max, MIN_ERROR_N) for row in rows]
-    _draw_points(panels[1], rows, lines, errors)
     panels[1].axvspan(MIN_ERROR_N / 10, TOLERANCE, color="#F2F2F2", zorder=0)
     panels[1].text(TOLERANCE / 2, -0.52, "exact", ha="right", va="top", color=GREY)
     panels[1].set(xscale="log", xlabel="max error (N)", xlim=(MIN_ERROR_N / 10, 10 * np.nanmax([1, *errors])))
-    _draw_points(panels[2], rows, lines, [row.angle_max_deg for row in rows])
     # Linear below 1 degree: 0 and 180 degrees on one axis.
     panels[2].set_xscale("symlog", linthresh=1.0)
     panels[2].set(xlabel="max angle error (°)", xlim=(-0.15, 260))
     panels[2].set_xticks([0, 1, 10, 90], ["0", "1", "10", "90"])
     microseconds = [1e6 * row.call_median_s for row in rows]
-    _draw_points(panels[3], rows, lines, microseconds)
-    for row, line, median in zip(rows, lines, microseconds, strict=True):
-        colour = POLICY_LOOK[row.policy][0]
-        panels[3].plot([median, 1e6 * row.call_p99_s], [line, line], color=colour, linewidth=1.2)
+    angles = [row.angle_max_deg for row in rows]
+    for row, line, *values in zip(rows, lines, errors, angles, microseconds, strict=True):
+        colour, marker, _ = POLICY_LOOK[row.policy]
+        for axes, value in zip(panels[1:], values, strict=True):
+            axes.plot(value, line, marker=marker, color=colour, markersize=5, linestyle="", zorder=3)
+        panels[3].plot([values[-1], 1e6 * row.call_p99_s], [line, line], color=colour, linewidth=1.2)
         panels[3].plot(1e6 * row.batch_s, line, marker="|", color=colour, markersize=7, markeredgewidth=1.6)
     panels[3].set(xscale="log", xlabel="time of a call (µs)")
     for axes in panels:
@@ -182,25 +186,12 @@ def _draw_forces(axes: Axes, comparison: Comparison, view: tuple[int, int]) -> N
         axes.invert_yaxis()
 
 
-def _draw_statuses(axes: Axes, rows: Sequence[Score], lines: Sequence[float]) -> None:
-    """Draw the statuses of each row as a bar."""
-    for row, line in zip(rows, lines, strict=True):
-        start = 0
-        for key, mark in zip(COUNTS, STATUS_MARKS, strict=True):
-            axes.barh(line, getattr(row, key), left=start, height=0.2, color=mark.colour)
-            start += getattr(row, key)
-
-
-def _draw_points(axes: Axes, rows: Sequence[Score], lines: Sequence[float], values: Sequence[float]) -> None:
-    """Draw one marker for each row."""
-    for row, line, value in zip(rows, lines, values, strict=True):
-        colour, marker, _ = POLICY_LOOK[row.policy]
-        axes.plot(value, line, marker=marker, color=colour, markersize=5, linestyle="", zorder=3)
-
-
 def _plot_trajectory(comparison: Comparison) -> Figure:
     drawn = dict(list(comparison.own_policies.items())[:MAX_DRAWN_SOLVERS])
-    length, label = _path_length(comparison)
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(comparison.position, axis=0), axis=1)))
+    label = "length of the path (m)"
+    if not length[-1]:
+        length, label = np.arange(len(length), dtype=np.float64), "sample"
     infeasible = np.any([found.status == Status.NEAREST for found in comparison.allocations], axis=0)
     columns = 1 if len(drawn) == 1 else 2
     count = -(-len(drawn) // columns)
@@ -252,14 +243,6 @@ def _finding(comparison: Comparison, drawn: Sequence[int]) -> str:
 def _line(index: int) -> dict[str, Any]:
     """Return the look of one of several curves."""
     return {**curve_look(index), "linewidth": 1.3}
-
-
-def _path_length(comparison: Comparison) -> tuple[Floats, str]:
-    """Return where the samples are along the horizontal axis, and its label."""
-    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(comparison.position, axis=0), axis=1)))
-    if length[-1] > 0.0:
-        return length, "length of the path (m)"
-    return np.arange(len(length), dtype=np.float64), "sample"
 
 
 def _draw_tensions(axes: Axes, comparison: Comparison, number: int, length: Floats, infeasible: Any) -> None:
