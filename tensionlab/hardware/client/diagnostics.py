@@ -13,11 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab.errors import HardwareError, LinkTimeout, ModuleFault
+from tensionlab.errors import HardwareError, LinkTimeout
 from tensionlab.hardware.client.links import has_bluetooth, serial_ports
 from tensionlab.hardware.client.locks import holder
 from tensionlab.hardware.client.module import ModuleClient, require_ready
-from tensionlab.hardware.protocol.codes import Code
 from tensionlab.hardware.protocol.messages import Hello, Info, Ping, Pong, printable
 
 # Makers of the chips that connect an ESP32 to USB.
@@ -102,13 +101,7 @@ def identify(client: ModuleClient, begun: Callable[[], None]) -> None:
     require_ready(client, info)
     client.stop()  # it may still be in TIMEOUT from an earlier run
     strong = min(info.tension_lower + PULSE_TENSION_N, info.tension_upper)
-    try:
-        client.arm()
-    except ModuleFault as fault:
-        if fault.code is not Code.FAULT_PRESENT:
-            raise
-        advice = f"something is wrong with it, see `tensionlab module monitor {client.link.url}`"
-        raise ModuleFault(f"{fault}; {advice}", fault.module, fault.code) from None
+    client.arm()
     try:
         begun()
         for tension in (info.tension_lower, strong) * PULSES:

@@ -138,7 +138,8 @@ class SerialLink:
             taken = self._port.write(content)
         except self._broken as error:
             raise LinkError(f"{self.url} broke: {error}") from None
-        _require_all(self.url, taken, content)
+        if taken != len(content):  # later bytes would be out of step
+            raise not_taken(self.url, 0)
 
     def receive(self, timeout: float) -> bytes:
         """Wait for bytes."""
@@ -184,7 +185,8 @@ class SocketLink:
             taken = 0
         except OSError as error:
             raise LinkError(f"{self.url} broke: {error.strerror or error}") from None
-        _require_all(self.url, taken, content)
+        if taken != len(content):  # later bytes would be out of step
+            raise not_taken(self.url, 0)
 
     def receive(self, timeout: float) -> bytes:
         """Wait for bytes."""
@@ -207,12 +209,6 @@ class SocketLink:
         self._socket.close()
         if self._lock is not None:
             self._lock.release()
-
-
-def _require_all(url: str, taken: int, content: bytes) -> None:
-    """Raise a `LinkError` if a link took only a part: later bytes would be out of step."""
-    if taken != len(content):
-        raise not_taken(url, 0)
 
 
 def not_taken(url: str, error: int) -> LinkError:
