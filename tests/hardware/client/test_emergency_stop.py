@@ -57,14 +57,8 @@ class LockedLink(SimulatedLink):
 
 
 @pytest.fixture
-def lockless_rig(monkeypatch):
-    """Modules whose links are opened without a lock, as an emergency stop opens real ones."""
-    return ReachableRig(monkeypatch, tl.load_rig("datasets/rigs/bartels2026-validation.toml"))
-
-
-@pytest.fixture
-def rig(monkeypatch, lockless_rig):
-    made = lockless_rig
+def rig(monkeypatch):
+    made = ReachableRig(monkeypatch, tl.load_rig("datasets/rigs/bartels2026-validation.toml"))
     for url, module in zip(made.urls.values(), made.world.modules, strict=True):
         monkeypatch.setitem(OPENERS, url, partial(LockedLink, module, url))
     return made

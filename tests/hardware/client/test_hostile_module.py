@@ -10,11 +10,10 @@ from tensionlab.errors import HardwareError, LinkTimeout, ProtocolError
 from tensionlab.hardware.client import diagnostics as discover
 from tensionlab.hardware.client import group
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import Code, Type
+from tensionlab.hardware.protocol.codes import Type
 from tensionlab.hardware.protocol.messages import (
     DELIMITER,
     PROTOCOL,
-    Acknowledge,
     Decoder,
     Hello,
     Info,
@@ -95,15 +94,6 @@ def test_endless_bytes_are_not_kept(noise):
         liar.hello()
     kept = liar.endpoint.kept
     assert kept < 500
-
-
-def test_refusals_without_end_are_not_kept():
-    liar = client(lambda frame: b"")
-    refused = Acknowledge(Type.SET_TENSION, Code.BAD_VALUE, 0)
-    liar._feed(b"".join(refused.frame(number % 256).pack() for number in range(10_000)))
-    with pytest.raises(HardwareError, match="refused a set-point: BAD_VALUE"):
-        liar.check()
-    liar.check()
 
 
 def test_whatever_a_frame_holds_no_other_error_comes_of_it():

@@ -210,23 +210,6 @@ def test_a_module_at_a_serial_port_notices_that_its_client_has_gone():
         thread.join()
 
 
-def test_a_port_that_has_no_file_to_wait_for_is_read():
-    link = SerialLink("loop://")
-    link._port.write_timeout = None  # else a loop takes nothing: it is as slow as its baud rate
-    link.send(b"all of it")
-    assert link.receive(LONG_S) == b"all of it"
-    assert link.receive(0.0) == b""
-    began = link.clock()
-    assert link.receive(0.02) == b""
-    assert link.clock() - began >= 0.02
-    link.send(b"more")
-    assert link.receive(LONG_S) == b"more"
-    link.close()
-    for use in (lambda: link.receive(0.0), lambda: link.send(b"a")):
-        with pytest.raises(LinkError, match="loop:// broke"):
-            use()
-
-
 # Ports on Windows
 
 

@@ -6,16 +6,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import InputError
-from tensionlab.hardware.protocol.codes import PARAMETERS
-from tensionlab.hardware.simulation.simulated_module import PARTS, PLANT, STEP_S, SimulatedModule
-
-
-def test_the_tables_come_from_the_firmware():
-    assert PARAMETERS["tension_upper"].default == 6.0
-    assert [row.index for row in PARAMETERS.values()] == list(range(len(PARAMETERS)))
-    assert all(row.lower <= row.default <= row.upper for row in PARAMETERS.values())
-    assert all(row.lower <= row.default for row in PLANT.values())
-    assert set(PARTS) == {"encoder", "supply", "motor", "brake", "cable"}
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 
 def test_a_trace_has_a_row_for_each_step_and_ends_at_the_sample():
