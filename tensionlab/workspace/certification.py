@@ -64,9 +64,8 @@ def certify(
     region : (d, 2) array
         Box of positions: where it starts and ends along each axis, in m. It may have no extent along an axis.
     required : Requirement, array, tuple, "wrench-closure" or None
-        What the cables must exert at every pose: a wrench, the vertices (k, n) of a set, a ball
-        ``(centre, radius)``, or a `tensionlab.Requirement`. "wrench-closure" is that some tensions balance each
-        other, whatever the limits. None is `Rig.required`.
+        As in `tensionlab.sweep`; or a ball ``(centre, radius)``. "wrench-closure" is that some tensions balance
+        each other, whatever the limits.
     resolution : float, or one for each axis
         Longest edge of the finest cells, in m.
     rotations : array, optional
@@ -79,12 +78,8 @@ def certify(
         Its part of the border is bounded to first order only.
     bodies : sequence of Capsule
         Bodies in the world, as in `body_distance`.
-    frames : mapping of name to Frame or (position, rotation), optional
-        Poses of the rig's body frames, one for each.
-    scheduler : str, optional
-        Address of a Dask scheduler, as in `tensionlab.sweep`; else the processors of this machine do the work.
-    progress : callable, optional
-        Called with the share of the region that is settled, from 0 to 1.
+    frames, scheduler, progress
+        As in `tensionlab.sweep`; progress is the share of the region that is settled.
 
     Examples
     --------
@@ -158,10 +153,7 @@ class Verdicts(NamedTuple):
 
 
 class ClearanceProblem(NamedTuple):
-    """Pairs of cables, and of cables and bodies, and the distance that they must keep, in m.
-
-    Segments of bodies are (b, 2, d); radii are those of cables, zero, and bodies.
-    """
+    """Pairs of cables and bodies (b, 2, d), the distance that they must keep, in m, and the radii of both."""
 
     least: float
     pairs: Integers

@@ -87,10 +87,7 @@ class Subdivision(NamedTuple):
 
 
 def subdivide(region: ArrayLike, resolution: ArrayLike, dimension: int) -> Subdivision:
-    """Return the cells of a region (d, 2), in m, the finest of which have edges of the resolution at most.
-
-    InputError if the region or the resolution, one for all axes or one for each, makes no sense.
-    """
+    """Return the cells of a region (d, 2), in m, the finest of which have edges of the resolution at most."""
     ends = require_finite("region", region, 2)
     if ends.shape != (dimension, 2):
         raise InputError(
@@ -134,7 +131,7 @@ class Bounds(NamedTuple):
 class CertifiedWorkspace:
     """Proof about a region: in which cells every pose renders all that is required, and in which none does.
 
-    Cells are boxes of positions, each of which comes once; those that are undecided are of the finest size.
+    Cells are boxes of positions; those that are undecided are of the finest size.
 
     Attributes
     ----------
@@ -227,7 +224,7 @@ class CertifiedWorkspace:
         return Bounds(low / self.region_volume * (1 - SUM_ROUNDING), min(1.0, high / self.region_volume))
 
     def tally(self) -> dict[int, tuple[int, float]]:
-        """Return how many cells have each verdict, and their volume: of 1 inside, -1 outside and 0 undecided."""
+        """Return the number and the volume of the cells of each verdict: 1 inside, -1 outside, 0 undecided."""
         chosen = {verdict: self.verdict == verdict for verdict in MARKS}
         return {key: (int(each.sum()), float(self.cell_volumes[each].sum())) for key, each in chosen.items()}
 

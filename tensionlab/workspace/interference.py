@@ -89,10 +89,9 @@ def body_distance(
 ) -> Clearance:
     """Return the minimum distance from a cable to a body, such as the user's head or torso.
 
-    Every cable against every body, along the whole cable. What the cables hold is close to them by design: end the
-    forearm of a user short of the attachments. The pair are the indices of a module and of a body. ShapeError for
-    a body with other coordinates than the rig, InputError for a negative radius, or more cables and bodies than
-    the kernel serves. Other parameters, errors and source as in `cable_distance`.
+    What the cables hold is close to them by design: end the forearm of a user short of the attachments. The pair
+    are the indices of a module and of a body. ShapeError or InputError for bodies of other coordinates, negative
+    radii, or too many of them. Other parameters, errors and source as in `cable_distance`.
 
     Examples
     --------

@@ -211,15 +211,10 @@ METRICS: dict[str, Metric] = {
 
 
 def metric(name: str | Metric, **parameters: Any) -> Metric:
-    """Return a metric of `METRICS` with some of its parameters set; SweepError if there is no such thing.
+    """Return a metric of `METRICS`, by name, with some parameters of its function set; a `Metric` as it is.
 
-    Parameters
-    ----------
-    name : str
-        Name of the metric. What follows a colon sets its first parameter: ``"feasible-direction-fraction:2.0"`` is
-        ``metric("feasible-direction-fraction", magnitude=2.0)``. A `Metric` is returned as it is.
-    **parameters
-        Parameters of the metric's function.
+    What follows a colon sets the first parameter: ``"feasible-direction-fraction:2.0"`` is
+    ``metric("feasible-direction-fraction", magnitude=2.0)``. SweepError if there is no such metric or parameter.
 
     Examples
     --------

@@ -214,9 +214,7 @@ def _orientation(dim: str, rotations: Floats) -> dict[str, Label]:
 def box(
     x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None, *, step: ArrayLike, rotations: ArrayLike | None = None
 ) -> Grid:
-    """Return poses that fill a box, one every step.
-
-    InputError or ShapeError if an interval is no pair of finite numbers or runs backwards, or for a wrong step.
+    """Return poses that fill a box, one every step; InputError or ShapeError for a wrong interval or step.
 
     Parameters
     ----------
@@ -264,16 +262,10 @@ def _axis(name: str, ends: ArrayLike, step: float) -> Floats:
 
 
 def read_poses(path: str | Path) -> PoseList:
-    r"""Return the poses that a file lists.
+    r"""Return the poses that a file lists, whose path ends in .csv or .parquet.
 
-    CSV (with a line of column names) and Parquet have the columns x, y and z in m, in the plane x and y. An
-    orientation is given by rx, ry, rz, the axis times the angle in rad, in the plane by angle in rad. DataError
-    names file and row.
-
-    Parameters
-    ----------
-    path : path
-        A file that ends in .csv or .parquet.
+    Its columns are x, y and z in m, in the plane x and y. An orientation is given by rx, ry, rz, the axis times
+    the angle in rad, in the plane by angle in rad. DataError names file and row.
 
     Examples
     --------
@@ -329,11 +321,7 @@ def _require_below(most: float, rows: Floats, what: str, expected: str) -> None:
 
 
 def node_weights(axis: Floats) -> Floats:
-    """Return the share of an interval that is nearest to each node: half a step at the ends, a whole one between.
-
-    On a grid in space a node in a face then counts half, in an edge a quarter, in a corner an eighth (the
-    trapezoidal rule). Nodes are coordinates in any order.
-    """
+    """Return the share of an interval that is nearest to each node, in any order (the trapezoidal rule)."""
     order = np.argsort(axis)
     nodes = axis[order]
     lengths = np.diff(np.concatenate([nodes[:1], (nodes[1:] + nodes[:-1]) / 2, nodes[-1:]]))

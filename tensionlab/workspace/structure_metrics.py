@@ -43,9 +43,8 @@ def tension_factor(structure: ArrayLike) -> Floats:
 def wrench_closure(structure: ArrayLike) -> NDArray[np.bool_]:
     """Return whether the cables can render every wrench (...), if they only pull hard enough.
 
-    True where W has rank n and ``W t = 0`` for some t > 0: where the tension factor exceeds `CLOSURE_TOLERANCE`.
-    Source: Verhoeven, "Analysis of the workspace of tendon-based Stewart platforms", 2004. Parameter and
-    errors as in `tension_factor`.
+    True where W has rank n and ``W t = 0`` for some t > 0. Parameter and errors as in `tension_factor`.
+    Source: Verhoeven, "Analysis of the workspace of tendon-based Stewart platforms", 2004.
 
     Examples
     --------
@@ -110,8 +109,7 @@ def feasible_direction_fraction(
 ) -> Floats:
     """Return the feasible-direction fraction (...): the share of directions in which a wrench is feasible.
 
-    By the half-spaces of the available wrench set; nothing is solved. A wrench outside by no more than the
-    tolerance of an exact allocation counts as feasible.
+    A wrench outside the available set by no more than the tolerance of an exact allocation counts as feasible.
 
     Parameters
     ----------
@@ -155,11 +153,9 @@ def squared_tension(
     magnitude: float,
     offset_wrench: ArrayLike | None = None,
 ) -> SquaredTension:
-    """Return the squared tensions, which go with the heat of the motors, for wrenches over a set of directions.
+    """Return the minimum sums of squared tensions, as the heat of the motors goes, over a set of directions.
 
-    For each direction the tensions with the minimum sum of squares, by `tensionlab.allocate`; their mean and
-    maximum over directions, (...), in N². NaN where a wrench is infeasible.
-    Parameters and errors as in `feasible_direction_fraction`.
+    NaN where a wrench is infeasible. Parameters and errors as in `feasible_direction_fraction`.
 
     Examples
     --------

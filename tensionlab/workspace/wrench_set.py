@@ -217,8 +217,8 @@ def margin_gradient(
 
     The derivative is ``h t'``: h is the unit normal of the nearest facet, and t are the tensions whose wrench is,
     of all in the plane of the facet, the nearest to the required one. Where several facets or wrenches are equally
-    near, it is that of one of them; where a flat set holds what is required it is zero. Parameters, errors and
-    source as in `capacity_margin`.
+    near, it is that of one of them; where a flat set holds what is required it is zero. Parameters and errors as
+    in `capacity_margin`.
 
     Examples
     --------

@@ -52,19 +52,13 @@ class Objective:
         return replace(self, weights=weights, step=describe_step((target.x, target.y, target.z)))
 
     def score(self, margins: Floats) -> Floats:
-        """Return the score (...) of layouts with these capacity margins (..., P), in N, over the target.
-
-        The minimum margin in N, or the share of the target where it is at least the force.
-        """
-        if self.force is None:
-            return np.asarray(margins.min(axis=-1))
-        return self._mean(margins >= self.force)
+        """Return the score (...) of layouts with these capacity margins (..., P), in N, over the target."""
+        return np.asarray(margins.min(axis=-1)) if self.force is None else self._mean(margins >= self.force)
 
     def merit(self, margins: Floats) -> Floats:
-        """Return the rank (...) of layouts with these margins (..., P), in N: the higher the better.
+        """Return the score (...), with a little to rank layouts of the same share, from margins (..., P), in N.
 
-        The minimum margin; or the share, plus a little to rank layouts of the same share: for the force to spare
-        at the worst point or, where force is missing, less for the mean of what is missing.
+        More for the force to spare at the worst point or, where force is missing, less for the mean of that.
         """
         if self.force is None:
             return self.score(margins)
@@ -74,9 +68,8 @@ class Objective:
     def smooth(self, margins: Floats, sharpness: float) -> Floats:
         """Return a continuous approximation (...) of the merit for gradients, from margins (..., P), in N.
 
-        The minimum margin, while no force is missing anywhere. Else the share that is lost, but for a sign, with
-        ``log(1 + missing / sharpness)`` at each point in place of a count of the points: the smaller
-        ``sharpness``, a share of the force, the less it matters how much is missing.
+        The minimum margin, while no force is missing. Else minus the share that is lost, with ``log(1 + missing /
+        sharpness)`` for each point: the smaller ``sharpness``, the less it matters how much is missing.
 
         Source: Candes, Wakin and Boyd, "Enhancing sparsity by reweighted l1 minimization", 2008.
         """
@@ -108,10 +101,7 @@ class Objective:
 
 
 def target_margins(space: Space, anchors: Floats, limits: TensionLimits, target: Floats) -> Floats:
-    """Return the capacity margins of layouts about the required wrenches, (..., P), in N, at points of the target.
-
-    ``anchors`` are (..., m, d) in the world, ``target`` is (P, d), both in m.
-    """
+    """Return the capacity margins (..., P), in N, of layouts of anchors (..., m, d) at points (P, d), in m."""
     flat = anchors.reshape(-1, *anchors.shape[-2:])
     found = np.empty((len(flat), len(target)))
     required = space.required_forces

@@ -197,17 +197,15 @@ def polish(
 ) -> tuple[Placement, Floats]:
     """Return the best layout near a given one, with every module on its surface.
 
-    The margins are not smooth where two facets or two points of the target are equally bad, which is where the
-    best layouts are. So each step takes all margins as linear in the places, finds the best places within a trust
-    region by a linear program, and keeps them if the objective rises; if not, the region shrinks. A margin has a
-    slope for each of its nearest facets, so small targets are surrounded by a cloud of points that show them.
+    The margins are not smooth where two facets or two points of the target are equally bad, as in the best
+    layouts. So each step takes all margins as linear in the places, finds the best places within a trust region by
+    a linear program, and keeps them if the objective rises; if not, the region shrinks. Small targets are
+    surrounded by a cloud of points, which show the slopes of all the nearest facets. Returned are the places and
+    their margins (P,), in N, whose merit is never below that of the given places.
 
     Source: Conn, Gould and Toint, "Trust-region methods", 2000, chapter 11, for such sequences of linear programs;
     Burke, Lewis and Overton, "A robust gradient sampling algorithm for nonsmooth, nonconvex optimization", 2005,
     for the cloud.
-
-    ``target`` is (P, d), in m; ``limits`` are those of all modules, the fixed ones last. Returned are the places
-    and their margins (P,), in N, whose merit is never below that of the given places.
     """
     cloud, own = _cloud(target), len(target)
     margins, gradient = target_slopes(space, places, limits, cloud)
@@ -243,8 +241,7 @@ def _best_step(
 ) -> Floats:
     """Return the best step between two bounds, (k, d), if margins were linear: margins + gradient . step.
 
-    While force is missing somewhere in the target, the step that minimises the missing total; else the step that
-    maximises the worst margin.
+    It minimises the missing total, while force is missing anywhere; else it maximises the worst margin.
     """
     from scipy.optimize import linprog
 
@@ -313,9 +310,9 @@ def _modules(space: Space, places: Placement) -> list[Module]:
 
 
 def proved_force(rig: Rig, target: Floats, most: float) -> float:
-    """Return the force in N, up to ``most``, that is proved at all positions in the box around a target (P, d).
+    """Return the force in N, up to ``most``, that is proved in every direction in the box around a target (P, d).
 
-    In every direction about the required wrenches of the rig. NaN if not even those are proved.
+    It is counted from the required wrenches of the rig; NaN if not even those are proved.
     """
     region = np.stack([target.min(axis=0), target.max(axis=0)], axis=1)
     edge = float(np.ptp(region, axis=1).max())

@@ -103,10 +103,7 @@ def room(size: Sequence[float], centre: Sequence[float] | None = None) -> tuple[
 
 
 class SurfaceGeometry(NamedTuple):
-    """Corners (s, d) and edges (s, d, d) of surfaces, and anchors (f, d) of fixed modules, in world axes, in m.
-
-    Where a surface has fewer than d edges, the others are zeros.
-    """
+    """Corners (s, d), edges (s, d, d), some of them zero, and anchors (f, d) of fixed modules, in the world."""
 
     corners: Floats
     edges: Floats
@@ -114,10 +111,7 @@ class SurfaceGeometry(NamedTuple):
 
 
 class Placement(NamedTuple):
-    """Placement of k modules: indices of their surfaces (..., k), and shares of the surface's edges (..., k, d).
-
-    Shares are from 0 to 1, and without effect where a surface has fewer than d edges.
-    """
+    """Placement of k modules: indices of their surfaces (..., k), and shares of the edges (..., k, d), 0 to 1."""
 
     surfaces: Integers
     along: Floats
