@@ -75,7 +75,9 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
     field, several, count = fields[0], len(fields) > 1, len(fields[0].names)
     columns = count if several else min(COLUMNS, count)
     rows = len(fields) if several else -(-count // columns)
-    with new_figure((1.6 + PANEL_WIDTH * columns, 1.0 + (_height(field) - 0.3 * several) * rows)) as figure:
+    across, along = (float(np.ptp(field.axes[name])) for name in _plane(field)[:2])
+    height = min(max(PANEL_WIDTH * along / across if across > 0 else PANEL_WIDTH, 1.8), 5.5) + 0.7
+    with new_figure((1.6 + PANEL_WIDTH * columns, 1.0 + (height - 0.3 * several) * rows)) as figure:
         grid: Any = figure.subplots(rows, columns, squeeze=False, sharex=several, sharey=several)
         for axes in grid.flat[len(fields) * count :]:
             axes.set_axis_off()
@@ -99,11 +101,11 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
     """Draw a metric over the slice of one rig, and the rig; return the shades, for the colour bar."""
     from matplotlib.colors import ListedColormap
 
-    names, middle = list(field.axes), _middle(field)
+    names = list(field.axes)
     across, along, cut = _plane(field)
     picture = field.values[number]
     if cut is not None:
-        picture = picture.take(middle[cut], axis=names.index(cut))
+        picture = picture.take(len(field.axes[cut]) // 2, axis=names.index(cut))
     picture = np.nan_to_num(picture if names.index(along) < names.index(across) else picture.T, nan=0.0)
     x, y = field.axes[across], field.axes[along]
     if min(len(x), len(y)) < 2:
@@ -129,7 +131,8 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
 def cut_title(field: Field) -> str:
     """Return where the slices cut, such as "z = 0 m"; nothing for a planar rig."""
     cut = _plane(field)[2]
-    return "" if cut is None else f"{cut} = {np.round(field.axes[cut][_middle(field)[cut]], 9) + 0.0:.4g} m"
+    axis = field.axes[cut or "x"]
+    return "" if cut is None else f"{cut} = {np.round(axis[len(axis) // 2], 9) + 0.0:.4g} m"
 
 
 def shade_levels(fields: list[Field]) -> Floats:
@@ -290,17 +293,6 @@ def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:
         label=f"{attributes['long_name']}{unit}",
         up=(ups.pop().strip("-") or "y") if len(ups) == 1 else list(axes)[-1],
     )
-
-
-def _middle(field: Field) -> dict[str, int]:
-    """Return the index of the middle of each axis."""
-    return {name: len(axis) // 2 for name, axis in field.axes.items()}
-
-
-def _height(field: Field) -> float:
-    """Return the height of the panel of a slice, in inches."""
-    width, height = (float(np.ptp(field.axes[name])) for name in _plane(field)[:2])
-    return min(max(PANEL_WIDTH * height / width if width > 0 else PANEL_WIDTH, 1.8), 5.5) + 0.7
 
 
 def _plane(field: Field) -> tuple[str, str, str | None]:

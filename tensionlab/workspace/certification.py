@@ -96,9 +96,14 @@ def certify(
     settled, places = 0.0, cells.first()  # volume that is settled, and cells of the level to examine
     evaluations = 0
     for level in range(cells.levels + 1):
+        if len(places) > MAX_CELLS:
+            raise InputError(
+                f"resolution: {len(places):,} cells are undecided at {cells.edges(level).max():.2g} m; give "
+                "a longer one, or a smaller region"
+            )
         evaluations += len(places)
-        undecided = [places[:0]]
-        tasks = _tasks(problem, cells, level, places)
+        undecided, starts = [places[:0]], range(0, len(places), CHUNK_CELLS)
+        tasks = [CellTask(problem, cells, level, places[start : start + CHUNK_CELLS]) for start in starts]
         here = ((task, task.evaluate()) for task in tasks)
         for task, verdicts in here if scheduler is None else evaluate_on_cluster(scheduler, tasks):
             divided = (verdicts.verdict == 0) & (level < cells.levels)
@@ -132,17 +137,6 @@ class CellTask(NamedTuple):
         """Prove what is inside and outside."""
         centres = self.cells.centres(self.level, self.places)
         return self.problem.prove(centres, self.cells.edges(self.level) / 2, self.level == self.cells.levels)
-
-
-def _tasks(problem: CellProblem, cells: Subdivision, level: int, places: Integers) -> list[CellTask]:
-    """Return the tasks of a level; InputError for more cells than fit in memory."""
-    if len(places) > MAX_CELLS:
-        raise InputError(
-            f"resolution: {len(places):,} cells are undecided at {cells.edges(level).max():.2g} m; give "
-            "a longer one, or a smaller region"
-        )
-    starts = range(0, len(places), CHUNK_CELLS)
-    return [CellTask(problem, cells, level, places[start : start + CHUNK_CELLS]) for start in starts]
 
 
 class Verdicts(NamedTuple):
@@ -292,7 +286,10 @@ def cell_problem(
         length = wanted.length_for(rig) if n > d else 1.0
         corners = wanted.at(rig, turns) / np.where(np.arange(n) < d, 1.0, length)
         wrenches = np.broadcast_to(corners, (len(arms), *corners.shape[-2:]))
-        radius, slack = wanted.ball, _turning_torque(rig, wanted, angle) / length
+        radius = wanted.ball
+        if wanted.gravity and angle and rig.platform is not None and rig.platform.com is not None:
+            weight = float(np.linalg.norm(rig.gravity()[:d]))
+            slack = 2 * math.sin(angle / 2) * weight * float(np.linalg.norm(rig.platform.com)) / length
     free = int((lower < upper).sum())
     if free < n:
         raise InputError(
@@ -305,11 +302,3 @@ def cell_problem(
     return CellProblem(
         anchors, arms, lower, upper, wrenches, radius, slack, float(angle), length, closure, clearance
     )
-
-
-def _turning_torque(rig: Rig, required: Requirement, angle: float) -> float:
-    """Return the largest change of the weight's torque within an angle of a rotation, in N·m."""
-    if not (required.gravity and angle and rig.platform is not None and rig.platform.com is not None):
-        return 0.0
-    weight = float(np.linalg.norm(rig.gravity()[: rig.dimension]))
-    return 2 * math.sin(angle / 2) * weight * float(np.linalg.norm(rig.platform.com))

@@ -13,7 +13,7 @@ from tensionlab.allocation import RANK_TOLERANCE, TOLERANCE, Allocator, Status
 from tensionlab.errors import InputError, ShapeError
 from tensionlab.model import pose
 from tensionlab.support.arrays import Floats, flatten_batch, require_finite
-from tensionlab.workspace.wrench_set import TensionRange, structure_batch, structure_matrices
+from tensionlab.workspace.wrench_set import StructureBatch, TensionRange, structure_batch, structure_matrices
 
 CLOSURE_TOLERANCE = 1e-10  # a tension factor up to this is on the edge of the wrench-closure workspace, not in it
 ALLOCATIONS_PER_CALL = 1 << 16  # enough for all threads, and a few megabytes
@@ -129,13 +129,9 @@ def feasible_direction_fraction(
     >>> f"{tl.workspace.feasible_direction_fraction(structure, rig.limits, directions, magnitude=5.0):.3f}"
     '0.363'
     """
-    matrices = structure_matrices(structure)
-    wrenches = _wrenches(directions, magnitude, matrices.shape[-2], offset_wrench)
-    batch = structure_batch(matrices, limits, directions=wrenches.shape[:-2])
+    batch, wrenches = _direction_batch(structure, limits, directions, magnitude, offset_wrench)
     tolerance = feasibility_tolerance(wrenches)
-    share = _native.feasible_direction_fraction(
-        *batch[:3], flatten_batch(wrenches, batch.shape, 2), tolerance, RANK_TOLERANCE
-    )
+    share = _native.feasible_direction_fraction(*batch[:3], wrenches, tolerance, RANK_TOLERANCE)
     return share.reshape(batch.shape)[()]
 
 
@@ -166,10 +162,7 @@ def squared_tension(
     >>> f"{mean:.2f} N², {worst:.2f} N²"
     '11.19 N², 14.91 N²'
     """
-    matrices = structure_matrices(structure)
-    wrenches = _wrenches(directions, magnitude, matrices.shape[-2], offset_wrench)
-    W, lower, upper, shape = structure_batch(matrices, limits, directions=wrenches.shape[:-2])
-    desired = flatten_batch(wrenches, shape, 2)
+    (W, lower, upper, shape), desired = _direction_batch(structure, limits, directions, magnitude, offset_wrench)
     sums = np.empty(desired.shape[:2])
     step = max(1, ALLOCATIONS_PER_CALL // desired.shape[1])
     for part in (slice(start, start + step) for start in range(0, len(desired), step)):
@@ -192,8 +185,16 @@ def _offset(wrench: ArrayLike | None, n: int) -> Floats:
     return found
 
 
-def _wrenches(directions: ArrayLike, magnitude: float, n: int, offset_wrench: ArrayLike | None) -> Floats:
-    """Return wrenches of one magnitude on top of another wrench, (..., k, n)."""
+def _direction_batch(
+    structure: ArrayLike,
+    limits: TensionRange,
+    directions: ArrayLike,
+    magnitude: float,
+    offset_wrench: ArrayLike | None,
+) -> tuple[StructureBatch, Floats]:
+    """Return the batch, and its wrenches (B, k, n) of one magnitude on top of another wrench."""
+    matrices = structure_matrices(structure)
+    n = matrices.shape[-2]
     if not (math.isfinite(magnitude) and magnitude >= 0):
         raise InputError(f"magnitude is {magnitude}; give a finite number, 0 or more")
     vectors = require_finite("directions", directions, 2)
@@ -209,4 +210,5 @@ def _wrenches(directions: ArrayLike, magnitude: float, n: int, offset_wrench: Ar
     wrenches = np.zeros(np.broadcast_shapes((*leading, count, n), offset.shape))
     wrenches[..., :d] = magnitude * vectors / lengths
     wrenches += offset
-    return wrenches
+    batch = structure_batch(matrices, limits, directions=wrenches.shape[:-2])
+    return batch, flatten_batch(wrenches, batch.shape, 2)

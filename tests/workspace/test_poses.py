@@ -50,34 +50,6 @@ def test_a_grid_of_a_million_million_poses_takes_no_memory():
     assert Grid(axis, axis, axis).block([slice(9_999, 10_000)] * 3).arrays()[0].tolist() == [[1.0, 1.0, 1.0]]
 
 
-def test_blocks_of_a_list_are_parts_of_it():
-    poses = PoseList(np.arange(12.0).reshape(4, 3), np.repeat(TURNS, 2, axis=0))
-    part = poses.block([slice(1, 3)])
-    assert (poses.dims, poses.shape, part.shape) == (("pose",), (4,), (2,))
-    assert part.position.tolist() == [[3.0, 4.0, 5.0], [6.0, 7.0, 8.0]]
-    np.testing.assert_array_equal(part.rotation, TURNS)
-
-
-@pytest.mark.parametrize(
-    "poses",
-    [
-        Grid([0.0, 1.0], 5.0, 2.0, TURNS),
-        Grid([0.0, 1.0], 5.0, rotations=[0.1]),
-        PoseList([[1.0, 2.0, 3.0]], TURNS[:1]),
-        PoseList([[1.0, 2.0]], [0.5]),
-    ],
-)
-def test_coordinates_have_units_and_fit_the_axes(poses):
-    sizes = dict(zip(poses.dims, poses.shape, strict=True)) | {"row": 3, "column": 3}
-    units = {"x": "m", "y": "m", "z": "m"}
-    units |= dict.fromkeys(("angle", "roll", "pitch", "yaw"), "rad")
-    for name, (dims, values, attributes) in poses.labels().items():
-        assert values.shape == tuple(sizes[dim] for dim in dims)
-        assert attributes["units"] == units.get(name, "1")
-        assert attributes["long_name"]
-    assert {dim for dims, *_ in poses.labels().values() for dim in dims} >= set(poses.dims)
-
-
 @pytest.mark.parametrize(
     ("make", "words"),
     [

@@ -41,13 +41,6 @@ def test_a_pose_is_feasible_where_every_corner_has_exact_tensions(required):
     np.testing.assert_array_equal(data["capacity-margin"].values[0] > 0, expected)
 
 
-def test_a_ball_takes_its_radius_off_the_margin():
-    poses = scattered(20)
-    requirements = [tl.Requirement(gravity=True, ball=radius) for radius in (0.0, 40.0)]
-    point, ball = (tl.sweep(COGIRO, poses, "capacity-margin", required=each) for each in requirements)
-    np.testing.assert_allclose(ball["capacity-margin"], point["capacity-margin"] - 40.0)
-
-
 def test_margins_do_not_depend_on_the_unit_of_length():
     """A robot of three times the size is as strong: in N, its torques are at three times the arm."""
     modules = [dataclasses.replace(m, anchor=3 * m.anchor, attachment=3 * m.attachment) for m in COGIRO.modules]

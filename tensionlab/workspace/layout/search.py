@@ -207,7 +207,10 @@ def polish(
     Burke, Lewis and Overton, "A robust gradient sampling algorithm for nonsmooth, nonconvex optimization", 2005,
     for the cloud.
     """
-    cloud, own = _cloud(target), len(target)
+    own, copies = len(target), CLOUD_POINTS // len(target)
+    away = np.random.default_rng(0).normal(size=(copies, *target.shape))
+    away *= CLOUD_RADIUS_M / np.linalg.norm(away, axis=-1, keepdims=True)
+    cloud = np.concatenate([target, (target + away).reshape(-1, target.shape[1])])
     margins, gradient = target_slopes(space, places, limits, cloud)
     for sharpness in SHARPNESS if objective.force is not None else SHARPNESS[:1]:
         radius = INITIAL_STEP
@@ -226,14 +229,6 @@ def polish(
                 if radius < MIN_STEP:
                     break
     return places, margins[:own]
-
-
-def _cloud(target: Floats) -> Floats:
-    """Return the target, and if it has few points more of them in random directions from each."""
-    copies = CLOUD_POINTS // len(target)
-    away = np.random.default_rng(0).normal(size=(copies, *target.shape))
-    away *= CLOUD_RADIUS_M / np.linalg.norm(away, axis=-1, keepdims=True)
-    return np.concatenate([target, (target + away).reshape(-1, target.shape[1])])
 
 
 def _best_step(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from os import PathLike
 from typing import Annotated, Literal, NamedTuple, get_args
 
@@ -18,8 +17,7 @@ from tensionlab.model.schema import FrameTable, ModuleTable, PlatformTable, Requ
 from tensionlab.support.files.named import find
 from tensionlab.support.files.reading import brief, read_toml
 from tensionlab.support.validation import validate
-from tensionlab.workspace.layout.results import Layout, LayoutSearch, Objective
-from tensionlab.workspace.layout.search import Progress, search_layout
+from tensionlab.workspace.layout.results import Objective
 from tensionlab.workspace.layout.space import Hardware, Space, Surface, room
 from tensionlab.workspace.poses import Grid, box
 
@@ -101,7 +99,7 @@ class SpaceFile(SchemaTable):
 
 
 class LayoutTask(NamedTuple):
-    """Arguments of `search_layout`, as a file gives them."""
+    """Arguments of `search_layout`, as a file gives them: ``search_layout(**task._asdict())``."""
 
     name: str
     space: Space
@@ -110,16 +108,6 @@ class LayoutTask(NamedTuple):
     seed: int
     generations: int
     starts: int
-
-    def run(
-        self,
-        progress: Progress | None = None,
-        on_improvement: Callable[[Layout], None] | None = None,
-        *,
-        certify: bool = False,
-    ) -> LayoutSearch:
-        """Search; the parameters are those of `search_layout`."""
-        return search_layout(**self._asdict(), certify=certify, progress=progress, on_improvement=on_improvement)
 
 
 def load_task(path: str | PathLike[str]) -> LayoutTask:

@@ -47,8 +47,7 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
     for rig in {(rig.kind, rig.m): rig for rig in reversed(rigs)}.values():
         plan.check(rig)
     demands = {name: of_rigs.pop(name) for name in ("required", "characteristic_length")}
-    if "rig" in axes:
-        del of_rigs["rig"]
+    of_rigs = {name: each for name, each in of_rigs.items() if name != "rig" or "rig" not in axes}
     names = Counter(chain(axes, of_rigs, demands, poses, (each.name for each in plan.metrics)))
     if twice := [name for name, count in names.items() if count > 1]:
         raise SweepError(f'two axes or variables of the sweep are called "{twice[0]}"; rename or leave out one')

@@ -132,11 +132,12 @@ def _rigs(what: Rig | Sequence[Rig], parameters: Mapping[str, Any]) -> tuple[lis
 def _layout(what: Callable[..., Rig], parameters: Mapping[str, Any]) -> tuple[list[Axis], Callable[..., Rig]]:
     """Return an axis for each parameter with several values, and a function that makes the rig."""
     title = getattr(what, "__name__", "the layout")
-    known = inspect.signature(what).parameters
-    if unknown := [name for name in parameters if name not in known]:
-        raise SweepError(f"vary: {title} has no parameter {unknown[0]!r}; it has {', '.join(known)}")
-    if needed := [name for name, each in known.items() if each.default is each.empty and name not in parameters]:
-        raise SweepError(f"vary: {title} needs {needed[0]!r}; give a value, or a list of values to try")
+    signature = inspect.signature(what)
+    try:
+        signature.bind(**parameters)
+    except TypeError as error:
+        known = ", ".join(signature.parameters)
+        raise SweepError(f"vary: {title}: {error}; its parameters are {known}") from None
     axes, fixed = [], {}
     for name, values in parameters.items():
         if isinstance(values, str) or not isinstance(values, (Sequence, np.ndarray)):

@@ -33,14 +33,6 @@ def test_positions_have_the_verdict_of_their_cell(proved):
         proved.at([0.0, 0.0, 0.0])
 
 
-def test_it_shows_what_is_proved(proved):
-    bounds = proved.volume.describe()
-    assert repr(proved).startswith(f"<CertifiedWorkspace of kntu-planar: {bounds} of 2.88 m²")
-    html = proved._repr_html_()
-    for word in ("inside", "outside", "undecided", "a ball of 8 N", "m²"):
-        assert word in html
-
-
 def test_bounds_stay_bounds_in_few_digits():
     assert Bounds(0.123456, 0.123451).describe() == "0.1234 to 0.1235"
     assert Bounds(1999.9, 2000.1).describe(2) == "1.9e+03 to 2.1e+03"

@@ -2,8 +2,6 @@
 
 import itertools
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -25,7 +23,6 @@ from tensionlab.workspace.structure_metrics import (
 )
 from tensionlab.workspace.sweep.plan import vary
 from tensionlab.workspace.wrench_set import capacity_margin
-from tests.helpers.examples import many
 
 CUBE = tl.box_corners([2.0, 1.0, 3.0])
 FORCES = fibonacci(200)
@@ -203,37 +200,6 @@ def test_a_body_frame_that_is_not_given_is_named():
         tl.sweep(rig, [[1, 0, 0]], "squared-tension")
     with pytest.raises(SweepError, match="one pose for each body frame"):
         tl.sweep(rig, [[1, 0, 0]], "squared-tension", frames={"hip": np.zeros((2, 3))})
-
-
-LARGE = """
-import re, sys
-from pathlib import Path
-import numpy as np
-import tensionlab as tl
-
-for edge in sys.argv[2:]:
-    axis = np.linspace(-0.4, 0.4, int(edge))
-    data = tl.sweep(
-        tl.box_corners([1, 1, 1]),
-        tl.workspace.Grid(axis, axis, axis),
-        ["capacity-margin", "wrench-closure"],
-        out=f"{sys.argv[1]}/{edge}.zarr",
-    )
-    peak = re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())
-    print(data["capacity-margin"].size, 1024 * int(peak[1]))
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_memory_does_not_grow_with_the_poses_once_chunks_are_full(tmp_path):
-    edges = "102", "126" if many(100) < 100 else "216"  # a million poses, and two or ten
-    command = [sys.executable, "-c", LARGE, tmp_path, *edges]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    (_, before), (size, peak) = (map(int, line.split()) for line in done.stdout.splitlines())
-    assert size == int(edges[1]) ** 3 >= 2_000_000
-    assert peak - before < 8 * size, f"{before:,} and {peak:,} bytes"  # half of what the values take
-    assert peak < 0.4e9, f"{peak:,} bytes"  # twice what Python and its libraries take by themselves
 
 
 def test_a_function_with_a_unit_is_a_metric():
