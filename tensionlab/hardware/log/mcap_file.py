@@ -105,18 +105,18 @@ def read_records(path: Path, progress: Callable[[float], None] | None = None) ->
         size = os.fstat(file.fileno()).st_size
         whole = _whole_records(file, size, str(path))
         while True:
-            found = None
+            decoded = None
             try:
                 record = next(whole, None)
                 if isinstance(record, Channel):
                     channels[record.id] = record.topic
                 elif isinstance(record, Metadata):
                     values = {key: parse_json(text, key, LogError) for key, text in record.metadata.items()}
-                    found = Record("metadata", record.name, values)
+                    decoded = Record("metadata", record.name, values)
                 elif isinstance(record, Attachment):
-                    found = Record("attachment", record.name, record.data)
+                    decoded = Record("attachment", record.name, record.data)
                 elif isinstance(record, Message):
-                    found = Record("message", channels[record.channel_id], record.data, record.log_time)
+                    decoded = Record("message", channels[record.channel_id], record.data, record.log_time)
             except _UnpackedLogError:
                 raise
             except Exception:  # whatever a decoder raises over damaged bytes: what came before counts
@@ -127,11 +127,11 @@ def read_records(path: Path, progress: Callable[[float], None] | None = None) ->
             if record is None or not known:
                 break
             complete |= isinstance(record, Footer)
-            if found is not None:
-                messages += found.kind == "message"
-                if progress is not None and found.kind == "message" and messages % PROGRESS_MESSAGES == 0:
+            if decoded is not None:
+                messages += decoded.kind == "message"
+                if progress is not None and decoded.kind == "message" and messages % PROGRESS_MESSAGES == 0:
                     progress(file.tell() / size)
-                yield found
+                yield decoded
     if not known:
         raise LogError(f"{path}: not the log of a run; give a file that `tensionlab run --log` wrote")
     if complete:

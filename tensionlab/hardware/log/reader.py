@@ -156,7 +156,7 @@ def read_run(path: str | PathLike[str], progress: Callable[[float], None] | None
     (50, 'bartels2026-validation')
     """
     path = as_path(path)
-    found: dict[str, Any] = {}
+    documents: dict[str, Any] = {}
     events: list[RunEvent] = []
     rows: list[bytes] = []
     blocks: list[dict[str, NDArray[Any]]] = []
@@ -177,7 +177,7 @@ def read_run(path: str | PathLike[str], progress: Callable[[float], None] | None
         if kind == "attachment":
             rig = rig_from_toml(content.decode(errors="replace"), f"{path}: rig.toml")
         elif kind == "metadata":
-            found[name] = content
+            documents[name] = content
         elif kind == "end":
             complete = True
         elif name == "event":
@@ -188,9 +188,9 @@ def read_run(path: str | PathLike[str], progress: Callable[[float], None] | None
             rows.append(content)
             if len(rows) == BLOCK_CYCLES:
                 decode_rows()
-    if rig is None or not {"manifest", "setup"} <= found.keys():
+    if rig is None or not {"manifest", "setup"} <= documents.keys():
         raise LogError(f"{path}: the log was cut off before the run began; there is nothing in it")
-    metadata = validate(LogMetadata, found, LogError, path)
+    metadata = validate(LogMetadata, documents, LogError, path)
     if not len(metadata.setup.lower) == len(metadata.setup.upper) == rig.m:
         count = len(metadata.setup.lower)
         raise LogError(f"{path}: setup has {count} tension limits for {rig.m} modules; it is damaged")
@@ -207,7 +207,7 @@ def flat_columns(run: Run) -> dict[str, NDArray[Any]]:
     for name, column in COLUMNS.items():
         entries = list(product(*(names[dim] for dim in column.dims)))
         values = getattr(run, name).reshape(len(run), len(entries)).T
-        columns |= {".".join((name, *entry)): each for entry, each in zip(entries, values, strict=True)}
+        columns |= {".".join((name, *entry)): value for entry, value in zip(entries, values, strict=True)}
     return columns
 
 
@@ -243,7 +243,7 @@ def describe_modules(run: Run) -> list[dict[str, Any]]:
         commanded = run.commanded[:, index][np.isfinite(run.commanded[:, index])]
         tensions = [commanded.min(), commanded.mean(), commanded.max()] if commanded.size else [np.nan] * 3
         row: dict[str, Any] = {"name": module.name, "link": run.setup.links.get(module.name, "")}
-        row |= {f"commanded_{word}_n": float(each) for word, each in zip(EXTREMES, tensions, strict=True)}
+        row |= {f"commanded_{word}_n": float(tension) for word, tension in zip(EXTREMES, tensions, strict=True)}
         counts = Counter(run.limiters[:, index].tolist())
         row["limiters"] = {
             names.get(number, f"limiter {number}"): counts[number] / len(run)
@@ -276,15 +276,15 @@ def summarise(run: Run) -> dict[str, Any]:
 
 def report(run: Run) -> tuple[Table, Table]:
     """Return how a run went as a table of the whole and a table of its modules, with its events as notes."""
-    found, statistics = summarise(run), recount(run)
+    summary, statistics = summarise(run), recount(run)
     end = ("finished", statistics.ended or "the log does not say why")
     if not run.complete:
         end = ("cut off", "the log was never closed, so its last moments may be missing")
-    cycles = f"{len(run)} in {found['duration_s']:.2f} s, {run.setup.rate:g} Hz desired"
+    cycles = f"{len(run)} in {summary['duration_s']:.2f} s, {run.setup.rate:g} Hz desired"
     policy = f", nearest in {run.setup.policy}" if run.setup.policy else ""
     title = f"{run.rig.name}, {run.setup.solver}{policy}"
     rows = []
-    for module in found["modules"]:
+    for module in summary["modules"]:
         limits = [
             f"{name.lower()} {f'{100 * share:.0f} %' if share >= 0.005 else '<1 %'}"
             for name, share in module["limiters"].items()

@@ -104,7 +104,7 @@ class RunLog:
     ) -> None:
         made, policy = resolve_solver(solver, settings.policy)
         name = solver if isinstance(solver, str) else type(solver).__name__
-        lower, upper = (tuple(each.tolist()) for each in (rig.limits.lower, rig.limits.upper))
+        lower, upper = (tuple(limit.tolist()) for limit in (rig.limits.lower, rig.limits.upper))
         timing = (settings.rate, settings.ttl, settings.on_loss)
         setup = RunSetup(name, vars(made), policy, *timing, lower, upper, links, scenery or {})
         self.path = as_path(path)

@@ -74,7 +74,7 @@ class Decoder:
 
     def feed(self, content: bytes) -> list[WireFrame]:
         """Return the frames that these bytes complete."""
-        return [WireFrame(*found) for found in self._native.feed(content)]
+        return [WireFrame(*fields) for fields in self._native.feed(content)]
 
     @property
     def bad_frames(self) -> int:
@@ -129,7 +129,7 @@ class Message:
             raise ProtocolError(f"{cls.__name__} has {cls._layout.size} bytes of payload; got {len(payload)}")
         values = list(cls._layout.unpack(payload))
         if cls._finite and not all(map(math.isfinite, values)):
-            name, value = next(each for each in zip(cls._kinds, values, strict=True) if not math.isfinite(each[1]))
+            name, value = next(pair for pair in zip(cls._kinds, values, strict=True) if not math.isfinite(pair[1]))
             raise ProtocolError(f"{cls.__name__}: {name} is {value}; all its numbers must be finite")
         try:
             for at, kind in cls._codes:

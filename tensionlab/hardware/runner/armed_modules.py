@@ -194,8 +194,8 @@ class ArmedModules:
         if springs:
             chosen = chosen.copy()
             chosen[springs] = False
-        sequences, left, failed = self._group.send_tensions(self.tensions, chosen, brakes, ttl_ms)
-        for index in [*left, *(index for index in springs if self.active[index])]:
+        sequences, unsent, failed = self._group.send_tensions(self.tensions, chosen, brakes, ttl_ms)
+        for index in [*unsent, *(index for index in springs if self.active[index])]:
             client, brake = self._clients[index], bool(brakes[index])
             try:
                 if index in springs:
@@ -217,10 +217,10 @@ class ArmedModules:
             tensions[index] = release.pull(now)
         for index, name in enumerate(self.names):
             if name in demand.impedances and state.active[index]:
-                least, most = self._rig.limits.lower[index], state.upper_now[index]
+                lower, upper = self._rig.limits.lower[index], state.upper_now[index]
                 spring = demand.impedances[name]
                 tension = spring.tension(float(state.lengths[index]), float(state.speeds[index]))
-                tensions[index] = min(max(tension, least), most)
+                tensions[index] = min(max(tension, lower), upper)
         return tensions
 
     def _lose(self, index: int, error: HardwareError) -> None:

@@ -23,7 +23,7 @@ from tensionlab.model.pose import place_anchors
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers
 
-IMPEDANCE = tuple(each.name for each in fields(Impedance))  # the numbers of an impedance, in their order
+IMPEDANCE = tuple(number.name for number in fields(Impedance))  # the numbers of an impedance, in their order
 Flags = NDArray[np.bool_]
 Statuses = NDArray[np.int8]
 WRENCH = "N or N m"  # unit
@@ -140,7 +140,7 @@ class CycleTable:
     compute_time: Floats = column("compute_time", "s", "time that the host needed for the cycle")
 
 
-COLUMNS: dict[str, RunColumn] = {each.name: each.metadata["column"] for each in fields(CycleTable)}
+COLUMNS: dict[str, RunColumn] = {entry.name: entry.metadata["column"] for entry in fields(CycleTable)}
 # Type of the numbers of each column: `NDArray[kind]` is `ndarray[shape, dtype[kind]]`.
 TYPES = {name: np.dtype(get_args(get_args(hint)[1])[0]) for name, hint in get_type_hints(CycleTable).items()}
 
@@ -197,14 +197,14 @@ def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
     A KeyError, TypeError, ValueError, OverflowError or RecursionError if one is no cycle of this rig.
     """
     parsed = [json.loads(row) for row in rows]
-    length, found = sizes(rig), {}
+    length, table = sizes(rig), {}
     for name, column in COLUMNS.items():
         values = np.array([row[name] for row in parsed], dtype=TYPES[name])
         if values.dtype.kind == "f" and (np.abs(values[np.isfinite(values)]) >= MAX_MAGNITUDE).any():
             raise ValueError(f"a number of {MAX_MAGNITUDE:g} or more in {name}")
-        found[name] = values.reshape(len(rows), *(length[dim] for dim in column.dims))
-    if not (np.isfinite(found["time"]).all() and np.isfinite(found["start_delay"]).all()):
+        table[name] = values.reshape(len(rows), *(length[dim] for dim in column.dims))
+    if not (np.isfinite(table["time"]).all() and np.isfinite(table["start_delay"]).all()):
         raise ValueError("a cycle without a time")
-    if unknown := set(found["status"].tolist()) - {int(status) for status in Status}:
+    if unknown := set(table["status"].tolist()) - {int(status) for status in Status}:
         raise ValueError(f"status {min(unknown)}")
-    return found
+    return table

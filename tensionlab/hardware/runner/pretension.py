@@ -140,13 +140,14 @@ def explain_lengths(rig: Rig, tracker: PoseTracker, lengths: Floats, active: NDA
     tracker.search(lengths, active)
     worst = rig.modules[tracker.worst].name
     reason = f'that of module "{worst}" is off most, by {tracker.off:.2f} m; no single one explains it. {SLACK}'
-    found: list[tuple[float, str, float]] = []  # error of the others, name and excess of a cable
+    causes: list[tuple[float, str, float]] = []  # error of the others, name and excess of a cable
     for index in np.flatnonzero(active).tolist():
         pose, _ = tracker.search(lengths, active & (np.arange(rig.m) != index))
         if tracker.fits:
-            found.append((tracker.error, rig.modules[index].name, float((lengths - rig.lengths(*pose))[index])))
-    tolerance = max(MAX_UNCERTAINTY_M, 2.0 * min(found)[0]) if found else 0.0
-    likely = [(name, abs(by), "long" if by > 0.0 else "short") for error, name, by in found if error <= tolerance]
+            excess = float((lengths - rig.lengths(*pose))[index])
+            causes.append((tracker.error, rig.modules[index].name, excess))
+    tolerance = max(MAX_UNCERTAINTY_M, 2.0 * min(causes)[0]) if causes else 0.0
+    likely = [(name, abs(by), "long" if by > 0.0 else "short") for error, name, by in causes if error <= tolerance]
     if likely:
         reason = ", or ".join(f'that of module "{name}" is {by:.2f} m too {word}' for name, by, word in likely)
         reason += "".join(f". {MEANINGS[word]}" for word in sorted({word for _, _, word in likely}))

@@ -155,7 +155,7 @@ class Statistics:
     def rows(self) -> list[tuple[str, str]]:
         """Return counts and times as pairs of a name and a text."""
         words = "{} median, {} p99, {} max"
-        jitter, compute = (words.format(*map(format_duration, each)) for each in self.percentiles().values())
+        jitter, compute = (words.format(*map(format_duration, values)) for values in self.percentiles().values())
         slewed = [("cycles that were slew-rate limited", str(self.slew_limited))] * bool(self.slew_limited)
         late = [(f"cycles with late telemetry of {name}", str(n)) for name, n in self.late_telemetry.items()]
         warm = "down to {:.2f} N, so that it did not get too hot"

@@ -103,10 +103,10 @@ class RealClock:
 
     def wait_until(self, when: float) -> None:
         """Sleep until that time."""
-        left = max(when - time.perf_counter(), 0.0)
-        ends = [client.link.clock() + left for client in self._simulated]
-        if left > 0.0:
-            time.sleep(left)
+        remaining = max(when - time.perf_counter(), 0.0)
+        ends = [client.link.clock() + remaining for client in self._simulated]
+        if remaining > 0.0:
+            time.sleep(remaining)
         for client, end in zip(self._simulated, ends, strict=True):
             client.listen(max(end - client.link.clock(), 0.0))
 
@@ -137,9 +137,9 @@ class WorldClock:
     def wait_until(self, when: float) -> None:
         """Let time pass in the modules until then, and in the room if the clock is paced."""
         if self.real_time:
-            left = when - (time.perf_counter() - self._start)
-            if left > 0.0:
-                time.sleep(left)
+            remaining = when - (time.perf_counter() - self._start)
+            if remaining > 0.0:
+                time.sleep(remaining)
             else:
-                self._start -= left
+                self._start -= remaining
         self._world.advance(max(when - self._world.time, 0.0))

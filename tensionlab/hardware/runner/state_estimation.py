@@ -110,8 +110,8 @@ def synchronise(lengths: Floats, speeds: Floats, ages: Floats) -> Floats:
 
 def velocity(structure: Floats, speeds: Floats, known: Flags) -> Floats:
     """Return the shortest twist (n,) that fits the cables' speeds of paying out best, ``-W' twist = speeds``."""
-    found = np.linalg.lstsq(structure.T * known[:, None], np.where(known, speeds, 0.0), rcond=1e-6)[0]
-    return np.asarray(-found, dtype=np.float64)
+    opposite = np.linalg.lstsq(structure.T * known[:, None], np.where(known, speeds, 0.0), rcond=1e-6)[0]
+    return np.asarray(-opposite, dtype=np.float64)
 
 
 CHECK_PERIOD_S = 0.02  # shortest time between two checks of lengths; faster runs leave cycles out
