@@ -1,12 +1,10 @@
 """The web page of `examples/web`, in a real browser, with a real bridge."""
 
 import http.server
-import os
 import signal
 import threading
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 
 import pytest
 
@@ -48,7 +46,6 @@ def drag(page, canvas, begin, end):
 @pytest.mark.skipif(installed() is None, reason="no Chromium here")
 @pytest.mark.realtime  # a real browser, and a bridge in another process
 def test_a_hand_in_a_web_page_feels_a_wall_and_the_page_finds_the_bridge_again():
-    folder = os.environ.get("TENSIONLAB_PICTURES")
     with examples() as site, browser() as page:
         page.width(1200, 800)
         with served() as (url, running):
@@ -59,16 +56,12 @@ def test_a_hand_in_a_web_page_feels_a_wall_and_the_page_finds_the_bridge_again()
             up = page.wait(f"(([x, y, z]) => y > 1.8 && y < 2.2 && [x, y, z])({NEWTONS})")
             assert up[0] == pytest.approx(0.0, abs=0.1)
             assert up[2] == pytest.approx(0.0, abs=0.1)
-            if folder:
-                page.picture(Path(folder) / "web-example.png")
             # Up again, and a soft spring to where it began pulls it back from the side.
             drag(page, "front", (0.5, 0.5 + 0.07 / 0.4), (0.5, 0.5))
             page.ask("document.getElementById('kind').value = 'spring'")
             page.ask("document.getElementById('strength').value = 30")
             drag(page, "side", (0.5, 0.5), (0.5 + 0.03 / 0.4, 0.5))
             page.wait(f"(([x, y, z]) => z < -0.8 && Math.hypot(x, y) < 0.1)({NEWTONS})")
-            if folder:
-                page.picture(Path(folder) / "web-example-spring.png")
             running.send_signal(signal.SIGINT)
             page.wait(f"{STATUS}.endsWith('trying again')")
         with served(port=url.rsplit(":", 1)[1]):
