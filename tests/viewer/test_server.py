@@ -18,7 +18,7 @@ from websockets.sync.client import connect
 from tensionlab.errors import InputError
 from tensionlab.viewer.server import MAX_MESSAGE_BYTES, MAX_TEXT, Gate, PageServer, can_have
 from tensionlab.viewer.state import HAND, set_fields
-from tests.helpers.browsers import HANGS_S, VISER, chromium, needs_browser, served, until
+from tests.helpers.browsers import HANGS_S, VISER, served, until
 from tests.helpers.page_client import joined
 
 TOKEN, HERE = "/?token=secret", "127.0.0.1:8080"
@@ -213,21 +213,6 @@ def test_a_browser_is_opened_without_its_call_telling_the_token(tmp_path, monkey
     server.open_browser()
     server.close()
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.slow
-@needs_browser
-@pytest.mark.realtime  # a real browser
-def test_that_file_leads_a_browser_to_the_page(tmp_path, monkeypatch):
-    called = []
-    monkeypatch.setattr(Path, "home", lambda: tmp_path)
-    monkeypatch.setattr("webbrowser.open", called.append)
-    with served() as page, chromium() as browser:
-        page.server.open_browser()
-        tab = browser.new_page()
-        tab.set_default_timeout(1000.0 * HANGS_S)
-        tab.goto(called[0])
-        tab.get_by_text("capacity margin", exact=True).wait_for()
 
 
 @pytest.mark.realtime  # a real server

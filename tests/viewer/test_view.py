@@ -2,11 +2,8 @@
 
 import subprocess
 import sys
-import threading
 import urllib.error
 import urllib.request
-from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import SimpleNamespace
 
 import pytest
@@ -55,26 +52,6 @@ def test_outside_a_notebook_a_browser_opens_and_the_rig_is_as_it_is_designed(ope
         urllib.request.urlopen(page.url, timeout=HANGS_S)
 
 
-@contextmanager
-def notebook_server(html):
-    """A server of another origin on this machine, as a notebook's is: its address."""
-
-    class Notebook(BaseHTTPRequestHandler):
-        def do_GET(self):
-            self.send_response(200)
-            self.send_header("Content-Type", "text/html")
-            self.end_headers()
-            self.wfile.write(html.encode())
-
-        def log_message(self, *words):
-            pass
-
-    with ThreadingHTTPServer(("127.0.0.1", 0), Notebook) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://localhost:{server.server_port}/"
-        server.shutdown()
-
-
 @pytest.mark.slow
 @needs_browser
 @pytest.mark.realtime  # a real browser
@@ -83,10 +60,10 @@ def test_a_page_of_another_origin_shows_it_in_a_frame_and_it_works_there(opened,
     page = tl.view(tl.load_rig(RIG))
     assert opened == []
     try:
-        with chromium() as browser, notebook_server(page._repr_html_()) as url:
+        with chromium() as browser:
             tab = browser.new_page()
             tab.set_default_timeout(1000.0 * HANGS_S)
-            tab.goto(url)
+            tab.set_content(page._repr_html_())
             tab.frame_locator("iframe").get_by_text("capacity margin", exact=True).wait_for()
             tab.set_content(f'<a href="{page.url}">the page</a>')  # as a terminal in a browser has it
             tab.get_by_text("the page").click()
