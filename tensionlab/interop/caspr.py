@@ -89,14 +89,14 @@ def read_xml(path: str | PathLike[str], root: str) -> Element:
         open_elements[-1].children.append(element)
         open_elements.append(element)
         if len(open_elements) > MAX_NESTING:
-            element.fail(f"stands in {MAX_NESTING - 1} others; give a flatter file")
+            element.fail(f"is nested in {MAX_NESTING - 1} others; give a flatter file")
 
     def text(words: str) -> None:
         open_elements[-1].text += words
 
     def refuse(name: str, *_: object) -> NoReturn:
         line = parser.CurrentLineNumber
-        raise RigError(f'{path}: line {line}: entity "{name}"; write what it stands for, entities are not read')
+        raise RigError(f'{path}: line {line}: entity "{name}"; write its text, entities are not read')
 
     parser.buffer_text = True
     parser.StartElementHandler = start

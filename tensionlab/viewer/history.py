@@ -74,20 +74,20 @@ class EditQueue:
         self._thread.start()
 
     def edit(self, change: Edit, step: object = None, key: object = None) -> None:
-        """Have an edit made; one that is followed by another with its step and key before its turn is left out."""
+        """Queue an edit; one that is followed by another with its step and key before it is made is dropped."""
         known = None if key is None else (key, step)
         self.put(lambda: self.history.record(change(self.history.present), step), known)
 
     def undo(self) -> None:
-        """Have the last step undone."""
+        """Queue the undoing of the last step."""
         self.put(self.history.undo)
 
     def redo(self) -> None:
-        """Have the step that was undone last made again."""
+        """Queue the redoing of the step undone last."""
         self.put(self.history.redo)
 
     def put(self, act: Callable[[], object], key: object = None) -> None:
-        """Have a function called in its turn, unless another with its key that is not None follows before."""
+        """Queue a function; one whose key, if not None, equals that of the function queued next is dropped."""
         with self._wake:
             if key is not None and self._waiting and self._waiting[-1][0] == key:
                 self._waiting.pop()

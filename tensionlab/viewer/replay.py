@@ -70,11 +70,10 @@ class Playback:
         time = self.time + self.speed * elapsed
         return replace(self, time=min(time, self.end), playing=time < self.end)
 
-    def step(self, times: Floats, direction: int) -> Playback:
-        """Go to the next of ascending times, or to the previous one for -1, and stop there."""
-        later = times > self.time + SAME_S if direction > 0 else times < self.time - SAME_S
-        ahead = times[later]
-        return self.seek(float(ahead[0 if direction > 0 else -1]) if len(ahead) else self.time)
+    def step(self, times: Sequence[float], direction: int) -> Playback:
+        """Go to the next of some times, or to the previous one for -1, and stop there."""
+        ahead = [time for time in times if direction * (time - self.time) > SAME_S]
+        return self.seek(min(ahead, key=lambda time: abs(time - self.time), default=self.time))
 
 
 Change = Callable[[Playback], Playback]
@@ -98,7 +97,7 @@ class ReplayPage(RunPage):
         self.turn()
 
     def change(self, change: Change) -> None:
-        """Have the playback changed in the next turn; from any thread."""
+        """Queue a change of the playback for the next turn; from any thread."""
         self._changes.append(change)
 
     @property
@@ -110,7 +109,7 @@ class ReplayPage(RunPage):
         gui = self.server.viser.gui
         panel = gui.add_panel()
         panel.float(x=15, y=-15, width=TIMELINE_PIXELS)
-        times = np.array([mark.time for mark in self._marks])
+        times = [mark.time for mark in self._marks]
         actions: dict[str, Change] = {
             "Previous event": lambda now: now.step(times, -1),
             "Play": Playback.play,
@@ -224,9 +223,9 @@ def report_at(run: Run, index: int) -> RunSnapshot:
     m, done = run.rig.m, index + 1
     events = tuple(event for event in run.events if event.cycle <= run.cycle[index])
     deadlines = np.round((run.time[[0, index]] - run.start_delay[[0, index]]) * run.setup.rate)
-    counts = np.bincount(run.status[:done], minlength=len(Status))
     fallback = int(run.fallback_used[:done].sum())
-    statuses = Counter({status: int(counts[status]) for status in Status})
+    counts = np.bincount(run.status[:done], minlength=len(Status)).tolist()
+    statuses = Counter(dict(zip(Status, counts, strict=True)))
     return RunSnapshot(
         number=0,
         over=False,

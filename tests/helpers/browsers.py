@@ -92,7 +92,7 @@ class Tab:
 
     def enter(self, label, text):
         """Enter text into a field of the panel."""
-        # Labels of viser are beside their fields, and not tied to them.
+        # Labels of viser are next to their fields, and not tied to them.
         self.tab.locator(f'//*[normalize-space(text())="{label}"]/following::input[1]').fill(text)
 
     def check(self, label):

@@ -22,7 +22,7 @@ class PageClient:
 
     def __init__(self, socket):
         self.socket = socket
-        self.send(CAMERA)  # viser hears nobody before it
+        self.send(CAMERA)  # viser reads nothing before it
 
     def send(self, message):
         """Send a message, packed unless it is bytes."""

@@ -333,7 +333,7 @@ def test_files_that_cannot_be_read_are_named(write, tmp_path):
         with pytest.raises(RigError, match="not well-formed XML"):
             load_caspr(bodies, cables)
     for text, message in (
-        ("<bodies_system>" * 5000 + "</bodies_system>" * 5000, "stands in 31 others"),
+        ("<bodies_system>" * 5000 + "</bodies_system>" * 5000, "is nested in 31 others"),
         (f"<bodies_system>{'x' * 2_000_000}</bodies_system>", "has more than 1,000,000 bytes"),
         ("\0\1", "not well-formed XML"),
     ):

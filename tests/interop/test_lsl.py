@@ -33,7 +33,7 @@ def inlet(name):
 
 
 def samples(opened, count):
-    """So many samples, and their time stamps."""
+    """A number of samples, and their time stamps."""
     taken = [opened.pull_sample(timeout=HANGS_S) for _ in range(count)]
     assert all(sample is not None for sample, _ in taken)
     return [sample for sample, _ in taken], np.array([stamp for _, stamp in taken])

@@ -216,7 +216,7 @@ def test_without_mujoco_the_extra_is_named(monkeypatch):
 
 
 @pytest.mark.parametrize("name", RIGS)
-def test_a_body_that_nobody_holds_falls_from_its_own_place(name):
+def test_a_released_body_falls_from_its_own_place(name):
     rig = replace(tl.load_rig(name), up="y")
     body = RigBody(rig, position=rig.home + 0.01)
     assert isinstance(body, CompliantMotion)

@@ -59,7 +59,7 @@ def watched(run):
         watcher.close()
 
 
-def goes_on(watcher, cycles):
+def wait_for_cycles(watcher, cycles):
     """Wait until a run has done a number of further cycles; return its report then."""
 
     def report(least):
@@ -123,7 +123,7 @@ def test_the_stop_has_a_route_of_its_own_that_needs_the_token_alone(tmp_path):
         with pytest.raises(urllib.error.HTTPError, match="403"):
             urllib.request.urlopen(stop.partition("?")[0], timeout=HANGS_S)
         with watched(run) as watcher:
-            goes_on(watcher, 1)
+            wait_for_cycles(watcher, 1)
         with urllib.request.urlopen(stop, timeout=HANGS_S) as answer:
             assert answer.read().decode() == "STOPPED\nconfirmed by 4 modules\n"
         assert ask(links) == [State.ESTOP] * 4
@@ -170,9 +170,9 @@ def test_a_browser_that_hangs_or_is_closed_changes_nothing_in_the_run(tmp_path):
         assert len(group) == 1
         with watched(run) as watcher:
             os.killpg(*group, signal.SIGSTOP)
-            goes_on(watcher, 100)
+            wait_for_cycles(watcher, 100)
             os.killpg(*group, signal.SIGKILL)
-            report = goes_on(watcher, 50)
+            report = wait_for_cycles(watcher, 50)
             assert (report.lost, watcher.condition) == ({}, "live")
             opened(playwright.chromium.launch(executable_path=BROWSER, args=OPTIONS), url)  # others get the page
             run.send_signal(signal.SIGINT)
@@ -188,7 +188,7 @@ def test_a_page_that_hears_nothing_from_its_server_says_so(tmp_path):
         os.kill(server, signal.SIGKILL)
         tab.wait_for_function(NO_NEWS, arg="1")
         with watched(run) as watcher:
-            assert goes_on(watcher, 20).lost == {}  # the run has not noticed
+            assert wait_for_cycles(watcher, 20).lost == {}  # the run has not noticed
 
 
 def test_a_run_in_progress_is_found_and_shown(tmp_path):
