@@ -6,20 +6,13 @@ import pytest
 from tensionlab.hardware.protocol.codes import BrakeState, Code, Limit, ResetReason, State
 from tensionlab.hardware.protocol.messages import Clear, ConfigureTelemetry, EmergencyStop, Save, Stop
 from tensionlab.hardware.simulation.simulated_module import STEP_S, HangingMass, Trace
-from tests.helpers.modules import Host
+from tests.helpers.modules import Host, armed
 
 HOLD = 186.0  # N, published: what the brake holds
 
 
 def joined(traces: list[Trace]) -> Trace:
     return np.concatenate(traces).view(np.recarray)
-
-
-def calibrated(**options) -> Host:
-    host = Host(**options)
-    host.calibrate(length=host.module.sample.distance)
-    host.arm()
-    return host
 
 
 def scale(host: Host, tension: float, speed: float) -> float:
@@ -67,7 +60,7 @@ def test_calibrated_tension_is_within_3_per_cent(plant, tension, speed):
 
 
 def test_a_step_from_the_minimum_tension_to_3_newton_settles_in_50_ms():
-    host = calibrated()
+    host = armed()
     host.hold(0.5, 0.3)
     host.pull(3.0)
     trace = host.module.trace(0.24)
@@ -77,7 +70,7 @@ def test_a_step_from_the_minimum_tension_to_3_newton_settles_in_50_ms():
 
 
 def test_6_newton_are_pulled_for_a_while_and_3_continuously():
-    host = calibrated()
+    host = armed()
     trace = joined(host.hold(6.0, 100.0))
     full = trace.commanded >= 5.999
     assert full[round(0.2 / STEP_S)]
@@ -100,10 +93,7 @@ def test_6_newton_are_pulled_for_a_while_and_3_continuously():
 
 
 def test_after_a_reset_of_its_own_a_module_takes_its_winding_for_hot():
-    host = Host(reset_reason=ResetReason.WATCHDOG)
-    host.calibrate()
-    host.arm()
-    trace = joined(host.hold(6.0, 1.0))
+    trace = joined(armed(reset_reason=ResetReason.WATCHDOG).hold(6.0, 1.0))
     assert trace.commanded.max() < 3.7
 
 
@@ -111,8 +101,8 @@ def test_after_a_reset_of_its_own_a_module_takes_its_winding_for_hot():
 
 
 def braked(force: float) -> Host:
-    """A host whose cable is drawn out against the brake (there is a tooth at 1 m) up to this tension."""
-    host = calibrated()
+    """Return a host whose cable is drawn out against the brake (there is a tooth at 1 m) up to this tension."""
+    host = armed()
     host.hold(0.5, 0.3, brake=True)
     host.hold(0.5, 0.5, distance=1.0 + force / 4000.0, brake=True)
     return host
@@ -175,17 +165,6 @@ def test_a_module_that_is_to_pull_more_than_the_release_tension_does_so_while_it
     assert Limit.RELEASING not in trace.limit
 
 
-def test_a_timeout_closes_no_brake_that_is_open():
-    host = Host()
-    host.set(timeout_brake=1.0)
-    host.calibrate()
-    host.arm()
-    host.hold(0.5, 0.2)
-    trace = host.module.trace(1.0)
-    assert host.state == State.TIMEOUT
-    assert not trace.pawl_down.any()
-
-
 def test_a_brake_under_more_load_than_the_motor_can_take_opens_when_the_load_is_gone():
     host = braked(50.0)
     host.hold(0.5, 1.0)
@@ -196,10 +175,7 @@ def test_a_brake_under_more_load_than_the_motor_can_take_opens_when_the_load_is_
 
 @pytest.mark.parametrize("dwell", [0.1, 0.6])
 def test_the_brake_keeps_its_dwell_however_fast_it_is_asked(dwell):
-    host = Host()
-    host.set(brake_dwell=1000.0 * dwell)
-    host.calibrate()
-    host.arm()
+    host = armed(parameters={"brake_dwell": 1000.0 * dwell})
     host.hold(0.5, 0.2)
     flips = []
     for step in range(500):
@@ -212,7 +188,7 @@ def test_the_brake_keeps_its_dwell_however_fast_it_is_asked(dwell):
 
 
 def test_a_brake_that_has_rested_for_half_a_clock_is_ready():
-    host = calibrated()
+    host = armed()
     host.hold(0.5, 0.4, brake=True)
     host.hold(0.5, 0.6)
     host.code(Stop())
@@ -223,28 +199,26 @@ def test_a_brake_that_has_rested_for_half_a_clock_is_ready():
 
 
 def test_a_spring_that_wants_more_than_the_limit_gets_the_limit():
-    host = calibrated(distance=1.0)
+    host = armed(distance=1.0)
     host.render(rest=0.9, stiffness=500.0, ttl_ms=1000)
     trace = host.module.trace(0.4)
     assert trace.commanded.max() == pytest.approx(6.0)
     assert trace.limit[-1] == Limit.UPPER
 
 
-@pytest.mark.parametrize("keep", [0.0, 1.0])
-def test_a_timeout_lifts_the_brake_unless_it_is_to_be_kept(keep):
-    host = Host()
-    host.set(timeout_brake=keep)
-    host.calibrate()
-    host.arm()
-    host.hold(0.5, 0.4, brake=True)
+@pytest.mark.parametrize(("keep", "brake"), [(0.0, True), (1.0, True), (1.0, False)])
+def test_a_timeout_lifts_the_brake_unless_it_is_to_be_kept_and_closes_none(keep, brake):
+    host = armed(parameters={"timeout_brake": keep})
+    host.hold(0.5, 0.4, brake=brake)
     trace = host.module.trace(6.0)
     assert host.state == State.TIMEOUT
-    assert trace.pawl_down[-1] == bool(keep)
+    assert trace.pawl_down[-1] == bool(keep and brake)
+    assert brake or not trace.pawl_down.any()
     assert not trace.driver_on[-1]
 
 
 def lifting() -> Host:
-    """A host whose module has lifted 0.2 kg off the floor, with the brake that closes at a fault."""
+    """Return a host whose module has lifted 0.2 kg off the floor, with the brake that closes at a fault."""
     host = Host()
     host.module = HangingMass(0.2)
     host.set(brake_on_fault=1.0)
@@ -344,7 +318,7 @@ def test_a_brake_for_people_sets_the_hand_free_at_a_fault(failure):
 
 @pytest.mark.parametrize("stiffness", [20.0, 100.0, 300.0])
 def test_a_spring_is_rendered_by_the_module_itself(stiffness):
-    host = calibrated(distance=1.0)
+    host = armed(distance=1.0)
     span = 4.0 / stiffness
     for stretch in (0.25, 0.5, 1.0, 0.75):
         host.render(rest=1.0 - 0.5 / stiffness, stiffness=stiffness, ttl_ms=2000)
@@ -357,7 +331,7 @@ def test_a_spring_is_rendered_by_the_module_itself(stiffness):
 
 
 def test_a_damper_pulls_only_while_the_cable_pays_out():
-    host = calibrated()
+    host = armed()
     host.render(feed_forward=1.0, damping=5.0, ttl_ms=2000)
     out = host.module.trace(0.4, 1.12)
     assert out.commanded[400:].mean() == pytest.approx(1.0 + 5.0 * 0.3, rel=0.05)
@@ -367,7 +341,7 @@ def test_a_damper_pulls_only_while_the_cable_pays_out():
 
 
 def test_a_vibration_has_its_frequency_and_amplitude():
-    host = calibrated()
+    host = armed()
     host.render(feed_forward=2.0, amplitude=0.1, frequency=50.0, ttl_ms=2000)
     host.module.advance(0.2)
     trace = host.module.trace(1.0)
@@ -380,10 +354,7 @@ def test_a_vibration_has_its_frequency_and_amplitude():
 
 
 def test_reeling_in_too_fast_the_tension_gives_way():
-    host = Host()
-    host.set(speed_limit=0.5)
-    host.calibrate()
-    host.arm()
+    host = armed(parameters={"speed_limit": 0.5})
     host.hold(3.0, 0.2)
     slow, fast = joined(host.hold(3.0, 0.5, distance=0.8)), joined(host.hold(3.0, 0.4, distance=0.56))
     assert slow.commanded[-1] == pytest.approx(3.0)
@@ -391,14 +362,10 @@ def test_reeling_in_too_fast_the_tension_gives_way():
     assert fast.limit[-1] == Limit.SPEED
 
 
-@pytest.mark.parametrize(("edge", "beyond"), [("length_lower", -0.03), ("length_upper", 0.03)])
-def test_outside_the_allowed_length_only_the_minimum_tension_remains(edge, beyond):
-    host = Host(distance=1.0)
-    host.set(length_lower=0.9, length_upper=1.1)
-    host.calibrate(length=1.0)
-    host.arm()
-    at = {"length_lower": 0.9, "length_upper": 1.1}[edge]
-    trace = joined(host.hold(2.0, 0.5, distance=at + beyond) + host.hold(2.0, 0.2))
+@pytest.mark.parametrize("distance", [0.87, 1.13])
+def test_outside_the_allowed_length_only_the_minimum_tension_remains(distance):
+    host = armed(parameters={"length_lower": 0.9, "length_upper": 1.1}, distance=1.0)
+    trace = joined(host.hold(2.0, 0.5, distance=distance) + host.hold(2.0, 0.2))
     assert trace.commanded[-1] == 0.5
     assert trace.limit[-1] == Limit.LENGTH
     assert host.state == State.RUNNING
@@ -406,9 +373,8 @@ def test_outside_the_allowed_length_only_the_minimum_tension_remains(edge, beyon
 
 def test_friction_is_compensated_but_never_beyond_what_the_winding_bears():
     plant = {"dry_friction": 2.0, "viscous_friction": 5.0}
-    host = Host(plant=plant, reset_reason=ResetReason.WATCHDOG)  # so that it has only its continuous current
-    host.calibrate()
-    host.set(friction_coulomb=2.0, friction_viscous=5.0)
-    host.arm()
+    parameters = {"friction_coulomb": 2.0, "friction_viscous": 5.0}
+    # After this reset it has only its continuous current.
+    host = armed(parameters=parameters, plant=plant, reset_reason=ResetReason.WATCHDOG)
     trace = joined(host.hold(3.0, 0.3) + host.hold(3.0, 0.4, distance=0.8))
     assert 0.99 < trace.current.max() < 1.15

@@ -8,7 +8,6 @@ import select
 import struct
 import subprocess
 import sys
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -136,6 +135,9 @@ class Board:
     def numbers(self, what):
         return [number for name, number, _ in self.events if name == what]
 
+    def times(self, what):
+        return [at for name, _, at in self.events if name == what]
+
     def until(self, what, number, seconds=10.0):
         for _ in range(round(1e3 * seconds)):
             if number in self.numbers(what):
@@ -144,15 +146,22 @@ class Board:
         raise TimeoutError(f"no {what} {number}: {self.events}")
 
 
-@contextmanager
-def board(program, blocking_ms=0):
-    made = Board(program, blocking_ms)
-    try:
-        yield made
-        assert made.process.poll() is None
-    finally:
-        made.process.kill()
-        made.close()
+@pytest.fixture
+def module(program, request):
+    made = Board(program, getattr(request, "param", 0))
+    yield made
+    ended = made.process.poll()
+    made.process.kill()
+    made.close()
+    assert ended is None
+
+
+@pytest.fixture
+def pulling(module):
+    """Return a module that pulls at a cable that is held, at the command of USB."""
+    pull(module, module.usb)
+    module.until("driver", 1)
+    return module
 
 
 def pull(module, wire, zero=ZERO):
@@ -164,239 +173,205 @@ def pull(module, wire, zero=ZERO):
     wire.send(SetTension(5, 2.0, ttl_ms=2000))
 
 
-def test_it_boots_with_the_driver_off_and_each_task_on_its_processor(program):
-    with board(program) as module:
-        assert "no settings in flash" in module.usb.wait(Log).text
-        info = module.usb.ask(Hello(), Info)
-        assert (info.state, info.reset_reason, info.calibrated) == (State.IDLE, ResetReason.WATCHDOG, False)
-        assert info.serial_number == 0xA1B2C3D4
-        assert module.events[0][:2] == ("output", 33)  # before all else
-        assert module.numbers("driver") == []
-        assert module.numbers("offsets_with_driver_on") == []
-        assert (module.numbers("task_foc"), module.numbers("task_read"), module.numbers("task_write")) == (
-            [1],
-            [0],
-            [0],
-        )
-        assert module.numbers("watchdog_ms") == [1000], "flash may be written while the driver is off"
-        assert module.numbers("announces_at_begin") == [0], "else the core refuses to pair"
-        assert (module.numbers("pairs"), module.numbers("found")) == ([0], [0])
-        assert module.numbers("servo_us") == [1000]
+def test_it_boots_with_the_driver_off_and_each_task_on_its_processor(module):
+    assert "no settings in flash" in module.usb.wait(Log).text
+    info = module.usb.ask(Hello(), Info)
+    assert (info.state, info.reset_reason, info.calibrated) == (State.IDLE, ResetReason.WATCHDOG, False)
+    assert info.serial_number == 0xA1B2C3D4
+    assert module.events[0][:2] == ("output", 33)  # before all else
+    noted = {"driver": [], "offsets_with_driver_on": [], "task_foc": [1], "task_read": [0], "task_write": [0]}
+    noted |= {"watchdog_ms": [1000]}  # flash may be written while the driver is off
+    noted |= {"announces_at_begin": [0], "pairs": [0], "found": [0]}  # else the core refuses to pair
+    noted |= {"servo_us": [1000]}
+    assert {what: module.numbers(what) for what in noted} == noted
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_it_reels_in_whichever_way_round_the_encoder_is(program, direction):
-    with board(program) as module:
-        usb = module.usb
-        module.advance(0.6)  # the offsets of the currents, which the radio moved, are found again
-        assert usb.ask(SetParameter(PARAMETERS["motor_direction"].index, direction)).code is Code.OK
-        before = usb.ask(ConfigureTelemetry(20), Telemetry)
-        pull(module, usb)
-        module.until("driver", 1)
-        assert module.numbers("zero_mrad") == [1e3 * ZERO]
-        last = [usb.wait(Telemetry, state=State.RUNNING) for _ in range(15)][-1]
-        assert last.tension == pytest.approx(2.0)
-        assert last.current == pytest.approx(2.0 / 3.0, rel=0.01)
-        assert before.length - last.length == pytest.approx(2.0 / 4000.0, abs=2e-4), "as far as the cable gives"
-        assert last.supply == pytest.approx(12.0, abs=0.01)
-        usb.ask(Stop())
-        module.until("driver", 0)
+def test_it_reels_in_whichever_way_round_the_encoder_is(module, direction):
+    usb = module.usb
+    module.advance(0.6)  # the offsets of the currents, which the radio moved, are found again
+    assert usb.ask(SetParameter(PARAMETERS["motor_direction"].index, direction)).code is Code.OK
+    before = usb.ask(ConfigureTelemetry(20), Telemetry)
+    pull(module, usb)
+    module.until("driver", 1)
+    assert module.numbers("zero_mrad") == [1e3 * ZERO]
+    last = [usb.wait(Telemetry, state=State.RUNNING) for _ in range(15)][-1]
+    assert last.tension == pytest.approx(2.0)
+    assert last.current == pytest.approx(2.0 / 3.0, rel=0.01)
+    assert before.length - last.length == pytest.approx(2.0 / 4000.0, abs=2e-4), "as far as the cable gives"
+    assert last.supply == pytest.approx(12.0, abs=0.01)
+    usb.ask(Stop())
+    module.until("driver", 0)
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_a_cable_that_is_cut_takes_the_driver_off_within_60_ms(program, direction):
-    with board(program) as module:
-        module.advance(0.6)
-        assert module.usb.ask(SetParameter(PARAMETERS["motor_direction"].index, direction)).code is Code.OK
-        pull(module, module.usb)
-        module.advance(0.5)
-        begin = module.now
-        module.happen("P")
-        assert module.usb.wait(Event).faults == Fault.SPEED
-        assert module.events[-1][:2] == ("driver", 0)
-        assert module.events[-1][2] - begin < 0.06
+def test_a_cable_that_is_cut_takes_the_driver_off_within_60_ms(module, direction):
+    module.advance(0.6)
+    assert module.usb.ask(SetParameter(PARAMETERS["motor_direction"].index, direction)).code is Code.OK
+    pull(module, module.usb)
+    module.advance(0.5)
+    begin = module.now
+    module.happen("P")
+    assert module.usb.wait(Event).faults == Fault.SPEED
+    assert module.events[-1][:2] == ("driver", 0)
+    assert module.events[-1][2] - begin < 0.06
 
 
 @pytest.mark.parametrize("error", [np.pi, 2.1, -2.1])
-def test_a_wrong_electrical_zero_takes_the_driver_off_within_60_ms(program, error):
-    with board(program) as module:
-        module.advance(0.6)
-        pull(module, module.usb, zero=(ZERO + error) % (2.0 * np.pi))
-        module.happen("P")  # a cable does not push back
-        assert module.usb.wait(Event, state=State.FAULT).faults == Fault.MOTOR
-        (on, _), (off, _) = [(at, number) for what, number, at in module.events if what == "driver"]
-        assert off - on < 0.06
+def test_a_wrong_electrical_zero_takes_the_driver_off_within_60_ms(module, error):
+    module.advance(0.6)
+    pull(module, module.usb, zero=(ZERO + error) % (2.0 * np.pi))
+    module.happen("P")  # a cable does not push back
+    assert module.usb.wait(Event, state=State.FAULT).faults == Fault.MOTOR
+    on, off = module.times("driver")
+    assert off - on < 0.06
 
 
-def test_the_electrical_zero_is_found_with_the_driver_on_only_meanwhile(program):
-    with board(program) as module:
-        usb = module.usb
-        usb.send(Calibrate(Calibration.ENCODER))
-        module.until("driver", 1)
-        found = usb.wait(Acknowledge)
-        assert (found.code, found.state) == (Code.OK, State.IDLE)
-        module.until("driver", 0)
-        zero = usb.ask(GetParameter(PARAMETERS["motor_zero"].index), ParameterValue).value
-        assert zero == pytest.approx(ZERO, abs=0.02)
-        (on, _), (off, _) = [(at, number) for what, number, at in module.events if what == "driver"]
-        assert 3.0 < off - on < 3.6
+def test_the_electrical_zero_is_found_with_the_driver_on_only_meanwhile(module):
+    usb = module.usb
+    usb.send(Calibrate(Calibration.ENCODER))
+    module.until("driver", 1)
+    found = usb.wait(Acknowledge)
+    assert (found.code, found.state) == (Code.OK, State.IDLE)
+    module.until("driver", 0)
+    zero = usb.ask(GetParameter(PARAMETERS["motor_zero"].index), ParameterValue).value
+    assert zero == pytest.approx(ZERO, abs=0.02)
+    on, off = module.times("driver")
+    assert 3.0 < off - on < 3.6
 
 
-def test_an_emergency_stop_ends_the_search_for_the_zero(program):
-    with board(program) as module:
-        usb = module.usb
-        usb.send(Calibrate(Calibration.ENCODER))
-        module.until("driver", 1)
-        assert usb.ask(EmergencyStop()).state is State.ESTOP
-        module.until("driver", 0)
-        (on, _), (off, _) = [(at, number) for what, number, at in module.events if what == "driver"]
-        assert off - on < 1.5
-        module.advance(0.2)
-        assert module.numbers("driver") == [1, 0]
+def test_an_emergency_stop_ends_the_search_for_the_zero(module):
+    usb = module.usb
+    usb.send(Calibrate(Calibration.ENCODER))
+    module.until("driver", 1)
+    assert usb.ask(EmergencyStop()).state is State.ESTOP
+    module.until("driver", 0)
+    on, off = module.times("driver")
+    assert off - on < 1.5
+    module.advance(0.2)
+    assert module.numbers("driver") == [1, 0]
 
 
-def test_settings_are_stored_when_they_are_saved(program):
-    with board(program) as module:
-        assert module.usb.ask(Save()).code is Code.OK
-        assert len(module.numbers("stored")) == 1
+def test_settings_are_stored_and_the_servo_follows_its_pulse_at_once(module):
+    assert module.usb.ask(Save()).code is Code.OK
+    assert len(module.numbers("stored")) == 1
+    assert module.usb.ask(SetParameter(PARAMETERS["brake_open_pulse"].index, 1200.0)).code is Code.OK
+    module.until("servo_us", 1200)
 
 
-def test_the_servo_follows_its_pulse_at_once(program):
-    with board(program) as module:
-        assert module.usb.ask(SetParameter(PARAMETERS["brake_open_pulse"].index, 1200.0)).code is Code.OK
-        module.until("servo_us", 1200)
+def test_bluetooth_takes_the_link_and_its_end_is_a_link_that_closed(pulling):
+    air = pulling.connect_bluetooth()
+    assert air.ask(Hello(), Info).state is State.TIMEOUT
+    assert air.ask(Stop()).code is Code.OK
+    assert air.ask(Arm(6)).code is Code.OK
+    air.send(SetTension(6, 1.0, ttl_ms=2000))
+    assert air.ask(Hello(), Info).state is State.RUNNING
+    pulling.end_bluetooth()
+    pulling.advance(0.01)
+    assert pulling.usb.ask(Hello(), Info).state is State.TIMEOUT
 
 
-def test_bluetooth_takes_the_link_and_its_end_is_a_link_that_closed(program):
-    with board(program) as module:
-        pull(module, module.usb)
-        module.until("driver", 1)
-        air = module.connect_bluetooth()
-        assert air.ask(Hello(), Info).state is State.TIMEOUT
-        assert air.ask(Stop()).code is Code.OK
-        assert air.ask(Arm(6)).code is Code.OK
-        air.send(SetTension(6, 1.0, ttl_ms=2000))
-        assert air.ask(Hello(), Info).state is State.RUNNING
-        module.end_bluetooth()
-        module.advance(0.01)
-        assert module.usb.ask(Hello(), Info).state is State.TIMEOUT
+@pytest.mark.parametrize("module", [1000], indirect=True)  # ms: its writing blocks so long
+def test_an_emergency_stop_is_heard_while_bluetooth_cannot_send(module):
+    module.advance(0.01)  # before its first step, the firmware does not arm
+    air = module.connect_bluetooth()
+    air.send(Hello())  # its answer blocks the writing task for a second
+    module.happen("p")
+    air.send(SetParameter(PARAMETERS["motor_zero"].index, ZERO))
+    air.send(Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0))
+    air.send(Arm(5))
+    air.send(SetTension(5, 2.0, ttl_ms=2000))
+    module.until("driver", 1)
+    module.advance(0.1)
+    begin = module.now
+    air.send(EmergencyStop())
+    module.until("driver", 0)
+    _, off = module.times("driver")
+    assert abs(off - begin) < 0.01
 
 
-def test_an_emergency_stop_is_heard_while_bluetooth_cannot_send(program):
-    with board(program, blocking_ms=1000) as module:
-        module.advance(0.01)  # before its first step, the firmware does not arm
-        air = module.connect_bluetooth()
-        air.send(Hello())  # its answer blocks the writing task for a second
-        module.happen("p")
-        air.send(SetParameter(PARAMETERS["motor_zero"].index, ZERO))
-        air.send(Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0))
-        air.send(Arm(5))
-        air.send(SetTension(5, 2.0, ttl_ms=2000))
-        module.until("driver", 1)
-        module.advance(0.1)
-        begin = module.now
-        air.send(EmergencyStop())
-        module.until("driver", 0)
-        [off] = [at for what, number, at in module.events if (what, number) == ("driver", 0)]
-        assert abs(off - begin) < 0.01
+def test_a_flood_does_not_hold_the_loop_up(module):
+    usb = module.usb
+    for _ in range(20):
+        os.write(usb.into, (bytes(reversed(range(256))) + bytes(2)) * 4)  # each piece ends a frame
+    usb.ask(ConfigureTelemetry(20))
+    telemetry = usb.wait(Telemetry)
+    assert telemetry.bad_frames > 60
+    assert telemetry.longest_step_us == 250
 
 
-def test_a_flood_does_not_hold_the_loop_up(program):
-    with board(program) as module:
-        usb = module.usb
-        for _ in range(20):
-            os.write(usb.into, (bytes(reversed(range(256))) + bytes(2)) * 4)  # each piece ends a frame
-        usb.ask(ConfigureTelemetry(20))
-        telemetry = usb.wait(Telemetry)
-        assert telemetry.bad_frames > 60
-        assert telemetry.longest_step_us == 250
+def test_strangers_pair_only_for_a_while_after_the_button_was_pressed(module):
+    module.usb.ask(Hello(), Info)
+    module.happen("b")
+    module.advance(0.01)
+    module.happen("B")
+    assert (module.numbers("pairs"), module.numbers("found")) == ([0, 1], [0, 1])
+    module.advance(9.9)
+    assert module.numbers("pairs") == [0, 1]
+    module.advance(0.2)
+    assert (module.numbers("pairs"), module.numbers("found")) == ([0, 1, 0], [0, 1, 0])
+    assert set(module.numbers("connectable")) == {1}, "those that have paired connect at any time"
 
 
-def test_strangers_pair_only_for_a_while_after_the_button_was_pressed(program):
-    with board(program) as module:
-        module.usb.ask(Hello(), Info)
-        module.happen("b")
-        module.advance(0.01)
-        module.happen("B")
-        assert (module.numbers("pairs"), module.numbers("found")) == ([0, 1], [0, 1])
-        module.advance(9.9)
-        assert module.numbers("pairs") == [0, 1]
-        module.advance(0.2)
-        assert (module.numbers("pairs"), module.numbers("found")) == ([0, 1, 0], [0, 1, 0])
-        assert set(module.numbers("connectable")) == {1}, "those that have paired connect at any time"
-
-
-def test_a_module_that_pulls_does_not_pair(program):
-    with board(program) as module:
-        module.usb.ask(Hello(), Info)
-        module.happen("bB")
-        module.happen("b")
-        pull(module, module.usb)
-        module.until("driver", 1)
-        module.advance(0.01)
-        assert module.numbers("pairs") == [0, 1, 0], "storing a key would halt the loop"
+def test_a_module_that_pulls_does_not_pair(module):
+    module.usb.ask(Hello(), Info)
+    module.happen("bB")
+    module.happen("b")
+    pull(module, module.usb)
+    module.until("driver", 1)
+    module.advance(0.01)
+    assert module.numbers("pairs") == [0, 1, 0], "storing a key would halt the loop"
 
 
 @pytest.mark.parametrize(("stop", "state"), [(Stop(), State.IDLE), (EmergencyStop(), State.ESTOP)])
-def test_a_stop_is_obeyed_from_usb_though_bluetooth_has_the_link(program, stop, state):
-    with board(program) as module:
-        module.advance(0.01)
-        air = module.connect_bluetooth()
-        pull(module, air)
-        module.until("driver", 1)
-        available(module.usb._out)  # what it said before Bluetooth was there
-        module.usb.send(SetTension(5, 3.0, ttl_ms=2000))
-        module.usb.send(Hello())
-        module.usb.send(stop)
-        module.until("driver", 0, 0.1)
-        assert air.wait(Event).state is state
-        assert air.ask(Hello(), Info).state is state
-        assert available(module.usb._out) == b"", "and nothing else is"
+def test_a_stop_is_obeyed_from_usb_though_bluetooth_has_the_link(module, stop, state):
+    module.advance(0.01)
+    air = module.connect_bluetooth()
+    pull(module, air)
+    module.until("driver", 1)
+    available(module.usb._out)  # what it said before Bluetooth was there
+    module.usb.send(SetTension(5, 3.0, ttl_ms=2000))
+    module.usb.send(Hello())
+    module.usb.send(stop)
+    module.until("driver", 0, 0.1)
+    assert air.wait(Event).state is state
+    assert air.ask(Hello(), Info).state is state
+    assert available(module.usb._out) == b"", "and nothing else is"
 
 
-def test_an_emergency_stop_is_obeyed_from_bluetooth_that_has_just_lost_the_link(program):
-    with board(program) as module:
-        module.advance(0.01)
-        air = module.connect_bluetooth()
-        pull(module, air)
-        module.until("driver", 1)
-        air.send(EmergencyStop())
-        module.end_bluetooth()
-        module.until("driver", 0, 0.1)
-        assert module.usb.ask(Hello(), Info).state is State.ESTOP
+def test_an_emergency_stop_is_obeyed_from_bluetooth_that_has_just_lost_the_link(module):
+    module.advance(0.01)
+    air = module.connect_bluetooth()
+    pull(module, air)
+    module.until("driver", 1)
+    air.send(EmergencyStop())
+    module.end_bluetooth()
+    module.until("driver", 0, 0.1)
+    assert module.usb.ask(Hello(), Info).state is State.ESTOP
 
 
-def test_a_hang_takes_the_driver_off_within_the_watchdogs_50_ms_before_the_panic(program):
-    with board(program) as module:
-        pull(module, module.usb)
-        module.until("driver", 1)
-        module.advance(0.1)
-        assert module.numbers("watchdog_ms") == [1000, 50]
-        begin = module.now
-        module.happen("h")
-        module.until("panic", 1, 0.2)
-        [off] = [at for what, number, at in module.events if (what, number) == ("driver", 0)]
-        assert off - begin < 0.053
-        assert [what for what, *_ in module.events][-2:] == ["driver", "panic"]
+def test_a_hang_takes_the_driver_off_within_the_watchdogs_50_ms_before_the_panic(pulling):
+    pulling.advance(0.1)
+    assert pulling.numbers("watchdog_ms") == [1000, 50]
+    begin = pulling.now
+    pulling.happen("h")
+    pulling.until("panic", 1, 0.2)
+    _, off = pulling.times("driver")
+    assert off - begin < 0.053
+    assert [what for what, *_ in pulling.events][-2:] == ["driver", "panic"]
 
 
-def test_a_hang_with_the_driver_off_may_last_a_second(program):
+def test_a_hang_with_the_driver_off_may_last_a_second(pulling):
     """As long as flash may take to be written."""
-    with board(program) as module:
-        pull(module, module.usb)
-        module.until("driver", 1)
-        module.usb.ask(Stop())
-        module.until("driver", 0)
-        assert module.numbers("watchdog_ms") == [1000, 50, 1000]
+    pulling.usb.ask(Stop())
+    pulling.until("driver", 0)
+    assert pulling.numbers("watchdog_ms") == [1000, 50, 1000]
 
 
-def test_a_converter_that_does_not_answer_is_a_fault_at_once_and_no_hang(program):
-    with board(program) as module:
-        pull(module, module.usb)
-        module.until("driver", 1)
-        begin = module.now
-        module.happen("c")
-        module.until("driver", 0, 0.1)
-        assert module.now - begin < 0.01
-        assert module.usb.wait(Event, state=State.FAULT).faults & Fault.CURRENT
-        assert module.numbers("panic") == []
+def test_a_converter_that_does_not_answer_is_a_fault_at_once_and_no_hang(pulling):
+    begin = pulling.now
+    pulling.happen("c")
+    pulling.until("driver", 0, 0.1)
+    assert pulling.now - begin < 0.01
+    assert pulling.usb.wait(Event, state=State.FAULT).faults & Fault.CURRENT
+    assert pulling.numbers("panic") == []

@@ -22,7 +22,7 @@ from tensionlab.hardware.protocol.messages import (
 )
 from tensionlab.hardware.simulation.simulated_module import PARTS, STEP_S, Sample, SimulatedModule, Trace
 from tests.helpers.examples import many
-from tests.helpers.modules import SESSION, Host, host_in
+from tests.helpers.modules import SESSION, Host, armed, host_in
 
 LOWER, UPPER, SLEW, PEAK, RELEASE = 0.5, 6.0, 60.0, 2.2, 2.0
 TINY = 1e-5  # of single precision
@@ -181,10 +181,7 @@ def test_a_link_that_closes_is_a_timeout_at_once():
 
 @pytest.mark.parametrize("slew", [10.0, 300.0])
 def test_at_any_slew_the_ramp_ends_before_the_driver_goes_off(slew):
-    host = Host()
-    host.set(slew=slew, tension_upper=12.0, newton_per_ampere=6.0, tension_lower=0.1)
-    host.calibrate(newton_per_ampere=6.0)
-    host.arm()
+    host = armed(6.0, {"slew": slew, "tension_upper": 12.0, "newton_per_ampere": 6.0, "tension_lower": 0.1})
     host.hold(12.0, 1.3)
     trace = host.module.trace(3.0)
     steps = np.abs(np.diff(trace.commanded))
@@ -196,9 +193,7 @@ def test_at_any_slew_the_ramp_ends_before_the_driver_goes_off(slew):
 
 def test_the_clock_may_wrap_around():
     def story(start_us: int) -> tuple[np.ndarray, list]:
-        host = Host(start_us=start_us)
-        host.calibrate(length=1.0)
-        host.arm()
+        host = armed(start_us=start_us)
         traces = host.hold(3.0, 0.3) + host.hold(0.5, 0.3, brake=True) + host.hold(2.0, 0.5, distance=0.95)
         host.render(rest=0.9, stiffness=40.0, damping=1.0, amplitude=0.1, frequency=50.0, ttl_ms=400)
         traces.append(host.module.trace(3.5))

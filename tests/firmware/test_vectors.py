@@ -10,7 +10,7 @@ from tensionlab import _native
 from tensionlab.hardware.protocol import messages as protocol
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.protocol.messages import DELIMITER, Decoder, WireFrame
-from tests.helpers.modules import Host
+from tests.helpers.modules import Host, armed
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 VECTORS = json.loads((FIRMWARE / "vectors.json").read_text())
@@ -47,6 +47,8 @@ def test_the_firmware_knows_each_command_and_its_length(vector):
         codes = {answer.code for answer in host.hear() if isinstance(answer, protocol.Acknowledge)}
         assert (protocol.Code.BAD_LENGTH in codes) == (not known)
         assert protocol.Code.UNKNOWN_TYPE not in codes
+        host.module.advance(0.01)
+        assert known or (host.state, host.module.settings) == (State.IDLE, b"")
 
 
 def damaged(wire: bytes):
@@ -79,9 +81,7 @@ def test_no_damage_moves_a_module(vector):
     for stream in damaged(whole.pack()):
         if Decoder().feed(stream + DELIMITER) == [whole]:
             continue  # a zero more at its end is none
-        host = Host(session=0x1234)
-        host.calibrate(length=1.0)
-        host.arm()
+        host = armed(session=0x1234)
         host.module.receive(stream + DELIMITER)
         assert host.hear() == []
         assert host.state == State.ARMED

@@ -99,13 +99,22 @@ class Host:
         return self.module.sample.state
 
 
+def armed(newton_per_ampere=3.0, parameters=None, **options) -> Host:
+    """A host whose module is armed, with these parameters, and knows the length of its cable."""
+    host = Host(**options)
+    host.set(**parameters or {})
+    host.calibrate(newton_per_ampere, host.module.sample.distance)
+    host.arm()
+    return host
+
+
 def host_in(state: State, **options) -> Host:
     """A host whose module is in this state, pulling with more than the minimum tension where it may."""
-    host = Host(**options)
-    host.calibrate(length=host.module.sample.distance)
     if state == State.IDLE:
+        host = Host(**options)
+        host.calibrate(length=host.module.sample.distance)
         return host
-    host.arm()
+    host = armed(**options)
     if state == State.ARMED:
         host.module.advance(0.02)
     else:
