@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tensionlab import _native
-from tensionlab.hardware.protocol.codes import Calibration, Code, ResetReason, State
+from tensionlab.hardware.protocol.codes import Calibration, Code, Limit, ResetReason, State
 from tensionlab.hardware.protocol.messages import (
     Arm,
     Calibrate,
@@ -168,6 +168,9 @@ def test_without_set_points_a_module_is_taut_and_then_off(tension, ttl_ms):
     off = after > life + STAGE + LOWER / SLEW + 3 * STEP_S
     assert not trace.driver_on[off].any()
     assert off.sum() > 3900
+    taut = (after > life + 1.5 * STEP_S) & (after < life + STAGE)
+    assert set(trace.limit[taut]) == {Limit.TIMEOUT}
+    assert set(trace.limit[off]) == {Limit.IDLE}
     assert host.code(SetTension(SESSION, 1.0)) == Code.BAD_STATE
 
 
