@@ -45,11 +45,6 @@ class Subdivision(NamedTuple):
     levels: int
 
     @property
-    def dimension(self) -> int:
-        """Dimension of space: 2 or 3."""
-        return len(self.low)
-
-    @property
     def volume(self) -> float:
         """Volume of the box, in m to the power of the number of its axes that have an extent."""
         return float(np.prod(self.extent[self.extent > 0]))
@@ -69,14 +64,14 @@ class Subdivision(NamedTuple):
 
     def first(self) -> Integers:
         """Return the places (k, d) of the cells of the first level."""
-        return np.indices(tuple(self.roots.tolist())).reshape(self.dimension, -1).T.astype(np.int64)
+        return np.indices(tuple(self.roots.tolist())).reshape(len(self.low), -1).T.astype(np.int64)
 
     def children(self, places: Integers) -> Integers:
         """Return the places of the cells that cells are cut into."""
         cut = self.extent > 0
         parts = np.array(list(product(*((0, 1) if each else (0,) for each in cut))))
         doubled = places[:, None] * np.where(cut, 2, 1)
-        return np.asarray(doubled + parts).reshape(-1, self.dimension)
+        return np.asarray(doubled + parts).reshape(-1, len(self.low))
 
     def place_of(self, level: int, position: Floats) -> Integers:
         """Return the places (k, d) of the cells that hold positions (k, d) of the box."""

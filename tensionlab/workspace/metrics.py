@@ -54,8 +54,6 @@ class Metric:
 
     Attributes
     ----------
-    name : str
-        Name of the variable in datasets.
     function : callable
         Takes a `Batch` of B poses, and the parameters by keyword, and returns the values (B,). The first line of
         its docstring describes the metric.
@@ -67,8 +65,6 @@ class Metric:
         Label in figures; empty for the name.
     above_zero : str
         What holds where the value is above zero, if anything.
-    parameters : mapping
-        Keyword arguments of the function.
 
     Examples
     --------
@@ -143,19 +139,21 @@ def _feasible_direction_fraction(batch: Batch, magnitude: float = 1.0, count: in
 
     Without torque, in directions that cover the circle or sphere evenly, on top of the required wrench.
     """
-    directions = circle(count) if batch.rig.dimension == 2 else fibonacci(count)
-    given = batch.structure, batch.rig.limits, directions, magnitude, batch.wrench
-    return structure_metrics.feasible_direction_fraction(*given)
+    return structure_metrics.feasible_direction_fraction(*_forces(batch, magnitude, count))
 
 
 def _squared_tension(batch: Batch, over: str = "mean", magnitude: float = 1.0, count: int = 200) -> Floats:
     """Sum of squared tensions for a force (1 N), its mean over directions, or its maximum (worst)."""
     if over not in ("mean", "worst"):
         raise InputError(f"squared-tension: over is {over!r}; give mean or worst")
+    squares = structure_metrics.squared_tension(*_forces(batch, magnitude, count))
+    return squares.mean if over == "mean" else squares.worst
+
+
+def _forces(batch: Batch, magnitude: float, count: int) -> tuple[Any, ...]:
+    """Return the arguments of `feasible_direction_fraction`, for a number of directions."""
     directions = circle(count) if batch.rig.dimension == 2 else fibonacci(count)
-    given = batch.structure, batch.rig.limits, directions, magnitude, batch.wrench
-    found: Floats = getattr(structure_metrics.squared_tension(*given), over)
-    return found
+    return batch.structure, batch.rig.limits, directions, magnitude, batch.wrench
 
 
 def _least_singular_value(batch: Batch) -> Floats:

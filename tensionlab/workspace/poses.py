@@ -222,7 +222,7 @@ def box(
         The box, in m; a number is a plane of it. No z in the plane.
     step : number, or one for each axis
         Distance of neighbours, in m. The first is at ``from``; the last is at ``to`` if the step divides the edge.
-    rotations : array, optional
+    rotations
         As in `Grid`.
 
     Examples

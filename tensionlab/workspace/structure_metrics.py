@@ -63,16 +63,15 @@ def isotropic_force(
 ) -> Floats:
     """Return the maximum force (...), in N, that is feasible in every direction, without a torque.
 
-    The radius of the largest ball of forces, about zero or a wrench, in the available wrench set; each facet
-    bounds it by the part of its normal that is a force. 0 where some directions, or the middle, are infeasible.
+    The radius of the largest ball of forces, about zero or a wrench, in the available wrench set; 0 where some
+    directions, or the middle, are infeasible.
 
     Parameters
     ----------
     structure, limits
         Parameters and errors as in `capacity_margin`.
     dimension : int or None
-        Number of the n components that are forces, ``rig.dimension``; the others are torques, and stay zero. None
-        is 3, or n where that is less.
+        Number of the n components that are forces, the others being torques; None is 3, or n where that is less.
     offset_wrench : (..., n) array or None
         Wrench that is rendered at the same time, such as that which holds a weight; None is zero.
 

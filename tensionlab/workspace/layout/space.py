@@ -43,7 +43,7 @@ class Surface:
     edges : (k, d) read-only array
         One to d independent vectors from the corner, in m: a rail, a rectangle, a box.
     frame : str
-        "world", or the name of a body frame to which the modules are attached.
+        "world", or the name of the body frame that it is attached to.
 
     Examples
     --------
