@@ -2,11 +2,7 @@
 
 from tensionlab.workspace.certification import certify
 from tensionlab.workspace.certified import CertifiedWorkspace
-from tensionlab.workspace.interference import (
-    Capsule,
-    body_distance,
-    cable_distance,
-)
+from tensionlab.workspace.interference import Capsule, body_distance, cable_distance
 from tensionlab.workspace.layout.results import Layout, LayoutSearch, Objective
 from tensionlab.workspace.layout.search import search_layout
 from tensionlab.workspace.layout.space import Space, Surface, room

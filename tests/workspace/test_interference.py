@@ -13,13 +13,7 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import box_corners
 from tensionlab.model.module import Module
 from tensionlab.model.rig import Rig
-from tensionlab.workspace.interference import (
-    Capsule,
-    body_distance,
-    cable_distance,
-    cable_pairs,
-    closest,
-)
+from tensionlab.workspace.interference import Capsule, body_distance, cable_distance, cable_pairs, closest
 from tests.helpers.examples import many
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"

@@ -2,12 +2,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from benchmarks.certify import (
-    area_of_two_cables,
-    hole_requirement,
-    planar_platform_with_a_hole,
-    random_positions,
-)
+from benchmarks.certify import area_of_two_cables, hole_requirement, planar_platform_with_a_hole, random_positions
 from tensionlab.errors import InputError, RigError, ShapeError
 from tensionlab.workspace.wrench_set import required_margin
 from tests.helpers.examples import many

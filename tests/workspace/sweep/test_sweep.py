@@ -146,12 +146,7 @@ def test_where_a_cable_has_no_length_there_is_no_value():
 def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tmp_path):
     for out in (None, tmp_path / "a.zarr"):
         rigs = vary(tl.ring_plus_top, side=[1.0], limits=[(0.5, 6)])
-        data = tl.sweep(
-            rigs,
-            Grid(0.0, 0.2, 0.1),
-            ["feasible-direction-fraction:2.0", "squared-tension"],
-            out=out,
-        )
+        data = tl.sweep(rigs, Grid(0.0, 0.2, 0.1), ["feasible-direction-fraction:2.0", "squared-tension"], out=out)
         assert {"side", "limits", "limits_lower", "anchor", "lower"} <= set(data.coords)
         for name, variable in data.variables.items():
             assert variable.attrs["units"], name
