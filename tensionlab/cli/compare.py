@@ -36,8 +36,7 @@ def compare(
     rig: options.RigArgument,
     at: options.At = None,
     magnitude: Annotated[
-        float | None,
-        option("NEWTON", "Size of each force in N. Left out: 1.5, or the radius of a required ball."),
+        float | None, option("NEWTON", "Size of each force in N. Left out: 1.5, or the radius of a required ball.")
     ] = None,
     directions: Annotated[
         str | None,

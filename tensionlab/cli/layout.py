@@ -12,7 +12,7 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json, Verbs, flag, option
 from tensionlab.support.files import writing
-from tensionlab.workspace.layout.results import Layout, LayoutSearch
+from tensionlab.workspace.layout.results import Layout
 from tensionlab.workspace.layout.search import search_layout
 from tensionlab.workspace.layout.task import load_task
 
@@ -40,8 +40,7 @@ def search(
     required: options.Required = None,
     seed: Annotated[int | None, option("N", "Seed in place of the file's.", min=0)] = None,
     certify: Annotated[
-        bool,
-        flag("--certify", "Prove what the layouts render everywhere in the target, not at its points alone."),
+        bool, flag("--certify", "Prove what the layouts render everywhere in the target, not at its points alone.")
     ] = False,
     plot: options.Plot = None,
     json: Json = False,
@@ -64,6 +63,7 @@ def search(
         writing.require_writable(file)
     with output.progress("Layouts") as progress:
         found = search_layout(**task._asdict(), certify=certify, progress=progress)
+    best = found.best
     with output.ResultWriter(quiet=json) as writer:
         written = [
             str(files[each.rig.m])
@@ -72,16 +72,20 @@ def search(
         ]
         writer.draw(plot, "search", task.space, task.target, found)
         if json:
-            output.print_json(
-                space=task.name,
-                score=found.describe(),
-                layouts=[_plain(each, on_front=each in found.front) for each in found.layouts],
-                written=written,
-                manifest=output.manifest(task.seed),
-            )
+            layouts = [_layout_json(each, on_front=each in found.front) for each in found.layouts]
+            output.print_json(space=task.name, score=found.describe(), layouts=layouts, written=written,
+                              manifest=output.manifest(task.seed))  # fmt: skip
         else:
-            _print(found, task.name)
-    if problem := _shortfall(found):
+            if len(found.layouts) > 1:
+                table = found.table()
+                table.title = task.name
+                output.print_table(table)
+                output.print_line()
+            table = best.table()
+            table.title = f"{best.rig.name} {found.objective.describe(best.rig, best.score)}"
+            table.notes = [_proof(each) for each in found.layouts if each.proved is not None]
+            output.print_table(table)
+    if problem := _shortfall(best, found.objective.force):
         output.print_error(
             f"{problem}; give more modules (counts), higher limits or a smaller target, or search longer "
             "(generations, starts)"
@@ -89,23 +93,7 @@ def search(
         raise typer.Exit(1)
 
 
-def _shortfall(found: LayoutSearch) -> str:
-    """Return what the best layout does not hold, or does not hold provably; an empty text if it holds all."""
-    best, force = found.best, found.objective.force
-    if best.score <= 0:
-        held = best.rig.required.describe(best.rig) if best.rig.required else "a force in every direction"
-        where = (
-            f"with {force:g} N in every direction anywhere" if force is not None else "everywhere in the target"
-        )
-        return f"no layout was found that holds {held} {where}: the worst margin is {best.worst:.4g} N"
-    force = force or 0.0
-    if best.proved is None or best.proved >= force:
-        return ""
-    held = f"{best.proved:.4g} N is, {force - best.proved:.2g} N less" if best.proved >= 0 else "no force is"
-    return f"{force:g} N in every direction is not proved everywhere in the target: of {best.rig.name} {held}"
-
-
-def _plain(found: Layout, on_front: bool) -> dict[str, object]:
+def _layout_json(found: Layout, on_front: bool) -> dict[str, object]:
     return {
         "rig": found.rig.name,
         "score": found.score,
@@ -119,18 +107,22 @@ def _plain(found: Layout, on_front: bool) -> dict[str, object]:
     }
 
 
-def _print(found: LayoutSearch, name: str) -> None:
-    """Print what each number of modules gains, and where the modules of the best layout are."""
-    if len(found.layouts) > 1:
-        output.print_line(name)
-        output.print_table(found.table())
-        output.print_line()
-    best = found.best
-    table = best.table()
-    table.title = f"{best.rig.name} {found.objective.describe(best.rig, best.score)}"
-    output.print_table(table)
-    for each in found.layouts:
-        if each.proved is not None:
-            about = f" about {each.rig.required.describe(each.rig)}" if each.rig.required else ""
-            held = "nothing" if np.isnan(each.proved) else f"{each.proved:.4g} N in every direction{about}"
-            output.print_line(f"{each.rig.name}: proved everywhere in the target: {held}")
+def _proof(found: Layout) -> str:
+    """Return what is proved of a layout."""
+    about = f" about {found.rig.required.describe(found.rig)}" if found.rig.required else ""
+    nothing = found.proved is None or np.isnan(found.proved)
+    force = "nothing" if nothing else f"{found.proved:.4g} N in every direction{about}"
+    return f"{found.rig.name}: proved everywhere in the target: {force}"
+
+
+def _shortfall(best: Layout, force: float | None) -> str:
+    """Return what the best layout does not hold, or does not hold provably; an empty text if it holds all."""
+    if best.score <= 0:
+        held = best.rig.required.describe(best.rig) if best.rig.required else "a force in every direction"
+        where = "everywhere in the target" if force is None else f"with {force:g} N in every direction anywhere"
+        return f"no layout was found that holds {held} {where}: the worst margin is {best.worst:.4g} N"
+    force = force or 0.0
+    if best.proved is None or best.proved >= force:
+        return ""
+    held = f"{best.proved:.4g} N is, {force - best.proved:.2g} N less" if best.proved >= 0 else "no force is"
+    return f"{force:g} N in every direction is not proved everywhere in the target: of {best.rig.name} {held}"

@@ -21,10 +21,7 @@ rig = Verbs("Show, check, import and export rigs.")
 
 @rig.command()
 def show(
-    path: options.RigArgument,
-    frames: options.BodyFrames = None,
-    plot: options.Plot = None,
-    json: Json = False,
+    path: options.RigArgument, frames: options.BodyFrames = None, plot: options.Plot = None, json: Json = False
 ) -> None:
     """Show anchors, cable lengths at home and limits of a rig."""
     loaded = options.load(path, frames)
@@ -85,8 +82,7 @@ def check(
 def import_(
     caspr: Annotated[tuple[Path, Path], option("BODIES.xml CABLES.xml", "The two files of a CASPR model.")],
     cable_set: Annotated[
-        str | None,
-        option("ID", "Which set of cables; the file's default if left out.", "--set"),
+        str | None, option("ID", "Which set of cables; the file's default if left out.", "--set")
     ] = None,
     out: Annotated[
         Path | None, options.writes("Write the rig file here, not to stdout.", ".toml", metavar="RIG")

@@ -42,8 +42,7 @@ def run(
     ] = None,
     program: Annotated[Path | None, option("FILE", "Program (TOML): desired wrenches one after another.")] = None,
     at: Annotated[
-        str | None,
-        option("X Y Z", "Position of the point in m; computed from the cable lengths if left out."),
+        str | None, option("X Y Z", "Position of the point in m; computed from the cable lengths if left out.")
     ] = None,
     rate: Annotated[float, option("HZ", "Cycles per second.", callback=options.require_positive)] = 50.0,
     ttl: Annotated[

@@ -70,8 +70,7 @@ def serve(
     port: Annotated[int, port_option("Port of the WebSocket; 0 takes a free one.")] = 8765,
     osc: Annotated[int | None, port_option("Also listen for OSC at this UDP port.")] = None,
     osc_host: Annotated[
-        str,
-        option("HOST", "Address to listen at for OSC, which has no token: anyone who reaches it sets forces."),
+        str, option("HOST", "Address to listen at for OSC, which has no token: anyone who reaches it sets forces.")
     ] = "127.0.0.1",
     token_file: Annotated[
         Path | None,

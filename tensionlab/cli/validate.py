@@ -14,7 +14,7 @@ from tensionlab.cli.common.links import links_of_rig
 from tensionlab.cli.common.runs import print_simulated
 from tensionlab.cli.common.verbs import Json, option
 from tensionlab.errors import HardwareError, LogError
-from tensionlab.hardware.client.group import ModuleGroup, connect
+from tensionlab.hardware.client.group import connect
 from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import ring_plus_top
 from tensionlab.validation import report as reports
@@ -22,7 +22,7 @@ from tensionlab.validation.data_tables import write_recording
 from tensionlab.validation.error_model import find_preset, require_point
 from tensionlab.validation.protocol import Protocol, ValidationPlan
 from tensionlab.validation.protocol import validate as measure
-from tensionlab.validation.sensors import ForceSensor, open_sensor
+from tensionlab.validation.sensors import open_sensor
 
 SIMULATED = "sim:"
 
@@ -52,8 +52,7 @@ def validate(
     ] = None,
     seed: Annotated[int, option("N", "Seed of the simulated rig's errors and noise.", min=0)] = 0,
     hold: Annotated[
-        float,
-        option("S", "How long each force is held, in s; the first 0.3 s are not averaged."),
+        float, option("S", "How long each force is held, in s; the first 0.3 s are not averaged.")
     ] = 1.0,
     json: Json = False,
 ) -> None:
@@ -67,7 +66,11 @@ def validate(
     if modules is None:
         print_simulated()
     with ExitStack() as opened, output.progress(f"{total} forces") as progress:
-        reached = None if modules is None else _reached(plan, modules, sensor, opened)
+        reached = None
+        if modules is not None:
+            links = links_of_rig(plan.rig, modules)
+            force_sensor = opened.enter_context(closing(open_sensor(sensor)))
+            reached = opened.enter_context(closing(connect(plan.rig, links))), force_sensor
         try:
             setup, measurements = measure(plan, out, reached, progress)
         except LogError:
@@ -78,14 +81,20 @@ def validate(
     if len(measurements) < total:
         raise KeyboardInterrupt(f"{len(measurements)} of {total} forces are measured")
     result = reports.evaluate(setup, measurements)
+    manifest = output.manifest(plan.seed if plan.preset else None)
+    report = reports.as_json(result, manifest)
     with output.ResultWriter(quiet=True) as writer:
-        report = _write(result, plan, sensor, out, writer)
+        writer.write_text("report", out / "report.json", json_text.dumps(output.plain(report), indent=2) + "\n")
+        writer.write_text("report", out / "report.md", reports.as_markdown(result))
+        writer.write_text("table", out / "table.tex", reports.as_latex(result))
+        recording = reports.make_recording(result, plan.rig, sensor, manifest)
+        name = "forces-simulated.parquet" if setup["simulated"] else "forces.parquet"
+        writer.write("recording", out / name, lambda path: write_recording(path, recording))
         if json:
             output.print_json(report)
         else:
-            title = f"{plan.rig.name}, {plan.solver}, {len(result.desired)} forces"
             table = result.table()
-            table.title = title
+            table.title = f"{plan.rig.name}: {table.title}"
             output.print_table(table)
 
 
@@ -108,27 +117,3 @@ def _plan(
     options.check_solvers(loaded, [solver], None)
     chosen = (preset or "paper-like") if modules is None else None
     return ValidationPlan(loaded, solver, Protocol(hold=hold), chosen, seed)
-
-
-def _reached(
-    plan: ValidationPlan, modules: str, sensor: str, opened: ExitStack
-) -> tuple[ModuleGroup, ForceSensor]:
-    """Open the links to modules and sensor, to be closed with the others."""
-    links = links_of_rig(plan.rig, modules)
-    force_sensor = opened.enter_context(closing(open_sensor(sensor)))
-    return opened.enter_context(closing(connect(plan.rig, links))), force_sensor
-
-
-def _write(
-    result: reports.ValidationResult, plan: ValidationPlan, sensor: str, out: Path, writer: output.ResultWriter
-) -> dict[str, object]:
-    """Write report, table and recording, and return what the report says."""
-    manifest = output.manifest(plan.seed if plan.preset else None)
-    report = reports.as_json(result, manifest)
-    writer.write_text("report", out / "report.json", json_text.dumps(output.plain(report), indent=2) + "\n")
-    writer.write_text("report", out / "report.md", reports.as_markdown(result))
-    writer.write_text("table", out / "table.tex", reports.as_latex(result))
-    recording = reports.make_recording(result, plan.rig, sensor, manifest)
-    name = "forces-simulated.parquet" if result.setup["simulated"] else "forces.parquet"
-    writer.write("recording", out / name, lambda path: write_recording(path, recording))
-    return report

@@ -179,11 +179,7 @@ MISTAKES = {
     "new rig --out .toml": "--out: .toml: a name is missing; it must end in .toml",
     "bench --out run.mcap": "--out: run.mcap: cannot be written (Not a directory); name a place in a folder",
 }  # what the line on stderr must say, by command
-NO = {
-    "module info socket://127.0.0.1:1",
-    "module monitor",
-    "view --live",
-}  # well-formed: the answer is no
+NO = {"module info socket://127.0.0.1:1", "module monitor", "view --live"}  # well-formed: the answer is no
 MISSING = {
     "workspace cube-8 --step 1 --out a.zarr": ("zarr", 'a store needs zarr: pip install "tensionlab[workspace]"'),
     "workspace cube-8 --scheduler tcp://127.0.0.1:1": (

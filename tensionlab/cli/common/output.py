@@ -176,11 +176,6 @@ def print_line(text: str = "", style: str = "") -> None:
     console().print(text, style=style, soft_wrap=True)
 
 
-def print_prose(text: str, style: str = "") -> None:
-    """Print a text in lines as wide as the terminal."""
-    console().print(text, style=style)
-
-
 def print_json(value: Any = None, **keys: Any) -> None:
     """Print a value, or keys with their values, as JSON and nothing else; NaN and infinity become null."""
     typer.echo(json.dumps(plain(keys or value), indent=2, ensure_ascii=False))
