@@ -61,42 +61,18 @@ class RecordingEntries(BaseModel):
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Desired and measured forces, K of them, of a rig of m modules.
+    """Desired and measured forces, K of them, of a rig of m modules, in the rig's axes and in N."""
 
-    Attributes
-    ----------
-    desired : (K, 3) array
-        In N, in the rig's axes.
-    rendered : (K, 3) array
-        Force of the chosen tensions by the rig's model, in N.
-    measured : (K, 3) array
-        Mean of the sensor's samples while the force was held, less its zero, turned to the rig's axes, in N.
-    tensions : (K, m) array
-        As they were commanded, in N.
-    spread : (K,) array
-        Standard deviation of the samples along the axis where it is largest, in N.
-    status : (K,) array of `Status`
-        What is proved about the solver's choice.
-    fallback_used : (K,) array of bool
-        Whether the solver left its choice unproven, so that the exact solver's was sent.
-    samples : (K,) array
-        Number of samples in the mean.
-    limited_modules : (K,) array of str
-        Modules at a limit of their own, with spaces between.
-    manifest : dict
-        That of `provenance.manifest`, and `RecordingEntries` under ``recording``.
-    """
-
-    desired: Floats
-    rendered: Floats
-    measured: Floats
-    tensions: Floats
-    spread: Floats
-    status: Integers
-    fallback_used: NDArray[np.bool_]
-    samples: Integers
-    limited_modules: NDArray[np.str_]
-    manifest: dict[str, Any]
+    desired: Floats  # (K, 3)
+    rendered: Floats  # (K, 3) of the chosen tensions by the rig's model
+    measured: Floats  # (K, 3) mean of the sensor's samples while the force was held, less its zero
+    tensions: Floats  # (K, m) as they were commanded
+    spread: Floats  # (K,) standard deviation of the samples along the axis where it is largest
+    status: Integers  # (K,) what is proved about the solver's choice: `Status`
+    fallback_used: NDArray[np.bool_]  # (K,) whether that was unproven, so that the exact solver's was sent
+    samples: Integers  # (K,) number of samples in the mean
+    limited_modules: NDArray[np.str_]  # (K,) modules at a limit of their own, with spaces between
+    manifest: dict[str, Any]  # that of `provenance.manifest`, and `RecordingEntries` under ``recording``
 
     def __post_init__(self) -> None:
         count, entries = len(self.desired), _entries(self.manifest)
@@ -142,11 +118,6 @@ class Recording:
     def error(self) -> Floats:
         """Measured minus desired force: (K, 3) array in N."""
         return self.measured - self.desired
-
-    def in_sensor_axes(self) -> Floats:
-        """Return the measured forces in the sensor's own axes: (K, 3) array in N."""
-        entries = _entries(self.manifest)
-        return np.asarray(self.measured @ np.array(entries.rotations[entries.alignment]))
 
 
 def write_recording(path: str | Path, recording: Recording) -> None:

@@ -22,7 +22,7 @@ from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import HardwareError, InputError, LogError, WriteError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import PARAMETERS, Limit
-from tensionlab.hardware.runner.records import DEMAND_STOPPED, Cycle
+from tensionlab.hardware.runner.records import DEMAND_STOPPED
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings
 from tensionlab.hardware.simulation.world import newton_per_ampere
@@ -145,15 +145,6 @@ class ForceSequence:
         return self._demands[self._number]
 
 
-def measure_zero(sensor: ForceSensor, clock: Clock, modules: ModuleGroup) -> Floats:
-    """Return the sensor's average while nothing pulls, (3,) in N; raise `HardwareError` if it sends nothing."""
-    modules.stop()
-    clock.wait_until(clock.now() + ZERO_S)
-    sensor.take()
-    clock.wait_until(clock.now() + ZERO_S)
-    return _average(sensor.take(), "at zero tension")
-
-
 def measure(
     rig: Rig,
     modules: ModuleGroup,
@@ -169,14 +160,33 @@ def measure(
     Return whether all forces were held: a signal, such as Ctrl-C, may end it before. Raise `HardwareError` of the
     modules, as from `Runner.run`, or of the sensor.
     """
-    offset = measure_zero(sensor, clock, modules)
+    modules.stop()
+    clock.wait_until(clock.now() + ZERO_S)
+    sensor.take()
+    clock.wait_until(clock.now() + ZERO_S)
+    offset = _average(sensor.take(), "at zero tension")
     pose = Pose(rig.home, frames=rig.at_rest)
     forces = protocol.forces
 
     def held(number: int, samples: Floats, rested: float) -> None:
-        assert runner.latest is not None
+        cycle = runner.latest
+        assert cycle is not None
         average = _average(samples, f"of force {number + 1} of {len(forces)}") - offset
-        on_measured(_measurement(rig, runner.latest, number, forces[number], average, samples, rested))
+        limiters = zip(rig.modules, cycle.state.limiters.tolist(), strict=True)
+        found = Measurement(
+            number=number,
+            desired=tuple(forces[number].tolist()),
+            rendered=tuple(cycle.allocation.wrench.tolist()),
+            measured=tuple(average.tolist()),
+            tensions=tuple(cycle.commanded.tolist()),
+            status=Status(int(cycle.allocation.status)).name,
+            fallback_used=cycle.fallback_used,
+            samples=len(samples),
+            spread=float(samples.std(axis=0).max()),
+            rested=rested,
+            limited_modules=tuple(module.name for module, limiter in limiters if limiter not in NO_LIMIT),
+        )
+        on_measured(found)
 
     chosen = allocate(rig.structure_matrix(rig.home, frames=rig.at_rest), forces, rig.limits, solver=solver)
     continuous = [CONTINUOUS_CURRENT_A * newton_per_ampere(module) for module in rig.modules]
@@ -190,25 +200,6 @@ def measure(
     if runner.statistics.emergency:
         raise HardwareError("an emergency stop ended the validation; `tensionlab module clear` leads out of it")
     return runner.statistics.ended == DEMAND_STOPPED
-
-
-def _measurement(
-    rig: Rig, cycle: Cycle, number: int, desired: Floats, average: Floats, samples: Floats, rested: float
-) -> Measurement:
-    limiters = zip(rig.modules, cycle.state.limiters.tolist(), strict=True)
-    return Measurement(
-        number=number,
-        desired=tuple(desired.tolist()),
-        rendered=tuple(cycle.allocation.wrench.tolist()),
-        measured=tuple(average.tolist()),
-        tensions=tuple(cycle.commanded.tolist()),
-        status=Status(int(cycle.allocation.status)).name,
-        fallback_used=cycle.fallback_used,
-        samples=len(samples),
-        spread=float(samples.std(axis=0).max()),
-        rested=rested,
-        limited_modules=tuple(module.name for module, limiter in limiters if limiter not in NO_LIMIT),
-    )
 
 
 def _average(samples: Floats, when: str) -> Floats:
@@ -265,7 +256,11 @@ class Journal:
             whole = text[: text.rfind("\n") + 1]  # a process that was killed may have left half a line
             if whole:
                 found, self.measurements = _parse(path, whole)
-                _require_same(path, found, head)
+                if other := [key for key in {**head, **found} if found.get(key) != head.get(key)]:
+                    raise LogError(
+                        f"{path} is of a validation with other {', '.join(other):.100}; continue with the same, "
+                        "or name another folder"
+                    )
             else:
                 whole = json.dumps(head) + "\n"
             if whole != text:
@@ -308,15 +303,6 @@ def _parse(path: Path, text: str) -> tuple[dict[str, Any], list[Measurement]]:
             due = f"force {measurements[-1].number} where {number - 1} is due"
             raise LogError(f"{here}: damaged ({due}); name another folder")
     return head, measurements
-
-
-def _require_same(path: Path, found: Mapping[str, Any], head: Mapping[str, Any]) -> None:
-    other = [key for key in {**head, **found} if found.get(key) != head.get(key)]
-    if other:
-        raise LogError(
-            f"{path} is of a validation with other {', '.join(other):.100}; continue with the same, "
-            "or name another folder"
-        )
 
 
 def validate(

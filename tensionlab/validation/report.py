@@ -19,7 +19,6 @@ from tensionlab.validation.protocol import AXIS_FORCES, Measurement
 from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
 from tensionlab.validation.statistics import (
     ALIGNMENTS,
-    DeviationSummary,
     ForceScore,
     Interval,
     rotation_angle,
@@ -55,10 +54,6 @@ class AlignedForces:
     forces: Floats
     score: ForceScore
 
-    def __repr__(self) -> str:
-        errors = f"{self.score.angle.mean.value:.1f}°, error vector {self.score.vector.mean.value:.2f} N"
-        return f"<AlignedForces turned by {self.angle:.1f}°: mean angle error {errors}>"
-
 
 @dataclass(frozen=True, eq=False)
 class ValidationResult:
@@ -90,11 +85,12 @@ class ValidationResult:
         """Return the published and the measured numbers, line by line."""
         rows = []
         for line in comparison_lines(self):
-            measured = f"{line.measured.value:.3g}"
-            if line.weighted is not None:
-                measured += f" ({line.measured.lower:.3g} to {line.measured.upper:.3g})"
+            value, low, high = line.measured
+            interval = "" if line.weighted is None else f" ({low:.3g} to {high:.3g})"
             weighted = line.weighted and line.weighted.value
-            rows.append([f"{line.name} ({line.unit})", line.published, measured, weighted, line.maximum])
+            rows.append(
+                [f"{line.name} ({line.unit})", line.published, f"{value:.3g}{interval}", weighted, line.maximum]
+            )
         columns = ["", Column("published", format=".3g"), Column("measured", "95 %"),
                    Column("sin-weighted", format=".3g"), Column("maximum", format=".3g")]  # fmt: skip
         return Table(columns, rows, self.title, remarks(self))
@@ -184,24 +180,20 @@ class ComparisonLine(NamedTuple):
     unit: str
     published: float
     measured: Interval
-    weighted: Interval | None
-    maximum: float | None
+    weighted: Interval | None = None
+    maximum: float | None = None
 
 
 def comparison_lines(result: ValidationResult) -> list[ComparisonLine]:
     """Return the numbers that are compared, of forces aligned as published."""
     found = result.aligned["paper"].score
-
-    def compare(name: str, unit: str, published: float, summary: DeviationSummary) -> ComparisonLine:
-        return ComparisonLine(name, unit, published, summary.mean, summary.weighted, summary.maximum)
-
     within = Interval(100.0 * found.within, float("nan"), float("nan"))
     return [
-        compare("mean angle error", "degrees", 14.0, found.angle),
-        ComparisonLine("vectors within 45 degrees", "%", 100.0, within, None, None),
-        compare("mean magnitude", "N", 1.84, found.magnitude),
-        compare('"magnitude error", as | |F| - |F0| |', "N", 0.58, found.magnitude_error),
-        compare('"magnitude error", as |F - F0|', "N", 0.58, found.vector),
+        ComparisonLine("mean angle error", "degrees", 14.0, *found.angle),
+        ComparisonLine("vectors within 45 degrees", "%", 100.0, within),
+        ComparisonLine("mean magnitude", "N", 1.84, *found.magnitude),
+        ComparisonLine('"magnitude error", as | |F| - |F0| |', "N", 0.58, *found.magnitude_error),
+        ComparisonLine('"magnitude error", as |F - F0|', "N", 0.58, *found.vector),
     ]
 
 

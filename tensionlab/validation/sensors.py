@@ -146,8 +146,24 @@ class TextSensor:
         return self._parser.feed(self._read())
 
 
+def open_sensor(where: str | Path) -> TextSensor:
+    """Open the sensor that sends to a URL (`connect_sensor`), or writes to a file (`follow_file`)."""
+    url = str(where)
+    sensor = connect_sensor(url) if url.startswith(SCHEMES) else follow_file(where)
+    end = time.perf_counter() + TIMEOUT_S
+    try:
+        while not len(sensor.take()) and url.startswith(SCHEMES):
+            if time.perf_counter() > end:
+                raise LinkError(f"{url}: the force sensor shows nothing; does it send by itself?")
+            time.sleep(POLL_S)
+    except HardwareError:
+        sensor.close()
+        raise
+    return sensor
+
+
 def follow_file(path: str | Path) -> TextSensor:
-    """Open a file that the sensor's own program writes during the validation, such as ATI's CSV.
+    """Return a sensor whose own program writes a file during the validation, such as ATI's CSV.
 
     Of its earlier content, only the names of columns and units count. The program must write without delay: late
     lines are taken for a later force. Raise `HardwareError` if it can't be read.
@@ -158,19 +174,13 @@ def follow_file(path: str | Path) -> TextSensor:
         raise HardwareError(
             f"{path}: cannot be read ({error.strerror}); have the sensor's program write there first"
         ) from None
-    sensor = TextSensor(str(path), file.read, file.close)
-    try:
-        sensor.take()
-    except HardwareError:
-        sensor.close()
-        raise
-    return sensor
+    return TextSensor(str(path), file.read, file.close)
 
 
 def connect_sensor(url: str) -> TextSensor:
     """Connect to a sensor that sends a line of 3 or 6 numbers for each sample; `SCHEMES`, host and port.
 
-    Raise `LinkError` if that is not an address, or no sensor sends there; later, if the connection ends.
+    Raise `LinkError` if that is not an address, or nothing answers there; later, if the connection ends.
     """
     host, colon, port = url.partition("://")[2].rpartition(":")
     if not (colon and host and port.isdecimal()):
@@ -193,22 +203,7 @@ def connect_sensor(url: str) -> TextSensor:
             if not pieces[-1]:
                 raise LinkError(f"{url}: the force sensor has hung up")
 
-    sensor = TextSensor(url, receive, connection.close)
-    end = time.perf_counter() + TIMEOUT_S
-    try:
-        while not len(sensor.take()):
-            if time.perf_counter() > end:
-                raise LinkError(f"{url}: the force sensor shows nothing; does it send by itself?")
-            time.sleep(POLL_S)
-    except HardwareError:
-        sensor.close()
-        raise
-    return sensor
-
-
-def open_sensor(where: str) -> TextSensor:
-    """Open the sensor at a URL, or that writes a file; errors as those of `follow_file` and `connect_sensor`."""
-    return connect_sensor(where) if where.startswith(SCHEMES) else follow_file(where)
+    return TextSensor(url, receive, connection.close)
 
 
 class DriftNoise:

@@ -73,8 +73,7 @@ class Deviations(NamedTuple):
     vector: Floats
 
 
-@dataclass(frozen=True)
-class DeviationSummary:
+class DeviationSummary(NamedTuple):
     """Summary of one deviation over all forces.
 
     ``weighted`` is the mean with weights sin(theta), theta from the vertical: over a grid of latitudes and

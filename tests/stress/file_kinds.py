@@ -200,7 +200,7 @@ def _recording() -> dict[str, Any]:
 
 def _read_recording(place: Path) -> object:
     found = read_recording(place)
-    return found.error, found.in_sensor_axes(), found.simulated
+    return found.error, found.title, found.simulated
 
 
 def _vectors() -> dict[str, Any]:

@@ -33,13 +33,6 @@ def test_what_was_written_is_read_recording(tmp_path):
     np.testing.assert_array_equal(table["measured.Fy"], recording.measured[:, 1])
 
 
-def test_the_sensors_own_axes_are_one_rotation_away():
-    recording = made_up(turn=np.pi / 2)
-    # Turning the sensor's axes to the rig's maps its z onto x.
-    np.testing.assert_allclose(recording.in_sensor_axes()[:, 2], recording.measured[:, 0])
-    np.testing.assert_allclose(recording.in_sensor_axes()[:, 1], recording.measured[:, 1])
-
-
 def test_a_name_says_whether_it_is_simulated(tmp_path):
     with pytest.raises(InputError, match="simulated, so its name must say"):
         write_recording(tmp_path / "rig.parquet", made_up())

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import HardwareError, LinkError
-from tensionlab.validation.sensors import ForceParser, follow_file, open_sensor
+from tensionlab.validation.sensors import ForceParser, open_sensor
 
 ATI = """"Start Time: 11/21/2026 9:00:00 AM"
 "RDT Sample Rate: 1000"
@@ -78,7 +78,7 @@ def test_files_without_forces_are_refused(tmp_path):
     other = tmp_path / "other.csv"
     other.write_bytes(b"Fx,Fy,Fz\n\xff\xfe\x00,1,2\n")
     with pytest.raises(HardwareError, match=r"line 2: .* has no three forces"):
-        follow_file(other)
+        open_sensor(other)
 
 
 @pytest.fixture
