@@ -2,22 +2,23 @@ import json
 import re
 from dataclasses import replace
 
+import pyarrow.parquet as pq
 import pytest
 
 from tensionlab.benchmark import experiment
 
 
 @pytest.fixture
-def run(run, monkeypatch):
+def bench(run, monkeypatch):
     """Run `tensionlab bench` in this process, briefly: exit status, stdout, stderr."""
     make = experiment.plan
     monkeypatch.setattr(experiment, "plan", lambda *words: replace(make(*words), seconds=0.01))
     return lambda *words: run("bench", *words)
 
 
-def test_it_writes_table_report_figures_and_manifest(run, tmp_path):
+def test_it_writes_table_report_figures_and_manifest(bench, tmp_path):
     out = tmp_path / "made" / "here"
-    code, said, err = run("--set", "point,trajectory", "--solvers", "newton", "--solvers", "daqp", "--count", 4,
+    code, said, err = bench("--set", "point,trajectory", "--solvers", "newton", "--solvers", "daqp", "--count", 4,
                           "--seed", 4, "--quick", "--out", out)  # fmt: skip
     assert (code, err) == (0, "")
     names = ("pareto", "profile")
@@ -35,7 +36,7 @@ def test_it_writes_table_report_figures_and_manifest(run, tmp_path):
     assert str(out / "report.md") in said
 
 
-def test_an_entry_that_breaks_leaves_the_names_of_the_others(run, tmp_path, monkeypatch):
+def test_an_entry_that_breaks_leaves_the_names_of_the_others(bench, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = """
 from dataclasses import dataclass
@@ -50,7 +51,7 @@ class Breaks:
 """
     (tmp_path / "fable_breaks.py").write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
-    code, said, _ = run("--set", "edge", "--solvers", "fable_breaks:Breaks,newton", "--count", 6, "--quick",
+    code, said, _ = bench("--set", "edge", "--solvers", "fable_breaks:Breaks,newton", "--count", 6, "--quick",
                         "--out", "own")  # fmt: skip
     assert code == 0
     lines = said.splitlines()
@@ -59,8 +60,8 @@ class Breaks:
     assert any(line.startswith("fable_breaks:Breaks: ") and "of a reason" in line for line in lines)
 
 
-def test_json_is_for_programs(run, tmp_path):
-    code, said, _ = run("--set", "edge", "--solvers", "newton,closed-form", "--count", 6, "--quick",
+def test_json_is_for_programs(bench, tmp_path):
+    code, said, _ = bench("--set", "edge", "--solvers", "newton,closed-form", "--count", 6, "--quick",
                         "--out", tmp_path, "--json")  # fmt: skip
     assert code == 0
     found = json.loads(said)
@@ -70,3 +71,22 @@ def test_json_is_for_programs(run, tmp_path):
     linked = re.findall(r"!\[.*?\]\((.*?)\)", (tmp_path / "report.md").read_text(encoding="utf-8"))
     assert len(linked) == 2
     assert all((tmp_path / name).is_file() for name in linked)
+
+
+def test_the_groups_of_a_set_are_shown_with_what_is_in_reach(run):
+    _, out, _ = run("problems", "show", "published", "--json")
+    groups = json.loads(out)["groups"]
+    assert [group["feasible"] for group in groups] == [182, 153]
+    assert [(group["problems"], group["components"], group["cables"]) for group in groups] == [(182, 3, 4)] * 2
+    assert groups[0]["wrench_median"] == pytest.approx(1.5)
+    code, out, _ = run("problems", "show", "near-singular", "--count", 400, "--seed", 2)
+    assert code == 0
+    assert "n = 6, m = 8" in out
+
+
+def test_a_set_is_written_with_as_many_rows_as_asked_for(run, tmp_path):
+    file = tmp_path / "point.parquet"
+    code, out, _ = run("problems", "export", "--set", "point", "--out", file, "--count", 30)
+    assert code == 0
+    assert "30 problems" in out
+    assert pq.read_table(file).num_rows == 30

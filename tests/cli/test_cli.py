@@ -13,7 +13,6 @@ from tensionlab import _native
 from tensionlab.cli import VERBS, app, join_numbers
 from tensionlab.cli.common import output
 from tensionlab.solvers import registry
-from tests.helpers.verbs import every_verb
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 PUBLISHED = str(RIGS / "bartels2026-validation.toml")
@@ -170,25 +169,6 @@ def test_allocate_stays_close_to_a_reference(run, reference):
 )
 def test_numbers_after_an_option_become_one_word(words, joined):
     assert join_numbers(words.split()) == joined.split()
-
-
-def test_every_option_called_out_has_its_short_name():
-    found = [each.opts for _, verb in every_verb() for each in verb.params if "--out" in each.opts]
-    assert len(found) > 8
-    assert all("-o" in each for each in found)
-
-
-def test_solvers_are_listed_with_policies_and_sources(run):
-    code, out, _ = run("solvers", "--json")
-    listed = {entry["solver"]: entry for entry in json.loads(out)["solvers"]}
-    assert code == 0
-    assert {name.partition(":")[0] for name in listed} == set(tl.SOLVERS)
-    assert listed["newton"]["policy"] == ["force", "tension", "direction"]
-    assert listed["closed-form"]["policy"] == []
-    assert "2014" in listed["closed-form"]["source"]
-    code, out, _ = run("solvers")
-    assert code == 0
-    assert all(name in out for name in listed)
 
 
 def test_version(run):

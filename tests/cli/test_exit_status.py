@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-import zarr
 
 from benchmarks.processes import command
 from tensionlab import cli
@@ -50,20 +49,16 @@ def test_a_command_without_a_verb_prints_its_help_and_has_done_nothing(run, word
     assert err.startswith(f"Usage: {' '.join(['tensionlab', *words.split()])} [OPTIONS] COMMAND [ARGS]...")
 
 
-@pytest.mark.parametrize("words", ["solvers", "solvers --json", f"rig show {RIG} --json"])
-def test_a_reader_that_goes_away_ends_it_without_a_word(run_to, words):
+@pytest.mark.parametrize("words", ["solvers", "solvers --json"])
+def test_a_reader_that_goes_away_ends_it_without_a_word_and_a_full_disk_with_one_line(run_to, words):
     reader, writer = os.pipe()
     os.close(reader)
     with os.fdopen(writer, "w", encoding="utf-8") as stdout:
         assert run_to(stdout, *words.split()) == (141, "")
-
-
-@needs_full
-@pytest.mark.parametrize("words", ["solvers", "solvers --json"])
-def test_a_full_stdout_is_one_line_and_bad(run_to, words):
-    with FULL.open("w", encoding="utf-8") as stdout:
-        status, said = run_to(stdout, *words.split())
-    assert (status, said) == (2, "tensionlab: stdout cannot be written (No space left on device)\n")
+    if FULL.exists():
+        with FULL.open("w", encoding="utf-8") as stdout:
+            said = "tensionlab: stdout cannot be written (No space left on device)\n"
+            assert run_to(stdout, *words.split()) == (2, said)
 
 
 @pytest.mark.parametrize("closed", ["stdout", "stdout and stderr"])
@@ -137,15 +132,6 @@ def test_what_goes_wrong_is_one_line(run, monkeypatch, error, status, line):
     assert len(err) <= MAX_MESSAGE_CHARACTERS + 1
 
 
-def test_a_defect_keeps_its_traceback(run, monkeypatch):
-    def fail(words):
-        raise TypeError("a defect")
-
-    monkeypatch.setattr(cli, "_invoke", fail)
-    with pytest.raises(TypeError):
-        cli.main(["compare"])
-
-
 @pytest.fixture
 def awkward(tmp_path):
     """A rig and modules whose names are markup, emoji and mathematics elsewhere."""
@@ -173,19 +159,6 @@ def test_names_are_shown_as_they_are(run, awkward, tmp_path, simulated_time, wor
     assert AWKWARD in out
     picture = tmp_path / "x.svg"
     assert not picture.exists() or AWKWARD in picture.read_text()
-
-
-def test_progress_and_live_tables_show_names_as_they_are(awkward, monkeypatch, capsys):
-    from rich.console import Console
-
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with output.progress("[/x] :x:") as tell:
-        tell(0.5)
-    screen = output.console()
-    assert isinstance(screen, Console)
-    with screen.capture() as captured:
-        screen.print("[/x] :x:")
-    assert captured.get() == "[/x] :x:\n"
 
 
 def words_of(pid):
@@ -224,17 +197,3 @@ def test_ctrl_c_ends_a_benchmark_with_one_line_and_its_measuring_process(tmp_pat
         _, said = running.communicate(timeout=HANG_S)
         assert (running.returncode, said) == (130, f"tensionlab: interrupted: {output.NOTHING_KEPT}\n")
     until(lambda: not words_of(measuring))  # no longer than to its next sign of life, which nobody hears
-
-
-@pytest.mark.realtime  # a signal to a process whose threads compute
-def test_ctrl_c_ends_a_sweep_with_one_line_and_its_store_is_whole(tmp_path):
-    store = tmp_path / "a.zarr"
-    chunks = store / "capacity-margin" / "c" / "0"
-    words = ["cube-8", "--box", "-0.4,0.4,-0.4,0.4,-0.4,0.4", "--step", "0.002", "--metric", "capacity-margin"]
-    with process(command("workspace", *words, "--out", store), preexec_fn=heeding_ctrl_c) as running:
-        until(lambda: chunks.exists() and len(list(chunks.iterdir())) > 3)
-        os.kill(running.pid, signal.SIGINT)
-        out, said = running.communicate(timeout=HANG_S)
-    assert (running.returncode, out) == (130, "")
-    assert said == f"tensionlab: interrupted: the same command resumes the sweep in {store}\n"
-    assert zarr.open_group(store, mode="r")["capacity-margin"].nchunks_initialized >= 3

@@ -62,26 +62,12 @@ def test_json_has_every_layout_and_the_manifest(run, space, tmp_path):
     ]
 
 
-def test_what_the_modules_have_goes_into_the_rig_and_the_search_is_drawn(run, space, tmp_path):
-    limits = "limits = { lower = 1.0, upper = 5.0, brake = 186.0, newton_per_ampere = 3.0, spool_radius = 0.02 }"
-    text = SPACE.replace("limits = { lower = 1.0, upper = 5.0 }", f'{limits}\nup = "y"').replace("[3]", "[2, 3]")
-    space.write_text(text)
-    code, out, err = run(space, "--out", tmp_path / "rig.toml", "--plot", tmp_path / "search.svg")
-    assert (code, err) == (0, "")
-    rig = load_rig(tmp_path / "rig-3.toml")
-    assert {(each.brake, each.newton_per_ampere, each.spool_radius) for each in rig.modules} == {
-        (186.0, 3.0, 0.02)
-    }
-    assert rig.up == "y"
-    assert f"plot: {tmp_path / 'search.svg'}" in out
-    words = (tmp_path / "search.svg").read_text()
-    assert all(each in words for each in ("where modules may stand", "flat-3", "what each further module buys"))
-
-
-def test_several_numbers_of_modules_are_compared(run, space):
+def test_several_numbers_of_modules_are_compared_and_drawn(run, space, tmp_path):
     space.write_text(SPACE.replace("[3]", "[2, 3]") + "\n[objective]\nforce = 1.0\n")
-    code, out, _ = run(space)
+    code, out, _ = run(space, "--plot", tmp_path / "search.svg")
     assert code == 0
+    assert f"plot: {tmp_path / 'search.svg'}" in out
+    assert "flat-3" in (tmp_path / "search.svg").read_text()
     rows = [line.split() for line in out.splitlines() if line.strip().startswith(("2 ", "3 "))]
     assert [(row[0], row[-1]) for row in rows] == [("2", "yes"), ("3", "yes")]
     assert "flat-3 renders 1 N in every direction in 100 % of the target" in out

@@ -65,11 +65,6 @@ def test_export_to_parquet(run, file, tmp_path):
     assert json.loads(table.schema.metadata[b"tensionlab"]) == runs.MANIFEST
 
 
-def test_a_picture_is_drawn(run, file, tmp_path):
-    assert run("log", "plot", file, "--plot", tmp_path / "run.png")[:2] == (0, f"plot: {tmp_path / 'run.png'}\n")
-    assert (tmp_path / "run.png").stat().st_size > 10_000
-
-
 def test_a_run_without_a_cycle_is_refused_before_a_page_is_served(run, tmp_path, monkeypatch):
     monkeypatch.setattr("tensionlab.viewer.server.PageServer", lambda **how: pytest.fail("it was served"))
     runs.logged(tmp_path / "empty.mcap", runs.four(), 0)

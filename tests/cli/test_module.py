@@ -107,15 +107,6 @@ def test_ping_tells_percentiles_and_the_safe_rate(run, reach):
     assert "13 to 1000" in out
 
 
-def test_over_a_bad_link_ping_counts_the_lost_and_asks_for_more(run, reach):
-    url = reach(0.02, 0.01, 0.005, seed=3).urls["top"]
-    _, out, _ = run("module", "ping", url, "--count", "20", "--json")
-    [found] = json.loads(out)
-    assert 1 <= found["lost"] <= 10
-    assert 0.04 <= found["seconds"]["p50"] <= 0.07
-    assert found["safe_rate"][0] > 3 / 0.25
-
-
 def test_monitor_shows_what_modules_say_and_what_it_means(call, urls):
     status, out, _ = call("monitor", "--seconds", "0.5")
     assert status == 0
@@ -199,14 +190,6 @@ def test_stop_and_clear_say_in_which_state_that_leaves_modules(call, urls):
     assert call("clear", "top")[:2] == (0, "top: idle\n")
 
 
-def test_what_does_not_confirm_its_stop_is_named(run, urls):
-    status, out, err = run("module", "stop", urls["top"], "socket://127.0.0.1:1")
-    assert status == 1
-    assert out == f"{urls['top']}: idle\n"
-    assert err.startswith("tensionlab: socket://127.0.0.1:1 cannot be opened")
-    assert err.count("\n") == 1
-
-
 def test_parameters_from_one_module_to_a_file_and_back(call, tmp_path, urls):
     status, text, _ = call("config dump", "top")
     assert status == 0
@@ -278,14 +261,6 @@ def test_monitor_shows_modules_of_another_process_as_that_one_hears_them(run, mo
     assert (found["module"], found["url"], found["process"]) == ("my right", OTHERS["right"], 4711)
     assert found["telemetry"]["state"] == "RUNNING"
     assert found["age"] >= 0.01
-
-
-def test_monitor_shows_free_modules_and_others_in_one_table(call, monkeypatch, urls, tmp_path):
-    Elsewhere(monkeypatch, OTHERS)
-    (tmp_path / "modules-file.toml").write_text(modules_to_toml({"floor-1": urls["floor-1"], **OTHERS}))
-    status, out, err = call("monitor", "--seconds", "0.6")
-    assert (status, err) == (0, "")
-    assert [line.split()[0] for line in out.splitlines()[3:6]] == ["floor-1", "my", "my"]
 
 
 def test_monitor_says_that_the_other_process_has_ended(run, monkeypatch, simulated_time):

@@ -1,22 +1,27 @@
-"""How a run ends by signals, and what it does where another process has its modules."""
+"""Modules that a run reaches, how it ends by signals, and what it does where another process has its modules."""
 
 import importlib
 import os
 import signal
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.demand import Demand
+from tensionlab.cli.common.runs import reach_modules
+from tensionlab.demand import Demand, Pose
 from tensionlab.hardware.client.links import OPENERS
 from tensionlab.hardware.client.locks import LinkLock
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.protocol.codes import State
+from tensionlab.hardware.runner.settings import RealClock
 from tensionlab.support.operating_system import ESTOP_SIGNAL
 from tests.helpers.reachable import ReachableRig
 
 PATH = "datasets/rigs/bartels2026-validation.toml"
+RIG = tl.load_rig(PATH)
+NAMES = [module.name for module in RIG.modules]
 
 
 @pytest.fixture
@@ -82,3 +87,46 @@ def test_what_the_rig_requires_is_told_and_measured(run, simulated_time, tmp_pat
     assert status == 0
     assert "the cables also hold what bartels2026-validation requires: its weight of 0.1 kg\n" in err
     assert "0.98" in next(line for line in out.splitlines() if line.startswith("measured in the last cycle"))
+
+
+def test_without_a_word_they_are_simulated_and_hold_what_moves(capsys, simulated_time):
+    place = RIG.home + np.array([0.1, 0.0, 0.0])
+    group, clock, links = reach_modules(RIG, None, lambda time: Pose(place))
+    assert capsys.readouterr().err == "No --modules given: simulating them in this process.\n"
+    assert links == dict.fromkeys(NAMES, "sim:")
+    group.prepare(RIG, 10)
+    clock.wait_until(clock.now() + 0.1)
+    for client in group.clients:
+        client.listen()
+    found = [client.telemetry.message.length for client in group.clients]
+    np.testing.assert_allclose(found, RIG.lengths(place), atol=1e-3)
+    group.close()
+
+
+def test_links_are_those_of_the_modules_in_the_rigs_order(capsys, monkeypatch, simulated_time):
+    reachable = ReachableRig(monkeypatch, RIG)
+    urls = [reachable.urls[name] for name in NAMES]
+    group, clock, links = reach_modules(RIG, " , ".join(urls), None)
+    assert list(links.items()) == list(zip(NAMES, urls, strict=True))
+    assert [client.hello().serial_number for client in group.clients] == [1, 2, 3, 4]
+    assert isinstance(clock, RealClock)
+    before = [module.seconds for module in reachable.world.modules]
+    clock.wait_until(clock.now() + 0.1)
+    passed = np.subtract([module.seconds for module in reachable.world.modules], before)
+    np.testing.assert_allclose(passed, 0.1, atol=1e-3)
+    group.close()
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("value", ["-1", "0", "nan", "inf"])
+def test_rates_and_times_are_finite_and_above_0(run, value):
+    for words in (
+        *(("run", PATH, option) for option in ("--seconds", "--rate", "--ttl")),
+        *(("serve", PATH, option) for option in ("--seconds", "--rate")),
+        ("serve", "--scenario", "bow", "--rate"),
+        ("scenario", "bow", "--seconds"),
+    ):
+        status, out, err = run(*words, value)
+        assert (status, out) == (2, "")
+        assert words[-1] in err
+        assert f"got {float(value):g}" in err

@@ -19,7 +19,6 @@ from tensionlab.hardware.protocol.messages import (
     Arm,
     Calibrate,
     Decoder,
-    EmergencyStop,
     Event,
     Hello,
     Info,
@@ -85,16 +84,6 @@ def test_it_ends_well_and_its_clients_see_it(how, status):
             client.wait(Event)
         with pytest.raises(LinkError, match="cannot be opened"), connected(links["top"]):
             pass
-
-
-def test_each_module_is_there_and_calibrated(simulate, tmp_path):
-    file = tmp_path / "modules.toml"
-    simulation = simulate(RIG, "--modules", file)
-    assert load_modules(file) == simulation.links
-    for number, module in enumerate(load_rig(RIG).modules, 1):
-        with simulation.connected(module.name) as client:
-            info = client.ask(Hello(), Info)
-            assert (info.serial_number, info.calibrated) == (number, True)
 
 
 def test_latency_and_jitter_are_as_asked(simulate):
@@ -177,18 +166,6 @@ def test_a_second_client_is_refused_and_the_first_does_not_notice(simulate):
         assert first.ping() == [7]
     with tcp_client(simulation) as third:
         assert third.ping() == [7]
-
-
-def test_a_client_is_let_in_that_comes_before_the_server_saw_the_last_one_go(simulate):
-    simulation = simulate()
-    with tcp_client(simulation) as first:
-        assert first.ping() == [7]
-        first.socket.sendall(EmergencyStop().frame(2).pack())
-    with tcp_client(simulation) as second:
-        assert second.ping() == [7]
-        second.socket.sendall(Hello().frame(2).pack())
-        [info] = [read(frame) for frame in Decoder().feed(second.content())]
-        assert info.state is State.ESTOP
 
 
 def test_the_ports_that_were_asked_for_are_taken_in_turn(simulate):

@@ -8,36 +8,10 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.cli.view import _watcher
-from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError
-from tensionlab.hardware import sharing
-from tensionlab.hardware.client import shared_telemetry
-from tensionlab.hardware.client.locks import LinkLock
-from tensionlab.hardware.client.shared_telemetry import Publisher
-from tensionlab.hardware.runner.runner import Runner
-from tensionlab.hardware.runner.settings import WorldClock
-from tensionlab.hardware.simulation.world import World
 from tensionlab.viewer import live
 
 RIG = "bartels2026-validation"
-
-
-@pytest.fixture
-def running(monkeypatch, locks_folder):
-    """A process that has modules and had a run with them: this one."""
-    monkeypatch.setattr(shared_telemetry, "MIN_PERIOD_S", 0.0)
-    monkeypatch.setattr(shared_telemetry, "_publisher", Publisher())
-    monkeypatch.setattr(sharing, "FIND_TIMEOUT_S", 600.0)
-    lock, world = LinkLock("COM5"), World(tl.load_rig(RIG))
-    Runner(tl.load_rig(RIG), world.group(), "newton", lambda state: Demand(), clock=WorldClock(world)).run(0.1)
-    yield
-    lock.release()
-
-
-def test_a_run_with_another_rig_is_not_the_one(run, running):
-    status, out, err = run("view", "--live", "floor-3")
-    assert (status, out) == (1, "")
-    assert 'none of your processes has a run in progress with the rig "floor-3"' in err
 
 
 def test_of_several_runs_one_is_named_by_its_rig(run, monkeypatch):

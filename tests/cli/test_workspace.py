@@ -69,12 +69,6 @@ def test_a_store_is_written_and_then_only_opened(run, tmp_path):
     assert "a.zarr holds a sweep that differs in poses" in err
 
 
-def test_a_planar_rig_has_a_planar_box(run):
-    code, out, _ = run(PLANAR, "--box", "-1,1,-1,1", "--step", 0.5, "--metric", "tension-factor")
-    assert code == 0
-    assert "25 poses, 0.5 m apart: x -1 to 1 m, y -1 to 1 m" in out
-
-
 def test_poses_come_from_a_file_too(run, tmp_path):
     (tmp_path / "poses.csv").write_text("x,y,z\n0,0,0\n0.1,0,0\n")
     code, out, _ = run(CUBE, "--poses", tmp_path / "poses.csv", "--metric", "least-singular-value", "--json")
