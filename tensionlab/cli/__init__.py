@@ -33,9 +33,7 @@ if TYPE_CHECKING:
 
 BAD_INPUT, INTERRUPTED, STDOUT_CLOSED = 2, 130, 141  # the latter two as shells have it: 128 + SIGINT or SIGPIPE
 PROGRAM = "tensionlab"
-COMPLETION_VARIABLE = (
-    f"_{PROGRAM.upper()}_COMPLETE"  # set by a shell that asks how an unfinished command continues
-)
+COMPLETION_VARIABLE = f"_{PROGRAM.upper()}_COMPLETE"  # set by a shell that asks for completions
 NUMBER_OPTIONS = ("--at", "--force", "--wrench", "--reference", "--box", "--step", "--frame")
 # Numbers, also with a unit: the message on it then says how to write them.
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*([a-z°]{1,3}|N·m)?,?|[-+]?(nan|inf),?", re.IGNORECASE)
@@ -67,7 +65,7 @@ PANELS = {
         "rig": ("rig", "Show, check, import and export rigs."),
         "layout": ("layout", "Find out where to put the modules."),
         "workspace": ("workspace", "Evaluate where, and how well, rigs can pull."),
-        "certify": ("certify", "Prove where a rig renders what is required."),
+        "certify": ("workspace", "Prove where a rig renders what is required."),
         "view": ("view", "Design a rig in the browser, or watch a run there."),
     },
     "Run": {

@@ -33,15 +33,13 @@ COMPLETE_SETS = options.complete(lambda: PROBLEM_SETS)
 def bench(
     out: Annotated[Path, options.writes_folder("Folder for the results; made if it is not there.", parents=True)],
     sets: Annotated[
-        list[str] | None, option("A,B,...", "Problem sets; may be repeated; all if left out.", "--set")
+        list[str] | None, option("A,B,...", "Problem sets, or files; all if left out.", "--set")
     ] = None,
     solvers: Annotated[
         list[str] | None,
         option("A,B,...", "Solvers and baselines, such as newton,daqp,qpsolvers:osqp; all if left out."),
     ] = None,
-    count: Annotated[
-        int | None, option("N", "Problems in each set. Left out: 1000, or 60 with --quick.", min=1)
-    ] = None,
+    count: Annotated[int | None, option("N", "Problems in each set; 1000, or 60 with --quick.", min=1)] = None,
     seed: options.Seed = 0,
     quick: Annotated[bool, flag("--quick", "Two minutes instead of twenty.")] = False,
     json: Json = False,

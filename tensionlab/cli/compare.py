@@ -49,9 +49,7 @@ def compare(
     solvers: options.Solvers = None,
     policy: Annotated[
         str | None,
-        option(
-            "POLICY", "Only this policy for infeasible wrenches: force, tension or direction; all if left out."
-        ),
+        option("POLICY", "Only this policy for infeasible wrenches: force, tension, direction; all if left out."),
     ] = None,
     trajectory: Annotated[
         Path | None,
@@ -82,7 +80,7 @@ def compare(
     options.check_solvers(loaded, names, policy)
     if trajectory and (at or directions or magnitude is not None):
         raise typer.BadParameter(
-            "--trajectory has its own poses and forces; leave out --at, --directions and --magnitude"
+            "--trajectory has its own poses and forces; leave --at, --directions, --magnitude out"
         )
     wrenches, poses = read_trajectory(trajectory, loaded) if trajectory else (None, None)
     with output.progress(f"Comparing on {loaded.name}") as progress:

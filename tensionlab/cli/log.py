@@ -54,7 +54,7 @@ def export(
 def plot(
     path: options.RunFile,
     file: Annotated[
-        Path, option("FILE", "Draw to this file (png, pdf, svg).", "--plot", callback=options.picture_file)
+        Path, option("FILE", "Draw to this png, pdf or svg.", "--plot", callback=options.picture_file)
     ],
 ) -> None:
     """Draw wrenches, tensions, statuses, limits and timing of a run."""

@@ -30,9 +30,7 @@ module = Verbs("Find, inspect, set up and stop modules.")
 config = Verbs("Get and set the parameters of modules. The modules must be idle.")
 LinksAndParameters = Annotated[
     list[str] | None,
-    typer.Argument(
-        metavar="URL|PARAMETER", help="Links to modules, or with --modules names of modules; and parameters."
-    ),
+    typer.Argument(metavar="URL|PARAMETER", help="Links to modules, or names with --modules; and parameters."),
 ]
 Save = Annotated[bool, flag("--save", "Store all parameters: they outlast the next start.")]
 # Columns of `info`.
@@ -43,7 +41,7 @@ INFO = ("module", "serial number", "firm- ware", "state", "cali- brated", "lengt
 
 @module.command()
 def discover(
-    everything: Annotated[bool, flag("--all", "Try every serial port.")] = False, json: Json = False
+    everything: Annotated[bool, flag("--all", "Try all serial ports.")] = False, json: Json = False
 ) -> None:
     """Find the modules at this computer's ports.
 

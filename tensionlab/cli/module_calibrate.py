@@ -32,7 +32,7 @@ from tensionlab.support.table import Column, Table
 
 calibrate = Verbs("Calibrate modules and rigs.")
 Url = Annotated[
-    str, typer.Argument(metavar="URL", help="Link to the module, or sim: for a simulated one with a mass on it.")
+    str, typer.Argument(metavar="URL", help="Link to the module; sim: is one with a mass on its cable.")
 ]
 ModulesOfRig = Annotated[Path, option("FILE", "Modules file (TOML): the link to each module.", "--modules")]
 SIMULATED_CONSTANT = 1.1  # torque constant of `sim:` divided by the data sheet's: an error to find
@@ -78,7 +78,7 @@ def gain(
         table = _gain_table(url, found)
         if written:
             table.notes.append(
-                "Written and saved. Saving may make a module forget its cable's length: calibrate that next."
+                "Written and saved. A module may forget its cable's length then: calibrate that next."
             )
         output.print_table(table)
     if write and not written:
@@ -132,7 +132,7 @@ def lengths(path: options.RigArgument, modules: ModulesOfRig, json: Json = False
     """
     rig = load_rig(path)
     typer.echo(
-        f"Hold the platform at {format_vector(rig.home)} m, not turned. Its cables are pulled tight.", err=True
+        f"Hold the platform at {format_vector(rig.home)} m, not turned: its cables are tightened.", err=True
     )
     with _group(rig, modules) as group:
         before = length_calibration.zero_lengths(group, rig, RealClock(group.clients))
@@ -184,12 +184,8 @@ def record(
 def anchors(
     path: options.RigArgument,
     measured: Annotated[Path, typer.Argument(metavar="LENGTHS", help="CSV: a column of lengths for each module.")],
-    known: Annotated[
-        bool, flag("--known", "The file's x, y, z (and rotation) are where the platform was.")
-    ] = False,
-    out: Annotated[
-        Path | None, options.writes("Write the calibrated rig to this file.", ".toml", metavar="RIG")
-    ] = None,
+    known: Annotated[bool, flag("--known", "The file's x, y, z (and rotation) are the platform's poses.")] = False,
+    out: Annotated[Path | None, options.writes("Write the calibrated rig here.", ".toml", metavar="RIG")] = None,
     json: Json = False,
 ) -> None:
     """Find the anchors of a rig from cable lengths.
@@ -229,7 +225,7 @@ def anchors(
             ]
             if not known:
                 table.notes.append(
-                    "The rig's place and rotation are kept as in the rig file: lengths cannot show them."
+                    "The rig's place and rotation are kept as in the file: lengths cannot show them."
                 )
             output.print_table(table)
 

@@ -82,10 +82,10 @@ def check(
 def import_(
     caspr: Annotated[tuple[Path, Path], option("BODIES.xml CABLES.xml", "The two files of a CASPR model.")],
     cable_set: Annotated[
-        str | None, option("ID", "Which set of cables; the file's default if left out.", "--set")
+        str | None, option("ID", "Set of cables; the file's default if left out.", "--set")
     ] = None,
     out: Annotated[
-        Path | None, options.writes("Write the rig file here, not to stdout.", ".toml", metavar="RIG")
+        Path | None, options.writes("Write the rig here, not to stdout.", ".toml", metavar="RIG")
     ] = None,
 ) -> None:
     """Make a rig file from a model of CASPR, a cable-robot library.

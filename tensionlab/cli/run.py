@@ -55,7 +55,7 @@ def run(
     ] = 0.25,
     seconds: options.Duration = None,
     on_loss: Annotated[
-        str, option("stop|continue", "When a module is lost: stop all, or continue with the others.")
+        str, option("stop|continue", "When a module is lost: stop, or continue without it.")
     ] = "stop",
     log: options.Log = None,
     lsl: options.Lsl = False,

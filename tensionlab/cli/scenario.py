@@ -50,7 +50,7 @@ def scenario(
     osc: Annotated[
         int | None,
         port_option(
-            "UDP port of OSC for the positions of hand and bodies, /body/NAME x y z; with --modules.", least=1
+            "With --modules: UDP port of OSC for positions of hand and bodies, /body/NAME x y z.", least=1
         ),
     ] = None,
     log: options.Log = None,

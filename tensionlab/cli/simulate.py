@@ -25,18 +25,16 @@ SINGLE_MODULE = "module"  # name of a module that belongs to no rig
 def simulate(
     rig: Annotated[str | None, options.rig_argument("; a single module if left out")] = None,
     listen: Annotated[str, option("HOST", "Address to listen at.")] = "127.0.0.1",
-    port: Annotated[
-        int, port_option("TCP port of the first module, the next ones following; 0 takes free ones.")
-    ] = 0,
+    port: Annotated[int, port_option("TCP port of the first module, the others following; 0: free ones.")] = 0,
     modules: Annotated[
-        Path | None, options.writes("Also write the modules file here.", ".toml", names=["--modules"])
+        Path | None, options.writes("Also write that file here.", ".toml", names=["--modules"])
     ] = None,
     seed: options.Seed = 0,
     latency_ms: Annotated[float, option("MS", "Delay of bytes, one way.", min=0, max=60_000)] = 0.0,
     jitter_ms: Annotated[float, option("MS", "Largest random delay added to it.", min=0, max=60_000)] = 0.0,
     drop_pct: Annotated[float, option("PCT", "Per cent of the bytes that are lost.", min=0, max=100)] = 0.0,
     corrupt_pct: Annotated[
-        float, option("PCT", "Per cent of the bytes with a flipped bit.", min=0, max=100)
+        float, option("PCT", "Per cent of the bytes with a bit flipped.", min=0, max=100)
     ] = 0.0,
     fault: Annotated[
         list[str] | None,

@@ -30,9 +30,7 @@ SIMULATED = "sim:"
 @output.if_interrupted("measured forces are kept in the folder, and the same command continues with them")
 def validate(
     out: Annotated[Path, options.writes_folder("Folder for measurements and report.")],
-    rig: Annotated[
-        str | None, options.rig_argument(", of a point in space; the published one if left out")
-    ] = None,
+    rig: Annotated[str | None, options.rig_argument("; the published one if left out")] = None,
     modules: options.Modules = None,
     sensor: Annotated[
         str,
@@ -51,9 +49,7 @@ def validate(
         ),
     ] = None,
     seed: Annotated[int, option("N", "Seed of the simulated rig's errors and noise.", min=0)] = 0,
-    hold: Annotated[
-        float, option("S", "How long each force is held, in s; the first 0.3 s are not averaged.")
-    ] = 1.0,
+    hold: Annotated[float, option("S", "Time for which each force is held; the first 0.3 s do not count.")] = 1.0,
     json: Json = False,
 ) -> None:
     """Repeat the published validation and compare with it.
@@ -105,9 +101,7 @@ def _plan(
     if modules is not None and sensor == SIMULATED:
         raise typer.BadParameter("--modules needs --sensor: what do they pull on?")
     if modules is None and sensor != SIMULATED:
-        raise typer.BadParameter(
-            "--sensor is of no use without --modules: simulated ones pull on a simulated sensor"
-        )
+        raise typer.BadParameter("--sensor is of no use without --modules: simulated ones have a simulated sensor")
     if modules is not None and preset is not None:
         raise typer.BadParameter("--preset is for modules of this process; those of --modules are as they are")
     if preset is not None:

@@ -20,12 +20,8 @@ from tensionlab.viewer.server import PageServer
 
 
 def view(
-    rig: Annotated[
-        str | None, options.rig_argument("; with --live, that of the run, if there are several")
-    ] = None,
-    live: Annotated[
-        bool, flag("--live", "Show the run in progress on this computer, and a button that stops it.")
-    ] = False,
+    rig: Annotated[str | None, options.rig_argument("; with --live, that of the run if there are several")] = None,
+    live: Annotated[bool, flag("--live", "Show the run in progress, and a button that stops it.")] = False,
     port: options.PagePort = 0,
     browser: options.Browser = True,
     host: Annotated[
@@ -63,9 +59,7 @@ def _watcher(rig: str | None) -> tuple[RunWatcher, str]:
             each.close()
     if not found:
         what = "on modules that are not simulated in it" if name is None else f'with the rig "{name}"'
-        output.print_error(
-            f"none of your processes has a run in progress {what}; --view shows a run from its start"
-        )
+        output.print_error(f"none of your processes has a run in progress {what}; `run --view` shows one")
         raise typer.Exit(1)
     if len(found) > 1:
         programs = "; ".join(f"{runs[each].rig.name}: {runs[each].program}" for each in found)

@@ -1,8 +1,9 @@
-"""``tensionlab workspace``: where, and how well, rigs can pull."""
+"""``tensionlab workspace`` and ``certify``: where rigs can pull and how well, sampled or proved."""
 
 from __future__ import annotations
 
 import json as json_text
+import time
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,9 +14,12 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json, option
 from tensionlab.model.rig import Rig
-from tensionlab.support.files.writing import unwritable
-from tensionlab.support.formatting import format_number, format_share
+from tensionlab.support.files import writing
+from tensionlab.support.formatting import format_count, format_number, format_share
 from tensionlab.support.table import Column, Table
+from tensionlab.workspace.certification import WRENCH_CLOSURE
+from tensionlab.workspace.certification import certify as prove
+from tensionlab.workspace.certified import Bounds, CertifiedWorkspace
 from tensionlab.workspace.metrics import metric
 from tensionlab.workspace.poses import Grid, PoseList, describe_step, read_poses
 from tensionlab.workspace.poses import box as box_of_poses
@@ -27,6 +31,7 @@ if TYPE_CHECKING:
 
 DEFAULT_METRICS = ["wrench-closure", "capacity-margin", "isotropic-force", "feasible-direction-fraction"]
 DRAWN_METRIC = "capacity-margin"  # metric that is drawn if none is named
+VERDICTS = {1: "inside", -1: "outside", 0: "undecided"}
 ORIENTATION_WORKSPACES = {"total": "in all orientations", "inclusive": "in one at least"}
 
 
@@ -54,15 +59,11 @@ def workspace(
     frames: options.BodyFrames = None,
     out: Annotated[
         Path | None,
-        options.writes_folder(
-            "Write all values to this folder. The same command resumes an interrupted sweep.", ".zarr"
-        ),
+        options.writes_folder("Write all values to this folder; the same command resumes a sweep.", ".zarr"),
     ] = None,
     scheduler: options.Scheduler = None,
     plot: options.Plot = None,
-    view: Annotated[
-        View, typer.Option(help="What to draw of the first metric, or of the capacity margin.")
-    ] = View.slices,
+    view: Annotated[View, typer.Option(help="What to draw of the first metric.")] = View.slices,
     json: Json = False,
 ) -> None:
     """Evaluate where, and how well, rigs can pull.
@@ -96,7 +97,7 @@ def workspace(
         except OSError as error:  # as Zarr has it, without the name of a file
             if out is None:
                 raise
-            raise unwritable(out, error) from None
+            raise writing.unwritable(out, error) from None
         found, drawn = summary(data), data
         if rotations:
             axis = where.dims[-1]
@@ -108,12 +109,12 @@ def workspace(
             rows, manifest = found.to_dict("records"), json_text.loads(data.manifest)
             output.print_json(poses=int(found["poses"].iloc[0]), out=out, rows=rows, manifest=manifest)
         else:
-            output.print_table(_table(found, where, loaded))
+            output.print_table(_metrics_table(found, where, loaded))
             if out:
                 output.print_line(f"values: {out}")
 
 
-def _table(found: pandas.DataFrame, where: Grid | PoseList, rigs: list[Rig]) -> Table:
+def _metrics_table(found: pandas.DataFrame, where: Grid | PoseList, rigs: list[Rig]) -> Table:
     """Return a row for each rig and metric; notes say what the metrics and requirements mean."""
     metrics = {name: metric(name) for name in found["metric"].unique()}
     columns = {
@@ -159,7 +160,72 @@ def _table(found: pandas.DataFrame, where: Grid | PoseList, rigs: list[Rig]) -> 
                 if rig.required.length is not None
                 else "the root mean square distance of its attachments"
             )
-            notes.append(
-                f"torques of {rig.name} count as forces at {rig.characteristic_length:.3g} m in margins, {own}"
-            )
+            notes.append(f"torques of {rig.name} count as forces at {rig.characteristic_length:.3g} m, {own}")
     return Table([*columns.values()], rows, f"{title}: {region}", notes)
+
+
+@output.if_interrupted(output.NOTHING_KEPT)
+def certify(
+    rig: options.RigArgument,
+    box: options.Box = None,
+    step: options.Step = None,
+    rotations: options.Rotations = None,
+    wrench: options.Wrench = None,
+    gravity: options.Gravity = None,
+    required: options.Required = None,
+    frames: options.BodyFrames = None,
+    out: Annotated[Path | None, options.writes("Write the cells to this file.", ".npz")] = None,
+    scheduler: options.Scheduler = None,
+    plot: options.Plot = None,
+    json: Json = False,
+) -> None:
+    """Prove where a rig renders what is required.
+
+    The box is divided into cells, each of which is proved inside, in all orientations, proved outside, or left
+    undecided. If nothing is required, wrench closure is proved.
+    """
+    loaded = options.load(rig, frames, wrench, gravity, required)
+    region, steps = options.parse_region([loaded], box, step)
+    turned = options.parse_orientations(loaded, rotations)
+    required_wrenches = loaded.required if loaded.required else WRENCH_CLOSURE
+    began = time.perf_counter()
+    with output.ResultWriter(quiet=json) as writer:
+        with output.progress("Cells") as progress:
+            proved = prove(loaded, region, required_wrenches, steps, rotations=turned, frames=loaded.at_rest,
+                           scheduler=scheduler, progress=progress)  # fmt: skip
+        duration_s = time.perf_counter() - began
+        if out is not None:
+            writer.write("cells", out, lambda path: _write_cells(path, proved))
+        writer.draw(plot, "certified", proved)
+        if json:
+            output.print_json(
+                rig=loaded.name,
+                **output.fields(proved, "required", "unit", "region_volume", "volume", "share", "evaluations"),
+                cells={VERDICTS[verdict]: cells for verdict, (cells, _) in proved.tally().items()},
+                duration_s=duration_s,
+                out=out,
+                manifest=output.manifest(),
+            )
+        else:
+            output.print_table(_proof_table(proved, duration_s))
+
+
+def _write_cells(path: Path, proved: CertifiedWorkspace) -> None:
+    """Write of each cell its centre, edges, verdict, and the shares proved inside and outside."""
+    with writing.replacing(path) as file:
+        np.savez_compressed(
+            file, centre=proved.centres, edge=proved.edges, verdict=proved.verdict, share=proved.shares
+        )
+
+
+def _proof_table(proved: CertifiedWorkspace, duration_s: float) -> Table:
+    """Return how many cells are proved, with the bounds of the workspace's volume."""
+    cells, table = proved.subdivision, proved.table()
+    axes = zip("xyz", cells.low, cells.low + cells.extent, strict=False)
+    region = ", ".join(f"{axis} {low:g} to {high:g} m" for axis, low, high in axes)
+    shares = Bounds(*(100 * each for each in proved.share)).describe()
+    finest = f"{format_count(proved.evaluations, 'cell')} down to {cells.edges(cells.levels).max():.3g} m"
+    table.title = f"{proved.rig.name}, {proved.required}: {region}"
+    table.notes = [f"workspace: {proved.volume.describe()} {proved.unit}, {shares} % of the box",
+                   f"evaluated: {finest}, in {duration_s:.1f} s"]  # fmt: skip
+    return table

@@ -118,5 +118,5 @@ def require_point(rig: Rig) -> None:
     """Raise `RigError`, naming the rig and its kind, if it holds anything but a point in space."""
     if rig.kind != "point":
         raise RigError(
-            f'rig "{rig.name}" is of kind "{rig.kind}"; the validation is about a point in space, kind "point"'
+            f'rig "{rig.name}" is of kind "{rig.kind}"; the validation takes a point in space, kind "point"'
         )

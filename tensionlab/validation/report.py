@@ -17,13 +17,7 @@ from tensionlab.support.table import Column, Table
 from tensionlab.validation.data_tables import Recording
 from tensionlab.validation.protocol import AXIS_FORCES, Measurement
 from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
-from tensionlab.validation.statistics import (
-    ALIGNMENTS,
-    ForceScore,
-    Interval,
-    rotation_angle,
-    score,
-)
+from tensionlab.validation.statistics import ALIGNMENTS, ForceScore, Interval, rotation_angle, score
 
 if TYPE_CHECKING:
     import pandas
@@ -207,9 +201,7 @@ def remarks(result: ValidationResult) -> list[str]:
         which = f"preset {setup['preset']}, seed {setup['seed']}" if setup["preset"] else "in another process"
         found.insert(0, f"These modules are simulated: {which}.")
     if result.exact < count:
-        found.append(
-            f"{result.exact} of {count} forces are feasible for the rig; of the others, the nearest was rendered."
-        )
+        found.append(f"{result.exact} of {count} forces are feasible; of the others, the nearest was rendered.")
     if result.fallback_used:
         found.append(
             f"In {result.fallback_used} of {count} forces {setup['solver']} left its answer unproven, so that "

@@ -172,7 +172,7 @@ def follow_file(path: str | Path) -> TextSensor:
         file = as_path(path).open(encoding="utf-8-sig", errors="replace", newline="")
     except OSError as error:
         raise HardwareError(
-            f"{path}: cannot be read ({error.strerror}); have the sensor's program write there first"
+            f"{path}: cannot be read ({error.strerror}); start the sensor's program first"
         ) from None
     return TextSensor(str(path), file.read, file.close)
 

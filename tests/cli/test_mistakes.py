@@ -92,7 +92,7 @@ MISTAKES = {
     "run body-mounted": "cable lengths do not tell where it is; give a tracker, or --at",
     "scenario bow --rig kntu-planar": 'as rig "kntu-planar" (planar) has them, or another rig',
     "simulate cogiro": "its upper limit is 5000 N, and a module pulls with 12 N at most; give the rig",
-    "validate kntu-planar --out v": 'is of kind "planar"; the validation is about a point in space, kind "point"',
+    "validate kntu-planar --out v": 'is of kind "planar"; the validation takes a point in space, kind "point"',
     # Modules that are not there.
     "module info top": f"'top' is no link to a module; {LINKS}",
     "module info COM5 COM5": "a module is there twice; give each once",

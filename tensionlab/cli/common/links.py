@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 Answer = TypeVar("Answer")
 Links = Annotated[
-    list[str] | None, typer.Argument(metavar="URL", help="Links to modules; with --modules, names of modules.")
+    list[str] | None, typer.Argument(metavar="URL", help="Links to modules, or names with --modules.")
 ]
 ModulesFile = Annotated[
-    Path | None, option("FILE", "Modules file (TOML): all of its modules, or those named.", "--modules")
+    Path | None, option("FILE", "Modules file (TOML): all modules, or those named.", "--modules")
 ]
 
 

@@ -244,9 +244,7 @@ Solver = Annotated[
     str,
     option("NAME", "Name of a solver, as `tensionlab solvers` lists them.", autocompletion=complete(every_solver)),
 ]
-Solvers = Annotated[
-    list[str] | None, option("A,B,...", "Solvers, such as newton,qp:daqp; may be repeated; all if left out.")
-]
+Solvers = Annotated[list[str] | None, option("A,B,...", "Solvers, such as newton,qp:daqp; all if left out.")]
 Policy = Annotated[
     str | None,
     option(
@@ -311,7 +309,7 @@ Wrench = Annotated[
 Gravity = Annotated[
     bool | None,
     flag(
-        "--gravity/--no-gravity", "Whether the cables also hold the platform's weight. Left out: as the file says."
+        "--gravity/--no-gravity", "Whether the cables hold the platform's weight, too. Left out: as the file says."
     ),
 ]
 Required = Annotated[

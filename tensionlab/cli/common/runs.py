@@ -103,6 +103,4 @@ def end_run(
         raise typer.Exit(1)
     if statistics.ended == CTRL_C:
         kept = f"{log} has the run until then; the next takes another --log"
-        raise KeyboardInterrupt(
-            f"all modules are stopped; {kept if log else '--log FILE.mcap keeps what a run does'}"
-        )
+        raise KeyboardInterrupt(f"all modules are stopped; {kept if log else '--log FILE.mcap keeps a run'}")
