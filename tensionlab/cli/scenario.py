@@ -32,6 +32,7 @@ def scenario(
     name: Annotated[
         str,
         typer.Argument(
+            metavar="NAME",
             help="Name of a scenario, as `tensionlab scenario list` lists them, or file (TOML).",
             autocompletion=options.complete(lambda: (*SCENARIOS, LIST)),
         ),
