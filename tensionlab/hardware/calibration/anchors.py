@@ -1,13 +1,11 @@
 """Calibration of the anchors of a rig from the lengths of its cables.
 
-At known poses each cable is by itself: its anchor is where its lengths meet (multilateration). At unknown ones a
-rig with more cables than degrees of freedom calibrates itself: each pose brings m lengths and n unknowns, and the
-remaining equations determine the anchors. See Borgstrom et al. 2009, "NIMS-PL: A Cable-Driven Robot With
-Self-Calibration Capabilities", IEEE Transactions on Robotics 25(5); Jin et al. 2018, Sensors 18(7); and for the
-idea in use, Hangprinter's auto-calibration. What lengths alone cannot tell is taken from the nominal rig: its
-place and rotation (the result is moved so that its anchors are closest to the nominal ones), and its mirror image.
-An error of all lengths in the same proportion, such as a wrong spool radius, cannot be seen: it makes the rig
-larger.
+At known poses each anchor is where the lengths of its cable meet (multilateration). At unknown ones a rig with
+more cables than degrees of freedom calibrates itself: each pose brings m lengths and n unknowns, and the remaining
+equations determine the anchors. See Borgstrom et al. 2009, "NIMS-PL: A Cable-Driven Robot With Self-Calibration
+Capabilities", IEEE Transactions on Robotics 25(5); Jin et al. 2018, Sensors 18(7); and Hangprinter's
+auto-calibration. Lengths show neither where the rig stands, how it is turned nor which of its mirror images it is:
+that is taken from the nominal rig. Nor do they show an error of all lengths in the same proportion.
 
 Poses are eliminated (variable projection, Golub and Pereyra 1973, in Kaufman's approximation): for given anchors
 forward kinematics finds them, and each Gauss-Newton step is taken in what the poses cannot explain.

@@ -123,10 +123,10 @@ def _raise(failed: Mapping[str, HardwareError]) -> None:
 def _lengths(group: ModuleGroup) -> Floats:
     lengths = []
     for client in group.clients:
-        heard = client.telemetry
-        if heard is None or client.link.clock() - heard.time > MAX_AGE_S:
+        latest = client.telemetry
+        if latest is None or client.link.clock() - latest.time > MAX_AGE_S:
             raise HardwareError(f'module "{client.name}" sends no telemetry')
-        lengths.append(heard.message.length)
+        lengths.append(latest.message.length)
     return np.array(lengths)
 
 

@@ -31,9 +31,9 @@ class Outcome:
 def emergency_stop(links: Mapping[str, str]) -> dict[str, Outcome]:
     """Have modules, URLs by name, release their cables at once, whichever process uses them.
 
-    Processes that use some of them get `ESTOP_SIGNAL` first, before any host name is looked up. Modules are
-    commanded from here as soon as their links are free, each in a thread, and confirm it. Links are opened without
-    a lock, so neither a full disk nor a folder of another user is in the way.
+    Processes that use some of them get `ESTOP_SIGNAL` before any host name is looked up. Modules are commanded as
+    soon as their links are free, each in a thread. Links are opened without a lock, so neither a full disk nor a
+    folder of another user is in the way.
     """
     signals = _Signals()
     found = locked_links()
