@@ -59,8 +59,8 @@ PLOTTERS: dict[str, Callable[..., Figure]] = {
 def plot(result: Any, *context: Any, **options: Any) -> Figure:
     """Draw a rig or a result: an allocation, comparison, benchmark, run, scenario, validation or layout search.
 
-    Further arguments are those of the ``plot_`` function of its class: `plot_allocation` takes the rig, too.
-    InputError if there is no figure of such an object.
+    ``context`` and ``options`` are further arguments of the ``plot_`` function of its class: `plot_allocation`
+    takes the rig, too. InputError if there is no figure of such an object.
 
     Examples
     --------

@@ -52,7 +52,15 @@ def import_matplotlib() -> None:
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Draw in the style of tensionlab while the block lasts, as in ``with plots.styled(): plt.subplots()``."""
+    """Draw in the style of tensionlab while the block lasts.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> from tensionlab import plots
+    >>> with plots.styled():
+    ...     figure, axes = plt.subplots()
+    """
     from matplotlib import rcParams, style
 
     with style.context(STYLE):
@@ -117,7 +125,7 @@ def _plain_text(artist: Artist) -> Iterator[None]:
 def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure to a file, without dates or versions, or replace the file.
 
-    The suffix chooses the format: png, pdf or svg; InputError for any other.
+    The suffix of ``path`` chooses the format: png, pdf or svg; InputError for any other.
 
     Examples
     --------
