@@ -83,8 +83,8 @@ def structure_matrix(model: Any, data: Any, tendons: Sequence[str], body: str) -
 def gravity(model: Any, data: Any, body: str) -> Floats:
     """Return the wrench (n,) of gravity on a body and those attached to it, as in `structure_matrix`.
 
-    It is at the origin of the body's frame, in N and N·m; the cables must exert the opposite. Arguments and errors
-    are as in `structure_matrix`.
+    It is at the origin of the body's frame, in N and N·m; the cables must exert the opposite.
+    Arguments and errors are as in `structure_matrix`.
 
     Examples
     --------

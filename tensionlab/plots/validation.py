@@ -25,7 +25,7 @@ FAR_ALPHA = 0.35  # opacity of what lies on the far side
 
 
 def plot_forces(recording: Recording) -> Figure:
-    """Draw the desired forces of a validation, and those that the sensor measured, from the front and from above.
+    """Draw the desired and the measured forces of a recording of a validation, from the front and from above.
 
     Blue circles are desired forces, red lines go from there to the measured ones. Those on the far side are pale.
 
