@@ -160,7 +160,8 @@ def _metrics_table(found: pandas.DataFrame, where: Grid | PoseList, rigs: list[R
                 if rig.required.length is not None
                 else "the root mean square distance of its attachments"
             )
-            notes.append(f"torques of {rig.name} count as forces at {rig.characteristic_length:.3g} m, {own}")
+            arm = f"{rig.characteristic_length:.3g} m in margins, {own}"
+            notes.append(f"torques of {rig.name} count as forces at {arm}")
     return Table([*columns.values()], rows, f"{title}: {region}", notes)
 
 

@@ -44,19 +44,6 @@ def test_a_run_whose_rig_only_its_program_knows_is_found_by_that_name(run, monke
     assert "nowhere.toml" in run("view", "--live", "nowhere.toml")[2]
 
 
-def test_a_live_page_that_ends_is_not_followed_by_a_design_page(run, monkeypatch):
-    page = SimpleNamespace(
-        server=SimpleNamespace(url="http://here/"), serve=lambda until: None, close=lambda: None
-    )
-    monkeypatch.setattr("tensionlab.cli.view._watcher", lambda rig: (None, RIG))
-    monkeypatch.setattr("tensionlab.cli.view.PageServer", lambda host, port: None)
-    monkeypatch.setattr("tensionlab.cli.view.LivePage", lambda watcher, server: page)
-    monkeypatch.setattr("tensionlab.cli.view.DesignPage", lambda *words: pytest.fail("it designs"))
-    for words in ((), (RIG,)):
-        status, out, err = run("view", *words, "--live", "--no-browser")
-        assert (status, out, err) == (0, f"http://here/ shows the run of {RIG}; Ctrl-C ends it\n", "")
-
-
 @pytest.mark.parametrize(
     "words",
     [("run", RIG, "--seconds", "1"), ("scenario", "recoil"), ("serve", RIG, "--port", "0", "--seconds", "1")],
