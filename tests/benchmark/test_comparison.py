@@ -126,16 +126,6 @@ def test_a_platform_is_pulled_without_torque(name, count, forces):
     assert not result.wrenches[:, forces:].any()
 
 
-def test_the_polygon_takes_part_where_the_rig_is_one_for_it():
-    rig = tl.load_rig(RIGS / "ipanema-2.toml")
-    result = compare(rig, magnitude=5.0, solvers=["newton", "polygon:2-norm", "puncture"], policy=None)
-    rows = rows_of(result)
-    assert rows["polygon:2-norm", None].exact == rows["newton", "force"].exact > 0
-    assert rows["polygon:2-norm", None].gap_max < 1e-7
-    with pytest.raises(ValueError, match="polygon does not serve"):
-        compare(tl.load_rig(RIGS / "cube-8.toml"), solvers=["polygon"])
-
-
 def test_an_instance_is_compared_beside_names():
     result = tl.compare(
         tl.load_rig("bartels2026-validation-0.3m"), solvers=[tl.solvers.Dykstra(iteration_limit=2), "newton"]
@@ -145,13 +135,6 @@ def test_an_instance_is_compared_beside_names():
     assert exact.exact == 153
     assert cut_short.exact < 153
     assert cut_short.residual_max > exact.residual_max
-
-
-def test_modules_on_a_body_are_compared_with_the_body_at_rest():
-    rig = tl.load_rig(RIGS / "body-mounted.toml")
-    result = compare(rig, solvers=["newton"], policy="force")
-    frames = {"shoulder": [-0.2, 1.4, 0.0], "hip": [-0.15, 0.95, 0.0]}
-    np.testing.assert_array_equal(result.structure, rig.structure_matrix(rig.home, frames=frames))
 
 
 def test_progress_grows_to_one():
@@ -174,13 +157,6 @@ def test_a_large_set_is_solved_whole_and_timed_in_part(monkeypatch):
     result = compare(rig, directions=vectors, solvers=["newton"], policy="force")
     assert result.rows[0].exact == 1000
     assert MAX_TIMED_CALLS <= calls.count(1) <= 1.2 * MAX_TIMED_CALLS
-
-
-@pytest.mark.parametrize("magnitude", [0.0, -1.0, np.nan, np.inf])
-def test_a_magnitude_that_is_none_is_refused(magnitude):
-    rig = tl.load_rig(RIGS / "bartels2026-validation.toml")
-    with pytest.raises(InputError, match="magnitude"):
-        compare(rig, magnitude=magnitude, solvers=["newton"])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -206,16 +182,6 @@ def test_where_a_solver_raises_an_exception_only_that_force_fails_and_the_reason
     reason = found.failures["BreaksUpwards"]
     assert reason.startswith("at 1 of 3: ZeroDivisionError: no way up (test_comparison.py:")
     assert reason in found._repr_html_()
-
-
-def test_an_answer_of_another_type_is_a_failure():
-    class AnswersNothing(BreaksUpwards):
-        def solve(self, problem):
-            return None
-
-    found = compare(tl.load_rig("bartels2026-validation"), solvers=[AnswersNothing()])
-    assert found.rows[0].failed == 182
-    assert "the solver returned NoneType; return Answer" in found.failures["AnswersNothing"]
 
 
 @pytest.fixture(scope="module")
@@ -281,8 +247,10 @@ def test_a_trajectory_is_read_from_a_file(tmp_path):
         ({"wrenches": np.zeros((3, 2))}, r"give \(K, 3\)"),
         ({"wrenches": np.zeros((3, 3)), "magnitude": 1.0}, "leave out directions and magnitude"),
         ({"poses": np.zeros((2, 3)), "position": np.zeros(3)}, "leave one out"),
+        *(({"magnitude": magnitude}, "magnitude") for magnitude in (0.0, -1.0, np.nan, np.inf)),
+        ({"directions": "everywhere"}, "fibonacci:N"),
     ],
 )
-def test_what_is_no_trajectory_is_refused(words, match):
+def test_what_cannot_be_compared_is_refused(words, match):
     with pytest.raises((InputError, ShapeError), match=match):
         compare(tl.load_rig("bartels2026-validation"), solvers=["newton"], **words)
