@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from tensionlab.benchmark import results
-from tensionlab.benchmark.report import IDLE_SHARE, summary_table
-from tensionlab.benchmark.results import Results
+from tensionlab.benchmark.report import IDLE_SHARE
+from tensionlab.benchmark.results import Results, summary_table
 from tensionlab.errors import InputError, TensionlabError
 from tensionlab.support.files import writing
 
@@ -35,7 +35,7 @@ def section(found: Results) -> str:
         "the time of one call (verification included for built-in solvers, in bold) and of a problem in a batch. "
         "Baselines solve the plain program, at their defaults and tight; their matrices, such as the identity of "
         "the cost, are built in each call. † has another objective."
-        f"\n\n{summary_table(found, COLUMNS).to_markdown()}"
+        f"\n\n{summary_table(found.summary(), COLUMNS, bold=True).to_markdown()}"
     )
 
 

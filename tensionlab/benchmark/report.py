@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-from tensionlab.benchmark.results import COUNTS, NUMBERS, SUMMARY_COLUMNS, Results, with_dagger
+from tensionlab.benchmark.results import COUNTS, NUMBERS, Results, entry_names, summary_table
 from tensionlab.support.formatting import format_share
 from tensionlab.support.table import Column, Table
 
 if TYPE_CHECKING:
-    import pandas
+    pass
 
 FIGURES = {
     "profile": "Performance profile: for which share of the problems each entry has an answer to 1e-6 N "
@@ -73,7 +73,7 @@ def report(results: Results, figures: Collection[str] = tuple(FIGURES)) -> str:
         "Shares and times are means over the feasible sets, each set counting the same; *other sets* is the "
         "share in the sets that are infeasible or partly so. p99.9 and worst are those of the worst set. † has "
         "another objective.",
-        summary_table(results, SUMMARY).to_markdown(),
+        summary_table(results.summary(), SUMMARY, bold=True).to_markdown(),
         *(f"![{name}](figures/{name}.png)\n\n*{caption}*" for name, caption in FIGURES.items() if name in figures),
         "## How to read it",
         HOW_TO_READ.format(repeats=plan["repeats"], seconds=plan["seconds"]),
@@ -84,21 +84,6 @@ def report(results: Results, figures: Collection[str] = tuple(FIGURES)) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def summary_table(results: Results, columns: Sequence[str]) -> Table:
-    """Return some columns of `Results.summary`; the notes say which entries did not take part, and why."""
-    summary = results.summary()
-    present = summary[~summary["absent"]]
-    rows = zip(_names(present), *(present[name] for name in columns), strict=True)
-    notes = [f"- {line.label}: {line.note}" for line in summary[summary["absent"]].itertuples()]
-    return Table([SUMMARY_COLUMNS[name] for name in ("solver", *columns)], rows, notes=notes)
-
-
-def _names(rows: pandas.DataFrame) -> list[str]:
-    """Return the names of entries, built-in ones in bold."""
-    bold = ("**" + rows["label"] + "**").where(rows["setting"] == "proved", rows["label"])
-    return with_dagger(bold, rows["comparable"])
-
-
 def _set(results: Results, name: str) -> str:
     """Return the section of one problem set: title, groups, a row for each entry, and notes."""
     about = results.sets[name]
@@ -106,7 +91,7 @@ def _set(results: Results, name: str) -> str:
     rows = results.rows[results.rows["problem_set"] == name]
     tried = rows[rows["tried"] > 0]
     tried = tried.assign(
-        solver=_names(tried),
+        solver=entry_names(tried, bold=True),
         policy=tried["policy"].replace("", None),
         verified=(tried["proved"] / tried["tried"]).where(tried["setting"] == "proved"),
         iterations_max=tried["iterations_max"].astype(object).replace(0, None),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -113,19 +114,16 @@ class Results:
     def table(self) -> Table:
         """Return a row for each entry, over all sets."""
         summary = self.summary()
-        present = summary[~summary["absent"]]
-        names = with_dagger(present["label"], present["comparable"])
-        rows = zip(names, *(present[name] for name in SHOWN), strict=True)
-        columns = [Column("solver"), *(SUMMARY_COLUMNS[name] for name in SHOWN)]
         notes = [
             "solved: share of the problems of the feasible sets, each set counting the same",
             "other sets: share solved to 1e-6 N where wrenches may be infeasible",
             "gap: largest difference of a tension to the verified optimum; †: another objective",
             "call: typical time of one; verification is included, but not for baselines (default, tight)",
+            *(f"{line.label}: {one_line(line.note)}" for line in summary[summary["note"] != ""].itertuples()),
         ]
-        noted = summary[summary["note"] != ""]
-        notes += [f"{line.label}: {one_line(line.note)}" for line in noted.itertuples()]
-        return Table(columns, rows, f"{len(present)} entries, {len(self.sets)} problem sets", notes)
+        table = summary_table(summary, SHOWN)
+        title = f"{len(table.rows)} entries, {len(self.sets)} problem sets"
+        return Table(table.columns, table.rows, title, notes)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the long table: a row for each problem set, solver, setting, policy, problem and quantity.
@@ -183,9 +181,20 @@ class Results:
         return [name for name, about in self.sets.items() if about["reachable"] == "all"] or list(self.sets)
 
 
-def with_dagger(labels: Any, comparable: Any) -> list[str]:
-    """Return labels of entries, marked where the entry has another objective."""
-    return [label if same else f"{label} †" for label, same in zip(labels, comparable, strict=True)]
+def entry_names(rows: pandas.DataFrame, bold: bool = False) -> list[str]:
+    """Return the labels of entries, marked where one has another objective; built-in ones may be in bold."""
+    labels = (
+        ("**" + rows["label"] + "**").where(rows["setting"] == "proved", rows["label"]) if bold else rows["label"]
+    )
+    return list(labels.where(rows["comparable"], labels + " †"))
+
+
+def summary_table(summary: pandas.DataFrame, columns: Sequence[str], bold: bool = False) -> Table:
+    """Return some columns of `Results.summary`; the notes say which entries did not take part, and why."""
+    present = summary[~summary["absent"]]
+    rows = zip(entry_names(present, bold), *(present[name] for name in columns), strict=True)
+    notes = [f"- {line.label}: {line.note}" for line in summary[summary["absent"]].itertuples()]
+    return Table([SUMMARY_COLUMNS[name] for name in ("solver", *columns)], rows, notes=notes)
 
 
 def write(folder: str | Path, results: Results) -> None:

@@ -16,7 +16,8 @@ from tensionlab.support import provenance
 
 def row(problem_set="a", solver="newton", setting="proved", policy="force", **values):
     """A row of results in which everything was solved."""
-    empty = {name: "" if kind == "str" else np.nan if kind == "float" else 10 for name, kind in TYPES.items()}
+    blank = {"str": "", "float": np.nan, "int": 10, "bool": True}
+    empty = {name: blank[kind] for name, kind in TYPES.items()}
     times = {"sgm_s": 1e-5, "median_s": 1e-5, "p999_s": 2e-5, "worst_s": 3e-5}
     key = dict(zip(KEY, (problem_set, solver, setting, policy), strict=True))
     return empty | dict.fromkeys(["solved_1e3", "solved_1e6", "solved_1e9"], 1.0) | times | key | values
