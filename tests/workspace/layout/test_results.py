@@ -45,6 +45,11 @@ def test_what_is_climbed_ranks_by_share_then_by_what_is_missing_then_by_what_is_
     assert (np.diff(climb(np.array(better))) > 0).all()
 
 
+def test_spare_force_counts_only_where_none_is_missing():
+    merit = Objective(2.0).merit(np.array([[-1.0, 1.0], [0.0, 0.0]]))
+    assert merit[0] == pytest.approx(merit[1])
+
+
 @pytest.mark.parametrize("force", [0.0, -1.0, np.nan, np.inf])
 def test_a_force_that_is_none_is_refused(force):
     with pytest.raises(InputError, match="give a force in N above zero"):
