@@ -148,7 +148,7 @@ def test_a_loaded_brake_is_released_by_reeling_in():
     for _ in range(40):
         host.pull(0.5)
         traces.append(host.module.trace(0.02))
-        seen |= {(told.brake, told.limit) for told in host.hear()}
+        seen |= {(report.brake, report.limit) for report in host.hear()}
     trace = joined(traces)
     assert {(BrakeState.RELEASING, Limit.RELEASING), (BrakeState.OPENING, Limit.RELEASING)} <= seen
     assert trace.commanded.max() == pytest.approx(2.0), "the release tension"

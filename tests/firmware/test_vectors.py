@@ -76,7 +76,7 @@ def test_no_damage_makes_another_frame_of_it(vector):
 
 @pytest.mark.parametrize("vector", [vector for vector in VECTORS if vector["type"] < 0x80])
 def test_no_damage_moves_a_module(vector):
-    """Damage to a stop does not stop, and to a set-point pulls nothing else; the frame itself is well heard."""
+    """A damaged stop does not stop, and a damaged set-point pulls nothing; the frame after it is read."""
     whole = WireFrame(vector["type"], vector["sequence"], bytes.fromhex(vector["payload"]))
     for stream in damaged(whole.pack()):
         if Decoder().feed(stream + DELIMITER) == [whole]:

@@ -10,7 +10,7 @@ from tensionlab.plots.style import save_figure
 
 
 def words_of(path: Path) -> list[str]:
-    """Return every text in an SVG, which matplotlib keeps as comments beside the outlines."""
+    """Return every text in an SVG, which matplotlib keeps as comments with the outlines."""
     return words_in(path.read_bytes())
 
 

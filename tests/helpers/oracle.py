@@ -20,7 +20,7 @@ from tensionlab.support.arrays import Floats
 from tests.helpers.problems import Case
 
 ZERO = 1e-10  # a number below this, relative to the size of the problem, is zero ..
-CLEAR = 1e-6  # ... and one above this is not. Between the two nobody can tell from rounded data.
+CLEAR = 1e-6  # ... and one above this is not. Between the two rounded data do not tell.
 RANK = 1e-8  # share of the largest singular value below which one counts as zero: the package's published rule
 
 
@@ -71,15 +71,15 @@ def along_ray(W: Floats, w: Floats, box: Box) -> tuple[Floats, Box]:
 
 
 def support(W: Floats, d: Floats, lower: Floats, upper: Floats) -> float:
-    """How far does the set of reachable wrenches extend along d: max of ``d·W t`` over the box, in N."""
+    """Return the largest ``d·W t`` of tensions in the box, in N."""
     gain = W.T @ d
     return float(np.maximum(gain * lower, gain * upper).sum())
 
 
 def solve(case: Case, policy: str) -> Truth:
-    """Which tensions are best, by numerical solvers and a polish; for any number of cables.
+    """Return the best tensions, by numerical solvers and a polish; for any number of cables.
 
-    Raises `UnsureError` where that can't be known to 1e-9 N.
+    Raises `UnsureError` where they are not determined to 1e-9 N.
     """
     return judge(case, policy, _nearest_by_solvers, _furthest_by_simplex)
 

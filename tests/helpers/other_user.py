@@ -1,4 +1,4 @@
-"""Another user of this machine: code that runs as nobody, in a child of the tests' process."""
+"""Another user of this machine: code that runs as the user `nobody`, in a child of the tests' process."""
 
 import json
 import os

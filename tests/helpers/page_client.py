@@ -51,7 +51,7 @@ def joined(url):
 
 
 def attacks(uuid):
-    """Messages that would disable an element for everybody, or fill the memory of the server."""
+    """Messages that would disable an element for all clients, or fill the memory of the server."""
     for name in ("update_cb", "sync_cb", "gui_api", "value", "removed", "props", "parent_container_id"):
         yield {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {name: []}}
     file = {"source_component_uuid": uuid, "transfer_uuid": uuid}

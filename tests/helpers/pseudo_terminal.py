@@ -9,7 +9,7 @@ READ_BYTES = 65536
 
 
 class PseudoTerminalPort:
-    """Port of a simulated module. `url` is its path; whoever opens it is the client."""
+    """Port of a simulated module. `url` is its path; the process that opens it is the client."""
 
     def __init__(self) -> None:
         self._terminal, other = os.openpty()

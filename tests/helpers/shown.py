@@ -1,4 +1,4 @@
-"""What documents show beside what is printed: the same words, and numbers that are the same to a tolerance."""
+"""Compare what documents show with what is printed: the same words, and numbers within a tolerance."""
 
 import re
 

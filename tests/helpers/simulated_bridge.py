@@ -55,7 +55,7 @@ class SimulatedServe:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the run, if it still goes on, and all connections."""
+        """End the run, if it has not ended, and all connections."""
         if not self.turns.result.done():
             self.client.stop_requested = True
             self.wait()
@@ -99,7 +99,7 @@ def _status(words: list[str]) -> int:
 
 
 class Line:
-    """Connection of a client, as `websockets.sync` has them; while it waits, the loop goes on.
+    """Connection of a client, as `websockets.sync` has them; while it waits, the loop runs.
 
     Attributes
     ----------

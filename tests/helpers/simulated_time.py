@@ -1,4 +1,4 @@
-"""Time that passes only while somebody sleeps, in place of the module `time`."""
+"""Time that passes only while code sleeps, in place of the module `time`."""
 
 START_S = 1000.0
 LONGEST_S = 3600.0  # no test sleeps for longer: something that should end does not
@@ -20,6 +20,6 @@ class SimulatedTime:
             watch()
 
     def jump(self, seconds):
-        """Let time pass while nobody gets round to anything, as on a computer that is held up."""
+        """Let time pass without running anything, as on a computer that is held up."""
         self._now += seconds
         assert self._now < START_S + LONGEST_S

@@ -22,7 +22,7 @@ LACKING = {
     signal: ("SIGHUP", "SIGUSR1", "SIGUSR2", "SIGKILL", "SIGALRM", "SIGPIPE", "pthread_kill", "setitimer"),
 }
 NOT_THERE = ("fcntl", "grp", "pty", "pwd", "resource", "termios", "tty")
-SIGBREAK = signal.Signals(21)  # its number on Windows, which here is that of a signal that nobody sends to tests
+SIGBREAK = signal.Signals(21)  # its number on Windows; here that signal is not sent to tests
 
 
 def pretend(patch: pytest.MonkeyPatch) -> None:

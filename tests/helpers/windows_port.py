@@ -70,7 +70,7 @@ class Port:
             self.last_error = 996  # it is not complete
             return int(self._buffer is None)
         seconds = 1e-3 * self.timeouts.ReadTotalTimeoutConstant
-        assert seconds or self.timeouts.ReadIntervalTimeout == MAX_DWORD, "it would wait for ever"
+        assert seconds or self.timeouts.ReadIntervalTimeout == MAX_DWORD, "it would never return"
         with self._changed:
             self._changed.wait_for(self._ended, seconds)
             came, self.incoming = self.incoming[: self._wanted], self.incoming[self._wanted :]
