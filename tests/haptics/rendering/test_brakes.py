@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.optimize import nnls
+from scipy.optimize import lsq_linear, nnls
 
 import tensionlab as tl
 from tensionlab.errors import ShapeError
@@ -140,6 +140,24 @@ def test_it_is_the_rule():
         assert found.unresisted == pytest.approx(left, abs=1e-9)
         locks.append(len(chosen))
     assert min(np.bincount(locks, minlength=4)) >= 5
+
+
+def test_no_set_of_brakes_does_better():
+    """The same by a bounded least squares of SciPy's."""
+    rng = np.random.default_rng(3)
+    for m in (3, 5, 6):
+        U, n, F = unit(rng, m, 3).T, unit(rng, 3), rng.uniform(5.0, 80.0)
+        box, strengths = limits(m), rng.uniform(20.0, 186.0, m)
+        cables = [i for i in range(m) if U[:, i] @ n > LOCK_RULE.margin]
+        costs = []
+        for each in (list(one) for size in range(4) for one in combinations(cables, size)):
+            upper = box.upper.copy()
+            upper[each] = strengths[each]
+            tensions = lsq_linear(U, F * n, (box.lower, upper), tol=1e-14).x
+            costs.append(np.linalg.norm(U @ tensions - F * n) + LOCK_RULE.price * F * len(each))
+        found = choose_locks(U, n, F, box, strengths)
+        cost = found.unresisted + LOCK_RULE.price * F * found.locked.sum()
+        assert cost == pytest.approx(min(costs), abs=1e-6)
 
 
 def test_motors_alone_where_they_do():
