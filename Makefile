@@ -77,7 +77,7 @@ bench-workspace: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.certify
 
 stress: .venv/dev.stamp
-	@TENSIONLAB_STRESS=500 $(BIN)/pytest -n auto tests/stress/test_tensions.py
+	@TENSIONLAB_STRESS=500 $(BIN)/pytest -n auto tests/stress/test_stress.py
 	@TENSIONLAB_STRESS=150 $(BIN)/pytest -n auto tests/stress/test_verdicts.py
 
 file-fuzz: .venv/dev.stamp

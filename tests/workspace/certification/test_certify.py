@@ -4,7 +4,9 @@ import pytest
 import tensionlab as tl
 from benchmarks.certify import area_of_two_cables, hole_requirement, planar_platform_with_a_hole, random_positions
 from tensionlab.errors import InputError, RigError, ShapeError
+from tensionlab.workspace.certification import cell_problem
 from tensionlab.workspace.wrench_set import required_margin
+from tests.helpers.certified_cells import Cell
 from tests.helpers.examples import many
 
 certify = tl.workspace.certify
@@ -104,6 +106,30 @@ def test_wrench_closure_of_a_published_robot():
         found = proved.at(np.stack([x, y, np.full_like(x, z)], axis=-1))
         assert (found == 1).sum() <= count <= (found >= 0).sum()
         assert (found == 0).sum() < 0.25 * found.size
+
+
+@pytest.mark.parametrize("kind", ["planar-point", "point", "planar", "platform"])
+def test_numpy_agrees_on_random_cells(kind):
+    rng = np.random.default_rng(8)
+    d, n = {"planar-point": (2, 2), "point": (3, 3), "planar": (2, 3), "platform": (3, 6)}[kind]
+    seen = set()
+    for _ in range(many(150, 30)):
+        m = int(rng.integers(n + 1, n + 3))
+        arms = None if n == d else rng.uniform(-0.3, 0.3, (m, d))
+        rig = rig_of(kind, rng.uniform(-1, 1, (m, d)), arms, rng.uniform(0, 0.2), rng.uniform(1, 5))
+        wrench = rig.structure_matrix(np.zeros(d)) @ rng.uniform(rig.limits.lower, rig.limits.upper)
+        required = tl.Requirement(wrench=wrench, ball=rng.uniform(0, 0.2))
+        problem = cell_problem(rig, required, None, 0.0, None, None)
+        centre, half = rng.uniform(-0.1, 0.1, d), rng.uniform(0.002, 0.06, d)
+        if np.linalg.norm(problem.anchors[0] - problem.arms[0] - centre, axis=1).min() < 0.1:
+            continue
+        verdict = int(problem.prove(centre[None], half, True).verdict[0])
+        cell = Cell(problem, centre, half)
+        inside, outside = cell.inside(), cell.outside()
+        assert abs(inside) < 1e-5 or (verdict == 1) == (inside > 0)
+        assert outside < 1e-5 or verdict == -1
+        seen.add(verdict)
+    assert seen == {1, -1, 0}
 
 
 def test_a_hole_that_no_grid_would_see_is_found():
