@@ -13,7 +13,6 @@ from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json, Verbs, flag, option
 from tensionlab.support.files import writing
 from tensionlab.workspace.layout.results import Layout
-from tensionlab.workspace.layout.search import search_layout
 from tensionlab.workspace.layout.task import load_task
 
 layout = Verbs("Find out where to put the modules.")
@@ -62,7 +61,7 @@ def search(
     for file in files.values():
         writing.require_writable(file)
     with output.progress("Layouts") as progress:
-        found = search_layout(**task._asdict(), certify=certify, progress=progress)
+        found = task.run(certify=certify, progress=progress)
     best = found.best
     with output.ResultWriter(quiet=json) as writer:
         written = [

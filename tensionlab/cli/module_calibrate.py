@@ -185,6 +185,7 @@ def anchors(
     path: options.RigArgument,
     measured: Annotated[Path, typer.Argument(metavar="LENGTHS", help="CSV: a column of lengths for each module.")],
     known: Annotated[bool, flag("--known", "The file's x, y, z (and rotation) are the platform's poses.")] = False,
+    offsets: Annotated[bool, flag("--offsets", "Also find a constant error of each cable's length.")] = False,
     out: Annotated[Path | None, options.writes("Write the calibrated rig here.", ".toml", metavar="RIG")] = None,
     json: Json = False,
 ) -> None:
@@ -192,15 +193,16 @@ def anchors(
 
     At known or unknown poses. Lengths come from `record`, or from a tape measure. At unknown poses the rig needs
     more cables than degrees of freedom, and its place and rotation are kept as in the rig file: lengths cannot
-    show them. Nor do they show an error that is the same share of all lengths. For a platform, give rough poses
+    show them. Nor do they show an error that is the same share of all lengths. Lengths that modules count from a
+    zero set at the file's anchors have constant errors: find them with --offsets. For a platform, give rough poses
     all the same: the search starts from them.
     """
     rig = load_rig(path)
     values, poses = length_calibration.load_lengths(measured, rig)
     if known and poses is None:
         raise typer.BadParameter(f"--known: {measured} has no columns x, y (and z) of the poses")
-    found = calibration.calibrate_anchors(rig, values, poses, known=known)
-    errors = calibration.length_errors(rig, values, found, known=known, offsets=False)
+    found = calibration.calibrate_anchors(rig, values, poses, known=known, offsets=offsets)
+    errors = calibration.length_errors(rig, values, found, known=known, offsets=offsets)
     how = f"{len(values)} {'known' if known else 'unknown'} poses"
     with output.ResultWriter(quiet=json) as writer:
         if out is not None:
@@ -209,7 +211,7 @@ def anchors(
                 out = None
         if json:
             columns = {"nominal": rig.anchors, "anchor": found.anchors, "deviation": found.deviations,
-                       "interval": found.intervals}  # fmt: skip
+                       "interval": found.intervals, "length_offset": found.offsets}  # fmt: skip
             rows = [
                 {"name": module.name} | {name: column[j] for name, column in columns.items()}
                 for j, module in enumerate(rig.modules)
@@ -238,9 +240,12 @@ def _anchors_table(rig: Rig, found: AnchorEstimate, title: str) -> Table:
             f"{x:.4f} ± {'–' if math.isnan(width) else f'{width:.4f}'}"
             for x, width in zip(found.anchors[j], found.intervals[j], strict=True)
         ]
-        rows.append((module.name, *places, 1e3 * moved[j]))
+        rows.append(
+            (module.name, *places, 1e3 * moved[j], 1e3 * found.offsets[j] if found.offsets.any() else None)
+        )
     axes = [Column(axis, "m") for axis in "xyz"[: rig.dimension]]
-    return Table(["module", *axes, Column("moved", "mm", ".1f")], rows, title)
+    columns = ["module", *axes, Column("moved", "mm", ".1f"), Column("length error", "mm", ".1f")]
+    return Table(columns, rows, title)
 
 
 def _group(rig: Rig, modules: Path) -> closing[ModuleGroup]:

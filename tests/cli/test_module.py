@@ -190,6 +190,14 @@ def test_stop_and_clear_say_in_which_state_that_leaves_modules(call, urls):
     assert call("clear", "top")[:2] == (0, "top: idle\n")
 
 
+def test_what_does_not_confirm_its_stop_is_named(run, urls):
+    status, out, err = run("module", "stop", urls["top"], "socket://127.0.0.1:1")
+    assert status == 1
+    assert out == f"{urls['top']}: idle\n"
+    assert err.startswith("tensionlab: socket://127.0.0.1:1 cannot be opened")
+    assert err.count("\n") == 1
+
+
 def test_parameters_from_one_module_to_a_file_and_back(call, tmp_path, urls):
     status, text, _ = call("config dump", "top")
     assert status == 0

@@ -90,6 +90,23 @@ def test_anchors_are_found_and_written(run, measured, known):
     assert found["length_deviation"] == pytest.approx(1e-3, rel=0.3)
 
 
+def test_constant_errors_of_lengths_are_found_if_asked(run, measured):
+    folder, true = measured
+    lines = (folder / "known.csv").read_text().splitlines()
+    shifted = [[*map(float, line.split(","))] for line in lines[1:]]
+    columns = np.array(shifted).T
+    columns[3] += 0.05  # of the first module
+    table = dict(zip(lines[0].split(","), columns, strict=True))
+    (folder / "shifted.csv").write_text(table_text(table))
+    words = [RIG, folder / "shifted.csv", "--known", "--json"]
+    plain, found = (json.loads(run("anchors", *words, *more)[1]) for more in ([], ["--offsets"]))
+    assert [each["length_offset"] for each in plain["modules"]] == [0.0] * 4
+    offsets = [each["length_offset"] for each in found["modules"]]
+    assert offsets == pytest.approx([0.05, 0.0, 0.0, 0.0], abs=0.015)
+    off = [np.abs([each["anchor"] for each in one["modules"]] - true.anchors).max() for one in (plain, found)]
+    assert off[1] < 0.3 * off[0]
+
+
 # Behind links of their own, the cables' far ends stand still: only `sim:` hangs a mass on one.
 
 

@@ -11,7 +11,6 @@ from tensionlab.cli.catalogue import TEMPLATE_KINDS, TEMPLATES
 from tensionlab.hardware import load_program
 from tensionlab.scenarios import check_needs, load_scenario
 from tensionlab.validation.rig_check import check_rig
-from tensionlab.workspace.layout.search import search_layout
 from tensionlab.workspace.layout.task import load_task
 
 
@@ -30,7 +29,7 @@ def read(kind, path):
 
 CHECKS = {
     "rig": lambda rig: all(each.passed for each in check_rig(rig)),
-    "space": lambda task: search_layout(**task._asdict()).best.score > 0.0,
+    "space": lambda task: task.run().best.score > 0.0,
     "scenario": lambda scenario: all(each.passed for each in check_needs(scenario)),
     "program": lambda program: program.seconds == 2.0,
 }

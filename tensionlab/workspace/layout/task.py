@@ -17,7 +17,8 @@ from tensionlab.model.schema import FrameTable, ModuleTable, PlatformTable, Requ
 from tensionlab.support.files.named import find
 from tensionlab.support.files.reading import brief, read_toml
 from tensionlab.support.validation import validate
-from tensionlab.workspace.layout.results import Objective
+from tensionlab.workspace.layout.results import LayoutSearch, Objective
+from tensionlab.workspace.layout.search import Progress, search_layout
 from tensionlab.workspace.layout.space import Hardware, Space, Surface, room
 from tensionlab.workspace.poses import Grid, box
 
@@ -99,7 +100,7 @@ class SpaceFile(SchemaTable):
 
 
 class LayoutTask(NamedTuple):
-    """Arguments of `search_layout`, as a file gives them: ``search_layout(**task._asdict())``."""
+    """Arguments of `search_layout`, as a file gives them."""
 
     name: str
     space: Space
@@ -108,6 +109,10 @@ class LayoutTask(NamedTuple):
     seed: int
     generations: int
     starts: int
+
+    def run(self, *, certify: bool = False, progress: Progress | None = None) -> LayoutSearch:
+        """Search; parameters and errors as in `search_layout`."""
+        return search_layout(**self._asdict(), certify=certify, progress=progress)
 
 
 def load_task(path: str | PathLike[str]) -> LayoutTask:

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from tensionlab.errors import RigError
 from tensionlab.model.module import Platform
 from tensionlab.model.requirement import Requirement
-from tensionlab.workspace.layout.search import search_layout
 from tensionlab.workspace.layout.task import load_task
 
 SPACES = Path(__file__).parents[3] / "datasets" / "spaces"
@@ -89,7 +88,7 @@ def test_a_file_says_everything_about_a_search(write):
     assert task.objective.force == 1.5
     assert (space.platform, space.required) == (Platform(0.2), Requirement(ball=0.5, gravity=True))
     assert (task.name, task.seed, task.generations, task.starts) == ("desk", 7, 3, 2)
-    found = search_layout(**task._asdict())
+    found = task.run()
     assert [layout.rig.name for layout in found.layouts] == ["desk-3", "desk-4"]
     assert all(layout.rig.modules[-1] == door for layout in found.layouts)
 
