@@ -13,10 +13,7 @@ from tensionlab.plots.benchmark import EXACT_N, _compared, pareto_front, perform
 from tensionlab.plots.style import free_box
 from tests.helpers.figures import content_of, words_in
 
-DRAW = {
-    "profile": plot_profile,
-    "summary": plot_pareto,
-}
+DRAW = {"profile": plot_profile, "summary": plot_pareto}
 each = pytest.mark.parametrize("draw", DRAW.values(), ids=DRAW)
 
 

@@ -46,11 +46,7 @@ def test_all_agree_on_what_counts_as_zero(share, counts):
 @each_solver
 @pytest.mark.parametrize(
     ("policy", "tensions", "scale"),
-    [
-        ("tension", (10, 575 / 122, 1), np.nan),
-        ("force", (10, 3.88, 1), np.nan),
-        ("direction", (10, 5, 1), 8 / 15),
-    ],
+    [("tension", (10, 575 / 122, 1), np.nan), ("force", (10, 3.88, 1), np.nan), ("direction", (10, 5, 1), 8 / 15)],
 )
 def test_out_of_reach_each_policy_gives_its_own_answer(solver, policy, tensions, scale):
     result = tl.allocate([[1, -0.6, -0.6], [0, 0.8, -0.8]], [12, 6], (1, 10), solver, policy=policy)

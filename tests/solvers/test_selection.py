@@ -73,12 +73,7 @@ def test_instances_are_called_by_their_class_and_what_is_not_the_default():
         tl.solvers.Dykstra(),
     ]
     runs, _ = select_solvers(given, "tension")
-    assert [run.name for run in runs] == [
-        "dykstra",
-        "dykstra(iteration_limit=2)",
-        "newton",
-        "qp(backend='osqp')",
-    ]
+    assert [run.name for run in runs] == ["dykstra", "dykstra(iteration_limit=2)", "newton", "qp(backend='osqp')"]
     assert runs[1].solver is given[1]
 
 
