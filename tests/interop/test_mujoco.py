@@ -179,10 +179,7 @@ def test_limits_are_those_of_the_actuators_and_controls_lead_to_the_tensions(act
     ("actuators", "message"),
     [
         ("", "tendon 'a' has no actuator; give it one"),
-        (
-            '<motor name="one" tendon="a"/><motor name="two" tendon="a"/>',
-            "has 2 actuators, 'one', 'two'",
-        ),
+        ('<motor name="one" tendon="a"/><motor name="two" tendon="a"/>', "has 2 actuators, 'one', 'two'"),
         ('<position name="servo" tendon="a" kp="3"/>', "'servo' of tendon 'a' does not pull by its control times"),
         ('<motor name="strong" tendon="a" gear="-1"/>', "actuator 'strong' of tendon 'a' has no limit"),
         ('<motor name="pusher" tendon="a" ctrlrange="0 5"/>', "cannot pull: .* tensions from 0 to 0 N"),

@@ -8,12 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tensionlab.errors import CalibrationError
-from tensionlab.hardware.calibration.anchors import (
-    Poses,
-    calibrate_anchors,
-    calibrated_rig,
-    length_errors,
-)
+from tensionlab.hardware.calibration.anchors import Poses, calibrate_anchors, calibrated_rig, length_errors
 from tensionlab.model.files import load_rig
 from tests.helpers.examples import many
 

@@ -11,16 +11,7 @@ from tensionlab.hardware.client import diagnostics as discover
 from tensionlab.hardware.client import group
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Type
-from tensionlab.hardware.protocol.messages import (
-    DELIMITER,
-    PROTOCOL,
-    Decoder,
-    Hello,
-    Info,
-    Log,
-    WireFrame,
-    read,
-)
+from tensionlab.hardware.protocol.messages import DELIMITER, PROTOCOL, Decoder, Hello, Info, Log, WireFrame, read
 from tests.helpers.modules import serial_port
 
 INFO = struct.pack("<BHI5BH4f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, 0.5, 6.0, 3.0, 0.02)

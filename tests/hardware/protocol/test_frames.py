@@ -12,11 +12,7 @@ from tensionlab.hardware.protocol.messages import DELIMITER, MAX_PAYLOAD, MAX_PI
 
 FRAMES = st.builds(WireFrame, st.integers(0, 255), st.integers(0, 255), st.binary(max_size=MAX_PAYLOAD))
 # Streams that are mostly frames, with damage in between.
-PIECES = st.one_of(
-    FRAMES.map(WireFrame.pack),
-    st.binary(max_size=80),
-    st.integers(1, 7).map(bytes),
-)
+PIECES = st.one_of(FRAMES.map(WireFrame.pack), st.binary(max_size=80), st.integers(1, 7).map(bytes))
 
 
 def stated(frame):

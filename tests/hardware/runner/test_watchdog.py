@@ -189,10 +189,7 @@ def test_a_signal_stops_the_modules_and_the_one_of_an_emergency_stop_at_once(num
             raise HardwareError("nor does a module that does not confirm")
 
     said = outcome if confirmed else "NOT CONFIRMED that modules are stopped: nor does"
-    with (
-        pytest.raises(Interrupted, match=said) as caught,
-        stopping(lambda: stop("stop"), lambda: stop("at once")),
-    ):
+    with pytest.raises(Interrupted, match=said) as caught, stopping(lambda: stop("stop"), lambda: stop("at once")):
         signal.raise_signal(number)
     assert caught.value.number == number
     assert calls == [called]
