@@ -15,27 +15,12 @@ from tensionlab.solvers.base import Status
 from tensionlab.support.colours import GREEN, ORANGE
 from tensionlab.viewer import replay
 from tensionlab.viewer.html import render
-from tensionlab.viewer.replay import (
-    GAP_S,
-    KINDS,
-    Playback,
-    ReplayPage,
-    RunMark,
-    curves,
-    cycle_heading,
-    info_of,
-    instant_at,
-    marks,
-    report_at,
-    require_drawable,
-    spells,
-)
 from tensionlab.viewer.server import PageServer
 from tests.helpers import runs
 from tests.helpers.browsers import HANGS_S, chromium, needs_browser, plain, until
 from tests.helpers.simulated_time import SimulatedTime
 
-AT_4 = Playback(1.0, 9.0, 4.0)
+AT_4 = replay.Playback(1.0, 9.0, 4.0)
 
 
 def test_time_passes_at_the_chosen_speed_and_stops_at_the_end():
@@ -70,33 +55,33 @@ def four(tmp_path_factory):
 
 
 def test_the_heading_has_the_status_and_where_in_the_run_it_is(four):
-    shown = Playback(0.0, 1.98, 0.5)
-    text = cycle_heading(four, shown, 25)
+    shown = replay.Playback(0.0, 1.98, 0.5)
+    text = replay.cycle_heading(four, shown, 25)
     assert plain(text) == "EXACT the desired force is rendered 0.50 s of 1.98 s, cycle 25 at 50 Hz, newton"
     assert GREEN in text
     status = four.status.copy()
     status[25] = Status.NEAREST
-    text = cycle_heading(replace(four, status=status, complete=False), shown, 25)
+    text = replay.cycle_heading(replace(four, status=status, complete=False), shown, 25)
     assert plain(text).startswith("NEAREST certified infeasible")
     assert "cut off: the log was never closed" in text
     assert ORANGE in text
-    assert plain(cycle_heading(four, shown, 49)).startswith("NO FORCE no force is desired")
+    assert plain(replay.cycle_heading(four, shown, 49)).startswith("NO FORCE no force is desired")
     fallback = replace(four, fallback_used=np.full(100, True))
-    assert "newton left it unproven: newton's answer was sent" in cycle_heading(fallback, shown, 25)
+    assert "newton left it unproven: newton's answer was sent" in replay.cycle_heading(fallback, shown, 25)
 
 
 def test_curves_are_to_one_scale_and_broken_where_there_is_no_force(four):
-    (desired, measured), most = [path for _, _, path in curves(four)[0]], curves(four)[1]
+    (desired, measured), most = [path for _, _, path in replay.curves(four)[0]], replay.curves(four)[1]
     assert desired.count("M") == 2
     heights = [float(height) for height in re.findall(r"[ML][\d.]+ ([\d.]+)", desired + measured)]
     assert min(heights) == pytest.approx(0.04, abs=1e-3)
     assert max(heights) <= 1.0
     assert most == pytest.approx(np.nanmax(np.linalg.norm(four.desired, axis=1)), rel=0.5)
-    text = render("run.timeline", [], 1.0, [(0.75, KINDS["fault"])], 0.25)
-    assert re.search(rf'x1="0.7500" x2="0.7500" .* stroke="{KINDS["fault"]}"', text)
+    text = render("run.timeline", [], 1.0, [(0.75, replay.KINDS["fault"])], 0.25)
+    assert re.search(rf'x1="0.7500" x2="0.7500" .* stroke="{replay.KINDS["fault"]}"', text)
     assert 'x1="0.25000" x2="0.25000"' in text
     nothing = replace(four, desired=four.desired * np.nan, measured=four.measured * np.nan)
-    assert curves(nothing)[0][0][2] == ""
+    assert replay.curves(nothing)[0][0][2] == ""
 
 
 @pytest.fixture
@@ -120,21 +105,26 @@ def during(first, last, value, quiet, name, module=None):
 @pytest.mark.parametrize(
     ("name", "value", "module", "mark"),
     [
-        ("status", Status.NEAREST, None, RunMark(0.2, "status", "NEAREST, for 0.40 s")),
-        ("fallback_used", True, None, RunMark(0.2, "status", "unproven: newton's answer was sent, for 0.40 s")),
-        ("faults", Fault.ENCODER | Fault.LOOP, 1, RunMark(0.2, "fault", "{}: ENCODER, for 0.40 s")),
-        ("limiters", Limit.THERMAL, 2, RunMark(0.2, "limiter", "{}: THERMAL, for 0.40 s")),
-        ("commanded_brakes", True, 3, RunMark(0.2, "brake", "{}: brake commanded on, for 0.40 s")),
-        ("brake_states", BrakeState.CLOSED, 3, RunMark(0.2, "brake", "{}: brake closed, for 0.40 s")),
+        ("status", Status.NEAREST, None, replay.RunMark(0.2, "status", "NEAREST, for 0.40 s")),
+        (
+            "fallback_used",
+            True,
+            None,
+            replay.RunMark(0.2, "status", "unproven: newton's answer was sent, for 0.40 s"),
+        ),
+        ("faults", Fault.ENCODER | Fault.LOOP, 1, replay.RunMark(0.2, "fault", "{}: ENCODER, for 0.40 s")),
+        ("limiters", Limit.THERMAL, 2, replay.RunMark(0.2, "limiter", "{}: THERMAL, for 0.40 s")),
+        ("commanded_brakes", True, 3, replay.RunMark(0.2, "brake", "{}: brake commanded on, for 0.40 s")),
+        ("brake_states", BrakeState.CLOSED, 3, replay.RunMark(0.2, "brake", "{}: brake closed, for 0.40 s")),
     ],
 )
 def test_what_lasts_has_a_mark_at_its_begin(quiet, name, value, module, mark):
-    found = marks(during(10, 29, value, quiet, name, module))
+    found = replay.marks(during(10, 29, value, quiet, name, module))
     text = mark.text.format("" if module is None else quiet.rig.modules[module].name)
     assert found[0].time == pytest.approx(mark.time)
     assert (found[0].kind, found[0].text) == (mark.kind, text)
     assert len(found) == (2 if name == "faults" else 1)
-    assert marks(during(90, 99, value, quiet, name, module))[0].text.endswith(", to the end")
+    assert replay.marks(during(90, 99, value, quiet, name, module))[0].text.endswith(", to the end")
 
 
 def test_noted_events_have_the_kind_of_phases_brakes_or_the_run(quiet):
@@ -144,7 +134,7 @@ def test_noted_events_have_the_kind_of_phases_brakes_or_the_run(quiet):
         RunEvent(6, 0.12, "brake", "contact: top", ""),
         RunEvent(9, 0.18, "lost", "it is silent", "top"),
     )
-    found = marks(replace(quiet, events=noted[::-1]))
+    found = replay.marks(replace(quiet, events=noted[::-1]))
     assert [(mark.kind, mark.text) for mark in found] == [
         ("run", "armed: 4 modules"), ("phase", "draw"),
         ("brake", "contact: top"), ("run", "lost: top: it is silent"),
@@ -152,21 +142,21 @@ def test_noted_events_have_the_kind_of_phases_brakes_or_the_run(quiet):
 
 
 def test_the_marks_of_a_real_run_are_in_order_and_of_known_kinds(four, quiet):
-    assert marks(quiet) == ()
-    found = marks(four)
-    assert {"run", "limiter", "brake"} <= {mark.kind for mark in found} <= set(KINDS)
+    assert replay.marks(quiet) == ()
+    found = replay.marks(four)
+    assert {"run", "limiter", "brake"} <= {mark.kind for mark in found} <= set(replay.KINDS)
     assert [mark.time for mark in found] == sorted(mark.time for mark in found)
 
 
 def test_short_gaps_do_not_end_a_spell():
     time = 0.1 * np.arange(20)
-    short, long = round(GAP_S / 0.1 - 0.5), round(GAP_S / 0.1 + 1.5)
+    short, long = round(replay.GAP_S / 0.1 - 0.5), round(replay.GAP_S / 0.1 + 1.5)
     flags = np.full(20, True)
     flags[5 : 5 + short] = False
-    assert spells(time, flags) == [(0, 19)]
+    assert replay.spells(time, flags) == [(0, 19)]
     flags[10 : 10 + long] = False
-    assert spells(time, flags) == [(0, 9), (10 + long, 19)]
-    assert spells(time, np.zeros(20, bool)) == []
+    assert replay.spells(time, flags) == [(0, 9), (10 + long, 19)]
+    assert replay.spells(time, np.zeros(20, bool)) == []
 
 
 @pytest.fixture(scope="module")
@@ -177,14 +167,14 @@ def recorded(tmp_path_factory):
 
 
 def test_an_instant_has_what_the_cycle_had(recorded):
-    instant = instant_at(recorded, 70)
+    instant = replay.instant_at(recorded, 70)
     assert instant.time == recorded.time[70]
     assert instant.hand == pytest.approx(recorded.position[70])
     assert instant.anchors == pytest.approx(recorded.rig.anchors)
     assert instant.tensions == pytest.approx(recorded.measured[70])
     assert instant.desired == pytest.approx(recorded.desired[70])
     assert instant.active.tolist() == [True, True, False, True, True, True, True]
-    first = instant_at(recorded, 0)  # before the first telemetry
+    first = replay.instant_at(recorded, 0)  # before the first telemetry
     assert np.isnan(recorded.measured[0]).all()
     assert first.tensions == pytest.approx(recorded.commanded[0])
     assert not first.measured.any()  # nothing else is shown as measured
@@ -192,17 +182,21 @@ def test_an_instant_has_what_the_cycle_had(recorded):
 
 def test_a_report_knows_what_had_happened_until_then(recorded):
     name = recorded.rig.modules[2].name
-    before, after = report_at(recorded, 59), report_at(recorded, 60)
+    before, after = replay.report_at(recorded, 59), replay.report_at(recorded, 60)
     assert (before.lost, before.cycles, [event.kind for event in before.events]) == ({}, 60, ["armed"])
     assert set(after.lost) == {name}
     assert [event.kind for event in after.events] == ["armed", "lost"]
-    end = report_at(recorded, 119)
+    end = replay.report_at(recorded, 119)
     assert end.answers == tl.hardware.log.reader.recount(recorded).answers
     assert end.start_delays.tolist() == recorded.start_delay.tolist()
     late = replace(recorded, time=recorded.time + np.where(np.arange(120) >= 50, 3 / recorded.setup.rate, 0.0))
     late = replace(late, start_delay=np.zeros(120))
-    assert (report_at(late, 49).missed, report_at(late, 50).missed, report_at(late, 119).missed) == (0, 3, 3)
-    info = info_of(recorded)
+    assert (
+        replay.report_at(late, 49).missed,
+        replay.report_at(late, 50).missed,
+        replay.report_at(late, 119).missed,
+    ) == (0, 3, 3)
+    info = replay.info_of(recorded)
     assert (info.program, info.solver, info.rate, info.rig) == ("tensionlab run", "dykstra", 50.0, recorded.rig)
 
 
@@ -216,16 +210,16 @@ def test_a_report_knows_what_had_happened_until_then(recorded):
     ],
 )
 def test_a_run_of_which_nothing_can_be_drawn_is_refused_with_the_name_of_its_file(recorded, change, message):
-    require_drawable(recorded, "good.mcap")
+    replay.require_drawable(recorded, "good.mcap")
     with pytest.raises(LogError, match=rf"bad\.mcap: .*{message}"):
-        require_drawable(replace(recorded, **change(recorded)), "bad.mcap")
+        replay.require_drawable(replace(recorded, **change(recorded)), "bad.mcap")
 
 
 @pytest.mark.realtime  # a real server
 def test_picture_and_texts_follow_the_time_that_is_chosen(recorded, monkeypatch):
     passing = SimulatedTime()
     monkeypatch.setattr(replay, "time", passing)
-    page = ReplayPage(recorded, PageServer())
+    page = replay.ReplayPage(recorded, PageServer())
 
     def change(change, seconds):
         page.change(change)
@@ -253,7 +247,7 @@ def test_picture_and_texts_follow_the_time_that_is_chosen(recorded, monkeypatch)
 @pytest.mark.realtime  # a real browser
 def test_a_log_is_scrubbed_and_played_in_a_browser(recorded):
     status = np.where(recorded.time < 0.6, Status.EXACT, Status.NEAREST).astype(np.int8)
-    page = ReplayPage(replace(recorded, status=status), PageServer())
+    page = replay.ReplayPage(replace(recorded, status=status), PageServer())
     try:
         with chromium() as browser:
             tab = browser.new_page(viewport={"width": 1280, "height": 800})

@@ -5,15 +5,6 @@ import pytest
 
 from tensionlab.errors import ModuleFault
 from tensionlab.hardware.client import diagnostics
-from tensionlab.hardware.client.diagnostics import (
-    PULSE_TENSION_N,
-    PULSES,
-    RoundTrips,
-    identify,
-    is_bluetooth,
-    measure,
-    safe_rates,
-)
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
@@ -56,12 +47,12 @@ def test_three_pulses_of_half_a_newton_and_then_nothing(client):
 
     client.link.module.advance = watched
     begun = []
-    identify(client, lambda: begun.append(client.state))
+    diagnostics.identify(client, lambda: begun.append(client.state))
     assert begun == [State.ARMED]
     pulled = np.array(pulled)
-    assert pulled.max() == pytest.approx(0.5 + PULSE_TENSION_N)
+    assert pulled.max() == pytest.approx(0.5 + diagnostics.PULSE_TENSION_N)
     strong = pulled > 0.75
-    assert np.count_nonzero(np.diff(strong.astype(int)) == 1) == PULSES
+    assert np.count_nonzero(np.diff(strong.astype(int)) == 1) == diagnostics.PULSES
     assert client.state is State.IDLE
     assert pulled.size * STEP_S < 3.0
 
@@ -72,29 +63,29 @@ def test_it_is_stopped_if_it_is_interrupted(client):
 
     client.check = interrupt
     with pytest.raises(KeyboardInterrupt):
-        identify(client, print)
+        diagnostics.identify(client, print)
     assert client.state is State.IDLE
 
 
 def test_one_that_let_go_must_be_cleared_or_mended_but_a_timeout_is_no_obstacle(client):
     client.estop()
     with pytest.raises(ModuleFault, match='"one" is in ESTOP: find out why, then `tensionlab module clear sim:`'):
-        identify(client, print)
+        diagnostics.identify(client, print)
     client.clear()
     client.arm()
     client.listen(0.4)
     assert client.link.module.sample.state is State.TIMEOUT
-    identify(client, print)
+    diagnostics.identify(client, print)
     assert client.state is State.IDLE
     client.link.module.damage("encoder")
     client.listen(0.1)
     with pytest.raises(ModuleFault, match="refused Arm: FAULT_PRESENT"):
-        identify(client, print)
+        diagnostics.identify(client, print)
 
 
 def test_trips_are_as_long_as_the_link_makes_them():
     with faulty(Conditions(latency=0.03, jitter=0.02)) as one:
-        trips = measure(one, 200, lambda done: True)
+        trips = diagnostics.measure(one, 200, lambda done: True)
     assert trips.lost == 0
     assert 0.060 <= min(trips.times) < 0.066
     assert trips.percentile(50) == pytest.approx(0.08, abs=0.003)
@@ -103,7 +94,7 @@ def test_trips_are_as_long_as_the_link_makes_them():
 
 def test_what_does_not_come_back_is_lost_and_no_late_answer_is_taken_for_another():
     with faulty(Conditions(latency=0.01, drop=0.01), seed=4) as one:
-        trips = measure(one, 100, lambda done: True)
+        trips = diagnostics.measure(one, 100, lambda done: True)
     assert len(trips.times) + trips.lost == 100
     assert 10 < trips.lost < 50
     assert max(trips.times) < 0.03
@@ -122,9 +113,9 @@ def test_what_does_not_come_back_is_lost_and_no_late_answer_is_taken_for_another
     ],
 )
 def test_the_rule_of_the_safe_rate(trip, lost, ttl, bluetooth, expected):
-    found = safe_rates(RoundTrips((trip,) * 75, lost), ttl, bluetooth=bluetooth)
+    found = diagnostics.safe_rates(diagnostics.RoundTrips((trip,) * 75, lost), ttl, bluetooth=bluetooth)
     assert found == (None if expected is None else pytest.approx(expected))
-    assert safe_rates(RoundTrips((), 5), ttl, bluetooth=bluetooth) is None
+    assert diagnostics.safe_rates(diagnostics.RoundTrips((), 5), ttl, bluetooth=bluetooth) is None
 
 
 def test_what_is_bluetooth(monkeypatch):
@@ -132,5 +123,5 @@ def test_what_is_bluetooth(monkeypatch):
     ports = [serial_port(url, hwid=text) for url, text in hardware.items()]
     monkeypatch.setattr(diagnostics, "serial_ports", lambda: ports)
     links = ["bt://AA:BB:CC:DD:EE:FF/1", "/dev/rfcomm0", "/dev/cu.tensionlab-1a2b3c4d", "com5", "COM5"]
-    assert all(map(is_bluetooth, links))
-    assert not any(map(is_bluetooth, ["COM3", "COM4", "/dev/ttyUSB0", "socket://127.0.0.1:1", "sim:"]))
+    assert all(map(diagnostics.is_bluetooth, links))
+    assert not any(map(diagnostics.is_bluetooth, ["COM3", "COM4", "/dev/ttyUSB0", "socket://127.0.0.1:1", "sim:"]))

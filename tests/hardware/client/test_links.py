@@ -14,15 +14,6 @@ import pytest
 
 from tensionlab.errors import HardwareError, LinkError
 from tensionlab.hardware.client import links
-from tensionlab.hardware.client.links import (
-    READ_BYTES,
-    SerialLink,
-    SocketLink,
-    connect,
-    load_modules,
-    modules_to_toml,
-    open_link,
-)
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, State
 from tensionlab.hardware.simulation.serve import ServedModule, Server, serve
@@ -38,7 +29,7 @@ class FarEnd:
     def __init__(self, host: str) -> None:
         self._listener = socket.create_server((host, 0), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
         shown = f"[{host}]" if ":" in host else host
-        self.link = connect(f"socket://{shown}:{self._listener.getsockname()[1]}")
+        self.link = links.connect(f"socket://{shown}:{self._listener.getsockname()[1]}")
         self.socket, _ = self._listener.accept()
         self.socket.settimeout(LONG_S)
 
@@ -64,13 +55,13 @@ def test_bytes_go_both_ways_and_small_ones_at_once(host):
     except OSError:
         pytest.skip(f"this machine has no {host}")
     end.link.send(b"there")
-    assert end.socket.recv(READ_BYTES) == b"there"
-    sent, came = os.urandom(3 * READ_BYTES + 1), []
+    assert end.socket.recv(links.READ_BYTES) == b"there"
+    sent, came = os.urandom(3 * links.READ_BYTES + 1), []
     end.socket.sendall(sent)
     while sum(map(len, came)) < len(sent):
         came.append(end.link.receive(LONG_S))
     assert b"".join(came) == sent
-    assert max(map(len, came)) <= READ_BYTES
+    assert max(map(len, came)) <= links.READ_BYTES
     began = end.link.clock()
     assert [end.link.receive(0.0), end.link.receive(0.02)] == [b"", b""]
     assert end.link.clock() - began >= 0.02
@@ -119,7 +110,7 @@ def test_the_far_end_hears_at_once_of_a_link_that_is_closed_while_a_thread_waits
     waiting.wait(LONG_S)
     held = far_end.link._socket.dup()  # as a thread that waits keeps it
     far_end.link.close()
-    assert far_end.socket.recv(READ_BYTES) == b""
+    assert far_end.socket.recv(links.READ_BYTES) == b""
     thread.join(LONG_S / 2)
     assert len(ended) == 1, "it waits no longer either"
     held.close()
@@ -147,7 +138,7 @@ def test_the_far_end_hears_at_once_of_a_link_that_is_closed_while_a_thread_waits
 def test_what_cannot_be_opened_says_why_and_is_free_again(url, message):
     for _ in range(2):
         with pytest.raises(LinkError, match=message) as raised:
-            open_link(url)
+            links.open_link(url)
         assert url in str(raised.value)[: len(url) + 2]
 
 
@@ -172,9 +163,9 @@ def test_a_bluetooth_link_is_one_of_these(monkeypatch):
     monkeypatch.setattr(socket, "BTPROTO_RFCOMM", 3, raising=False)
     with monkeypatch.context() as patch:
         patch.setattr(socket, "socket", Rfcomm)
-        link = connect("bt://AA:BB:CC:DD:EE:FF/2")
+        link = links.connect("bt://AA:BB:CC:DD:EE:FF/2")
     assert opened == [(31, socket.SOCK_STREAM, 3), ("AA:BB:CC:DD:EE:FF", 2)]
-    assert isinstance(link, SocketLink)
+    assert isinstance(link, links.SocketLink)
     link.send(b"ping")
     assert there.recv(4) == b"ping"
     there.close()
@@ -194,7 +185,7 @@ def test_a_module_at_a_serial_port_notices_that_its_client_has_gone():
     thread = threading.Thread(target=serve, args=(server, ended.is_set))
     thread.start()
     try:
-        with ModuleClient("floor-1", SerialLink(port.url)) as client:
+        with ModuleClient("floor-1", links.SerialLink(port.url)) as client:
             client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
             client.arm()
             client.set_tension(1.0, ttl_ms=60_000)
@@ -203,7 +194,7 @@ def test_a_module_at_a_serial_port_notices_that_its_client_has_gone():
                 pass
         while module.sample.state is not State.TIMEOUT and time.monotonic() < end:
             time.sleep(0.01)
-        with ModuleClient("floor-1", SerialLink(port.url)) as client:
+        with ModuleClient("floor-1", links.SerialLink(port.url)) as client:
             assert client.hello().state is State.TIMEOUT
     finally:
         ended.set()
@@ -220,7 +211,7 @@ def port(monkeypatch):
 
 @pytest.fixture
 def com(port):
-    link = SerialLink("COM12")
+    link = links.SerialLink("COM12")
     yield link
     link.close()
 
@@ -230,11 +221,11 @@ def test_bytes_of_a_com_port_come_together_and_reading_does_not_configure_it_ane
     assert (port.dcb.BaudRate, port.dcb.fDtrControl, port.dcb.fRtsControl) == (links.BAUD_RATE, 0, 0)
     assert com.receive(0.001) == b""
     before = port.configured
-    for count in (1, 2, READ_BYTES):
+    for count in (1, 2, links.READ_BYTES):
         port.come(sent := os.urandom(count))
         assert com.receive(0.001) == sent
-    port.come(bytes(READ_BYTES + 5))
-    assert [len(com.receive(0.001)) for _ in range(3)] == [READ_BYTES, 5, 0]
+    port.come(bytes(links.READ_BYTES + 5))
+    assert [len(com.receive(0.001)) for _ in range(3)] == [links.READ_BYTES, 5, 0]
     assert port.configured == before
     assert com.receive(0.0) == b""
     com.send(b"one")
@@ -270,7 +261,7 @@ def test_a_thread_that_waits_at_a_com_port_ends_when_its_device_goes_or_it_is_cl
 def test_a_com_port_that_another_program_has_says_so(port):
     port.taken = True
     with pytest.raises(LinkError, match=r"COM5 cannot be opened: could not open port 'COM5': .*of Windows"):
-        SerialLink("COM5")
+        links.SerialLink("COM5")
 
 
 # Modules files
@@ -290,10 +281,10 @@ def test_a_com_port_that_another_program_has_says_so(port):
     ],
 )
 def test_a_modules_file_is_read_as_it_was_written_and_what_is_wrong_in_it_is_named(tmp_path, text, message):
-    links = {"floor-1": "socket://127.0.0.1:40001", "x- y+": "/dev/rfcomm0", "ü": "COM5"}
+    urls = {"floor-1": "socket://127.0.0.1:40001", "x- y+": "/dev/rfcomm0", "ü": "COM5"}
     file = tmp_path / "modules.toml"
-    file.write_text(modules_to_toml(links), encoding="utf-8")
-    assert list(load_modules(file).items()) == list(links.items())
+    file.write_text(links.modules_to_toml(urls), encoding="utf-8")
+    assert list(links.load_modules(file).items()) == list(urls.items())
     file.write_text(text, encoding="utf-8")
     with pytest.raises(HardwareError, match=rf"modules\.toml: .*{message}"):
-        load_modules(file)
+        links.load_modules(file)

@@ -7,16 +7,8 @@ import pytest
 from tensionlab.errors import InputError
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Decoder, Hello, Info, Ping, Pong, read
+from tensionlab.hardware.simulation import serve as serving
 from tensionlab.hardware.simulation.links import Conditions
-from tensionlab.hardware.simulation.serve import (
-    MAX_LATE_S,
-    TICK_S,
-    PlannedFault,
-    ServedModule,
-    Server,
-    parse_fault,
-    serve,
-)
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 
@@ -48,7 +40,7 @@ class FakePort:
 
 def test_an_answer_takes_the_latency_both_ways_and_is_for_no_other_client():
     port = FakePort()
-    served = ServedModule(SimulatedModule(), port, conditions=Conditions(latency=0.1))
+    served = serving.ServedModule(SimulatedModule(), port, conditions=Conditions(latency=0.1))
     port.coming.append(Ping(5).frame(1).pack())
     served.serve(1.0)
     served.serve(1.0999)
@@ -70,7 +62,7 @@ def test_an_answer_takes_the_latency_both_ways_and_is_for_no_other_client():
 
 def test_the_client_s_end_arrives_after_what_it_sent():
     port, module = FakePort(), SimulatedModule()
-    served = ServedModule(module, port, conditions=Conditions(latency=0.1))
+    served = serving.ServedModule(module, port, conditions=Conditions(latency=0.1))
     port.coming += [ConfigureTelemetry(5).frame(1).pack(), None]
     for now in (0.0, 0.01, 0.105, 0.2, 0.5):
         served.serve(now)
@@ -82,7 +74,7 @@ def test_the_client_s_end_arrives_after_what_it_sent():
 
 def test_a_planned_fault_comes_at_its_time():
     module, port = SimulatedModule(), FakePort()
-    served = ServedModule(module, port, faults=[PlannedFault("supply", 0.5)])
+    served = serving.ServedModule(module, port, faults=[serving.PlannedFault("supply", 0.5)])
     port.coming.append(ConfigureTelemetry(5).frame(1).pack())
     for tick in range(1000):
         served.serve(1e-3 * tick)
@@ -95,39 +87,29 @@ def test_serving_ends_when_it_is_told_to_and_closes_the_ports():
     port, module = FakePort(), SimulatedModule()
     port.coming.append(Hello().frame(1).pack())
     turns = iter([False] * 5 + [True])
-    serve(Server([ServedModule(module, port)]), lambda: next(turns))
+    serving.serve(serving.Server([serving.ServedModule(module, port)]), lambda: next(turns))
     assert port.closed
     assert isinstance(port.got[0], Info)
     assert port.got[0].state is State.IDLE
-    assert module.sample.seconds > 2 * TICK_S
+    assert module.sample.seconds > 2 * serving.TICK_S
 
 
 def test_a_fault_is_planned_in_words_and_a_plan_that_is_none_is_refused():
     planned = {"encoder@2s": 2.0, "cable@0.5": 0.5, "supply@800ms": 0.8, "brake@0s": 0.0}
     for text, seconds in planned.items():
-        assert parse_fault(text) == PlannedFault(text.partition("@")[0], pytest.approx(seconds))
+        assert serving.parse_fault(text) == serving.PlannedFault(text.partition("@")[0], pytest.approx(seconds))
     for text in ("encoder", "encoder@", "encoder@-1s", "encoder@2h", "wheel@2s", "@2s", ""):
         with pytest.raises(InputError, match="write one of encoder, supply, motor, brake, cable and a time"):
-            parse_fault(text)
+            serving.parse_fault(text)
 
 
-@pytest.fixture
-def here():
-    """Clock of this computer, set by hand: its time in s is the first number."""
-    return [100.0]
-
-
-def server(here, module):
-    return Server([ServedModule(module, FakePort())], clock=lambda: here[0])
-
-
-def test_a_delay_adds_to_no_other_unless_it_is_long(here):
-    module = SimulatedModule()
-    serving = server(here, module)
+def test_a_delay_adds_to_no_other_unless_it_is_long():
+    module, now = SimulatedModule(), [100.0]
+    server = serving.Server([serving.ServedModule(module, FakePort())], clock=lambda: now[0])
     for delay in (0.015, 0.001, 0.015, 0.001):  # less than the server may be late
-        here[0] += delay
-        serving.step()
+        now[0] += delay
+        server.step()
     assert module.seconds == pytest.approx(0.032, abs=2 * STEP_S)
-    here[0] += 5.0
-    serving.step()
-    assert module.seconds == pytest.approx(0.032 + MAX_LATE_S, abs=2 * TICK_S)
+    now[0] += 5.0
+    server.step()
+    assert module.seconds == pytest.approx(0.032 + serving.MAX_LATE_S, abs=2 * serving.TICK_S)

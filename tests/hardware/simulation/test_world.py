@@ -7,16 +7,8 @@ import pytest
 
 from tensionlab.demand import Pose
 from tensionlab.errors import HardwareError
+from tensionlab.hardware.protocol import messages
 from tensionlab.hardware.protocol.codes import State
-from tensionlab.hardware.protocol.messages import (
-    Arm,
-    ConfigureTelemetry,
-    Decoder,
-    Hello,
-    SetTension,
-    Telemetry,
-    read,
-)
 from tensionlab.hardware.simulation.world import MAX_HAND_SPEED_M_S, GuidedHand, simulated_module
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import Module
@@ -27,21 +19,21 @@ RIGS = Path(__file__).parents[3] / "datasets" / "rigs"
 def tell(simulated, *commands):
     for sequence, command in enumerate(commands, start=1):
         simulated.receive(command.frame(sequence).pack())
-    return [read(frame) for frame in Decoder().feed(simulated.transmit())]
+    return [messages.read(frame) for frame in messages.Decoder().feed(simulated.transmit())]
 
 
 def test_limits_gain_and_length_are_the_rigs():
     rig = load_rig(RIGS / "bartels2026-validation.toml")
     for module, length in zip(rig.modules, rig.lengths(rig.home), strict=True):
         simulated = simulated_module(module, length, serial_number=7)
-        [info] = tell(simulated, Hello())
+        [info] = tell(simulated, messages.Hello())
         assert (info.serial_number, info.calibrated, info.length_known) == (7, True, True)
         got = (info.tension_lower, info.tension_upper, info.newton_per_ampere, info.spool_radius)
         np.testing.assert_allclose(got, (0.5, 6.0, 3.0, 0.0195), rtol=1e-6)
-        tell(simulated, ConfigureTelemetry(100))
+        tell(simulated, messages.ConfigureTelemetry(100))
         simulated.advance(0.11)
         [telemetry] = tell(simulated)
-        assert isinstance(telemetry, Telemetry)
+        assert isinstance(telemetry, messages.Telemetry)
         assert telemetry.length == pytest.approx(length, abs=1e-4)
 
 
@@ -49,7 +41,7 @@ def test_limits_gain_and_length_are_the_rigs():
 def test_what_it_is_told_is_what_it_pulls(gain):
     module = Module("a", [0.0, 0.0, 0.0], 0.4, 5.0, newton_per_ampere=gain, spool_radius=0.015)
     simulated = simulated_module(module, 7.0)
-    tell(simulated, Arm(1), SetTension(1, 3.0, ttl_ms=2000))
+    tell(simulated, messages.Arm(1), messages.SetTension(1, 3.0, ttl_ms=2000))
     trace = simulated.trace(0.5)
     assert trace.tension[-400:].mean() == pytest.approx(3.0, abs=0.1)
     assert trace.current[-400:].mean() == pytest.approx(3.0 / gain, rel=0.03)
@@ -61,7 +53,7 @@ def test_a_module_without_a_brake_holds_nothing():
     held = []
     for module in (with_brake, without):
         simulated = simulated_module(module, 1.0)
-        tell(simulated, Arm(1), SetTension(1, 0.5, brake=True, ttl_ms=2000))
+        tell(simulated, messages.Arm(1), messages.SetTension(1, 0.5, brake=True, ttl_ms=2000))
         simulated.advance(0.5)
         simulated.advance(0.5, 1.012)
         assert simulated.sample.state is State.RUNNING

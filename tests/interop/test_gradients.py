@@ -1,0 +1,138 @@
+"""Gradients through the allocation in JAX and in PyTorch, each where it is installed."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tests.helpers.problems import random_cases
+
+
+@pytest.fixture
+def in_jax():
+    jax = pytest.importorskip("jax")
+    from tensionlab.jax import allocate
+
+    def pulled_back(chosen, given, cotangent=1.0):
+        found, pull_back = jax.vjp(jax.jit(chosen), *given)
+        return np.asarray(found), pull_back(np.broadcast_to(cotangent, found.shape).astype(found.dtype))
+
+    before = jax.config.jax_enable_x64
+    jax.config.update("jax_enable_x64", True)
+    yield SimpleNamespace(jax=jax, allocate=allocate, array=jax.numpy.asarray, pulled_back=pulled_back)
+    jax.config.update("jax_enable_x64", before)
+
+
+@pytest.fixture
+def in_torch():
+    torch = pytest.importorskip("torch")
+    from tensionlab.torch import allocate
+
+    def pulled_back(chosen, given, cotangent=1.0):
+        given = [torch.tensor(each, requires_grad=True) for each in given]
+        found = chosen(*given)
+        found.backward(torch.as_tensor(np.broadcast_to(cotangent, found.shape).copy()).to(found.dtype))
+        return found.detach().numpy(), [each.grad for each in given]
+
+    return SimpleNamespace(torch=torch, allocate=allocate, array=torch.tensor, pulled_back=pulled_back)
+
+
+@pytest.fixture(params=["in_jax", "in_torch"])
+def library(request):
+    """The allocation in a library, what makes its arrays, and values with their gradients to what was given."""
+    return request.getfixturevalue(request.param)
+
+
+@pytest.mark.parametrize("policy", ["force", "tension", "direction"])
+def test_tensions_and_gradients_are_those_of_the_jacobian(library, policy):
+    cases = random_cases(5, 3, 6, 20)
+    options = {"policy": policy, "wrench_weights": cases.weights}
+
+    def chosen(W, w, lower, upper, reference):
+        return library.allocate(W, w, (lower, upper), reference, **options)
+
+    given = (cases.structure, cases.wrench, cases.lower, cases.upper, cases.reference)
+    cotangent = np.random.default_rng(0).normal(size=cases.lower.shape)
+    found, gradients = library.pulled_back(chosen, given, cotangent)
+    jacobian = tl.allocation_jacobian(*given[:2], cases.limits, reference=cases.reference, **options)
+    np.testing.assert_array_equal(found, jacobian.allocation.tensions)
+    for gradient, expected in zip(gradients, jacobian.pull_back(cotangent), strict=True):
+        np.testing.assert_array_equal(gradient, expected)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_arguments_that_are_shared_collect_the_gradients_of_all_rows_and_types_stay(library, kind):
+    wrench = library.array(np.array([[2.0], [3.0], [7.0]], kind))
+
+    def chosen(W, lower, upper):
+        return library.allocate(W, wrench, (lower, upper))
+
+    given = [np.array(each, kind) for each in ([[1.0, -1.0]], 1.0, [5.0, 5.0])]
+    found, gradients = library.pulled_back(chosen, given)
+    assert found.dtype == kind
+    assert [gradient.shape for gradient in gradients] == [(1, 2), (), (2,)]
+    # Both cables move with the lower limit where the wrench is rendered, the second alone where it is not.
+    assert float(gradients[1]) == pytest.approx(2 + 2 + 1)
+    assert gradients[2].tolist() == [1.0, 0.0]
+
+
+def test_a_rig_and_a_word_do(library):
+    rig = tl.load_rig("bartels2026-validation")
+    structure, wrench = rig.structure_matrix(rig.home), np.array([1.0, 0.5, 1.0])
+    given = library.array(structure)
+    found, (gradient,) = library.pulled_back(lambda w: library.allocate(given, w, rig.limits, "middle"), [wrench])
+    expected = tl.allocation_jacobian(structure, wrench, rig.limits, reference="middle")
+    np.testing.assert_allclose(found, expected.allocation.tensions, rtol=1e-12)
+    np.testing.assert_allclose(gradient, expected.wrench.sum(axis=0), rtol=1e-6)
+    with pytest.raises(tl.errors.InputError, match="'centre' is unknown"):
+        library.allocate(given, library.array(wrench), rig.limits, "centre")
+
+
+def test_what_jax_maps_over_problems_is_the_batch(in_jax):
+    jax, cases = in_jax.jax, random_cases(6, 3, 5, 30)
+
+    def effort(W, w):
+        return (in_jax.allocate(W, w, (0.5, 6.0)) ** 2).sum()
+
+    single = [jax.grad(effort, (0, 1))(W, w) for W, w in zip(cases.structure, cases.wrench, strict=True)]
+    mapped = jax.jit(jax.vmap(jax.grad(effort, (0, 1))))(cases.structure, cases.wrench)
+    whole = jax.grad(effort, (0, 1))(cases.structure, cases.wrench)
+    for k in range(2):
+        np.testing.assert_array_equal(mapped[k], whole[k])
+        np.testing.assert_array_equal(mapped[k], [each[k] for each in single])
+    shared = jax.vmap(effort, (None, 0))(cases.structure[0], cases.wrench)
+    expected = tl.allocate(cases.structure[0], cases.wrench, (0.5, 6.0)).tensions
+    np.testing.assert_allclose(shared, (expected**2).sum(axis=1), rtol=1e-12)
+
+
+def test_large_batches_do_not_wait_for_themselves(in_jax):
+    rng = np.random.default_rng(7)
+    structure, wrench = rng.normal(size=(20_000, 3, 8)), rng.normal(size=(20_000, 3))
+    found = in_jax.jax.jit(lambda w: in_jax.allocate(structure, w, (0.5, 6.0)).sum())
+    assert np.isfinite(in_jax.jax.jit(in_jax.jax.grad(found))(wrench)).all()
+
+
+def test_second_derivatives_are_refused(in_torch):
+    torch = in_torch.torch
+    wrench = torch.tensor([2.0], requires_grad=True)
+    found = in_torch.allocate(torch.tensor([[1.0, -1.0]]), wrench, (1.0, 5.0))
+    (gradient,) = torch.autograd.grad(found.square().sum(), wrench, create_graph=True)
+    with pytest.raises(RuntimeError, match="once_differentiable"):
+        gradient.backward()
+
+
+def test_gradients_are_those_of_differences(in_torch):
+    cases = random_cases(5, 3, 6, 4)
+    given = (cases.structure, cases.wrench, cases.lower, cases.upper, cases.reference)
+    given = [in_torch.torch.tensor(each, requires_grad=True) for each in given]
+
+    def chosen(W, w, lower, upper, reference):
+        return in_torch.allocate(W, w, (lower, upper), reference)
+
+    assert in_torch.torch.autograd.gradcheck(chosen, given, eps=1e-6)
+
+
+def test_where_jax_has_no_float64_tensions_are_in_float32(in_jax):
+    in_jax.jax.config.update("jax_enable_x64", False)
+    assert in_jax.allocate(np.ones((1, 2)), np.ones(1), (0.0, 1.0)).dtype == np.float32
