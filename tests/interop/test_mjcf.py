@@ -32,6 +32,7 @@ def judge(rig, frames):
     model = mujoco.MjModel.from_xml_string(rig_to_mjcf(rig))
     data = mujoco.MjData(model)
     stand(data, frames)
+    mujoco.mj_forward(model, data)
     return model, data
 
 
@@ -106,12 +107,9 @@ def acceleration(rig, rotation, wrench):
     if rig.kind == "point":
         return wrench / 1.0  # a rig that knows no mass is exported with 1 kg
     mass, inertia = rig.platform.mass, rig.platform.inertia
-    if rig.kind == "planar":
-        inertia = inertia * np.eye(3)
     com = np.zeros(3) if rig.platform.com is None else np.append(rig.platform.com, np.zeros(3 - rig.dimension))
     if rig.kind == "planar":
-        c, s = np.cos(rotation), np.sin(rotation)
-        R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        inertia, R = inertia * np.eye(3), Rotation.from_rotvec([0.0, 0.0, rotation]).as_matrix()
         force, torque = np.array([*wrench[:2], 0.0]), np.array([0.0, 0.0, wrench[2]])
     else:
         R, force, torque = rotation, wrench[:3], wrench[3:]
@@ -136,13 +134,10 @@ def test_allocated_tensions_accelerate_the_body_as_the_wrench_demands(rig, posit
         place(data, rig, position, rotation)
         data.ctrl[:] = tensions
         mujoco.mj_forward(model, data)
-        force = data.qfrc_actuator.copy()
+        force, found = data.qfrc_actuator.copy(), data.qacc.copy()
         if rig.kind == "platform":
-            force[3:] = rotation @ force[3:]
+            force[3:], found[3:] = rotation @ force[3:], rotation @ found[3:]
         np.testing.assert_allclose(force, demanded, atol=1e-9 * np.abs(demanded).max())
-        found = data.qacc.copy()
-        if rig.kind == "platform":
-            found[3:] = rotation @ found[3:]
         expected = acceleration(rig, rotation, demanded)
         np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
@@ -154,7 +149,6 @@ def test_every_rig_of_the_repository_starts_at_home_with_its_own_names(path):
         turned = tl.RestPose("hip", [-0.15, 0.95, 0.0], [0.3, -0.2, 0.5])
         rig = dataclasses.replace(rig, rest=(rig.rest[0], turned))
     model, data = judge(rig, None)
-    mujoco.mj_forward(model, data)
     np.testing.assert_allclose(data.ten_length, rig.lengths(rig.home, frames=rig.at_rest), atol=1e-12)
     np.testing.assert_array_equal(data.qpos[: rig.dimension], rig.home)
     assert [model.actuator(i).name for i in range(model.nu)] == [module.name for module in rig.modules]
@@ -178,8 +172,7 @@ def test_motors_only_pull_and_stay_within_their_limits():
 )
 def test_the_body_falls_where_the_rig_says_that_down_is(up, falls):
     rig = dataclasses.replace(load_rig(RIGS / "ipanema-1.toml"), up=up)
-    model, data = judge(rig, None)
-    mujoco.mj_forward(model, data)  # the lower limits of this rig are zero
+    _, data = judge(rig, None)  # the lower limits of this rig are zero
     np.testing.assert_allclose(data.qacc, [*falls, 0, 0, 0], atol=1e-9)
     assert ("No gravity" in rig_to_mjcf(rig)) == (up is None)
     assert "-0.0 " not in rig_to_mjcf(rig)

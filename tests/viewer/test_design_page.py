@@ -11,12 +11,11 @@ from websockets.sync.client import connect
 import tensionlab as tl
 from tensionlab.errors import TensionlabError, WriteError
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.design_panel import load_space, save_below, share_html, status_html, tensions_html
+from tensionlab.viewer.design_panel import load_space, save_below, status_html, tensions_html
 from tensionlab.viewer.design_scene import draw
 from tensionlab.viewer.evaluation import evaluate
-from tensionlab.viewer.scene import bounds, force_scale
+from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.state import begin
-from tensionlab.viewer.workspace import sweep
 from tests.helpers.browsers import HANGS_S, VISER, Tab, chromium, needs_browser, plain, served, until
 
 # Complaint of the browser about how viser listens to the mouse.
@@ -72,14 +71,6 @@ def test_bars_name_the_limit_that_is_reached_and_names_of_modules_are_text(point
     html = tensions_html(state, evaluate(state))
     assert "floor-3 0.50 N lower limit" in plain(html)
     assert "&lt;b&gt;top" in html
-
-
-def test_the_share_of_the_box_is_said(point):
-    state = edits.set_fields(level=1.0)(point)
-    volume = sweep(state, bounds(state.rig), 10, lambda: True)
-    text = plain(share_html(state, volume))
-    assert f"{100 * volume.share(1.0):.1f} % of the box" in text
-    assert "capacity margin above 1 N" in text
 
 
 def test_a_saved_rig_is_the_same_and_one_that_cannot_work_is_not_saved(point, tmp_path):

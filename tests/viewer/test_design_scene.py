@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.support.colours import FORCE_COLOURS, rgb
+from tensionlab.support.colours import rgb
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.design_scene import ARROWS, DesignDrawing, draw, tension_colours
+from tensionlab.viewer.design_scene import DesignDrawing, draw, tension_colours
 from tensionlab.viewer.evaluation import evaluate
-from tensionlab.viewer.scene import RigDrawing, force_scale, linear
+from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.state import begin
 
 
@@ -94,15 +94,6 @@ def test_every_rig_is_drawn(name):
         assert scene.rig.cables.points.reshape(-1, 3)[-1] == pytest.approx(scene.rig.anchors[-1])
         assert np.isfinite(scene.rig.cables.points).all()
         assert len(scene.rig.labels) == state.rig.m
-
-
-def test_arrows_have_the_same_linear_colours_on_both_pages():
-    assert linear(np.array([0, 10, 128, 255], np.uint8)).tolist() == [0, 1, 55, 255]
-    for colours in (ARROWS, FORCE_COLOURS):
-        server = MagicMock()
-        RigDrawing(server, colours)
-        added = {call.args[0]: call.args[2].tolist() for call in server.scene.add_arrows.call_args_list}
-        assert added == {f"/arrows/{name}": linear(rgb(colour)).tolist() for name, colour in colours.items()}
 
 
 def test_modules_that_are_added_and_removed_have_a_ball_each():

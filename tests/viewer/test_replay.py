@@ -12,12 +12,11 @@ from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit
 from tensionlab.hardware.runner.records import RunEvent
 from tensionlab.solvers.base import Status
-from tensionlab.support.colours import GREEN, ORANGE
 from tensionlab.viewer import replay
 from tensionlab.viewer.html import render
 from tensionlab.viewer.server import PageServer
 from tests.helpers import runs
-from tests.helpers.browsers import HANGS_S, chromium, needs_browser, plain, until
+from tests.helpers.browsers import HANGS_S, chromium, needs_browser, until
 from tests.helpers.simulated_time import SimulatedTime
 
 AT_4 = replay.Playback(1.0, 9.0, 4.0)
@@ -52,22 +51,6 @@ def four(tmp_path_factory):
     file = tmp_path_factory.mktemp("logs") / "run.mcap"
     runs.logged(file, runs.four(), 100)
     return read_run(file)
-
-
-def test_the_heading_has_the_status_and_where_in_the_run_it_is(four):
-    shown = replay.Playback(0.0, 1.98, 0.5)
-    text = replay.cycle_heading(four, shown, 25)
-    assert plain(text) == "EXACT the desired force is rendered 0.50 s of 1.98 s, cycle 25 at 50 Hz, newton"
-    assert GREEN in text
-    status = four.status.copy()
-    status[25] = Status.NEAREST
-    text = replay.cycle_heading(replace(four, status=status, complete=False), shown, 25)
-    assert plain(text).startswith("NEAREST certified infeasible")
-    assert "cut off: the log was never closed" in text
-    assert ORANGE in text
-    assert plain(replay.cycle_heading(four, shown, 49)).startswith("NO FORCE no force is desired")
-    fallback = replace(four, fallback_used=np.full(100, True))
-    assert "newton left it unproven: newton's answer was sent" in replay.cycle_heading(fallback, shown, 25)
 
 
 def test_curves_are_to_one_scale_and_broken_where_there_is_no_force(four):

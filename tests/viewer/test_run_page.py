@@ -16,12 +16,10 @@ from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.sharing import RUN, RunInfo, RunSnapshot
 from tensionlab.hardware.simulation.world import World
-from tensionlab.scenarios import load_scenario
-from tensionlab.scenarios.scenery import scenery
 from tensionlab.support.colours import GREEN, GREY, ORANGE, RED
 from tensionlab.viewer.html import render
 from tensionlab.viewer.live import StopOutcome, events_html, live_heading
-from tensionlab.viewer.run_page import forces_html, modules_html, times_html
+from tensionlab.viewer.run_page import forces_html, modules_html
 from tensionlab.viewer.run_scene import Instant
 from tests.helpers.browsers import plain
 from tests.helpers.runs import four
@@ -118,15 +116,6 @@ def test_what_is_wrong_with_a_module_is_marked(report):
     assert f'<span style="color:{RED}">link 10 ms' not in html
 
 
-def test_times_are_those_of_the_latest_cycles(report):
-    starts, computes = np.linspace(0.0, 1e-3, 101), np.full(101, 2e-4)
-    text = plain(times_html(INFO, replace(report, missed=2, start_delays=starts, compute_times=computes)))
-    assert "loop latency 20 ms" in text
-    assert "start jitter 500 µs median, 990 µs p99 compute time 200 µs median, 200 µs p99" in text
-    assert "2 deadlines missed" in text
-    assert "a cycle has 20 ms" in text
-
-
 def test_events_are_told_the_newest_first(report):
     text = plain(events_html(report))
     assert text.index("lost") < text.index("armed")
@@ -141,15 +130,3 @@ def test_the_outcome_of_a_stop_is_told():
     text = render("run.stopped", StopOutcome(False, ("top: <gone>", "confirmed by 3 modules")))
     assert plain(text).startswith("NOT STOPPED top: &lt;gone&gt; confirmed by 3 modules Cut the power")
     assert RED in text
-
-
-def test_each_text_that_is_sent_is_another_so_that_browsers_know_it_is_new():
-    assert render("run.renewed", "a", 1, True, 3.0) != render("run.renewed", "a", 2, True, 3.0)
-    assert render("run.renewed_heading", "a", 1, 3.0) != render("run.renewed_heading", "a", 2, 3.0)
-
-
-def test_the_scenario_and_its_phases_are_named():
-    found = scenery(load_scenario("bow"))
-    assert plain(render("run.phases", found, 1.0)) == "E. Bow, phase: draw, full draw"
-    assert plain(render("run.phases", found, 9.0)) == "E. Bow, phase: none"
-    assert render("run.phases", None, 1.0) == ""

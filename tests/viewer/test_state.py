@@ -10,7 +10,7 @@ from tensionlab.viewer import state as edits
 from tensionlab.viewer.design_page import dragged
 from tensionlab.viewer.design_scene import Grab
 from tensionlab.viewer.history import History
-from tensionlab.viewer.state import HAND, begin, nearest_on_surfaces, outlines
+from tensionlab.viewer.state import HAND, begin, nearest_on_surfaces
 from tensionlab.workspace.layout.task import load_task
 
 
@@ -148,13 +148,6 @@ RAIL = tl.workspace.Space((tl.workspace.Surface("rail", [-1.0, 2.0, 0.0], [[2.0,
 )
 def test_a_place_snaps_to_the_nearest_point_of_the_surfaces(space, place, nearest):
     assert nearest_on_surfaces(space, np.array(place)) == pytest.approx(nearest)
-
-
-def test_outlines_are_the_edges_of_all_surfaces():
-    assert outlines(RAIL).tolist() == [[[-1.0, 2.0, 0.0], [1.0, 2.0, 0.0]]]
-    lines = outlines(ROOM)
-    assert lines.shape == (24, 2, 3)  # four for each wall
-    assert np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).sum() == 16 * 4.0 + 8 * 2.0
 
 
 def test_a_dragged_anchor_stays_on_the_walls():

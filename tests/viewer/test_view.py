@@ -10,7 +10,6 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.viewer import state as edits
-from tensionlab.viewer.design_page import in_notebook
 from tensionlab.viewer.server import PageServer
 from tests.helpers.browsers import HANGS_S, chromium, needs_browser, until
 
@@ -23,10 +22,6 @@ def opened(monkeypatch):
     urls = []
     monkeypatch.setattr(PageServer, "open_browser", lambda server: urls.append(server.url))
     return urls
-
-
-def notebook(monkeypatch, shell):
-    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
 
 
 @pytest.mark.realtime  # a real server
@@ -56,7 +51,8 @@ def test_outside_a_notebook_a_browser_opens_and_the_rig_is_as_it_is_designed(ope
 @needs_browser
 @pytest.mark.realtime  # a real browser
 def test_a_page_of_another_origin_shows_it_in_a_frame_and_it_works_there(opened, monkeypatch):
-    notebook(monkeypatch, SimpleNamespace(kernel=object()))
+    shell = SimpleNamespace(kernel=object())
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
     page = tl.view(tl.load_rig(RIG))
     assert opened == []
     try:
@@ -70,12 +66,6 @@ def test_a_page_of_another_origin_shows_it_in_a_frame_and_it_works_there(opened,
             tab.get_by_text("capacity margin", exact=True).wait_for()
     finally:
         page.close()
-
-
-@pytest.mark.parametrize("shell", [None, SimpleNamespace()])
-def test_a_shell_in_a_terminal_is_no_notebook(monkeypatch, shell):
-    notebook(monkeypatch, shell)
-    assert not in_notebook()
 
 
 def test_neither_importing_the_package_nor_a_first_solve_loads_what_serves_pages():
