@@ -55,9 +55,8 @@ def test_inlets_get_every_cycle_and_every_event(tmp_path):
     settings, links = RunSettings(rate=50.0), {module.name: "sim:" for module in rig.modules}
     log = RunLog(tmp_path / "run.mcap", rig, manifest(["test"]), "newton", settings, links)
     streams = LslStreams(rig, "newton", 50.0)
-    forces, tensions, pose, markers = (
-        inlet(f"floor-3 {what}") for what in ("forces", "tensions", "pose", "markers")
-    )
+    streamed = ("forces", "tensions", "pose", "markers")
+    forces, tensions, pose, markers = (inlet(f"floor-3 {what}") for what in streamed)
     assert described(forces, "label")[::3] == ["desired Fx", "commanded Fx", "measured Fx"]
     assert described(tensions, "unit") == ["N"] * (2 * rig.m)
     assert described(pose, "type") == ["PositionX", "PositionY", "PositionZ"]
@@ -93,10 +92,8 @@ def test_inlets_get_every_cycle_and_every_event(tmp_path):
 @pytest.mark.realtime  # over the network
 def test_what_turns_has_an_orientation():
     corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-    modules = [
-        tl.Module(str(i), corner, 0.5, 6.0, corner * [0.1, 0.2, -0.1], spool_radius=0.02)
-        for i, corner in enumerate(corners)
-    ]
+    arms = corners * [0.1, 0.2, -0.1]
+    modules = [tl.Module(str(i), corners[i], 0.5, 6.0, arms[i], spool_radius=0.02) for i in range(8)]
     rig = tl.Rig("cube", "platform", tuple(modules), np.zeros(3))
     streams = LslStreams(rig, "newton", 50.0)
     pose = inlet(f"{rig.name} pose")

@@ -14,6 +14,7 @@ from tensionlab.hardware.runner.records import RunEvent
 from tensionlab.solvers.base import Status
 from tensionlab.viewer import replay
 from tensionlab.viewer.html import render
+from tensionlab.viewer.replay import RunMark
 from tensionlab.viewer.server import PageServer
 from tests.helpers import runs
 from tests.helpers.browsers import HANGS_S, chromium, needs_browser, until
@@ -88,17 +89,12 @@ def during(first, last, value, quiet, name, module=None):
 @pytest.mark.parametrize(
     ("name", "value", "module", "mark"),
     [
-        ("status", Status.NEAREST, None, replay.RunMark(0.2, "status", "NEAREST, for 0.40 s")),
-        (
-            "fallback_used",
-            True,
-            None,
-            replay.RunMark(0.2, "status", "unproven: newton's answer was sent, for 0.40 s"),
-        ),
-        ("faults", Fault.ENCODER | Fault.LOOP, 1, replay.RunMark(0.2, "fault", "{}: ENCODER, for 0.40 s")),
-        ("limiters", Limit.THERMAL, 2, replay.RunMark(0.2, "limiter", "{}: THERMAL, for 0.40 s")),
-        ("commanded_brakes", True, 3, replay.RunMark(0.2, "brake", "{}: brake commanded on, for 0.40 s")),
-        ("brake_states", BrakeState.CLOSED, 3, replay.RunMark(0.2, "brake", "{}: brake closed, for 0.40 s")),
+        ("status", Status.NEAREST, None, RunMark(0.2, "status", "NEAREST, for 0.40 s")),
+        ("fallback_used", True, None, RunMark(0.2, "status", "unproven: newton's answer was sent, for 0.40 s")),
+        ("faults", Fault.ENCODER | Fault.LOOP, 1, RunMark(0.2, "fault", "{}: ENCODER, for 0.40 s")),
+        ("limiters", Limit.THERMAL, 2, RunMark(0.2, "limiter", "{}: THERMAL, for 0.40 s")),
+        ("commanded_brakes", True, 3, RunMark(0.2, "brake", "{}: brake commanded on, for 0.40 s")),
+        ("brake_states", BrakeState.CLOSED, 3, RunMark(0.2, "brake", "{}: brake closed, for 0.40 s")),
     ],
 )
 def test_what_lasts_has_a_mark_at_its_begin(quiet, name, value, module, mark):
@@ -174,11 +170,7 @@ def test_a_report_knows_what_had_happened_until_then(recorded):
     assert end.start_delays.tolist() == recorded.start_delay.tolist()
     late = replace(recorded, time=recorded.time + np.where(np.arange(120) >= 50, 3 / recorded.setup.rate, 0.0))
     late = replace(late, start_delay=np.zeros(120))
-    assert (
-        replay.report_at(late, 49).missed,
-        replay.report_at(late, 50).missed,
-        replay.report_at(late, 119).missed,
-    ) == (0, 3, 3)
+    assert [replay.report_at(late, cycle).missed for cycle in (49, 50, 119)] == [0, 3, 3]
     info = replay.info_of(recorded)
     assert (info.program, info.solver, info.rate, info.rig) == ("tensionlab run", "dykstra", 50.0, recorded.rig)
 

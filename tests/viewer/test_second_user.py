@@ -18,15 +18,7 @@ SOCKET = {
     "Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13",
     "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==", "Sec-WebSocket-Protocol": VISER,
 }  # fmt: skip
-TARGETS = (
-    "/",
-    "/index.html",
-    "/stop",
-    "/?token=",
-    "/?token=AAAAAAAAAAAAAAAAAAAAAA",
-    "/stop?token=x",
-    "/?websocket=x",
-)
+TARGETS = ("/", "/index.html", "/stop", "/?token=", f"/?token={22 * 'A'}", "/stop?token=x", "/?websocket=x")
 
 
 def requested(port, target, headers):

@@ -12,9 +12,8 @@ from tensionlab.viewer.state import STUDIES, begin
 @pytest.fixture
 def point():
     state = begin(tl.load_rig("bartels2026-validation"))
-    return edits.set_fields(compared=("minimax", "dykstra"), study="force in a circle")(
-        edits.set_wrench(state, [1.5, 0.0, 0.0])
-    )
+    chosen = edits.set_fields(compared=("minimax", "dykstra"), study="force in a circle")
+    return chosen(edits.set_wrench(state, [1.5, 0.0, 0.0]))
 
 
 def test_the_studies_are_level_circles_and_the_directions_of_the_validation(point):

@@ -67,9 +67,7 @@ def test_an_emergency_stop_that_fails_is_told(monkeypatch):
         (Watched(SIMULATED, condition="gone"), [], True, "confirmed by 2 modules"),
     ],
 )
-def test_a_process_in_progress_is_signalled_to_stop_its_simulated_modules(
-    run, signals, confirmed, line, monkeypatch
-):
+def test_a_process_in_progress_is_signalled_to_stop_simulated_modules(run, signals, confirmed, line, monkeypatch):
     monkeypatch.setattr(live, "emergency_stop", lambda links: pytest.fail("they have no links"))
     monkeypatch.setattr(os, "kill", run.kill)
     outcome = stop_modules(run)

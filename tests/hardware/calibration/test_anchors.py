@@ -1,7 +1,6 @@
 """Anchors from cable lengths: planted ones come back, and the intervals hold what they promise."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,11 +11,8 @@ from tensionlab.hardware.calibration.anchors import Poses, calibrate_anchors, ca
 from tensionlab.model.files import load_rig
 from tests.helpers.examples import many
 
-RIGS = Path(__file__).parents[3] / "datasets" / "rigs"
-POINT, SEVEN, CUBE, PLANAR, PLATFORM = (
-    load_rig(RIGS / f"{name}.toml")
-    for name in ("bartels2026-validation", "seven-modules", "cube-8", "kntu-planar", "ipanema-1")
-)
+NAMES = ("bartels2026-validation", "seven-modules", "cube-8", "kntu-planar", "ipanema-1")
+POINT, SEVEN, CUBE, PLANAR, PLATFORM = map(load_rig, NAMES)
 NOISE = 1e-3
 
 
@@ -68,7 +64,7 @@ def test_without_noise_the_anchors_come_back(rig, known, offsets):
 
 
 def test_rough_poses_lead_the_search_on_a_rig_with_crossed_cables():
-    rig = load_rig(RIGS / "cogiro.toml")
+    rig = load_rig("cogiro")
     for seed in range(many(5, least=1)):
         rng = np.random.default_rng(seed)
         true, poses = displaced(rig, rng), sampled(rig, 30, rng)
@@ -191,4 +187,4 @@ def test_poses_of_one_orientation_do_not_tell_the_anchors_of_a_platform():
 )
 def test_rigs_and_lengths_that_cannot_be_calibrated_are_refused(name, lengths, known, message):
     with pytest.raises(CalibrationError, match=message):
-        calibrate_anchors(load_rig(RIGS / f"{name}.toml"), lengths, known=known)
+        calibrate_anchors(load_rig(name), lengths, known=known)

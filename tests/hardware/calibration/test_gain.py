@@ -66,11 +66,8 @@ def test_what_cannot_be_told_is_refused():
 def planted(seed, mass=0.1):
     """A module like none of the data sheets."""
     rng = np.random.default_rng(seed)
-    plant = {
-        "torque_constant": 0.0585 * rng.uniform(0.8, 1.2),
-        "dry_friction": rng.uniform(0.03, 0.12),
-        "cogging": rng.uniform(0.0, 0.03),
-    }
+    plant = {"torque_constant": 0.0585 * rng.uniform(0.8, 1.2), "dry_friction": rng.uniform(0.03, 0.12)}
+    plant["cogging"] = rng.uniform(0.0, 0.03)
     return plant, HangingMass(mass, plant=plant, seed=seed)
 
 

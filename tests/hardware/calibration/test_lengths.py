@@ -1,22 +1,14 @@
 """Cable lengths of simulated modules whose handle a person moves, in lockstep."""
 
 import signal
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tensionlab.demand import Pose
 from tensionlab.errors import CalibrationError, HardwareError, LinkError
+from tensionlab.hardware.calibration import lengths as cables
 from tensionlab.hardware.calibration.anchors import calibrate_anchors
-from tensionlab.hardware.calibration.lengths import (
-    RELEASE_S,
-    TAUT_S,
-    columns,
-    load_lengths,
-    record_lengths,
-    zero_lengths,
-)
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.protocol.messages import ConfigureTelemetry
 from tensionlab.hardware.runner.settings import WorldClock
@@ -25,8 +17,7 @@ from tensionlab.model.files import load_rig
 from tensionlab.support.files.tables import table_text
 from tensionlab.support.operating_system import ESTOP_SIGNAL
 
-RIGS = Path(__file__).parents[3] / "datasets" / "rigs"
-RIG, PLANAR = load_rig(RIGS / "bartels2026-validation.toml"), load_rig(RIGS / "kntu-planar.toml")
+RIG, PLANAR = load_rig("bartels2026-validation"), load_rig("kntu-planar")
 STAY, GO = 1.0, 1.0
 PLACES = RIG.home + np.random.default_rng(4).uniform([-0.2, 0.0, -0.2], [0.2, 0.4, 0.2], (15, 3))
 PLACES[0] = RIG.home
@@ -58,8 +49,8 @@ def world_of():
 def test_lengths_at_home_are_set_in_all_modules(world_of):
     world, group = world_of()
     world.advance(3.0)
-    before = zero_lengths(group, RIG, WorldClock(world))
-    assert 3.0 + TAUT_S + RELEASE_S <= world.time < 3.2 + TAUT_S + RELEASE_S
+    before = cables.zero_lengths(group, RIG, WorldClock(world))
+    assert 3.0 + cables.TAUT_S + cables.RELEASE_S <= world.time < 3.2 + cables.TAUT_S + cables.RELEASE_S
     np.testing.assert_allclose(before, RIG.lengths(RIG.home), atol=2e-3)
     assert all(module.sample.state is State.IDLE for module in world.modules)
     for client, length in zip(group.clients, RIG.lengths(RIG.home), strict=True):
@@ -71,7 +62,7 @@ def test_lengths_at_home_are_set_in_all_modules(world_of):
 @pytest.mark.parametrize("count", [2, len(PLACES)])
 def test_poses_are_recorded_where_the_hand_stays_until_there_are_enough(world_of, count):
     seen, (world, group) = [], world_of(hand)
-    measured = record_lengths(group, RIG, WorldClock(world), count, 60.0, seen.append)
+    measured = cables.record_lengths(group, RIG, WorldClock(world), count, 60.0, seen.append)
     assert seen == list(range(1, count + 1))
     np.testing.assert_allclose(measured, RIG.lengths(PLACES[:count]), atol=1e-3)
     assert all(module.sample.state is State.IDLE for module in world.modules)
@@ -82,7 +73,7 @@ def test_poses_are_recorded_where_the_hand_stays_until_there_are_enough(world_of
 def test_a_hand_that_never_stays_gives_no_pose(world_of):
     world, group = world_of(lambda time: Pose(RIG.home + 0.05 * np.sin(6.0 * time) * np.array([0.0, 1.0, 0.0])))
     with pytest.raises(CalibrationError, match="never still"):
-        record_lengths(group, RIG, WorldClock(world), 5, 2.0)
+        cables.record_lengths(group, RIG, WorldClock(world), 5, 2.0)
     assert all(module.sample.state is State.IDLE for module in world.modules)
 
 
@@ -90,11 +81,11 @@ def test_modules_in_use_or_without_a_length_are_left_alone(world_of):
     world, group = world_of()
     group.clients[1].set_parameter("spool_radius", 0.02)  # which makes it forget
     with pytest.raises(HardwareError, match="cable lengths of floor-2 are not known"):
-        record_lengths(group, RIG, WorldClock(world), 5, 2.0)
+        cables.record_lengths(group, RIG, WorldClock(world), 5, 2.0)
     world, group = world_of()
     group.clients[0].arm()
     with pytest.raises(LinkError, match="another program has armed it"):
-        zero_lengths(group, RIG, WorldClock(world))
+        cables.zero_lengths(group, RIG, WorldClock(world))
 
 
 @pytest.mark.parametrize(
@@ -108,27 +99,24 @@ def test_modules_in_use_or_without_a_length_are_left_alone(world_of):
 def test_whatever_goes_wrong_all_modules_are_stopped(world_of, trouble, error, states):
     world, group = world_of()
     with pytest.raises(error):
-        record_lengths(group, RIG, WorldClock(world), 5, 5.0, lambda count: trouble(world))
+        cables.record_lengths(group, RIG, WorldClock(world), 5, 5.0, lambda count: trouble(world))
     assert {module.sample.state for module in world.modules} == states
 
 
 def test_lengths_come_back_from_a_file_with_poses_and_without(tmp_path):
-    path, lengths = tmp_path / "lengths.csv", columns(RIG, RIG.lengths(PLACES))
+    path, lengths = tmp_path / "lengths.csv", cables.columns(RIG, RIG.lengths(PLACES))
     known = dict(zip("xyz", PLACES.T, strict=True)) | lengths
     path.write_text(table_text(lengths))
-    again, poses = load_lengths(path, RIG)
+    again, poses = cables.load_lengths(path, RIG)
     np.testing.assert_allclose(again, RIG.lengths(PLACES), rtol=1e-9)
     assert poses is None
     path.write_text(table_text(known))
-    np.testing.assert_allclose(load_lengths(path, RIG)[1].position, PLACES, rtol=1e-9)
-    for missing, message in (
-        ("floor-1", 'column "floor-1" is missing'),
-        ("z", "has the columns x, y, z; give all"),
-    ):
+    np.testing.assert_allclose(cables.load_lengths(path, RIG)[1].position, PLACES, rtol=1e-9)
+    for missing, message in (("floor-1", 'column "floor-1" is missing'), ("z", "the columns x, y, z; give all")):
         path.write_text(table_text({name: column for name, column in known.items() if name != missing}))
         with pytest.raises(CalibrationError, match=message):
-            load_lengths(path, RIG)
-    planar = columns(PLANAR, PLANAR.lengths(PLANAR.home, 0.1)[None])
+            cables.load_lengths(path, RIG)
+    planar = cables.columns(PLANAR, PLANAR.lengths(PLANAR.home, 0.1)[None])
     pose = {"x": [PLANAR.home[0]], "y": [PLANAR.home[1]], "angle": [0.1]}
     path.write_text(table_text(planar | pose))
-    assert load_lengths(path, PLANAR)[1].rotation[0, 1, 0] == pytest.approx(np.sin(0.1))
+    assert cables.load_lengths(path, PLANAR)[1].rotation[0, 1, 0] == pytest.approx(np.sin(0.1))

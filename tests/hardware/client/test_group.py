@@ -1,5 +1,6 @@
 """Groups of modules: connected, prepared, armed, stopped and closed together."""
 
+from operator import methodcaller
 from unittest.mock import Mock
 
 import pytest
@@ -19,6 +20,7 @@ from tests.helpers.breakable import BreakableLink
 
 RIG = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
 NAMES = [module.name for module in RIG.modules]
+WANTED = ", but the rig wants 0.5 to 6 N"
 
 
 class Modules:
@@ -193,25 +195,15 @@ def test_modules_whose_lengths_are_unknown_are_named():
 @pytest.mark.parametrize(
     ("trouble", "error", "said"),
     [
-        (lambda client: client.arm(), LinkError, "is ARMED: another program has armed it"),
-        (lambda client: client.estop(), ModuleFault, "is in ESTOP: find out why"),
+        (methodcaller("arm"), LinkError, "is ARMED: another program has armed it"),
+        (methodcaller("estop"), ModuleFault, "is in ESTOP: find out why"),
         (lambda client: client.link.freeze(), LinkTimeout, "did not answer Hello in 1 tries"),
-        (lambda client: client.set_parameter("calibrated", 0.0), HardwareError, "is not calibrated"),
-        (
-            lambda client: client.set_parameter("tension_upper", 5.9),
-            HardwareError,
-            "0.5 to 5.9 N, but the rig wants 0.5 to 6 N",
-        ),
-        (
-            lambda client: client.set_parameter("tension_lower", 0.6),
-            HardwareError,
-            "0.6 to 6 N, but the rig wants 0.5 to 6 N",
-        ),
+        (methodcaller("set_parameter", "calibrated", 0.0), HardwareError, "is not calibrated"),
+        (methodcaller("set_parameter", "tension_upper", 5.9), HardwareError, f"0.5 to 5.9 N{WANTED}"),
+        (methodcaller("set_parameter", "tension_lower", 0.6), HardwareError, f"0.6 to 6 N{WANTED}"),
     ],
 )
-def test_a_module_that_is_not_ready_for_a_run_is_refused_and_the_others_are_left_alone(
-    trouble, error, said, monkeypatch
-):
+def test_a_module_not_ready_for_a_run_is_refused_and_the_others_are_left_alone(trouble, error, said, monkeypatch):
     monkeypatch.setattr(group, "PATIENT_TIMEOUTS_S", (0.1,))
     modules = Modules()
     trouble(modules.group.clients[2])

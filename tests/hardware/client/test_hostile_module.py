@@ -51,11 +51,7 @@ def client(answer):
     [
         (Type.INFO, INFO[:-1], "Info has 30 bytes of payload; got 29"),
         (Type.INFO, INFO[:14] + struct.pack("<4f", float("nan"), 6.0, 3.0, 0.02), "Info: tension_lower is nan"),
-        (
-            Type.INFO,
-            INFO[:14] + struct.pack("<4f", 7.0, 6.0, 3.0, 0.02),
-            "tension_lower 7 is above tension_upper 6",
-        ),
+        (Type.INFO, INFO[:14] + struct.pack("<4f", 7, 6, 3, 0.02), "tension_lower 7 is above tension_upper 6"),
         (Type.INFO, INFO[:8] + b"\x63" + INFO[9:], "Info: 99 is not a valid State"),
     ],
 )

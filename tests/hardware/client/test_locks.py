@@ -27,9 +27,8 @@ pytestmark = pytest.mark.usefixtures("locks_folder")
 @pytest.mark.realtime  # a process is stopped, and killed with -9
 def test_a_module_belongs_to_its_process_even_if_that_hangs_until_it_is_killed(locks_folder):
     with running(HOLD, str(locks_folder), "a word") as process:
-        with pytest.raises(
-            LinkError, match=rf"com5 is in use by process {process.pid} \(-c .* a word\); end that"
-        ):
+        said = rf"com5 is in use by process {process.pid} \(-c .* a word\); end that"
+        with pytest.raises(LinkError, match=said):
             LinkLock("com5")
         assert holder("COM5").pid == process.pid
         process.send_signal(signal.SIGSTOP)
@@ -72,13 +71,7 @@ def test_names_of_one_module_are_one_lock(tmp_path):
     ]
     for one, other in same:
         assert normalised(one) == normalised(other)
-    others = [
-        "socket://127.0.0.1:4002",
-        "socket://10.0.0.1:4001",
-        "bt://AA:BB:CC:DD:EE:0F/2",
-        "COM1",
-        "/dev/ttyUSB1",
-    ]
+    others = ["socket://127.0.0.1:4002", "socket://10.0.0.1:4001", "bt://AA:BB:CC:DD:EE:0F/2", "COM1", "/dev/tty1"]
     assert len({normalised(url) for url in [*others, *(one for one, _ in same)]}) == len(others) + len(same) - 1
 
 
@@ -99,14 +92,13 @@ def test_a_note_that_somebody_removed_or_damaged_is_no_obstacle(locks_folder, mo
 def test_what_cannot_be_locked_is_named(locks_folder):
     locks_folder.mkdir(mode=0o700)
     (file := locks_folder / locks._file_name("COM5")).mkdir()
-    with pytest.raises(
-        LinkError, match=r"^COM5 cannot be locked for this process: .*\.lock: .*; see that you may"
-    ):
+    said = "COM5 cannot be locked for this process: "
+    with pytest.raises(LinkError, match=rf"^{said}.*\.lock: .*; see that you may"):
         LinkLock("COM5")
     file.rmdir()
     locks_folder.rmdir()
     locks_folder.write_text("no folder")
-    with pytest.raises(LinkError, match=r"COM5 cannot be locked for this process: .*locks: File exists; see that"):
+    with pytest.raises(LinkError, match=rf"{said}.*locks: File exists; see that"):
         LinkLock("COM5")
 
 

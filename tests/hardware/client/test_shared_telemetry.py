@@ -55,10 +55,8 @@ def test_who_knows_the_token_is_told_of_all_modules_and_only_if_it_asks(publishe
     published.topics["module COM9"] = fails
     for index in range(3):
         published.topics[f"module COM{index}"] = Report(f"COM{index}", "left", SAID, 0.1 * index, 0).pack
-    watcher, stranger = (
-        Watcher(published.port, published.token),
-        Watcher(published.port, "x" + published.token[1:]),
-    )
+    watcher = Watcher(published.port, published.token)
+    stranger = Watcher(published.port, "x" + published.token[1:])
     assert list(watcher.reports()) == []
     for _ in range(2):
         stranger.ask()

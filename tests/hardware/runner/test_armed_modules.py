@@ -190,11 +190,8 @@ def silent(seconds):
         ([{}, {"seconds": 0.188}, silent(0.26)], "", ""),
         ([{}, {"seconds": 1.0, "delays": (2.0,) * 3, **silent(1.2)}], "", ""),
         ([{}, {"seconds": 1.0, "delays": (2.0,) * 3, **silent(1.2)}, silent(1.27)], "a", "silent for 1.27 s"),
-        (
-            [{}, {"seconds": 0.188}, {"seconds": 0.13}, {"seconds": 0.13}, silent(0.26)],
-            "a",
-            "silent",
-        ),  # it is over
+        # The stall is over.
+        ([{}, {"seconds": 0.188}, {"seconds": 0.13}, {"seconds": 0.13}, silent(0.26)], "a", "silent"),
         ([{"delays": (0.3, 0.03, 0.03)}] * 10 + [{"seconds": 0.5, "delays": (0.3, 0.03, 0.03)}], "", ""),
         ([{"delays": (0.03, 0.26, 0.25)}] * 13, "", ""),
         ([{"delays": (0.03, 0.26, 0.25)}] * 14, "b", 'module "b" is late: the newest set-point that it reports'),

@@ -44,11 +44,8 @@ def test_out_of_reach_the_exact_solver_keeps_to_the_policy(structure):
 
 def test_each_set_of_modules_and_limits_has_its_answers_and_few_are_kept_prepared(structure, monkeypatch):
     monkeypatch.setattr(guard, "MAX_PREPARED", 3)
-    guarded, wrench, part = (
-        GuardedAllocator("newton"),
-        np.array([0.0, 5.0, 0.0]),
-        np.array([True, False, True, True]),
-    )
+    guarded, wrench = GuardedAllocator("newton"), np.array([0.0, 5.0, 0.0])
+    part = np.array([True, False, True, True])
     for upper in (6.0, 5.0, 6.0, 4.0, 6.0):
         limits = tl.TensionLimits(np.full(4, 0.5), np.full(4, upper))
         for taking_part in (ALL, part):

@@ -139,9 +139,7 @@ def released_states(rig):
         ("keeps", "a native call keeps the interpreter and does not return, so the process ends"),
     ],
 )
-def test_a_native_call_that_never_returns_ends_the_process_and_the_modules_let_go(
-    rig, tmp_path, capfd, manner, said
-):
+def test_a_native_call_that_never_returns_ends_the_process_and_modules_let_go(rig, tmp_path, capfd, manner, said):
     with hung(manner, rig, tmp_path) as process:
         assert process.wait(TIMEOUT_S) == 1
     complaint = capfd.readouterr().err

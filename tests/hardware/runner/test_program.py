@@ -32,12 +32,9 @@ def step(seconds=1.0, wrench=(0.0, 0.0, 1.0), more=""):
     ],
 )
 def test_wrenches_are_held_or_ramped_to_with_brakes_by_step(load, repeat, forces):
-    steps = (
-        step(more="ramp = true"),
-        step(2.0, (1.0, 0.0, 1.0), 'brakes = ["top"]'),
-        step(1.0, (0, 0, 0), "ramp = true"),
-    )
-    program = load(f'name = "a"\nrepeat = {str(repeat).lower()}\n' + "".join(steps))
+    steps = step(more="ramp = true") + step(2.0, (1.0, 0.0, 1.0), 'brakes = ["top"]')
+    steps += step(1.0, (0, 0, 0), "ramp = true")
+    program = load(f'name = "a"\nrepeat = {str(repeat).lower()}\n{steps}')
     assert program.seconds == 4.0
     for time, force in forces.items():
         demand = program(SimpleNamespace(time=time))

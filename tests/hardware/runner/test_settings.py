@@ -66,9 +66,8 @@ def test_a_paced_world_is_never_ahead_of_real_time_and_leaves_no_cycle_out_behin
         computer.now += 1.0 if state.cycle in (10, 20) else 0.0  # whatever holds the process up
         return Demand(np.zeros(3))
 
-    statistics = Runner(
-        four(), world.group(), "newton", demand, RunSettings(), clock=WorldClock(world, paced=True)
-    ).run(1.0)
+    clock = WorldClock(world, paced=True)
+    statistics = Runner(four(), world.group(), "newton", demand, RunSettings(), clock=clock).run(1.0)
     assert (statistics.cycles, statistics.missed, statistics.lost) == (50, 0, {})
     assert max(statistics.start_delays) == pytest.approx(0.0, abs=1e-6)
     steps = np.diff(times)

@@ -1,7 +1,5 @@
 """Modules of a rig, simulated: what each is made of, and what none can be."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -13,8 +11,6 @@ from tensionlab.hardware.simulation.world import MAX_HAND_SPEED_M_S, GuidedHand,
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import Module
 
-RIGS = Path(__file__).parents[3] / "datasets" / "rigs"
-
 
 def tell(simulated, *commands):
     for sequence, command in enumerate(commands, start=1):
@@ -23,7 +19,7 @@ def tell(simulated, *commands):
 
 
 def test_limits_gain_and_length_are_the_rigs():
-    rig = load_rig(RIGS / "bartels2026-validation.toml")
+    rig = load_rig("bartels2026-validation")
     for module, length in zip(rig.modules, rig.lengths(rig.home), strict=True):
         simulated = simulated_module(module, length, serial_number=7)
         [info] = tell(simulated, messages.Hello())
