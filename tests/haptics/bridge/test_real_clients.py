@@ -71,10 +71,10 @@ def test_a_client_that_is_killed_leaves_no_force_behind(bridge):
         connect(f"{bridge}/events", compression=None) as watch,
         subprocess.Popen([str(word) for word in words], stdout=subprocess.DEVNULL) as client,
     ):
-        heard(watch, "fresh")
+        while heard(watch, "rate")["frames"] < 50.0:
+            assert client.poll() is None
         client.kill()
-        while heard(watch, "fresh", "silent")["kind"] != "silent":  # how soon: test_bridge.py
-            pass
+        heard(watch, "silent")  # how soon: test_bridge.py
 
 
 @pytest.mark.realtime  # the example is a program, and OSC a thread in another process
