@@ -140,7 +140,8 @@ def live_table(runner: Runner) -> RenderableType:
                      "–" if limit is Limit.NONE else limit.name.lower(), now,
                      100.0 * state.thermal[index], 1e3 * state.ages[index]))  # fmt: skip
     jitter, compute = (format_duration(times[1]) for times in statistics.percentiles().values())
-    notes = f"{statistics.answers} · start jitter {jitter} · compute time {compute} (p99)"
+    notes = f"{statistics.answers} · compute time {compute} (p99)"
+    notes += f" · start jitter {jitter}" * statistics.in_real_time
     if statistics.missed:
         notes += f" · {statistics.missed} deadlines missed"
     title = f"{runner.rig.name}, {state.time:.1f} s: desired {wrenches.get('desired', 'taut cables')}"

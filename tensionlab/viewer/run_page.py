@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from tensionlab.hardware.runner.records import ROUNDING_S
 from tensionlab.hardware.sharing import POLL_S, RunInfo, RunSnapshot
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import Scenery
@@ -88,5 +89,6 @@ def times_html(info: RunInfo, report: RunSnapshot) -> str:
         delays = report.cycle["delays"][report.cycle["active"]]
         latency = float(np.nanmax(delays)) if np.isfinite(delays).any() else float("nan")
     times = {"start jitter": report.start_delays, "compute time": report.compute_times}
-    quantiles = {name: np.percentile(values, [50.0, 99.0]) for name, values in times.items() if len(values)}
+    measured = {name: values for name, values in times.items() if max(values, default=0.0) > ROUNDING_S}
+    quantiles = {name: np.percentile(values, [50.0, 99.0]) for name, values in measured.items()}
     return render("run.times", latency, quantiles, report.missed, report.answers, 1.0 / info.rate)

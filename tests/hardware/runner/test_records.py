@@ -10,7 +10,7 @@ def test_a_good_run_has_few_rows_and_another_one_for_each_thing_that_went_wrong(
     bad.late_telemetry["top"] = 5
     for status in (Status.EXACT, Status.NEAREST):
         good.add(Status.EXACT, 1e-4, 2e-4, fallback_used=False, slew_limited=False)
-        bad.add(status, 0.0, 0.0, fallback_used=status is Status.NEAREST, slew_limited=True)
+        bad.add(status, 1e-4, 0.0, fallback_used=status is Status.NEAREST, slew_limited=True)
     names = [name for name, _ in good.rows()]
     assert [name for name, _ in bad.rows()][: len(names)] == names
     values = [value for _, value in bad.rows()[len(names) :]]
