@@ -90,34 +90,16 @@ TRAJECTORY_OMITS = ("angle_mean_deg", "gap_max")  # ... and along a trajectory
 
 @dataclass(frozen=True)
 class Comparison:
-    """Answers of every solver with each of its policies to the same K wrenches.
+    """Answers of every solver with each of its policies to the same K wrenches."""
 
-    Attributes
-    ----------
-    rig : Rig
-        With body frames at rest.
-    position : (d,) or (K, d) array
-        Where the wrenches act, in m: one position, or that of each sample of a trajectory.
-    structure : (n, m) or (K, n, m) array
-        Structure matrix there.
-    wrenches : (K, n) array
-        Desired, in N and N·m.
-    rows, allocations : tuples
-        A `Score` for each solver and policy, and the K answers behind it.
-    missing : dict
-        Reasons by the names of solvers left out.
-    magnitude : float or None
-        Size of the forces, in N; None where wrenches were given or required.
-    """
-
-    rig: Rig
-    position: Floats
-    structure: Floats
-    wrenches: Floats
-    rows: tuple[Score, ...]
-    allocations: tuple[Allocation, ...]
-    missing: dict[str, str]
-    magnitude: float | None = None
+    rig: Rig  # with body frames at rest
+    position: Floats  # where the wrenches act, in m: (d,), or (K, d) for the samples of a trajectory
+    structure: Floats  # structure matrix there, (n, m) or (K, n, m)
+    wrenches: Floats  # desired, (K, n), in N and N·m
+    rows: tuple[Score, ...]  # of each solver and policy
+    allocations: tuple[Allocation, ...]  # the K answers behind each row
+    missing: dict[str, str]  # reasons by the names of solvers left out
+    magnitude: float | None = None  # size of the forces, in N; None where wrenches were given or required
 
     @property
     def along_trajectory(self) -> bool:
@@ -127,10 +109,8 @@ class Comparison:
     @property
     def own_policies(self) -> dict[str, int]:
         """Which row has each solver with its own policy, which is its first, by the name of the solver."""
-        first: dict[str, int] = {}
-        for number, row in enumerate(self.rows):
-            first.setdefault(row.solver, number)
-        return first
+        names = [row.solver for row in self.rows]
+        return {name: names.index(name) for name in names}
 
     @property
     def title(self) -> str:
@@ -178,18 +158,16 @@ class Comparison:
         """
         answers, problems, d = self.allocations, len(self.wrenches), self.rig.dimension
         columns = {
-            name: np.repeat([getattr(row, name) for row in self.rows], problems) for name in ("solver", "policy")
-        }
-        columns |= {
+            "solver": np.repeat([row.solver for row in self.rows], problems),
+            "policy": np.repeat([row.policy for row in self.rows], problems),
             "problem": np.tile(np.arange(problems), len(answers)),
             "status": np.concatenate([found.status for found in answers]),
             "residual": np.concatenate([found.residual for found in answers]),
             "angle_deg": np.concatenate([angles(self.wrenches[:, :d], found.wrench[:, :d]) for found in answers]),
             "iterations": np.concatenate([found.iterations for found in answers]),
         }
-        tensions = np.concatenate([found.tensions for found in answers])
-        for module, own in zip(self.rig.modules, tensions.T, strict=True):
-            columns[f"tension.{module.name}"] = own
+        for number, module in enumerate(self.rig.modules):
+            columns[f"tension.{module.name}"] = np.concatenate([found.tensions[:, number] for found in answers])
         return provenance.data_frame(columns).melt(["solver", "policy", "problem"], var_name="quantity")
 
 
@@ -284,12 +262,9 @@ def compare(
         for policy in {run.policy or POLICIES[0] for run in runs}
     }
     rows = [
-        _score(rig, run, desired, found, optima[run.policy or POLICIES[0]], measured)
+        _score(place, run, desired, found, optima[run.policy or POLICIES[0]], measured)
         for run, found, measured in zip(runs, allocations, times, strict=True)
     ]
-    if place.ndim == 2:
-        steps = [_finite(np.max, abs(np.diff(found.tensions, axis=0))) for found in allocations]
-        rows = [dataclasses.replace(row, step_max=step) for row, step in zip(rows, steps, strict=True)]
     return Comparison(rig, place, structure, desired, tuple(rows), tuple(allocations), missing, magnitude)
 
 
@@ -392,11 +367,12 @@ def _time_solvers(
 
 
 def _score(
-    rig: Rig, run: Selected, desired: Floats, found: Allocation, optimum: Allocation, times: dict[str, float]
+    place: Floats, run: Selected, desired: Floats, found: Allocation, optimum: Allocation, times: dict[str, float]
 ) -> Score:
-    """Return the statistics of the answers of one solver."""
-    angle, counts = angles(desired[:, : rig.dimension], found.wrench[:, : rig.dimension]), found.counts()
-    gaps = abs(found.tensions - optimum.tensions)
+    """Return the statistics of the answers of one solver at one position, or along a trajectory."""
+    d, counts = place.shape[-1], found.counts()
+    angle, gaps = angles(desired[:, :d], found.wrench[:, :d]), abs(found.tensions - optimum.tensions)
+    steps = np.diff(found.tensions, axis=0) if place.ndim == 2 else np.empty(0)
     return Score(
         solver=run.name,
         policy=run.policy,
@@ -410,7 +386,7 @@ def _score(
         angle_max_deg=_finite(np.max, angle),
         tension_sq_mean=_finite(np.mean, found.tensions**2),
         tension_max=_finite(np.max, found.tensions),
-        step_max=np.nan,
+        step_max=_finite(np.max, abs(steps)),
         iterations_max=_finite(np.max, found.iterations),
         gap_max=_finite(np.max, gaps[optimum.status == Status.EXACT] if run.policy is None else gaps),
         **times,

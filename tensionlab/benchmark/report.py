@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING
 
 from tensionlab.benchmark.results import COUNTS, NUMBERS, Results, entry_names, summary_table
 from tensionlab.support.formatting import format_share
 from tensionlab.support.table import Column, Table
-
-if TYPE_CHECKING:
-    pass
 
 FIGURES = {
     "profile": "Performance profile: for which share of the problems each entry has an answer to 1e-6 N "

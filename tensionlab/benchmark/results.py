@@ -33,7 +33,6 @@ ID = [*KEY, "problem"]
 QUANTITIES = ("call_s", "build_s", "tried", "refused", "proved", "reachable", "error", "violation", "gap", "scale",
               "iterations")  # fmt: skip
 
-TEXTS = dict.fromkeys((*KEY, "objective", "note"), Column("", format=str))
 COUNTS = {
     "problems": Column("problems"),
     "tried": Column("tried"),
@@ -59,19 +58,12 @@ NUMBERS = {
     "build_s": Column("build", format=format_duration),
     "batch_s": Column("batch each", format=format_duration),
 }
-TYPES = (
-    dict.fromkeys(TEXTS, "str")
-    | {"comparable": "bool"}
-    | dict.fromkeys(COUNTS, "int")
-    | dict.fromkeys(NUMBERS, "float")
-)  # of the columns of `Results.rows`
+# Types of the columns of `Results.rows`.
+TYPES = dict.fromkeys((*KEY, "objective", "note"), "str") | {"comparable": "bool"}
+TYPES |= dict.fromkeys(COUNTS, "int") | dict.fromkeys(NUMBERS, "float")
 # Columns of a table of entries over all sets.
-SUMMARY_COLUMNS = {
-    "solver": Column("solver"),
-    **COUNTS,
-    **NUMBERS,
-    "elsewhere": Column("other sets", format=format_share),
-}
+ELSEWHERE = Column("other sets", format=format_share)
+SUMMARY_COLUMNS = {"solver": Column("solver"), **COUNTS, **NUMBERS, "elsewhere": ELSEWHERE}
 SHOWN = ("solved_1e6", "solved_1e9", "elsewhere", "gap_max", "sgm_s", "p999_s", "worst_s", "batch_s")
 
 
@@ -79,23 +71,17 @@ SHOWN = ("solved_1e6", "solved_1e9", "elsewhere", "gap_max", "sgm_s", "p999_s", 
 class Results:
     """Rows of a benchmark, the measurements of each problem, and the manifest.
 
-    Attributes
-    ----------
-    rows : DataFrame
-        A row for each problem set, solver, setting and policy, with the columns that
-        ``datasets/benchmarks/README.md`` describes and ``label``, the name in tables and figures. NaN where
-        nothing was measured. ``policy`` is "" for a solver without one, which is compared with "force".
-    manifest : dict
-        As of `provenance.manifest`; under ``bench`` what the report says of the run: ``sets`` (by name: title,
-        reachable, groups, problems, verified), ``plan``, ``instruction_set`` and ``processor_share``.
-    measurements : DataFrame or None
-        A row for each problem of each entry, with the columns `KEY`, ``label``, ``problem`` and `QUANTITIES`. None
-        for the committed results.
+    ``rows`` has a row for each problem set, solver, setting and policy, with the columns that
+    ``datasets/benchmarks/README.md`` describes and ``label``, the name in tables and figures. NaN where nothing
+    was measured. ``policy`` is "" for a solver without one, which is compared with "force".
+
+    The manifest is that of `provenance.manifest`; under ``bench`` it has what the report says of the run: ``sets``
+    (by name: title, reachable, groups, problems, verified), ``plan``, ``instruction_set``, ``processor_share``.
     """
 
     rows: pandas.DataFrame
     manifest: dict[str, Any]
-    measurements: pandas.DataFrame | None = None
+    measurements: pandas.DataFrame | None = None  # by `ID`, ``label`` and `QUANTITIES`; None if committed
 
     def __post_init__(self) -> None:
         for name in ("rows", "measurements"):
@@ -130,19 +116,14 @@ class Results:
 
         Quantities that were not measured are left out. InputError for the committed results.
         """
-        return (
-            self.each_problem()
-            .drop(columns="label")
-            .melt(ID, var_name="quantity")
-            .dropna(subset="value", ignore_index=True)
-        )
+        long = self.each_problem().drop(columns="label").melt(ID, var_name="quantity")
+        return long.dropna(subset="value", ignore_index=True)
 
     def each_problem(self) -> pandas.DataFrame:
         """Return the measurements; InputError where there are none, as in the committed results."""
         if self.measurements is None:
-            raise InputError(
-                "these results have no measurements of single problems: use `rows`, or read the folder of a run"
-            )
+            kept = "use `rows`, or read the folder of a run"
+            raise InputError(f"these results have no measurements of single problems: {kept}")
         return self.measurements
 
     def summary(self) -> pandas.DataFrame:
@@ -160,7 +141,7 @@ class Results:
         by_label, feasible = rows.groupby("label", sort=False), rows[inside].groupby("label")
         parts = [
             feasible[shares].mean(),
-            np.exp(np.log(rows.loc[inside, times]).groupby(rows.loc[inside, "label"]).mean()),
+            np.exp(np.log(rows[inside].set_index("label")[times]).groupby("label").mean()),
             feasible[largest].max(),
             rows[~inside].groupby("label")["solved_1e6"].mean().rename("elsewhere"),
         ]
@@ -183,9 +164,9 @@ class Results:
 
 def entry_names(rows: pandas.DataFrame, bold: bool = False) -> list[str]:
     """Return the labels of entries, marked where one has another objective; built-in ones may be in bold."""
-    labels = (
-        ("**" + rows["label"] + "**").where(rows["setting"] == "proved", rows["label"]) if bold else rows["label"]
-    )
+    labels = rows["label"]
+    if bold:
+        labels = labels.mask(rows["setting"] == "proved", "**" + labels + "**")
     return list(labels.where(rows["comparable"], labels + " †"))
 
 
