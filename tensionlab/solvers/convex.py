@@ -84,18 +84,11 @@ class CompiledPrograms:
         self.t, self.s = t, s
         limits = [self.lower <= t, t <= self.upper]
 
-        self.closest = cp.Problem(
-            cp.Minimize(cp.sum_squares(t - self.reference)),
-            [W @ t == self.w, *limits],
-        )
-        self.least_error = cp.Problem(
-            cp.Minimize(cp.sum_squares(self.root_W @ t - self.root_w)),
-            limits,
-        )
-        self.longest = cp.Problem(
-            cp.Maximize(s),
-            [W @ t + self.fixed_wrench == s * self.w, s >= 0, s <= 1, *limits],
-        )
+        least_change = cp.Minimize(cp.sum_squares(t - self.reference))
+        self.closest = cp.Problem(least_change, [W @ t == self.w, *limits])
+        self.least_error = cp.Problem(cp.Minimize(cp.sum_squares(self.root_W @ t - self.root_w)), limits)
+        rendered = W @ t + self.fixed_wrench == s * self.w
+        self.longest = cp.Problem(cp.Maximize(s), [rendered, s >= 0, s <= 1, *limits])
 
 
 @lru_cache(maxsize=32)

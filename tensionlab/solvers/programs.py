@@ -165,22 +165,17 @@ class Programs(Protocol):
     """Programs of one problem, as a backend solves them; None where it gives no tensions inside the limits."""
 
     scaled: ScaledProblem
-    iterations: int
-    """Spent so far."""
-    reason: str
-    """Why there are no tensions, where there are none."""
+    iterations: int  # spent so far
+    reason: str  # why there are no tensions, where there are none
 
     def closest(self, wrench: Floats) -> Floats | None:
         """Return the tensions closest to the reference that render a wrench."""
-        ...
 
     def least_error(self, root: Floats, wrench: Floats) -> Floats | None:
         """Return the tensions with the least ``|root (W t - wrench)|``."""
-        ...
 
     def longest(self) -> tuple[Floats | None, float]:
         """Return the tensions that render ``s wrench - fixed_wrench``, s the largest in [0, 1], and s."""
-        ...
 
 
 def choose_each(

@@ -13,14 +13,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
 
 from tensionlab.errors import InputError, MissingDependency, PluginError, UnknownSolver
-from tensionlab.solvers.base import (
-    POLICIES,
-    FusedSolver,
-    Policy,
-    Solver,
-    refusal,
-    resolve_policy,
-)
+from tensionlab.solvers.base import POLICIES, FusedSolver, Policy, Solver, refusal, resolve_policy
 from tensionlab.solvers.closed_form import ImprovedClosedForm, Polygon, PolygonGoal, Pseudoinverse, Puncture, Start
 from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.least_squares import Dykstra, Newton
@@ -165,9 +158,7 @@ def name_solvers(solvers: Sequence[str | Solver]) -> dict[str, Solver | None]:
 
 
 def select_solvers(
-    solvers: Sequence[str | Solver] | None = None,
-    policy: str | None = None,
-    size: tuple[int, int] | None = None,
+    solvers: Sequence[str | Solver] | None = None, policy: str | None = None, size: tuple[int, int] | None = None
 ) -> tuple[list[Selected], dict[str, str]]:
     """Choose which solvers run with which policies.
 
