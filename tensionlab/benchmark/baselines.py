@@ -19,9 +19,7 @@ from tensionlab.support.arrays import Floats
 
 Tolerance = Literal["default", "tight"]
 
-# DAQP called directly, each backend through qpsolvers, and cvxpy.
-BASELINES = ("daqp", *(f"qpsolvers:{backend}" for backend in BACKENDS), "cvxpy:plain")
-
+BASELINES = ("daqp", *(f"qpsolvers:{backend}" for backend in BACKENDS), "cvxpy:plain")  # "daqp": without qpsolvers
 # The tight settings of each backend: as accurate as its own options make it. quadprog has none.
 TIGHT: dict[str, dict[str, Any]] = {
     "clarabel": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},

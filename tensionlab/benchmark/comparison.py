@@ -281,9 +281,9 @@ def _along(
     if poses is None:
         place = np.tile(rig.home if position is None else require_finite("position", position, 1), (len(given), 1))
         rotation = None
+    elif position is not None:
+        raise InputError("poses and position are both given; leave one out")
     else:
-        if position is not None:
-            raise InputError("poses and position are both given; leave one out")
         listed = poses if isinstance(poses, PoseList) else PoseList(require_finite("poses", poses, 2))
         place, rotation = listed.arrays()
     if len(given) not in (1, len(place)):
@@ -334,8 +334,8 @@ def read_trajectory(path: str | Path, rig: Rig) -> tuple[Floats, PoseList]:
 
 def _time_solvers(
     allocators: Sequence[Allocator], structure: Floats, wrenches: Floats, progress: Callable[[float], None]
-) -> list[dict[str, float]]:
-    """Return the fields of `Score` that are times: of all wrenches at once, and one by one."""
+) -> list[tuple[Floats, float]]:
+    """Return the times of each solver, in s: of some calls, NaN where not timed, and of a wrench in one batch."""
     chosen = np.unique(np.linspace(0, len(wrenches) - 1, min(len(wrenches), MAX_TIMED_CALLS)).astype(int))
     structures = np.broadcast_to(structure, (len(wrenches), *structure.shape[-2:]))
     batch = [[seconds(allocator, structure, wrenches)] for allocator in allocators]
@@ -356,22 +356,16 @@ def _time_solvers(
 
     for run, call, spent in take_turns(turns(), np.random.default_rng(0)):
         calls[run, call] = spent
-    return [
-        {
-            "call_median_s": float(np.nanmedian(own)),
-            "call_p99_s": float(np.nanquantile(own, 0.99)),
-            "batch_s": float(np.median(batches)) / len(wrenches),
-        }
-        for own, batches in zip(calls, batch, strict=True)
-    ]
+    return [(own, float(np.median(each)) / len(wrenches)) for own, each in zip(calls, batch, strict=True)]
 
 
 def _score(
-    place: Floats, run: Selected, desired: Floats, found: Allocation, optimum: Allocation, times: dict[str, float]
+    place: Floats, run: Selected, desired: Floats, found: Allocation, best: Allocation, times: tuple[Floats, float]
 ) -> Score:
     """Return the statistics of the answers of one solver at one position, or along a trajectory."""
     d, counts = place.shape[-1], found.counts()
-    angle, gaps = angles(desired[:, :d], found.wrench[:, :d]), abs(found.tensions - optimum.tensions)
+    angle, gaps = angles(desired[:, :d], found.wrench[:, :d]), abs(found.tensions - best.tensions)
+    calls, batch_s = times
     steps = np.diff(found.tensions, axis=0) if place.ndim == 2 else np.empty(0)
     return Score(
         solver=run.name,
@@ -388,8 +382,10 @@ def _score(
         tension_max=_finite(np.max, found.tensions),
         step_max=_finite(np.max, abs(steps)),
         iterations_max=_finite(np.max, found.iterations),
-        gap_max=_finite(np.max, gaps[optimum.status == Status.EXACT] if run.policy is None else gaps),
-        **times,
+        gap_max=_finite(np.max, gaps[best.status == Status.EXACT] if run.policy is None else gaps),
+        call_median_s=float(np.nanmedian(calls)),
+        call_p99_s=float(np.nanquantile(calls, 0.99)),
+        batch_s=batch_s,
     )
 
 

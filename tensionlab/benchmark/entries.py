@@ -15,6 +15,7 @@ import numpy as np
 from tensionlab.allocation import Allocator
 from tensionlab.benchmark.baselines import BASELINES, TIGHT, Baseline, make_baseline
 from tensionlab.benchmark.problem_sets import Reachable
+from tensionlab.benchmark.results import KEY
 from tensionlab.benchmark.speed import seconds
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers import SOLVERS, every_solver, make, name_solvers
@@ -25,10 +26,8 @@ from tensionlab.verification import require_answer
 
 Setting = Literal["proved", "default", "tight"]
 LEAST_SQUARES = Newton.objective  # the objective of all problem sets
-# Families of built-in solvers that wrap baselines. By default they run where their policy is needed.
-WRAPPERS = ("qp", "cvxpy")
-# Wrappers that run by default where wrenches may be infeasible.
-POLICY_WRAPPERS = ("qp:clarabel", "qp:daqp", "cvxpy")
+WRAPPERS = ("qp", "cvxpy")  # families of built-in solvers that wrap baselines
+POLICY_WRAPPERS = ("qp:clarabel", "qp:daqp", "cvxpy")  # run by default where wrenches may be infeasible
 
 
 @dataclass(frozen=True)
@@ -49,12 +48,8 @@ class Entry:
 
     def key(self, problem_set: str) -> dict[str, str]:
         """Return what identifies its results on a problem set."""
-        return {
-            "problem_set": problem_set,
-            "solver": self.solver,
-            "setting": self.setting,
-            "policy": self.policy or "",
-        }
+        found = (problem_set, self.solver, self.setting, self.policy or "")
+        return dict(zip(KEY, found, strict=True))
 
     @property
     def compared_policy(self) -> Policy:
@@ -77,32 +72,24 @@ def entries(reachable: Reachable, solvers: Sequence[str | Solver] | None = None)
     found: list[Entry] = []
     for name, instance in name_solvers(solvers).items():
         if name in BASELINES:
-            found += _baseline_entries(name)
+            backend, missing = name.removeprefix("qpsolvers:"), ""
+            try:
+                make_baseline(name)
+            except MissingDependency:
+                missing = "not installed"
+            found.append(Entry(name, "default", None, LEAST_SQUARES, missing))
+            if backend == name or backend in TIGHT:
+                found.append(Entry(name, "tight", None, LEAST_SQUARES, missing))
             continue
         try:
             solver = guarded(instance or make(name))
         except UnknownSolver as error:
-            unknown = str(error).partition(";")[0]
-            raise UnknownSolver(
-                f"{unknown}; `tensionlab solvers` lists solvers, and baselines are {', '.join(BASELINES)}"
-            ) from None
+            others = f"`tensionlab solvers` lists solvers, and baselines are {', '.join(BASELINES)}"
+            raise UnknownSolver(f"{str(error).partition(';')[0]}; {others}") from None
         missing = "" if installed.get(name, True) else "not installed"
         policies = solver.policies[: 1 if reachable == "all" else len(POLICIES)] or (None,)
         found += [Entry(name, "proved", policy, solver.objective, missing, solver) for policy in policies]
     return found
-
-
-def _baseline_entries(name: str) -> list[Entry]:
-    """Return one baseline at its defaults, and tight if it has such options."""
-    settings: list[Setting] = ["default", "tight"]
-    if name.startswith("qpsolvers:") and name.partition(":")[2] not in TIGHT:
-        settings = ["default"]
-    missing = ""
-    try:
-        make_baseline(name)
-    except MissingDependency:
-        missing = "not installed"
-    return [Entry(name, setting, None, LEAST_SQUARES, missing) for setting in settings]
 
 
 class CallTimes(NamedTuple):
@@ -182,7 +169,9 @@ def driver(entry: Entry) -> Driver:
 
 def guarded(solver: Solver) -> Solver:
     """Return the solver; unless it comes with tensionlab, its exceptions are failures of the problems."""
-    return solver if type(solver) in SOLVERS.values() else cast(Solver, GuardedSolver(solver, solver.policies))
+    if type(solver) in SOLVERS.values():
+        return solver
+    return cast(Solver, GuardedSolver(solver, solver.objective, solver.policies))
 
 
 @dataclass(frozen=True)
@@ -190,12 +179,8 @@ class GuardedSolver:
     """Solver whose exceptions and invalid answers are failures of the problems that cause them."""
 
     solver: Solver
+    objective: str
     policies: tuple[Policy, ...]
-
-    @property
-    def objective(self) -> str:
-        """What the solver minimises."""
-        return self.solver.objective
 
     def refuses(self, n: int, m: int) -> str | None:
         """Return why the solver does not serve this size."""
@@ -210,7 +195,14 @@ class GuardedSolver:
         except Exception as error:  # the code of others may raise anything
             if len(problem) <= 1:
                 nothing = np.full(problem.lower.shape, np.nan)
-                reason = f"{type(error).__name__}: {error}{self._place(error)}"
+                own = getattr(sys.modules.get(type(self.solver).__module__), "__file__", None)
+                lines = [
+                    frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == own
+                ]
+                place = (
+                    f" ({Path(own).name}:{lines[-1]})" if own and lines else ""
+                )  # where in the solver's own file
+                reason = f"{type(error).__name__}: {error}{place}"
                 failures = dict.fromkeys(range(len(problem)), reason)
                 return Answer(nothing, np.zeros(len(problem), dtype=np.int64), failures=failures)
         parts = [self.solve(problem.take(np.array([row]))) for row in range(len(problem))]
@@ -221,9 +213,3 @@ class GuardedSolver:
             separation=np.concatenate(directions) if len(directions) == len(parts) else None,
             failures={row: reason for row, part in enumerate(parts) for reason in part.failures.values()},
         )
-
-    def _place(self, error: Exception) -> str:
-        """Return the last line of the solver's own file that ran, in brackets; nothing where none did."""
-        own = getattr(sys.modules.get(type(self.solver).__module__), "__file__", None)
-        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == own]
-        return f" ({Path(own).name}:{lines[-1]})" if own and lines else ""

@@ -22,13 +22,7 @@ from tensionlab.benchmark.entries import LEAST_SQUARES, WRAPPERS, Driver, Entry,
 from tensionlab.benchmark.optimum import Optimum, excess_error, optimum
 from tensionlab.benchmark.problem_sets import ProblemSet, problem_of
 from tensionlab.benchmark.results import ACCURACIES, QUANTITIES
-from tensionlab.benchmark.speed import (
-    quantile,
-    seconds,
-    shifted_geometric_mean,
-    take_turns,
-    without_collector,
-)
+from tensionlab.benchmark.speed import quantile, seconds, shifted_geometric_mean, take_turns, without_collector
 from tensionlab.errors import TensionlabError
 from tensionlab.solvers.base import Answer, Policy, Problem, Status
 from tensionlab.support import provenance
@@ -38,13 +32,6 @@ from tensionlab.verification import verify
 BLOCK = 20  # problems in a turn of an entry
 BATCH = 10_000  # problems in a timed batch; a group is repeated until it has as many
 COUNTED = ("tried", "refused", "proved", "reachable", "iterations")  # quantities that are 0 where not measured
-
-
-class Repetitions(NamedTuple):
-    """Time to spend: an entry's seconds in each set, or else on fewer problems; timed calls of each problem."""
-
-    seconds: float
-    repeats: int
 
 
 class Block(NamedTuple):
@@ -79,13 +66,15 @@ class SetResults(NamedTuple):
 def evaluate_set(
     problems: ProblemSet,
     entries: Sequence[Entry],
-    effort: Repetitions,
+    budget_s: float,
+    repeats: int,
     rng: np.random.Generator,
     progress: Callable[[float], None],
 ) -> SetResults:
     """Verify and time the answers of all entries to one set.
 
-    ``rng`` shuffles, and ``progress`` is called with the share that is done. Rows are in the order of the entries.
+    Each entry has ``budget_s``, or else answers fewer problems; each call is timed ``repeats`` times. ``rng``
+    shuffles, and ``progress`` is called with the share that is done. Rows are in the order of the entries.
     """
     blocks = _blocks(problems, rng)
     policies = {entry.compared_policy for entry in entries}
@@ -97,18 +86,17 @@ def evaluate_set(
         warnings.simplefilter("ignore")  # backends warn of what is verified here
         for done, (each, runs) in enumerate(present, start=1):
             gc.collect()
-            _answer(each, runs, blocks, best[each.entry.compared_policy], effort)
+            _answer(each, runs, blocks, best[each.entry.compared_policy], budget_s, repeats)
             progress(0.4 * done / len(present))
-        _time_calls(present, effort.repeats, rng, lambda share: progress(0.4 + 0.5 * share))
+        _time_calls(present, repeats, rng, lambda share: progress(0.4 + 0.5 * share))
         for done, (each, _) in enumerate(present, start=1):
             entry = each.entry
             if entry.instance is not None and entry.solver.partition(":")[0] not in WRAPPERS:
                 allocator = partial(Allocator, solver=entry.instance, policy=entry.policy)
-                each.batch_s = _time_batch(allocator, each.timed, effort.seconds / 4)
+                each.batch_s = _time_batch(allocator, each.timed, budget_s / 4)
             progress(0.9 + 0.1 * done / len(present))
-    tables = [
-        each.entry.key(problems.name) | {"problem": np.arange(len(scale))} | each.values for each, _ in present
-    ]
+    numbers = {"problem": np.arange(len(scale))}
+    tables = [each.entry.key(problems.name) | numbers | each.values for each, _ in present]
     verified = {policy: int(sum(block.verified.sum() for block in best[policy])) for policy in policies}
     return SetResults([summarise(problems.name, each) for each in measured], tables, verified)
 
@@ -162,22 +150,20 @@ def _blocks(problems: ProblemSet, rng: np.random.Generator) -> list[Block]:
         pieces = [order[first : first + BLOCK] for first in range(0, len(order), BLOCK)]
         # The k-th of K pieces comes at about k/K of the way.
         turns = (rng.permutation(len(pieces)) + rng.random(len(pieces))) / max(1, len(pieces))
-        dealt += [
-            (turn, Block(start + rows, problem.take(rows)))
-            for turn, rows in zip(turns.tolist(), pieces, strict=True)
-        ]
+        blocks = [Block(start + rows, problem.take(rows)) for rows in pieces]
+        dealt += zip(turns.tolist(), blocks, strict=True)
         start += len(order)
     return [block for _, block in sorted(dealt, key=lambda pair: pair[0])]
 
 
 def _answer(
-    measured: Measurements, runs: Driver, blocks: list[Block], best: list[Optimum], effort: Repetitions
+    measured: Measurements, runs: Driver, blocks: list[Block], best: list[Optimum], budget_s: float, repeats: int
 ) -> None:
     """Verify the answers to as many blocks as the entry's share of time allows."""
     values, spent = measured.values, 0.0
     warm: set[tuple[int, ...]] = set()
     for block, target in zip(blocks, best, strict=True):
-        if spent > effort.seconds:
+        if spent > budget_s:
             break
         values["tried"][block.rows] = 1.0
         try:
@@ -194,7 +180,7 @@ def _answer(
         if isinstance(measured.entry.instance, GuardedSolver) and answer.failures:
             measured.note = measured.note or f"breaks on some: {next(iter(answer.failures.values()))}"
         measured.timed.append(block)
-        spent += time.perf_counter() - began + call * (len(block.rows) + 1) * effort.repeats
+        spent += time.perf_counter() - began + call * (len(block.rows) + 1) * repeats
         _verify(measured, block, answer, target)
 
 
@@ -242,10 +228,7 @@ def _time_calls(
 
 
 def _time_batch(allocator: Callable[..., Allocator], blocks: list[Block], budget_s: float) -> float:
-    """Return the time of a problem in one large batch, in s, as the median of three.
-
-    Problems of one shape are one batch, repeated until it has `BATCH` of them, or fewer for a slow solver.
-    """
+    """Return the time of a problem, in s, in batches of one shape: the median of three; fewer if it is slow."""
     shapes: dict[tuple[int, ...], list[Problem]] = {}
     for block in blocks:
         shapes.setdefault(block.problem.structure.shape[1:], []).append(block.problem)

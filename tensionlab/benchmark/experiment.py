@@ -21,7 +21,7 @@ import numpy as np
 
 from tensionlab.benchmark import results
 from tensionlab.benchmark.entries import entries
-from tensionlab.benchmark.evaluation import Repetitions, evaluate_set
+from tensionlab.benchmark.evaluation import evaluate_set
 from tensionlab.benchmark.problem_files import find_problem_set
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, checksum
 from tensionlab.benchmark.speed import INSTRUCTION_SET, THREADS, using_threads
@@ -30,12 +30,8 @@ from tensionlab.solvers import Solver, name_solvers
 from tensionlab.support import provenance
 from tensionlab.support.files import writing
 
-# Environment of `tensionlab bench`.
-ONE_THREAD = {THREADS: "1"} | {
-    f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "RAYON")
-} | {"VECLIB_MAXIMUM_THREADS": "1"}  # fmt: skip
-
-
+LIBRARIES = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "NUMEXPR_NUM", "RAYON_NUM", "VECLIB_MAXIMUM")
+ONE_THREAD = {THREADS: "1"} | {f"{library}_THREADS": "1" for library in LIBRARIES}  # of `tensionlab bench`
 MAX_STOP_S = 10.0  # time that a single-threaded benchmark has to end after Ctrl-C
 
 
@@ -74,9 +70,9 @@ def plan(
     """Return the plan of a full benchmark, or of a quick one of two minutes."""
     names = tuple(PROBLEM_SETS) if sets is None else tuple(dict.fromkeys(sets))
     chosen = None if solvers is None else tuple(solvers) if name_solvers(solvers) else ()
-    return BenchmarkPlan(
-        names, chosen, count or (60 if quick else 1000), seed, 0.1 if quick else 3.0, 2 if quick else 3
-    )
+    if quick:
+        return BenchmarkPlan(names, chosen, count or 60, seed, seconds=0.1, repeats=2)
+    return BenchmarkPlan(names, chosen, count or 1000, seed)
 
 
 def run(
@@ -136,20 +132,19 @@ def measure(
         writing.require_folder(folder, parents=True)
         writing.make_folder(folder)
     wall, processor = time.perf_counter(), time.process_time()
-    effort, rng = Repetitions(what.seconds, what.repeats), np.random.default_rng(what.seed)
+    rng = np.random.default_rng(what.seed)
     rows: list[dict[str, Any]] = []
     measurements: list[dict[str, Any]] = []
     sets = {}
     for done, name in enumerate(what.sets):
+
+        def report(share: float, done: int = done) -> None:
+            progress((done + share) / len(what.sets))
+
         problems = find_problem_set(name, what.count, what.seed)
         with using_threads(1), _stdout_to_stderr():
-            evaluation = evaluate_set(
-                problems,
-                entries(problems.reachable, what.solvers),
-                effort,
-                rng,
-                lambda part, done=done: progress((done + part) / len(what.sets)),  # type: ignore[misc]
-            )
+            chosen = entries(problems.reachable, what.solvers)
+            evaluation = evaluate_set(problems, chosen, what.seconds, what.repeats, rng, report)
         rows += evaluation.rows
         measurements += evaluation.measurements
         sets[name] = {
@@ -198,10 +193,8 @@ def run_single_threaded() -> int | None:
     None, and nothing is run, if this process is such a one, or was not started as a command of tensionlab.
     """
     program, *words = sys.argv
-    if (
-        "tensionlab" not in (Path(program).stem, Path(program).parent.name)
-        or ONE_THREAD.items() <= os.environ.items()
-    ):
+    own = "tensionlab" in (Path(program).stem, Path(program).parent.name)
+    if not own or ONE_THREAD.items() <= os.environ.items():
         return None
     # -P: nothing is loaded from the working directory.
     command = [sys.executable, "-P", "-m", "tensionlab", *words]

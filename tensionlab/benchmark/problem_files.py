@@ -36,9 +36,8 @@ def find_problem_set(name: str, count: int, seed: int = 0) -> ProblemSet:
     if name in PROBLEM_SETS:
         return problem_set(name, count, seed)
     if not Path(name).exists():
-        raise InputError(
-            f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}, or give {KIND}"
-        )
+        choice = f"choose one of {', '.join(PROBLEM_SETS)}, or give {KIND}"
+        raise InputError(f"no problem set is called {name!r}; {choice}")
     return read_problem_set(name, count)
 
 
@@ -72,7 +71,12 @@ def read_problem_set(path: str | PathLike[str], count: int | None = None) -> Pro
     <ProblemSet .: 1 problems in 1 groups, 1 of 1 quadratic programs>
     """
     source = as_path(path)
-    programs = list(_in_folder(source) if source.is_dir() else _in_parquet(source))
+    programs: list[Program]
+    if source.is_dir():
+        files = sorted(source.glob("*.npz")) or sorted(source.glob("data/*.npz"))
+        programs = [(str(file), read_npz(file, KIND, DataError, absent=KEYS), None) for file in files]
+    else:
+        programs = list(_in_parquet(source))
     found: dict[str, list[tuple[Floats, ...]]] = {}
     left_out: Counter[str] = Counter()
     for where, arrays, group in programs:
@@ -103,12 +107,6 @@ def read_problem_set(path: str | PathLike[str], count: int | None = None) -> Pro
 Program = tuple[str, Mapping[str, Floats], str | None]  # where it was, its arrays by `KEYS`, and its group
 
 
-def _in_folder(folder: Path) -> Iterator[Program]:
-    """Yield the programs in the NPZ files of a folder, or of its folder ``data``."""
-    for file in sorted(folder.glob("*.npz")) or sorted(folder.glob("data/*.npz")):
-        yield str(file), read_npz(file, KIND, DataError, absent=KEYS), None
-
-
 def _in_parquet(path: Path) -> Iterator[Program]:
     """Yield the programs in the rows of a Parquet file."""
     if path.suffix == ".npz":
@@ -120,18 +118,14 @@ def _in_parquet(path: Path) -> Iterator[Program]:
                 if row.get(key) is not None:
                     arrays[key] = np.array(row[key], dtype=np.float64)
             except (TypeError, ValueError):
-                raise DataError(
-                    f"{where}: {key} is no list of numbers; give a matrix row by row in one list"
-                ) from None
+                advice = "give a matrix row by row in one list"
+                raise DataError(f"{where}: {key} is no list of numbers; {advice}") from None
         label = row.get("group")
         yield where, arrays, None if label is None else str(label)
 
 
 def _allocation(where: str, arrays: Mapping[str, Floats]) -> tuple[Floats, Floats, Floats, Floats] | str:
-    """Return structure, wrench and limits of a program, or why it is no problem of tension allocation.
-
-    DataError if its arrays do not fit each other.
-    """
+    """Return structure, wrench and limits of a program, or why it is no problem of tension allocation."""
     if "lb" not in arrays or "ub" not in arrays:
         return "an unbounded variable"
     if "A" not in arrays or "b" not in arrays:
@@ -172,18 +166,10 @@ def qp_rows(problems: ProblemSet) -> list[dict[str, Any]]:
     there are no other inequalities. The name is of set, group and row.
     """
     return [
-        {
-            "name": f"{problems.name}/{group.label}/{row}",
-            "P": np.eye(len(lower)).ravel(),
-            "q": np.zeros(len(lower)),
-            "G": None,
-            "h": None,
-            "A": structure.ravel(),
-            "b": wrench,
-            "lb": lower,
-            "ub": upper,
-            "group": group.label,
-        }
+        {"name": f"{problems.name}/{group.label}/{row}"}
+        | {"P": np.eye(len(lower)).ravel(), "q": np.zeros(len(lower))}
+        | {"G": None, "h": None, "A": structure.ravel(), "b": wrench}
+        | {"lb": lower, "ub": upper, "group": group.label}
         for group in problems.groups
         for row, (structure, wrench, lower, upper) in enumerate(zip(*problem_of(group).arrays[:4], strict=True))
     ]

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from tensionlab.benchmark.rigs import Stream, border_path, near_singular, streams, workspace_samples
+from tensionlab.benchmark.rigs import Stream, border_path, near_singular, streams, structures, workspace_samples
 from tensionlab.errors import InputError
 from tensionlab.model.directions import forces, grid18
 from tensionlab.model.files import load_rig
@@ -24,10 +24,12 @@ from tensionlab.workspace import half_spaces
 LOWER, UPPER = 0.5, 6.0  # tension limits of a published module, in N
 STRONG = (0.3, 20.0)  # tension limits of a stronger module, in N
 MAGNITUDE_N = 1.5  # size of the forces of the published validation, in N
-# Distance of wrenches inside the edge of the available set, as a share of the largest in their direction.
-EDGE_SHARE = (1e-5, 1e-2)
-BEYOND_SHARE = (1e-2, 1.0)  # how far infeasible wrenches are beyond that edge ..
-FAR_SHARE = (9.0, 99.0)  # ... and every tenth of them.
+EDGE_SHARE = (
+    1e-5,
+    1e-2,
+)  # how far wrenches are inside the edge of the available set, as a share of the largest ..
+BEYOND_SHARE = (1e-2, 1.0)  # ... infeasible ones beyond it ..
+FAR_SHARE = (9.0, 99.0)  # ... and every tenth of those.
 CONDITION = (1e2, 1e7)  # condition of the structure matrices of near-singular rigs
 PATH_SAMPLES = (50, 1000)  # minimum and maximum number of samples of a path
 PATHS = (
@@ -92,15 +94,8 @@ def problem_set(name: str, count: int, seed: int = 0) -> ProblemSet:
 def problem_of(group: Group, policy: Policy | None = None) -> Problem:
     """Return the problems of a group, with this policy: reference 0, no weights."""
     size, n, m = group.structure.shape
-    return Problem(
-        structure=group.structure,
-        wrench=group.wrench,
-        lower=np.broadcast_to(group.lower, (size, m)),
-        upper=np.broadcast_to(group.upper, (size, m)),
-        reference=np.zeros((size, m)),
-        weights=np.ones(n),
-        policy=policy,
-    )
+    lower, upper = (np.broadcast_to(limit, (size, m)) for limit in (group.lower, group.upper))
+    return Problem(group.structure, group.wrench, lower, upper, np.zeros((size, m)), np.ones(n), policy)
 
 
 def checksum(problems: ProblemSet) -> str:
@@ -119,7 +114,7 @@ def _rendered(
     stream: Stream, structure: Floats | None = None, limits: tuple[Floats, Floats] | None = None
 ) -> Group:
     """Return a group whose wrenches random tensions inside the limits render."""
-    structure = stream.rigs() if structure is None else structure
+    structure = structures(*stream) if structure is None else structure
     lower, upper = limits or (np.full(stream.m, LOWER), np.full(stream.m, UPPER))
     tensions = stream.rng.uniform(lower, upper, size=(stream.size, stream.m))
     wrench = (structure @ tensions[..., None])[..., 0]
@@ -178,13 +173,11 @@ def _random(make: Callable[[Stream], Group], *shapes: tuple[int, int]) -> Groups
 
 def _published(name: str, count: int, seed: int) -> Iterator[Group]:
     """Yield 182 forces on both readings of the published rig; neither count nor seed changes them."""
-    for label, rig in (
-        ("side 1.0 m", load_rig("bartels2026-validation")),
-        ("side 0.3 m", load_rig("bartels2026-validation-0.3m")),
-    ):
+    for label, robot in (("1.0", "bartels2026-validation"), ("0.3", "bartels2026-validation-0.3m")):
+        rig = load_rig(robot)
         wrench = forces(MAGNITUDE_N * grid18(), rig.n, rig.dimension)
         structure = np.broadcast_to(rig.structure_matrix(rig.home), (len(wrench), rig.n, rig.m))
-        yield Group(label, structure, wrench, rig.limits.lower, rig.limits.upper)
+        yield Group(f"side {label} m", structure, wrench, rig.limits.lower, rig.limits.upper)
 
 
 def _robots(name: str, count: int, seed: int) -> Iterator[Group]:

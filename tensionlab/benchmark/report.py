@@ -15,13 +15,9 @@ FIGURES = {
     "better.",
 }  # captions of the figures that come with the report
 
-# Columns of the table of all sets.
 SUMMARY = ["solved_1e3", "solved_1e6", "solved_1e9", "elsewhere", "gap_max", "sgm_s", "prebuilt_s", "p999_s",
-           "worst_s", "batch_s", "iterations_max"]  # fmt: skip
-# Share of the time that the benchmark's process has the processor, on a machine with nothing else to do.
-IDLE_SHARE = 0.9
-
-# Columns of the table of a problem set.
+           "worst_s", "batch_s", "iterations_max"]  # columns of the table of all sets  # fmt: skip
+IDLE_SHARE = 0.9  # share of the time that a process has the processor, on a machine with nothing else to do
 SET_COLUMNS = {
     "solver": Column("solver"),
     "policy": Column("policy"),
@@ -29,7 +25,7 @@ SET_COLUMNS = {
     "verified": Column("verified", format=format_share),
     **{name: column for name, column in NUMBERS.items() if name != "prebuilt_s"},
     "iterations_max": COUNTS["iterations_max"],
-}
+}  # columns of the table of a problem set
 
 HOW_TO_READ = """\
 - **Every problem** is to find the tensions of least `|t|²` that render a wrench inside their limits. A solver
@@ -60,7 +56,10 @@ HOW_TO_READ = """\
 
 def report(results: Results, figures: Collection[str] = tuple(FIGURES)) -> str:
     """Return the report in Markdown, with the named figures of `FIGURES`."""
-    plan = results.manifest["bench"]["plan"]
+    about, bench = results.manifest, results.manifest["bench"]
+    plan, busy = bench["plan"], bench["processor_share"]
+    versions = ", ".join(f"{name} {version}" for name, version in about["versions"].items())
+    warning = ": **the machine was busy, and times are worse than they should be.**" if busy < IDLE_SHARE else "."
     total = sum(about["problems"] for about in results.sets.values())
     parts = [
         "# Tension solvers compared",
@@ -75,7 +74,12 @@ def report(results: Results, figures: Collection[str] = tuple(FIGURES)) -> str:
         HOW_TO_READ.format(repeats=plan["repeats"], seconds=plan["seconds"]),
         *(_set(results, name) for name in results.sets),
         "## Machine and versions",
-        _machine(results),
+        f"- Processor: {about['processor']}; instruction set used: {bench['instruction_set']}; one thread.\n"
+        f"- {about['platform']}; Python {about['python']}.\n"
+        f"- {versions}.\n"
+        f"- Seed {about['seed']}; commit {about['git_commit'] or 'unknown'}; {about['date']}.\n"
+        f"- The benchmark had the processor for {format_share(busy)} of the time{warning}\n"
+        f"- To repeat: `{about['call']}`",
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -103,19 +107,3 @@ def _set(results: Results, name: str) -> str:
         for row in rows[rows["note"] != ""].itertuples()
     ]
     return "\n\n".join(parts + (["\n".join(notes)] if notes else []))
-
-
-def _machine(results: Results) -> str:
-    """Return the list of what is known of the machine and of the run."""
-    about, bench = results.manifest, results.manifest["bench"]
-    busy = bench["processor_share"]
-    lines = [
-        f"- Processor: {about['processor']}; instruction set used: {bench['instruction_set']}; one thread.",
-        f"- {about['platform']}; Python {about['python']}.",
-        "- " + ", ".join(f"{name} {version}" for name, version in about["versions"].items()) + ".",
-        f"- Seed {about['seed']}; commit {about['git_commit'] or 'unknown'}; {about['date']}.",
-        f"- The benchmark had the processor for {format_share(busy)} of the time"
-        + ("." if busy >= IDLE_SHARE else ": **the machine was busy, and times are worse than they should be.**"),
-        f"- To repeat: `{about['call']}`",
-    ]
-    return "\n".join(lines)

@@ -16,9 +16,7 @@ from tensionlab.workspace import capacity_margin
 ARM_M = 0.3  # standard deviation of the coordinates of a platform's attachments, in m
 SCALING_ROUNDS = 6  # corrections of a nearly singular rig, after which its condition is right ..
 CONDITION_ACCURACY = 1e-3  # ... to this share, or the rig is drawn again.
-
-# Robots are placed up to this share of the way from home to their most distant anchor, along each axis.
-BOX_SHARE = 0.6
+BOX_SHARE = 0.6  # robots are placed up to this share of the way to their most distant anchor, along each axis
 TILT = np.radians(10.0)  # robots are turned by up to this angle
 PUSH_SHARE = 0.05  # robots are pushed with up to this share of their largest tension
 MARGIN_SHARE = 1e-4  # least capacity margin of a robot's wrenches, as a share of its largest tension
@@ -50,10 +48,6 @@ class Stream(NamedTuple):
     n: int
     m: int
     size: int
-
-    def rigs(self) -> Floats:
-        """Draw structure matrices, (size, n, m)."""
-        return structures(self.rng, self.n, self.m, self.size)
 
     def log_uniform(self, ends: tuple[float, float]) -> Floats:
         """Draw numbers spread evenly over the orders of magnitude between two ends, (size,)."""

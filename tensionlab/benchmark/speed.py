@@ -36,10 +36,8 @@ def using_threads(count: int) -> Iterator[None]:
     try:
         yield
     finally:
-        if before is None:
-            del os.environ[THREADS]
-        else:
-            os.environ[THREADS] = before
+        del os.environ[THREADS]
+        os.environ.update({} if before is None else {THREADS: before})
 
 
 def seconds(call: Callable[..., Any], *arguments: Any) -> float:
@@ -85,9 +83,7 @@ def shifted_geometric_mean(seconds: Floats, shift: float = SHIFT_S) -> float:
     Ratios count, and tiny times do not dominate. As in the benchmarks of Mittelmann.
     """
     seconds = seconds[np.isfinite(seconds)]
-    if not seconds.size:
-        return float("nan")
-    return float(np.exp(np.mean(np.log(seconds + shift))) - shift)
+    return float(np.exp(np.mean(np.log(seconds + shift))) - shift) if seconds.size else float("nan")
 
 
 def quantile(values: Floats, share: float) -> float:

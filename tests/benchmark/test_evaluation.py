@@ -9,11 +9,11 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.benchmark.entries import entries
-from tensionlab.benchmark.evaluation import Repetitions, evaluate_set, no_measurements, summarise
+from tensionlab.benchmark.evaluation import evaluate_set, no_measurements, summarise
 from tensionlab.benchmark.problem_sets import Group, ProblemSet, problem_set
 from tensionlab.solvers.base import Answer
 
-EFFORT = Repetitions(seconds=10.0, repeats=2)
+BUDGET_S = 10.0
 # Two cables that pull together: the best is half each.
 SUMS = Group("sums", np.ones((3, 1, 2)), np.array([[4.0], [6.0], [8.0]]), np.zeros(2), np.full(2, 5.0))
 LONE = Group("lone", np.ones((2, 1, 1)), np.array([[1.0], [2.0]]), np.zeros((2, 1)), np.full((2, 1), 5.0))
@@ -24,14 +24,15 @@ FAR = Group("far", np.stack([PLANAR, PLANAR]), np.array([[12.0, 6.0], [24.0, 12.
 
 @pytest.fixture(autouse=True)
 def small_batches(monkeypatch):
-    """Time batches of a hundred problems: a large one takes a slow solver all the time of `EFFORT`."""
+    """Time batches of a hundred problems: a large one takes a slow solver all of `BUDGET_S`."""
     monkeypatch.setattr("tensionlab.benchmark.evaluation.BATCH", 100)
 
 
-def measured(*groups, reachable="all", solvers=None, effort=EFFORT):
+def measured(*groups, reachable="all", solvers=None, repeats=2):
     shares = []
     problems = ProblemSet("tiny", "tiny", groups, reachable)
-    found = evaluate_set(problems, entries(reachable, solvers), effort, np.random.default_rng(1), shares.append)
+    rng = np.random.default_rng(1)
+    found = evaluate_set(problems, entries(reachable, solvers), BUDGET_S, repeats, rng, shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1.0)
     return found._replace(rows=[SimpleNamespace(**row) for row in found.rows])
@@ -132,7 +133,8 @@ def test_a_slow_entry_sees_some_of_every_group_in_its_time():
     found = evaluate_set(
         problem_set("point", 600, 0),
         entries("all", ["cvxpy:plain", "newton"]),
-        Repetitions(seconds=0.02, repeats=1),
+        0.02,
+        1,
         np.random.default_rng(0),
         lambda done: None,
     )
@@ -152,7 +154,7 @@ def test_times_are_those_of_the_problems_that_were_timed():
 
 
 def test_the_fastest_call_of_a_problem_counts(monkeypatch):
-    found = {repeats: measured(SUMS, solvers=["newton"], effort=Repetitions(10.0, repeats)) for repeats in (1, 50)}
+    found = {repeats: measured(SUMS, solvers=["newton"], repeats=repeats) for repeats in (1, 50)}
     first, fastest = (each.measurements[0]["call_s"] for each in found.values())
     assert fastest.sum() < first.sum()
 
