@@ -195,14 +195,7 @@ class GuardedSolver:
         except Exception as error:  # the code of others may raise anything
             if len(problem) <= 1:
                 nothing = np.full(problem.lower.shape, np.nan)
-                own = getattr(sys.modules.get(type(self.solver).__module__), "__file__", None)
-                lines = [
-                    frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == own
-                ]
-                place = (
-                    f" ({Path(own).name}:{lines[-1]})" if own and lines else ""
-                )  # where in the solver's own file
-                reason = f"{type(error).__name__}: {error}{place}"
+                reason = f"{type(error).__name__}: {error}{self._place(error)}"
                 failures = dict.fromkeys(range(len(problem)), reason)
                 return Answer(nothing, np.zeros(len(problem), dtype=np.int64), failures=failures)
         parts = [self.solve(problem.take(np.array([row]))) for row in range(len(problem))]
@@ -213,3 +206,9 @@ class GuardedSolver:
             separation=np.concatenate(directions) if len(directions) == len(parts) else None,
             failures={row: reason for row, part in enumerate(parts) for reason in part.failures.values()},
         )
+
+    def _place(self, error: Exception) -> str:
+        """Return the last line of the solver's own file that ran, in brackets; nothing where none did."""
+        own = getattr(sys.modules.get(type(self.solver).__module__), "__file__", None)
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == own]
+        return f" ({Path(own).name}:{lines[-1]})" if own and lines else ""

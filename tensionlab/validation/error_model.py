@@ -98,11 +98,9 @@ def draw_errors(model: ErrorModel, modules: int, seed: int) -> RigErrors:
 
 def true_rig(rig: Rig, errors: RigErrors) -> Rig:
     """Return the rig with modules and sensor where they really are."""
-    modules = [
-        replace(module, anchor=module.anchor + offset)
-        for module, offset in zip(rig.modules, errors.anchors, strict=True)
-    ]
-    return replace(rig, modules=tuple(modules), home=rig.home + errors.position)
+    pairs = zip(rig.modules, errors.anchors, strict=True)
+    modules = tuple(replace(module, anchor=module.anchor + offset) for module, offset in pairs)
+    return replace(rig, modules=modules, home=rig.home + errors.position)
 
 
 def true_plants(rig: Rig, errors: RigErrors) -> dict[str, dict[str, float]]:
@@ -117,6 +115,5 @@ def true_plants(rig: Rig, errors: RigErrors) -> dict[str, dict[str, float]]:
 def require_point(rig: Rig) -> None:
     """Raise `RigError`, naming the rig and its kind, if it holds anything but a point in space."""
     if rig.kind != "point":
-        raise RigError(
-            f'rig "{rig.name}" is of kind "{rig.kind}"; the validation takes a point in space, kind "point"'
-        )
+        wanted = 'the validation takes a point in space, kind "point"'
+        raise RigError(f'rig "{rig.name}" is of kind "{rig.kind}"; {wanted}')

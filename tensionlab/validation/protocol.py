@@ -63,10 +63,8 @@ class Protocol:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.settle < self.hold < np.inf:
-            raise InputError(
-                f"each force is held for {self.hold:g} s, of which {self.settle:g} s are left out; "
-                "hold longer than that"
-            )
+            times = f"each force is held for {self.hold:g} s, of which {self.settle:g} s are left out"
+            raise InputError(f"{times}; hold longer than that")
 
     @property
     def forces(self) -> Floats:
@@ -224,17 +222,10 @@ class ValidationPlan:
 
     def setup(self, *, simulated: bool) -> dict[str, Any]:
         """Return what must be the same in all sessions; ``simulated`` tells whether the sensor is."""
-        return {
-            "rig": rig_to_toml(self.rig),
-            "solver": self.solver,
-            "hold": self.protocol.hold,
-            "settle": self.protocol.settle,
-            "force": self.protocol.force,
-            "directions": self.protocol.directions.tolist(),
-            "simulated": simulated,
-            "preset": self.preset,
-            "seed": self.seed if self.preset is not None else None,
-        }
+        protocol = vars(self.protocol) | {"directions": self.protocol.directions.tolist()}
+        seed = None if self.preset is None else self.seed
+        errors = {"simulated": simulated, "preset": self.preset, "seed": seed}
+        return {"rig": rig_to_toml(self.rig), "solver": self.solver, **protocol, **errors}
 
 
 class Journal:
@@ -248,11 +239,10 @@ class Journal:
     def __init__(self, path: Path, setup: Mapping[str, Any]) -> None:
         self.path = path
         self.measurements: list[Measurement] = []
-        head = {"format": FORMAT, **setup}
+        head, text = {"format": FORMAT, **setup}, ""
         try:
-            text = (
-                read_text(path, "the journal of a validation", LogError, MAX_FILE_BYTES) if path.exists() else ""
-            )
+            if path.exists():
+                text = read_text(path, "the journal of a validation", LogError, MAX_FILE_BYTES)
             whole = text[: text.rfind("\n") + 1]  # a process that was killed may have left half a line
             if whole:
                 found, self.measurements = _parse(path, whole)

@@ -38,14 +38,11 @@ GRID = (
 
 @dataclass(frozen=True, eq=False)
 class AlignedForces:
-    """Measured forces (K, 3), in N, in the devices' axes after one alignment of the sensor.
+    """Measured forces in the devices' axes after one alignment of the sensor."""
 
-    ``angle`` is that of the rotation (3, 3), in degrees.
-    """
-
-    rotation: Floats
-    angle: float
-    forces: Floats
+    rotation: Floats  # (3, 3)
+    angle: float  # of the rotation, in degrees
+    forces: Floats  # (K, 3), in N
     score: ForceScore
 
 
@@ -82,9 +79,8 @@ class ValidationResult:
             value, low, high = line.measured
             interval = "" if line.weighted is None else f" ({low:.3g} to {high:.3g})"
             weighted = line.weighted and line.weighted.value
-            rows.append(
-                [f"{line.name} ({line.unit})", line.published, f"{value:.3g}{interval}", weighted, line.maximum]
-            )
+            name = f"{line.name} ({line.unit})"
+            rows.append([name, line.published, f"{value:.3g}{interval}", weighted, line.maximum])
         columns = ["", Column("published", format=".3g"), Column("measured", "95 %"),
                    Column("sin-weighted", format=".3g"), Column("maximum", format=".3g")]  # fmt: skip
         return Table(columns, rows, self.title, remarks(self))
@@ -154,16 +150,14 @@ def make_recording(result: ValidationResult, rig: Rig, sensor: str, manifest: Ma
         "settle": setup["settle"],
         "preset": setup["preset"],
     }
+    same = ("rendered", "tensions", "spread", "fallback_used", "samples")
     return Recording(
         desired=result.desired,
         measured=result.aligned["paper"].forces,
         status=np.array([Status[each.status] for each in kept], dtype=np.int64),
         limited_modules=np.array([" ".join(each.limited_modules) for each in kept]),
         manifest={**manifest, "recording": about},
-        **{
-            name: np.array([getattr(each, name) for each in kept])
-            for name in ("rendered", "tensions", "spread", "fallback_used", "samples")
-        },
+        **{name: np.array([getattr(each, name) for each in kept]) for name in same},
     )
 
 
@@ -214,9 +208,8 @@ def remarks(result: ValidationResult) -> list[str]:
         )
     if result.rested:
         found.append(f"Modules had to rest for {result.rested:.0f} s in all, so that windings could cool.")
-    for name, times in result.limited_modules.items():
-        found.append(f"Module {name} was at a limit of its own at {times} forces.")
-    return found
+    limited = result.limited_modules.items()
+    return found + [f"Module {name} was at a limit of its own at {times} forces." for name, times in limited]
 
 
 def as_json(result: ValidationResult, manifest: Mapping[str, Any]) -> dict[str, Any]:

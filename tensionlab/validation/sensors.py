@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensionlab.errors import HardwareError, LinkError
 from tensionlab.hardware.client.group import ModuleGroup
@@ -171,9 +170,8 @@ def follow_file(path: str | Path) -> TextSensor:
     try:
         file = as_path(path).open(encoding="utf-8-sig", errors="replace", newline="")
     except OSError as error:
-        raise HardwareError(
-            f"{path}: cannot be read ({error.strerror}); start the sensor's program first"
-        ) from None
+        advice = "start the sensor's program first"
+        raise HardwareError(f"{path}: cannot be read ({error.strerror}); {advice}") from None
     return TextSensor(str(path), file.read, file.close)
 
 
@@ -253,7 +251,8 @@ class SimulatedSensor:
         tensions = np.stack([trace.tension[first::STEPS_PER_SAMPLE] for trace in traces], axis=-1)
         driven = np.stack([trace.driver_on[first::STEPS_PER_SAMPLE] for trace in traces], axis=-1)
         if len(tensions):
-            self._keep(tensions, driven)
+            pulled = np.maximum(tensions + np.where(driven, self._biases, 0.0), 0.0)
+            self._kept.append(pulled @ self._pull.T + self._noise.take(len(pulled)))
 
     def take(self) -> Floats:
         """Return the forces since the last call."""
@@ -262,10 +261,6 @@ class SimulatedSensor:
 
     def close(self) -> None:
         """Do nothing: there is nothing to release."""
-
-    def _keep(self, tensions: Floats, driven: NDArray[np.bool_]) -> None:
-        pulled = np.maximum(tensions + np.where(driven, self._biases, 0.0), 0.0)
-        self._kept.append(pulled @ self._pull.T + self._noise.take(len(pulled)))
 
 
 def simulated_setup(rig: Rig, errors: RigErrors, seed: int = 0) -> tuple[ModuleGroup, WorldClock, SimulatedSensor]:

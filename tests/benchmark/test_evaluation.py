@@ -133,10 +133,10 @@ def test_a_slow_entry_sees_some_of_every_group_in_its_time():
     found = evaluate_set(
         problem_set("point", 600, 0),
         entries("all", ["cvxpy:plain", "newton"]),
-        0.02,
-        1,
-        np.random.default_rng(0),
-        lambda done: None,
+        budget_s=0.02,
+        repeats=1,
+        rng=np.random.default_rng(0),
+        progress=lambda done: None,
     )
     slow, _, newton = found.rows
     assert 0 < slow["tried"] < newton["tried"]
