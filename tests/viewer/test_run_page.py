@@ -19,7 +19,7 @@ from tensionlab.hardware.simulation.world import World
 from tensionlab.support.colours import GREEN, GREY, ORANGE, RED
 from tensionlab.viewer.html import render
 from tensionlab.viewer.live import StopOutcome, events_html, live_heading
-from tensionlab.viewer.run_page import forces_html, modules_html
+from tensionlab.viewer.run_page import modules_html
 from tensionlab.viewer.run_scene import Instant
 from tests.helpers.browsers import plain
 from tests.helpers.runs import four
@@ -78,18 +78,6 @@ def test_the_condition_of_a_run_is_said_in_its_colour(report, condition, info, c
     html = live_heading(condition, 3.21, info, None if changes is None else replace(report, **changes))
     assert plain(html).startswith(text)
     assert f"solid {colour}" in html
-
-
-def test_three_forces_and_their_error_are_told(report):
-    instant = Instant.of(INFO.rig, report.cycle)
-    text = plain(forces_html(INFO.rig, instant))
-    assert text.startswith("■ desired 2.29 N (1, 2, 0.5) ■ commanded ")
-    error = instant.measured - instant.desired
-    assert f"measured − desired {np.linalg.norm(error):.3g} N" in text
-    assert "arrows of forces: 1 m is 10 N" in text
-    taut = replace(instant, desired=np.full(3, np.nan))
-    assert plain(forces_html(INFO.rig, taut)).startswith("■ desired – pretension only")
-    assert "measured − desired" not in forces_html(INFO.rig, taut)
 
 
 def test_modules_have_tension_state_brake_limiter_link_and_faults(report):

@@ -24,13 +24,15 @@ TAUT = 0.5
 
 
 @pytest.fixture
-def published_rig():
-    return tl.load_rig("datasets/rigs/bartels2026-validation.toml")
+def rehearsal():
+    return Rehearsal(tl.load_rig("bartels2026-validation"))
 
 
 @pytest.fixture
-def rehearsal(published_rig):
-    return Rehearsal(published_rig)
+def cube():
+    """A rig of eight cables, and the name of its first module."""
+    made = Rehearsal(tl.load_rig("cube-8"))
+    return made, made.rig.modules[0].name
 
 
 def assert_released(rehearsal):
@@ -234,12 +236,9 @@ def test_the_signal_of_the_emergency_stop_is_one(rehearsal):
     assert rehearsal.let_pass(rehearsal.world.time + 1e-3) == 0.0
 
 
-def test_one_that_is_lost_is_done_without_by_the_others(published_rig):
-    rig = tl.load_rig("datasets/rigs/cube-8.toml")
-    rehearsal = Rehearsal(rig)
-    wrench = np.zeros(rig.n)
-    wrench[0] = 1.0
-    name = rig.modules[0].name
+def test_one_that_is_lost_is_done_without_by_the_others(cube):
+    rehearsal, name = cube
+    wrench = np.array([1.0, 0.0, 0.0])
     runner = rehearsal.runner(rehearsal.demand(wrench, rehearsal.links[name].cut), on_loss="continue")
     statistics = runner.run(1.0)
     assert list(statistics.lost) == [name]
@@ -260,11 +259,10 @@ def test_one_that_is_lost_is_done_without_by_the_others(published_rig):
 
 
 @pytest.mark.parametrize("manner", ["cut", "freeze"])
-def test_what_a_lost_module_still_pulls_is_made_up_for_until_it_has_let_go(manner):
+def test_what_a_lost_module_still_pulls_is_made_up_for_until_it_has_let_go(cube, manner):
     """What the cables really exert, while a module times out, keeps its cable taut for 2 s, and lets go of it."""
-    rehearsal = Rehearsal(tl.load_rig("datasets/rigs/cube-8.toml"))
+    rehearsal, name = cube
     wrench, true = np.array([1.5, 0.0, 0.0]), []
-    name = rehearsal.rig.modules[0].name
     lose = rehearsal.demand(wrench, getattr(rehearsal.links[name], manner))
 
     def demand(state):
@@ -280,9 +278,8 @@ def test_what_a_lost_module_still_pulls_is_made_up_for_until_it_has_let_go(manne
     assert errors.max() < 60.0 * 2 * CYCLE
 
 
-def test_what_a_silent_module_said_last_is_no_measurement_once_its_set_points_are_dead():
-    rehearsal = Rehearsal(tl.load_rig("datasets/rigs/cube-8.toml"))
-    name = rehearsal.rig.modules[0].name
+def test_what_a_silent_module_said_last_is_no_measurement_once_its_set_points_are_dead(cube):
+    rehearsal, name = cube
     rehearsal.runner(rehearsal.demand(trouble=rehearsal.links[name].freeze), on_loss="continue").run(2.0)
     for state in rehearsal.cycles:
         unknown = state.ages > TTL

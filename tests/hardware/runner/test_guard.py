@@ -15,7 +15,7 @@ NAMES = list("abcd")
 
 @pytest.fixture
 def structure():
-    rig = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
+    rig = tl.load_rig("bartels2026-validation")
     return rig.structure_matrix(rig.home)
 
 

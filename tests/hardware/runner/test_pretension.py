@@ -13,7 +13,8 @@ from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.runner.state_estimation import MAX_LENGTH_ERROR_M, Observation, PoseTracker
 from tensionlab.hardware.simulation.world import World
 
-RIGS = ["bartels2026-validation", "seven-modules", "floor-3"]
+FOUR = tl.load_rig("bartels2026-validation")
+RIGS = [FOUR.name, "seven-modules", "floor-3"]
 PULL = np.array([0.0, 0.5, 0.0])
 
 
@@ -66,9 +67,8 @@ def test_a_run_begins_when_slack_has_been_taken_up_and_then_knows_the_pose(name,
 
 def test_until_the_pose_is_known_no_module_pulls_with_more_than_its_minimum():
     """Also where the rig's own lower limits are higher; only then do tensions rise, by the limit on their slew."""
-    published = tl.load_rig("bartels2026-validation")
-    modules = [tl.Module(each.name, each.anchor, 1.5, 6.0) for each in published.modules]
-    rig = tl.Rig("taut", published.kind, modules, published.home)
+    modules = [tl.Module(each.name, each.anchor, 1.5, 6.0) for each in FOUR.modules]
+    rig = tl.Rig("taut", FOUR.kind, modules, FOUR.home)
     world = out_and_back(rig, 2.0)
     group = world.group()
     for client in group.clients:
@@ -95,14 +95,13 @@ def test_a_cable_that_holds_nothing_is_named_before_anything_is_rendered(name, m
     loose = world.modules[1]
     loose.damage("cable")
     before, rendered, place = loose.sample.length, [], Pose(rig.home)
-    runner = Runner(
-        rig,
-        world.group(),
-        "newton",
-        lambda state: rendered.append(state) or Demand(PULL),
-        clock=WorldClock(world),
-        tracker=(lambda time: place) if tracked else None,
-    )
+    tracker = (lambda time: place) if tracked else None
+
+    def demand(state):
+        rendered.append(state)
+        return Demand(PULL)
+
+    runner = Runner(rig, world.group(), "newton", demand, clock=WorldClock(world), tracker=tracker)
     said = f'cable of module "{rig.modules[1].name}" is loose: it has been reeled in to .* hook it on'
     with pytest.raises(HardwareError, match=said):
         runner.run(1.0)
@@ -160,15 +159,14 @@ def test_lengths_of_a_pose_are_possible_with_slack_and_not_once_two_cables_do_no
 
 def test_lengths_too_short_for_any_pose_are_refused_before_a_module_is_armed():
     """Slack cannot explain them: it makes lengths longer."""
-    rig = tl.load_rig("bartels2026-validation")
-    world = World(rig)
+    world = World(FOUR)
     group = world.group()
     for client in group.clients[:3]:
         client.calibrate(Calibration.LENGTH, 0.1)
     seen = watched(world)
     said = r'cables of modules "floor-\d" and "\S+" are .* m together to meet\. .* calibrate them .*--at X Y Z'
     with pytest.raises(HardwareError, match=said):
-        begin(world, rig, group=group)
+        begin(world, FOUR, group=group)
     assert {state for state, _ in seen} == {State.IDLE}
 
 
@@ -187,25 +185,23 @@ def test_cables_that_do_not_come_to_rest_are_named():
 
 
 def test_a_run_that_is_told_the_place_takes_up_slack_first_too():
-    rig = tl.load_rig("bartels2026-validation")
-    place = Pose(rig.home)
-    left, _ = begin(out_and_back(rig, 2.0), rig, tracker=lambda time: place)
+    place = Pose(FOUR.home)
+    left, _ = begin(out_and_back(FOUR, 2.0), FOUR, tracker=lambda time: place)
     assert left <= MAX_LENGTH_ERROR_M
-    world = out_and_back(rig, 2.0)
+    world = out_and_back(FOUR, 2.0)
     group = world.group()
     for client in group.clients:  # they forget their lengths
         client.set_parameter("motor_direction", -1.0)
         client.set_parameter("motor_direction", 1.0)
-    left, _ = begin(world, rig, group=group, tracker=lambda time: place)
+    left, _ = begin(world, FOUR, group=group, tracker=lambda time: place)
     assert left < 1e-2
-    world = World(rig)
-    begin(world, rig, tracker=lambda time: place)
+    world = World(FOUR)
+    begin(world, FOUR, tracker=lambda time: place)
     assert world.time < 0.1 + WINDOW_S, "where no cable is slack a run begins at once"
 
 
 def test_an_interruption_while_slack_is_taken_up_stops_all_modules():
-    rig = tl.load_rig("bartels2026-validation")
-    world = out_and_back(rig, 3.0)
+    world = out_and_back(FOUR, 3.0)
 
     class Interrupting(WorldClock):
         def wait_until(self, when):
@@ -213,7 +209,7 @@ def test_an_interruption_while_slack_is_taken_up_stops_all_modules():
             if slack(world).max() < 2.0:
                 raise KeyboardInterrupt
 
-    runner = Runner(rig, world.group(), "newton", lambda state: Demand(PULL), clock=Interrupting(world))
+    runner = Runner(FOUR, world.group(), "newton", lambda state: Demand(PULL), clock=Interrupting(world))
     with pytest.raises(KeyboardInterrupt):
         runner.run(1.0)
     assert 1.5 < slack(world).max() < 2.1
@@ -223,7 +219,6 @@ def test_an_interruption_while_slack_is_taken_up_stops_all_modules():
 
 # Cables by script
 
-FOUR = tl.load_rig("bartels2026-validation")
 TAUT = FOUR.lengths(FOUR.home)
 # Changes of length, (m,), of norm 1, that fit no motion.
 AGAINST = np.linalg.svd(FOUR.structure_matrix(FOUR.home))[2][-1]

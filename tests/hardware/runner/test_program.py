@@ -10,7 +10,7 @@ from tensionlab.hardware.runner.program import load_program
 
 @pytest.fixture
 def load(tmp_path):
-    rig = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
+    rig = tl.load_rig("bartels2026-validation")
 
     def load(text):
         path = tmp_path / "program.toml"

@@ -20,7 +20,7 @@ from tensionlab.solvers.base import Answer, Status
 
 @pytest.fixture
 def rig():
-    return tl.load_rig("datasets/rigs/bartels2026-validation.toml")
+    return tl.load_rig("bartels2026-validation")
 
 
 def run(world, rig, demand, seconds=1.0, solver="newton", **options):
@@ -92,7 +92,7 @@ def test_the_force_follows_a_hand_that_moves(rig):
 
 
 def test_a_platform_is_found_with_its_rotation():
-    rig = tl.load_rig("datasets/rigs/ipanema-1.toml")
+    rig = tl.load_rig("ipanema-1")
     modules = [tl.Module(each.name, each.anchor, 0.5, 6.0, each.attachment) for each in rig.modules]
     rig = tl.Rig(rig.name, rig.kind, modules, rig.home)
 
@@ -191,7 +191,7 @@ def test_brakes_are_laid_on(rig):
 
 
 def test_a_rig_on_a_body_needs_a_tracker():
-    rig = tl.load_rig("datasets/rigs/body-mounted.toml")
+    rig = tl.load_rig("body-mounted")
     world = World(rig)
     with pytest.raises(HardwareError, match="modules are attached to shoulder, hip, so cable lengths do not tell"):
         run(world, rig, lambda state: Demand())
@@ -235,7 +235,7 @@ def round_trip(rig, radius=0.2, period=4.0):
 @pytest.mark.parametrize("name", ["bartels2026-validation", "seven-modules", "floor-3"])
 def test_a_run_begins_with_slack_cables_while_the_hand_moves(name):
     """Between runs nothing reels in: the hand pays cables out, and they hang slack as it comes back."""
-    rig = tl.load_rig(f"datasets/rigs/{name}.toml")
+    rig = tl.load_rig(name)
     world = World(rig, round_trip(rig))
     world.advance(7.3)
     slack = [module.sample.length - module.sample.distance for module in world.modules]

@@ -23,7 +23,7 @@ def walk(rig, rng):
 
 @pytest.mark.parametrize("name", RIGS)
 def test_a_pose_that_drifts_is_followed_from_the_lengths_alone(name):
-    rig = tl.load_rig(f"datasets/rigs/{name}.toml")
+    rig = tl.load_rig(name)
     tracker, known = PoseTracker(rig), np.ones(rig.m, dtype=bool)
     for position, turn in walk(rig, np.random.default_rng(1)):
         rotation = None
@@ -37,7 +37,7 @@ def test_a_pose_that_drifts_is_followed_from_the_lengths_alone(name):
 
 
 def test_what_too_few_lengths_leave_open_stays_as_it_was():
-    rig = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
+    rig = tl.load_rig("bartels2026-validation")
     tracker, known = PoseTracker(rig), np.array([False, False, False, True])
     lengths = rig.lengths(rig.home + np.array([0.0, -0.01, 0.0]))
     pose, _ = tracker.follow(lengths, known)
@@ -47,7 +47,7 @@ def test_what_too_few_lengths_leave_open_stays_as_it_was():
 
 
 def test_lengths_of_no_pose_are_noticed_and_the_worst_is_known():
-    rig = tl.load_rig("datasets/rigs/seven-modules.toml")
+    rig = tl.load_rig("seven-modules")
     lengths = rig.lengths(rig.home)
     lengths[4] += 0.4
     tracker = PoseTracker(rig)
@@ -61,7 +61,7 @@ def test_lengths_of_no_pose_are_noticed_and_the_worst_is_known():
 
 @pytest.mark.parametrize("name", RIGS)
 def test_the_velocity_is_that_of_the_lengths(name):
-    rig = tl.load_rig(f"datasets/rigs/{name}.toml")
+    rig = tl.load_rig(name)
     structure, rng = rig.structure_matrix(rig.home), np.random.default_rng(2)
     motion = rng.normal(size=rig.n)
     found = velocity(structure, -structure.T @ motion, np.ones(rig.m, dtype=bool))
