@@ -176,9 +176,8 @@ def test_inertia_about_the_joint_is_moved_to_the_centre_of_mass(write):
     com = np.array([0.1, 0.2, 0.3])
     extra = 2 * (com @ com * np.eye(3) - np.outer(com, com))  # of two kilograms there, about the joint
     moved = {key: repr(float((about_com + extra)["xyz".index(key[1]), "xyz".index(key[2])])) for key in BODY["I"]}
-    np.testing.assert_allclose(
-        load_caspr(*model(write, {"ref": "joint", "I": moved})).platform.inertia, about_com, atol=1e-12
-    )
+    about_joint = load_caspr(*model(write, {"ref": "joint", "I": moved}))
+    np.testing.assert_allclose(about_joint.platform.inertia, about_com, atol=1e-12)
 
 
 @pytest.mark.parametrize(("joint", "torque"), [("PLANAR_XY", 1), ("PLANAR_YZ", 1), ("PLANAR_XZ", -1)])
@@ -292,9 +291,8 @@ def test_pulleys_are_those_of_caspr(write):
         angle = np.arccos((enters - centre) @ (leaves - centre) / 0.045**2)
         length = 0.045 * angle + np.linalg.norm(end - leaves)
         assert rig.lengths(position)[0] == pytest.approx(length, rel=1e-12)
-        np.testing.assert_allclose(
-            rig.directions(position)[0], (leaves - end) / np.linalg.norm(leaves - end), atol=1e-12
-        )
+        direction = (leaves - end) / np.linalg.norm(leaves - end)
+        np.testing.assert_allclose(rig.directions(position)[0], direction, atol=1e-12)
 
 
 def test_other_pulleys_other_planes_and_several_bodies_are_refused(write):

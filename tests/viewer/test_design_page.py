@@ -44,11 +44,6 @@ def test_a_space_whose_name_is_half_written_is_none_yet(tmp_path):
         load_space("my-room.toml", tmp_path)
 
 
-@pytest.fixture
-def point():
-    return begin(tl.load_rig("bartels2026-validation"))
-
-
 def test_the_status_of_feasible_and_infeasible_forces(point):
     state = edits.set_wrench(point, [1.0, 0.5, 1.0])
     text = plain(status_html(state, evaluate(state)))

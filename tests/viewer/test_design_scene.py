@@ -18,11 +18,6 @@ def drawn(state):
     return draw(state, evaluate(state))
 
 
-@pytest.fixture
-def point():
-    return begin(tl.load_rig("bartels2026-validation"))
-
-
 def test_a_rig_in_the_plane_lies_in_it():
     scene = drawn(begin(tl.load_rig("kntu-planar")))
     assert scene.rig.cables.points.shape == (4, 2, 3)

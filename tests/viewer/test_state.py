@@ -14,11 +14,6 @@ from tensionlab.viewer.state import HAND, begin, nearest_on_surfaces
 from tensionlab.workspace.layout.task import load_task
 
 
-@pytest.fixture
-def point():
-    return begin(tl.load_rig("bartels2026-validation"))
-
-
 def test_a_moved_anchor_leaves_the_others_and_the_old_state_alone(point):
     moved = edits.move_anchor(point, "floor-2", [-0.4, 0.1, 0.6])
     assert moved.anchors[1] == pytest.approx([-0.4, 0.1, 0.6])

@@ -218,9 +218,8 @@ def test_without_a_word_all_that_processes_of_this_user_have(rig, run, monkeypat
     other = OtherProcess(monkeypatch, urls)
     status, out, err = run("estop")
     assert (status, err) == (0, "")
-    assert sorted(out.splitlines()) == [
-        f"{url}: estop; process {other.PID} ({locks.program()}) had it" for url in urls
-    ]
+    had = f"process {other.PID} ({locks.program()}) had it"
+    assert sorted(out.splitlines()) == [f"{url}: estop; {had}" for url in urls]
     assert states(rig) == [State.ESTOP] * 2 + [State.IDLE] * 2
     assert other.signals == [(other.PID, ESTOP_SIGNAL)], "once for all that it has"
     status, _, err = run("estop", list(rig.urls.values())[2], "socket://127.0.0.1:1")

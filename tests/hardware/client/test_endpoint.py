@@ -165,9 +165,8 @@ def test_telemetry_with_a_code_that_has_no_name_is_not_read(at, value):
     client = scripted().clients[0]
     payload = bytearray(telemetry().pack())
     payload[at] = value
-    client.link.said = (
-        WireFrame(Type.TELEMETRY, 0, bytes(payload)).pack() + WireFrame(Type.TELEMETRY, 0, b"short").pack()
-    )
+    frames = [WireFrame(Type.TELEMETRY, 0, content).pack() for content in (bytes(payload), b"short")]
+    client.link.said = b"".join(frames)
     client.listen()
     assert client.telemetry is None
     assert client.bad_frames == 2

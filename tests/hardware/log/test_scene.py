@@ -54,9 +54,8 @@ def test_cables_run_from_attachments_to_anchors_coloured_by_tension(name):
     ends = rig.home + 0.1 + rig.attachments @ (np.eye(3) if rotation is None else rotation).T
     np.testing.assert_allclose(points[:, 0], ends @ UPRIGHT[name].T, atol=1e-6)
     np.testing.assert_allclose(points[:, 1], rig.anchors @ UPRIGHT[name].T, atol=1e-6)
-    np.testing.assert_array_equal(
-        points[:, 1], numbers([sphere["pose"]["position"] for sphere in entity["spheres"]], "xyz")
-    )
+    centres = numbers([sphere["pose"]["position"] for sphere in entity["spheres"]], "xyz")
+    np.testing.assert_array_equal(points[:, 1], centres)
     expected = ramp(cycle.state.tensions, rig.limits.lower, rig.limits.upper)
     expected[3] = rgb(GREY)  # it is lost
     colours = numbers(line["colors"], "rgb").reshape(-1, 2, 3)

@@ -78,9 +78,8 @@ def test_a_line_of_text_is_cut_and_has_only_printable_ascii(text):
 
 
 def test_a_payload_worked_out_by_hand():
-    assert SetTension(0x0102, 1.5, brake=True, ttl_ms=250, rounds=3).pack() == bytes.fromhex(
-        "0201 0000c03f 01 fa00 03"
-    )
+    packed = SetTension(0x0102, 1.5, brake=True, ttl_ms=250, rounds=3).pack()
+    assert packed == bytes.fromhex("0201 0000c03f 01 fa00 03")
     assert Telemetry.unpack(bytes(40)).faults == Fault(0)
 
 
@@ -156,8 +155,7 @@ def test_words_are_those_of_the_firmware(enum, header, declaration):
     text = (CORE / header).read_text()
     body = re.search(declaration + r"[^{]*\{(.*?)\}", text, re.DOTALL)[1]
     words = {}
-    for word, number in re.findall(
-        r"(\w+)(?: = (\w+))?,? *(?:\n|$)", re.sub(r"//.*", "", body).replace(", ", ",\n")
-    ):
+    lines = re.sub(r"//.*", "", body).replace(", ", ",\n")
+    for word, number in re.findall(r"(\w+)(?: = (\w+))?,? *(?:\n|$)", lines):
         words[re.sub("^kFault", "", word).upper()] = int(number, 0) if number else len(words)
     assert words == {member.name: member.value for member in enum}

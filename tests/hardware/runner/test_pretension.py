@@ -149,9 +149,8 @@ def test_lengths_of_a_pose_are_possible_with_slack_and_not_once_two_cables_do_no
     for _ in range(50):
         lengths = rig.lengths(rig.home + draw.uniform(-0.4, 0.4, rig.dimension) * size)
         require_possible(rig, lengths + draw.exponential(0.5, rig.m))
-    apart = np.linalg.norm(rig.anchors[0] - rig.anchors[-1]) - np.linalg.norm(
-        rig.attachments[0] - rig.attachments[-1]
-    )
+    gaps = [np.linalg.norm(places[0] - places[-1]) for places in (rig.anchors, rig.attachments)]
+    apart = gaps[0] - gaps[1]
     lengths[[0, -1]] = apart / 2.0 - 1.1 * MAX_LENGTH_ERROR_M
     with pytest.raises(HardwareError, match=r"need .* m together to meet"):
         require_possible(rig, lengths)
@@ -177,9 +176,8 @@ def test_cables_that_do_not_come_to_rest_are_named():
     for client in group.clients:  # a module that takes up more than there is has a fault
         client.set_parameter("length_upper", 20.0)
         client.set_parameter("speed_limit", 0.5)
-    with pytest.raises(
-        HardwareError, match=r'not come to rest within 20 s \(module "floor-1", "floor-2", "floor-3"'
-    ):
+    said = r'not come to rest within 20 s \(module "floor-1", "floor-2", "floor-3"'
+    with pytest.raises(HardwareError, match=said):
         begin(world, rig, group=group)
     assert {module.sample.state for module in world.modules} == {State.IDLE}
 
