@@ -1,23 +1,12 @@
 import json
+from pathlib import Path
 
 import pytest
 
 from tensionlab.model.files import load_rig
 from tensionlab.model.requirement import Requirement
 
-SPACE = """
-name = "flat"
-counts = [3]
-limits = { lower = 1.0, upper = 5.0 }
-target = { x = [-0.1, 0.1], y = [0.0, 0.0], step = 0.1 }
-search = { seed = 5, generations = 2, starts = 2 }
-surfaces = [
-  { name = "south", corner = [-1, -1], edges = [[2, 0]] },
-  { name = "north", corner = [-1, 1], edges = [[2, 0]] },
-  { name = "east", corner = [1, -1], edges = [[0, 2]] },
-  { name = "west", corner = [-1, -1], edges = [[0, 2]] },
-]
-"""
+SPACE = (Path(__file__).parents[1] / "data" / "flat_space.toml").read_text()
 
 
 @pytest.fixture

@@ -30,11 +30,8 @@ def test_slices_through_the_home_say_what_is_proved():
         assert shown[int(0.1 * shown.shape[0]), int(0.3 * shown.shape[1])] == proved.at(at) + 1
 
 
-def test_a_region_without_modules_is_drawn():
+def test_a_region_without_modules_has_three_slices_a_plane_one_and_a_line_none():
     assert len(plot_certified(prove([(-0.4, 0.4), (0.1, 1.6), (-0.4, 0.4)])).axes) == 3
-
-
-def test_a_plane_is_one_slice_and_a_line_none():
     assert len(plot_certified(prove([(-0.6, 0.6), (0.3, 0.3), (-0.6, 0.6)])).axes) == 1
     with pytest.raises(InputError, match="a line along y"):
         plot_certified(prove([(0.0, 0.0), (0.0, 2.3), (0.0, 0.0)]))

@@ -5,7 +5,6 @@ import pytest
 from matplotlib.figure import Figure
 
 from paper_figures.scenario_layouts import scripted_moment
-from tensionlab.errors import InputError
 from tensionlab.plots.scenario import (
     draw_force,
     draw_tension,
@@ -15,7 +14,6 @@ from tensionlab.plots.scenario import (
     plot_scenario,
 )
 from tensionlab.plots.scene import view_of
-from tensionlab.plots.style import save_figure
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.checks import rendered_force
 from tensionlab.scenarios.play import play, simulate_modules
@@ -105,11 +103,6 @@ def test_force_against_distance_is_the_pull_of_the_string(bow):
     wanted = string.pull(draw.desired[0][drawn] - string.brace)
     np.testing.assert_allclose(draw.desired[1][drawn], wanted, atol=0.1)
     assert draw.rendered[1].max() == pytest.approx(rendered_force(bow).force[:, 0].max(), rel=1e-3)  # the brake's
-
-
-def test_a_suffix_without_a_format_is_refused(tmp_path):
-    with pytest.raises(InputError, match="figures end in"):
-        save_figure(Figure(), tmp_path / "bow.jpeg")
 
 
 def test_what_lies_across_the_view_is_to_scale():

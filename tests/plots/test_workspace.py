@@ -8,12 +8,11 @@ from matplotlib.collections import QuadMesh
 import tensionlab as tl
 from tensionlab.errors import InputError
 from tensionlab.plots import plot_shares, plot_slices, plot_volume, workspace
-from tensionlab.plots.style import save_figure
 from tensionlab.plots.workspace import Field, read_field, share_above
 from tensionlab.support.surfaces import level_surface
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep.plan import vary
-from tests.helpers.figures import content_of, words_in, words_of
+from tests.helpers.figures import content_of, words_in
 
 
 @pytest.fixture(scope="module")
@@ -31,11 +30,9 @@ def swept():
     return tl.sweep(rigs, Grid(AXIS, AXIS, AXIS), ["capacity-margin", "condition-number"])
 
 
-def test_slices_name_the_rigs_the_metric_and_where_they_cut(tmp_path, swept):
-    save_figure(plot_slices(swept, "capacity-margin"), tmp_path / "c.svg")
-    words = words_of(tmp_path / "c.svg")
-    for word in ("box-corners", "alternate-corners", "capacity margin (N)", "z = 0 m", "x (m)", "y (m)", "module"):
-        assert word in words, word
+def test_one_metric_may_be_drawn_alone(swept):
+    words = words_in(content_of(plot_slices(swept, "capacity-margin")))
+    assert "capacity margin (N)" in words
     assert "condition number of the structure matrix" not in words
 
 
@@ -54,10 +51,9 @@ def test_a_slice_shows_the_values_of_its_plane(swept):
     assert [len(anchors) for anchors in field.anchors] == [8, 4]
 
 
-def test_where_one_axis_has_one_point_that_is_the_slice(tmp_path):
-    rig = tl.box_corners((1, 1, 1))
-    save_figure(plot_slices(tl.sweep(rig, Grid(AXIS, [0.1], AXIS), "capacity-margin")), tmp_path / "s.svg")
-    assert "y = 0.1 m" in words_of(tmp_path / "s.svg")
+def test_where_one_axis_has_one_point_that_is_the_slice():
+    found = tl.sweep(tl.box_corners((1, 1, 1)), Grid(AXIS, [0.1], AXIS), "capacity-margin")
+    assert "y = 0.1 m" in words_in(content_of(plot_slices(found)))
 
 
 def test_volumes_say_which_share_of_the_box_they_are(swept, contents):
@@ -74,22 +70,19 @@ def test_shares_fall_from_all_that_is_above_zero_to_nothing():
     np.testing.assert_allclose(share_above(field, 0, levels), [0.375, 0.375, 0.125, 0.125, 0.0])
 
 
-def test_curves_are_called_by_what_tells_the_rigs_apart(tmp_path):
+def test_curves_are_called_by_what_tells_the_rigs_apart():
     rigs = vary(tl.ring_plus_top, side=1.0, count=[3, 4])
     found = tl.sweep(rigs, Grid(AXIS, AXIS + 0.6, AXIS), "capacity-margin")
-    save_figure(plot_shares(found), tmp_path / "c.svg")
-    words = words_of(tmp_path / "c.svg")
-    assert "count 3" in words
-    assert "count 4" in words
+    assert {"count 3", "count 4"} <= set(words_in(content_of(plot_shares(found))))
 
 
-def test_pictures_of_a_planar_rig(tmp_path):
+def test_pictures_of_a_planar_rig():
     modules = tuple(tl.Module(f"{x} {y}", np.array([x, y]), 0.5, 6.0) for x in (-1, 1) for y in (-1, 1))
     rig = tl.Rig("square", "planar-point", modules, np.zeros(2))
     found = tl.sweep(rig, Grid(AXIS, AXIS), "capacity-margin")
-    save_figure(plot_slices(found), tmp_path / "s.svg")
+    content_of(plot_slices(found))
     with pytest.raises(InputError, match="several x, y and z"):
-        save_figure(plot_volume(found), tmp_path / "v.svg")
+        plot_volume(found)
 
 
 def test_a_panel_of_nothing_is_grey_beside_one_of_something():
@@ -104,18 +97,15 @@ def test_a_panel_of_nothing_is_grey_beside_one_of_something():
         assert pixels[len(pixels) - row, column].tolist() == [0xE4] * 3
 
 
-def test_what_cannot_be_drawn_is_refused(tmp_path, swept):
+def test_what_cannot_be_drawn_is_refused(swept):
     with pytest.raises(InputError, match='no metric "margin"; it has capacity-margin, condition-number'):
-        save_figure(plot_slices(swept, "margin"), tmp_path / "s.svg")
+        plot_slices(swept, "margin")
     along = tl.sweep(tl.box_corners((1, 1, 1)), np.zeros((3, 3)), "capacity-margin")
     with pytest.raises(InputError, match="grid"):
-        save_figure(plot_shares(along), tmp_path / "c.svg")
-
-
-def test_a_grid_too_coarse_to_draw_is_refused(tmp_path):
+        plot_shares(along)
     coarse = tl.sweep(tl.box_corners((1, 1, 1)), Grid([0.0], [0.1], [0.2]), "capacity-margin")
     with pytest.raises(InputError, match=r"needs two positions or more along .*; give a smaller step"):
-        save_figure(plot_slices(coarse), tmp_path / "s.svg")
+        plot_slices(coarse)
 
 
 def test_the_same_sweep_makes_the_same_figure(swept, contents):

@@ -25,12 +25,17 @@ def tensions_of(rig, person, force):
     return tl.allocate(rig.structure_matrix(*person.pose), force, rig.limits).tensions
 
 
-def test_a_steady_force_moves_it_by_force_over_stiffness(rig):
-    person, force = still(rig), np.array([0.5, 0.0, -1.0])
+def pull(rig, person, force, seconds):
+    """Have the cables render a force for some time from the beginning on."""
     person.begin()
-    for time in np.arange(0.001, 2.0, 0.001):
+    for time in np.arange(0.001, seconds, 0.001):
         person.apply_tensions(tensions_of(rig, person, force))
         person(time)
+
+
+def test_a_steady_force_moves_it_by_force_over_stiffness(rig):
+    person, force = still(rig), np.array([0.5, 0.0, -1.0])
+    pull(rig, person, force, 2.0)
     assert person.pose.position - rig.home == pytest.approx(force / 200.0, abs=1e-6)
     assert person.record.force[-1] == pytest.approx(force, abs=1e-9)
 
@@ -39,20 +44,14 @@ def test_the_cables_hold_what_the_rig_requires_of_what_weighs_on_the_hand(rig):
     load = tl.Requirement(wrench=[0.2, 0.0, 0.0], gravity=True)
     heavy = replace(rig, platform=tl.Platform(0.1), required=load)
     person = still(heavy)
-    person.begin()
-    for time in np.arange(0.001, 1.0, 0.001):
-        person.apply_tensions(tensions_of(heavy, person, load.middle(heavy)))
-        person(time)
+    pull(heavy, person, load.middle(heavy), 1.0)
     assert person.pose.position == pytest.approx(rig.home, abs=1e-9)
     assert person.record.force[-1] == pytest.approx(np.zeros(3), abs=1e-9)
 
 
 def test_a_push_begins_with_force_over_mass(rig):
     person, force = still(rig, mass=2.0), np.array([0.0, 1.0, 0.0])
-    person.begin()
-    for time in np.arange(0.001, 0.0105, 0.001):
-        person.apply_tensions(tensions_of(rig, person, force))
-        person(time)
+    pull(rig, person, force, 0.0105)
     assert (person.pose.position - rig.home)[1] == pytest.approx(0.5 * 0.5 * 0.01**2, rel=0.12)
 
 

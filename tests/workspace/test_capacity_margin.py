@@ -169,6 +169,14 @@ def moved(rig, anchors):
     return replace(rig, modules=tuple(modules))
 
 
+def check_slopes(found, margin_at, rig, position, atol):
+    """Compare the slopes by position and anchors with differences of a margin."""
+    by_position = differences(lambda moved: margin_at(rig, moved), position)
+    by_anchors = differences(lambda anchors: margin_at(moved(rig, anchors), position), rig.anchors)
+    np.testing.assert_allclose(found.position, by_position, rtol=1e-5, atol=atol)
+    np.testing.assert_allclose(found.anchors, by_anchors, rtol=1e-5, atol=atol)
+
+
 @pytest.mark.parametrize("name", ["bartels2026-validation", "cube-8", "kntu-planar", "ipanema-2", "spidar-g6x4"])
 def test_by_position_and_anchors(name):
     rig = tl.load_rig(ROOT / "datasets/rigs" / f"{name}.toml")
@@ -185,16 +193,7 @@ def test_by_position_and_anchors(name):
         return margin(rig.structure_matrix(position, rotation), rig.limits, required)
 
     assert found.margin == margin_at(rig, position)
-    scale = rig.limits.upper.max()
-    np.testing.assert_allclose(
-        found.position, differences(lambda p: margin_at(rig, p), position), rtol=1e-5, atol=1e-7 * scale
-    )
-    np.testing.assert_allclose(
-        found.anchors,
-        differences(lambda anchors: margin_at(moved(rig, anchors), position), rig.anchors),
-        rtol=1e-5,
-        atol=1e-7 * scale,
-    )
+    check_slopes(found, margin_at, rig, position, 1e-7 * rig.limits.upper.max())
 
 
 def test_anchors_on_a_body_move_in_its_axes():
@@ -207,9 +206,4 @@ def test_anchors_on_a_body_move_in_its_axes():
     def margin_at(rig, position):
         return margin(rig.structure_matrix(position, frames=frames), rig.limits)
 
-    np.testing.assert_allclose(
-        found.anchors, differences(lambda a: margin_at(moved(rig, a), position), rig.anchors), rtol=1e-5, atol=1e-6
-    )
-    np.testing.assert_allclose(
-        found.position, differences(lambda p: margin_at(rig, p), position), rtol=1e-5, atol=1e-6
-    )
+    check_slopes(found, margin_at, rig, position, 1e-6)
