@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
+import tensionlab as tl
 from tensionlab.support.arrays import Floats
 
 
@@ -46,6 +47,26 @@ def random_structure(rng: np.random.Generator, n: int, m: int) -> Floats:
     if n < 6:
         return u
     return np.vstack([u, np.cross(rng.uniform(-0.3, 0.3, size=(m, 3)), u.T).T])
+
+
+def edge_of_workspace(seed: int, n: int, m: int, count: int, limits: tuple[float, float]) -> tuple[Floats, ...]:
+    """Structure matrices, wrenches on facets of the available wrench set, and the facets' normals.
+
+    There n - 1 cables pull anyhow, and all others are at the limit that pulls outwards.
+    """
+    rng = np.random.default_rng(seed)
+    W = np.stack([random_structure(rng, n, m) for _ in range(count)])
+    normal = np.linalg.svd(np.swapaxes(W[:, :, : n - 1], 1, 2))[2][:, -1]
+    tensions = np.where(np.einsum("bn,bnm->bm", normal, W) > 0, limits[1], limits[0])
+    tensions[:, : n - 1] = rng.uniform(1.5, 5.0, (count, n - 1))
+    return W, np.einsum("bnm,bm->bn", W, tensions), normal
+
+
+def exact_tensions(W: Any, w: Any, limits: Any, solver: str, reference: Any = None) -> Floats:
+    """Tensions of problems, all of which a solver must answer exactly."""
+    found = tl.allocate(W, w, limits, solver, reference)
+    assert np.all(found.status == tl.Status.EXACT)
+    return found.tensions
 
 
 def random_case(rng: np.random.Generator, n: int, m: int) -> Case:

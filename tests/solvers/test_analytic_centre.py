@@ -5,7 +5,7 @@ import pytest
 
 from tensionlab import Status, allocate
 from tests.helpers.examples import many
-from tests.helpers.problems import Case, random_cases, random_structure
+from tests.helpers.problems import Case, edge_of_workspace, random_cases
 
 LIMITS = (0.5, 6.0)
 
@@ -49,15 +49,7 @@ def test_the_optimality_conditions_hold(n):
 
 @pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 4), (3, 8), (6, 8)])
 def test_it_covers_the_workspace_to_its_edge(n, m):
-    # Facets of the available wrench set: n - 1 cables anywhere, all others at the limit that pulls outwards.
-    rng = np.random.default_rng(m)
-    count = many(200)
-    W = np.stack([random_structure(rng, n, m) for _ in range(count)])
-    normal = np.linalg.svd(np.swapaxes(W[:, :, : n - 1], 1, 2))[2][:, -1]
-    pull = np.einsum("bn,bnm->bm", normal, W)
-    tensions = np.where(pull > 0, LIMITS[1], LIMITS[0])
-    tensions[:, : n - 1] = rng.uniform(1.5, 5.0, (count, n - 1))
-    edge = np.einsum("bnm,bm->bn", W, tensions)
+    W, edge, normal = edge_of_workspace(m, n, m, many(200), LIMITS)
     largest = 2.75 * np.linalg.norm(W, axis=1).max(axis=1)
     for distance, error in ((1e-4, 1e-9), (1e-5, 1e-8), (1e-6, 1e-7), (0.0, 5e-7)):
         found = centre(W, edge - distance * largest[:, None] * normal)

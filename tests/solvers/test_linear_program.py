@@ -179,10 +179,8 @@ def test_of_equally_good_tensions_the_closest_to_the_reference(n, m, name):
         if name == "minimax":
             upper = np.where(moves, np.minimum(upper, np.maximum(best, lower)), upper)
         else:
-            lower, upper = (
-                np.where(moves, lower - best, lower),
-                np.where(moves, upper + alpha_of(name) * best, upper),
-            )
+            lower = np.where(moves, lower - best, lower)
+            upper = np.where(moves, upper + alpha_of(name) * best, upper)
         closest = allocate(case.structure, case.wrench, (lower, upper), "newton", case.reference)
         np.testing.assert_allclose(found.tensions[i], closest.tensions, rtol=0, atol=1e-5)
 

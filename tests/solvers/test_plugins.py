@@ -217,7 +217,6 @@ def test_the_command_line_lists_and_compares_it(offer, run):
     finally:
         tl.SOLVERS.clear()
         tl.SOLVERS.update(table)  # in the same order
-    assert [line.split()[:2] for line in out.splitlines() if line.startswith(("fixed", "lost"))] == [
-        ["fixed", "–"]
-    ]
+    rows = [line.split()[:2] for line in out.splitlines() if line.startswith(("fixed", "lost"))]
+    assert rows == [["fixed", "–"]]
     assert "left out: lost, broken" in out

@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 import tensionlab as tl
 from tensionlab.support.arrays import Floats
 from tests.helpers.examples import many
-from tests.helpers.problems import Case, random_cases
+from tests.helpers.problems import Case, exact_tensions, random_cases
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
 CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]
@@ -22,12 +22,6 @@ GOALS = ("polygon:centroid", "polygon:1-norm", "polygon:2-norm")
 SHAPES = [(1, 3), (2, 4), (3, 5), (6, 8), (2, 3), (3, 4), (6, 7), (3, 3), (3, 2)]
 every_goal = pytest.mark.parametrize("goal", GOALS)
 every_shape = pytest.mark.parametrize(("n", "m"), SHAPES)
-
-
-def tensions(W: Any, w: Any, limits: Any, goal: str, reference: Any = None) -> Floats:
-    found = tl.allocate(W, w, limits, goal, reference)
-    assert np.all(found.status == tl.Status.EXACT)
-    return found.tensions
 
 
 # --- Polygons that everybody knows -------------------------------------------------------------------------
@@ -51,7 +45,7 @@ KNOWN: dict[str, tuple[list[float], float, list[float], dict[str, list[float]]]]
     ids=[f"{name}, {goal}" for name, known in KNOWN.items() for goal in known[3]],
 )
 def test_polygons_that_everybody_knows(row: Any, value: float, upper: Any, goal: str, answer: Any) -> None:
-    found = tensions([row], [value], ([0, 0, 0], upper), f"polygon:{goal}")
+    found = exact_tensions([row], [value], ([0, 0, 0], upper), f"polygon:{goal}")
     np.testing.assert_allclose(found, answer, rtol=0, atol=1e-12)
 
 
@@ -59,16 +53,14 @@ def test_polygons_that_everybody_knows(row: Any, value: float, upper: Any, goal:
 def test_published_least_sums_and_least_squares(case: dict[str, Any]) -> None:
     W, w, limits = np.array(case["W"]), case["wrench_to_produce"], (case["fmin"], case["fmax"])
     assert W.shape in {(3, 4), (6, 8)}
-    least = tensions(W, w, limits, "polygon:1-norm")
+    least = exact_tensions(W, w, limits, "polygon:1-norm")
     assert least.sum() == pytest.approx(case["min_sum"], rel=1e-9)
-    if (
-        case["name"] == "spyder_pyramid"
-    ):  # all of the segment has the least sum: its middle, where the rig is symmetric
+    if case["name"] == "spyder_pyramid":  # all of the segment has the least sum: its middle, where it is symmetric
         np.testing.assert_allclose(least, case["min_sum"] / 4, rtol=0, atol=1e-6)
     else:
         np.testing.assert_allclose(least, case["min_sum_t"], rtol=0, atol=1e-6)
     for key, reference in (("min2_from_zero", None), ("min2_from_fmin", "lower"), ("min2_from_mid", "middle")):
-        found = tensions(W, w, limits, "polygon:2-norm", reference)
+        found = exact_tensions(W, w, limits, "polygon:2-norm", reference)
         np.testing.assert_allclose(found, case[key], rtol=0, atol=1e-6)
 
 
@@ -101,7 +93,7 @@ def corners(case: Case, i: int) -> tuple[Floats, Floats, Floats]:
 @pytest.mark.parametrize(("n", "m"), [(1, 3), (2, 4), (3, 5), (6, 8)])
 def test_centroid_by_definition(n: int, m: int) -> None:
     batch = reachable(n, m, many(60))
-    found = tensions(batch.structure, batch.wrench, batch.limits, "polygon")
+    found = exact_tensions(batch.structure, batch.wrench, batch.limits, "polygon")
     for i, t in enumerate(found):
         p, point, basis = corners(batch, i)
         p = p[np.argsort(np.arctan2(*(p - p.mean(axis=0)).T))]
@@ -114,7 +106,7 @@ def test_centroid_by_definition(n: int, m: int) -> None:
 @every_shape
 def test_least_sum_is_that_of_a_linear_program(n: int, m: int) -> None:
     batch = reachable(n, m, many(40, least=20))
-    found = tensions(batch.structure, batch.wrench, batch.limits, "polygon:1-norm")
+    found = exact_tensions(batch.structure, batch.wrench, batch.limits, "polygon:1-norm")
     for i, t in enumerate(found):
         limits = np.stack([batch.lower[i], batch.upper[i]], axis=1)
         program = linprog(np.ones(m), A_eq=batch.structure[i], b_eq=batch.wrench[i], bounds=limits)
@@ -127,7 +119,7 @@ def test_least_squares_from_any_reference_are_those_of_newton(n: int, m: int) ->
     batch = reachable(n, m, many(2000))
     for reference in (0.0 * batch.reference, batch.reference, 10 * batch.reference):
         exact = tl.allocate(batch.structure, batch.wrench, batch.limits, "newton", reference)
-        found = tensions(batch.structure, batch.wrench, batch.limits, "polygon:2-norm", reference)
+        found = exact_tensions(batch.structure, batch.wrench, batch.limits, "polygon:2-norm", reference)
         # Near a singular matrix newton's own tolerance shows.
         clear = np.linalg.cond(batch.structure) < 1e3
         assert clear.mean() > 0.9
@@ -147,8 +139,7 @@ def test_a_rank_too_low_fails_alone_and_says_why(goal: str) -> None:
 
 
 def test_too_many_cables_are_refused_before_any_work() -> None:
-    with pytest.raises(
-        ValueError, match=r"Polygon .* 8 cables for 3 wrench .* redundancy 5.* newton, .*cvxpy"
-    ) as e:
+    message = r"Polygon .* 8 cables for 3 wrench .* redundancy 5.* newton, .*cvxpy"
+    with pytest.raises(ValueError, match=message) as e:
         tl.allocate(np.ones((3, 8)), np.zeros(3), (0.0, 1.0), "polygon")
     assert "polygon," not in str(e.value)

@@ -40,9 +40,8 @@ def break_second(monkeypatch, effect):
 
     def patched(program, solver, **settings):
         calls.append(solver)
-        return (
-            effect(solve(program, solver, **settings)) if len(calls) == 2 else solve(program, solver, **settings)
-        )
+        solution = solve(program, solver, **settings)
+        return effect(solution) if len(calls) == 2 else solution
 
     monkeypatch.setattr(qpsolvers, "solve_problem", patched)
 

@@ -54,10 +54,8 @@ def test_what_cannot_be_honoured_is_a_value_error(solvers, policy, message):
 
 def test_a_solver_that_does_not_serve_the_size_is_left_out_by_default_and_refused_by_name():
     runs, missing = select_solvers(size=(3, 8))
-    assert (
-        missing["polygon:1-norm"]
-        == "8 cables for 3 wrench components have redundancy 5, and a polygon has 2 dimensions"
-    )
+    reason = "8 cables for 3 wrench components have redundancy 5, and a polygon has 2 dimensions"
+    assert missing["polygon:1-norm"] == reason
     assert "polygon:1-norm" not in {run.name for run in runs}
     assert "polygon:1-norm" in {run.name for run in select_solvers(size=(6, 8))[0]}
     with pytest.raises(ValueError, match=r"polygon does not serve this rig: .*redundancy 5"):

@@ -6,7 +6,7 @@ import pytest
 from tensionlab import Status, allocate
 from tensionlab.solvers import SlackNorm
 from tests.helpers.examples import many
-from tests.helpers.problems import random_cases, random_structure
+from tests.helpers.problems import edge_of_workspace, random_cases
 
 LIMITS = (0.5, 6.0)
 # A price of slack that is round enough for slack to show everywhere.
@@ -72,14 +72,7 @@ def test_the_optimality_conditions_hold(solver, n):
 
 @pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 4), (3, 8), (6, 8), (6, 12)])
 def test_inside_the_workspace_the_slack_is_below_tolerance(n, m):
-    # Facets of the available wrench set: n - 1 cables anywhere, all others at the limit that pulls outwards.
-    rng = np.random.default_rng(m)
-    count = many(300)
-    W = np.stack([random_structure(rng, n, m) for _ in range(count)])
-    normal = np.linalg.svd(np.swapaxes(W[:, :, : n - 1], 1, 2))[2][:, -1]
-    tensions = np.where(np.einsum("bn,bnm->bm", normal, W) > 0, LIMITS[1], LIMITS[0])
-    tensions[:, : n - 1] = rng.uniform(1.5, 5.0, (count, n - 1))
-    edge = np.einsum("bnm,bm->bn", W, tensions)
+    W, edge, normal = edge_of_workspace(m, n, m, many(300), LIMITS)
     unit = 2.75 * np.linalg.norm(W, axis=1).max(axis=1)
     for reference in ("lower", "middle"):
         near = allocate(W, edge - 1e-3 * unit[:, None] * normal, LIMITS, "slack", reference)
