@@ -82,10 +82,8 @@ def test_files_that_were_written_by_then_are_named(run, tmp_path, monkeypatch):
     plot = tmp_path / "c.svg"
     words = ["compare", CUBE, "--solvers", "newton", "--directions", "fibonacci:2"]
     code, _, err = run(*words, "--plot", plot, "--out", tmp_path / "c.csv")
-    assert (code, err) == (
-        130,
-        f"tensionlab: interrupted: written: plot: {plot}; the same command writes the rest\n",
-    )
+    said = f"tensionlab: interrupted: written: plot: {plot}; the same command writes the rest\n"
+    assert (code, err) == (130, said)
     assert plot.exists()
 
 

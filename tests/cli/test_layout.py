@@ -46,9 +46,8 @@ def test_json_has_every_layout_and_the_manifest(run, space, tmp_path):
     assert first["score"] == pytest.approx(first["worst_margin"])
     assert set(first["modules"][0]) == {"name", "frame", "anchor", "lower", "upper", "contribution"}
     assert report["written"] == [str(tmp_path / "rig-3.toml"), str(tmp_path / "rig-4.toml")]
-    assert load_rig(tmp_path / "rig-4.toml").anchors.tolist() == [
-        m["anchor"] for m in report["layouts"][1]["modules"]
-    ]
+    anchors = [module["anchor"] for module in report["layouts"][1]["modules"]]
+    assert load_rig(tmp_path / "rig-4.toml").anchors.tolist() == anchors
 
 
 def test_several_numbers_of_modules_are_compared_and_drawn(run, space, tmp_path):
@@ -77,10 +76,8 @@ def test_a_search_that_finds_nothing_that_holds_says_so_and_ends_with_status_1(r
     code, out, err = run(space, "--wrench", 0, 40, "-o", tmp_path / "rig.toml")
     assert code == 1
     assert "score" in out
-    assert (
-        "no layout was found that holds the wrench (0, 40) N everywhere in the target: the worst margin is -"
-        in err
-    )
+    assert "no layout was found that holds the wrench (0, 40) N everywhere in the target: the worst margin" in err
+    assert "the worst margin is -" in err
     assert load_rig(tmp_path / "rig.toml").m == 3
 
 

@@ -27,9 +27,8 @@ def test_of_several_runs_one_is_named_by_its_rig(run, monkeypatch):
     monkeypatch.setattr("tensionlab.cli.view.find_runs", lambda: [Watched("floor-3"), Watched(RIG)])
     status, _, err = run("view", "--live")
     assert status == 2
-    assert "2 runs are in progress; name the rig of one of them (floor-3: python my_run.py; " in " ".join(
-        err.split()
-    )
+    said = "2 runs are in progress; name the rig of one of them (floor-3: python my_run.py; "
+    assert said in " ".join(err.split())
     assert closed == ["floor-3", RIG]
     assert _watcher(RIG)[1] == RIG
     assert closed[2:] == ["floor-3"]

@@ -72,9 +72,8 @@ def test_before_its_first_step_a_module_cannot_be_armed():
 
 def test_arm_may_be_repeated_but_a_session_arms_only_once():
     host = host_in(State.ARMED)
-    assert host.say(Arm(SESSION)) == [Acknowledge(Type.ARM, Code.OK, State.ARMED, SESSION)], (
-        "it may have been lost"
-    )
+    again = host.say(Arm(SESSION))
+    assert again == [Acknowledge(Type.ARM, Code.OK, State.ARMED, SESSION)], "it may have been lost"
     host.pull(2.0)
     assert host.code(Arm(SESSION)) == Code.OK
     assert host.state == State.RUNNING
@@ -222,11 +221,8 @@ def test_a_module_is_not_changed_while_it_lets_go():
     host.code(Stop())
     host.module.advance(0.01)
     assert host.module.sample.commanded > 2.0
-    for command in (
-        SetParameter(PARAMETERS["newton_per_ampere"].index, 6.0),
-        Save(),
-        *map(Calibrate, Calibration),
-    ):
+    change = SetParameter(PARAMETERS["newton_per_ampere"].index, 6.0)
+    for command in (change, Save(), *map(Calibrate, Calibration)):
         assert host.code(command) == Code.BAD_STATE
     host.session = 78
     host.arm()
@@ -327,13 +323,8 @@ def test_the_length_is_forgotten_when_turns_or_their_meaning_may_be_lost(event):
         host.set(**{event: -1.0 if event == "motor_direction" else 0.02})
     host.module.advance(0.1)
     assert not host.say(Hello())[0].length_known
-    for length, code in (
-        (0.0, Code.OK),
-        (UPPER, Code.OK),
-        (-1e-3, Code.BAD_VALUE),
-        (UPPER + 1e-3, Code.BAD_VALUE),
-    ):
-        assert host.code(Calibrate(Calibration.LENGTH, length)) == code, length
+    for lengths, code in (((0.0, UPPER), Code.OK), ((-1e-3, UPPER + 1e-3), Code.BAD_VALUE)):
+        assert [host.code(Calibrate(Calibration.LENGTH, length)) for length in lengths] == [code] * 2
 
 
 def test_the_length_is_what_it_is_calibrated_to_at_any_angle_of_the_spool():
