@@ -20,7 +20,6 @@ from tensionlab.support.arrays import Floats
 Tolerance = Literal["default", "tight"]
 
 BASELINES = ("daqp", *(f"qpsolvers:{backend}" for backend in BACKENDS), "cvxpy:plain")  # "daqp": without qpsolvers
-# The tight settings of each backend: as accurate as its own options make it. quadprog has none.
 TIGHT: dict[str, dict[str, Any]] = {
     "clarabel": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},
     "osqp": {"eps_abs": 1e-9, "eps_rel": 0.0, "polishing": True, "max_iter": 20_000},
@@ -28,13 +27,12 @@ TIGHT: dict[str, dict[str, Any]] = {
     "piqp": {"eps_abs": 1e-11, "eps_rel": 0.0, "eps_duality_gap_abs": 1e-11, "eps_duality_gap_rel": 0.0},
     "proxqp": {"eps_abs": 1e-11, "eps_rel": 0.0},
     "highs": {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
-}
-# Settings in both cases that keep a backend from hanging.
+}  # settings that make each backend as accurate as its own options allow; quadprog has none
 ALWAYS: dict[str, dict[str, Any]] = {
     # Without a limit it spends 50 s on some infeasible wrenches; feasible ones need some 20 iterations.
     "proxqp": {"max_iter": 500},
     "highs": {"time_limit": 1.0, "qp_iteration_limit": 10_000},  # it may cycle on infeasible wrenches
-}
+}  # settings in both cases that keep a backend from hanging
 DAQP_EQUALITY = 5  # DAQP's mark of a constraint that is an equality
 
 

@@ -34,22 +34,20 @@ POLICY_WRAPPERS = ("qp:clarabel", "qp:daqp", "cvxpy")  # run by default where wr
 class Entry:
     """A solver with a setting.
 
-    The name is one of `BASELINES`, or as in `tensionlab.solvers.select_solvers`. A solver is "proved": the
-    instance runs through the interface, its answers verified. A baseline, which has no instance, has its defaults,
-    or is as accurate ("tight") as its options make it. ``missing`` says why an entry cannot take part.
+    A solver is "proved": the instance runs through the interface, its answers verified. A baseline, which has no
+    instance, has its defaults, or is as accurate ("tight") as its options make it.
     """
 
-    solver: str
+    solver: str  # one of `BASELINES`, or as in `tensionlab.solvers.select_solvers`
     setting: Setting
     policy: Policy | None
     objective: str
-    missing: str = ""
+    missing: str = ""  # why it cannot take part
     instance: Solver | None = field(default=None, compare=False, repr=False)
 
     def key(self, problem_set: str) -> dict[str, str]:
         """Return what identifies its results on a problem set."""
-        found = (problem_set, self.solver, self.setting, self.policy or "")
-        return dict(zip(KEY, found, strict=True))
+        return dict(zip(KEY, (problem_set, self.solver, self.setting, self.policy or ""), strict=True))
 
     @property
     def compared_policy(self) -> Policy:

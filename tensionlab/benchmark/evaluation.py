@@ -43,14 +43,11 @@ class Block(NamedTuple):
 
 @dataclass
 class Measurements:
-    """Measurements of one entry on P problems: (P,) arrays by the names in `results.QUANTITIES`, NaN where none.
-
-    ``timed`` are the problems that were answered within the entry's share of time.
-    """
+    """Measurements of one entry on P problems."""
 
     entry: Entry
-    values: dict[str, Floats]
-    timed: list[Block] = field(default_factory=list)
+    values: dict[str, Floats]  # (P,) arrays by the names in `results.QUANTITIES`, NaN where none
+    timed: list[Block] = field(default_factory=list)  # problems answered within the entry's share of time
     note: str = ""
     batch_s: float = np.nan
 

@@ -37,18 +37,14 @@ MAX_STOP_S = 10.0  # time that a single-threaded benchmark has to end after Ctrl
 
 @dataclass(frozen=True)
 class BenchmarkPlan:
-    """Problem sets, entries and effort of a benchmark.
+    """Problem sets, entries and effort of a benchmark."""
 
-    ``sets`` are as in `find_problem_set`, ``solvers`` as in `entries`; ``count`` problems in each set; ``seconds``
-    for an entry in each set, or else fewer problems; ``repeats`` timed calls of each problem.
-    """
-
-    sets: tuple[str, ...]
-    solvers: tuple[str | Solver, ...] | None = None
-    count: int = 1000
+    sets: tuple[str, ...]  # as in `find_problem_set`
+    solvers: tuple[str | Solver, ...] | None = None  # as in `entries`
+    count: int = 1000  # problems in each set
     seed: int = 0
-    seconds: float = 3.0
-    repeats: int = 3
+    seconds: float = 3.0  # for an entry in each set, or else fewer problems
+    repeats: int = 3  # timed calls of each problem
 
     def __post_init__(self) -> None:
         if not self.sets:

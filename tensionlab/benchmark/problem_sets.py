@@ -43,15 +43,12 @@ Reachable = Literal["all", "none", "mixed"]  # which wrenches of a set are feasi
 
 @dataclass(frozen=True)
 class Group:
-    """Problems of one shape: structure (B, n, m), wrench (B, n) and tension limits, (B, m) or (m,), in N and N·m.
+    """Problems of one shape."""
 
-    The label is such as "m = 8" or "ipanema-1".
-    """
-
-    label: str
-    structure: Floats
-    wrench: Floats
-    lower: Floats
+    label: str  # such as "m = 8" or "ipanema-1"
+    structure: Floats  # (B, n, m)
+    wrench: Floats  # (B, n), in N and N·m
+    lower: Floats  # tension limits in N, (B, m) or (m,)
     upper: Floats
 
     def __repr__(self) -> str:

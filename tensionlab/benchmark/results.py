@@ -61,9 +61,8 @@ NUMBERS = {
 # Types of the columns of `Results.rows`.
 TYPES = dict.fromkeys((*KEY, "objective", "note"), "str") | {"comparable": "bool"}
 TYPES |= dict.fromkeys(COUNTS, "int") | dict.fromkeys(NUMBERS, "float")
-# Columns of a table of entries over all sets.
 ELSEWHERE = Column("other sets", format=format_share)
-SUMMARY_COLUMNS = {"solver": Column("solver"), **COUNTS, **NUMBERS, "elsewhere": ELSEWHERE}
+SUMMARY_COLUMNS = {"solver": Column("solver"), **COUNTS, **NUMBERS, "elsewhere": ELSEWHERE}  # over all sets
 SHOWN = ("solved_1e6", "solved_1e9", "elsewhere", "gap_max", "sgm_s", "p999_s", "worst_s", "batch_s")
 
 
