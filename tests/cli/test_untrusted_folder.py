@@ -15,17 +15,8 @@ from tests.helpers.verbs import every_verb
 ROOT = Path(__file__).parents[2]
 RIG = ROOT / "datasets" / "rigs" / "bartels2026-validation.toml"
 POISONED = ("numpy", "random", "matplotlib", "viser", "yaml", "ecos", "mosek", "sitecustomize", "usercustomize")
-ALSO_POISONED = (
-    "json",
-    "typing",
-    "threading",
-    "socket",
-    "webbrowser",
-    "pyarrow",
-    "websockets",
-    "filelock",
-    "serial",
-)
+ALSO_POISONED = ("json", "typing", "threading", "socket", "webbrowser", "pyarrow", "websockets", "filelock",
+                 "serial")  # fmt: skip
 """Modules that Python itself takes from the folder with ``python -m``, before any code of tensionlab runs."""
 PAD_INCHES = 17.0
 

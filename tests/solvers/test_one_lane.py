@@ -11,17 +11,8 @@ import tensionlab as tl
 
 ROOT = Path(__file__).parents[2]
 STRUCTURE, LIMITS = np.array([[1, -0.6, -0.6], [0, 0.8, -0.8]]), (1.0, 10.0)
-STRICT = [
-    "-std=c++17",
-    "-O2",
-    "-fno-exceptions",
-    "-fno-rtti",
-    "-Wall",
-    "-Wextra",
-    "-Wconversion",
-    "-Wdouble-promotion",
-    "-Werror",
-]
+STRICT = ["-std=c++17", "-O2", "-fno-exceptions", "-fno-rtti", "-Wall", "-Wextra", "-Wconversion",
+          "-Wdouble-promotion", "-Werror"]  # fmt: skip
 
 
 @pytest.fixture(scope="module")

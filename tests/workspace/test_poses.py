@@ -78,14 +78,8 @@ def test_tables_hold_positions_and_orientations(tmp_path, suffix):
             file.write_text("\n".join([", ".join(columns), *(",".join(map(str, row)) for row in rows)]))
         return read_poses(file)
 
-    spatial = write(
-        {
-            "x": [1, 2],
-            "y": [3.0, 4.0],
-            "z": [5.0, 6.0],
-            **dict(zip(("rx", "ry", "rz"), TWIST.T.tolist(), strict=True)),
-        }
-    )
+    turns = dict(zip(("rx", "ry", "rz"), TWIST.T.tolist(), strict=True))
+    spatial = write({"x": [1, 2], "y": [3.0, 4.0], "z": [5.0, 6.0], **turns})
     assert spatial.position.tolist() == [[1.0, 3.0, 5.0], [2.0, 4.0, 6.0]]
     np.testing.assert_allclose(spatial.rotation, exponential(TWIST), atol=1e-15)
     planar = write({"y": [3.0, 4.0], "x": [1.0, 2.0], "angle": [0.1, 0.2]})

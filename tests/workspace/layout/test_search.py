@@ -13,14 +13,11 @@ from tensionlab.workspace.layout.search import polish
 from tensionlab.workspace.layout.space import Placement
 from tests.helpers.examples import many
 
-WALLS = tuple(
-    Surface(name, corner, [edge])
-    for name, corner, edge in (
-        ("south", [-1, -1], [2, 0]),
-        ("east", [1, -1], [0, 2]),
-        ("north", [-1, 1], [2, 0]),
-        ("west", [-1, -1], [0, 2]),
-    )
+WALLS = (
+    Surface("south", [-1, -1], [[2, 0]]),
+    Surface("east", [1, -1], [[0, 2]]),
+    Surface("north", [-1, 1], [[2, 0]]),
+    Surface("west", [-1, -1], [[0, 2]]),
 )
 LIMITS = (1.0, 5.0)
 
