@@ -1,17 +1,16 @@
 """A benchmark from its plan to its results.
 
-Numerical libraries read how many threads they may use when they are loaded: `tensionlab bench` starts itself again
-with one thread for each (`run_single_threaded`), while `run` measures with the threads that the process has.
+Numerical libraries read how many threads they may use when they are loaded: `tensionlab bench` sets one
+before that (`ONE_THREAD`), while `run` measures with the threads that the process has.
 """
 
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -24,15 +23,12 @@ from tensionlab.benchmark.entries import entries
 from tensionlab.benchmark.evaluation import evaluate_set
 from tensionlab.benchmark.problem_files import find_problem_set
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, checksum
-from tensionlab.benchmark.speed import INSTRUCTION_SET, THREADS, using_threads
+from tensionlab.benchmark.speed import INSTRUCTION_SET, using_threads
 from tensionlab.errors import InputError
 from tensionlab.solvers import Solver, name_solvers
 from tensionlab.support import provenance
 from tensionlab.support.files import writing
-
-LIBRARIES = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "NUMEXPR_NUM", "RAYON_NUM", "VECLIB_MAXIMUM")
-ONE_THREAD = {THREADS: "1"} | {f"{library}_THREADS": "1" for library in LIBRARIES}  # of `tensionlab bench`
-MAX_STOP_S = 10.0  # time that a single-threaded benchmark has to end after Ctrl-C
+from tensionlab.support.operating_system import ONE_THREAD
 
 
 @dataclass(frozen=True)
@@ -181,24 +177,3 @@ def _stdout_to_stderr() -> Iterator[None]:
     finally:
         os.dup2(saved, 1)
         os.close(saved)
-
-
-def run_single_threaded() -> int | None:
-    """Run this command of tensionlab in a process whose libraries use one thread, and return its exit status.
-
-    None, and nothing is run, if this process is such a one, or was not started as a command of tensionlab.
-    """
-    program, *words = sys.argv
-    own = "tensionlab" in (Path(program).stem, Path(program).parent.name)
-    if not own or ONE_THREAD.items() <= os.environ.items():
-        return None
-    # -P: nothing is loaded from the working directory.
-    command = [sys.executable, "-P", "-m", "tensionlab", *words]
-    with subprocess.Popen(command, env=os.environ | ONE_THREAD) as process:
-        try:
-            return process.wait()
-        except KeyboardInterrupt:  # the other process has it as well, and says what is kept
-            with suppress(subprocess.TimeoutExpired):
-                return process.wait(MAX_STOP_S)
-            process.kill()
-            return 130

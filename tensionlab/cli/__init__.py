@@ -26,7 +26,7 @@ from tensionlab import __version__
 from tensionlab.cli.common.output import NOTHING_KEPT, print_error
 from tensionlab.cli.common.verbs import Verbs
 from tensionlab.errors import TensionlabError
-from tensionlab.support.operating_system import reader_has_gone
+from tensionlab.support.operating_system import ONE_THREAD, reader_has_gone
 
 if TYPE_CHECKING:
     from typing import TextIO
@@ -179,6 +179,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if COMPLETION_VARIABLE in os.environ:
         typer.main.get_command(app)(prog_name=PROGRAM)  # answers the shell, and leaves
     _open_streams()
+    if words[:1] == ["bench"] and "numpy" not in sys.modules:
+        os.environ.update(ONE_THREAD)
     if Path("matplotlibrc").exists():
         from tensionlab.plots.style import import_matplotlib
 

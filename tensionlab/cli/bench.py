@@ -51,8 +51,6 @@ def bench(
     baselines solve the plain quadratic program, at their default and at tight tolerances: daqp, qpsolvers:BACKEND,
     cvxpy:plain.
     """
-    if (status := experiment.run_single_threaded()) is not None:
-        raise typer.Exit(status)
     what = experiment.plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
         results = experiment.measure(what, out, ["tensionlab", *sys.argv[1:]], progress)

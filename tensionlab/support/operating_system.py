@@ -26,6 +26,10 @@ Result = TypeVar("Result")
 OPEN_ELSEWHERE_S = 1.0
 RETRY_PERIOD_S = 0.01
 NICENESS = 10  # priority of background processes
+LIBRARIES = ("TENSIONLAB_NUM", "OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "NUMEXPR_NUM", "RAYON_NUM", "VECLIB_MAXIMUM")
+ONE_THREAD = {
+    f"{library}_THREADS": "1" for library in LIBRARIES
+}  # environment; libraries read it when they are loaded
 
 if sys.platform == "win32":
     INTERRUPT_SIGNALS: tuple[signal.Signals, ...] = (signal.SIGINT, signal.SIGTERM, signal.SIGBREAK)

@@ -1,5 +1,6 @@
 import json
 import os
+import subprocess
 import sys
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -8,10 +9,11 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmark.experiment import ONE_THREAD, BenchmarkPlan, measure, plan, run_single_threaded
+from tensionlab.benchmark.experiment import BenchmarkPlan, measure, plan
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 from tensionlab.benchmark.results import KEY
 from tensionlab.errors import InputError, UnknownSolver
+from tensionlab.support.operating_system import ONE_THREAD
 
 
 def test_a_run_writes_tables_with_their_manifest(bench_folder, bench_results):
@@ -28,17 +30,14 @@ def test_a_run_writes_tables_with_their_manifest(bench_folder, bench_results):
     assert 0 < manifest["bench"]["processor_share"] <= 1.1
 
 
-def test_a_command_is_run_again_with_one_thread_for_every_library(tmp_path, monkeypatch, capfd):
+def test_the_verb_measures_with_one_thread_for_every_library(tmp_path):
+    words = ["bench", "--quick", "--set", "published", "--solvers", "newton", "--count", "1", "--out", "new"]
+    environment = {name: value for name, value in os.environ.items() if name not in ONE_THREAD}
+    command = [sys.executable, "-m", "tensionlab", *words]
+    subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
+    manifest = json.loads((tmp_path / "new" / "manifest.json").read_text())
+    assert manifest["bench"]["threads"] == dict.fromkeys(ONE_THREAD, "1")
     assert {"TENSIONLAB_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"} <= set(ONE_THREAD)
-    (tmp_path / "python").write_text('#!/bin/sh\necho "$OMP_NUM_THREADS $*"; exit 3\n')
-    (tmp_path / "python").chmod(0o755)
-    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
-    monkeypatch.setattr(sys, "argv", ["/usr/bin/tensionlab", "bench"])
-    assert run_single_threaded() == 3
-    assert capfd.readouterr().out == "1 -P -m tensionlab bench\n"
-    for name, count in ONE_THREAD.items():
-        monkeypatch.setenv(name, count)
-    assert run_single_threaded() is None
 
 
 def test_each_set_has_a_row_for_each_solver_setting_and_policy(bench_results):
