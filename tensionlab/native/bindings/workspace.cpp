@@ -147,7 +147,8 @@ nb::tuple cells(const In<3>& anchors, const In<3>& arms, const In<1>& lower, con
   const std::size_t rotations = anchors.shape(0), m = anchors.shape(1), d = anchors.shape(2);
   const std::size_t n = required.shape(2), wrenches = required.shape(1), size = centres.shape(0);
   require_size(n, m);
-  require((d == 2 && (n == 2 || n == 3)) || (d == 3 && (n == 3 || n == 6)), "no rig has this number of components");
+  require((d == 2 && (n == 2 || n == 3)) || (d == 3 && (n == 3 || n == 6)),
+          "no rig has this number of components");
   require(has_shape(arms, rotations, m, d) && has_shape(lower, m) && has_shape(upper, m) &&
               has_shape(required, rotations, wrenches, n) && wrenches > 0 && has_shape(centres, size, d) &&
               has_shape(half_edges, d),
