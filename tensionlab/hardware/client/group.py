@@ -33,8 +33,8 @@ LIMIT_TOLERANCE = 1e-6  # relative; the module stores its limits in 32 bits
 class ModuleGroup:
     """Clients of all modules of a rig, in its order.
 
-    After `prepare`, `infos` describes the modules, `slews` are the largest rates of change of their tensions in
-    N/s, and `continuous` the continuous ratings of the windings as tensions in N.
+    After `prepare`, ``infos`` describes the modules, ``slews`` are the largest rates of change of their tensions
+    in N/s, and ``continuous`` the continuous ratings of the windings as tensions in N.
 
     Examples
     --------

@@ -133,7 +133,7 @@ class Run(CycleTable, LogMetadata):
 
 
 def read_run(path: str | PathLike[str], progress: Callable[[float], None] | None = None) -> Run:
-    """Return the run in the log at `path`; of one that was cut off, what it holds.
+    """Return the run in the log at ``path``; of one that was cut off, what it holds.
 
     `progress` is called with the share of the work that is done, from 0 to 1. A `LogError` if the file can't be
     read, is no log of a run, or was cut off before the run began.

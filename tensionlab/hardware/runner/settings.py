@@ -114,8 +114,8 @@ class RealClock:
 class WorldClock:
     """Clock of simulated modules, whose time passes while the run waits.
 
-    If `paced`, it is never ahead of real time, so that a run can be watched. Where the computer falls behind, time
-    passes more slowly: the run equals, cycle by cycle, one that is not paced.
+    If ``paced``, it is never ahead of real time, so that a run can be watched. Where the computer falls behind,
+    time passes more slowly: the run equals, cycle by cycle, one that is not paced.
 
     Examples
     --------

@@ -105,7 +105,7 @@ class World:
     """World of simulated modules and the platform that their cables hold.
 
     The platform follows the motion, or stays at the rig's home; a `CompliantMotion` reacts to the tensions. The
-    seed is of the sensors' noise, `plants` are parameters of the hardware by the module's name (see
+    seed is of the sensors' noise, ``plants`` are parameters of the hardware by the module's name (see
     `simulated_module`). `time` is in s since the start, `pose` the pose then; `modules` are in the rig's order.
     `watch`, if set, is called in `advance` with a `Trace` of each.
 
