@@ -19,7 +19,8 @@ from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.server import PageServer
 from tensionlab.viewer.solver_comparison import compare
 from tensionlab.viewer.state import HAND, DesignState
-from tensionlab.viewer.workspace import Latest, Volume, WorkspaceWorker, surface
+from tensionlab.viewer.worker import Latest
+from tensionlab.viewer.workspace import Volume, WorkspaceWorker, surface
 
 # Attributes of a state that the comparison of solvers depends on.
 COMPARED_BY = (*UNDOABLE, "solver", "policy", "compared", "study", "selected")

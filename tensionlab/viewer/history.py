@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 
 from tensionlab.errors import TensionlabError
 from tensionlab.viewer.state import HAND, DesignState, Edit
+from tensionlab.viewer.worker import Worker
 
 UNDOABLE = ("rig", "position", "rotation", "wrench")  # attributes of a state that undo restores
 MAX_STEPS = 500
+Queued = tuple[object, Callable[[], object]]  # key of an edit, and the function that makes it
 
 
 class History:
@@ -63,15 +64,13 @@ class EditQueue:
     def __init__(self, state: DesignState, show: Callable[[str], None]) -> None:
         self.history = History(state)
         self._show = show
-        self._waiting: list[tuple[object, Callable[[], object]]] = []
-        self._wake = threading.Condition()
-        self._open = True
-        self._thread = threading.Thread(target=self._work, name="view", daemon=True)
+        self._worker: Worker[Queued] = Worker("view", self._work)
+        self.close = self._worker.close
 
     def start(self) -> None:
         """Show the state, and begin to make edits."""
         self._show("")
-        self._thread.start()
+        self._worker.start()
 
     def edit(self, change: Edit, step: object = None, key: object = None) -> None:
         """Queue an edit; one that is followed by another with its step and key before it is made is dropped."""
@@ -88,37 +87,20 @@ class EditQueue:
 
     def put(self, act: Callable[[], object], key: object = None) -> None:
         """Queue a function; one whose key, if not None, equals that of the function queued next is dropped."""
-        with self._wake:
-            if key is not None and self._waiting and self._waiting[-1][0] == key:
-                self._waiting.pop()
-            self._waiting.append((key, act))
-            self._wake.notify_all()
+        self._worker.put((key, act), replaces=lambda last: key is not None and last[0] == key)
 
-    def close(self) -> None:
-        """End the thread."""
-        with self._wake:
-            self._open = False
-            self._wake.notify_all()
-        self._thread.join()
-
-    def _work(self) -> None:
-        while True:
-            with self._wake:
-                self._wake.wait_for(lambda: self._waiting or not self._open)
-                if not self._open:
-                    return
-                waiting, self._waiting = self._waiting, []
-            before, problem = self.history.present, ""
-            for _, act in waiting:
-                try:
-                    act()
-                except Exception as error:  # whatever it is, the page must survive it
-                    problem = _describe(error)
+    def _work(self, waiting: list[Queued]) -> None:
+        before, problem = self.history.present, ""
+        for _, act in waiting:
             try:
-                self._show(problem)
-            except Exception as error:  # a state that cannot be shown is not kept
-                self.history.present = before
-                self._show(_describe(error))
+                act()
+            except Exception as error:  # whatever it is, the page must survive it
+                problem = _describe(error)
+        try:
+            self._show(problem)
+        except Exception as error:  # a state that cannot be shown is not kept
+            self.history.present = before
+            self._show(_describe(error))
 
 
 def _describe(error: Exception) -> str:

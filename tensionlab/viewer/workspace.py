@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 import math
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -16,17 +13,16 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.surfaces import level_surface
 from tensionlab.viewer.scene import Mesh, bounds
 from tensionlab.viewer.state import DesignState, ghost_state
+from tensionlab.viewer.worker import Latest
 from tensionlab.workspace.metrics import metric
 from tensionlab.workspace.poses import Grid, node_weights, weighted_share
 from tensionlab.workspace.sweep.executors import evaluate_on_threads
 from tensionlab.workspace.sweep.plan import Plan, vary
 
-LOG = logging.getLogger(__name__)
 COARSE, FINE = 30, 80  # positions along each axis while something is dragged, and when it is released
 CHUNK = 8_192  # positions that are evaluated between checks whether the result is still wanted
 RANGE_QUANTILE = 0.995  # upper end of the range of values: some metrics grow without limit towards an anchor
 DEPENDS_ON = ("rig", "rotation", "metric", "ghost")  # attributes of a state that its workspace depends on
-Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,47 +82,6 @@ def surface(volume: Volume, level: float) -> Mesh | None:
     corners = np.pad(ring.reshape(-1, 2), ((0, 0), (0, 1)))
     faces = 4 * np.arange(len(above))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
     return Mesh(corners, faces.reshape(-1, 3))
-
-
-class Latest(Generic[Item]):
-    """Worker on the newest of the submitted items, on a thread of its own.
-
-    ``work`` is called with it, and with a function that tells whether it still is the newest; it may return early
-    once that is False.
-    """
-
-    def __init__(self, name: str, work: Callable[[Item, Callable[[], bool]], None]) -> None:
-        self._name, self._work = name, work
-        self._wake = threading.Condition()
-        self._newest: list[Item] = []
-        self._open = True
-        self._thread = threading.Thread(target=self._run, name=f"view {name}", daemon=True)
-        self._thread.start()
-
-    def submit(self, item: Item) -> None:
-        """Work on an item instead of those before; from any thread."""
-        with self._wake:
-            self._newest = [item]
-            self._wake.notify_all()
-
-    def close(self) -> None:
-        """End the thread; its work is no longer wanted."""
-        with self._wake:
-            self._open = False
-            self._wake.notify_all()
-        self._thread.join()
-
-    def _run(self) -> None:
-        while True:
-            with self._wake:
-                self._wake.wait_for(lambda: self._newest or not self._open)
-                if not self._open:
-                    return
-                item, self._newest = self._newest[0], []
-            try:
-                self._work(item, lambda: self._open and not self._newest)
-            except Exception as error:  # the next item may succeed
-                LOG.warning("view %s: %s: %s", self._name, type(error).__name__, error)
 
 
 def same_workspace(one: DesignState | None, other: DesignState | None) -> bool:

@@ -10,7 +10,8 @@ import tensionlab as tl
 from tensionlab.viewer import state as edits
 from tensionlab.viewer.scene import bounds
 from tensionlab.viewer.state import begin
-from tensionlab.viewer.workspace import COARSE, FINE, Latest, Volume, WorkspaceWorker, surface, sweep
+from tensionlab.viewer.worker import Latest
+from tensionlab.viewer.workspace import COARSE, FINE, Volume, WorkspaceWorker, surface, sweep
 
 HANGS_S = 600.0
 
