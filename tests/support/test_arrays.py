@@ -13,7 +13,7 @@ import tensionlab as tl
 from tensionlab import _native
 from tensionlab.model import pose
 from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE
-from tensionlab.support.arrays import Floats, as_floats
+from tensionlab.support.arrays import Floats, as_floats, common_axes
 
 W, w, LIMITS = np.array([[1.0, -0.6, -0.6], [0.0, 0.8, -0.8]]), np.array([2.0, 1.0]), (1.0, 10.0)
 LOSSY: dict[str, tuple[Callable[[Any], Any], str]] = {
@@ -160,3 +160,9 @@ def test_a_prepared_solver_wants_as_many_limits_of_each_kind() -> None:
             _native.Single(*limits, two, 0, 1e100, TOLERANCE, RANK_TOLERANCE)
     with pytest.raises(ValueError, match="policy"):
         _native.Single(three, three, three, two, 3, 1e100, TOLERANCE, RANK_TOLERANCE)
+
+
+def test_leading_axes_broadcast_to_their_common_axes() -> None:
+    assert common_axes({"structure": (3, 1), "wrench": (4,), "limits": ()}) == (3, 4)
+    assert common_axes({"structure": (3,), "wrench": (3,)}) == (3,)
+    assert common_axes({"limits": ()}) == ()

@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import tensionlab as tl
-from tensionlab.workspace.orientations import parse_rotations, roll_pitch_yaw_of
+from tensionlab.workspace.orientations import MAX_ORIENTATIONS, parse_rotations, roll_pitch_yaw_of
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -16,6 +16,13 @@ def test_a_cone_tilts_its_axis_by_up_to_the_angle_and_turns_nothing_about_it():
     assert tilt[0] == 0.0
     assert np.unique(tilt.round(6)).tolist() == [0.0, 5.0, 10.0, 15.0, 20.0]
     assert np.abs(Rotation.from_matrix(turns).as_rotvec() @ unit).max() < 1e-12
+
+
+def test_a_cone_may_be_fine_but_not_of_more_orientations_than_fit():
+    rings = 4
+    assert len(tl.workspace.cone(1e-4 * rings, 1e-4)) == 1 + 3 * rings * (rings + 1)
+    with pytest.raises(tl.errors.InputError, match="orientations"):
+        tl.workspace.cone(1.0, 1.0 / (1.2 * np.sqrt(MAX_ORIENTATIONS)))
 
 
 def test_roll_pitch_and_yaw_are_turns_about_fixed_axes_and_read_back():

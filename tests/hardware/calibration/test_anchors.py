@@ -155,6 +155,8 @@ def test_too_few_poses_say_how_many_it_takes(count, how, message):
     poses = sampled(POINT, count, np.random.default_rng(0))
     with pytest.raises(CalibrationError, match=message):
         calibrate_anchors(POINT, lengths_at(POINT, poses), poses, **how)
+    enough = sampled(POINT, int(message.split()[-1]), np.random.default_rng(0))
+    calibrate_anchors(POINT, lengths_at(POINT, enough), enough, **how)
 
 
 @pytest.mark.parametrize("noise", [0.0, NOISE])

@@ -17,4 +17,6 @@ def test_a_good_run_has_few_rows_and_another_one_for_each_thing_that_went_wrong(
     assert values == ["2", "5", "down to 4.00 N, so that it did not get too hot", "FAULT: encoder"]
     assert (good.answers, bad.answers) == ("2 EXACT", "1 EXACT, 1 NEAREST, 1 by newton, as fallback of the solver")
     assert good.percentiles()["start_delay"] == pytest.approx((1e-4,) * 3)
+    assert good.in_real_time
+    assert not Statistics().in_real_time
     assert np.isnan(Statistics().percentiles()["start_delay"]).all()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import InputError
-from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import STEP_S, HangingMass, SimulatedModule
 
 
 def test_a_trace_has_a_row_for_each_step_and_ends_at_the_sample():
@@ -27,6 +27,7 @@ def test_a_trace_has_a_row_for_each_step_and_ends_at_the_sample():
         (lambda: SimulatedModule(plant={"inertia": 0.0}), "'inertia' is finite and at least 1e-07 kg m2; got 0.0"),
         (lambda: SimulatedModule(plant={"inertia": np.nan}), "got nan"),
         (lambda: SimulatedModule(distance=0.0), "finite distance of more than 0 m; got 0.0"),
+        (lambda: HangingMass(0.1).advance(0.1, 0.5), "moves the cable's far end by itself"),
         (lambda: SimulatedModule().advance(-1.0), "time passes by 0 to 1e6 s; got -1.0"),
         (lambda: SimulatedModule().advance(np.nan), "got nan"),
         (lambda: SimulatedModule().trace(0.1, np.inf), "distance"),
