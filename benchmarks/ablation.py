@@ -21,8 +21,8 @@ import numpy as np
 
 from benchmarks.solver_speed import LOWER, UPPER, infeasible_wrenches, random_problems
 from tensionlab.allocation import allocate
-from tensionlab.benchmark.speed import THREADS
 from tensionlab.model.files import load_rig
+from tensionlab.support.operating_system import KERNEL_THREADS
 from tensionlab.workspace import tension_factor
 from tools.sanitize import PRELOADED, build
 
@@ -68,7 +68,7 @@ def time_jobs() -> dict[str, float]:
 def time_build(folder: Path, library: Path) -> dict[str, float]:
     """Return the times of `time_jobs` in a process that loads this extension."""
     (folder / "sitecustomize.py").write_text(PRELOADED.format(library=str(library)))
-    environment = os.environ | {"PYTHONPATH": str(folder), THREADS: "1"}
+    environment = os.environ | {"PYTHONPATH": str(folder), KERNEL_THREADS: "1"}
     words = [sys.executable, "-m", "benchmarks.ablation", "--times"]
     out = subprocess.run(words, check=True, capture_output=True, text=True, env=environment).stdout
     times: dict[str, float] = json.loads(out)

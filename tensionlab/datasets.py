@@ -15,8 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from tensionlab.errors import DataError, InputError
-from tensionlab.support.files.named import SUFFIXES, describe_unknown, list_names
+from tensionlab.support.files.named import SUFFIXES, list_names
+from tensionlab.support.files.reading import brief
 from tensionlab.support.files.reading import datasets_folder as folder
+from tensionlab.support.registry import suggest
 
 __all__ = ["folder", "load", "names"]
 PROBLEMS = "problems"
@@ -87,7 +89,8 @@ def load(name: str, folder: str | Path | None = None) -> Any:
         raise InputError(f"the name of a data set is text, such as 'vectors/grid18'; got {name!r}")
     known = names(folder=folder)
     if name not in known:
-        raise InputError(describe_unknown(name, known, "data set", "`tensionlab.datasets.names()` lists them"))
+        advice = suggest(name, known, "`tensionlab.datasets.names()` lists them")
+        raise InputError(f"no data set is called {brief(name)}; {advice}")
     kind, _, stem = name.partition("/")
     if kind == PROBLEMS:
         from tensionlab.benchmark.problem_sets import problem_set

@@ -13,13 +13,13 @@ import numpy as np
 
 from tensionlab import _native
 from tensionlab.support.arrays import Floats
+from tensionlab.support.operating_system import KERNEL_THREADS
 
 Caller = TypeVar("Caller")
 Measured = TypeVar("Measured")
 
 SHIFT_S = 1e-6  # shift of the geometric mean, in s: a call of 0.1 µs counts hardly less than one of 0.2 µs
 INSTRUCTION_SET = _native.INSTRUCTION_SET  # that the kernels use on this machine
-THREADS = "TENSIONLAB_NUM_THREADS"  # environment variable with the number of threads of the kernels
 
 
 def describe_kernels() -> str:
@@ -31,13 +31,13 @@ def describe_kernels() -> str:
 @contextmanager
 def using_threads(count: int) -> Iterator[None]:
     """Let the kernels use `count` threads inside a block; they read the environment in each call."""
-    before = os.environ.get(THREADS)
-    os.environ[THREADS] = str(count)
+    before = os.environ.get(KERNEL_THREADS)
+    os.environ[KERNEL_THREADS] = str(count)
     try:
         yield
     finally:
-        del os.environ[THREADS]
-        os.environ.update({} if before is None else {THREADS: before})
+        del os.environ[KERNEL_THREADS]
+        os.environ.update({} if before is None else {KERNEL_THREADS: before})
 
 
 def seconds(call: Callable[..., Any], *arguments: Any) -> float:

@@ -24,9 +24,10 @@ from tensionlab.model.kinematics import turn_axes
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.person import PersonPlan
 from tensionlab.support.arrays import Floats
-from tensionlab.support.files.named import describe_unknown, is_path
+from tensionlab.support.files.named import is_path
 from tensionlab.support.files.reading import as_path, brief, read_toml
 from tensionlab.support.formatting import format_count
+from tensionlab.support.registry import suggest
 from tensionlab.support.validation import describe, validate
 
 FOLDER = Path(__file__).parent / "files"  # scenarios of this package: NAME.toml and NAME.rig.toml
@@ -191,8 +192,8 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
     path = as_path(name)
     if not is_path(name, ".toml"):
         if name not in SCENARIOS:
-            problem = describe_unknown(str(name), SCENARIOS, "scenario", f"there are {', '.join(SCENARIOS)}")
-            raise ScenarioError(f"{problem}; a path ends in .toml or has a '/'")
+            advice = suggest(str(name), SCENARIOS, f"choose one of {', '.join(SCENARIOS)}.")
+            raise ScenarioError(f"no scenario is called {brief(name)}; {advice} A path ends in .toml or has a '/'")
         path = FOLDER / f"{name}.toml"
     contents = read_toml(path, "a scenario file (*.toml)", ScenarioError)
     try:

@@ -26,10 +26,10 @@ Result = TypeVar("Result")
 OPEN_ELSEWHERE_S = 1.0
 RETRY_PERIOD_S = 0.01
 NICENESS = 10  # priority of background processes
-LIBRARIES = ("TENSIONLAB_NUM", "OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "NUMEXPR_NUM", "RAYON_NUM", "VECLIB_MAXIMUM")
-ONE_THREAD = {
-    f"{library}_THREADS": "1" for library in LIBRARIES
-}  # environment; libraries read it when they are loaded
+KERNEL_THREADS = "TENSIONLAB_NUM_THREADS"  # environment variable with the number of threads of our kernels
+LIBRARIES = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "NUMEXPR_NUM", "RAYON_NUM", "VECLIB_MAXIMUM")
+# Environment with one thread for each library, which reads it when it is loaded.
+ONE_THREAD = dict.fromkeys([KERNEL_THREADS, *(f"{library}_THREADS" for library in LIBRARIES)], "1")
 
 if sys.platform == "win32":
     INTERRUPT_SIGNALS: tuple[signal.Signals, ...] = (signal.SIGINT, signal.SIGTERM, signal.SIGBREAK)

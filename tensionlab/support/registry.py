@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from dataclasses import Field, fields
+from difflib import get_close_matches
 from typing import Any
 
 from tensionlab.errors import TensionlabError
@@ -35,10 +35,10 @@ def create_by_name(
     return kind(**{first.name: value})
 
 
-def suggest(name: str, names: Iterable[str]) -> str:
-    """Return advice about an unknown name: the one that looks like it, or all there are."""
-    close = difflib.get_close_matches(name, names, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"choose one of {', '.join(names)}"
+def suggest(name: str, names: Iterable[str], listing: str = "") -> str:
+    """Return advice about an unknown name: the one that looks like it, or else where they are listed, or all."""
+    close = get_close_matches(name, names, n=1) or [each for each in names if name and each.startswith(name)]
+    return f"did you mean {close[0]!r}?" if close else listing or f"choose one of {', '.join(names)}"
 
 
 def variant_field(kind: type[Any]) -> Field[Any] | None:

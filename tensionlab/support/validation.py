@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from difflib import get_close_matches
 from functools import cache, wraps
 from itertools import accumulate
 from os import PathLike
@@ -16,6 +15,7 @@ from pydantic_core import ErrorDetails
 
 from tensionlab.errors import TensionlabError
 from tensionlab.support.files.reading import brief
+from tensionlab.support.registry import suggest
 
 T = TypeVar("T")
 MAX_PROBLEMS_CHARACTERS = 220  # length of a message beyond which advice, and then further problems, are left out
@@ -120,9 +120,8 @@ def _explain(problem: ErrorDetails, kind: Any, values: object) -> str:
         text = problem["msg"].partition(", ")[2]
         return f"{where.removesuffix(': ')}: {text}" if where else text
     if type_of_error in ("extra_forbidden", "unexpected_keyword_argument"):
-        close = get_close_matches(str(path[-1]), known, n=1)
-        remedy = f'did you mean "{close[0]}"?' if close else f"the keys here are {', '.join(known)}"
-        return f"{where} is an unknown key; {remedy if known else 'leave it out'}"
+        listing = f"the keys here are {', '.join(known)}" if known else "leave it out"
+        return f"{where} is an unknown key; {suggest(str(path[-1]), known, listing)}"
     description = (field.description if field is not None else None) or ""
     meaning = " ".join(description.split()).rstrip(".")
     if type_of_error in ("missing", "missing_argument"):

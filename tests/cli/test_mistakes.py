@@ -27,7 +27,7 @@ MISTAKES = {
     "new rigg": "'rigg' is none of rig, space, scenario, program",
     "workspace cube-8 --view volumes": "--view: 'volumes' is not one of 'slices', 'volume', 'shares'",
     # Names.
-    "compare cube8": "no rig is called 'cube8'; did you mean 'cube-8'? `tensionlab datasets rigs` lists them",
+    "compare cube8": "no rig is called 'cube8'; did you mean 'cube-8'? A path ends in .toml",
     "scenario bw": "no scenario is called 'bw'; did you mean 'bow'?",
     "problems show edg": "no problem set is called 'edg'; choose one of published, point, edge",
     "datasets rig": "no data sets are called 'rig'; there are rigs, spaces",
@@ -39,7 +39,7 @@ MISTAKES = {
     "workspace cube-8 cube-8": 'two rigs are called "cube-8"; give each its own name',
     "simulate rig.toml --only nobody": "--only nobody: no such module; there are floor-1, floor-2, floor-3, top",
     "simulate rig.toml --fault encodr@2s": "no fault 'encodr@2s'; write one of encoder, supply",
-    "module config set sim: slw=50": 'modules have no parameter "slw"; is it slew?',
+    "module config set sim: slw=50": "no parameter \"slw\"; did you mean 'slew'?",
     "bench --out b --set edgy": "'edgy'; choose one of",
     "simulate rig.toml --fault left:encoder@2s": "--fault left:encoder@2s: no module 'left'; there are floor-1",
     "validate --out v --preset perfect": "no preset 'perfect'; there are ideal, paper-like",

@@ -105,11 +105,11 @@ def test_a_saved_file_reads_well():
 MISTAKES = {
     "misspelt key": (
         GOOD.replace("anchor", "anchro", 1),
-        ['modules[0] ("left")', "anchro is an unknown key", 'did you mean "anchor"?'],
+        ['modules[0] ("left")', "anchro is an unknown key", "did you mean 'anchor'?"],
     ),
     "misspelt default": (
         GOOD.replace("lower", "lowr"),
-        ["limits.lowr is an unknown key", 'did you mean "lower"?'],
+        ["limits.lowr is an unknown key", "did you mean 'lower'?"],
     ),
     "strange key": (
         GOOD + "colour = 1",

@@ -117,7 +117,7 @@ def test_a_rig_refuses_wrenches_of_another_size_and_a_weight_that_it_does_not_kn
 def test_files_that_are_none_are_refused_by_name_and_key(tmp_path):
     path = tmp_path / "required.toml"
     path.write_text("bal = 3.0\n")
-    with pytest.raises(RigError, match=r'required.toml: bal is an unknown key; did you mean "ball"'):
+    with pytest.raises(RigError, match=r"required.toml: bal is an unknown key; did you mean 'ball'"):
         tl.load_requirement(path)
     path.write_text("ball = -3.0\n")
     with pytest.raises(RigError, match=r'required.toml: key "ball" is -3.0'):

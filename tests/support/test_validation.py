@@ -51,7 +51,7 @@ GOOD: dict[str, Any] = {"home": [0.0], "parts": [{"name": "left", "anchor": [0.0
     ("change", "message"),
     [
         ({"home": "x"}, "home is 'x'; give a list"),
-        ({"hom": 1}, 'hom is an unknown key; did you mean "home"?'),
+        ({"hom": 1}, "hom is an unknown key; did you mean 'home'?"),
         ({"zzz": 1}, "zzz is an unknown key; the keys here are home, parts, shapes, counts, tagged, share, rate"),
         ({"home": None}, "home is null; give a list"),
         ({"parts": [GOOD["parts"][0]] * 3}, "parts has 3 entries; give 2 at most"),
@@ -68,7 +68,7 @@ GOOD: dict[str, Any] = {"home": [0.0], "parts": [{"name": "left", "anchor": [0.0
         ),
         (
             {"parts": [{"name": "a", "anchor": [], "lowr": 1.0}]},
-            'parts[0] ("a"): lowr is an unknown key; did you mean "lower"?',
+            "parts[0] (\"a\"): lowr is an unknown key; did you mean 'lower'?",
         ),
         (
             {"parts": [{"name": "a", "anchor": [], "count": 3}]},
@@ -129,5 +129,5 @@ def test_a_constructor_raises_the_error_of_its_room() -> None:
     assert Spring(2.0).stiffness == 2.0
     with pytest.raises(RigError, match=r"^\w+: stiffness is -1.0; give more than 0$"):
         Spring(-1.0)
-    with pytest.raises(RigError, match=r'^\w+: stifness is an unknown key; did you mean "stiffness"'):
+    with pytest.raises(RigError, match=r"^\w+: stifness is an unknown key; did you mean 'stiffness'"):
         Spring(2.0, stifness=1.0)  # type: ignore[call-arg]

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from tensionlab.hardware.protocol.codes import (
 )
 from tensionlab.hardware.protocol.messages import GetParameter, Info, ParameterValue, SetParameter
 from tensionlab.support.files.reading import brief, parse_toml
+from tensionlab.support.registry import suggest
 
 # Parameters that allow others more as they grow.
 UPPER_BOUNDS = frozenset({"tension_upper", "newton_per_ampere", "current_peak", "length_upper", "supply_upper"})
@@ -72,8 +72,7 @@ def checked(values: Mapping[str, object], origin: str) -> dict[str, float]:
     stored = {}
     for name, value in values.items():
         if name not in PARAMETERS:
-            close = " or ".join(get_close_matches(name, PARAMETERS))
-            advice = f"is it {close}?" if close else "`tensionlab module config get MODULE` shows them all"
+            advice = suggest(name, PARAMETERS, "`tensionlab module config get MODULE` shows them all")
             raise HardwareError(f'{origin}: modules have no parameter "{name:.40}"; {advice}')
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise HardwareError(f"{origin}: {name} is {brief(value)}; give a number")

@@ -6,15 +6,14 @@ this package, ``ipanema-2.toml`` and ``./ipanema-2`` are files.
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
-from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
 
 from tensionlab.errors import TensionlabError
 from tensionlab.support.files.reading import as_path, brief, datasets_folder
+from tensionlab.support.registry import suggest
 
 SUFFIXES = {
     "rigs": ".toml",
@@ -56,18 +55,11 @@ def find(word: str | PathLike[str], kind: str, error: type[TensionlabError]) -> 
                 raise error(
                     f"no {what} that comes with tensionlab is called {word!r}; for the file give {word}{suffix}"
                 )
-            problem = describe_unknown(str(word), known, what, f"`tensionlab datasets {kind}` lists them")
-            raise error(f"{problem}; a path ends in {suffix} or has a '/'")
+            advice = suggest(str(word), known, f"`tensionlab datasets {kind}` lists them.")
+            raise error(f"no {what} is called {brief(word)}; {advice} A path ends in {suffix} or has a '/'")
         return datasets_folder() / kind / f"{word}{suffix}"
     path = as_path(word)
     name = re.split(r"[/\\]", str(word))[-1].removesuffix(suffix)
     if not os.path.exists(path) and name in list_names(kind):  # noqa: PTH110 - takes what no system does
         raise error(f"{path}: no such file; the {what} that comes with tensionlab is called {name!r}")
     return path
-
-
-def describe_unknown(name: str, known: Iterable[str], what: str, listing: str) -> str:
-    """Return what to say of an unknown name: which one is close, and how to list them."""
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
-    hint = f"did you mean {close[0]!r}? " if close else ""
-    return f"no {what} is called {brief(name)}; {hint}{listing}"

@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeVar
 
 from tensionlab.errors import SweepError, optional_import
 from tensionlab.support.files.reading import brief
-from tensionlab.support.operating_system import processors
+from tensionlab.support.operating_system import KERNEL_THREADS, processors
 
 CHUNKS_PER_WORKER = 2  # under way at once, so that no worker waits and memory is bounded
 CLUSTER_TIMEOUT_S = 10  # longest time until a scheduler answers
@@ -30,7 +30,7 @@ def evaluate_on_threads(tasks: Iterable[AnyTask]) -> Iterator[tuple[AnyTask, Any
 
     Threads serve: kernels and NumPy's loops run without the interpreter's lock.
     """
-    setting = os.environ.get("TENSIONLAB_NUM_THREADS", "")
+    setting = os.environ.get(KERNEL_THREADS, "")
     threads = int(setting) if setting.isdecimal() and int(setting) else processors()
     with ThreadPoolExecutor(threads) as pool:
         yield from _evaluate(tasks, threads, lambda task: pool.submit(task.evaluate))

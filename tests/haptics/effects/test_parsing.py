@@ -30,7 +30,7 @@ def test_a_shape_is_of_any_solid(kind):
     ("given", "said"),
     [
         ({"kind": "wal"}, "kind is 'wal'; give one of wall,"),
-        ({"kind": "wall", "stifness": 1}, 'stifness is an unknown key; did you mean "stiffness"?'),
+        ({"kind": "wall", "stifness": 1}, "stifness is an unknown key; did you mean 'stiffness'?"),
         ({"kind": "shaped", "field": {"kind": "cone"}}, "field: kind is 'cone'; give one of sphere,"),
         ({"kind": "shaped", "field": {"size": [1, 1, 1]}}, "field: size is an unknown key; the keys here"),
         (3, "is 3; give a table"),

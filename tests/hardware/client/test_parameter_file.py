@@ -54,7 +54,7 @@ def test_what_was_dumped_comes_back_and_is_not_stored(client):
         ("tension_lower = 1", r"my\.toml: give \[parameters\] with lines"),
         ("[parameters]\n", r"my\.toml: give \[parameters\]"),
         ("[parameters", r"my\.toml: not valid TOML"),
-        ("sleuw = 1", r"my\.toml: modules have no parameter \"sleuw\"; is it slew\?"),
+        ("sleuw = 1", r"my\.toml: modules have no parameter \"sleuw\"; did you mean .slew.\?"),
         ("ttl = 10", r"my\.toml: ttl is from 50 to 2000 ms; got 10"),
         ("ttl = nan", r"ttl is from 50 to 2000 ms; got nan"),
         ("ttl = 1e60", r"ttl is from .* got 1e\+60"),

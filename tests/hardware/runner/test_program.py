@@ -58,7 +58,7 @@ def test_a_repeated_program_ramps_from_its_last_wrench(load):
         ('name = "a"\n' + step("inf"), r"steps\[0\]\.seconds is .*; give a finite number"),
         ('name = "a"\n' + step(wrench=(1.0, 2.0)), "step 1: wrench is .*this rig takes 3 components"),
         ('name = "a"\n' + step() + step(more='brakes = ["to"]'), 'step 2: no module "to"; there are floor-1'),
-        ('name = "a"\n' + step(more="rammp = true"), 'rammp is an unknown key; did you mean "ramp"?'),
+        ('name = "a"\n' + step(more="rammp = true"), "rammp is an unknown key; did you mean 'ramp'?"),
         ("name = ", "program.toml: not valid TOML"),
     ],
 )

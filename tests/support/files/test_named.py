@@ -38,11 +38,11 @@ def test_a_name_means_the_package_whatever_files_there_are(empty):
 
 
 def test_a_wrong_name_is_told_which_one_is_close_and_how_to_list_them(empty):
-    said = r"no rig is called 'ipanema-3'; did you mean 'ipanema-2'\? `tensionlab datasets rigs` lists them; a"
+    said = r"no rig is called 'ipanema-3'; did you mean 'ipanema-2'\? A path ends in"
     with pytest.raises(RigError, match=said):
         tl.load_rig("ipanema-3")
     with pytest.raises(
-        RigError, match=r"no rig is called 'xyz'; `tensionlab datasets rigs` lists them; .* in \.toml"
+        RigError, match=r"no rig is called 'xyz'; `tensionlab datasets rigs` lists them\. A path ends in \.toml"
     ):
         tl.load_rig("xyz")
     with pytest.raises(RigError, match="no space is called 'four'; did you mean 'four-in-a-room'"):
