@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.errors import DataError, InputError
+from tensionlab.errors import DataError, InputError, WriteError
 from tensionlab.support import provenance
 from tensionlab.support.files import writing
 from tensionlab.support.files.reading import as_path
@@ -178,8 +179,16 @@ def summary_table(summary: pandas.DataFrame, columns: Sequence[str], bold: bool 
 
 
 def write(folder: str | Path, results: Results) -> None:
-    """Write results, measurements and manifest into a folder."""
-    place = as_path(folder)
+    """Write results, measurements and manifest into a folder; if refused, a temporary one that the error names."""
+    try:
+        _write(as_path(folder), results)
+    except WriteError as error:
+        kept = Path(tempfile.mkdtemp(prefix="tensionlab-bench-"))
+        _write(kept, results)
+        raise WriteError(f"{error}; the results are kept in {kept}") from None
+
+
+def _write(place: Path, results: Results) -> None:
     for name, table in ((FILE, results.rows), (MEASUREMENTS_FILE, results.measurements)):
         if table is not None:
             provenance.write_parquet(place / name, dict(table.drop(columns="label").items()), results.manifest)

@@ -1,6 +1,7 @@
 """Results of a benchmark: their summary, report and files."""
 
 import re
+import tempfile
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from tensionlab.benchmark import results
 from tensionlab.benchmark.report import FIGURES, report
 from tensionlab.benchmark.results import ID, KEY, QUANTITIES, TYPES, Results
-from tensionlab.errors import DataError, InputError
+from tensionlab.errors import DataError, InputError, WriteError
 from tensionlab.support import provenance
 
 
@@ -104,6 +105,16 @@ def test_results_survive_the_disk_with_and_without_measurements(tmp_path, bench_
     assert again.manifest == small.manifest == bench_results.manifest
     with pytest.raises(InputError, match="no measurements of single problems"):
         small.to_pandas()
+
+
+def test_results_that_cannot_be_written_are_kept_elsewhere(tmp_path, bench_results, monkeypatch):
+    (tmp_path / results.FILE).mkdir()
+    (tmp_path / "kept").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "kept"))
+    with pytest.raises(WriteError, match=r"parquet: is a folder; .*the results are kept in ") as refused:
+        results.write(tmp_path, bench_results)
+    kept = str(refused.value).rpartition(" in ")[2]
+    pd.testing.assert_frame_equal(results.read(kept).measurements, bench_results.measurements)
 
 
 def test_other_files_are_refused_by_name(tmp_path, bench_results):
