@@ -48,7 +48,7 @@ class RigState:
     structure : (n, m) array
         Structure matrix at that pose.
     lengths, speeds, tensions : (m,) arrays
-        Of the cables, in m; of paying out, in m/s; as measured by the modules, in N.
+        Of the cables, in m; of paying out, in m/s; as measured by the modules, in N, NaN where the report is old.
     ages : (m,) array
         Time since the latest telemetry came, in s; infinite before the first.
     active : (m,) array of bool
@@ -156,6 +156,16 @@ class Demand:
     brakes: frozenset[str] = frozenset()
     stop: bool = False
     desired: Floats | None = None
+
+
+def measured_wrench(structure: Floats, tensions: Floats, active: NDArray[np.bool_]) -> Floats:
+    """Return the wrench (..., n) in N and N·m that reported tensions (..., m) in N exert.
+
+    It is NaN where the tension of a module that takes part is unknown. A lost module counts while it reports; one
+    that is silent has timed out and releases its cable.
+    """
+    known = np.where(active | np.isfinite(tensions), tensions, 0.0)
+    return np.asarray(np.einsum("...nm,...m->...n", structure, known))
 
 
 DemandSource = Callable[[RigState], Demand]  # function that returns the demand for a state; called once a cycle

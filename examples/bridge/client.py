@@ -3,6 +3,7 @@
 import math
 import sys
 import time
+from collections.abc import Sequence
 
 from tensionlab.haptics.bridge.client import BridgeClient
 
@@ -25,10 +26,15 @@ def main() -> None:
             height = DEPTH_M * math.cos(2.0 * now)
             hand = tuple(at + height * along for at, along in zip(home, up, strict=True))
             state = bridge.frame(now, hand)
-            largest = max(largest, state, key=lambda each: math.hypot(*each.measured))
+            largest = max(largest, state, key=lambda each: size(each.measured))
             time.sleep(1.0 / 90.0)
-    desired, measured = (math.hypot(*force) for force in (largest.desired, largest.measured))
+    desired, measured = (size(force) for force in (largest.desired, largest.measured))
     print(f"largest measured force {measured:.2f} N, where {desired:.2f} N was desired")
+
+
+def size(force: Sequence[float | None]) -> float:
+    """Return the size of a force in N, 0 where it is not known."""
+    return math.hypot(*(part or 0.0 for part in force))
 
 
 if __name__ == "__main__":

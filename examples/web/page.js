@@ -63,7 +63,8 @@ function draw({ canvas, across }) {
     ink.lineTo(...at(state.position));
     ink.stroke();
   }
-  for (const name of ["desired", "measured"]) arrow(ink, at(state.position), at, state[name], colour(name));
+  const known = ["desired", "measured"].filter((name) => !state[name].includes(null));
+  for (const name of known) arrow(ink, at(state.position), at, state[name], colour(name));
   ink.fillStyle = colour("ink");
   ink.beginPath();
   ink.arc(...at(state.position), 6, 0, 2 * Math.PI);
@@ -90,7 +91,7 @@ function arrow(ink, [x, y], at, wrench, colour) {
 function show(welcome) {
   VIEWS.filter(({ across }) => across()).forEach(draw);
   for (const name of ["desired", "measured"]) {
-    const force = state[name].map((x) => x.toFixed(2).replace(/^-(0\.00)$/, "$1").padStart(6));
+    const force = state[name].map((x) => x?.toFixed(2).replace(/^-(0\.00)$/, "$1").padStart(6) ?? "?");
     byId(name).textContent = `${force.join(" ")} N`;
   }
   const rows = welcome.modules.map((name, i) => {

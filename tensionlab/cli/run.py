@@ -13,7 +13,7 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.runs import end_run, open_sinks, reach_modules, show_run
 from tensionlab.cli.common.verbs import Json, option
-from tensionlab.demand import Demand, DemandSource, Pose
+from tensionlab.demand import Demand, DemandSource, Pose, measured_wrench
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Fault, Limit, State
 from tensionlab.hardware.runner.program import load_program
@@ -129,7 +129,7 @@ def live_table(runner: Runner) -> RenderableType:
     cycle, statistics = runner.latest, runner.statistics
     if cycle is None:
         return "arming, and reeling in slack cables: hold the platform still ..."
-    state, wrenches = cycle.state, _wrenches(cycle)
+    state, wrenches = cycle.state, _wrenches(cycle, runner.rig)
     rows = []
     for index, module in enumerate(runner.rig.modules):
         if state.active[index]:
@@ -155,8 +155,7 @@ def print_summary(runner: Runner) -> None:
     cycle, statistics = runner.latest, runner.statistics
     rows = statistics.rows()
     if cycle is not None and cycle.demand.wrench is not None:
-        unit = "N" if runner.rig.n == runner.rig.dimension else "N and N·m"
-        rows += [(f"{name} in the last cycle", f"{text} {unit}") for name, text in _wrenches(cycle).items()]
+        rows += [(f"{name} in the last cycle", text) for name, text in _wrenches(cycle, runner.rig).items()]
     rows += [
         (f"damaged frames of {client.name}", str(client.bad_frames))
         for client in runner.modules.clients
@@ -165,15 +164,19 @@ def print_summary(runner: Runner) -> None:
     output.print_table(Table(["", ""], rows, f"{runner.rig.name}: {statistics.title}"))
 
 
-def _wrenches(cycle: Cycle) -> dict[str, str]:
+def _wrenches(cycle: Cycle, rig: Rig) -> dict[str, str]:
     """Return desired, commanded and measured wrench, if there is one, in texts that keep their width."""
     demand = cycle.demand
-    found = {"measured": cycle.state.structure @ np.nan_to_num(cycle.state.tensions)}
+    state = cycle.state
+    found = {"measured": measured_wrench(state.structure, state.tensions, state.active)}
     if demand.wrench is not None:
         local = demand.wrench - cycle.solver_wrench  # by impedances and lost modules
         desired = demand.wrench if demand.desired is None else demand.desired
         found = {"desired": desired, "commanded": cycle.allocation.wrench + local, **found}
+    unit = "N" if rig.n == rig.dimension else "N and N·m"
     return {
-        name: "(" + ", ".join(f"{value + 0.0:5.2f}" for value in wrench.round(2)) + ")"
+        name: "unknown: a module's report is old"
+        if np.isnan(wrench).any()
+        else f"({', '.join(f'{value + 0.0:5.2f}' for value in wrench.round(2))}) {unit}"
         for name, wrench in found.items()
     }

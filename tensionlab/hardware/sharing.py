@@ -114,7 +114,8 @@ class SharedRun:
     def pack(self, *, over: bool = False) -> bytes:
         """Return the run as it is now; ``over`` when its modules have been commanded to stop."""
         cycle, statistics = self._latest, self._statistics
-        telemetry = [client.telemetry for client in self._clients]
+        known = np.ones(len(self._clients)) if cycle is None else np.isfinite(cycle.state.tensions)
+        telemetry = [client.telemetry if each else None for client, each in zip(self._clients, known, strict=True)]
         row: dict[str, Any] = {name: getattr(statistics, name) for name in SHARED_STATISTICS} | {
             "number": self._number,
             "over": over,

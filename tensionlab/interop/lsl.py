@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from tensionlab.demand import measured_wrench
 from tensionlab.errors import MissingDependency, optional_import
 from tensionlab.hardware.protocol.messages import Info
 from tensionlab.hardware.runner.cycle_table import demanded_wrench, desired_wrench, rotation_matrix
@@ -67,8 +68,8 @@ class LslStreams:
     Four streams, each called as the rig and what is in it, as in "floor-3 forces":
 
     - *forces* (type Force): ``desired``, ``commanded`` and ``measured``, each with the components of a wrench, in
-      N and N·m. Desired is NaN where the run only holds the cables taut.
-    - *tensions* (type Tension): ``commanded`` and ``measured`` of each module, in N.
+      N and N·m. Desired is NaN where the run only holds the cables taut, measured where a tension is unknown.
+    - *tensions* (type Tension): ``commanded`` and ``measured`` of each module, in N; NaN where its report is old.
     - *pose* (type MoCap): position in m and, of what turns, the orientation: a quaternion, or an angle in rad.
     - *markers* (type Markers): texts, such as "armed: 4 modules", "phase: touch" or "ended: duration reached".
 
@@ -144,7 +145,7 @@ class LslStreams:
         began = self._clock() - cycle.compute_time
         state = cycle.state
         forces = [desired_wrench(cycle, self._rig), demanded_wrench(cycle, self._rig)]
-        forces.append(state.structure @ np.where(state.active, state.tensions, 0.0))
+        forces.append(measured_wrench(state.structure, state.tensions, state.active))
         self._send(self._forces, np.concatenate(forces).tolist(), began)
         self._send(self._tensions, [*cycle.commanded.tolist(), *state.tensions.tolist()], began)
         self._send(self._pose, [*state.pose.position, *self._orientation(cycle)], began)

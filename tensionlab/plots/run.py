@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.demand import measured_wrench
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit
 from tensionlab.plots.style import HALO, legend_beside, new_figure
 from tensionlab.solvers.base import Status
@@ -119,7 +120,7 @@ def _line(axes: Axes, run: Run, values: Floats, **look: Any) -> None:
 
 def _draw_wrench(axes: Axes, run: Run, part: slice) -> None:
     local = np.nan_to_num(run.demanded - run.solver_wrench)  # what modules with an impedance, and lost ones, pull
-    measured = np.einsum("knm,km->kn", run.structure, np.nan_to_num(run.measured))
+    measured = measured_wrench(run.structure, run.measured, run.active)
     lines = {"desired": run.desired, "commanded": run.rendered + local, "measured": measured}
     count = run.desired[:, part].shape[1]
     # Where there is one torque only, it is that about z.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Status
+from tensionlab.demand import measured_wrench
 from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.rendering.assignment import MIN_COSINE
 from tensionlab.hardware.log.reader import Run
@@ -88,7 +89,9 @@ def rendered_force(result: ScenarioResult) -> ForceRecord:
     if frame is not None:  # by the cable of a module on that body
         index = [module.frame for module in run.rig.modules].index(frame)
         position = run.rig.anchors[index] - run.structure[:, :, index] * run.lengths[:, index, None]
-    return ForceRecord(run.time, position, measured_force(run))
+    force = measured_force(run)
+    known = np.isfinite(force).all(axis=1)
+    return ForceRecord(run.time[known], position[known], force[known])
 
 
 def find_effect(result: ScenarioResult, kind: type[Kind], settling: float = 0.0) -> tuple[Kind, ForceRecord]:
@@ -155,7 +158,7 @@ def check_directions(run: Run) -> Directions:
 
 def direction_reasons(run: Run) -> NDArray[np.int64]:
     """Return for each cycle an index of `REASONS`, `ALIGNED_CYCLE` or `WEAK_CYCLE`."""
-    measured = measured_force(run)
+    measured = np.nan_to_num(measured_force(run))
     desired = np.nan_to_num(desired_force(run))
     tension_limits = [int(limit) for limit in (Limit.NONE, Limit.LOWER, Limit.UPPER)]
     found = np.full(len(run), REASONS.index("unexplained"))
@@ -174,8 +177,8 @@ def desired_force(run: Run) -> Floats:
 
 
 def measured_force(run: Run) -> Floats:
-    """Return the force on the hand by the reported tensions, (K, n) in N."""
-    force: Floats = np.einsum("knm,km->kn", run.structure, np.nan_to_num(run.measured))
+    """Return the force on the hand by the reported tensions, (K, n) in N; NaN where one is unknown."""
+    force = measured_wrench(run.structure, run.measured, run.active)
     return force - run.rig.required.middle(run.rig)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,12 +41,24 @@ def _environment() -> jinja2.Environment:
         auto_reload=False,
     )
     environment.globals.update(BLUE=BLUE, GREEN=GREEN, GREY=GREY, ORANGE=ORANGE, RED=RED)
-    environment.globals.update(FORCE_COLOURS=FORCE_COLOURS, STATUS_MARKS=STATUS_MARKS, isfinite=np.isfinite)
+    environment.globals.update(
+        FORCE_COLOURS=FORCE_COLOURS, STATUS_MARKS=STATUS_MARKS, isfinite=np.isfinite, isnan=np.isnan
+    )
     environment.globals.update({code.__name__: code for code in (BrakeState, Fault, Limit, State, Status)})
     environment.filters.update(
-        count=format_count, duration=format_duration, norm=np.linalg.norm, number=_number, short=format_number
+        count=format_count,
+        duration=format_duration,
+        norm=np.linalg.norm,
+        number=_number,
+        short=format_number,
+        tension=tension_text,
     )
     return environment
+
+
+def tension_text(tension: float) -> str:
+    """Return a tension in N as text."""
+    return "unknown" if math.isnan(tension) else f"{format_number(tension)} N"
 
 
 def _number(value: float) -> str:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.demand import measured_wrench
 from tensionlab.errors import LogError
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit
@@ -167,7 +168,7 @@ def cycle_heading(run: Run, playback: Playback, index: int) -> str:
 def curves(run: Run) -> tuple[list[tuple[str, str, str]], float]:
     """Return name, colour and SVG path of the desired and measured force over time, and the largest force."""
     d = run.rig.dimension
-    measured = np.linalg.norm(run.structure[:, :d] @ np.nan_to_num(run.measured)[..., None], axis=(1, 2))
+    measured = np.linalg.norm(measured_wrench(run.structure[:, :d], run.measured, run.active), axis=1)
     sizes = {"desired": np.linalg.norm(run.desired[:, :d], axis=1), "measured": measured}
     known = np.concatenate([size[np.isfinite(size)] for size in sizes.values()])
     largest = float(known.max(initial=0.0)) or 1.0

@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.demand import measured_wrench
 from tensionlab.model.kinematics import in_space
 from tensionlab.model.pulleys import ARC_POINTS, ways
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import HEAD_M, Scenery, ScenerySurface, StickFigure, stick_figure
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import FORCE_COLOURS, GREEN, GREY, RED, Colours, ramp, rgb
-from tensionlab.support.formatting import format_number
+from tensionlab.viewer.html import tension_text
 from tensionlab.viewer.scene import (
     NO_LINE,
     Lines,
@@ -48,7 +49,7 @@ class Instant:
     hand: Floats  # the point, or the platform's reference point, (d,), in m
     anchors: Floats  # ends of the cables at the modules, (m, d), in m
     ends: Floats  # and at the platform
-    tensions: Floats  # measured, (m,), in N; before the first telemetry, those sent
+    tensions: Floats  # measured, (m,), in N; NaN where unknown
     set_points: Floats  # sent, (m,), in N; NaN where none was
     active: NDArray[np.bool_]  # modules that take part, (m,)
     desired: Floats  # wrenches (n,), in N and N·m; NaN where none is desired
@@ -65,12 +66,12 @@ class Instant:
             hand=cycle["position"],
             anchors=cycle["anchors"],
             ends=cycle["position"] + rig.attachments @ cycle["rotation"].T,
-            tensions=np.where(np.isfinite(tensions), tensions, set_points),
+            tensions=tensions,
             set_points=set_points,
             active=cycle["active"],
             desired=cycle["desired"],
             commanded=structure @ np.nan_to_num(set_points) + by_modules,
-            measured=structure @ np.nan_to_num(tensions),
+            measured=measured_wrench(structure, tensions, cycle["active"]),
         )
 
     def slack(self, rig: Rig) -> NDArray[np.bool_]:
@@ -90,7 +91,7 @@ def draw_instant(rig: Rig, instant: Instant, *, fresh: bool = True) -> RigScene:
     labels = [module.name for module in rig.modules]
     if fresh:
         values = zip(instant.active, instant.slack(rig), instant.tensions.tolist(), strict=True)
-        texts = ["LOST" if not a else "slack" if slack else f"{format_number(t)} N" for a, slack, t in values]
+        texts = ["LOST" if not a else "slack" if slack else tension_text(t) for a, slack, t in values]
         labels = [f"{name} · {text}" for name, text in zip(labels, texts, strict=True)]
     return RigScene(
         cables=_cables(rig, instant, ends, anchors, fresh=fresh),

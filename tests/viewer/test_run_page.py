@@ -91,12 +91,13 @@ def test_what_is_wrong_with_a_module_is_marked(report):
     cycle = dict(report.cycle)
     cycle["limiters"] = np.array([Limit.THERMAL, Limit.NONE, Limit.NONE, Limit.NONE])
     cycle["ages"] = np.array([0.08, 0.01, np.inf, 0.01])
-    cycle["measured"] = np.array([2.0, 0.0, 0.1, 1.0])
+    cycle["measured"] = np.array([2.0, 0.0, 0.1, np.nan])
     cycle["brake_states"] = np.array([BrakeState.CLOSED, -1, -1, -1])
     found = replace(report, cycle=cycle, bad_frames=np.array([0, 0, 0, 3]))
     text = said(found)
     assert "brake closed, commanded off · limited by thermal · link 80 ms" in text
     assert "link silent · slack" in text
+    assert "top unknown last report: running" in text
     assert "3 damaged frames" in text
     html = modules_html(INFO, found, Instant.of(INFO.rig, cycle))
     for words in ("link 80 ms", "link silent", "slack", "fault: encoder"):

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tensionlab.demand import Demand, RigState
+from tensionlab.demand import Demand, RigState, measured_wrench
 from tensionlab.haptics.bridge.messages import BridgeEvent, BridgeState
 from tensionlab.haptics.rendering.assignment import Cut
 from tensionlab.haptics.rendering.renderer import Renderer
@@ -94,7 +94,7 @@ class RunEvents:
             return BridgeState(sequence=sequence, position=self._home.tolist(), softened={}, **idle)
         state, demand, share, ceiling, delay, cut = self._latest
         demanded = self._still if demand.wrench is None else np.asarray(demand.wrench)
-        known = np.nan_to_num(state.tensions)
+        measured = measured_wrench(state.structure, state.tensions, state.active)
         return BridgeState(
             sequence=sequence,
             time=state.time,
@@ -102,8 +102,8 @@ class RunEvents:
             desired=(demanded if demand.desired is None else np.asarray(demand.desired)).tolist(),
             demanded=demanded.tolist(),
             softened={name: {key: each.rendered for key, each in cuts.items()} for name, cuts in cut.items()},
-            measured=(state.structure @ known).tolist(),
-            tensions=[None if np.isnan(tension) else float(tension) for tension in state.tensions],
+            measured=_or_none(measured),
+            tensions=_or_none(state.tensions),
             limiters=[self._limiters[int(each)] for each in state.limiters],
             active=state.active.tolist(),
             rendering=[name in demand.impedances for name in self._names],
@@ -181,3 +181,7 @@ class RunEvents:
 
     def _event(self, time: float, kind: str, text: str, **more: float | str) -> None:
         self.send(BridgeEvent.model_validate({"time": time, "kind": kind, "text": text, **more}))
+
+
+def _or_none(numbers: Floats) -> list[float | None]:
+    return [None if np.isnan(number) else number for number in numbers.tolist()]

@@ -116,13 +116,17 @@ class BridgeState(BridgeMessage):
         description="the part demanded of the modules, as stiff and as fast as the loop renders stably, in N and "
         "N m"
     )
-    measured: list[float] = Field(description="wrench of the tensions that the modules report, in N and N m")
+    measured: list[float | None] = Field(
+        description="wrench of the tensions that the modules report, in N and N m; null while one is not known"
+    )
     softened: dict[str, dict[str, float]] = Field(
         description="effects that are softer than desired, by name: each such parameter, and the stiffness "
         "rendered in the latest cycle, in N/m; `frequency` is 0 if a vibration is left out because it is too fast "
         "for the host"
     )
-    tensions: list[float | None] = Field(description="measured, as the modules report them, in N")
+    tensions: list[float | None] = Field(
+        description="as the modules report them, in N; null where the report is old"
+    )
     limiters: list[str] = Field(
         description="limiter of each module: NONE, LOWER, UPPER, SLEW, THERMAL, SPEED, LENGTH, RELEASING, TIMEOUT "
         "or IDLE"

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from tensionlab.demand import measured_wrench
 from tensionlab.hardware.runner.cycle_table import anchors_in_world, rotation_matrix
 from tensionlab.hardware.runner.records import Cycle
 from tensionlab.model.kinematics import in_space, turn_axes
@@ -61,9 +62,8 @@ class SceneEncoder:
         anchors = anchors_in_world(cycle, rig)
         ends = state.pose.position + rig.attachments @ rotation_matrix(cycle, rig).T
         points = self._in_scene(ways(ends, anchors, rig.pulleys_in_world(state.pose.frames)))
-        known = np.where(np.isfinite(state.tensions), state.tensions, cycle.commanded)
-        colours = ramp(np.where(state.active, known, np.nan), rig.limits.lower, rig.limits.upper)
-        force = state.structure @ np.where(state.active, state.tensions, 0.0)
+        colours = ramp(np.where(state.active, state.tensions, np.nan), rig.limits.lower, rig.limits.upper)
+        force = measured_wrench(state.structure, state.tensions, state.active)
         content = _scene_update(
             time_ns,
             lines=[_line(np.stack([points[:-1], points[1:]], axis=2).reshape(-1, 3), colours)],

@@ -37,6 +37,7 @@ MAX_LENGTH_JUMP_M = _native.MAX_LENGTH_JUMP_M  # tolerance of a length against t
 MAX_ACCELERATION_M_S2 = _native.MAX_ACCELERATION_M_S2
 SEQUENCE_NUMBERS = 256  # set-point numbers wrap around here
 HISTORY_S = 5.0  # time for which times of set-points are kept
+LATE_PERIODS, UNKNOWN_PERIODS = 2, 5  # ages of telemetry from which on it is late, and its tension unknown
 STALL_SHARE = 0.75  # a cycle that comes later than this share of the time to live after the one before has stalled
 
 
@@ -84,7 +85,9 @@ class ArmedModules:
         self._previous, self._stalled_until = math.inf, -math.inf
         self._stall_s = 0.0  # duration of the latest late cycle; 0 if it was long ago
         self._late_since = np.full(rig.m, np.nan)
-        self._late_ages = np.full(rig.m, 2e-3 * settings.telemetry_ms)
+        period = 1e-3 * settings.telemetry_ms
+        self._late_ages = np.full(rig.m, LATE_PERIODS * period)
+        self._unknown_ages = np.full(rig.m, min(UNKNOWN_PERIODS * period, settings.ttl))
         self._no_brakes = np.zeros(rig.m, dtype=bool)
         self._seen: Observation | None = None
         group.clear_checked()
@@ -101,8 +104,8 @@ class ArmedModules:
         self._derating.update(seen.thermal)
         delays, at_least = self._delays.delays(seen.last_sequence, now)
         self.check(seen, at_least, now)
-        if not self.complete:  # the last report of a silent module is no measurement any more
-            seen = seen._replace(tensions=np.where(seen.ages > self._settings.ttl, np.nan, seen.tensions))
+        if _native.any_exceeds(seen.ages, self._unknown_ages):  # an old report is no measurement
+            seen = seen._replace(tensions=np.where(seen.ages > self._unknown_ages, np.nan, seen.tensions))
         return seen, delays
 
     def check(self, seen: Observation, delays: Floats, now: float) -> None:
@@ -161,7 +164,7 @@ class ArmedModules:
         raise LinkTimeout(f'module "{client.name}" at {client.link.url} {why}')
 
     def count_late(self, seen: Observation) -> None:
-        """Count the modules whose telemetry is late."""
+        """Count the modules that take part and whose telemetry is late."""
         if _native.any_exceeds(seen.ages, self._late_ages):
             late = seen.ages >= self._late_ages
             self._statistics.late_telemetry.update(np.array(self.names)[late].tolist())
@@ -225,6 +228,7 @@ class ArmedModules:
 
     def _lose(self, index: int, error: HardwareError) -> None:
         self.active[index] = self.complete = False
+        self._late_ages[index] = math.inf
         self._statistics.lost[self.names[index]] = str(error)
         self._note("lost", str(error), self.names[index])
         assert self._seen is not None

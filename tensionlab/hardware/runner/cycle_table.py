@@ -107,7 +107,7 @@ class CycleTable:
     lengths: Floats = column("state.lengths", "m", "length of the cable", "module")
     anchors: Floats = column(anchors_in_world, "m", "anchor in the world", "module", "axis")
     speeds: Floats = column("state.speeds", "m/s", "speed of paying out", "module")
-    measured: Floats = column("state.tensions", "N", "tension that the module reports", "module")
+    measured: Floats = column("state.tensions", "N", "tension that the module reports; NaN if it is old", "module")
     ages: Floats = column("state.ages", "s", "time since the latest telemetry", "module")
     active: Flags = column("state.active", "1", "whether the module takes part", "module")
     states: Integers = column("state.states", "1", f"state of the module: {codes(State)}", "module")

@@ -3,6 +3,7 @@
 In lockstep, where time is exact; `test_fault_processes.py` has what takes real processes.
 """
 
+import json
 import signal
 from dataclasses import dataclass
 
@@ -10,14 +11,17 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.demand import Demand
+from tensionlab.demand import Demand, measured_wrench
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, LogError, ModuleFault
+from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.protocol.codes import Code, Fault, Limit, State
+from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.sharing import RunSnapshot, SharedRun
 from tensionlab.hardware.simulation.world import simulated_module
 from tensionlab.solvers.base import Status
 from tensionlab.support.operating_system import ESTOP_SIGNAL
 from tests.helpers.rehearsal import GENTLE, TROUBLE, Rehearsal
-from tests.helpers.runs import EventList
+from tests.helpers.runs import EventList, new_log
 
 TTL, CYCLE = 0.25, 0.02
 TAUT = 0.5
@@ -278,14 +282,29 @@ def test_what_a_lost_module_still_pulls_is_made_up_for_until_it_has_let_go(cube,
     assert errors.max() < 60.0 * 2 * CYCLE
 
 
-def test_what_a_silent_module_said_last_is_no_measurement_once_its_set_points_are_dead(cube):
+def test_what_a_silent_module_said_last_is_no_measurement_once_it_is_old(cube, tmp_path):
+    """Its tension is unknown before it is lost, and so is the wrench; afterwards it has let go of its cable."""
     rehearsal, name = cube
-    rehearsal.runner(rehearsal.demand(trouble=rehearsal.links[name].freeze), on_loss="continue").run(2.0)
-    for state in rehearsal.cycles:
-        unknown = state.ages > TTL
-        assert unknown[0] == (not state.active[0])
-        np.testing.assert_array_equal(np.isnan(state.tensions), unknown)
-    assert not state.active[0]
+    log = new_log(tmp_path / "run.mcap", rehearsal.rig)
+    published = SharedRun(rehearsal.rig, "newton", RunSettings(), rehearsal.group.clients)
+    trouble = rehearsal.links[name].freeze
+    runner = rehearsal.runner(rehearsal.demand(trouble=trouble), sinks=[log, published], on_loss="continue")
+    statistics = runner.run(2.0)
+    run = read_run(tmp_path / "run.mcap")
+    unknown = run.ages[:, 0] > 5.0 * CYCLE
+    assert (~unknown[run.time < TROUBLE]).all()
+    assert unknown[run.time > TROUBLE + 6.0 * CYCLE].all()
+    assert (unknown & run.active[:, 0]).any()
+    np.testing.assert_array_equal(np.isnan(run.measured[:, 0]), unknown)
+    assert np.isfinite(run.measured[:, 1:]).all()
+    wrench = measured_wrench(run.structure, run.measured, run.active)
+    np.testing.assert_array_equal(np.isnan(wrench).all(axis=1), unknown & run.active[:, 0])
+    others = np.einsum("knm,km->kn", run.structure[:, :, 1:], run.measured[:, 1:])
+    np.testing.assert_allclose(wrench[~run.active[:, 0]], others[~run.active[:, 0]])
+    report = RunSnapshot.unpack(json.loads(published.pack()), rehearsal.rig)
+    np.testing.assert_array_equal(np.isnan(report.currents), np.arange(8) == 0)
+    np.testing.assert_array_equal(np.isnan(report.supplies), np.arange(8) == 0)
+    assert statistics.late_telemetry[name] <= TTL / CYCLE, "it is late until it is lost"
 
 
 def test_when_all_are_lost_there_is_nothing_to_go_on_with(rehearsal):
