@@ -11,9 +11,9 @@ import tensionlab as tl
 from benchmarks import pulley_error
 from paper_figures.brake_maps import map_normals
 from tensionlab.haptics.rendering.brakes import brake_map, brake_strengths
-from tensionlab.haptics.rendering.stability import MARGIN, stiffness_bound
 from tensionlab.hardware.protocol.codes import EVENTS, State
 from tensionlab.hardware.simulation.simulated_module import TRANSITIONS
+from tensionlab.model.stiffness import MARGIN, stiffness_bound
 from tensionlab.plots.style import new_figure
 from tensionlab.scenarios import load_scenario
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED

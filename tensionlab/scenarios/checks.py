@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from tensionlab.allocation import Status
 from tensionlab.demand import measured_wrench
 from tensionlab.haptics.effects.effect import Effect
-from tensionlab.haptics.rendering.assignment import MIN_COSINE
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.protocol.codes import Limit
+from tensionlab.model.stiffness import MIN_COSINE
 from tensionlab.scenarios.play import ScenarioResult
 from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_number

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from tensionlab.haptics.effects import Bow, Magnet, Recoil, Shape, Sphere, Texture, Vibration, Water, Weight
 from tensionlab.haptics.effects.contact import Plane, Wall
 from tensionlab.haptics.effects.effect import Motion
-from tensionlab.haptics.rendering.renderer import HAND_DAMPING
 from tensionlab.haptics.rendering.stability import cap_stiffness, stiffness_cap
+from tensionlab.model.stiffness import HAND_DAMPING
 from tensionlab.scenarios.checks import (
     NOTICEABLE,
     Check,

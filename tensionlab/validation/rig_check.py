@@ -5,13 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from tensionlab.allocation import allocate
-from tensionlab.haptics.rendering.assignment import MIN_COSINE, STANDARD_LIMITS
 from tensionlab.haptics.rendering.brakes import ImpactCap, brake_strengths
-from tensionlab.haptics.rendering.renderer import HAND_DAMPING
-from tensionlab.haptics.rendering.stability import stiffness_cap
 from tensionlab.model import directions
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
+from tensionlab.model.stiffness import (
+    CYCLE_S,
+    LATENCY_S,
+    MIN_COSINE,
+    MODULE_STIFFNESS,
+    host_stiffness,
+    module_stiffness,
+)
 from tensionlab.solvers.base import RANK_TOLERANCE, Status
 from tensionlab.support.arrays import Floats
 from tensionlab.support.table import Finding
@@ -21,7 +26,6 @@ from tensionlab.workspace.wrench_set import half_spaces, required_margin
 MAX_TENSION_RATIO = 1e4  # tensions that balance only with a larger ratio between cables do not count
 LIKELY_LENGTHS_M = (0.01, 100.0)  # of the longest cable; only stadium cameras and telescopes have longer ones
 ALONG_FACET = 1e-12  # share of a unit vector along a facet's normal below which it is parallel to the facet
-CYCLE_S, LATENCY_S = 1.0 / 50.0, 0.02  # period and delay of the loop for walls: the runner's default rate
 HEAD_FORCE_N = ImpactCap().force  # largest force of all cables together on a head
 
 
@@ -149,13 +153,15 @@ def _strength(rig: Rig, structure: Floats, offset: Requirement) -> Finding:
 
 def _walls(rig: Rig, structure: Floats) -> Finding:
     """Note how stiff a wall may be along each axis: a module along it renders it, elsewhere the host."""
-    host = f"{stiffness_cap(LATENCY_S, CYCLE_S, HAND_DAMPING):.0f} N/m by the host"
+    host = f"{host_stiffness():.0f} N/m by the host"
     loop = f"{1.0 / CYCLE_S:g} cycles/s, {1e3 * LATENCY_S:g} ms late"
-    modules = []
-    for axis, name in enumerate("xyz"[: rig.dimension]):
-        for sign, row in (("+", structure[axis]), ("-", -structure[axis])):
-            if (cosine := float(row.max())) >= MIN_COSINE:
-                modules.append(f"{STANDARD_LIMITS.stiffness * cosine**2:.0f} N/m towards {sign}{name}")
+    names = [f"{sign}{axis}" for sign in "+-" for axis in "xyz"[: rig.dimension]]
+    found = module_stiffness(structure.T, np.concatenate([np.eye(rig.dimension), -np.eye(rig.dimension)]))
+    modules = [
+        f"{stiffness:.0f} N/m towards {name}"
+        for name, stiffness in sorted(zip(names, found, strict=True), key=lambda each: each[0][1:])
+        if stiffness >= MODULE_STIFFNESS * MIN_COSINE**2
+    ]
     if not modules:
         return Finding("walls", True, f"as stiff as {host} ({loop}): no cable is along an axis")
     elsewhere = "" if len(modules) == 2 * rig.dimension else f", elsewhere {host} ({loop})"

@@ -19,10 +19,10 @@ from tensionlab.demand import Impedance
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
 from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, is_split
 from tensionlab.haptics.rendering.stability import cap_stiffness
+from tensionlab.model.stiffness import MIN_COSINE, MODULE_STIFFNESS
 from tensionlab.support.arrays import Floats
 
 MAX_APPROACH_M = 0.5  # farther from a wall no module renders it: set-points come many times before contact
-MIN_COSINE = math.cos(math.radians(45.0))  # between axis and cable: published threshold of a convincing direction
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class ModuleLimits:
 
     lower: float = 0.5
     upper: float = 6.0
-    stiffness: float = 500.0
+    stiffness: float = MODULE_STIFFNESS
     damping: float = 10.0
     length: float = 5.0
 

@@ -13,43 +13,17 @@ from pydantic import Field
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects.effect import Motion, dot, is_split
 from tensionlab.haptics.effects.parameters import Number, checked_dataclass
+from tensionlab.model.stiffness import MARGIN, stiffness_bound
 from tensionlab.support.arrays import Floats
 
 T = TypeVar("T")
 
-MARGIN = 0.5  # share of the bound that a host may use (our default)
 # Allowed share of the damping `m/(T/2 + t_d)`; a late damper oscillates at about pi/2 of it (our default).
 DAMPING_SHARE = 0.8
 # Share of the energy that forces in transit take from the hand which it may get back by turning round (our
 # default). At 0 a wall of three times the bound gives too much over 20 and 30 ms; at 1 a stable one is damped from
 # 5 ms on.
 TURNING_SHARE = 0.25
-
-
-def stiffness_bound(
-    delay: float | Floats, step: float, hand_damping: float | Floats, damping: float | Floats = 0.0
-) -> Floats:
-    """Return the stiffness below which a hand against a spring is stable, in N/m.
-
-    ``K < (b + B)/(T/2 + t_d)``: a force held for a step T is T/2 late on average; a spring that is late by tau has
-    the negative damping ``K tau``, for which the dampers must make up. Exact for a heavy hand. For 0.3 kg and 30
-    ms it is 3 % too low without B, and 3 % too high if B is as large as b.
-
-    ``delay`` is t_d, there and back, from the hand's motion to the force on it, in s; ``step`` is T, for which a
-    force is held, in s: the slowest of the loops on the way; ``hand_damping`` b and the effect's ``damping`` B,
-    which is just as late, are in N s/m.
-
-    After Colgate and Schenkel 1994, "Passivity of a class of sampled-data systems: application to haptic
-    interfaces"; Gil, Sanchez, Hulin, Preusche and Hirzinger 2009, "Stability boundary for haptic rendering:
-    influence of damping and delay".
-    """
-    if not step > 0.0:
-        raise EffectError(f"stiffness bound: step is {step}; give the period of the loop, above 0, in s")
-    for name, value in (("delay", delay), ("hand_damping", hand_damping), ("damping", damping)):
-        if not (np.asarray(value) >= 0.0).all():
-            raise EffectError(f"stiffness bound: {name} is {value}; give 0 or more")
-    total: Floats = (np.asarray(hand_damping) + damping) / (step / 2 + np.asarray(delay))
-    return total
 
 
 def stiffness_cap(

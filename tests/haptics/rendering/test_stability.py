@@ -14,9 +14,9 @@ from tensionlab.haptics.rendering.stability import (
     PassivityController,
     cap_stiffness,
     max_damping,
-    stiffness_bound,
     stiffness_cap,
 )
+from tensionlab.model.stiffness import stiffness_bound
 from tests.helpers.motions import Staged
 
 STEP = 0.001
