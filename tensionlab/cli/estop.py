@@ -23,12 +23,14 @@ def estop(links: Links = None, modules: ModulesFile = None, json: Json = False) 
     """
     if links or modules is not None:
         urls = find_links(links, modules, look_up=False)
-        names = {name: name for name in urls}
     else:
-        held = locked_links()
-        urls = {url: url for url in held}
-        names = {url: who.module or url for url, who in held.items()}
+        urls = {url: url for url in sorted(locked_links())}
     outcomes = emergency_stop(urls) if urls else {}
+    # A URL is called as the process that has it calls its module.
+    names = {
+        name: (name == urls[name] and each.holder and each.holder.module) or name
+        for name, each in outcomes.items()
+    }
     if json:
         output.print_json(
             [
@@ -45,10 +47,9 @@ def estop(links: Links = None, modules: ModulesFile = None, json: Json = False) 
     elif not urls:
         typer.echo("None of your tensionlab processes holds a module; name the modules to stop.")
     for name, each in outcomes.items():
-        module = names[name] if names[name] == name else f"{names[name]} ({name})"
         if each.error:
-            output.print_error(f"{module}: NOT CONFIRMED: {each.error}")
+            output.print_error(f"{names[name]}: NOT CONFIRMED: {each.error}")
         elif not json:
-            typer.echo(f"{module}: estop" + (f"; {each.holder} had it" if each.holder else ""))
+            typer.echo(f"{names[name]}: estop" + (f"; {each.holder} had it" if each.holder else ""))
     if not urls or any(each.error for each in outcomes.values()):
         raise typer.Exit(1)

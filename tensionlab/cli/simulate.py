@@ -25,7 +25,7 @@ SINGLE_MODULE = "module"  # name of a module that belongs to no rig
 def simulate(
     rig: Annotated[str | None, options.rig_argument("; a single module if left out")] = None,
     listen: Annotated[str, option("HOST", "Address to listen at.")] = "127.0.0.1",
-    port: Annotated[int, port_option("TCP port of the first module, the others following; 0: free ones.")] = 0,
+    port: Annotated[int, port_option("TCP port of the rig's first module, and so on; 0: free ones.")] = 0,
     modules: Annotated[
         Path | None, options.writes("Also write that file here.", ".toml", names=["--modules"])
     ] = None,
@@ -60,7 +60,7 @@ def simulate(
         for index, (name, module) in enumerate(simulated.items()):
             if name not in chosen:
                 continue
-            tcp = serving.TcpPort(listen, port and port + chosen.index(name))
+            tcp = serving.TcpPort(listen, port and port + index)  # that of a module is the same with --only
             opened.callback(tcp.close)
             served.append(
                 serving.ServedModule(

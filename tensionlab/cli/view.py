@@ -58,7 +58,8 @@ def _watcher(rig: str | None) -> tuple[RunWatcher, str]:
         if each not in found or len(found) > 1:
             each.close()
     if not found:
-        what = "on modules that are not simulated in it" if name is None else f'with the rig "{name}"'
+        rigs = ", ".join(sorted({info.rig.name for info in runs.values()}))
+        what = f'of "{name}"; there are runs of {rigs}' if rigs else "on modules that are not simulated in it"
         output.print_error(f"none of your processes has a run in progress {what}; `run --view` shows one")
         raise typer.Exit(1)
     if len(found) > 1:

@@ -39,7 +39,8 @@ def test_a_run_whose_rig_only_its_program_knows_is_found_by_that_name(run, monke
     watched = Mock(info=SimpleNamespace(rig=rig, program="python my_run.py"))
     monkeypatch.setattr("tensionlab.cli.view.find_runs", lambda: [watched])
     assert _watcher("mine") == (watched, "mine")
-    assert "none of your processes has a run in progress" in run("view", "--live", RIG)[2]
+    said = " ".join(run("view", "--live", RIG)[2].split())
+    assert f'none of your processes has a run in progress of "{RIG}"; there are runs of mine' in said
     assert "nowhere.toml" in run("view", "--live", "nowhere.toml")[2]
 
 

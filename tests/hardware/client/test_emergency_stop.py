@@ -80,10 +80,14 @@ def test_modules_that_another_process_has_let_go_and_the_rest_too(rig, manner, m
     assert states(rig) == [State.ESTOP] * 4
 
 
+def port(url):
+    return url.rpartition(":")[2]
+
+
 class OtherProcess:
     """Process that has links, as this one sees it. A signal raises `ends`, or the links are free after it.
 
-    Time passes only while somebody sleeps. `signals` are those it got.
+    It calls each module by its port. Time passes only while somebody sleeps. `signals` are those it got.
     """
 
     PID = 4_000_000
@@ -99,7 +103,7 @@ class OtherProcess:
         self._locks = [self.lock(url) for url in urls]
 
     def lock(self, url):
-        lock = LinkLock(url)
+        lock = LinkLock(url, port(url))
         [folder] = locks.user_folders()
         note = (folder / locks._file_name(url)).with_suffix(".json")
         note.write_text(note.read_text().replace(str(os.getpid()), str(self.PID)))
@@ -219,7 +223,7 @@ def test_without_a_word_all_that_processes_of_this_user_have(rig, run, monkeypat
     status, out, err = run("estop")
     assert (status, err) == (0, "")
     had = f"process {other.PID} ({locks.program()}) had it"
-    assert sorted(out.splitlines()) == [f"{url}: estop; {had}" for url in urls]
+    assert out.splitlines() == [f"{port(url)}: estop; {had}" for url in sorted(urls)], "by their names"
     assert states(rig) == [State.ESTOP] * 2 + [State.IDLE] * 2
     assert other.signals == [(other.PID, ESTOP_SIGNAL)], "once for all that it has"
     status, _, err = run("estop", list(rig.urls.values())[2], "socket://127.0.0.1:1")
