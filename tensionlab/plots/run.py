@@ -34,6 +34,8 @@ LIMITER_LOOKS = [
 ]  # limiters of a module, the worse the later
 LOST = ("fault, or lost", "#000000")  # worse than all those
 NAMED_EVENTS = 8  # largest number of events with a name; further ones are lines alone
+NAME_SIZE, LETTER_WIDTH = 8.0, 0.55  # size of their letters in points, and mean width of one as a share of it
+AXES_WIDTH = 720.0  # width of the axes, about, in points
 MIN_TIME_MS = 1e-2  # times below are drawn here, in ms
 MIN_RANGE = 0.05  # forces and torques are drawn at least so far up and down, in N and N·m
 TIMES = {"start delay": BLUE, "compute time": GREEN, "oldest telemetry": ORANGE}
@@ -197,13 +199,19 @@ def _draw_times(axes: Axes, run: Run) -> None:
 
 
 def _draw_events(panels: list[Axes], run: Run) -> None:
-    """Mark the events, the first ones with their names."""
+    """Mark the events, the first ones with their names: each in the lowest row where it covers no other."""
     during = [event for event in run.events if event.cycle >= 0]
+    letter_s = NAME_SIZE * LETTER_WIDTH * float(np.ptp(panels[0].get_xlim())) / AXES_WIDTH
+    ends: list[float] = []  # of the latest name in each row, in s
     for number, event in enumerate(during):
         for axes in panels:
             axes.axvline(event.time, color=RED, linewidth=0.8, zorder=1)
         if number < NAMED_EVENTS:
+            name = f"{event.kind} {event.module}".strip()
+            half = 0.5 * (len(name) + 1) * letter_s
+            row = next((row for row, end in enumerate(ends) if end <= event.time - half), len(ends))
+            ends[row : row + 1] = [event.time + half]
             panels[0].annotate(
-                f"{event.kind} {event.module}".strip(), (event.time, 1.0), xycoords=("data", "axes fraction"),
-                xytext=(0, 2), textcoords="offset points", ha="center", va="bottom", color=RED, fontsize=8,
+                name, (event.time, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 2 + 1.2 * NAME_SIZE * row),
+                textcoords="offset points", ha="center", va="bottom", color=RED, fontsize=NAME_SIZE,
             )  # fmt: skip

@@ -1,4 +1,5 @@
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ import tensionlab as tl
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.protocol.codes import Limit, State
 from tensionlab.hardware.runner.cycle_table import COLUMNS
+from tensionlab.hardware.runner.records import RunEvent
 from tensionlab.plots import plot_run
 from tensionlab.plots.run import BINS, LIMITER_LOOKS, severity, thinned
 from tests.helpers import runs
@@ -75,3 +77,16 @@ def test_every_limiter_has_a_severity_and_a_lost_module_the_worst(lossy):
     assert (levels[:50, 2] != gone).all()
     broken = dataclasses.replace(lossy, states=np.full_like(lossy.states, State.ESTOP))
     assert (severity(broken) == gone).all()
+
+
+def test_names_of_events_at_nearly_the_same_time_do_not_cover_each_other(lossy):
+    end, names = float(lossy.time[-1]), [module.name for module in lossy.rig.modules]
+    times = [0.4, 0.42, 0.45, 1.0, end - 0.02, end, end]
+    events = [RunEvent(1, time, "lost", "", name) for time, name in zip(times, names, strict=True)]
+    figure = plot_run(dataclasses.replace(lossy, events=(*events, RunEvent(2, end, "ended", ""))))
+    figure.canvas.draw()
+    named = [text for text in figure.axes[0].texts if text.get_text().startswith(("lost", "ended"))]
+    boxes = [text.get_window_extent() for text in named]
+    assert len(boxes) == len(events) + 1
+    for one, other in itertools.combinations(boxes, 2):
+        assert not one.overlaps(other)
