@@ -18,7 +18,9 @@ from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.source import tracked_pose
 from tensionlab.hardware import RealClock, connect
-from tensionlab.scenarios import SCENARIOS, Scenario, check_needs, load_scenario
+from tensionlab.model.files import load_rig
+from tensionlab.model.rig import Rig
+from tensionlab.scenarios import SCENARIOS, Scenario, check_needs, load_scenario, place
 from tensionlab.scenarios.checks import Check, Directions, check_directions, checks_table, loop_delay
 from tensionlab.scenarios.expected import EXPECTED, check_scenario
 from tensionlab.scenarios.play import ScenarioModules, ScenarioResult, needs_tracker, play, simulate_modules
@@ -45,6 +47,14 @@ def scenario(
             autocompletion=options.complete(lambda: list_names("rigs")),
         ),
     ] = None,
+    at: Annotated[
+        str | None,
+        option("X Y Z", "Where the hand starts, in m, in the rig's axes; with --facing alone, the rig's home."),
+    ] = None,
+    facing: Annotated[
+        str | None,
+        option("X Y Z", "Where the person faces, in the rig's axes; with --at alone, as the scenario does."),
+    ] = None,
     modules: options.Modules = None,
     solver: options.Solver = "newton",
     seconds: options.Duration = None,
@@ -66,21 +76,25 @@ def scenario(
     it compares the rendered forces with what a person should feel. On simulated modules, a simulated person acts,
     as fast as this computer can, or with --view or --lsl in real time. Exit status 1 where a measured value is
     not as expected, something went wrong with a module, or the rig can do nothing of the scenario.
+
+    With --at or --facing the scenario moves to where the hand is, and is scaled to what the rig reaches there.
     """
     if name == LIST:
         _list(json)
         return
     loaded = load_scenario(name, rig)
+    if at is not None or facing is not None:
+        loaded = _place(loaded, loaded.rig if rig is None else load_rig(rig), at, facing)
     _check(loaded, solver, seconds, modules, osc)
     needs = check_needs(loaded)
     if not json:
         print_required(loaded.rig)
-        if loaded.turned:
-            output.print_line(loaded.turned)
+        if loaded.placement:
+            output.print_line(loaded.placement)
         output.print_table(findings_table(f'Can {loaded.rig.name} play "{loaded.name}"?', needs))
     if all(each.passed is False for each in needs):
         output.print_error(
-            f'rig "{loaded.rig.name}" can do nothing of scenario "{loaded.name}"; give another --rig'
+            f'rig "{loaded.rig.name}" can do nothing of scenario "{loaded.name}"; give another --rig or --at'
         )
         raise typer.Exit(1)
     with ExitStack() as opened, output.progress(loaded.title) as progress:
@@ -95,7 +109,7 @@ def scenario(
             output.print_error(str(error))
             raise typer.Exit(1) from None
     complete = seconds in (None, loaded.seconds) and not played.statistics.ended.startswith("signal")
-    checks = check_scenario(played) if complete and rig is None else ()
+    checks = check_scenario(played) if complete and rig is None and not loaded.placement else ()
     found = check_directions(played.run)
     with output.ResultWriter(quiet=json) as writer:
         writer.draw(plot, "scenario", played)
@@ -103,7 +117,7 @@ def scenario(
             output.print_json(
                 scenario=loaded.name,
                 rig=loaded.rig.name,
-                turned=loaded.turned or None,
+                placement=loaded.placement or None,
                 needs=needs,
                 checks=[{**check._asdict(), "met": check.met} for check in checks],
                 directions={"cycles": found.cycles, "within": found.within, **found.reasons},
@@ -130,14 +144,22 @@ def _list(json: bool) -> None:
     if json:
         output.print_json([output.fields(each, "name", "title", "about", "seconds") for each in loaded])
         return
-    worn = [sum(module.frame in each.rig.frames for module in each.rig.modules) for each in loaded]
     rows = [
-        (each.name, each.about, each.rig.m - count, count, each.seconds)
-        for each, count in zip(loaded, worn, strict=True)
+        (each.name, each.about, each.rig.m, each.frame, ", ".join(each.person.bodies) or None, each.seconds)
+        for each in loaded
     ]
     title = "Layouts and numbers are proposals of this project, after the publication's scenarios."
-    columns = ["name", "description", "modules in the room", "modules on a body", Column("duration", "s")]
-    output.print_table(Table(columns, rows, title))
+    columns = ["name", "description", "modules", "frame needed", "frames that move", Column("duration", "s")]
+    notes = [
+        "A rig has modules on the frame that is needed; others may have modules on those that move, or on none."
+    ]
+    output.print_table(Table(columns, rows, title, notes))
+
+
+def _place(loaded: Scenario, rig: Rig, at: str | None, facing: str | None) -> Scenario:
+    """Return the scenario where the options say."""
+    ahead = None if facing is None else options.parse_position(facing, rig, "--facing")
+    return place(loaded, rig, options.parse_position(at, rig), ahead)
 
 
 def _check(scenario: Scenario, solver: str, seconds: float | None, modules: str | None, osc: int | None) -> None:

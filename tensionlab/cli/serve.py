@@ -149,8 +149,8 @@ def _load(name: str | None, scenario: str | None, rate: float | None) -> tuple[R
     if scenario is None:
         return load_rig(str(name)), None, RunSettings(rate or RunSettings().rate)
     played = load_scenario(scenario, name)
-    if played.turned:
-        typer.echo(played.turned, err=True)
+    if played.placement:
+        typer.echo(played.placement, err=True)
     return played.rig, played, RunSettings(rate or played.rate, policy=played.policy)
 
 

@@ -111,8 +111,8 @@ class Scenario:
     """Point between the feet of the person, for pictures; None: no person is drawn."""
     up: str | None = None
     """Axis of the world that points up, for effects, scripts and rig."""
-    turned: str = ""
-    """How the rig was turned from the axes of its file; empty if it was not."""
+    placement: str = ""
+    """How the rig was turned from the axes of its file, or the scenario placed on it; empty if neither."""
 
     def __repr__(self) -> str:
         phases = format_count(len(self.phases), "phase")
@@ -206,7 +206,7 @@ def _scenario(contents: dict[str, Any], path: Path, rig: str | PathLike[str] | N
     """Return the scenario of a file; ``rig`` in it is a rig, by name, or by file in the same folder."""
     if "up" not in contents:
         raise ScenarioError("up is missing; give the axis that points up")
-    if unknown := contents.keys() & {"name", "turned"}:
+    if unknown := contents.keys() & {"name", "placement"}:
         raise ScenarioError(f"{min(unknown)} is an unknown key; leave it out")
     named, phases = contents.pop("rig", None), contents.get("phases")
     if rig is not None:
@@ -224,7 +224,7 @@ def _scenario(contents: dict[str, Any], path: Path, rig: str | PathLike[str] | N
     for phase in phases if isinstance(phases, list) else ():
         if isinstance(phase, dict) and isinstance(given := phase.get("effects"), dict):
             phase["effects"] = {name: parse_effect(name, effect, loaded) for name, effect in given.items()}
-    whole = contents | {"name": path.stem, "rig": loaded, "turned": turned}
+    whole = contents | {"name": path.stem, "rig": loaded, "placement": turned}
     scenario: Scenario = validate(Scenario, whole, ScenarioError)
     for phase in scenario.phases:
         if phase.hold is not None:

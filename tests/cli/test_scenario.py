@@ -55,8 +55,21 @@ def test_on_another_rig_what_it_needs_is_told_first(run, tmp_path, monkeypatch):
     ]
     told = json.loads(run("scenario", "materials", "--rig", "seven-modules", *words, "--json")[1])
     assert told["rig"] == "seven-modules"
-    assert "turned" in told["turned"]
+    assert "turned" in told["placement"]
     assert told["needs"][0]["name"] == "reach"
+
+
+def test_it_is_played_where_the_hand_is(run):
+    words = ("scenario", "materials", "--rig", "tetra-4", "--seconds", "0.2", "--facing", "1", "0", "0")
+    status, out, err = run(*words, "--at", "0", "0", "0.2")
+    assert status == 0, err
+    assert out.startswith("placed at (0, 0, 0.2) m, facing (1, 0, 0), at 70 % of its size\n")
+    status, out, err = run(*words, "--at", "0,0,0.3")
+    assert (status, out) == (2, "")
+    assert "start elsewhere (the rig's home is (0, 0, 0) m)" in err
+    status, _, err = run(*words[:-3], "1", "0")
+    assert status == 2
+    assert "--facing has 2 components; tetra-4 needs 3" in err
 
 
 def test_a_rig_that_can_do_nothing_of_it_does_not_play(run, tmp_path):
@@ -68,7 +81,7 @@ def test_a_rig_that_can_do_nothing_of_it_does_not_play(run, tmp_path):
     log = tmp_path / "it.mcap"
     status, out, err = run("scenario", "recoil", "--rig", tmp_path / "far.toml", "--log", log)
     assert status == 1
-    assert 'rig "seven-modules" can do nothing of scenario "recoil"; give another --rig' in err
+    assert 'rig "seven-modules" can do nothing of scenario "recoil"; give another --rig or --at' in err
     assert "the cables hold the hand 0 % of the time" in " ".join(out.split())
     assert not log.exists()
 

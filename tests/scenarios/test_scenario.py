@@ -92,9 +92,9 @@ def test_a_rig_that_stands_otherwise_is_turned_and_one_that_does_not_say_how_is_
     own = load_rig("bartels2026-validation")
     turned = load_scenario("materials", rig="bartels2026-validation")
     assert (turned.rig.up, turned.up) == ("z", "z")
-    assert turned.turned == 'rig "bartels2026-validation" has y up and is turned: its z, x, y are x, y, z here'
+    assert turned.placement == 'rig "bartels2026-validation" has y up and is turned: its z, x, y are x, y, z here'
     np.testing.assert_array_equal(turned.rig.anchors, own.anchors[:, [2, 0, 1]])
-    assert load_scenario("materials").turned == ""
+    assert load_scenario("materials").placement == ""
     text = Path("datasets/rigs/bartels2026-validation.toml").read_text()
     (tmp_path / "mine.toml").write_text(text.replace('up = "y"\n', ""))
     with pytest.raises(ScenarioError, match='rig "bartels2026-validation" no key "up"; give a rig'):
