@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from tensionlab.allocation import Allocation, Allocator, allocate
     from tensionlab.benchmark.comparison import compare
     from tensionlab.gradients import AllocationGradients, AllocationJacobian, allocation_jacobian
+    from tensionlab.model.bodies import Body, person
     from tensionlab.model.files import load_requirement, load_rig, save_rig
     from tensionlab.model.kinematics import PoseEstimate
     from tensionlab.model.layouts import alternate_corners, box_corners, ring_plus_top
@@ -32,6 +33,7 @@ __all__ = [
     "AllocationGradients",
     "AllocationJacobian",
     "Allocator",
+    "Body",
     "CoordinateFrame",
     "Module",
     "Platform",
@@ -53,6 +55,7 @@ __all__ = [
     "hardware",
     "load_requirement",
     "load_rig",
+    "person",
     "plot",
     "plots",
     "ring_plus_top",
@@ -67,6 +70,7 @@ _NAMES = {
     "tensionlab.allocation": ("Allocation", "Allocator", "allocate"),
     "tensionlab.benchmark.comparison": ("compare",),
     "tensionlab.gradients": ("AllocationGradients", "AllocationJacobian", "allocation_jacobian"),
+    "tensionlab.model.bodies": ("Body", "person"),
     "tensionlab.model.files": ("load_requirement", "load_rig", "save_rig"),
     "tensionlab.model.kinematics": ("PoseEstimate",),
     "tensionlab.model.layouts": ("alternate_corners", "box_corners", "ring_plus_top"),

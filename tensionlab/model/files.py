@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import fields
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tensionlab.errors import RigError
+from tensionlab.model.bodies import Body, person
 from tensionlab.model.module import KINDS, WORLD, Module, Platform
 from tensionlab.model.pose import RestPose
 from tensionlab.model.requirement import Requirement
@@ -17,6 +19,9 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.files import writing
 from tensionlab.support.files.named import find
 from tensionlab.support.files.reading import parse_toml, read_text, read_toml
+
+if TYPE_CHECKING:
+    from tensionlab.model.schema import BodyTable, PersonTable
 
 # Keys of a module that the table `[limits]` can give for all.
 SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius", "pulley_radius", "pulley_axis")
@@ -98,11 +103,37 @@ def rig_from_toml(text: str, source: str) -> Rig:
             modules.append(Module(**keys))
         platform = None if table.platform is None else Platform(**table.platform.model_dump())
         required = requirement(table.required.model_dump(), "[required]: ")
-        rest = tuple(RestPose(**frame.model_dump()) for frame in table.frames)
-        others = table.model_dump(exclude={"modules", "limits", "platform", "required", "frames"})
-        return Rig(modules=tuple(modules), platform=platform, required=required, rest=rest, **others)
+        bodies, poses = bodies_of(table.bodies, table.up)
+        rest = (*(RestPose(**frame.model_dump()) for frame in table.frames), *poses)
+        others = table.model_dump(exclude={"modules", "limits", "platform", "required", "frames", "bodies"})
+        return Rig(
+            modules=tuple(modules), platform=platform, required=required, rest=rest, bodies=bodies, **others
+        )
     except RigError as error:
         raise RigError(f"{source}: {error}") from None
+
+
+def bodies_of(
+    tables: Sequence[BodyTable | PersonTable], up: str | None
+) -> tuple[tuple[Body, ...], tuple[RestPose, ...]]:
+    """Return the bodies that a file lists, and the poses of the frames of persons; RigError names the body."""
+    bodies: list[Body] = []
+    poses: list[RestPose] = []
+    for table in tables:
+        keys = table.model_dump(exclude_none=True)
+        if "person" in keys:
+            if up is None:
+                raise RigError('key "up" is missing; a person needs the axis that points up, as in up = "z"')
+            parts, pose_at_rest = person(keys.pop("person"), up, **keys)
+            bodies += parts
+            poses.append(pose_at_rest)
+            continue
+        here, centre = f'body "{keys["name"]}"', keys.pop("centre", None)
+        key = "start" if "end" in keys else "centre"
+        if ("start" in keys) != (key == "start") or (centre is None) != (key == "start"):
+            raise RigError(f'{here}: give "centre" for a sphere or box, "start" and "end" for a capsule')
+        bodies.append(Body(**{"start": centre} | keys))
+    return tuple(bodies), tuple(poses)
 
 
 def load_requirement(path: str | PathLike[str]) -> Requirement:
@@ -168,6 +199,8 @@ def rig_to_toml(rig: Rig) -> str:
         document["required"] |= {"gravity": True} if rig.required.gravity else {}
     if rig.rest:
         document["frames"] = [{"name": pose.name} | _given(pose, ["position", "rotation"]) for pose in rig.rest]
+    if rig.bodies:
+        document["bodies"] = [_body(body) for body in rig.bodies]
     own = ["attachment"] if KINDS[rig.kind].has_orientation else []
     own += [key for key in SHARED if key not in common]
     document["modules"] = [
@@ -185,7 +218,17 @@ def rig_to_toml(rig: Rig) -> str:
     )
 
 
-def _given(record: Module | Platform | Requirement | RestPose, keys: Sequence[str]) -> dict[str, Any]:
+def _body(body: Body) -> dict[str, Any]:
+    """Return a body as a table of a file."""
+    default = {key.name: key.default for key in fields(Body)}
+    table = {"name": body.name} | _given(body, ["start", "end", "size"])
+    if body.end is None:
+        table["centre"] = table.pop("start")
+    keys = ("radius", "frame", "margin", "sway")
+    return table | {key: getattr(body, key) for key in keys if getattr(body, key) != default[key]}
+
+
+def _given(record: Body | Module | Platform | Requirement | RestPose, keys: Sequence[str]) -> dict[str, Any]:
     """Return those of the values that are known, as TOML has them."""
     values = {key: getattr(record, key) for key in keys}
     return {key: np.asarray(value, np.float64).tolist() for key, value in values.items() if value is not None}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, cast
 
@@ -19,7 +19,7 @@ ORTHOGONALITY = 1e-6  # largest entry of `R R' - 1` in what is still taken for a
 
 
 class CoordinateFrame(NamedTuple):
-    """Pose of a body that carries modules. A tuple ``(position, rotation)`` or a position is accepted as well.
+    """Pose of a body frame. A tuple ``(position, rotation)`` or a position is accepted as well.
 
     Attributes
     ----------
@@ -115,11 +115,20 @@ def frame_of(where: CoordinateFrame | tuple[ArrayLike, ArrayLike | None] | Array
     return CoordinateFrame(cast(ArrayLike, where))
 
 
+def require_known(frames: Iterable[str], known: Iterable[str]) -> None:
+    """Refuse the name of a frame that no module is attached to, and no body."""
+    if unknown := sorted(set(frames) - set(known)):
+        listed = ", ".join(known) or "none"
+        raise RigError(
+            f'no module or body is attached to the frame "{unknown[0]}"; the body frames of this rig are: {listed}'
+        )
+
+
 def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | None) -> Floats:
     """Return the anchors in the world, (..., m, d), in m; (m, d) where all stand in the world.
 
     ``anchors``, (m, d), are each in the axes of its module's own frame, in m. RigError if a module's frame is
-    missing, or a frame is given that has no module; ShapeError for a bad position or rotation of a frame.
+    missing; ShapeError for a bad position or rotation of a frame.
     """
     given: Frames = {} if frames is None else frames
     attached: dict[str, list[int]] = {}
@@ -132,11 +141,6 @@ def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | N
                 f'missing; give frames={{"{module.frame}": (position, rotation)}}'
             )
         attached.setdefault(module.frame, []).append(index)
-    if unknown := sorted(set(given) - set(attached)):
-        listed = ", ".join(attached) or "none"
-        raise RigError(
-            f'no module is attached to the frame "{unknown[0]}"; the body frames of this rig are: {listed}'
-        )
     if not attached:
         return anchors
     d = anchors.shape[-1]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model import kinematics, pose
+from tensionlab.model.bodies import HAND, Body
 from tensionlab.model.kinematics import PoseEstimate
 from tensionlab.model.module import (
     GRAVITY_M_S2,
@@ -79,6 +80,8 @@ class Rig:
         Wrenches that the cables must exert at every pose; none by default.
     rest : tuple of RestPose
         Default poses of the body frames; frames without one are at the origin of the world.
+    bodies : tuple of Body
+        What the cables must stay clear of, such as the user's head; none by default.
 
     Examples
     --------
@@ -103,6 +106,7 @@ class Rig:
     up: str | None = None
     required: Requirement = field(default_factory=Requirement)
     rest: tuple[RestPose, ...] = ()
+    bodies: tuple[Body, ...] = ()
 
     def __post_init__(self) -> None:
         require_name(self.name, "rig", "name", "give the rig a name")
@@ -130,14 +134,31 @@ class Rig:
             self.platform.check_kind(self.kind)
         self.required.check_rig(self)
         object.__setattr__(self, "rest", tuple(self.rest))
-        names = [pose_at_rest.name for pose_at_rest in self.rest]
+        object.__setattr__(self, "bodies", tuple(self.bodies))
+        self._check_bodies()
+        names, known = [pose_at_rest.name for pose_at_rest in self.rest], (*self.frames, *self.free_frames)
         for pose_at_rest in self.rest:
-            if pose_at_rest.name not in self.frames or names.count(pose_at_rest.name) > 1:
-                why = "is there twice" if pose_at_rest.name in self.frames else "carries no module"
-                known = f"the frames are {', '.join(self.frames)}" if self.frames else "no module has a frame"
-                raise RigError(f'frame "{pose_at_rest.name}" {why}; {known}')
+            if pose_at_rest.name not in known or names.count(pose_at_rest.name) > 1:
+                why = "is there twice" if pose_at_rest.name in known else "carries no module and no body"
+                others = f"the frames are {', '.join(known)}" if known else "no module has a frame"
+                raise RigError(f'frame "{pose_at_rest.name}" {why}; {others}')
             if pose_at_rest.position.size != d:
                 raise RigError(f'frame "{pose_at_rest.name}": key "position" must have {d} coordinates')
+
+    def _check_bodies(self) -> None:
+        """Refuse bodies that share a name, have other coordinates, or a frame that means two things."""
+        names = [body.name for body in self.bodies]
+        for body in self.bodies:
+            if names.count(body.name) > 1:
+                raise RigError(f'body "{body.name}": key "name" is used twice; give each body its own')
+            if body.start.size != self.dimension:
+                has = f"{body.start.size} coordinates; a {self.kind} rig needs {self.dimension}"
+                raise RigError(f'body "{body.name}": its place has {has}')
+            if body.frame == HAND and HAND in self.frames:
+                raise RigError(
+                    f'body "{body.name}": key "frame" is "{HAND}", the held point, but modules are attached to a '
+                    "frame of that name; rename theirs"
+                )
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)
@@ -264,6 +285,7 @@ class Rig:
             up=up,
             required=self.required.rotated(rotation),
             rest=tuple(pose_at_rest.rotated(rotation) for pose_at_rest in self.rest),
+            bodies=tuple(body.rotated(rotation) for body in self.bodies),
         )
 
     def gravity(self, rotation: ArrayLike | None = None) -> Floats:
@@ -313,13 +335,20 @@ class Rig:
 
     @cached_property
     def frames(self) -> tuple[str, ...]:
-        """Names of the body frames that modules are attached to."""
+        """Names of the body frames that modules are attached to: their poses must be given."""
         return tuple(dict.fromkeys(module.frame for module in self.modules if module.frame != WORLD))
+
+    @cached_property
+    def free_frames(self) -> tuple[str, ...]:
+        """Names of the body frames that carry bodies only: at rest unless their poses are given."""
+        fixed = (WORLD, HAND, *self.frames)
+        return tuple(dict.fromkeys(body.frame for body in self.bodies if body.frame not in fixed))
 
     @property
     def at_rest(self) -> dict[str, CoordinateFrame]:
         """Default poses of all body frames: those of `rest`, or the origin of the world."""
-        origin = {name: CoordinateFrame(np.zeros(self.dimension)) for name in self.frames}
+        names = (*self.frames, *self.free_frames)
+        origin = {name: CoordinateFrame(np.zeros(self.dimension)) for name in names}
         return origin | {pose_at_rest.name: pose_at_rest.frame for pose_at_rest in self.rest}
 
     @cached_property
@@ -414,7 +443,7 @@ class Rig:
             Rotation from platform to world: matrices for a platform rig, angles in rad for a planar one. None is
             the identity. A point rig has no rotation.
         frames : mapping of name to `CoordinateFrame` or (position, rotation), optional
-            Poses of the body frames in `Rig.frames`.
+            Poses of the body frames in `Rig.frames`, and of `Rig.free_frames` that are not at rest.
 
         Returns
         -------
@@ -532,6 +561,7 @@ class Rig:
         if rotation is not None and not self._kind.has_orientation:
             raise ShapeError(f'rig "{self.name}" is a {self.kind} rig and cannot turn; leave rotation out')
         R = None if rotation is None else pose.rotations(rotation, self.dimension, "rotation")
+        pose.require_known(frames or (), (*self.frames, *self.free_frames))
         anchors = pose.place_anchors(self.modules, self.anchors, frames)
         shapes = {"position": p.shape[:-1], "frames": anchors.shape[:-2]}
         common_axes(shapes if R is None else {**shapes, "rotation": R.shape[:-2]})

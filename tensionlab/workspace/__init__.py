@@ -2,7 +2,7 @@
 
 from tensionlab.workspace.certification import certify
 from tensionlab.workspace.certified import CertifiedWorkspace
-from tensionlab.workspace.interference import Capsule, body_distance, cable_distance
+from tensionlab.workspace.interference import body_distance, body_distances, cable_distance
 from tensionlab.workspace.layout.results import Layout, LayoutSearch, Objective
 from tensionlab.workspace.layout.search import search_layout
 from tensionlab.workspace.layout.space import Space, Surface, room
@@ -28,7 +28,6 @@ from tensionlab.workspace.wrench_set import (
 
 __all__ = [
     "METRICS",
-    "Capsule",
     "CertifiedWorkspace",
     "Grid",
     "Layout",
@@ -39,6 +38,7 @@ __all__ = [
     "Space",
     "Surface",
     "body_distance",
+    "body_distances",
     "box",
     "cable_distance",
     "capacity_margin",

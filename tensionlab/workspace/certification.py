@@ -12,18 +12,19 @@ from numpy.typing import ArrayLike, NDArray
 from tensionlab import _native
 from tensionlab.errors import InputError
 from tensionlab.model import kinematics, pose
-from tensionlab.model.pose import Frames
+from tensionlab.model.bodies import HAND, Body, place_bodies
+from tensionlab.model.pose import Frames, frame_of
 from tensionlab.model.requirement import Requirement, as_requirement
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers, check_size
 from tensionlab.workspace.certified import CertifiedWorkspace, Subdivision, subdivide
-from tensionlab.workspace.interference import Capsule, body_pairs, body_segments, cable_pairs, closest
+from tensionlab.workspace.interference import cable_pairs, closest, distances_to_placed, with_bodies
 from tensionlab.workspace.sweep.executors import evaluate_on_cluster
 
 # Required in place of wrenches: that some tensions above zero balance each other, whatever the limits.
 WRENCH_CLOSURE = "wrench-closure"
 MAX_ANGLE_RAD = 0.5  # largest angle about a rotation; beyond it, the bounds are useless
-ROUNDING = 1e-7  # error of a distance relative to the longest cable; the kernel has 1e-8 where segments cross
+ROUNDING = 1e-7  # error of a distance relative to cables and bodies; the kernel has 1e-8 where segments cross
 CHUNK_CELLS = 16_384  # cells of a task, which then takes a fraction of a second
 MAX_CELLS = 50_000_000  # cells of a level that fit in memory
 
@@ -39,7 +40,7 @@ def certify(
     rotations: ArrayLike | None = None,
     angle: float = 0.0,
     clearance: float | None = None,
-    bodies: Sequence[Capsule] = (),
+    bodies: Sequence[Body] | None = None,
     frames: Frames | None = None,
     scheduler: str | None = None,
     progress: Callable[[float], None] | None = None,
@@ -74,10 +75,10 @@ def certify(
     angle : float
         All orientations within this angle, in rad, of each of the rotations count as well.
     clearance : float, optional
-        Distance in m that cables must keep from each other, but for those that share an end, and from the bodies.
-        Its part of the border is bounded to first order only.
-    bodies : sequence of Capsule
-        Bodies in the world, as in `body_distance`.
+        Distance in m that cables must keep from each other, but for those that share an end.
+    bodies : sequence of Body, optional
+        In place of `Rig.bodies`: cables keep the margin of each, however it sways; () for none. This part of the
+        border, and that of the clearance, are bounded to first order only.
     frames, scheduler, progress
         As in `tensionlab.sweep`; progress is the share of the region that is settled.
 
@@ -90,7 +91,9 @@ def certify(
     >>> print(f"1 N in every direction in {proved.volume.lower:.3f} to {proved.volume.upper:.3f} m³")
     1 N in every direction in 0.095 to 0.097 m³
     """
-    problem = cell_problem(rig, required, rotations, angle, frames, clearance_problem(rig, clearance, bodies))
+    if bodies is not None:
+        rig = with_bodies(rig, bodies)
+    problem = cell_problem(rig, required, rotations, angle, frames, clearance)
     cells = subdivide(region, resolution, rig.dimension)
     found: list[tuple[NDArray[np.int8], Integers, NDArray[np.int8], Floats]] = []
     settled, places = 0.0, cells.first()  # volume that is settled, and cells of the level to examine
@@ -121,6 +124,8 @@ def certify(
         words = (rig.required if required is None else as_requirement(required)).describe(rig)
     if clearance is not None:
         words += f", cables {clearance:g} m apart"
+    if rig.bodies:
+        words += f", cables clear of {', '.join(body.name for body in rig.bodies)}"
     level_of, place, verdict, shares = map(np.concatenate, zip(*found, strict=True))
     return CertifiedWorkspace(rig, problem.anchors[0], words, cells, level_of, place, verdict, shares, evaluations)
 
@@ -147,12 +152,16 @@ class Verdicts(NamedTuple):
 
 
 class ClearanceProblem(NamedTuple):
-    """Pairs of cables and bodies (b, 2, d), the distance that they must keep, in m, and the radii of both."""
+    """Distance that pairs of cables (b, 2) must keep, in m, and bodies, of which cables must keep the margins.
+
+    Rotations (k, d, d) of the platform, and poses of the frames of bodies.
+    """
 
     least: float
     pairs: Integers
-    bodies: Floats
-    radii: Floats
+    bodies: tuple[Body, ...]
+    rotations: Floats
+    frames: Frames
 
     def decide(
         self, anchors: Floats, arms: Floats, angle: float, centres: Floats, half_edges: Floats
@@ -161,38 +170,48 @@ class ClearanceProblem(NamedTuple):
 
         Anchors and arms are (rotations, m, d). The distance of two cables changes by no more than the platform
         moves: points at the shares s and t of their lengths come closer by |s - t| of its shift at most, and by s
-        and t of what their attachments turn by.
+        and t of what their attachments turn by. So does that of a cable and a body, be it in the world or held.
         """
-        reach = float(np.linalg.norm(half_edges)) + 2 * angle * float(np.linalg.norm(arms, axis=-1).max())
+        reach, longest_arm = float(np.linalg.norm(half_edges)), float(np.linalg.norm(arms, axis=-1).max())
+        turns = angle * (longest_arm + np.array([longest_arm, *map(_arm, self.bodies)]))
+        least = np.array([self.least, *(body.margin for body in self.bodies)])
+        segments = [body.end - body.start for body in self.bodies if body.end is not None]
+        longest_body = max((float(np.linalg.norm(segment)) for segment in segments), default=0.0)
         clear = np.ones(len(centres), np.int8)
-        for own_anchors, own_arms in zip(anchors, arms, strict=True):
+        for own_anchors, own_arms, rotation in zip(anchors, arms, self.rotations, strict=True):
             ends = centres[:, None] + own_arms
             cables = np.stack([np.broadcast_to(own_anchors, ends.shape), ends], axis=-2)
-            bodies = np.broadcast_to(self.bodies, (len(centres), *self.bodies.shape))
-            distance = closest(np.concatenate([cables, bodies], axis=-3), self.pairs, self.radii).distance
-            doubt = reach + ROUNDING * np.linalg.norm(own_anchors - ends, axis=-1).max(axis=-1)
-            verdict = np.where(distance - doubt >= self.least, 1, np.where(distance + doubt < self.least, -1, 0))
+            rounding = ROUNDING * (np.linalg.norm(own_anchors - ends, axis=-1).max(axis=-1) + longest_body)
+            apart = closest(cables, self.pairs, np.zeros(len(own_arms))).distance[:, None]
+            placed = place_bodies(self.bodies, centres, rotation, self.frames)
+            distances = np.hstack([apart, distances_to_placed(cables, self.bodies, placed).min(axis=-2)])
+            slack, doubt = distances - least, reach + turns + rounding[:, None]
+            verdict = np.where(slack >= doubt, 1, np.where(slack < -doubt, -1, 0)).min(axis=-1)
             clear = np.minimum(clear, verdict.astype(np.int8))
         return clear
 
 
-def clearance_problem(rig: Rig, least: float | None, bodies: Sequence[Capsule]) -> ClearanceProblem | None:
-    """Return the distances to prove, or None if none is required; see `body_distance` for errors."""
-    if least is None:
-        if bodies:
-            raise InputError("bodies are given without a clearance; give the distance in m that cables must keep")
+def _arm(body: Body) -> float:
+    """Return the largest distance of a held body's segment, or of its corners, from the reference point, in m."""
+    if body.frame != HAND:
+        return 0.0
+    corner = 0.0 if body.size is None else float(np.linalg.norm(body.size)) / 2
+    return corner + max(float(np.linalg.norm(end)) for end in (body.start, body.end) if end is not None)
+
+
+def clearance_problem(
+    rig: Rig, least: float | None, rotations: Floats, frames: Frames | None
+) -> ClearanceProblem | None:
+    """Return the distances to prove, or None if none is required."""
+    if least is None and not rig.bodies:
         return None
-    if not (np.isfinite(least) and least >= 0):
+    if least is not None and not (np.isfinite(least) and least >= 0):
         raise InputError(f"clearance is {least}; give a distance in m, 0 or more")
-    segments, radii = body_segments(bodies, rig.dimension)
-    if any(each.ndim != 3 for each in segments):
-        raise InputError("bodies: give one place for each body; it is the same all over the region")
-    return ClearanceProblem(
-        float(least),
-        np.concatenate([cable_pairs(rig), body_pairs(rig, bodies)]),
-        np.concatenate([np.zeros((0, 2, rig.dimension)), *segments]),
-        np.array([0.0] * rig.m + radii),
-    )
+    pairs = cable_pairs(rig)
+    places = {name: frame_of(where) for name, where in (rig.at_rest | dict(frames or {})).items()}
+    if any(np.ndim(where.position) > 1 for where in places.values()):
+        raise InputError("frames: give one pose for each body frame; it is the same all over the region")
+    return ClearanceProblem(least or 0.0, pairs[: 0 if least is None else None], rig.bodies, rotations, places)
 
 
 class CellProblem(NamedTuple):
@@ -248,7 +267,7 @@ def cell_problem(
     rotations: ArrayLike | None,
     angle: float,
     frames: Frames | None,
-    clearance: ClearanceProblem | None,
+    clearance: float | None,
 ) -> CellProblem:
     """Return the statement to prove; parameters and errors as in `certify`."""
     d, n, m = rig.dimension, rig.n, rig.m
@@ -261,6 +280,7 @@ def cell_problem(
         raise InputError(
             f'rig "{rig.name}" has pulleys, and these proofs hold for fixed anchors; sweep it instead'
         )
+    pose.require_known(frames or (), rig.at_rest)
     anchors = pose.place_anchors(rig.modules, rig.anchors, frames)
     if anchors.ndim > 2:
         raise InputError("frames: give one pose for each body frame; it is the same all over the region")
@@ -299,6 +319,5 @@ def cell_problem(
     anchors, arms, lower, upper, wrenches = (
         np.ascontiguousarray(each) for each in (np.broadcast_to(anchors, arms.shape), arms, lower, upper, wrenches)
     )
-    return CellProblem(
-        anchors, arms, lower, upper, wrenches, radius, slack, float(angle), length, closure, clearance
-    )
+    keeps = clearance_problem(rig, clearance, matrices, frames)
+    return CellProblem(anchors, arms, lower, upper, wrenches, radius, slack, float(angle), length, closure, keeps)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -12,26 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from tensionlab import _native
 from tensionlab.errors import InputError
 from tensionlab.model import pose
+from tensionlab.model.bodies import Body, PlacedBody, place_bodies
 from tensionlab.model.pose import Frames
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers, common_axes
-
-
-class Capsule(NamedTuple):
-    """Body: all points within a radius, in m, of a segment; a sphere, such as a head, has no ``end``.
-
-    The ends, (..., d), are in the world, in m; leading axes broadcast with the poses, so that a body can move.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> torso = tl.workspace.Capsule([0.0, 0.9, -0.3], [0.0, 1.4, -0.3], radius=0.2)
-    >>> head = tl.workspace.Capsule([0.0, 1.6, -0.3], radius=0.12)
-    """
-
-    start: ArrayLike
-    end: ArrayLike | None = None
-    radius: float = 0.0
 
 
 class Clearance(NamedTuple):
@@ -82,33 +67,135 @@ def cable_pairs(rig: Rig) -> Integers:
 
 def body_distance(
     rig: Rig,
-    bodies: Sequence[Capsule],
     position: ArrayLike,
     rotation: ArrayLike | None = None,
     frames: Frames | None = None,
+    bodies: Sequence[Body] | None = None,
 ) -> Clearance:
     """Return the minimum distance from a cable to a body, such as the user's head or torso.
 
-    What the cables hold is close to them by design: end the forearm of a user short of the attachments. The pair
-    are the indices of a module and of a body. ShapeError or InputError for bodies of other coordinates, negative
-    radii, or too many of them. Other parameters, errors and source as in `cable_distance`.
+    It is the distance to the surface less the body's sway, not less its margin, and zero or below only where a
+    cable can touch or enter the body. The pair are the indices of a module and of a body. What the cables hold is
+    close to them by design: end the forearm of a user short of the attachments.
+
+    Parameters
+    ----------
+    position, rotation, frames
+        As in `Rig.structure_matrix`; a body on a frame without modules is at rest unless its pose is given.
+    bodies : sequence of Body, optional
+        In place of `Rig.bodies`.
+
+    Raises
+    ------
+    ShapeError, RigError
+        As in `Rig.structure_matrix`; and as `Rig` refuses bodies.
 
     Examples
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> head = tl.workspace.Capsule([0.0, 1.2, -0.3], radius=0.12)
-    >>> distance, (module, body) = tl.workspace.body_distance(rig, [head], rig.home)
+    >>> head = tl.Body("head", [0.0, 1.2, -0.3], radius=0.12)
+    >>> distance, (module, body) = tl.workspace.body_distance(rig, rig.home, bodies=[head])
     >>> f"{distance:.2f} m from {rig.modules[module].name}"
     '0.18 m from top'
     """
+    distances = body_distances(rig, position, rotation, frames, bodies)
+    *shape, m, count = distances.shape
+    if not count:
+        return Clearance(np.full(shape, np.inf), np.full((*shape, 2), -1))
+    flat = distances.reshape(*shape, m * count)
+    pair = np.unravel_index(flat.argmin(axis=-1), (m, count))
+    return Clearance(flat.min(axis=-1), np.stack(pair, axis=-1))
+
+
+def body_distances(
+    rig: Rig,
+    position: ArrayLike,
+    rotation: ArrayLike | None = None,
+    frames: Frames | None = None,
+    bodies: Sequence[Body] | None = None,
+) -> Floats:
+    """Return the distance of every cable to every body, (..., m, bodies), in m.
+
+    Distances, parameters and errors are as in `body_distance`.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> head = tl.Body("head", [0.0, 1.2, -0.3], radius=0.12)
+    >>> table = tl.Body("table", [0.0, -0.2, 0.0], size=[1.0, 0.04, 0.6])
+    >>> tl.workspace.body_distances(rig, rig.home, bodies=[head, table]).round(2)
+    array([[0.83, 0.2 ],
+           [0.83, 0.26],
+           [0.83, 0.26],
+           [0.18, 0.48]])
+    """
+    if bodies is not None:
+        rig = with_bodies(rig, bodies)
     cables = _cables(rig, position, rotation, frames)
-    segments, radii = body_segments(bodies, rig.dimension)
-    shapes = {"cables": cables.shape[:-3]} | {f"body {i}": s.shape[:-3] for i, s in enumerate(segments)}
-    shape = common_axes(shapes)
-    everything = [np.broadcast_to(s, (*shape, *s.shape[-3:])) for s in (cables, *segments)]
-    found = closest(np.concatenate(everything, axis=-3), body_pairs(rig, bodies), np.array([0.0] * rig.m + radii))
-    return found._replace(pair=np.where(found.pair < 0, -1, found.pair - [0, rig.m]))
+    turn = None if rotation is None else pose.rotations(rotation, rig.dimension, "rotation")
+    place = pose.points(position, rig.dimension, "position")
+    placed = place_bodies(rig.bodies, place, turn, rig.at_rest | dict(frames or {}))
+    return distances_to_placed(cables, rig.bodies, placed)
+
+
+def with_bodies(rig: Rig, bodies: Sequence[Body]) -> Rig:
+    """Return the same rig with other bodies, and without the poses of frames that then carry nothing."""
+    carrying = {*rig.frames, *(body.frame for body in bodies)}
+    rest = tuple(pose_at_rest for pose_at_rest in rig.rest if pose_at_rest.name in carrying)
+    return replace(rig, bodies=tuple(bodies), rest=rest)
+
+
+def distances_to_placed(cables: Floats, bodies: Sequence[Body], placed: Sequence[PlacedBody]) -> Floats:
+    """Return the distance (..., m, bodies) of cables (..., m, 2, d) to bodies in the world: `body_distance`."""
+    shapes = {f'body "{body.name}"': where.ends.shape[:-2] for body, where in zip(bodies, placed, strict=True)}
+    shape = common_axes({"cables": cables.shape[:-3]} | shapes)
+    distances = np.empty((*shape, cables.shape[-3], len(bodies)))
+    for index, (body, where) in enumerate(zip(bodies, placed, strict=True)):
+        if body.size is None:
+            ends = np.broadcast_to(where.ends[..., None, :, :], (*shape, *cables.shape[-3:]))
+            pairs = np.stack([np.broadcast_to(cables, ends.shape), ends], axis=-3)
+            found = closest(pairs, np.array([[0, 1]]), np.zeros(2)).distance
+        else:
+            assert where.axes is not None
+            ends = (cables - where.ends[..., None, :1, :]) @ where.axes[..., None, :, :]
+            found = segment_box_distance(ends, body.size / 2)
+        distances[..., index] = found - body.radius - body.sway
+    return distances
+
+
+def segment_box_distance(segments: Floats, half: Floats) -> Floats:
+    """Return the distance (...) of segments (..., 2, d) from a box about the origin with half edges (d,), in m.
+
+    Its square is convex along a segment, and quadratic between the places where the segment crosses the planes of
+    the faces. Its slope changes sign between two of those, where it is linear. Zero only where a segment touches
+    or enters the box.
+    """
+    start, along = segments[..., :1, :], segments[..., 1:, :] - segments[..., :1, :]
+
+    def excess(share: Floats) -> Floats:
+        """Vector to the points (..., k, d) at these shares from the nearest ones of the box."""
+        points = start + share[..., None] * along
+        return np.asarray(np.sign(points) * np.maximum(np.abs(points) - half, 0.0))
+
+    with np.errstate(over="ignore"):  # clipped below
+        faces = np.concatenate([-half - start, half - start], axis=-2)
+        crossings = np.divide(faces, along, out=np.zeros(faces.shape), where=along != 0.0)
+    ends = np.broadcast_to([0.0, 1.0], (*crossings.shape[:-2], 2))
+    shares = np.concatenate([ends, crossings.reshape(*ends.shape[:-1], -1).clip(0.0, 1.0)], axis=-1)
+    shares.sort(axis=-1)
+    slopes = np.einsum("...ki,...i->...k", excess(shares), along[..., 0, :])
+    after = np.minimum((slopes < 0.0).sum(axis=-1, keepdims=True), shares.shape[-1] - 1)
+    before = np.maximum(after - 1, 0)
+    (low, high), (falls, rises) = (
+        [np.take_along_axis(values, index, -1) for index in (before, after)] for values in (shares, slopes)
+    )
+    part = np.divide(-falls, rises - falls, out=np.ones(falls.shape), where=(falls < 0.0) & (rises > 0.0))
+    lowest = low + (high - low) * np.where(falls < 0.0, part, 0.0)
+    middles = (shares[..., 1:] + shares[..., :-1]) / 2  # one of them is inside a box that the segment enters
+    gaps = excess(np.concatenate([lowest, middles], axis=-1))
+    return np.asarray(np.sqrt(np.einsum("...i,...i->...", gaps, gaps).min(axis=-1)))
 
 
 def _cables(rig: Rig, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None) -> Floats:
@@ -118,25 +205,6 @@ def _cables(rig: Rig, position: ArrayLike, rotation: ArrayLike | None, frames: F
     ends = pose.points(position, rig.dimension, "position")[..., None, :]
     ends = np.broadcast_to(ends if cables.arms is None else ends + cables.arms, vectors.shape)
     return np.stack([ends + vectors, ends], axis=-2)
-
-
-def body_pairs(rig: Rig, bodies: Sequence[Capsule]) -> Integers:
-    """Return the pairs of every cable with every body, (k, 2); bodies are numbered after the cables."""
-    pairs = [(i, rig.m + j) for i in range(rig.m) for j in range(len(bodies))]
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
-
-
-def body_segments(bodies: Sequence[Capsule], dimension: int) -> tuple[list[Floats], list[float]]:
-    """Return the segment of each body, (..., 1, 2, d), and its radius, in m; see `body_distance` for errors."""
-    segments, radii = [], []
-    for index, body in enumerate(bodies):
-        start = pose.points(body.start, dimension, f"start of body {index}")
-        end = start if body.end is None else pose.points(body.end, dimension, f"end of body {index}")
-        if not (np.isfinite(body.radius) and body.radius >= 0):
-            raise InputError(f"radius of body {index} is {body.radius}; give a radius in m, 0 or more")
-        segments.append(np.stack(np.broadcast_arrays(start, end), axis=-2)[..., None, :, :])
-        radii.append(float(body.radius))
-    return segments, radii
 
 
 def closest(segments: Floats, pairs: Integers, radii: NDArray[np.float64]) -> Clearance:

@@ -12,6 +12,7 @@ import numpy as np
 
 from tensionlab.allocation import RANK_TOLERANCE
 from tensionlab.errors import InputError, SweepError
+from tensionlab.model.bodies import Body
 from tensionlab.model.directions import circle, fibonacci
 from tensionlab.model.pose import Frames
 from tensionlab.model.requirement import Requirement
@@ -19,7 +20,6 @@ from tensionlab.model.rig import Rig
 from tensionlab.support import registry
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace import interference, structure_metrics
-from tensionlab.workspace.interference import Capsule
 from tensionlab.workspace.wrench_set import required_margin
 
 
@@ -175,14 +175,14 @@ def _cable_distance(batch: Batch) -> Floats:
     return interference.cable_distance(batch.rig, batch.position, batch.rotation, batch.frames).distance
 
 
-def _body_distance(batch: Batch, *, bodies: tuple[Capsule, ...] = ()) -> Floats:
-    """Minimum distance between a cable and a body; below zero where a cable enters one."""
-    if not bodies:
+def _body_distance(batch: Batch, *, bodies: tuple[Body, ...] | None = None) -> Floats:
+    """Minimum distance between a cable and a body, however it sways; below zero where a cable may enter one."""
+    if not (batch.rig.bodies if bodies is None else bodies):
         raise InputError(
-            "body-distance: no bodies are given, which the command line cannot do; in Python give "
-            'tensionlab.workspace.metric("body-distance", bodies=(body, ...)), each body a Capsule'
+            f'body-distance: rig "{batch.rig.name}" has no bodies; list them in its file as [[bodies]], or write '
+            'bodies = "standing" there'
         )
-    return interference.body_distance(batch.rig, bodies, batch.position, batch.rotation, batch.frames).distance
+    return interference.body_distance(batch.rig, batch.position, batch.rotation, batch.frames, bodies).distance
 
 
 METRICS: dict[str, Metric] = {
@@ -218,7 +218,7 @@ def metric(name: str | Metric, **parameters: Any) -> Metric:
     --------
     >>> import tensionlab as tl
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> head = tl.workspace.Capsule([0.0, 1.2, -0.3], radius=0.12)
+    >>> head = tl.Body("head", [0.0, 1.2, -0.3], radius=0.12)
     >>> metric = tl.workspace.metric("body-distance", bodies=(head,))
     >>> tl.sweep(rig, [rig.home], ["squared-tension:worst", metric])["squared-tension:worst"].values.round(1)
     array([[9.1]])

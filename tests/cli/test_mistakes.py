@@ -43,7 +43,7 @@ MISTAKES = {
     "bench --out b --set edgy": "'edgy'; choose one of",
     "simulate rig.toml --fault left:encoder@2s": "--fault left:encoder@2s: no module 'left'; there are floor-1",
     "validate --out v --preset perfect": "no preset 'perfect'; there are ideal, paper-like",
-    "compare body-mounted --frame knee 0 0 0": 'frame "knee" carries no module; the frames are',
+    "compare body-mounted --frame knee 0 0 0": 'frame "knee" carries no module and no body; the frames are',
     # Numbers, and how many.
     "compare cube-8 --at 0 0": "--at has 2 components; cube-8 needs 3: x (m), y (m), z (m)",
     "compare cube-8 --at 0 0 nan": "--at is 0 0 nan; give finite numbers",
@@ -52,7 +52,7 @@ MISTAKES = {
     "allocate cube-8 --wrench 1 0": "--wrench has 2 components; cube-8 needs 3: Fx (N), Fy (N), Fz (N)",
     "allocate cube-8 --wrench one 0 0": "--wrench: 'one' is not a number; write --wrench 1 2 3 (in N)",
     "allocate cube-8 --wrench 1N 2N 3N": "--wrench: '1N' is not a number; write --wrench 1 2 3 (in N)",
-    "workspace cube-8 --metric body-distance": "body-distance: no bodies are given, which the command line",
+    "workspace cube-8 --metric body-distance": 'body-distance: rig "cube-8" has no bodies; list them in its file',
     "allocate cube-8 --wrench 0 0 1 --reference 1 2": "--reference has 2 components; cube-8 needs 8",
     "allocate cube-8 --wrench 0 0 1 --reference low": "--reference is 'low'; give lower or middle, or 8 tensions",
     "workspace cube-8 --box 1 2 3": "--box has 3 numbers; cube-8 needs 6: x0 x1 y0 y1 z0 z1",

@@ -231,7 +231,10 @@ def test_rest_poses_of_body_frames_are_kept_and_turn_with_the_rig():
 @pytest.mark.parametrize(
     ("frames", "error"),
     [
-        ('name = "knee"\nposition = [0, 1, 0]', 'frame "knee" carries no module; the frames are shoulder, hip'),
+        (
+            'name = "knee"\nposition = [0, 1, 0]',
+            "carries no module and no body; the frames are shoulder, hip",
+        ),
         ('name = "hip"\nposition = [0.0, 1.0]', 'frame "hip": key "position" must have 3 coordinates'),
         (
             'name = "hip"\nposition = [0.0, 1.0, 0.0]\nrotation = [1.0]',

@@ -23,7 +23,7 @@ from tensionlab.viewer import run_scene
 from tensionlab.viewer.design_scene import draw
 from tensionlab.viewer.evaluation import evaluate
 from tensionlab.viewer.state import begin
-from tensionlab.workspace import Capsule, Grid, body_distance, rig_margin_gradient
+from tensionlab.workspace import Grid, body_distance, rig_margin_gradient
 from tests.helpers.examples import many
 from tests.helpers.runs import cycles
 
@@ -227,7 +227,7 @@ def test_distances_are_those_of_the_straight_part():
     rig = tl.Rig("one", "point", (module,), home=[0.0, 0.0, 0.6])
     expected = {(-0.5, 0.0, 0.6): 0.0, (-0.9, 0.0, 0.6): 0.0, (-1.0, 0.0, 0.5): np.hypot(0.1, 0.1)}
     for place, distance in expected.items():
-        found = body_distance(rig, [Capsule(place, radius=0.0)], rig.home).distance
+        found = body_distance(rig, rig.home, bodies=[tl.Body("dot", place, radius=1e-13)]).distance
         assert found == pytest.approx(distance, abs=1e-12)
 
 

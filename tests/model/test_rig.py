@@ -188,7 +188,7 @@ def test_an_attachment_on_its_anchor_is_named():
         (
             lambda: WORN.lengths(WORN.home, frames={"hip": ([0, 0, 0], None), "hop": ([0, 0, 0], None)}),
             RigError,
-            'no module is attached to the frame "hop"; the body frames of this rig are: hip',
+            'no module or body is attached to the frame "hop"; the body frames of this rig are: hip',
         ),
         (
             lambda: WORN.lengths(WORN.home, frames={"hip": ([0.0, np.inf, 0.0], None)}),

@@ -8,12 +8,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from tensionlab.errors import InputError, ShapeError
+from tensionlab.errors import RigError
+from tensionlab.model.bodies import Body
 from tensionlab.model.files import load_rig
-from tensionlab.model.layouts import box_corners
 from tensionlab.model.module import Module
+from tensionlab.model.pose import RestPose
 from tensionlab.model.rig import Rig
-from tensionlab.workspace.interference import Capsule, body_distance, cable_distance, cable_pairs, closest
+from tensionlab.workspace.interference import (
+    body_distance,
+    body_distances,
+    cable_distance,
+    cable_pairs,
+    closest,
+    segment_box_distance,
+)
 from tests.helpers.examples import many
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
@@ -137,24 +145,71 @@ def test_a_head_beside_one_cable():
     """The cable of module 1 runs along X at a height of 1 m; the head, of 0.1 m, is centred 0.25 m above it."""
     modules = (Module("up", [0, 5, 0], 0.5, 6), Module("side", [3, 1, 0], 0.5, 6))
     rig = Rig(name="r", kind="point", modules=modules, home=[0, 1, 0])
-    head = Capsule([1.5, 1.25, 0], radius=0.1)
-    torso = Capsule([-1, 0, 0], [-1, 1.5, 0], radius=0.2)
-    found = body_distance(rig, [torso, head], [0, 1, 0])
+    head = Body("head", [1.5, 1.25, 0], radius=0.1)
+    torso = Body("torso", [-1, 0, 0], [-1, 1.5, 0], radius=0.2)
+    found = body_distance(rig, [0, 1, 0], bodies=[torso, head])
     assert found.distance == pytest.approx(0.15, abs=1e-12)
     assert found.pair.tolist() == [1, 1]
-    assert body_distance(rig, [torso], [0, 1, 0]).distance == pytest.approx(0.8, abs=1e-12)
-    # Below the head's lowest point it is entered: at 1.2 m the cable passes 5 cm from the centre.
-    entered = body_distance(rig, [Capsule([0, 1.05, 0], radius=0.1)], [-1, 1, 0])
+    assert body_distance(rig, [0, 1, 0], bodies=[torso]).distance == pytest.approx(0.8, abs=1e-12)
+    assert body_distances(rig, [0, 1, 0], bodies=[torso, head])[1] == pytest.approx([0.8, 0.15], abs=1e-12)
+    # Entered: the cable of module 1 passes 0.05 m from the centre of the ball.
+    entered = body_distance(rig, [-1, 1, 0], bodies=[Body("ball", [0, 1.05, 0], radius=0.1)])
     assert entered.distance == pytest.approx(-0.05, abs=0.01)
-    assert body_distance(rig, [], [0, 1, 0]).distance == np.inf
-    assert body_distance(rig, [], [0, 1, 0]).pair.tolist() == [-1, -1]
+    swaying = body_distance(rig, [0, 1, 0], bodies=[torso, Body("head", [1.5, 1.25, 0], radius=0.1, sway=0.07)])
+    assert swaying.distance == pytest.approx(0.08, abs=1e-12)
+    assert body_distance(rig, [0, 1, 0]).distance == np.inf
+    assert body_distance(rig, [0, 1, 0]).pair.tolist() == [-1, -1]
 
 
-def test_a_body_that_is_none_is_refused():
-    rig = box_corners([1, 1, 1])
-    with pytest.raises(InputError, match="radius of body 1 is -1"):
-        body_distance(rig, [Capsule([1, 1, 1]), Capsule([1, 1, 1], radius=-1)], [0, 0, 0])
-    with pytest.raises(ShapeError, match="start of body 0"):
-        body_distance(rig, [Capsule([1, 1])], [0, 0, 0])
-    with pytest.raises(InputError, match="at most 64"):
-        body_distance(rig, [Capsule([1, 1, 1])] * 60, [0, 0, 0])
+BOXES = {
+    "beside a face": ([2, 0, 0], [2, 0.5, 0], 1.0),
+    "over an edge": ([3, 3, 0], [3, 3, 0.1], np.sqrt(8)),
+    "across a corner": ([2, 1.5, 1], [1.5, 2, 1], np.sqrt(2) * 0.75),
+    "through it": ([-3, 0.2, 0.3], [3, 0.2, 0.3], 0.0),
+    "within it": ([-0.1, 0.2, 0.3], [0.1, 0.2, 0.3], 0.0),
+    "along a face": ([-3, 1, 0], [3, 1, 0], 0.0),
+    "a point": ([0, 4, 5], [0, 4, 5], 5.0),
+}
+
+
+@pytest.mark.parametrize("case", BOXES.values(), ids=BOXES)
+def test_known_distances_from_a_cube_of_two_metres(case):
+    start, end, expected = case
+    for ends in ([start, end], [end, start]):
+        assert segment_box_distance(np.array(ends, float), np.ones(3)) == pytest.approx(expected, abs=1e-12)
+
+
+@settings(max_examples=many(200))
+@given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.sampled_from([1.0, 1e-9, 0.0]))
+def test_distances_from_boxes_agree_with_bounded_least_squares(seed, d, along):
+    """The nearest points minimise |a + s u - q| over shares 0 <= s <= 1 and the points q of the box."""
+    rng = np.random.default_rng(seed)
+    a, half = rng.normal(size=d), rng.uniform(0.1, 1.0, d)
+    u = rng.normal(size=d) * np.where(rng.random(d) < 0.5, along, 1.0)
+    found = segment_box_distance(np.stack([a, a + u]), half)
+    bounds = (np.array([0.0, *-half]), np.array([1.0, *half]))
+    best = lsq_linear(np.column_stack([u, -np.eye(d)]), -a, bounds=bounds, method="bvls")
+    assert found == pytest.approx(np.sqrt(2 * best.cost), abs=1e-7)
+    assert (found == 0.0) <= (best.cost < 1e-14)
+
+
+def test_bodies_follow_the_hand_and_their_frames():
+    """A box held in front of the hand turns with it; a ball on a frame without modules is at rest unless moved."""
+    cable = Module("m", [0, 3, 0], 0.0, 1.0, attachment=[0, 0.5, 0])
+    rig = Rig("r", "platform", (cable,), home=[0, 0, 0])
+    box = Body("box", [1, 0, 0], size=[0.2, 1.0, 0.4], frame="hand")
+    assert body_distance(rig, [0, 0, 0], bodies=[box]).distance == pytest.approx(0.9)
+    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])  # x becomes y: the cable starts at x = -0.5
+    turned = body_distance(rig, [0, 0, 0], quarter, bodies=[box]).distance
+    along = np.linspace([-0.5, 0, 0], [0, 3, 0], 100_001)
+    expected = np.linalg.norm(np.maximum(np.abs(along - [0, 1, 0]) - [0.5, 0.1, 0.2], 0.0), axis=1).min()
+    assert turned == pytest.approx(expected, abs=1e-4)
+
+    ball = Body("ball", [1.0, 0, 0], radius=0.1, frame="head")
+    rig = Rig("r", "platform", (cable,), home=[0, 0, 0], bodies=(ball,), rest=(RestPose("head", [0.0, 1.0, 0.0]),))
+    assert body_distance(rig, [0, 0, 0]).distance == pytest.approx(0.9)
+    moved = body_distance(rig, [0, 0, 0], frames={"head": np.array([[0.0, 1.0, 0.0], [1.0, 1.0, 0.0]])})
+    assert moved.distance == pytest.approx([0.9, 1.9])
+    assert body_distance(rig, [0, 0, 0], frames={"head": ([2.0, 1, 0], quarter)}).distance == pytest.approx(1.9)
+    with pytest.raises(RigError, match="no module or body is attached to the frame"):
+        body_distance(rig, [0, 0, 0], frames={"hip": [0.0, 0.0, 0.0]})

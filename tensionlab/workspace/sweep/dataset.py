@@ -21,7 +21,7 @@ from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace.metrics import Metric
 from tensionlab.workspace.poses import Label, axis_weights, label, weighted_share
-from tensionlab.workspace.sweep.plan import Plan
+from tensionlab.workspace.sweep.plan import Plan, own_frames
 
 if TYPE_CHECKING:
     import pandas
@@ -36,8 +36,8 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
     Every rig is made on the way, and refused if it does not suit the poses or the metrics, or lacks a body frame.
     """
     rigs = list(plan.configurations.rigs())
-    if unknown := sorted(set(plan.frames) - {name for rig in rigs for name in rig.frames}):
-        raise SweepError(f'frames: no module is attached to "{unknown[0]}"; leave it out')
+    if unknown := sorted(set(plan.frames) - {name for rig in rigs for name in rig.at_rest}):
+        raise SweepError(f'frames: no module or body is attached to "{unknown[0]}"; leave it out')
     if other := [rig for rig in rigs if rig.dimension != plan.poses.dimension]:
         raise SweepError(
             f'the poses have {plan.poses.dimension} coordinates; rig "{other[0].name}" ({other[0].kind}) needs '
@@ -55,7 +55,10 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
         raise SweepError(f'"{slashed[0]}" has a slash, and cannot name an axis or variable; rename it')
     manifest = provenance.manifest(sys.orig_argv)
     identity = {
-        "rigs": _digest(axes | of_rigs),
+        "rigs": _digest(
+            axes | of_rigs,
+            [repr((rig.bodies, rig.at_rest | own_frames(rig, plan.frames))) for rig in rigs if rig.bodies],
+        ),
         "poses": _digest(poses),
         "required": _digest(demands, [repr(plan.requirement(rig)) for rig in rigs]),
         "metrics": {each.name: each.identity for each in plan.metrics},
@@ -89,7 +92,7 @@ def _rig_labels(plan: Plan, rigs: Sequence[Rig]) -> dict[str, Label]:
     most, axes = max(rig.m for rig in rigs), list("xyz"[: plan.poses.dimension])
 
     def anchors(rig: Rig) -> Floats:
-        placed = pose.place_anchors(rig.modules, rig.anchors, plan.own_frames(rig))
+        placed = pose.place_anchors(rig.modules, rig.anchors, own_frames(rig, plan.frames))
         if placed.ndim > 2:
             raise SweepError("frames: give one pose for each body frame; it is the same all over the sweep")
         return placed

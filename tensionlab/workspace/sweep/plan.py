@@ -189,7 +189,7 @@ class ChunkTask:
         position, rotation = self.poses.arrays()
         values = np.full((len(self.metrics), len(self.rigs), len(position)), np.nan)
         for number, (rig, required) in enumerate(zip(self.rigs, self.required, strict=True)):
-            frames = {name: self.frames[name] for name in rig.frames}
+            frames = own_frames(rig, self.frames)
             step = max(1, PART_ENTRIES // (rig.n * rig.m))
             for part in (slice(start, start + step) for start in range(0, len(position), step)):
                 turn = None if rotation is None else rotation[part]
@@ -259,10 +259,6 @@ class Plan:
         """Return the required wrenches of a rig."""
         return rig.required if self.required is None else self.required
 
-    def own_frames(self, rig: Rig) -> Frames:
-        """Return the poses of a rig's body frames."""
-        return {name: self.frames[name] for name in rig.frames if name in self.frames}
-
     def check(self, rig: Rig) -> None:
         """Refuse a rig that cannot turn as the poses do, lacks a body frame, or that a metric refuses."""
         position, rotation = self.poses.block(tuple(slice(0, 1) for _ in self.poses.shape)).arrays()
@@ -271,10 +267,15 @@ class Plan:
                 f'the poses have orientations, and rig "{rig.name}" ({rig.kind}) cannot turn; leave them out'
             )
         turns = None if rotation is None else rotation[:0]
-        batch, _ = _batch(rig, position[:0], turns, self.own_frames(rig), self.requirement(rig))
+        batch, _ = _batch(rig, position[:0], turns, own_frames(rig, self.frames), self.requirement(rig))
         batch.required.check_rig(rig)
         for metric in self.metrics:
             metric.evaluate(batch)
+
+
+def own_frames(rig: Rig, frames: Frames) -> dict[str, Any]:
+    """Return the poses of a rig's own body frames."""
+    return {name: frames[name] for name in rig.at_rest if name in frames}
 
 
 def _batch(

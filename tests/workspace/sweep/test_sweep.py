@@ -12,7 +12,7 @@ from tensionlab import _native
 from tensionlab.errors import InputError, RigError, SweepError
 from tensionlab.model.directions import fibonacci
 from tensionlab.model.kinematics import exponential, planar_rotation
-from tensionlab.workspace.interference import Capsule, body_distance, cable_distance
+from tensionlab.workspace.interference import body_distance, cable_distance
 from tensionlab.workspace.metrics import METRICS, Metric, metric
 from tensionlab.workspace.poses import Grid, PoseList, box
 from tensionlab.workspace.structure_metrics import (
@@ -98,9 +98,9 @@ def test_platforms_are_swept_over_orientations_too():
 
 
 def test_a_body_keeps_its_distance():
-    head = Capsule([0.0, 0.2, 0.5], radius=0.1)
+    head = tl.Body("head", [0.0, 0.2, 0.5], radius=0.1)
     data = tl.sweep(CUBE, [[0.1, 0.2, 0.3]], metric("body-distance", bodies=(head,)))
-    assert data["body-distance"].item() == body_distance(CUBE, [head], [0.1, 0.2, 0.3]).distance
+    assert data["body-distance"].item() == body_distance(CUBE, [0.1, 0.2, 0.3], bodies=[head]).distance
 
 
 def test_layouts_with_other_numbers_of_modules_share_one_dataset():
@@ -171,7 +171,7 @@ CLASHING = vary(lambda x: CUBE, x=[1.0])
         ({"metrics": "beauty"}, SweepError, "no metric is called 'beauty'"),
         ({"metrics": ["tension-factor", "tension-factor"]}, SweepError, 'called "tension-factor"'),
         ({"metrics": "capacity-margin:-1"}, InputError, "radius is -1.0"),
-        ({"metrics": "body-distance"}, InputError, "no bodies are given"),
+        ({"metrics": "body-distance"}, InputError, "has no bodies; list them"),
         ({"rigs": "cube.toml"}, SweepError, "rigs holds 'c'"),
         ({"rigs": vary(CUBE, limits=[(6, 1)])}, RigError, '"lower" is 6.0'),
         ({"rigs": [CUBE, tl.load_rig("kntu-planar")]}, SweepError, 'rig "kntu-planar" .* needs 2'),

@@ -1,0 +1,247 @@
+"""Bodies that cables must stay clear of: `Body`, where its frame puts it, and a ready `person`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensionlab.errors import RigError
+from tensionlab.model import kinematics, pose
+from tensionlab.model.module import MAX_LENGTH, WORLD, require_name, require_up, same, upward, vector
+from tensionlab.model.pose import CoordinateFrame, Frames, RestPose, frame_of
+from tensionlab.support.arrays import Floats
+from tensionlab.support.files.reading import brief
+
+HAND = "hand"  # the frame of the held point or platform
+PERSON = "person"  # the frame of a ready person
+DEFAULT_MARGIN_M = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Sphere, capsule or box that cables must stay clear of. RigError names the body and the wrong key.
+
+    A body with a ``size`` is a box, one with an ``end`` a capsule: all points within the radius of a segment. One
+    with neither is a sphere.
+
+    Attributes
+    ----------
+    start : (d,) read-only array
+        Centre of a sphere or box, or one end of a capsule's segment, in the axes of ``frame``, in m.
+    end : (d,) read-only array or None
+        Other end of a capsule's segment.
+    radius : float
+        Radius of a sphere or capsule, in m; a box has none.
+    size : (d,) read-only array or None
+        Edges of a box along the axes of ``frame``, in m.
+    frame : str
+        "world"; "hand", which moves and turns with the held point or platform; or the name of a body frame, with
+        or without modules. Without modules it is at its `RestPose` wherever no other pose is given.
+    margin : float
+        Smallest distance to a cable, in m.
+    sway : float
+        How far the body may move from where its frame puts it, in any direction, in m.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> head = tl.Body("head", [0.0, 1.6, -0.3], radius=0.12, margin=0.1)
+    >>> table = tl.Body("table", [0.0, 0.7, 0.5], size=[1.2, 0.04, 0.6])
+    >>> head.shape, table.shape
+    ('sphere', 'box')
+    """
+
+    name: str
+    start: Floats
+    end: Floats | None = None
+    radius: float = 0.0
+    size: Floats | None = None
+    frame: str = WORLD
+    margin: float = DEFAULT_MARGIN_M
+    sway: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_name(self.name, "body", "name", "give every body a name")
+        here = f'body "{self.name}"'
+        require_name(self.frame, here, "frame", f'give "{WORLD}", "{HAND}" or the name of a body frame')
+        for key in ("start", "end", "size"):
+            value = getattr(self, key)
+            if key == "start" or value is not None:
+                object.__setattr__(self, key, vector(value, here, key))
+        for key in ("end", "size"):
+            value = getattr(self, key)
+            if value is not None and value.size != self.start.size:
+                raise RigError(f'{here}: key "{key}" has {value.size} numbers; give {self.start.size}')
+        if self.size is not None and not (self.size > 0).all():
+            raise RigError(f'{here}: key "size" is {brief(self.size.tolist())}; give edges in m, above zero')
+        if self.size is not None and (self.end is not None or self.radius):
+            raise RigError(f'{here}: a box has neither "end" nor "radius"; leave them or "size" out')
+        for key in ("radius", "margin", "sway"):
+            value = getattr(self, key)
+            if not (np.isfinite(value) and 0 <= value <= MAX_LENGTH):
+                raise RigError(f'{here}: key "{key}" is {value}; give a length in m, 0 to {MAX_LENGTH:g}')
+        if self.size is None and not self.radius:
+            raise RigError(f'{here}: key "radius" is missing; give the radius in m, or the "size" of a box')
+
+    def __repr__(self) -> str:
+        given = {key.name: getattr(self, key.name) for key in fields(self)}
+        words = [
+            f"{key}={value.tolist() if isinstance(value, np.ndarray) else value!r}"
+            for key, value in given.items()
+            if value is not None
+        ]
+        return f"Body({', '.join(words)})"
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other)
+
+    __hash__ = None  # type: ignore[assignment]  # it holds arrays
+
+    @property
+    def shape(self) -> Literal["sphere", "capsule", "box"]:
+        """Shape of the body."""
+        return "box" if self.size is not None else "sphere" if self.end is None else "capsule"
+
+    def describe(self) -> str:
+        """Return shape and size in words, such as "sphere of radius 0.12 m"."""
+        if self.size is not None:
+            return f"box of {' x '.join(f'{edge:.3g}' for edge in self.size)} m"
+        return f"{self.shape} of radius {self.radius:.3g} m"
+
+    def rotated(self, rotation: Floats) -> Body:
+        """Return the same body in axes turned by right angles, by a matrix (d, d)."""
+        start, end = (None if point is None else rotation @ point + 0.0 for point in (self.start, self.end))
+        size = None if self.size is None else np.abs(rotation) @ self.size
+        assert start is not None
+        return Body(self.name, start, end, self.radius, size, self.frame, self.margin, self.sway)
+
+
+class PlacedBody(NamedTuple):
+    """Body in the world: ends of its segment (..., 2, d), equal but for a capsule, and axes (..., d, d) of a box.
+
+    The columns of the axes are those of the frame; they are None for spheres and capsules.
+    """
+
+    ends: Floats
+    axes: Floats | None
+
+
+def place_bodies(
+    bodies: Sequence[Body], position: Floats, rotation: Floats | None, frames: Frames
+) -> list[PlacedBody]:
+    """Return the bodies in the world.
+
+    ``position`` (..., d) and ``rotation``, matrices (..., d, d) or None, are those of the held point or platform;
+    ``frames`` has the poses of all other frames. Leading axes broadcast.
+    """
+    held = CoordinateFrame(position, rotation)
+    placed = []
+    for body in bodies:
+        d, axes = body.start.size, np.eye(body.start.size)
+        ends = np.stack([body.start, body.start if body.end is None else body.end])
+        if body.frame == HAND:
+            where, axes = held, axes if rotation is None else rotation
+        elif body.frame != WORLD:
+            where = frame_of(frames[body.frame])
+            if where.rotation is not None:
+                axes = pose.rotations(where.rotation, d, f'frame "{body.frame}" rotation')
+        if body.frame != WORLD:
+            origin = pose.points(where.position, d, f'frame "{body.frame}" position')
+            ends = origin[..., None, :] + kinematics.rotate(axes, ends)
+        placed.append(PlacedBody(ends, axes if body.size is not None else None))
+    return placed
+
+
+# Heights of a standing person as shares of the stature: Drillis and Contini, "Body segment parameters", 1966, in
+# Winter, "Biomechanics and Motor Control of Human Movement", 2009, figure 4.1.
+ANKLE, KNEE, HIP, SHOULDER, CHIN = 0.039, 0.285, 0.530, 0.818, 0.870
+# Half of breadths and depths, in m, at the 95th percentile of men or of women, whichever is larger: Gordon et al.,
+# "2012 Anthropometric survey of U.S. Army personnel" (ANSUR II), 2014. Head length, neck circumference,
+# bideltoid breadth, chest and waist depth, hip breadth, thigh circumference.
+HEAD_M, NECK_M, SHOULDERS_M, TORSO_M, HIPS_M, THIGH_M = 0.106, 0.071, 0.284, 0.150, 0.200, 0.115
+
+
+def person(
+    posture: Literal["standing", "seated"],
+    up: str,
+    at: ArrayLike | None = None,
+    facing: ArrayLike | None = None,
+    height: float = 1.75,
+    margin: float = DEFAULT_MARGIN_M,
+    sway: float = 0.0,
+) -> tuple[tuple[Body, ...], RestPose]:
+    """Return the bodies of a person on the frame "person", and the pose of that frame.
+
+    Head, neck, torso and legs. The arms are left out: they follow the hand that the cables pull, and a cable that
+    ends at the hand is always close to them. So are the feet. RigError for a wrong argument.
+
+    Lengths along the body are shares of the stature (Drillis and Contini, 1966). Breadths and depths are those of
+    a large person whatever the height: the 95th percentile of ANSUR II (Gordon et al., 2014).
+
+    Parameters
+    ----------
+    posture : "standing" or "seated"
+        A seated person has the thighs level, at knee height, and the shanks upright.
+    up : str
+        World axis that points up, as in `Rig`.
+    at : (3,) array, optional
+        Floor below the hips, in m; the origin of the world if left out.
+    facing : (3,) array, optional
+        Direction that the person faces, of which the level part counts; the axis after ``up`` if left out: x where
+        z is up, z where y is up.
+    height : float
+        Stature in m.
+    margin, sway
+        As in `Body`, of every body.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> bodies, rest = tl.person("standing", up="z", at=[0.0, -1.0, 0.0], facing=[0.0, 1.0, 0.0])
+    >>> [body.name for body in bodies]
+    ['head', 'neck', 'torso', 'left leg', 'right leg']
+    """
+    if posture not in ("standing", "seated"):
+        raise RigError(f'key "person" is {brief(posture)}; give standing or seated')
+    if not (np.isfinite(height) and 0.5 <= height <= 2.5):
+        raise RigError(f'person: key "height" is {height}; give 0.5 to 2.5 m')
+    require_up(up, 3)
+    upright = upward(up, 3)
+    ahead = np.roll(np.abs(upright), 1)
+    left = np.cross(upright, ahead)
+    where = vector(np.zeros(3) if at is None else at, "person", "at")
+    towards = vector(ahead if facing is None else facing, "person", "facing")
+    if where.size != 3 or towards.size != 3:
+        raise RigError('person: give three coordinates for "at" and "facing"')
+    level = towards - (towards @ upright) * upright
+    if np.linalg.norm(level) <= 1e-6 * np.linalg.norm(towards):
+        raise RigError(f'person: key "facing" is {brief(towards.tolist())}; give a direction that is not upright')
+    turn = np.arctan2(level @ left, level @ ahead) * upright
+    seated = posture == "seated"
+    drop = height * (HIP - KNEE) * seated
+
+    def point(share: float, offset: float = 0.0, side: float = 0.0, forward: float = 0.0) -> Floats:
+        return np.asarray((share * height + offset - drop) * upright + side * left + forward * ahead)
+
+    neck, chin, hip = point(SHOULDER), point(CHIN, HEAD_M), point(HIP)
+    trunk = (SHOULDER - HIP) * height
+    size = np.abs(2 * TORSO_M * ahead + 2 * SHOULDERS_M * left + trunk * upright)
+    parts = [
+        ("head", chin, point(1.0, -HEAD_M), HEAD_M, None),
+        ("neck", neck, point(CHIN), NECK_M, None),
+        ("torso", (neck + hip) / 2, None, 0.0, size),
+    ]
+    for name, side in (("left", HIPS_M - THIGH_M), ("right", THIGH_M - HIPS_M)):
+        top, ankle = point(HIP, side=side), point(ANKLE, drop, side)
+        if not seated:
+            parts.append((f"{name} leg", top, ankle, THIGH_M, None))
+            continue
+        knee = point(HIP, side=side, forward=drop)
+        parts.append((f"{name} thigh", top, knee, THIGH_M, None))
+        parts.append((f"{name} shank", knee, ankle + drop * ahead, THIGH_M, None))
+    bodies = tuple(Body(*part, frame=PERSON, margin=margin, sway=sway) for part in parts)
+    return bodies, RestPose(PERSON, where, turn)
