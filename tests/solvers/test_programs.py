@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.solvers.base import RANK_TOLERANCE
-from tensionlab.solvers.programs import independent_rows, times, whitener
+from tensionlab.solvers.base import GRAZING, RANK_TOLERANCE, TOLERANCE
+from tensionlab.solvers.programs import Ray, independent_rows, times, whitener
 from tensionlab.solvers.quadratic import QuadraticProgram, installed_backends
 
-each_solver = pytest.mark.parametrize("solver", ["cvxpy", *(f"qp:{backend}" for backend in installed_backends())])
+each_solver = pytest.mark.parametrize(
+    "solver", ["newton", "cvxpy", *(f"qp:{backend}" for backend in installed_backends())]
+)
 each_policy = pytest.mark.parametrize("policy", QuadraticProgram.policies)
 
 
@@ -99,3 +101,46 @@ def test_answers_are_those_of_the_exact_solver(solver, policy, fixed):
         np.testing.assert_allclose(found.tensions, exact.tensions, rtol=0, atol=1e-5)
     fixed_alone = tl.allocate([[1, 1]], [9], ([2, 3], [2, 3]), solver, policy=policy)
     np.testing.assert_array_equal(fixed_alone.tensions, [2, 3])
+
+
+@each_solver
+def test_the_direction_policy_never_renders_more_than_the_wrench(solver):
+    result = tl.allocate([[1.0]], [2.0], (3.0, 5.0), solver, policy="direction")
+    np.testing.assert_allclose(result.tensions, [3.0], atol=1e-7)
+    assert result.status == tl.Status.NEAREST
+
+
+@pytest.mark.parametrize("top", [0.0, 5e-6])
+@pytest.mark.parametrize("angle", [1e-8, 1e-6, 3e-6, 4e-6, 6e-6, 8e-6, 1.2e-5, 1e-4])
+def test_where_a_wrench_grazes_a_face_its_scale_falls_with_the_angle(angle, top):
+    """The face is y <= top; moved outwards by the share of the tolerance that its angle allows, it ends it."""
+    length, limits = 5.0, ([0, 1, 5 - top], [10, 5, 9])
+    wrench = length * np.array([np.cos(angle), np.sin(angle)])
+    share = TOLERANCE * length * np.clip(2 - 2 * np.sin(angle) / GRAZING, 0, 1)
+    along = wrench[1] - 0.1 * share
+    scale = min(1.0, (top + 0.9 * share) / along) if along > 0 else 1.0
+    result = tl.allocate([[1, 0, 0], [0, 1, -1]], wrench, limits, "qp:daqp", policy="direction")
+    assert result.tensions[0] == pytest.approx(scale * wrench[0], abs=1e-4)
+    assert result.scale == pytest.approx(scale, abs=1e-4)
+
+
+def test_a_wrench_missed_by_less_than_the_tolerance_is_reached_where_no_part_of_it_is_rendered_exactly():
+    limits, wrench = ([1, 1, 5], [10, 5, 9]), 5 * np.array([1.0, 3e-6])
+    result = tl.allocate([[1, 0, 0], [0, 1, -1]], wrench, limits, "qp:daqp", policy="direction")
+    assert result.scale == pytest.approx(4.5 / 14.5, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("left", "wrench", "rendered"),
+    [
+        ((1.5, 2.0), 3.9, (1.9, 2.0)),  # the cable at its limit stays
+        ((5e-4, 0.0), 6e-4, (6e-4, 0.0)),
+        ((1.9995, 2.0), 3.9999, (1.9999, 2.0)),
+        ((1.9, 2.0), 4.5, (1.9, 2.0)),  # beyond the limits
+        ((0.1, 0.0), -0.5, (0.1, 0.0)),
+    ],
+)
+def test_cables_between_their_limits_take_up_the_error_that_a_backend_leaves(left, wrench, rendered):
+    structure, lower, upper = np.ones((1, 2)), np.zeros(2), np.full(2, 2.0)
+    ray = Ray(structure, np.array([wrench]), lower, upper, lambda s: None)
+    np.testing.assert_allclose(ray._polished(np.array(left), 1.0), rendered, atol=1e-12)

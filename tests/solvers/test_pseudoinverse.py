@@ -27,6 +27,7 @@ def test_agrees_with_its_statement_in_numpy(n, m, start):
     answer = Pseudoinverse(start).solve(given)
     np.testing.assert_allclose(answer.tensions, stated, rtol=0, atol=1e-10)
     assert not answer.iterations.any()
+    assert f"change from the {start}" in Pseudoinverse(start).objective
 
 
 def inverse_of(W):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tensionlab import Status, allocate
+from tensionlab.errors import InputError
 from tensionlab.solvers import SlackNorm
 from tests.helpers.examples import many
 from tests.helpers.problems import edge_of_workspace, random_cases
@@ -82,3 +83,9 @@ def test_inside_the_workspace_the_slack_is_below_tolerance(n, m):
         assert np.median(near.residual / unit) <= 1e-7
         assert np.all(at.status == Status.UNPROVEN)
         assert np.median(at.residual / unit) <= 5e-4
+
+
+@pytest.mark.parametrize(("settings", "wanted"), [({"p": 1.9}, "2 or more"), ({"c1": 0.0}, "positive")])
+def test_a_refusal_says_which_values_make_sense(settings, wanted):
+    with pytest.raises(InputError, match=wanted):
+        SlackNorm(**settings)
