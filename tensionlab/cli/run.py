@@ -70,7 +70,7 @@ def run(
     from rich.live import Live
 
     loaded = load_rig(rig)
-    demand = _demand(loaded, force, program)
+    demand = _demand(loaded, force, program, rate)
     settings = RunSettings(rate=rate, ttl=ttl, on_loss=on_loss, policy=policy)  # type: ignore[arg-type]  # it checks them
     options.check_solvers(loaded, [solver], policy)
     tracker = _tracker(loaded, at)
@@ -99,12 +99,12 @@ def run(
     end_run(runner.statistics, runner.sinks, log, failure)
 
 
-def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
+def _demand(rig: Rig, force: str | None, program: Path | None, rate: float) -> DemandSource:
     """Return the source of the desired wrenches."""
     if force is not None and program is not None:
         raise typer.BadParameter("--force and --program are both given; give one of them")
     if program is not None:
-        return load_program(program, rig)
+        return load_program(program, rig, rate)
     if force is None:
         return lambda state: Demand()
     wrench = np.array(options.parse_numbers("--force", force))

@@ -4,16 +4,60 @@ from __future__ import annotations
 
 import math
 from os import PathLike
+from typing import Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, FiniteFloat, model_validator
 
 from tensionlab.demand import Demand, RigState
 from tensionlab.errors import HardwareError
 from tensionlab.model.rig import Rig
 from tensionlab.model.schema import SchemaTable
+from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief, read_toml
 from tensionlab.support.validation import raises, validate
+
+Amplitude = Field(description="the amplitude of each component of the wrench, a list of N and N·m")
+Frequency = Field(gt=0.0, allow_inf_nan=False, description="a frequency in Hz, a number")
+
+
+class Sine(SchemaTable):
+    """Sine in the direction of its amplitude."""
+
+    amplitude: list[FiniteFloat] = Amplitude
+    frequency: float = Frequency
+
+    def offset(self, time: float, step: ProgramStep) -> Floats:
+        """Return what is added to a step's wrench at a time in s since it began."""
+        return math.sin(2.0 * math.pi * self.frequency * time) * np.array(self.amplitude)
+
+
+class Circle(SchemaTable):
+    """Force that turns in a plane, from the first of its axes to the second."""
+
+    radius: float = Field(gt=0.0, allow_inf_nan=False, description="the size of the force in N, a number")
+    plane: Literal["xy", "yx", "yz", "zy", "zx", "xz"] = Field(description='two axes, such as "xz"')
+    frequency: float = Frequency
+
+    def offset(self, time: float, step: ProgramStep) -> Floats:
+        """Return what is added to a step's wrench at a time in s since it began."""
+        angle, offset = 2.0 * math.pi * self.frequency * time, np.zeros(len(step.wrench))
+        offset[["xyz".index(axis) for axis in self.plane]] = math.cos(angle), math.sin(angle)
+        return self.radius * offset
+
+
+class Sweep(SchemaTable):
+    """Sine whose frequency changes exponentially from the begin to the end of a step."""
+
+    amplitude: list[FiniteFloat] = Amplitude
+    begin: float = Frequency
+    end: float = Frequency
+
+    def offset(self, time: float, step: ProgramStep) -> Floats:
+        """Return what is added to a step's wrench at a time in s since it began."""
+        growth = math.log(self.end / self.begin) / step.seconds
+        cycles = self.begin * (time if growth == 0.0 else math.expm1(growth * time) / growth)
+        return math.sin(2.0 * math.pi * cycles) * np.array(self.amplitude)
 
 
 class ProgramStep(SchemaTable):
@@ -23,6 +67,20 @@ class ProgramStep(SchemaTable):
     wrench: list[float] = Field(description="what to render, a list of N, and of N·m after the forces")
     ramp: bool = Field(False, description="true or false: whether to go there evenly")
     brakes: list[str] = Field([], description="names of modules whose brake is on, a list")
+    sine: Sine | None = Field(None, description="a sine around the wrench, a table")
+    circle: Circle | None = Field(None, description="a circle around the wrench, a table")
+    sweep: Sweep | None = Field(None, description="a sine of changing frequency around the wrench, a table")
+
+    @property
+    def oscillation(self) -> Sine | Circle | Sweep | None:
+        """Sine, circle or sweep around the wrench, if there is one."""
+        return self.sine or self.circle or self.sweep
+
+    @model_validator(mode="after")
+    def _require_one(self) -> Self:
+        if sum(each is not None for each in (self.sine, self.circle, self.sweep)) > 1:
+            raise ValueError("give one of sine, circle and sweep")
+        return self
 
 
 @raises(HardwareError)
@@ -54,6 +112,8 @@ class Program(SchemaTable):
         for step in self.steps:
             wrench = np.array(step.wrench)
             if remaining < step.seconds:
+                if step.oscillation is not None:
+                    wrench = wrench + step.oscillation.offset(remaining, step)
                 share = remaining / step.seconds if step.ramp else 1.0
                 return Demand(before + share * (wrench - before), brakes=frozenset(step.brakes))
             remaining -= step.seconds
@@ -61,8 +121,10 @@ class Program(SchemaTable):
         return Demand(stop=True)
 
 
-def load_program(path: str | PathLike[str], rig: Rig) -> Program:
+def load_program(path: str | PathLike[str], rig: Rig, rate: float = math.inf) -> Program:
     r"""Return the program in the TOML file at a path; a `HardwareError` if it does not fit the rig.
+
+    So it is if a frequency is not below half the ``rate``, that of the run in Hz.
 
     Examples
     --------
@@ -77,7 +139,25 @@ def load_program(path: str | PathLike[str], rig: Rig) -> Program:
     for number, step in enumerate(program.steps, start=1):
         demand = Demand(np.array(step.wrench), brakes=frozenset(step.brakes))
         require_demand(demand, rig, f"{path}: step {number}")
+        if step.oscillation is not None:
+            _require_oscillation(step.oscillation, rig, rate, f"{path}: step {number}")
     return program
+
+
+def _require_oscillation(found: Sine | Circle | Sweep, rig: Rig, rate: float, here: str) -> None:
+    """Refuse what the rig has no axes for, or the cycles of a run would alias."""
+    if isinstance(found, Circle):
+        axes = "xyz"[: rig.dimension]
+        if not set(found.plane) <= set(axes):
+            raise HardwareError(f'{here}: plane is "{found.plane}"; this rig has the axes {", ".join(axes)}')
+    elif len(found.amplitude) != rig.n:
+        raise HardwareError(f"{here}: amplitude is {brief(found.amplitude)}; this rig takes {rig.n} components")
+    highest = max(found.begin, found.end) if isinstance(found, Sweep) else found.frequency
+    if highest >= rate / 2.0:
+        raise HardwareError(
+            f"{here}: {highest:g} Hz is not below half the rate of the run, {rate:g} Hz; lower it, or give a "
+            "larger --rate"
+        )
 
 
 def require_demand(demand: object, rig: Rig, here: str) -> Demand:
