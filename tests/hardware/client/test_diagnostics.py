@@ -1,10 +1,14 @@
 """Ports that may have a module, the pulse that identifies it, and the round trips of its link."""
 
+import os
+import socket
+
 import numpy as np
 import pytest
 
 from tensionlab.errors import ModuleFault
 from tensionlab.hardware.client import diagnostics
+from tensionlab.hardware.client.locks import LinkLock
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
@@ -30,6 +34,22 @@ def test_ports_that_look_like_a_module_s_are_listed_or_all(monkeypatch):
     assert list(diagnostics.ports()) == [port.device for port in ours]
     assert diagnostics.ports(everything=True)["/dev/ttyACM0"] == "Arduino Uno"
     assert diagnostics.ports()["/dev/rfcomm0"] == ""
+
+
+def test_ports_without_a_module_say_why(locks_folder, monkeypatch):
+    monkeypatch.setattr(diagnostics, "TIMEOUTS_S", (0.05,))
+    silent, taken, closed = (socket.create_server(("127.0.0.1", 0)) for _ in range(3))
+    urls = ["socket://{}:{}".format(*server.getsockname()) for server in (silent, taken, closed)]
+    closed.close()
+    lock = LinkLock(urls[1])
+    found = diagnostics.find_all(dict.fromkeys(urls, ""))
+    lock.release()
+    silent.close()
+    taken.close()
+    assert found[0].problem == "no answer"
+    assert f"in use by process {os.getpid()}" in found[1].problem
+    assert "refused" in found[2].problem
+    assert [port.in_use for port in found] == [False, True, False]
 
 
 def faulty(conditions, seed=1):

@@ -3,6 +3,7 @@
 from operator import methodcaller
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
 import tensionlab as tl
@@ -10,7 +11,7 @@ from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client import group
 from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import Code, State
+from tensionlab.hardware.protocol.codes import Code, State, Type
 from tensionlab.hardware.protocol.messages import Acknowledge, Decoder
 from tensionlab.hardware.simulation.links import Conditions, SimulatedLink
 from tensionlab.hardware.simulation.world import World
@@ -138,7 +139,15 @@ def test_modules_whose_links_close_release_and_a_broken_link_keeps_none_from_it(
 
 
 class FastLink(SimulatedLink):
-    """Link whose module, and so its clock, is ten times as fast as the others are."""
+    """Link whose module, and so its clock, is ten times as fast as the others are; it notes what it is sent."""
+
+    def __init__(self, module):
+        super().__init__(module)
+        self.sent = []
+
+    def send(self, content):
+        self.sent.append((Decoder().feed(content)[0].type, self.clock()))
+        super().send(content)
 
     def receive(self, timeout):
         return super().receive(10.0 * timeout)
@@ -148,12 +157,15 @@ class FastLink(SimulatedLink):
 def test_modules_are_kept_alive_and_waited_for_by_the_clock_that_goes_fastest(fast, monkeypatch):
     """Clocks of simulated modules pass as fast as they are computed; each times out by its own."""
     world = World(RIG)
+    world.modules[2].advance(100.0)  # only what has passed since a command counts
     fast_link = FastLink(world.modules[fast])
     slow_link = BreakableLink(SimulatedLink(world.modules[2]), Conditions(latency=0.02))
     clients = [ModuleClient("fast", fast_link), ModuleClient("slow", slow_link)]
     pair = ModuleGroup(clients if fast == 0 else clients[::-1])
     pair.arm([1.0, 1.0])
     assert fast_link.clock() > 0.3, "as long as a set-point lives, and more"
+    kept_alive = np.diff([time for kind, time in fast_link.sent if kind is Type.SET_TENSION])
+    assert (np.abs(kept_alive - group.KEEP_ALIVE_PERIOD_S) < 0.025).all()
     assert {world.modules[index].sample.state for index in (fast, 2)} <= {State.ARMED, State.RUNNING}
     slow_link.freeze()
     monkeypatch.setattr(group, "PATIENT_TIMEOUTS_S", (0.5,))

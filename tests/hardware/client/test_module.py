@@ -1,10 +1,14 @@
+import math
+from contextlib import suppress
+
 import pytest
 
 from tensionlab.errors import LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import Code, State
+from tensionlab.hardware.protocol.codes import Code, Fault, State
 from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Stop
 from tensionlab.hardware.simulation.links import SimulatedLink
+from tensionlab.hardware.simulation.simulated_module import STEP_S
 
 
 def test_a_module_says_what_it_is_and_pulls_what_it_is_told(client):
@@ -26,7 +30,7 @@ def test_silence_makes_it_let_go_and_the_next_check_says_so(client):
     client.arm()
     client.set_tension(2.0, ttl_ms=100)
     client.listen(0.3)
-    with pytest.raises(ModuleFault, match=r"has released its cable \(TIMEOUT") as caught:
+    with pytest.raises(ModuleFault, match=r"has released its cable \(TIMEOUT\)") as caught:
         client.check()
     assert caught.value.module == "one"
     assert caught.value.code is State.TIMEOUT
@@ -78,6 +82,60 @@ def test_what_a_module_refuses_is_an_error_with_its_code(client):
     client.listen(0.01)
     with pytest.raises(ModuleFault, match="refused a set-point: BAD_VALUE"):
         client.check()
+
+
+def test_a_fault_is_named_until_the_module_is_cleared(client):
+    client.arm()
+    client.link.module.damage("encoder")
+    client.listen(0.1)
+    client.hello()
+    with pytest.raises(ModuleFault, match=r"released its cable \(FAULT: ENCODER\)") as caught:
+        client.check()
+    assert caught.value.code is Fault.ENCODER
+    client.link.module.damage("encoder", broken=False)
+    client.listen(0.1)
+    client.clear()
+    client.check()
+    assert client.endpoint.faults == 0
+
+
+def test_the_age_of_a_report_is_counted_from_the_latest_telemetry(client):
+    assert client.report().age == math.inf
+    client.command(ConfigureTelemetry(10))
+    client.listen(0.1)
+    client.command(ConfigureTelemetry(0))
+    client.listen(0.5)
+    assert client.report().age == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize(("seconds", "slept"), [(0.05, [0.05]), (0.002, [0.002]), (0.0005, [])])
+def test_waiting_sleeps_only_where_the_link_lets_no_time_pass(client, monkeypatch, seconds, slept):
+    sleeps, before = [], client.link.clock()
+    monkeypatch.setattr("tensionlab.hardware.client.module.time.sleep", sleeps.append)
+    client.wait(seconds)
+    assert client.link.clock() - before == pytest.approx(seconds, abs=STEP_S)
+    assert not sleeps
+    client.listen = lambda seconds: None  # as over a link that a thread reads
+    client.wait(seconds)
+    assert sleeps == pytest.approx(slept)
+
+
+def test_leaving_by_an_error_stops_the_module_first(client):
+    for error, state in ((KeyboardInterrupt, State.IDLE), (None, State.ARMED)):
+        with suppress(KeyboardInterrupt), ModuleClient("one", SimulatedLink(client.link.module)) as host:
+            host.arm()
+            host.close = lambda: None  # a link that closes lets time pass
+            if error is not None:
+                raise error
+        assert client.link.module.sample.state is state
+
+
+def test_sessions_repeat_with_the_same_seed_alone(client):
+    def session(seed):
+        return ModuleClient("one", SimulatedLink(client.link.module), seed).new_session().session
+
+    assert session(5) == session(5)
+    assert len({session(None) for _ in range(9)}) > 1
 
 
 def test_a_module_that_does_not_answer_is_named(client, monkeypatch):
