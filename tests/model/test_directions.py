@@ -36,6 +36,8 @@ def test_fibonacci_is_spread_evenly(count):
         cosine = vectors @ vectors.T - 2 * np.eye(count)
         policy = np.degrees(np.arccos(cosine.max(axis=1)))
         assert policy.min() > 0.8 * np.degrees(np.sqrt(4 * np.pi / count))
+        golden = np.arctan2(vectors[1, 2], vectors[1, 0]) - np.arctan2(vectors[0, 2], vectors[0, 0])
+        assert np.degrees(golden) == pytest.approx(137.50776)
 
 
 def test_circle_is_evenly_spaced():

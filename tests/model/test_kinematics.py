@@ -84,6 +84,24 @@ def test_structure_matrix_is_minus_the_derivative_of_the_lengths(scene):
         np.testing.assert_allclose(W[..., row, :], -(ahead - behind) / (2 * step), atol=tolerance)
 
 
+@pytest.mark.parametrize(("d", "turns"), [(2, False), (2, True), (3, False), (3, True)])
+def test_the_gradient_by_the_anchors_is_that_of_the_structure_matrix(d, turns):
+    rng = np.random.default_rng(d)
+    vectors, arms = rng.normal(size=(2, 4, 5, d))
+    arms = arms if turns else None
+
+    def matrix(vectors):
+        return kinematics.structure_matrix(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True), arms)
+
+    gradient = rng.normal(size=matrix(vectors).shape)
+    found, step = kinematics.anchor_gradient(gradient, vectors, arms), 1e-6
+    for cable, axis in np.ndindex(5, d):
+        moved = np.zeros_like(vectors)
+        moved[:, cable, axis] = step
+        change = (gradient * (matrix(vectors + moved) - matrix(vectors - moved))).sum(axis=(1, 2))
+        np.testing.assert_allclose(found[:, cable, axis], change / (2 * step), atol=1e-6)
+
+
 @settings(max_examples=many(50))
 @given(scenes())
 def test_directions_are_unit_vectors_that_lead_from_attachment_to_anchor(scene):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import ShapeError
-from tensionlab.model.module import TensionLimits
+from tensionlab.model.module import Module, TensionLimits
 
 
 def test_limits_are_a_read_only_copy():
@@ -38,3 +38,10 @@ def test_all_but_some_cables_are_left_without_tension():
     left = TensionLimits([0.5, 1.0, 2.0], [6.0, 7.0, 8.0]).only(np.array([True, False, True]))
     assert left.lower.tolist() == [0.5, 0.0, 2.0]
     assert left.upper.tolist() == [6.0, 0.0, 8.0]
+
+
+def test_modules_and_limits_print_what_tells_them_apart():
+    assert repr(Module("a", [1, 2, 0], 0.5, 6)) == "<Module a: (1, 2, 0) m, 0.5 to 6 N>"
+    assert repr(Module("a", [1, 2, 0], 0.5, 6, frame="hip")) == "<Module a: (1, 2, 0) m on hip, 0.5 to 6 N>"
+    assert repr(TensionLimits([1, 1], [5, 5])) == "<TensionLimits of 2 cables: 1 to 5 N>"
+    assert repr(TensionLimits([1, 1], [5, 6])) == "<TensionLimits of 2 cables: lower (1, 1) N, upper (5, 6) N>"

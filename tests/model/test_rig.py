@@ -11,7 +11,7 @@ import tensionlab as tl
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import ring_plus_top
-from tensionlab.model.module import Module, Platform
+from tensionlab.model.module import MAX_LENGTH, MAX_MASS, MAX_TENSION, Module, Platform
 from tensionlab.model.pose import CoordinateFrame
 from tensionlab.model.rig import Rig
 
@@ -54,6 +54,8 @@ def make(**change):
         ({"lower": 7.0}, "lower"),
         ({"lower": float("nan")}, "lower"),
         ({"upper": float("inf")}, "upper"),
+        ({"upper": 1.001 * MAX_TENSION}, "upper"),
+        ({"anchor": [0.0, 1.001 * MAX_LENGTH, 0.0]}, "anchor"),
         ({"anchor": [0.0, 1.0]}, "anchor"),
         ({"anchor": [0.0, 1.0, float("nan")]}, "anchor"),
         ({"anchor": "here"}, "anchor"),
@@ -63,6 +65,7 @@ def make(**change):
         ({"brake": 0.0}, "brake"),
         ({"newton_per_ampere": -3.0}, "newton_per_ampere"),
         ({"spool_radius": float("nan")}, "spool_radius"),
+        ({"spool_radius": 1.001 * MAX_LENGTH}, "spool_radius"),
     ],
 )
 def test_a_bad_module_is_refused_by_name_and_key(change, key):
@@ -97,13 +100,16 @@ def test_a_bad_rig_is_refused_by_key(change, words):
     [
         ({"mass": 0.0}, "mass"),
         ({"mass": float("nan")}, "mass"),
+        ({"mass": 1.001 * MAX_MASS}, "mass"),
         ({"mass": 1.0, "com": [0.0, float("inf")]}, "com"),
         ({"mass": 1.0, "inertia": [[1.0, 0.5], [0.0, 1.0]]}, "inertia"),
         ({"mass": 1.0, "inertia": [[1.0, 2.0], [2.0, 1.0]]}, "inertia"),
         ({"mass": 1.0, "inertia": [1.0, 2.0]}, "inertia"),
+        ({"mass": 1.0, "inertia": [[1.001 * MAX_MASS * MAX_LENGTH**2]]}, "inertia"),
     ],
 )
 def test_a_bad_platform_is_refused_by_key(values, key):
+    Platform(1e-4, inertia=[[1e-7]])
     with pytest.raises(RigError, match=rf'\[platform\]: key "{key}"'):
         Platform(**values)
 
@@ -152,6 +158,8 @@ def test_an_attachment_on_its_anchor_is_named():
         POINT.structure_matrix([[0.0, 0.5, 0.0], POINT.anchors[3]])
     with pytest.raises(RigError, match=r'module "top" \(index 3\): the attachment lies on the anchor, so'):
         POINT.lengths(POINT.anchors[3])
+    near = POINT.anchors[3] - [0.0, 5e-4, 0.0]  # the shortest cables have a direction
+    np.testing.assert_allclose(POINT.directions(near)[3], [0.0, 1.0, 0.0], atol=1e-12)
 
 
 @pytest.mark.parametrize(
