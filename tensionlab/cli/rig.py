@@ -12,9 +12,13 @@ from tensionlab.cli.common.verbs import Json, Verbs, option
 from tensionlab.interop import caspr as caspr_models
 from tensionlab.interop.mjcf import rig_to_mjcf
 from tensionlab.model.files import load_rig, rig_to_toml, save_rig
+from tensionlab.model.module import WORLD
+from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
 from tensionlab.support.files import writing
-from tensionlab.support.table import findings_table
+from tensionlab.support.table import Column, Table, findings_table
 from tensionlab.validation.rig_check import check_rig
+from tensionlab.workspace.interference import body_distances
 
 rig = Verbs("Show, check, import and export rigs.")
 
@@ -23,8 +27,10 @@ rig = Verbs("Show, check, import and export rigs.")
 def show(
     path: options.RigArgument, frames: options.BodyFrames = None, plot: options.Plot = None, json: Json = False
 ) -> None:
-    """Show anchors, cable lengths at home and limits of a rig."""
+    """Show anchors, cable lengths at home, limits and bodies of a rig."""
     loaded = options.load(path, frames)
+    distances = body_distances(loaded, loaded.home, frames=loaded.at_rest)
+    least = distances.min(axis=0)
     lengths = loaded.lengths(loaded.home, frames=loaded.at_rest)
     with output.ResultWriter(quiet=json) as writer:
         writer.draw(plot, "rig", loaded)
@@ -41,12 +47,34 @@ def show(
                     | output.fields(module, "lower", "upper", "brake", "pulley_radius", "pulley_axis")
                     for module, length in zip(loaded.modules, lengths, strict=True)
                 ],
+                bodies=[
+                    output.fields(body, "name", "shape", "start", "end", "radius", "size", "frame")
+                    | output.fields(body, "margin", "sway")
+                    | {"distance_at_home": distance}
+                    for body, distance in zip(loaded.bodies, least, strict=True)
+                ],
             )
         else:
             table = loaded.table()
             if loaded.source:
                 table.notes.append(f"Source: {loaded.source}")
             output.print_table(table)
+            if loaded.bodies:
+                output.print_line()
+                output.print_table(_bodies_table(loaded, distances))
+
+
+def _bodies_table(loaded: Rig, distances: Floats) -> Table:
+    """Return the bodies of a rig, and the cable that is nearest to each at home, from distances (m, bodies)."""
+    nearest = zip(loaded.bodies, distances.min(axis=0), distances.argmin(axis=0), strict=True)
+    rows = [
+        [body.name, body.describe(), body.frame if body.frame != WORLD else None, body.margin, body.sway or None,
+         distance, loaded.modules[cable].name]
+        for body, distance, cable in nearest
+    ]  # fmt: skip
+    columns = ["body", "shape", "frame", Column("margin", "m"), Column("sway", "m"),
+               Column("nearest cable at home", "m", ".3f"), "its module"]  # fmt: skip
+    return Table(columns, rows, "Bodies that cables must stay clear of")
 
 
 @rig.command()
@@ -61,7 +89,8 @@ def check(
 ) -> None:
     """Check that a rig can work at its home.
 
-    Checks rank, limits, what is required, balance and strength; exit status 1 where it cannot.
+    Checks rank, limits, what is required, balance, strength and the clearance of bodies; exit status 1 where it
+    cannot.
     """
     loaded = options.load(path, frames, wrench, gravity, required)
     findings = check_rig(loaded)

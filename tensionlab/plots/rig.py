@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import product
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from tensionlab.errors import ShapeError
+from tensionlab.model import kinematics
+from tensionlab.model.bodies import place_bodies
+from tensionlab.model.directions import circle, fibonacci
+from tensionlab.model.pose import place_anchors
 from tensionlab.model.pulleys import ways
 from tensionlab.plots.style import HALO, add_legend, one_panel
 from tensionlab.support.colours import BLUE, GREY, ORANGE, RED
@@ -31,6 +37,7 @@ MARKERS: list[dict[str, Any]] = [
 FEW = 50  # fewer wrenches are drawn as larger dots
 MAX_DOTS = 2000  # largest number of wrenches drawn for each status, evenly spread
 SPREAD = 0.12  # half the height of a row's dots, as a share of the row: spread out, many of the same tension show
+BODY_COLOUR, BODY_POINTS = "#D9C7B4", 150  # colour of bodies, and points of a sphere that stand for its surface
 MARGIN_INCHES = 0.5  # above and below a rig in space, for the title and the legend
 
 
@@ -41,8 +48,8 @@ def plot_rig(rig: Rig, *, ax: Axes) -> None: ...
 def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
     """Draw where a rig's modules stand and how its cables run at home, to scale.
 
-    The rig's vertical axis is upright. Body frames are drawn at the origin of the world. ``ax`` is a panel of
-    another figure to draw into; for a rig in space with the projection "3d".
+    The rig's vertical axis is upright. Body frames are drawn at rest. ``ax`` is a panel of another figure to draw
+    into; for a rig in space with the projection "3d".
 
     Examples
     --------
@@ -52,24 +59,27 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
     >>> plots.save_figure(figure, "rig.png")
     """
     spatial = rig.dimension == 3
-    ends = rig.home + rig.attachments
+    ends, anchors = rig.home + rig.attachments, place_anchors(rig.modules, rig.anchors, rig.at_rest)
+    outlines = body_outlines(rig)
     with one_panel(ax, (7.5, 7.0), "3d" if spatial else None) as (figure, axes):
-        everything = np.concatenate([rig.anchors, ends])
+        everything = np.concatenate([anchors, ends, *outlines])
         floor = frame_panel(axes, everything.min(axis=0), everything.max(axis=0), rig.vertical)
         if spatial:
-            feet = rig.anchors.copy()
+            feet = anchors.copy()
             feet[:, "xyz".index(rig.vertical)] = floor["xyz".index(rig.vertical)]
-            for anchor, foot in zip(rig.anchors, feet, strict=True):  # a thread to the floor shows where it is
+            for anchor, foot in zip(anchors, feet, strict=True):  # a thread to the floor shows where it is
                 axes.plot(*zip(anchor, foot, strict=True), color="#BBBBBB", linewidth=0.8, linestyle=":")
-        for way, end in zip(np.swapaxes(ways(ends, rig.anchors, rig.pulleys), 0, 1), ends, strict=True):
+        draw_bodies(axes, outlines)
+        routes = ways(ends, anchors, rig.pulleys_in_world(rig.at_rest))
+        for way, end in zip(np.swapaxes(routes, 0, 1), ends, strict=True):
             axes.plot(*way.T, color=GREY, linewidth=1.1)
             axes.plot(*zip(rig.home, end, strict=True), color=RED, linewidth=1.1, alpha=0.5)
         on_body = np.array([module.frame in rig.frames for module in rig.modules])
         for points, marker, colour in (
-            (rig.anchors[~on_body], "s", BLUE), (rig.anchors[on_body], "s", ORANGE), (rig.home[None], "o", RED),
+            (anchors[~on_body], "s", BLUE), (anchors[on_body], "s", ORANGE), (rig.home[None], "o", RED),
         ):  # fmt: skip
             axes.plot(*points.T, linestyle="", marker=marker, markersize=6, color=colour)
-        _label_anchors(axes, rig)
+        _label_anchors(axes, rig, anchors)
         if ax is None:
             figure.suptitle(rig.name, fontweight="bold")
         else:
@@ -78,11 +88,43 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
             ("module", {"color": BLUE, "marker": "s", "ls": ""}),
             *([("module on a body", {"color": ORANGE, "marker": "s", "ls": ""})] if on_body.any() else []),
             ("cable", {"color": GREY, "linewidth": 1.1}),
+            *([("body", {"color": BODY_COLOUR, "marker": "o", "ls": "", "markersize": 9})] if outlines else []),
             ("platform, home" if rig.attachments.any() else "home", {"color": RED, "marker": "o", "ls": ""}),
         ], ax)  # fmt: skip
     if spatial and ax is None:
         _crop(figure, axes)
     return figure if ax is None else None
+
+
+def body_outlines(rig: Rig) -> list[Floats]:
+    """Return points (k, d) of the surface of each body, with the platform at home and frames at rest."""
+    directions = fibonacci(BODY_POINTS) if rig.dimension == 3 else circle(BODY_POINTS)
+    outlines = []
+    for body, placed in zip(rig.bodies, place_bodies(rig.bodies, rig.home, None, rig.at_rest), strict=True):
+        if body.size is None:
+            outlines.append((placed.ends[:, None] + body.radius * directions).reshape(-1, rig.dimension))
+        else:
+            corners = np.array(list(product((-0.5, 0.5), repeat=rig.dimension))) * body.size
+            outlines.append(placed.ends[0] + kinematics.rotate(np.asarray(placed.axes), corners))
+    return outlines
+
+
+def draw_bodies(axes: Any, outlines: Sequence[Floats]) -> None:
+    """Draw the convex hulls of points (k, d) in an axes of as many dimensions."""
+    from matplotlib.patches import Polygon
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
+    from scipy.spatial import ConvexHull
+
+    for points in outlines:
+        hull = ConvexHull(points)
+        if points.shape[1] == 2:
+            axes.add_patch(Polygon(points[hull.vertices], facecolor=BODY_COLOUR, edgecolor=GREY, alpha=0.6))
+            continue
+        triangles = points[hull.simplices]
+        inward = np.einsum("ij,ij->i", hull.equations[:, :3], np.cross(
+            triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])) < 0  # fmt: skip
+        triangles[inward] = triangles[inward][:, ::-1]
+        axes.add_collection3d(Poly3DCollection(triangles, facecolors=BODY_COLOUR, alpha=0.6, shade=True))
 
 
 def frame_panel(axes: Any, low: Floats, high: Floats, vertical: str) -> Floats:
@@ -122,11 +164,11 @@ def _crop(figure: Figure, axes: Any) -> None:
         axes.set_position(np.round(place, 6))
 
 
-def _label_anchors(axes: Any, rig: Rig) -> None:
+def _label_anchors(axes: Any, rig: Rig, anchors: Floats) -> None:
     """Write the modules' names next to their anchors, one label where they nearly coincide."""
     from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
-    points = np.vstack([rig.anchors, rig.home])
+    points = np.vstack([anchors, rig.home])
     if rig.dimension == 3:
         x, y, _ = proj3d.proj_transform(*points.T, axes.get_proj())
         points = np.column_stack([x, y])

@@ -20,6 +20,7 @@ from tensionlab.model.stiffness import (
 from tensionlab.solvers.base import RANK_TOLERANCE, Status
 from tensionlab.support.arrays import Floats
 from tensionlab.support.table import Finding
+from tensionlab.workspace.interference import body_distances
 from tensionlab.workspace.structure_metrics import feasibility_tolerance
 from tensionlab.workspace.wrench_set import half_spaces, required_margin
 
@@ -35,7 +36,7 @@ def check_rig(rig: Rig) -> list[Finding]:
     Findings: rank of the structure matrix; limits that leave room; lengths, where their unit may be wrong; weight
     and requirement, where there are any; balance, that is the zero wrench inside the limits; strength, the largest
     force and torque in the weakest direction, in addition to what is required, or to the weight where that closes
-    the wrench set; stiffness of walls, where the rig holds a point; and body frames.
+    the wrench set; stiffness of walls, where the rig holds a point; clearance of its bodies; and body frames.
     """
     structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
     findings = [_rank(structure), _limits(rig), *_scale(rig)]
@@ -54,6 +55,8 @@ def check_rig(rig: Rig) -> list[Finding]:
         findings.append(_strength(rig, structure, offset))
     if rig.n == rig.dimension:
         findings.append(_walls(rig, structure))
+    if rig.bodies:
+        findings.append(_bodies(rig))
     if rig.frames:
         names = ", ".join(rig.frames)
         findings.append(Finding("frames", None, f"{names}: must be given at run time; at rest for this check"))
@@ -88,7 +91,8 @@ def _limits(rig: Rig) -> Finding:
         return Finding("limits", None, f"no choice of tension in {', '.join(stuck)}: lower equals upper")
     text = f"{lower.min():g} N and more, {upper.max():g} N and less, upper > lower in all"
     strongest = float((upper + brake_strengths(rig)).sum())
-    if strongest > HEAD_FORCE_N and any(module.brake for module in rig.modules):
+    heads = any("head" in name.lower() for body in rig.bodies for name in (body.name, body.frame))
+    if heads and strongest > HEAD_FORCE_N and any(module.brake for module in rig.modules):
         text += (
             f"; with brakes {strongest:g} N together, so not for a head, which allows {HEAD_FORCE_N:g} N: "
             "scenarios with a head refuse this rig until breakaway links make `brake` less"
@@ -166,6 +170,30 @@ def _walls(rig: Rig, structure: Floats) -> Finding:
         return Finding("walls", True, f"as stiff as {host} ({loop}): no cable is along an axis")
     elsewhere = "" if len(modules) == 2 * rig.dimension else f", elsewhere {host} ({loop})"
     return Finding("walls", True, f"as stiff as {', '.join(modules)} by a module{elsewhere}")
+
+
+def _bodies(rig: Rig) -> Finding:
+    """Check that the cables keep the margin of every body at home."""
+    distances = body_distances(rig, rig.home, frames=rig.at_rest)
+    slack = distances.min(axis=0) - [body.margin for body in rig.bodies]
+    order = np.argsort(slack)
+    close = [_clearance(rig, distances, index) for index in order if slack[index] < 0.0]
+    if close:
+        text = f"{'; '.join(close)}: move modules or bodies, or give less margin"
+        return Finding("bodies", False, text)
+    nearest = _clearance(rig, distances, order[0])
+    others = f"; all {len(rig.bodies)} bodies keep their margins" if len(rig.bodies) > 1 else ""
+    return Finding("bodies", True, f"{nearest}{others}")
+
+
+def _clearance(rig: Rig, distances: Floats, index: int) -> str:
+    """Return in words how close the nearest cable comes to a body."""
+    body, cable = rig.bodies[index], int(distances[:, index].argmin())
+    distance, name = distances[cable, index], rig.modules[cable].name
+    sway = f" when it sways by {body.sway:g} m" if body.sway else ""
+    if distance <= 0.0:
+        return f"the cable of {name} {'can touch' if body.sway else 'touches'} {body.name}{sway}"
+    return f"the cable of {name} is {distance:.3f} m from {body.name}{sway} (margin {body.margin:g} m)"
 
 
 def _reach(room: Floats, normals: Floats, vectors: Floats) -> Floats:

@@ -1,5 +1,6 @@
 """Rigs that come from CASPR and go to MuJoCo, by the command line."""
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import mujoco
 import pytest
 
+from tensionlab.model.bodies import Body
 from tensionlab.model.files import load_rig, save_rig
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
@@ -72,3 +74,16 @@ def test_show_has_pulleys_where_there_are_some(run, tmp_path):
     assert (code, err) == (0, "")
     assert re.search(r"^floor-1 .* 0\.02  \(0, 1, 0\)$", out, re.MULTILINE)
     assert re.search(r"^floor-2 .* –\s+–$", out, re.MULTILINE)
+
+
+def test_bodies_are_listed_and_checked_against_their_margins(run, tmp_path):
+    rig = load_rig(RIGS / "bartels2026-validation.toml")
+    assert "odies" not in run("show", RIGS / "bartels2026-validation.toml")[1]
+    for distance, code, word in ((-0.3, 0, "0.180"), (-0.1, 1, "-0.020")):
+        head = Body("head", [0.0, 1.2, distance], radius=0.12)
+        save_rig(replace(rig, bodies=(head,)), tmp_path / "user.toml")
+        out = run("show", tmp_path / "user.toml")[1]
+        assert re.search(rf"^head .* 0\.12 m +0\.05 +{word}  top$", out, re.MULTILINE)
+        (body,) = json.loads(run("show", tmp_path / "user.toml", "--json")[1])["bodies"]
+        assert (body["shape"], body["margin"], round(body["distance_at_home"], 3)) == ("sphere", 0.05, float(word))
+        assert run("check", tmp_path / "user.toml")[0] == code

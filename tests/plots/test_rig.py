@@ -1,8 +1,11 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
 import tensionlab as tl
 from tensionlab.plots import plot_allocation, plot_rig
+from tensionlab.plots.rig import body_outlines
 from tests.helpers.figures import content_of, words_in
 from tests.helpers.runs import four, seven
 
@@ -29,6 +32,20 @@ def test_a_flat_rig_has_a_flat_picture_with_all_of_it():
     assert np.diff(rows).max() < 0.6 * flat.dpi, "no white band"
     names = [text.get_text() for text in flat.axes[0].texts]
     assert names == ["floor-1", "floor-2", "floor-3"]
+
+
+def test_bodies_are_drawn_where_they_are_at_rest():
+    """The hull of the points drawn reaches as far as the person does: 1.75 m up from the floor."""
+    bodies, rest = tl.person("seated", up="y", at=[0.0, 0.2, -1.0])
+    rig = dataclasses.replace(four(), bodies=bodies, rest=(rest,))
+    outlines = np.concatenate(body_outlines(rig))
+    assert outlines[:, 1].max() == pytest.approx(0.2 + 0.755 * 1.75, abs=0.01)
+    assert np.ptp(outlines[:, 0]) == pytest.approx(2 * 0.284, abs=0.01)
+    assert "body" in words_in(content_of(plot_rig(rig)))
+    flat = tl.load_rig("kntu-planar")
+    disc = tl.Body("disc", [0.3, 0.3], radius=0.2)
+    (patch,) = plot_rig(dataclasses.replace(flat, bodies=(disc,))).axes[0].patches
+    np.testing.assert_allclose(np.linalg.norm(patch.get_xy() - [0.3, 0.3], axis=1), 0.2)
 
 
 def test_tensions_are_drawn_between_their_limits_by_status():

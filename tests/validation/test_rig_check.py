@@ -162,10 +162,13 @@ def test_every_rig_that_comes_along_can_be_checked_and_has_full_rank(path):
 
 
 def test_brakes_too_strong_for_a_head_are_reported():
-    limits = findings(published())["limits"].text
+    head = tl.Body("head", [0.0, 1.6, -0.5], radius=0.12)
+    worn = dataclasses.replace(published(), bodies=(head,))
+    limits = findings(worn)["limits"].text
     assert "with brakes 768 N together, so not for a head, which allows 60 N" in limits
     gentle = [dataclasses.replace(module, brake=4.0) for module in published().modules]
-    assert "head" not in findings(dataclasses.replace(published(), modules=tuple(gentle)))["limits"].text
+    assert "head" not in findings(dataclasses.replace(worn, modules=tuple(gentle)))["limits"].text
+    assert "head" not in findings(published())["limits"].text, "nothing is said of heads where there is none"
 
 
 def test_the_stiffness_is_that_of_a_module_along_an_axis_and_elsewhere_of_the_host():
@@ -177,3 +180,14 @@ def test_the_stiffness_is_that_of_a_module_along_an_axis_and_elsewhere_of_the_ho
     assert "towards -x" not in text
     assert "elsewhere 33 N/m by the host (50 cycles/s, 20 ms late)" in text
     assert "walls" not in verdicts(tl.load_rig("cogiro"))
+
+
+@pytest.mark.parametrize(
+    ("margin", "sway", "passed"), [(0.17, 0.0, True), (0.19, 0.0, False), (0.05, 0.14, False)]
+)
+def test_bodies_that_are_closer_than_their_margins_are_found(margin, sway, passed):
+    """The cable of `top` is upright; the head, of radius 0.12 m, is 0.3 m behind it."""
+    head = tl.Body("head", [0.0, 1.2, -0.3], radius=0.12, margin=margin, sway=sway)
+    finding = findings(dataclasses.replace(published(), bodies=(head,)))["bodies"]
+    assert finding.passed is passed
+    assert f"the cable of top is {0.18 - sway:.3f} m from head" in finding.text

@@ -1,5 +1,6 @@
 """Distances known by hand, from another optimiser, and from sampling; and what counts as touching."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.optimize import lsq_linear
 from tensionlab.errors import RigError
 from tensionlab.model.bodies import Body
 from tensionlab.model.files import load_rig
-from tensionlab.model.module import Module
+from tensionlab.model.module import KINDS, Module
 from tensionlab.model.pose import RestPose
 from tensionlab.model.rig import Rig
 from tensionlab.workspace.interference import (
@@ -23,6 +24,7 @@ from tensionlab.workspace.interference import (
     segment_box_distance,
 )
 from tests.helpers.examples import many
+from tests.helpers.plain_clearance import matrices, search, within_ball
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 
@@ -213,3 +215,57 @@ def test_bodies_follow_the_hand_and_their_frames():
     assert body_distance(rig, [0, 0, 0], frames={"head": ([2.0, 1, 0], quarter)}).distance == pytest.approx(1.9)
     with pytest.raises(RigError, match="no module or body is attached to the frame"):
         body_distance(rig, [0, 0, 0], frames={"hip": [0.0, 0.0, 0.0]})
+
+
+def furnished(kind, seed):
+    """A rig of a kind with modules in the world and on a frame, and bodies of all shapes in all frames."""
+    rng = np.random.default_rng(seed)
+    d = KINDS[kind].dimension
+    modules = tuple(
+        Module(f"m{i}", rng.uniform(-2, 2, d), 0.0, 1.0, frame="hip" if i == 0 else "world",
+               attachment=rng.uniform(-0.3, 0.3, d) if KINDS[kind].has_orientation else None)
+        for i in range(4)
+    )  # fmt: skip
+    shapes = [{"radius": 0.15}, {"radius": 0.1, "end": rng.uniform(-1, 1, d)}, {"size": rng.uniform(0.1, 0.8, d)}]
+    bodies = tuple(
+        Body(f"{frame} {i}", rng.uniform(-1, 1, d), frame=frame, sway=sway, **shape)
+        for i, (frame, sway) in enumerate([("world", 0.2), ("hand", 0.0), ("hip", 0.05), ("head", 0.1)])
+        for shape in shapes[i % 2 :]
+    )
+    bodies = tuple(replace(body, name=str(number)) for number, body in enumerate(bodies))
+    return Rig("r", kind, modules, home=np.zeros(d), bodies=bodies)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_body_comes_closer_than_is_said_within_its_sway(kind):
+    """100,000 poses, with bodies that sway at random, and towards a cable: then they are as close as is said."""
+    rng, count = np.random.default_rng(len(kind)), 100_000 // len(KINDS)
+    rig = furnished(kind, len(kind))
+    d = rig.dimension
+    position = rng.uniform(-1, 1, (count, d))
+    nowhere, upright = np.zeros((count, d)), np.tile(np.eye(d), (count, 1, 1))
+    turn = matrices(rng, count, d) if rig.n > d else upright
+    frames = {name: (rng.uniform(-1, 1, (count, d)), matrices(rng, count, d)) for name in ("hip", "head")}
+
+    def orientation(axes):
+        return axes if d == 3 else np.arctan2(axes[:, 1, 0], axes[:, 0, 0])
+
+    given = {name: (origin, orientation(axes)) for name, (origin, axes) in frames.items()}
+    found = body_distances(rig, position, orientation(turn) if rig.n > d else None, given)
+    everywhere = frames | {"hand": (position, turn), "world": (nowhere, upright)}
+    swaying = rng.integers(found[0].size, size=count)  # pair of cable and body whose sway is tried
+    for number, (i, j) in enumerate(np.ndindex(*found[0].shape)):
+        module, body, said = rig.modules[i], rig.bodies[j], found[:, i, j]
+        origin, axes = everywhere[module.frame]
+        starts = origin + np.einsum("nij,j->ni", axes, module.anchor)
+        ends = position + np.einsum("nij,j->ni", turn, module.attachment)
+        origin, axes = everywhere[body.frame]
+        still, direction = search(starts, ends, body, origin, axes)
+        np.testing.assert_allclose(said, still - body.sway, atol=1e-6)
+        own = swaying == number
+        starts, ends, axes, origin = starts[own], ends[own], axes[own], origin[own]
+        shift = within_ball(rng, own.sum(), d, body.sway)
+        assert (search(starts, ends, body, origin + shift, axes)[0] >= said[own] - 1e-6).all()
+        nearest = search(starts, ends, body, origin + body.sway * direction[own], axes)[0]
+        apart = still[own] + body.radius > body.sway
+        np.testing.assert_allclose(nearest[apart], said[own][apart], atol=1e-6)

@@ -3,6 +3,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.workspace.certification import ClearanceProblem
+from tests.helpers.plain_clearance import matrices, search, within_ball
 
 REGION = [(-0.5, 0.5), (-0.6, 0.6), (0.6, 1.4)]
 EVERYTHING = tl.Requirement(wrench=np.zeros(6))
@@ -57,3 +58,56 @@ def test_what_may_turn_or_move_by_some_centimetres_is_in_doubt_by_as_much(gap, v
     problem = ClearanceProblem(1.0, np.array([[0, 1]]), (), np.eye(3)[None], {})
     assert problem.decide(anchors, arms, 0.07, np.zeros((1, 3)), np.full(3, 0.02)).tolist() == [verdict]
     assert problem.decide(anchors, arms, 0.0, np.zeros((1, 3)), np.full(3, 0.11)).tolist() == [verdict]
+
+
+def bodies_of(d):
+    """Bodies of all shapes in the world, on the hand, and on a frame: those of the head sway."""
+    up = np.eye(d)[-1]
+    return (
+        tl.Body("post", 0.8 * np.eye(d)[0], 0.8 * np.eye(d)[0] + up / 2, 0.08, margin=0.03),
+        tl.Body("head", 0.1 * up, radius=0.1, frame="head", margin=0.08, sway=0.06),
+        tl.Body("visor", np.full(d, 0.1), size=np.full(d, 0.2), frame="head", margin=0.02, sway=0.06),
+        tl.Body("tool", -0.25 * up, -0.4 * up, radius=0.02, frame="hand", margin=0.01),
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "region", "place", "angle"),
+    [
+        ("ipanema-1", REGION, [-0.9, 0.7, 1.5], 0.02),
+        ("bartels2026-validation", [(-0.3, 0.3), (0.2, 1.2), (-0.3, 0.3)], [-0.25, 0.5, 0.1], 0.0),
+        ("kntu-planar", [(-0.4, 0.4), (-0.4, 0.4)], [0.6, 0.5], 0.01),
+    ],
+)
+def test_what_is_proved_of_bodies_holds_between_the_grid_points(name, region, place, angle):
+    """100,000 poses: orientations within the angle, bodies within their sways, by another computation."""
+    rig, rng, count = tl.load_rig(name), np.random.default_rng(3), 33_334
+    d, zero = rig.dimension, np.zeros(rig.n)
+    rig = tl.Rig(rig.name, rig.kind, rig.modules, rig.home, bodies=bodies_of(d))
+    head = (np.array(place), matrices(rng, 1, d)[0])
+    given = {"head": head if d == 3 else (head[0], np.arctan2(head[1][1, 0], head[1][0, 0]))}
+    statement = (region, ([*zero], 0.0), 0.05)
+    proved = tl.workspace.certify(rig, *statement, angle=angle, frames=given)
+    far = tl.workspace.certify(rig, *statement, angle=angle, bodies=())
+    position, turn = rng.uniform(*np.array(region).T, (count, d)), matrices(rng, count, d, angle)
+    everywhere = {"hand": (position, turn), "head": head, "world": (np.zeros(d), np.eye(d))}
+    slack, tried = np.full(count, np.inf), np.full(count, np.inf)
+    for body in rig.bodies:
+        origin, axes = (np.broadcast_to(part, (count, *np.shape(part)[-k:])) for k, part in
+                        zip((1, 2), everywhere[body.frame], strict=True))  # fmt: skip
+        shift = within_ball(rng, count, d, body.sway)
+        for module in rig.modules:
+            starts = np.broadcast_to(module.anchor, (count, d))
+            ends = position + np.einsum("nij,j->ni", turn, module.attachment)
+            slack = np.minimum(slack, search(starts, ends, body, origin, axes)[0] - body.sway - body.margin)
+            tried = np.minimum(tried, search(starts, ends, body, origin + shift, axes)[0] - body.margin)
+    verdict, wrenches = proved.at(position), far.at(position)
+    assert (slack[verdict == 1] >= 0.0).all()
+    assert (tried[verdict == 1] >= 0.0).all()
+    assert (slack[(verdict == -1) & (wrenches == 1)] < 0.0).all()
+    assert (verdict[wrenches == -1] == -1).all()
+    assert all(((verdict == each) & (wrenches == 1)).sum() > 300 for each in (1, -1))
+    undecided = slack[verdict == 0]
+    assert (undecided > 0.0).any()
+    assert (undecided < 0.0).any()
+    assert "cables clear of post, head, visor, tool" in proved.required
