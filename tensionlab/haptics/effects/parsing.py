@@ -13,7 +13,7 @@ from tensionlab.haptics.effects import EFFECTS
 from tensionlab.haptics.effects.ambient import Weight
 from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.effects.parameters import require_dimension, vectors
-from tensionlab.haptics.effects.shape import SOLIDS, take_kind
+from tensionlab.haptics.effects.shape import take_kind
 from tensionlab.model.kinematics import turn_axes
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
@@ -56,9 +56,6 @@ def _with_turned_defaults(default: Any, table: Any, rotation: Floats) -> Any:
                 completed[name] = tuple(turned.tolist())
     for each in fields(default):
         part, written = getattr(default, each.name), table.get(each.name, {})
-        if each.name == "field" and isinstance(written, Mapping):
-            solid = written.get("kind", "sphere")
-            part = SOLIDS[solid]() if isinstance(solid, str) and solid in SOLIDS else None
         if is_dataclass(part):
             completed[each.name] = _with_turned_defaults(part, written, rotation)
     return completed

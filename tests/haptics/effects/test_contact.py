@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tensionlab.haptics.effects import Friction, Magnet, Motion, Ripples, Texture, Wall
+from tensionlab.haptics.effects import Friction, Magnet, Motion, Plane, Ripples, Texture, Wall
 from tests.helpers.motions import at, follow
 
 
@@ -79,6 +79,29 @@ def test_friction_gives_way_at_the_static_and_slides_at_the_dynamic_limit():
     force = drawn(Friction(load=2.0, damping=0.0), 1e-5, 1000)
     assert force.max() == pytest.approx(2.0 * 0.5, rel=0.01)
     assert force[-1] == pytest.approx(2.0 * 0.35)
+
+
+@pytest.mark.parametrize("load", [1e-4, 2.0])
+def test_the_limit_of_friction_is_in_proportion_to_the_load(load):
+    assert drawn(Friction(load=load, damping=0.0), 1e-5, 1000)[-1] == pytest.approx(load * 0.35)
+
+
+def test_what_is_pressed_straight_in_is_not_rubbed():
+    tilted = Plane(point=(0.1, -0.05, 0.2), normal=(1.0, -2.0, 3.0))
+    texture = Texture(Wall(tilted), ripples=Ripples(height=0.0))
+    path = tilted.point - np.linspace(0.0, 0.01, 50)[:, None] * tilted.n
+    pressed = follow(Wall(tilted), path, 0.001)
+    np.testing.assert_allclose(follow(texture, path, 0.001), pressed, atol=1e-9)
+
+
+def test_ripples_belong_to_their_surface():
+    """They begin at its point, and lie along it however close to its normal they are drawn."""
+    shift = np.array([0.0007, 0.0, 0.3])
+    path = np.array([0.0, 0.0, -0.01]) + 1e-4 * np.arange(40)[:, None] * [1.0, 0.0, 0.0]
+    moved = Texture(Wall(Plane(point=tuple(shift))))
+    np.testing.assert_allclose(follow(moved, path + shift, 0.001), follow(Texture(), path, 0.001), atol=1e-9)
+    np.testing.assert_allclose(Ripples(direction=(5e-4, 0.0, 1.0)).across(np.array([0.0, 0.0, 1.0])), [1, 0, 0])
+    assert not Ripples(direction=(0.0, 0.0, 1.0)).across(np.array([0.0, 0.0, 1.0])).any()
 
 
 def test_pulled_by_a_spring_friction_sticks_and_slips():

@@ -41,10 +41,10 @@ def test_a_shot_has_its_impulse():
 
 
 def test_shots_add_up_and_may_leap():
-    time = np.array([-0.01, 0.0, 0.105, 0.2, 1.0])
+    time = np.array([-0.01, 0.0, 0.105, 0.2, 0.45, 1.0])
     done = kick(Recoil(shots=(0.0, 0.1)), time)
     assert -done.force[2, 1] == pytest.approx(5.5 + 5.5 * math.exp(-0.1 / 0.06))
-    assert done.bypass_slew.tolist() == [False, True, True, True, False]
+    assert done.bypass_slew.tolist() == [False, True, True, True, False, False]
 
 
 def bow_pull(bow, draw, time=0.0):
@@ -80,6 +80,19 @@ def test_a_loosed_string_hums_but_never_goes_slack():
     hum = pull[late] - 0.5 - np.exp(-(time[late] - 1.0) / 0.05)
     assert hum == pytest.approx(np.exp(-(time[late] - 1.0) / 0.05) * np.sin(2 * np.pi * 60 * (time[late] - 1.0)))
     assert pull[-1] == pytest.approx(0.5, abs=1e-3)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.0005, 0.05, 0.24])
+def test_from_its_release_on_a_string_hums_on_a_module_too_and_may_leap(late):
+    fading = math.exp(-late / 0.05)
+    for bow in (Bow(loosed=1.0), Bow(loosed=1.0, let_off=0.7)):
+        part = bow.module_side(at(0.0, -0.5, 0.0, time=1.0 + late))
+        assert (part.feed_forward, part.amplitude, part.stiffness) == pytest.approx((0.5 + fading, fading, 0.0))
+    pull = bow_pull(Bow(loosed=1.0), [0.3], np.array([1.0 + late]))
+    falling = 0.5 + 2.99 * max(1 - late / 0.01, 0.0)
+    assert pull == pytest.approx(max(falling, 0.5 + fading) + fading * math.sin(2 * math.pi * 60 * late))
+    times = np.array([-1e-9, late, 0.26]) + 1.0
+    assert Bow(loosed=1.0).render(at(0.0, -0.5, 0.0, time=times)).bypass_slew.tolist() == [False, True, False]
 
 
 def test_a_bow_is_between_two_hands():

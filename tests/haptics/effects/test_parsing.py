@@ -69,7 +69,12 @@ def test_directions_that_are_left_out_turn_with_what_is_up(up):
     )
     assert parse_effect("it", {"kind": "water"}, rig).surface.normal == upward
     assert parse_effect("it", {"kind": "vibrating"}, rig).axis == upward
+    small = {"kind": "vibrating", "axis": [0, 0, 1e-4]}
+    assert parse_effect("it", small, rig).axis == (0.0, 0.0, 1e-4)
     ripples = parse_effect("it", {"kind": "textured"}, rig).ripples.direction
+    weight = parse_effect("it", {"kind": "weight"}, rig).gravity
+    assert weight == pytest.approx(-9.81 * rig.upward)
+    assert not any(math.copysign(1.0, part) < 0 for part in (*weight, *ripples) if part == 0.0)
     assert math.hypot(*ripples) == 1.0
     assert rig.upward @ ripples == 0.0
 
