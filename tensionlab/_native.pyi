@@ -175,6 +175,16 @@ def certify_cells(
     half_edges: NDArray[float64],
     with_shares: bool,
 ) -> tuple[NDArray[int8], NDArray[float64] | None]: ...
+def body_distances(
+    structure: NDArray[float64],
+    ends: NDArray[float64],
+    anchors: NDArray[float64],
+    centres: NDArray[float64],
+    axes: NDArray[float64],
+    halves: NDArray[float64],
+    radii: NDArray[float64],
+    margins: NDArray[float64],
+) -> tuple[NDArray[float64], NDArray[float64], float]: ...
 def closest_pair(
     segments: NDArray[float64], pairs: NDArray[int64], radius: NDArray[float64]
 ) -> tuple[NDArray[float64], NDArray[int64]]: ...

@@ -63,7 +63,9 @@ class RigState:
     thermal : (m,) array
         Share of each winding's budget that is spent.
     upper_now : (m,) array
-        Upper tension limits now, in N: the rig's, or less where a winding is warm.
+        Upper tension limits now, in N: the rig's, or less where a winding is warm or a body is near.
+    clearance : (m,) array
+        Distance of each cable from the nearest body of the rig, less the body's sway, in m; NaN without bodies.
 
     Examples
     --------
@@ -97,6 +99,7 @@ class RigState:
     delays: Floats
     thermal: Floats
     upper_now: Floats
+    clearance: Floats
 
 
 @dataclass(frozen=True)

@@ -53,10 +53,11 @@ class Rehearsal:
 
         return demand
 
-    def runner(self, demand, solver="newton", sinks=(), clock=None, **settings):
+    def runner(self, demand, solver="newton", sinks=(), clock=None, tracker=None, **settings):
         return Runner(
-            self.rig, self.group, solver, demand, RunSettings(**settings), sinks=sinks, clock=clock or self.clock
-        )
+            self.rig, self.group, solver, demand, RunSettings(**settings), sinks=sinks, clock=clock or self.clock,
+            tracker=tracker,
+        )  # fmt: skip
 
     def let_pass(self, until):
         """Let time pass without a host, and return the largest tension of a driven module then, in N."""

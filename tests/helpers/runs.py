@@ -83,6 +83,7 @@ def cycles(rig, count, rate=50.0, solver="newton", policy=None, size=2.0, lost=N
             last_sequence=np.full(rig.m, -1 if first else (sequence - 1) % 256),
             thermal=np.full(rig.m, index / (count + 1)),
             upper_now=rig.limits.upper,
+            clearance=np.full(rig.m, np.nan),
         )
         sent = np.where(active, found.tensions, np.nan)
         measured = np.where(active, np.float32(found.tensions), 0.0)

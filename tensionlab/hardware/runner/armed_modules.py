@@ -10,12 +10,13 @@ from typing import NoReturn
 import numpy as np
 
 from tensionlab import _native
-from tensionlab.demand import Demand, RigState
+from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.module import CLOCK_WRAP_US, ModuleClient, Received
 from tensionlab.hardware.protocol.codes import FOLLOWING_STATES, Code, Fault, State
 from tensionlab.hardware.protocol.messages import SetImpedance, Stop
+from tensionlab.hardware.runner.body_clearance import BodyClearance
 from tensionlab.hardware.runner.guard import Derating, Release, release_of
 from tensionlab.hardware.runner.records import Statistics
 from tensionlab.hardware.runner.settings import Clock, RunSettings
@@ -77,7 +78,8 @@ class ArmedModules:
         self.tensions = np.minimum(minimum, rig.limits.lower)  # equal, but for single precision, or below
         self._max_change = min(group.slews) / settings.rate  # of a tension from one cycle to the next, in N
         self._derating = Derating(rig.limits, np.array(group.continuous), self.names)
-        statistics.derated = self._derating.lowest
+        self._clearance = BodyClearance(rig, note)
+        statistics.derated, statistics.near = self._derating.lowest, self._clearance.closest
         self._releases: dict[int, Release] = {}  # of lost modules
         # At high rates set-points share numbers: which one a module follows depends on how many were sent since.
         kept = SEQUENCE_NUMBERS * math.ceil(HISTORY_S * settings.rate / SEQUENCE_NUMBERS)
@@ -94,8 +96,13 @@ class ArmedModules:
 
     @property
     def limits(self) -> TensionLimits:
-        """Tension limits now: the rig's, or less where a winding is warm."""
-        return self._derating.limits
+        """Tension limits now: the rig's, or less where a winding is warm or a body is near."""
+        return self._clearance.limited(self._derating.limits)
+
+    def keep_clear(self, pose: Pose, structure: Floats) -> Floats:
+        """Lower the limits of cables near bodies at a pose; return their distances (m,) from the nearest, in m."""
+        self._clearance.update(pose, structure)
+        return self._clearance.distances
 
     def read(self) -> tuple[Observation, Floats]:
         """Read and check the modules; return what they report, and the ages (m,) of their set-points in s."""
@@ -202,7 +209,7 @@ class ArmedModules:
             client, brake = self._clients[index], bool(brakes[index])
             try:
                 if index in springs:
-                    spring = vars(demand.impedances[client.name])
+                    spring = vars(self._clearance.soften(demand.impedances[client.name], index))
                     sequences[index] = client.set_impedance(SetImpedance(0, **spring, brake=brake, ttl_ms=ttl_ms))
                 else:
                     sequences[index] = client.set_tension(float(self.tensions[index]), brake=brake, ttl_ms=ttl_ms)
@@ -221,7 +228,7 @@ class ArmedModules:
         for index, name in enumerate(self.names):
             if name in demand.impedances and state.active[index]:
                 lower, upper = self._rig.limits.lower[index], state.upper_now[index]
-                spring = demand.impedances[name]
+                spring = self._clearance.soften(demand.impedances[name], index)
                 tension = spring.tension(float(state.lengths[index]), float(state.speeds[index]))
                 tensions[index] = min(max(tension, lower), upper)
         return tensions

@@ -19,7 +19,7 @@ from tensionlab.demand import Impedance
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.hardware.runner.records import Cycle
 from tensionlab.model.kinematics import planar_rotation
-from tensionlab.model.pose import place_anchors
+from tensionlab.model.pose import frame_of, place_anchors, rotations
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers
 
@@ -63,6 +63,23 @@ def brakes_on(cycle: Cycle, rig: Rig) -> list[bool]:
 def anchors_in_world(cycle: Cycle, rig: Rig) -> Floats:
     """Return the anchors in the world, those on bodies by the bodies' poses."""
     return place_anchors(rig.modules, rig.anchors, cycle.state.pose.frames)
+
+
+def frame_poses(cycle: Cycle, rig: Rig) -> Floats:
+    """Return rotation and position of each body frame, side by side, (frames, d, d + 1)."""
+    names, d = frame_names(rig), rig.dimension
+    poses = rig.at_rest | dict(cycle.state.pose.frames or {}) if names else {}
+    found = np.empty((len(names), d, d + 1))
+    for index, name in enumerate(names):
+        where = frame_of(poses[name])
+        found[index, :, d] = where.position
+        found[index, :, :d] = np.eye(d) if where.rotation is None else rotations(where.rotation, d, name)
+    return found
+
+
+def frame_names(rig: Rig) -> list[str]:
+    """Return the names of the body frames of a rig, in the order of the column `frames`."""
+    return [*rig.frames, *rig.free_frames]
 
 
 def codes(kind: type[IntEnum | IntFlag]) -> str:
@@ -117,7 +134,9 @@ class CycleTable:
     last_sequence: Integers = column("state.last_sequence", "1", "last set-point followed; -1: none yet", "module")
     delays: Floats = column("state.delays", "s", "time since that set-point was sent", "module")
     thermal: Floats = column("state.thermal", "1", "share of the winding's budget that is spent", "module")
-    upper_now: Floats = column("state.upper_now", "N", "upper limit: the rig's, or less while warm", "module")
+    upper_now: Floats = column("state.upper_now", "N", "upper limit: the rig's, or less: heat or a body", "module")
+    clearance: Floats = column("state.clearance", "m", "distance of the cable from the nearest body", "module")
+    frames: Floats = column(frame_poses, "1, m", "rotation and position of a frame", "frame", "axis", "entry")
     desired: Floats = column(desired_wrench, WRENCH, "desired wrench, with what the rig requires", "component")
     demanded: Floats = column(demanded_wrench, WRENCH, "part of it that the loop renders stably", "component")
     solver_wrench: Floats = column(
@@ -155,6 +174,8 @@ def labels(rig: Rig) -> dict[str, list[str]]:
         "axis": axes,
         "platform_axis": axes,
         "impedance": list(IMPEDANCE),
+        "frame": frame_names(rig),
+        "entry": [*axes, "position"],
     }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -71,6 +71,14 @@ class RunEvent:
     module: str = ""  # name of the module; empty for none or all
 
 
+class Approach(NamedTuple):
+    """Closest approach of a cable to a body of the rig."""
+
+    body: str
+    distance_m: float  # from the body, less its sway
+    upper_n: float  # upper tension limit there
+
+
 class RunSink(Protocol):
     """Sink for all that happens in a run, such as `RunLog`. A `HardwareError` of it ends the run."""
 
@@ -110,6 +118,7 @@ class Statistics:
     late_telemetry: Counter[str] = field(default_factory=Counter)
     # Lowest upper tension limit of each module whose limit was lowered because its winding got warm, in N.
     derated: dict[str, float] = field(default_factory=dict)
+    near: dict[str, Approach] = field(default_factory=dict)  # cables closer to bodies than their margin, by module
     lost: dict[str, str] = field(default_factory=dict)  # modules, and why
     ended: str = ""  # by what
     emergency: bool = False  # whether that was an emergency stop from elsewhere
@@ -161,6 +170,13 @@ class Statistics:
         late = [(f"cycles with late telemetry of {name}", str(n)) for name, n in self.late_telemetry.items()]
         warm = "down to {:.2f} N, so that it did not get too hot"
         derated = [(f"derated: {name}", warm.format(upper)) for name, upper in self.derated.items()]
+        near = [
+            (
+                f"near {each.body}: {name}",
+                f"{each.distance_m:.2f} m, so that its limit fell to {each.upper_n:.2f} N",
+            )
+            for name, each in self.near.items()
+        ]
         lost = [(f"lost: {name}", why) for name, why in self.lost.items()]
         starts = [("start jitter", jitter), ("deadlines missed", str(self.missed))] * self.in_real_time
         return [
@@ -170,6 +186,7 @@ class Statistics:
             *slewed,
             *late,
             *derated,
+            *near,
             *lost,
         ]
 
@@ -196,7 +213,8 @@ class Statistics:
         by_module = {
             name: dict(getattr(self, name)) for name in ("late_telemetry", "derated", "lost", "unconfirmed")
         }
-        return {"ended": self.ended, "emergency": self.emergency, **self.counts(), **by_module}
+        near = {name: each._asdict() for name, each in self.near.items()}
+        return {"ended": self.ended, "emergency": self.emergency, **self.counts(), **by_module, "near": near}
 
 
 def percentiles(values: Iterable[float]) -> tuple[float, ...]:

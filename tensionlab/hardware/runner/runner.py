@@ -302,7 +302,9 @@ class Runner:
             elif clock - self._fitted_at > MISFIT_S:
                 raise HardwareError(explain_lengths(self.rig, self._pose_tracker, lengths, active))
         modules.count_late(seen)
-        known = {"active": active, "delays": delays, "upper_now": modules.limits.upper, **seen._asdict()}
+        clearance = modules.keep_clear(pose, structure)
+        known = {"active": active, "delays": delays, "clearance": clearance, **seen._asdict()}
+        known["upper_now"] = modules.limits.upper
         return RigState(self.statistics.cycles, now, pose, twist, structure, **known)
 
     def _limited_wrench(

@@ -1,10 +1,12 @@
 // Structure matrices, workspace measures, clearances and proofs of cells for Python.
 #include <nanobind/stl/optional.h>
 
+#include <limits>
 #include <optional>
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
+#include "workspace/box_distance.hpp"
 #include "workspace/kernels.hpp"
 
 namespace tensionlab {
@@ -141,6 +143,42 @@ nb::tuple closest_pair(const In<4>& segments, const Contiguous<std::int64_t, 2>&
   return nb::make_tuple(distance, closest);
 }
 
+// Distances (m, b) of straight cables from boxes, less radii, the least (m) of each cable, and the least of all
+// above the margins. Cables: their directions are the first rows of the structure matrix (n, m), their ends at the
+// platform (m, d), and their anchors (m, d), near which they end. Boxes: centres (b, 3), axes (b, 3, 3), half
+// edges (b, 3), radii and margins (b).
+nb::tuple body_distances(const Contiguous<double, 2>& structure, const Contiguous<double, 2>& ends,
+                         const Contiguous<double, 2>& anchors, const Contiguous<double, 2>& centres,
+                         const Contiguous<double, 3>& axes, const Contiguous<double, 2>& halves,
+                         const In<1>& radii, const In<1>& margins) {
+  const std::size_t m = ends.shape(0), d = ends.shape(1), boxes = halves.shape(0);
+  require(d <= 3 && structure.shape(0) >= d && structure.shape(1) == m && has_shape(anchors, m, d) &&
+              has_shape(centres, boxes, 3) && has_shape(axes, boxes, 3, 3) && has_shape(halves, boxes, 3) &&
+              has_shape(radii, boxes) && has_shape(margins, boxes),
+          "arrays of cables (m) or boxes (b) do not belong together");
+  const double *const radius = contiguous(radii), *const margin = contiguous(margins);
+  const auto distance = make_array<double>(m, boxes);
+  const auto nearest = make_array<double>(m);
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < m; ++i) {
+    double begin[3] = {}, end[3] = {}, length = 0.0;
+    for (std::size_t k = 0; k < d; ++k) {
+      begin[k] = aligned(ends)[d * i + k];
+      length += (aligned(anchors)[d * i + k] - begin[k]) * aligned(structure)[m * k + i];
+    }
+    for (std::size_t k = 0; k < d; ++k) end[k] = begin[k] + length * aligned(structure)[m * k + i];
+    nearest.data()[i] = std::numeric_limits<double>::infinity();
+    for (std::size_t j = 0; j < boxes; ++j) {
+      const Box box{aligned(centres) + 3 * j, aligned(axes) + 9 * j, aligned(halves) + 3 * j};
+      const double found = segment_box_distance(begin, end, box) - radius[j];
+      distance.data()[boxes * i + j] = found;
+      nearest.data()[i] = std::min(nearest.data()[i], found);
+      least = std::min(least, found - margin[j]);
+    }
+  }
+  return nb::make_tuple(distance, nearest, least);
+}
+
 nb::tuple cells(const In<3>& anchors, const In<3>& arms, const In<1>& lower, const In<1>& upper,
                 const In<3>& required, double radius, double slack, double angle, double length, bool closure,
                 const In<2>& centres, const In<1>& half_edges, bool with_shares) {
@@ -192,6 +230,7 @@ void bind_workspace(nb::module_& module) {
   module.def("active_facet", &active_facets);
   module.def("half_spaces", &all_half_spaces);
   module.def("closest_pair", &closest_pair);
+  module.def("body_distances", &body_distances);
   module.def("certify_cells", &cells);
 }
 

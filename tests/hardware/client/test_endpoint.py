@@ -53,7 +53,7 @@ def armed(group, notes, on_loss="continue"):
     count = len(group.clients)
     group.infos = [SimpleNamespace(tension_lower=0.5)] * count
     group.slews, group.continuous = [60.0] * count, [1e-3] * count
-    rig = SimpleNamespace(limits=TensionLimits(np.full(count, 0.5), np.full(count, 6.0)), m=count)
+    rig = SimpleNamespace(limits=TensionLimits(np.full(count, 0.5), np.full(count, 6.0)), m=count, bodies=())
     settings, clock = RunSettings(ttl=TTL_S, on_loss=on_loss), SimpleNamespace(now=lambda: 0.0)
     return ArmedModules(rig, group, settings, clock, Statistics(), lambda *note: notes.append(note))
 

@@ -147,7 +147,7 @@ class Watched:
     def __init__(self, on_loss="continue"):
         self.clients, self.now, self.noted = [Client(name) for name in "abc"], 50.0, []
         self.infos = [SimpleNamespace(tension_lower=0.5)] * 3
-        rig = SimpleNamespace(limits=TensionLimits(np.full(3, 0.5), np.full(3, 6.0)), m=3)
+        rig = SimpleNamespace(limits=TensionLimits(np.full(3, 0.5), np.full(3, 6.0)), m=3, bodies=())
         clock = SimpleNamespace(now=lambda: self.now)
         self.statistics = Statistics()
         settings = RunSettings(on_loss=on_loss)
