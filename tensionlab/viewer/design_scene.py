@@ -20,6 +20,7 @@ from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, Colours, ramp, rgb
 from tensionlab.support.formatting import format_number
+from tensionlab.viewer.bodies import BodyDrawing, BodyScene, draw_bodies
 from tensionlab.viewer.evaluation import Certificate, StateEvaluation
 from tensionlab.viewer.scene import (
     NO_LINES,
@@ -63,6 +64,7 @@ class DesignScene:
     edges: Lines  # of the available forces
     available: Mesh | None  # forces that are available at the hand
     plane: Mesh | None  # beyond which the desired force is certified to be
+    bodies: BodyScene
 
 
 def draw(state: DesignState, found: StateEvaluation) -> DesignScene:
@@ -104,6 +106,9 @@ def draw(state: DesignState, found: StateEvaluation) -> DesignScene:
         edges=edges,
         available=available,
         plane=plane,
+        bodies=BodyScene()
+        if found.structure is None
+        else draw_bodies(rig, found.structure, state.position, state.rotation, rig.at_rest),
     )
 
 
@@ -168,6 +173,7 @@ class DesignDrawing:
         self._by_ball = ""  # what was dragged by its ball since it was clicked: arrows would be in the way
         self._looked_at: tuple[object, ...] = ()
         self._rig = RigDrawing(server, ARROWS, lambda ball, i: self._make_draggable(ball, lambda: self._names[i]))
+        self._bodies = BodyDrawing(server.scene)
         self._lines = {name: add_lines(server.scene, name) for name in ("ghost", "edges", "walls")}
         self._meshes = {
             "workspace": self._add_mesh("workspace", GREEN, 0.35, smooth=True),
@@ -208,9 +214,10 @@ class DesignDrawing:
             self._looked_at = looked_at
             task, d = state.task, state.rig.dimension
             walls = [outlines(task.space).reshape(-1, d)] if task is not None and task.space.dimension == d else []
-            self._rig.look_at(state.rig, *walls)
+            self._rig.look_at(state.rig, *walls, scene.bodies.points[:, :d])
         self._names = tuple(module.name for module in state.rig.modules)
         self._rig.show(scene.rig)
+        self._bodies.show(scene.bodies)
         for name, node in self._lines.items():
             set_lines(node, getattr(scene, name))
         for name in ("available", "plane"):

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.demand import measured_wrench
+from tensionlab.hardware.runner.cycle_table import frame_names
 from tensionlab.model.kinematics import in_space
+from tensionlab.model.pose import CoordinateFrame
 from tensionlab.model.pulleys import ARC_POINTS, ways
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import HEAD_M, Scenery, ScenerySurface, StickFigure, stick_figure
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import FORCE_COLOURS, GREEN, GREY, RED, Colours, ramp, rgb
+from tensionlab.viewer.bodies import BodyDrawing, BodyScene, draw_bodies
 from tensionlab.viewer.html import tension_text
 from tensionlab.viewer.scene import (
     NO_LINE,
@@ -55,12 +58,17 @@ class Instant:
     desired: Floats  # wrenches (n,), in N and N·m; NaN where none is desired
     commanded: Floats
     measured: Floats
+    frames: dict[str, CoordinateFrame] = field(default_factory=dict)  # poses of the body frames
+    bodies: BodyScene = field(default_factory=BodyScene)
 
     @classmethod
     def of(cls, rig: Rig, cycle: Mapping[str, NDArray[Any]]) -> Instant:
         """Return the instant of a cycle, by the names of `CycleTable`."""
         structure, set_points, tensions = (cycle[name] for name in ("structure", "commanded", "measured"))
         by_modules = np.nan_to_num(cycle["demanded"] - cycle["solver_wrench"])  # impedances and lost modules
+        poses = zip(frame_names(rig), cycle["frames"], strict=True)
+        frames = {name: CoordinateFrame(pose[:, -1], _rotation(pose[:, :-1])) for name, pose in poses}
+        rotation = _rotation(cycle["rotation"]) if rig.n > rig.dimension else None
         return cls(
             time=float(cycle["time"]),
             hand=cycle["position"],
@@ -72,6 +80,8 @@ class Instant:
             desired=cycle["desired"],
             commanded=structure @ np.nan_to_num(set_points) + by_modules,
             measured=measured_wrench(structure, tensions, cycle["active"]),
+            frames=frames,
+            bodies=draw_bodies(rig, structure, cycle["position"], rotation, frames),
         )
 
     def slack(self, rig: Rig) -> NDArray[np.bool_]:
@@ -82,6 +92,11 @@ class Instant:
         """Return the colour of each cable (m, 3) by its tension; grey for a lost module, or if not fresh."""
         tensions = np.where(self.active & fresh, self.tensions, np.nan)
         return ramp(tensions, rig.limits.lower, rig.limits.upper)
+
+
+def _rotation(matrix: Floats) -> Floats:
+    """Return a rotation as `Rig.structure_matrix` takes it: an angle in the plane."""
+    return np.arctan2(matrix[1, 0], matrix[0, 0]) if len(matrix) == 2 else matrix
 
 
 def draw_instant(rig: Rig, instant: Instant, *, fresh: bool = True) -> RigScene:
@@ -108,7 +123,7 @@ def _cables(rig: Rig, instant: Instant, ends: Floats, anchors: Floats, *, fresh:
     """Return cables as lines; those that are slack, or of lost modules, as straight dashes."""
     d, colours = rig.dimension, instant.colours(rig, fresh=fresh)
     dashed = instant.slack(rig) | ~instant.active
-    pulleys = None if rig.frames else rig.pulleys  # how bodies have turned is not known here
+    pulleys = rig.pulleys_in_world(instant.frames)
     points = np.zeros((1 + (1 if pulleys is None else ARC_POINTS), *ends.shape))
     points[..., :d] = ways(ends[:, :d], anchors[:, :d], pulleys)
     whole = cable_lines(points[:, ~dashed], colours[~dashed])
@@ -186,10 +201,9 @@ class SceneryScene:
 
 
 def draw_scenery(scenery: Scenery, rig: Rig, instant: Instant) -> SceneryScene:
-    """Return where the surroundings of a rig are at an instant; bodies as if they had not turned."""
-    pairs = zip(rig.modules, instant.anchors, strict=True)
+    """Return where the surroundings of a rig are at an instant."""
     bodies = {
-        module.frame: in_space(anchor - module.anchor) for module, anchor in pairs if module.frame in rig.frames
+        name: in_space(np.asarray(frame.position)) for name, frame in instant.frames.items() if name in rig.frames
     }
     places, labels = {scenery.held_name(rig) or "hand": in_space(instant.hand)}, scenery.labels or {}
     places |= {labels.get(name, name): place for name, place in bodies.items()}
@@ -221,12 +235,15 @@ class RunDrawing:
             self._head = scene.add_icosphere("/head", HEAD_M, color=grey, visible=False)
             count = len(drawn.places)
             self._names = [scene.add_label(f"/names/{i}", "", anchor="top-left") for i in range(count)]
+        points.append(instant.bodies.points[:, : rig.dimension])
+        self._bodies = BodyDrawing(server.scene)
         self._drawing = RigDrawing(server, FORCE_COLOURS)
         self._drawing.look_at(rig, *points, covered=covered)
 
     def show(self, instant: Instant, *, fresh: bool = True) -> None:
         """Bring all nodes up to date; an instant that is not fresh is grey, and in no phase."""
         self._drawing.show(draw_instant(self._rig, instant, fresh=fresh))
+        self._bodies.show(instant.bodies)
         if self._scenery is None:
             return
         drawn = draw_scenery(self._scenery, self._rig, instant)

@@ -104,8 +104,8 @@ def change_module(state: DesignState, name: str, /, **changes: Any) -> DesignSta
 
 
 def _with_modules(state: DesignState, modules: tuple[Module, ...]) -> DesignState:
-    """Return the state with other modules, without the rest poses of frames that carry none of them."""
-    carried = {module.frame for module in modules}
+    """Return the state with other modules, without the rest poses of frames that carry nothing."""
+    carried = {module.frame for module in modules} | {body.frame for body in state.rig.bodies}
     rest = tuple(at_rest for at_rest in state.rig.rest if at_rest.name in carried)
     return replace(state, rig=replace(state.rig, modules=modules, rest=rest))
 
