@@ -46,8 +46,9 @@ def search(
 ) -> None:
     """Search for the best places of modules.
 
-    On walls, floors and bodies, so that they render the most force. The space file says where modules may stand,
-    how many there are, where the hand will be, and what counts.
+    On walls, floors and bodies, so that they render the most force or the stiffest walls, and no cable comes close
+    to a person. The space file says where modules may stand, how many there are, where the hand will be, and what
+    counts.
     """
     task = load_task(space)
     if seed is not None:
@@ -82,13 +83,10 @@ def search(
                 output.print_line()
             table = best.table()
             table.title = f"{best.rig.name} {found.objective.describe(best.rig, best.score)}"
-            table.notes = [_proof(each) for each in found.layouts if each.proved is not None]
+            table.notes = [note for each in found.layouts for note in _proofs(each, found.objective)]
             output.print_table(table)
-    if problem := _shortfall(best, found.objective.force):
-        output.print_error(
-            f"{problem}; give more modules (counts), higher limits or a smaller target, or search longer "
-            "(generations, starts)"
-        )
+    if problem := _shortfall(best, found.objective):
+        output.print_error(problem)
         raise typer.Exit(1)
 
 
@@ -98,6 +96,7 @@ def _layout_json(found: Layout, on_front: bool) -> dict[str, object]:
         "score": found.score,
         "worst_margin": found.worst,
         "proved_force": found.proved,
+        "nearest_body": None if found.nearest is None else found.nearest._asdict(),
         "on_front": on_front,
         "modules": [
             output.fields(module, "name", "frame", "anchor", "lower", "upper") | {"contribution": lost}

@@ -22,11 +22,10 @@ from tensionlab.support.arrays import Floats
 from tensionlab.support.table import Finding
 from tensionlab.workspace.interference import body_distances
 from tensionlab.workspace.structure_metrics import feasibility_tolerance
-from tensionlab.workspace.wrench_set import half_spaces, required_margin
+from tensionlab.workspace.wrench_set import facet_distance, half_spaces, required_margin
 
 MAX_TENSION_RATIO = 1e4  # tensions that balance only with a larger ratio between cables do not count
 LIKELY_LENGTHS_M = (0.01, 100.0)  # of the longest cable; only stadium cameras and telescopes have longer ones
-ALONG_FACET = 1e-12  # share of a unit vector along a facet's normal below which it is parallel to the facet
 HEAD_FORCE_N = ImpactCap().force  # largest force of all cables together on a head
 
 
@@ -141,14 +140,14 @@ def _strength(rig: Rig, structure: Floats, offset: Requirement) -> Finding:
     normals, offsets = half_spaces(structure, rig.limits)
     room = offsets - normals @ offset.middle(rig)
     forces = directions.grid18() if rig.dimension == 3 else directions.circle()
-    strength = _reach(room, normals[:, : rig.dimension], forces)
+    strength = facet_distance(room, normals[:, : rig.dimension], forces).clip(min=0.0)
     weakest = int(np.argmax(strength <= strength.min() * (1 + 1e-9)))  # the first of those equal but for rounding
     where = ", ".join(f"{part:.2f}" for part in forces[weakest].round(2) + 0.0)
     text = f"{strength[weakest]:.3g} N in its weakest of {len(forces)} directions, ({where})"
     text += f"; {strength.max():.3g} N in its strongest"
     if rig.n > rig.dimension:
         torques = directions.grid18() if rig.dimension == 3 else np.array([[1.0], [-1.0]])
-        twist = _reach(room, normals[:, rig.dimension :], torques)
+        twist = facet_distance(room, normals[:, rig.dimension :], torques).clip(min=0.0)
         text += f"; torque {twist.min():.3g} to {twist.max():.3g} N·m"
     if offset:
         text += f"; in addition to {offset.describe(rig)}"
@@ -194,11 +193,3 @@ def _clearance(rig: Rig, distances: Floats, index: int) -> str:
     if distance <= 0.0:
         return f"the cable of {name} {'can touch' if body.sway else 'touches'} {body.name}{sway}"
     return f"the cable of {name} is {distance:.3f} m from {body.name}{sway} (margin {body.margin:g} m)"
-
-
-def _reach(room: Floats, normals: Floats, vectors: Floats) -> Floats:
-    """Return the distance in each direction (K,) to the first facet, given the room (k,) along each normal."""
-    along = vectors @ normals.T
-    ahead = along > ALONG_FACET
-    nearest = np.min(np.where(ahead, room, np.inf) / np.where(ahead, along, 1.0), axis=1)
-    return np.asarray(nearest.clip(min=0.0))

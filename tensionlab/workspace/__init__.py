@@ -3,7 +3,8 @@
 from tensionlab.workspace.certification import certify
 from tensionlab.workspace.certified import CertifiedWorkspace
 from tensionlab.workspace.interference import body_distance, body_distances, cable_distance
-from tensionlab.workspace.layout.results import Layout, LayoutSearch, Objective
+from tensionlab.workspace.layout.objective import Objective
+from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.search import search_layout
 from tensionlab.workspace.layout.space import Space, Surface, room
 from tensionlab.workspace.metrics import METRICS, Metric, metric

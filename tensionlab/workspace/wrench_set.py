@@ -26,6 +26,8 @@ from tensionlab.support.arrays import (
     tension_limits,
 )
 
+ALONG_FACET = 1e-12  # share of a unit vector along a facet's normal below which it is parallel to the facet
+
 TensionRange = Limits | tuple[ArrayLike, ArrayLike]  # lower and upper limits in N, each (..., m) or a number
 RequiredWrenches = ArrayLike | tuple[ArrayLike, ArrayLike] | None  # as in `capacity_margin`
 
@@ -95,6 +97,16 @@ def half_spaces(structure: ArrayLike, limits: TensionRange) -> HalfSpaces:
         needed = int(count.max(initial=1.0))
     normals, offsets = normals.reshape(*batch.shape, capacity, n), offsets.reshape(*batch.shape, capacity)
     return HalfSpaces(normals[..., :needed, :], offsets[..., :needed])
+
+
+def facet_distance(room: Floats, normals: Floats, directions: Floats) -> Floats:
+    """Return the distance (..., K) to the first facet along directions (K, n), from a wrench inside all of them.
+
+    ``room`` (..., k) is the distance of the wrench from each half-space, along its normal (..., k, n).
+    """
+    along = normals @ directions.T
+    ahead = along > ALONG_FACET
+    return np.asarray(np.min(np.where(ahead, room[..., None], np.inf) / np.where(ahead, along, 1.0), axis=-2))
 
 
 def vertices(structure: ArrayLike, limits: TensionRange) -> Floats:

@@ -1,126 +1,32 @@
-"""Objective of a layout search, the capacity margins that it scores, and the results: `Layout`, `LayoutSearch`."""
+"""Results of a layout search: `Layout`, `LayoutSearch`."""
 
 from __future__ import annotations
 
-import functools
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from tensionlab.errors import InputError
-from tensionlab.model import kinematics
 from tensionlab.model.files import rig_to_toml
-from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats
-from tensionlab.support.formatting import format_range, format_share
+from tensionlab.support.formatting import format_range
 from tensionlab.support.table import Column, Table
-from tensionlab.workspace.layout.space import Placement, Space
-from tensionlab.workspace.poses import Grid, describe_step
-from tensionlab.workspace.wrench_set import capacity_margin, margin_gradient
-
-TIE_WEIGHT = 0.1  # of missing or spare force, relative to the share: enough to lead a search among equals
-MAX_CHUNK_POINTS = 50_000  # points of layouts that are evaluated together; it bounds the memory
+from tensionlab.workspace.layout.objective import Objective
 
 
-@dataclass(frozen=True)
-class Objective:
-    """Criterion by which layouts are compared: the share of the target with a force in N in every direction.
+class Nearest(NamedTuple):
+    """Module and body that come closest, relative to the body's margin; the least distance and the margin, in m.
 
-    Without a force, it is the maximum one that is feasible in every direction everywhere in the target. Directions
-    are those from what the space requires, such as the weight of a tool.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> tl.workspace.Objective(force=2.0)  # the share of the target with 2 N in every direction
-    Objective(force=2.0)
+    The distance is over all positions of the hand in the box of a target, or along a path: planes between the
+    cables and the body prove it.
     """
 
-    force: float | None = None
-    weights: Floats | None = field(default=None, repr=False, compare=False)  # of the points; None: equal ones
-    step: str = field(default="", repr=False, compare=False)  # how far apart the points are, in words
+    module: str
+    body: str
+    distance: float
+    margin: float
 
-    def __post_init__(self) -> None:
-        if self.force is not None and not (np.isfinite(self.force) and self.force > 0):
-            raise InputError(f"objective: force is {self.force}; give a force in N above zero, or None")
-
-    def over(self, target: Grid) -> Objective:
-        """Return the objective for the points of a grid, of which those in a face of the target count half."""
-        weights = functools.reduce(np.multiply.outer, target.weights()).ravel()
-        return replace(self, weights=weights, step=describe_step((target.x, target.y, target.z)))
-
-    def score(self, margins: Floats) -> Floats:
-        """Return the score (...) of layouts with these capacity margins (..., P), in N, over the target."""
-        return np.asarray(margins.min(axis=-1)) if self.force is None else self._mean(margins >= self.force)
-
-    def merit(self, margins: Floats) -> Floats:
-        """Return the score (...), with a little to rank layouts of the same share, from margins (..., P), in N.
-
-        More for the force to spare at the worst point or, where force is missing, less for the mean of that.
-        """
-        if self.force is None:
-            return self.score(margins)
-        spare = np.maximum(margins.min(axis=-1) / self.force - 1, 0.0)
-        return self.score(margins) + TIE_WEIGHT * np.asarray(spare - self._mean(self.missing(margins)))
-
-    def smooth(self, margins: Floats, sharpness: float) -> Floats:
-        """Return a continuous approximation (...) of the merit for gradients, from margins (..., P), in N.
-
-        The minimum margin, while no force is missing. Else minus the share that is lost, with ``log(1 + missing /
-        sharpness)`` for each point: the smaller ``sharpness``, the less it matters how much is missing.
-
-        Source: Candes, Wakin and Boyd, "Enhancing sparsity by reweighted l1 minimization", 2008.
-        """
-        worst = margins.min(axis=-1)
-        if self.force is None:
-            return np.asarray(worst)
-        lost = self._mean(np.log1p(self.missing(margins) / sharpness))
-        return np.asarray(np.where(worst < self.force, -lost, worst))
-
-    def missing(self, margins: Floats) -> Floats:
-        """Return the share of the force that is missing at each point, (..., P), 0 or more."""
-        return np.zeros_like(margins) if self.force is None else np.maximum(1 - margins / self.force, 0.0)
-
-    def _mean(self, values: Floats | NDArray[np.bool_]) -> Floats:
-        """Return the mean (...) of values (..., P) over the target."""
-        return np.asarray(values.mean(axis=-1) if self.weights is None else values @ self.weights)
-
-    def describe(self, rig: Rig, score: float | None = None) -> str:
-        """Return in words what the score of a rig is, or what a rig with a score renders, after its name."""
-        where = "in every direction" + (f" about {rig.required.describe(rig)}" if rig.required else "")
-        points = f" (points {self.step})" if self.step else ""
-        if self.force is None:
-            if score is None:
-                return f"the maximum force in N {where}, everywhere in the target"
-            return f"renders {max(score, 0.0):.4g} N {where} throughout the target"
-        if score is None:
-            return f"the share of the target{points} with {self.force:g} N {where}"
-        return f"renders {self.force:g} N {where} in {format_share(score)} of the target{points}"
-
-
-def target_margins(space: Space, anchors: Floats, limits: TensionLimits, target: Floats) -> Floats:
-    """Return the capacity margins (..., P), in N, of layouts of anchors (..., m, d) at points (P, d), in m."""
-    flat = anchors.reshape(-1, *anchors.shape[-2:])
-    found = np.empty((len(flat), len(target)))
-    required = space.required_forces
-    rows = max(1, MAX_CHUNK_POINTS // len(target))
-    for start in range(0, len(flat), rows):
-        _, directions = kinematics.cables(flat[start : start + rows, None], target, None)
-        structure = kinematics.structure_matrix(directions, None)
-        found[start : start + rows] = capacity_margin(structure, limits, required)
-    return found.reshape(*anchors.shape[:-2], len(target)) - space.required.ball
-
-
-def target_slopes(space: Space, places: Placement, limits: TensionLimits, target: Floats) -> tuple[Floats, Floats]:
-    """Return the margins (P,) of one layout, in N, and their slopes (P, k, d), in N per length of an edge."""
-    lengths, directions = kinematics.cables(space.anchors(places), target, None)
-    found = margin_gradient(kinematics.structure_matrix(directions, None), limits, space.required_forces)
-    by_anchor = kinematics.anchor_gradient(found.structure, lengths[..., None] * directions, None)
-    edges = space.placed.edges[places.surfaces]
-    put = by_anchor[:, : len(places.surfaces)]
-    return found.margin - space.required.ball, np.einsum("pkd,ked->pke", put, edges)
+    def describe(self) -> str:
+        """Return the distance in words."""
+        return f"{self.distance:.3f} m ({self.module} and {self.body}; its margin is {self.margin:g} m)"
 
 
 @dataclass(frozen=True)
@@ -132,15 +38,19 @@ class Layout:
     rig : Rig
         The modules that were placed, in the order of their surfaces, and the fixed ones last.
     score : float
-        Score by the objective: a share, or a margin in N.
+        Score by the objective: a share, a force in N or a stiffness in N/m.
     worst : float
         Force in N that is feasible in every direction everywhere in the target; below zero where none is.
     contributions : tuple of float
         For each module, the score lost when it is removed and the others stay: all of it, and never more, where
         they render no force at all. Below zero where they do better without it.
     proved : float or None
-        Force in N that is proved feasible in every direction everywhere in the box around the target, up to that
-        of the objective; NaN where none is, None where no proof was wanted.
+        Force in N that is proved feasible in the objective's directions everywhere in the box of a target, or
+        along a path, up to that of the objective; NaN where none is, None where no proof was wanted.
+    nearest : Nearest or None
+        Module and body that come closest; None without bodies.
+    tried : tuple of (int, int)
+        Generations and starts of the search, of each time that it went on.
 
     Examples
     --------
@@ -154,6 +64,18 @@ class Layout:
     worst: float
     contributions: tuple[float, ...]
     proved: float | None = None
+    nearest: Nearest | None = None
+    tried: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def clear(self) -> bool:
+        """Whether no cable comes closer to a body than its margin, anywhere in the target."""
+        return self.nearest is None or self.nearest.distance >= self.nearest.margin
+
+    @property
+    def found(self) -> bool:
+        """Whether the layout is clear of bodies and has anything of what is desired."""
+        return self.clear and self.score > 0
 
     def __repr__(self) -> str:
         return f"<Layout of {self._title}>"
@@ -177,7 +99,11 @@ class Layout:
         """Return the rig file, with the score and the contributions as comments."""
         lines = [f"# Score {self.score:.6g}, worst margin {self.worst:.6g} N. Score lost without each module:"]
         if self.proved is not None:
-            lines.insert(0, f"# Proved everywhere in the target: {self.proved:.6g} N in every direction.")
+            lines.insert(0, f"# Proved everywhere in the target: {self.proved:.6g} N.")
+        if self.nearest is not None:
+            lines.insert(
+                0, f"# Cables stay away from bodies everywhere in the target by {self.nearest.describe()}."
+            )
         for module, lost in zip(self.rig.modules, self.contributions, strict=True):
             lines.append(f"#   {module.name}: {lost:.6g}")
         return "\n".join([*lines, "", rig_to_toml(self.rig)])
@@ -220,11 +146,11 @@ class LayoutSearch:
         """Layouts that no other beats with as many modules or fewer: what each further module buys."""
         best: list[Layout] = []
         for layout in self.layouts:
-            if not best or layout.score > best[-1].score:
+            if not best or (layout.clear, layout.score) > (best[-1].clear, best[-1].score):
                 best.append(layout)
         return tuple(best)
 
     @property
     def best(self) -> Layout:
-        """The layout with the highest score; of equals, the one with the fewest modules."""
+        """Layout with the highest score of those clear of bodies; of equals, the one with the fewest modules."""
         return self.front[-1]

@@ -13,6 +13,7 @@ from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from tensionlab.errors import RigError
 from tensionlab.model import pose
+from tensionlab.model.bodies import Body
 from tensionlab.model.layouts import LIMITS
 from tensionlab.model.module import WORLD, Module, Platform, TensionLimits, require_name, vector
 from tensionlab.model.pose import RestPose
@@ -136,6 +137,8 @@ class Space:
         As in `Rig`, of the rigs that are found; margins are about the required wrenches.
     rest : tuple of RestPose
         Poses of the body frames while the hand is in the target.
+    bodies : tuple of Body
+        What the cables must stay clear of while the hand is in the target, such as a standing person.
 
     Examples
     --------
@@ -150,6 +153,7 @@ class Space:
     limits: tuple[Tension, Tension] = LIMITS
     fixed: tuple[InstanceOf[Module], ...] = ()
     rest: tuple[InstanceOf[RestPose], ...] = ()
+    bodies: tuple[InstanceOf[Body], ...] = ()
     hardware: dict[Hardware, Any] = field(default_factory=dict)
     up: str | None = None
     platform: InstanceOf[Platform] | None = None
@@ -212,7 +216,7 @@ class Space:
 
     def rig(self, name: str, modules: Sequence[Module], home: Floats) -> Rig:
         """Return a rig with these modules, and with what the space says of all its rigs."""
-        used = {module.frame for module in modules}
+        used = {each.frame for each in modules} | {each.frame for each in self.bodies}
         return Rig(
             name,
             kind="point" if self.dimension == 3 else "planar-point",
@@ -222,6 +226,7 @@ class Space:
             up=self.up,
             required=self.required,
             rest=tuple(each for each in self.rest if each.name in used),
+            bodies=self.bodies,
             source="tensionlab layout search",
         )
 

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import math
 from os import PathLike
+from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, get_args
 
-from pydantic import Field, PositiveFloat
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from tensionlab.errors import InputError, RigError, ShapeError
+from tensionlab.errors import DataError, InputError, RigError, ShapeError
 from tensionlab.model import schema
-from tensionlab.model.files import requirement
-from tensionlab.model.module import MAX_LENGTH, Module, Platform
+from tensionlab.model.files import bodies_of, requirement
+from tensionlab.model.module import MAX_LENGTH, Module, Platform, upward
 from tensionlab.model.pose import RestPose
-from tensionlab.model.schema import FrameTable, ModuleTable, PlatformTable, RequiredTable, SchemaTable
+from tensionlab.model.schema import Bodies, FrameTable, ModuleTable, PlatformTable, RequiredTable, SchemaTable
+from tensionlab.model.stiffness import CYCLE_S, LATENCY_S, host_stiffness
 from tensionlab.support.files.named import find
 from tensionlab.support.files.reading import brief, read_toml
 from tensionlab.support.validation import validate
-from tensionlab.workspace.layout.results import LayoutSearch, Objective
+from tensionlab.workspace.layout.objective import Objective, Target
+from tensionlab.workspace.layout.results import LayoutSearch
 from tensionlab.workspace.layout.search import Progress, search_layout
 from tensionlab.workspace.layout.space import Hardware, Space, Surface, room
-from tensionlab.workspace.poses import Grid, box
+from tensionlab.workspace.poses import box, read_poses
 
 ROOM_UP = "y"  # axis of `room` that points up
 MAX_POSES = 1_000_000  # largest number of positions of a target; a search evaluates each thousands of times
@@ -28,6 +31,8 @@ MAX_POSES = 1_000_000  # largest number of positions of a target; a search evalu
 
 Coordinate = Annotated[float, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
 Interval = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Direction = str | list[float]
+DIRECTIONS = 'words such as "up", "down", "+x", "-z", or of vectors'
 Face = Literal["left wall", "right wall", "floor", "ceiling", "back wall", "front wall"]
 
 
@@ -58,18 +63,41 @@ class SearchLimits(schema.LimitsTable):
 
 
 class TargetTable(SchemaTable):
-    """Table ``[target]``."""
+    """Table ``[target]`` or entry of ``[[targets]]``: a box with a step, or the path of a hand."""
 
-    x: Interval = Field(description="start and end along X, in m")
-    y: Interval = Field(description="start and end along Y, in m")
+    x: Interval | None = Field(None, description="start and end along X, in m")
+    y: Interval | None = Field(None, description="start and end along Y, in m")
     z: Interval | None = Field(None, description="start and end along Z, in m")
-    step: float = Field(description="the distance of neighbouring positions in m, a number")
+    step: float | None = Field(None, description="the distance of neighbouring positions in m, a number")
+    path: str | None = Field(None, description="a CSV file with columns x, y, z in m, in quotes")
+    weight: PositiveFloat | None = Field(None, description="the weight of the target in the score, above zero")
+
+    def poses(self, where: str, folder: Path) -> Target:
+        """Return the positions of the hand; RigError for a box without a side or a step, and a box with a path."""
+        box_keys = {key: value for key in ("x", "y", "z", "step") if (value := getattr(self, key)) is not None}
+        if self.path is not None:
+            if box_keys:
+                raise RigError(
+                    f'{where}: keys "path" and "{next(iter(box_keys))}" are both there; give a path or a box'
+                )
+            return read_poses(folder / self.path)
+        if missing := [key for key in ("x", "y", "step") if key not in box_keys]:
+            raise RigError(f'{where}: key "{missing[0]}" is missing; give x, y, z and step of a box, or a path')
+        found = box(**box_keys)
+        if (count := math.prod(found.shape)) > MAX_POSES:
+            raise RigError(f'{where}: key "step" gives {count:,} positions; give one for {MAX_POSES:,} at most')
+        return found
 
 
 class ObjectiveTable(SchemaTable):
     """Table ``[objective]``."""
 
-    force: float | None = Field(None, description="the force in N to be had in every direction, a number")
+    force: float | None = Field(None, description="the desired force in N, a number")
+    directions: list[Direction] | None = Field(None, description=f"where the force pulls, a list of {DIRECTIONS}")
+    stiffness: float | None = Field(None, description="the desired stiffness of walls in N/m, a number")
+    walls: list[Direction] | None = Field(None, description=f"where walls push the hand, a list of {DIRECTIONS}")
+    rate_hz: PositiveFloat = Field(1.0 / CYCLE_S, description="cycles/s of the host that renders walls, a number")
+    latency_ms: NonNegativeFloat = Field(1e3 * LATENCY_S, description="the delay of its loop in ms, a number")
 
 
 class SearchTable(SchemaTable):
@@ -88,7 +116,8 @@ class SpaceFile(SchemaTable):
     up: str | None = Field(None, description='the axis that points up, in quotes, as in up = "z"')
     counts: list[int] = Field(min_length=1, description="how many modules to place, a list of whole numbers")
     limits: SearchLimits = Field(description="a [limits] table")
-    target: TargetTable = Field(description="a [target] table")
+    target: TargetTable | None = Field(None, description="a [target] table")
+    targets: list[TargetTable] = Field([], description="[[targets]] tables")
     platform: PlatformTable | None = Field(None, description="a [platform] table")
     required: RequiredTable = Field(RequiredTable(), description="a [required] table")
     objective: ObjectiveTable = Field(ObjectiveTable(), description="an [objective] table")
@@ -97,6 +126,7 @@ class SpaceFile(SchemaTable):
     surfaces: list[SurfaceTable] = Field([], description="[[surfaces]] tables")
     modules: list[ModuleTable] = Field([], description="[[modules]] tables")
     frames: list[FrameTable] = Field([], description="[[frames]] tables")
+    bodies: Bodies = Field([], description='[[bodies]] tables, "standing" or "seated"')
 
 
 class LayoutTask(NamedTuple):
@@ -104,7 +134,7 @@ class LayoutTask(NamedTuple):
 
     name: str
     space: Space
-    target: Grid
+    target: tuple[Target, ...]
     objective: Objective
     seed: int
     generations: int
@@ -124,18 +154,58 @@ def load_task(path: str | PathLike[str]) -> LayoutTask:
     document = read_toml(path, "a space file (*.toml)", RigError)
     try:
         table = validate(SpaceFile, document, RigError)
-        target = box(**table.target.model_dump())
-        if (count := math.prod(target.shape)) > MAX_POSES:
-            raise RigError(f'[target]: key "step" gives {count:,} positions; give one for {MAX_POSES:,} at most')
+        space = _space(table)
         return LayoutTask(
             name=table.name,
-            space=_space(table),
-            target=target,
-            objective=Objective(table.objective.force),
+            space=space,
+            target=_targets(table, Path(path).parent),
+            objective=_objective(table, space),
             **table.search.model_dump(),
         )
-    except (RigError, ShapeError, InputError) as error:
+    except (RigError, DataError, ShapeError, InputError) as error:
         raise RigError(f"{path}: {error}") from None
+
+
+def _targets(table: SpaceFile, folder: Path) -> tuple[Target, ...]:
+    tables = {"[target]": table.target} if table.target is not None else {}
+    tables |= {f"targets[{index}]": each for index, each in enumerate(table.targets)}
+    if not tables:
+        raise RigError("no target; give a [target] table, or [[targets]] tables")
+    return tuple(each.poses(where, folder) for where, each in tables.items())
+
+
+def _objective(table: SpaceFile, space: Space) -> Objective:
+    weights = [each.weight for each in ([table.target] if table.target else []) + table.targets]
+    given = [weight for weight in weights if weight is not None]
+    if given and len(given) < len(weights):
+        raise RigError('key "weight" is missing in a target; give all targets one, or none')
+    wanted = table.objective
+    return Objective(
+        wanted.force,
+        _directions("directions", wanted.directions, space),
+        wanted.stiffness,
+        _directions("walls", wanted.walls, space),
+        host_stiffness(1.0 / wanted.rate_hz, 1e-3 * wanted.latency_ms),
+        tuple(given) if len(given) > 1 else None,
+    )
+
+
+def _directions(key: str, values: list[Direction] | None, space: Space) -> list[list[float]] | None:
+    """Return vectors of directions, which may be given as words."""
+    if values is None:
+        return None
+    found, d = [], space.dimension
+    words = {f"{sign}{axis}": upward(f"{sign}{axis}", d).tolist() for sign in ("", "+", "-") for axis in "xyz"[:d]}
+    if space.up is not None:
+        words |= {"up": upward(space.up, d).tolist(), "down": (-upward(space.up, d)).tolist()}
+    for value in values:
+        vector = words.get(value) if isinstance(value, str) else value
+        if value in ("up", "down") and space.up is None:
+            raise RigError(f'[objective]: key "{key}" has "{value}"; say which axis is up, as in up = "z"')
+        if vector is None or len(vector) != d:
+            raise RigError(f'[objective]: key "{key}" has {brief(value)}; give {DIRECTIONS} of {d} numbers')
+        found.append(vector)
+    return found
 
 
 def _space(table: SpaceFile) -> Space:
@@ -147,15 +217,17 @@ def _space(table: SpaceFile) -> Space:
         raise RigError("no place for modules; give a [room] table or [[surfaces]] tables")
     if table.room is not None and table.up not in (None, ROOM_UP):
         raise RigError(f'key "up" is {brief(table.up)}; a [room] has Y up, so leave it out, or write [[surfaces]]')
-    limits = table.limits.model_dump(exclude_none=True)
+    limits, up = table.limits.model_dump(exclude_none=True), table.up if table.room is None else ROOM_UP
+    bodies, persons = bodies_of(table.bodies, up)
     return Space(
         surfaces=tuple(surfaces),
         counts=tuple(table.counts),
         limits=(table.limits.lower, table.limits.upper),
         fixed=tuple(Module(**{**limits, **each.model_dump(exclude_none=True)}) for each in table.modules),
-        rest=tuple(RestPose(**each.model_dump()) for each in table.frames),
+        rest=(*(RestPose(**each.model_dump()) for each in table.frames), *persons),
+        bodies=bodies,
         hardware={key: limits[key] for key in get_args(Hardware) if key in limits},
-        up=table.up if table.room is None else ROOM_UP,
+        up=up,
         platform=None if table.platform is None else Platform(**table.platform.model_dump()),
         required=requirement(table.required.model_dump(), "[required]: "),
     )

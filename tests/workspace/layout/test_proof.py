@@ -7,7 +7,8 @@ import numpy as np
 import tensionlab as tl
 from tensionlab.model.requirement import Requirement
 from tensionlab.workspace import Objective, Space, Surface, box, room, search_layout
-from tensionlab.workspace.layout.search import proved_force
+from tensionlab.workspace.layout.objective import as_targets
+from tensionlab.workspace.layout.proof import proved_force
 
 RIG = tl.load_rig("bartels2026-validation")
 TARGET = box((-0.1, 0.1), (0.2, 0.4), (-0.1, 0.1), step=0.2)
@@ -21,16 +22,16 @@ def least_margin(rig, count=21):
 
 def test_the_force_that_is_proved_is_nearly_all_there_is():
     least = least_margin(RIG)
-    assert 0.99 * least < proved_force(RIG, POINTS, 1.1 * least) < least
-    assert proved_force(RIG, POINTS, 0.5) == 0.5
-    assert proved_force(RIG, POINTS[:1], 0.5) == 0.5  # a single position
+    assert 0.99 * least < proved_force(RIG, (TARGET,), Objective(), 1.1 * least) < least
+    assert proved_force(RIG, (TARGET,), Objective(), 0.5) == 0.5
+    assert proved_force(RIG, as_targets(POINTS[:1], 3), Objective(), 0.5) == 0.5  # a single position
 
 
 def test_the_force_is_counted_from_what_is_required():
     held, least = replace(RIG, required=Requirement(ball=0.3)), least_margin(RIG)
-    assert 0.99 * (least - 0.3) < proved_force(held, POINTS, least) < least - 0.3
-    assert np.isnan(proved_force(replace(RIG, required=Requirement(ball=50.0)), POINTS, 1.0))
-    assert np.isnan(proved_force(RIG, POINTS, -0.1))
+    assert 0.99 * (least - 0.3) < proved_force(held, (TARGET,), Objective(), least) < least - 0.3
+    assert np.isnan(proved_force(replace(RIG, required=Requirement(ball=50.0)), (TARGET,), Objective(), 1.0))
+    assert np.isnan(proved_force(RIG, (TARGET,), Objective(), -0.1))
 
 
 def test_a_search_proves_what_it_returns():

@@ -8,8 +8,9 @@ from tensionlab.errors import InputError, ShapeError
 from tensionlab.model.files import rig_from_toml
 from tensionlab.model.module import Module, Platform
 from tensionlab.workspace import Objective, Space, Surface, box, capacity_margin, room, search_layout
-from tensionlab.workspace.layout.results import target_margins
-from tensionlab.workspace.layout.search import polish
+from tensionlab.workspace.layout.objective import as_targets
+from tensionlab.workspace.layout.polish import polish
+from tensionlab.workspace.layout.problem import LayoutProblem
 from tensionlab.workspace.layout.space import Placement
 from tests.helpers.examples import many
 
@@ -129,21 +130,31 @@ def test_bad_input_is_refused():
         search_layout(space, [[0, 0]], Objective(), generations=0)
 
 
-@pytest.mark.parametrize("force", [None, 0.5, 2.0, 9.0])
+DESIRED = [
+    (None, {}), (0.5, {}), (2.0, {}), (9.0, {}),
+    (None, {"directions": [[0, 1, 0], [1, 0, 0]]}),
+    (None, {"walls": [[0, 1, 0]]}),
+    (2.0, {"directions": [[0, 1, 0]], "stiffness": 300.0, "walls": [[0, 0, -1]]}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("force", "desired"), DESIRED)
 @pytest.mark.parametrize("seed", range(many(5, least=1)))
-def test_polishing_never_makes_it_worse_and_stays_on_the_surfaces(force, seed):
+def test_polishing_never_makes_it_worse_and_stays_on_the_surfaces(force, desired, seed):
     space = Space(room([2, 2, 2], centre=[0, 0, 0]), (6,))
     rng = np.random.default_rng(seed)
     start = space.decode(rng.random((6, 4)))
     target = rng.uniform(-0.5, 0.5, size=(20, 3))
-    limits, objective = space.tension_limits(6), Objective(force)
-    before = target_margins(space, space.anchors(start), limits, target)
-    found, margins = polish(space, target, objective, start, limits)
-    np.testing.assert_allclose(margins, target_margins(space, space.anchors(found), limits, target), atol=1e-12)
-    assert objective.smooth(margins, 0.01) >= objective.smooth(before, 0.01) - 1e-9
+    objective = Objective(force, **desired)
+    problem = LayoutProblem.of(space, as_targets(target, 3), objective)
+    before = problem.values(space.anchors(start))
+    found, margins = polish(problem, start)
+    np.testing.assert_allclose(margins, problem.values(space.anchors(found)), atol=1e-12)
+    least = [each.min(axis=0) for each in (margins, before)]
+    assert objective.smooth(least[0], 0.01) >= objective.smooth(least[1], 0.01) - 1e-9
     assert ((found.along >= 0) & (found.along <= 1)).all()
     np.testing.assert_array_equal(found.surfaces, start.surfaces)
-    if force is None:
+    if objective.level is None:
         assert margins.min() > before.min() + 0.1
 
 
@@ -151,12 +162,11 @@ def test_no_layout_nearby_is_better_than_the_polished_one():
     space = Space(room([2, 2, 2], centre=[0, 0, 0]), (5,))
     rng = np.random.default_rng(4)
     target = rng.uniform(-0.3, 0.3, size=(8, 3))
-    limits = space.tension_limits(5)
-    start = Placement(np.array([0, 1, 2, 3, 4]), rng.random((5, 3)))
-    found, margins = polish(space, target, Objective(), start, limits)
+    problem = LayoutProblem.of(space, as_targets(target, 3), Objective())
+    found, margins = polish(problem, Placement(np.array([0, 1, 2, 3, 4]), rng.random((5, 3))))
     near = np.clip(found.along + rng.normal(scale=0.01, size=(4000, 5, 3)), 0, 1)
     others = space.anchors(Placement(np.broadcast_to(found.surfaces, (4000, 5)), near))
-    assert target_margins(space, others, limits, target).min(axis=-1).max() <= margins.min() + 1e-4
+    assert problem.values(others).min(axis=(-2, -1)).max() <= margins.min() + 1e-4
 
 
 def test_layouts_and_progress_are_shown_as_they_come():

@@ -84,7 +84,7 @@ def test_a_file_says_everything_about_a_search(write):
     turn = Rotation.from_rotvec([0, 0.5, 0]).as_matrix()
     np.testing.assert_allclose(space.placed.corners[0], [0.5, 1, 0] + turn @ [0, 0, 0.1], atol=1e-15)
     np.testing.assert_allclose(space.placed.corners[1], [-2, 2.5, -1.5])
-    assert task.target.arrays()[0].shape == (9, 3)
+    assert task.target[0].arrays()[0].shape == (9, 3)
     assert task.objective.force == 1.5
     assert (space.platform, space.required) == (Platform(0.2), Requirement(ball=0.5, gravity=True))
     assert (task.name, task.seed, task.generations, task.starts) == ("desk", 7, 3, 2)
@@ -112,7 +112,7 @@ def test_a_flat_space_has_flat_targets_and_angles(write):
         frames = [{ name = "cart", position = [1, 1], rotation = [1.5707963267948966] }]
         """)
     )
-    assert task.target.arrays()[0].shape == (9, 2)
+    assert task.target[0].arrays()[0].shape == (9, 2)
     np.testing.assert_allclose(task.space.placed.edges[0], [[0, 1], [0, 0]], atol=1e-15)
 
 
@@ -154,4 +154,4 @@ def test_the_file_in_the_documentation_is_one(write):
 def test_the_spaces_of_the_repository_can_be_read(path):
     task = load_task(path)
     assert task.name == path.stem
-    assert len(task.target.arrays()[0]) > 10
+    assert len(task.target[0].arrays()[0]) > 10
