@@ -12,6 +12,7 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json, Verbs, flag, option
 from tensionlab.support.files import writing
+from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.results import Layout
 from tensionlab.workspace.layout.task import load_task
 
@@ -105,22 +106,45 @@ def _layout_json(found: Layout, on_front: bool) -> dict[str, object]:
     }
 
 
-def _proof(found: Layout) -> str:
-    """Return what is proved of a layout."""
-    about = f" about {found.rig.required.describe(found.rig)}" if found.rig.required else ""
-    nothing = found.proved is None or np.isnan(found.proved)
-    force = "nothing" if nothing else f"{found.proved:.4g} N in every direction{about}"
-    return f"{found.rig.name}: proved everywhere in the target: {force}"
+def _proofs(found: Layout, objective: Objective) -> list[str]:
+    """Return what is proved of a layout throughout the target: its clearance, and its force if that was wanted."""
+    notes = []
+    if found.nearest is not None:
+        clear = "stay away from bodies by" if found.clear else "come too close to a body:"
+        notes.append(
+            f"{found.rig.name}: proved everywhere in the target: cables {clear} {found.nearest.describe()}"
+        )
+    if found.proved is not None:
+        force = "nothing" if np.isnan(found.proved) else f"{found.proved:.4g} N {objective.where(found.rig)}"
+        notes.append(f"{found.rig.name}: proved everywhere in the target: {force}")
+    return notes
 
 
-def _shortfall(best: Layout, force: float | None) -> str:
-    """Return what the best layout does not hold, or does not hold provably; an empty text if it holds all."""
+def _shortfall(best: Layout, objective: Objective) -> str:
+    """Return what the best layout does not have, or not provably, and what to do; empty if it has all."""
+    if best.nearest is not None and not best.clear:
+        return (
+            "no layout was found whose cables stay clear of bodies: they come as close as "
+            f"{best.nearest.describe()} ({_tried(best)}); move the person or the target, or give other surfaces"
+        )
+    advice = (
+        "give more modules (counts), higher limits or a smaller target, or search longer (generations, starts)"
+    )
     if best.score <= 0:
         held = best.rig.required.describe(best.rig) if best.rig.required else "a force in every direction"
-        where = "everywhere in the target" if force is None else f"with {force:g} N in every direction anywhere"
-        return f"no layout was found that holds {held} {where}: the worst margin is {best.worst:.4g} N"
-    force = force or 0.0
+        wanted = " and ".join(objective.desired(best.rig))
+        where = "everywhere in the target" if objective.level is None else f"with {wanted} anywhere"
+        what = f"no layout was found that holds {held} {where}: the worst margin is {best.worst:.4g} N"
+        return f"{what} ({_tried(best)}); {advice}"
+    force = objective.force or 0.0
     if best.proved is None or best.proved >= force:
         return ""
     held = f"{best.proved:.4g} N is, {force - best.proved:.2g} N less" if best.proved >= 0 else "no force is"
-    return f"{force:g} N in every direction is not proved everywhere in the target: of {best.rig.name} {held}"
+    where = objective.where(best.rig)
+    return f"{force:g} N {where} is not proved everywhere in the target: of {best.rig.name} {held}; {advice}"
+
+
+def _tried(found: Layout) -> str:
+    """Return in words how long was searched."""
+    efforts = [f"{generations} generations and {starts} starts" for generations, starts in found.tried]
+    return f"tried {', then '.join(efforts)}"

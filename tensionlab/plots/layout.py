@@ -11,14 +11,16 @@ from tensionlab.plots.rig import frame_panel, plot_rig
 from tensionlab.plots.style import add_legend, new_figure, one_panel
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREY, ORANGE
+from tensionlab.workspace.layout.objective import as_targets
+from tensionlab.workspace.poses import PoseList
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from tensionlab.workspace.layout.objective import Targets
     from tensionlab.workspace.layout.results import LayoutSearch
     from tensionlab.workspace.layout.space import Space
-    from tensionlab.workspace.poses import Grid
 
 ON_FRONT: dict[str, Any] = {"color": BLUE, "marker": "o", "linewidth": 1.4, "drawstyle": "steps-post"}
 OFF_FRONT: dict[str, Any] = {"color": GREY, "marker": "o", "linestyle": "", "fillstyle": "none"}
@@ -56,7 +58,7 @@ def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure | None:
     return figure if ax is None else None
 
 
-def plot_search(space: Space, target: Grid, found: LayoutSearch) -> Figure:
+def plot_search(space: Space, target: Targets, found: LayoutSearch) -> Figure:
     """Draw a search for a layout: where modules might stand, where the best layout has them, and the score.
 
     ``found`` is what `tensionlab.workspace.search_layout` returned of the space and the target. The last panel,
@@ -94,9 +96,12 @@ def plot_search(space: Space, target: Grid, found: LayoutSearch) -> Figure:
         after: Any = figure.add_subplot(1, panels, 2, **projection)
         plot_rig(best.rig, ax=after)
         after.get_legend().remove()
-        positions = target.arrays()[0].reshape(-1, space.dimension)
-        box = list(product(*zip(positions.min(axis=0), positions.max(axis=0), strict=True)))
-        for axes in (before, after):
+        for axes, each in product((before, after), as_targets(target, space.dimension)):
+            positions = each.arrays()[0]
+            if isinstance(each, PoseList):
+                axes.plot(*positions.T, color=ORANGE, linewidth=1.4)
+                continue
+            box = list(product(*zip(positions.min(axis=0), positions.max(axis=0), strict=True)))
             _draw_edges(axes, np.array(box), ORANGE)
         if panels == 3:
             front = figure.add_subplot(1, panels, 3)

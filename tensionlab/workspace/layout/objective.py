@@ -201,10 +201,21 @@ class Objective:
             found[self.points.starts[1:]] = 1
         return found.cumsum()
 
+    def where(self, rig: Rig) -> str:
+        """Return in words along which directions forces count, and about which wrenches of a rig."""
+        about = f" about {rig.required.describe(rig)}" if rig.required else ""
+        return f"{_towards(self.directions)}{about}"
+
+    def desired(self, rig: Rig) -> list[str]:
+        """Return in words what is desired of a rig."""
+        force = [] if self.force is None else [f"{self.force:g} N {self.where(rig)}"]
+        return force + (
+            [] if self.stiffness is None else [f"walls of {self.stiffness:g} N/m {_towards(self.walls)}"]
+        )
+
     def describe(self, rig: Rig, score: float | None = None) -> str:
         """Return in words what the score of a rig is, or what a rig with a score renders, after its name."""
-        about = f" about {rig.required.describe(rig)}" if rig.required else ""
-        where = f"{_towards(self.directions)}{about}"
+        where = self.where(rig)
         many = self.points is not None and len(self.points.starts) > 1
         target = "the target" if not many else "the targets" if self.target_weights else "each target"
         if self.level is None and self.walls is not None:
@@ -215,13 +226,11 @@ class Objective:
             if score is None:
                 return f"the maximum force in N {where}, everywhere in {target}"
             return f"renders {max(score, 0.0):.4g} N {where} throughout {target}"
-        desired = [] if self.force is None else [f"{self.force:g} N {where}"]
-        if self.walls is not None:
-            desired.append(f"walls of {self.stiffness:g} N/m {_towards(self.walls)}")
+        desired = " and ".join(self.desired(rig))
         points = f" (points {self.points.step})" if self.points and self.points.step else ""
         if score is None:
-            return f"the share of {target}{points} with {' and '.join(desired)}"
-        return f"renders {' and '.join(desired)} in {format_share(score)} of {target}{points}"
+            return f"the share of {target}{points} with {desired}"
+        return f"renders {desired} in {format_share(score)} of {target}{points}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -198,8 +198,9 @@ class Space:
             for edge in np.pad(surface.edges, ((1, d - len(surface.edges)), (0, 0)))  # the corner first
         ] + [*self.fixed]
         frames = {each.name: each.frame for each in self.rest}
-        pose.require_known(frames, [module.frame for module in modules])
         points = pose.place_anchors(modules, np.stack([each.anchor for each in modules]), frames)
+        carrying = [each.frame for each in modules] + [each.frame for each in self.bodies]
+        pose.require_known(frames, sorted({*carrying} - {WORLD}))
         ends = points[: count * (1 + d)].reshape(count, 1 + d, d)
         return SurfaceGeometry(ends[:, 0], ends[:, 1:] - ends[:, :1], points[count * (1 + d) :])
 
