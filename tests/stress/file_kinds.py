@@ -137,7 +137,7 @@ def _space() -> dict[str, Any]:
 
 def _read_space(place: Path) -> object:
     task = load_task(place)
-    return task.space.placed, task.target.arrays()
+    return task.space.placed, [each.arrays() for each in task.target]
 
 
 @cache

@@ -36,6 +36,6 @@ def test_every_share_of_a_workspace_is_within_what_is_proved():
     shares = [
         tl.workspace.summary(swept)["above_zero"][0],
         Volume((grid.x, grid.y), margins).share(0.0),
-        float(Objective(force).over(grid).score(margins.ravel() + force)),
+        float(Objective(force).over((grid,)).score(margins.ravel() + force)),
     ]
     assert shares == pytest.approx([np.mean(proved)] * 3, abs=0.002)
