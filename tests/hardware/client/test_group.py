@@ -164,7 +164,7 @@ def test_modules_are_kept_alive_and_waited_for_by_the_clock_that_goes_fastest(fa
     pair = ModuleGroup(clients if fast == 0 else clients[::-1])
     pair.arm([1.0, 1.0])
     assert fast_link.clock() > 0.3, "as long as a set-point lives, and more"
-    kept_alive = np.diff([time for kind, time in fast_link.sent if kind is Type.SET_TENSION])
+    kept_alive = np.diff([time for kind, time in fast_link.sent if kind == Type.SET_TENSION])
     assert (np.abs(kept_alive - group.KEEP_ALIVE_PERIOD_S) < 0.025).all()
     assert {world.modules[index].sample.state for index in (fast, 2)} <= {State.ARMED, State.RUNNING}
     slow_link.freeze()
