@@ -13,7 +13,15 @@ import tensionlab as tl
 from tensionlab import _native
 from tensionlab.model import pose
 from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE
-from tensionlab.support.arrays import Floats, as_floats, common_axes
+from tensionlab.support.arrays import (
+    MAX_MAGNITUDE,
+    Floats,
+    angles,
+    as_floats,
+    common_axes,
+    require_finite,
+    tension_limits,
+)
 
 W, w, LIMITS = np.array([[1.0, -0.6, -0.6], [0.0, 0.8, -0.8]]), np.array([2.0, 1.0]), (1.0, 10.0)
 LOSSY: dict[str, tuple[Callable[[Any], Any], str]] = {
@@ -166,3 +174,36 @@ def test_leading_axes_broadcast_to_their_common_axes() -> None:
     assert common_axes({"structure": (3, 1), "wrench": (4,), "limits": ()}) == (3, 4)
     assert common_axes({"structure": (3,), "wrench": (3,)}) == (3,)
     assert common_axes({"limits": ()}) == ()
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "said"),
+    [
+        (1.0, 0.9, "lower = 1 N exceeds upper = 0.9 N"),
+        ([0.5, 1.0], [6.0, 0.9], r"lower\[1\] = 1 N exceeds upper\[1\] = 0.9 N"),
+    ],
+)
+def test_crossed_limits_are_named(lower: Any, upper: Any, said: str) -> None:
+    with pytest.raises(tl.errors.ShapeError, match=said):
+        tension_limits((lower, upper))
+    tension_limits((lower, lower))
+
+
+def test_a_number_too_large_is_named_by_its_index() -> None:
+    require_finite("x", [0.0, 0.99 * MAX_MAGNITUDE], 1)
+    for array, axes, said in (
+        ([0.0, -1.5 * MAX_MAGNITUDE], 1, r"x\[1\] is -1\.5"),
+        (np.nan, 0, "x is nan"),
+        (1.0, 1, "x must be a vector"),
+        ([1.0], 2, "x must be a matrix"),
+    ):
+        with pytest.raises(tl.errors.ShapeError, match=said):
+            require_finite("x", array, axes)
+
+
+def test_angles_of_known_forces() -> None:
+    size = np.array([1e-3, 2.0, 1e-4, 1.0, 0.0])[:, None]
+    turned = np.radians([30.0, 180.0, 1e-7, 90.0, 0.0])
+    rendered = 3.0 * np.stack([np.cos(turned), np.sin(turned)], axis=-1)
+    found = angles(size * [1.0, 0.0], rendered * size)
+    np.testing.assert_allclose(found, [30.0, 180.0, 1e-7, 90.0, np.nan], rtol=1e-9)

@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -263,3 +264,44 @@ def test_processors_on_linux(monkeypatch):
     monkeypatch.setattr("platform.processor", lambda: "x86_64")
     monkeypatch.setattr(Path, "read_text", lambda self, encoding: "processor\t: 0\n")
     assert operating_system.processor_name() == "x86_64"
+
+
+def test_elsewhere_a_file_that_is_refused_is_refused_at_once():
+    calls = []
+
+    def act():
+        calls.append(1)
+        raise OPEN_ELSEWHERE
+
+    with pytest.raises(PermissionError):
+        operating_system.retry_while_locked(act)
+    assert len(calls) == 1
+
+
+def test_the_command_that_kills_a_process(monkeypatch):
+    assert operating_system.kill_command(7) == "kill -9 7"
+    monkeypatch.setattr(sys, "platform", "win32")
+    assert operating_system.kill_command(7) == "taskkill /f /pid 7"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has other folders")
+def test_folders_of_a_user_are_in_memory_where_there_is_one_and_in_the_home():
+    runtime = Path(f"/run/user/{os.getuid()}")
+    *first, last = operating_system.user_folders()
+    assert first == [runtime / "tensionlab"] * runtime.is_dir()
+    assert last.parts[-4:-1] == (".local", "state", "tensionlab")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone tells")
+def test_a_connection_of_this_user_is_told_from_one_that_has_no_owner():
+    with (
+        socket.create_server(("127.0.0.1", 0)) as server,
+        socket.create_connection(server.getsockname()) as client,
+    ):
+        accepted, peer = server.accept()
+        with accepted:
+            own = accepted.getsockname()
+            assert not operating_system.opened_by_other_user(peer, own)
+            assert not operating_system.opened_by_other_user("a pair", "of sockets")
+            client.close()
+            assert operating_system.opened_by_other_user(peer, own)

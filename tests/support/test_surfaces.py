@@ -18,6 +18,8 @@ def test_a_ball_has_its_radius_and_volume():
     surface = level_surface(values, (axis, axis, axis), 0.25)
     assert np.linalg.norm(surface[0], axis=1) == pytest.approx(0.75, abs=2e-3)
     assert content(surface) == pytest.approx(4 / 3 * np.pi * 0.75**3, rel=0.01)
+    assert level_surface(values, (axis, axis, axis), 0.9) is not None
+    assert level_surface(values, (axis, axis, axis), 1.0) is None
 
 
 def test_it_closes_at_the_border():

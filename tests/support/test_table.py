@@ -15,8 +15,8 @@ from tensionlab.errors import MissingDependency
 from tensionlab.hardware import read_run
 from tensionlab.hardware.log.reader import recount
 from tensionlab.scenarios import load_scenario
-from tensionlab.support.formatting import format_duration, format_number, format_vector
-from tensionlab.support.table import MAX_HTML_ROWS, STATUS_MARKS, Column, Table
+from tensionlab.support.formatting import format_duration, format_number, format_range, format_vector, one_line
+from tensionlab.support.table import MAX_HTML_ROWS, STATUS_MARKS, Column, Finding, Table, findings_table
 from tensionlab.workspace.layout.results import Layout, LayoutSearch, Objective
 from tests.helpers.runs import four, logged
 
@@ -44,7 +44,8 @@ def test_times_have_the_unit_that_suits_them(seconds, text):
     ("value", "text"),
     [
         (0.0, "0"), (1.2345, "1.23"), (12.345, "12.3"), (123.45, "123"), (0.12345, "0.12"),
-        (0.012345, "0.012"), (1e-12, "1e-12"), (-0.5, "-0.50"), (float("nan"), "–"),
+        (0.012345, "0.012"), (0.0012, "0.001"), (4e-4, "4e-4"), (1e-12, "1e-12"),
+        (-0.5, "-0.50"), (float("nan"), "–"),
     ],
 )  # fmt: skip
 def test_numbers_are_short(value, text):
@@ -54,7 +55,21 @@ def test_numbers_are_short(value, text):
 def test_a_vector_shows_no_rounding_errors_and_a_long_one_its_ends():
     assert format_vector([1.0, -4e-17, 0.25]) == "(1, 0, 0.25)"
     assert format_vector(np.arange(20.0)) == "(0, 1, 2, 3, …, 18, 19)"
+    assert format_vector(range(9)) == "(0, 1, 2, 3, …, 7, 8)"
+    assert format_vector([*range(7), 5e-4]) == "(0, 1, 2, 3, 4, 5, 6, 0.0005)"
     assert format_vector([]) == "()"
+
+
+def test_a_range_is_of_the_finite_numbers():
+    assert format_range([0.5, np.nan], [[6.0, np.inf]]) == "0.5 to 6"
+    assert format_range([2.0, 2.0]) == "2"
+    assert format_range([np.nan]) == format_range([]) == "–"
+
+
+def test_a_message_is_one_printable_line_without_its_middle_if_it_is_long():
+    assert one_line("two:\n\n  words \x1b and\nmore") == "two: words \\x1b and; more"
+    assert one_line("0123456789" * 3, 30) == "0123456789" * 3
+    assert one_line("0123456789" * 4, 30) == "012345678901234 ... 0123456789"
 
 
 def words(html):
@@ -100,6 +115,33 @@ def test_a_table_on_a_terminal_fits_its_width_and_wraps_texts_between_words():
     assert any(line.endswith("0.3 m") or "0.3 m " in line for line in narrow)  # a number keeps its unit
 
 
+@pytest.mark.parametrize(("width", "gap"), [(37, 2), (36, 1), (20, 1)])
+def test_narrow_tables_have_narrow_gaps(width, gap):
+    lines = Table(["n", "text"], [[1234, "word " * 20]]).to_text(width).splitlines()
+    assert lines[1] == "─" * width
+    assert lines[2].startswith("1,234" + " " * gap + "word")
+
+
+def test_texts_and_headings_are_never_narrower_than_they_can_be_read():
+    assert Table(["n", "text"], [[1234, "word " * 20]]).to_text(9).splitlines()[1] == "─" * 18
+    assert Table(["a b c d e f"], [[1]]).to_text().splitlines()[:3] == ["a b", "c d", "e f"]
+
+
+def test_findings_pass_fail_or_are_noted():
+    findings = [Finding("one", True, "is"), Finding("two", False, "is not"), Finding("three", None, "may be")]
+    lines = findings_table("all", findings).to_text().splitlines()[3:]
+    assert [line.split("  ")[0] for line in lines] == ["✓ yes", "✗ no", "note"]
+
+
+def test_in_a_notebook_numbers_stand_on_the_right_on_one_line():
+    html = Table(["text", "number"], [["a", 1.0]])._repr_html_()
+    cells = re.findall(r'<(t[hd]) style="text-align:(\w+);[^"]*vertical-align:(\w+)([^"]*)">', html)
+    assert [cell[:3] for cell in cells] == [
+        ("th", "left", "bottom"), ("th", "right", "bottom"), ("td", "left", "top"), ("td", "right", "top"),
+    ]  # fmt: skip
+    assert ["nowrap" in cell[3] for cell in cells] == [False, False, False, True]
+
+
 def test_a_table_in_a_notebook():
     html = TABLE._repr_html_()
     assert words(html) == [
@@ -133,6 +175,7 @@ def test_a_long_table_in_a_notebook_leaves_out_its_middle():
     assert len(rows) == 1 + MAX_HTML_ROWS + 1
     assert rows[1 + MAX_HTML_ROWS // 2] == ["… 960 more"]
     assert (rows[1], rows[-1]) == (["0"], ["999"])
+    assert ["… 1 more"] in words(Table(["n"], [[i] for i in range(MAX_HTML_ROWS + 1)])._repr_html_())
 
 
 def test_an_allocation_in_one_line_and_in_a_table():

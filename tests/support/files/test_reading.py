@@ -85,3 +85,13 @@ def test_values_in_messages_are_short():
     for value in ("x" * 10_000, [[1.0] * 1000] * 1000, {str(i): i for i in range(1000)}, b"\x00" * 1000, 10**4000):
         assert len(brief(value)) <= reading.MAX_SHOWN
     assert brief([0.0, 0.3, 0.0]) == "[0.0, 0.3, 0.0]"
+    assert len(brief(["x" * 30] * 4)) == reading.MAX_SHOWN
+
+
+@pytest.mark.parametrize(("size", "whole"), [(5, True), (70, True), (90, False), (150, False)])
+def test_what_a_parser_says_is_told_whole_unless_it_is_long(size, whole):
+    with pytest.raises(ShapeError) as caught:
+        parse_toml(f"[{'x' * size}]\n" * 2, "it", ShapeError)
+    assert ("(at line 2" in str(caught.value)) == whole
+    assert ("…; correct it" in str(caught.value)) != whole
+    assert len(str(caught.value)) <= 120 + len("it: not valid TOML: ; correct it")

@@ -126,7 +126,21 @@ def test_damaged_tables_are_refused(tmp_path):
         read_parquet(tmp_path, "a table", ShapeError)
 
 
+def test_tables_without_rows(tmp_path):
+    zipped(tmp_path / "x.npz", a=npy("{'descr': '<f8', 'fortran_order': False, 'shape': (0, 3)}"))
+    assert read_npz(tmp_path / "x.npz", "arrays", ShapeError)["a"].shape == (0, 3)
+    empty = pa.table({"a": pa.array([], pa.float64())})
+    pq.write_table(empty, tmp_path / "x.parquet")
+    assert read_parquet(tmp_path / "x.parquet", "a table", ShapeError).numbers("a", ShapeError).size == 0
+    (tmp_path / "x.csv").write_text("a,b\n")
+    with pytest.raises(ShapeError, match=r"x\.csv: no numbers; the first line names the columns a, b"):
+        read_table(tmp_path / "x.csv", ("a", "b"), error=ShapeError)
+
+
 def test_columns_of_one_name_are_refused(tmp_path):
+    (tmp_path / "x.csv").write_text("a,a\n1,2\n")
+    with pytest.raises(ShapeError, match='column "a" is there twice'):
+        read_table(tmp_path / "x.csv", ("a",), error=ShapeError)
     path = tmp_path / "x.parquet"
     pq.write_table(pa.Table.from_arrays([pa.array([1]), pa.array([2])], names=["a", "a"]), path)
     with pytest.raises(ShapeError, match='column "a" is there twice'):
