@@ -6,7 +6,7 @@ and know nothing of modules.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -128,6 +128,127 @@ class Impedance:
 
 
 @dataclass(frozen=True, eq=False)
+class EffectDemand:
+    """What an effect desires in a cycle, and what of it is not rendered.
+
+    Attributes
+    ----------
+    force : (d,) array
+        Desired force on the hand in N, without a vibration.
+    stiffness, damping : float
+        Desired, in N/m and N s/m; 0 of an effect without.
+    frequency, amplitude : float
+        Frequency of ripples that pass or of a vibration, in Hz, and the vibration's amplitude in N.
+    softened : mapping of str to (float, float)
+        Parameters that are not rendered as desired: their desired and their rendered values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.demand import EffectDemand
+    >>> EffectDemand(np.array([0.0, 0.0, 1.0]), softened={"stiffness": (200.0, 33.0)}).share
+    0.165
+    """
+
+    force: Floats
+    stiffness: float = 0.0
+    damping: float = 0.0
+    frequency: float = 0.0
+    amplitude: float = 0.0
+    softened: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def share(self) -> float:
+        """Smallest share of a parameter that is rendered; 1 if nothing is softened."""
+        return min((rendered / desired for desired, rendered in self.softened.values() if desired), default=1.0)
+
+
+class EffectTable(NamedTuple):
+    """Effect over K cycles; NaN while it was not active.
+
+    ``force`` (K, d), and (K,) ``stiffness``, ``damping``, ``frequency``, ``amplitude`` and ``share`` are those of
+    `EffectDemand`.
+    """
+
+    force: Floats
+    stiffness: Floats
+    damping: Floats
+    frequency: Floats
+    amplitude: Floats
+    share: Floats
+
+
+def tabulate_effects(cycles: Sequence[Mapping[str, EffectDemand]], dimension: int) -> dict[str, EffectTable]:
+    """Return the effects of cycles by name, no more than the first `MAX_EFFECTS`."""
+    tables: dict[str, EffectTable] = {}
+    for index, effects in enumerate(cycles):
+        for name, effect in effects.items():
+            if name not in tables and len(tables) < MAX_EFFECTS:
+                numbers = [np.full(len(cycles), np.nan) for _ in EffectTable._fields[1:]]
+                tables[name] = EffectTable(np.full((len(cycles), dimension), np.nan), *numbers)
+            for column, values in zip(EffectTable._fields, tables.get(name, ()), strict=False):
+                values[index] = getattr(effect, column)
+    return tables
+
+
+MAX_EFFECTS = 256  # effects of a run of which its tables tell
+UNITS = {"stiffness": "N/m", "damping": "N s/m", "frequency": "Hz", "amplitude": "N", "height": "m"}
+SOFTER = 0.25  # relative change of a rendered value that is told again
+SOFTENED_S = 1.0  # a softening that was absent for this time has ended
+
+
+class Softening(NamedTuple):
+    """Change of what is rendered of an effect's parameter; rendered as desired where both values are equal."""
+
+    effect: str
+    parameter: str
+    desired: float
+    rendered: float
+    since: float  # time of the run from which it was rendered softer, in s
+
+    @property
+    def text(self) -> str:
+        """The change in words."""
+        unit = UNITS.get(self.parameter.rpartition(".")[2], "")
+        if self.rendered == self.desired:
+            return f'"{self.effect}": {self.parameter} is {self.desired:g} {unit} again, as desired'
+        if self.parameter == "frequency":
+            why = "no free cable lies along it, and the host's set-points are too slow; give another --rate"
+            return f'"{self.effect}": its vibration of {self.desired:g} Hz is left out: {why}'
+        return f'"{self.effect}": {self.parameter} is {self.desired:g} {unit}, {self.rendered:.3g} are rendered'
+
+
+class SoftenedEffects:
+    """Softened parameters of effects, followed from cycle to cycle."""
+
+    def __init__(self) -> None:
+        # Of each effect and parameter; with the times when it was told, and when it was so last.
+        self._known: dict[tuple[str, str], tuple[Softening, float, float]] = {}
+
+    def update(self, time: float, effects: Mapping[str, EffectDemand]) -> list[Softening]:
+        """Return what has changed at a time in s: softenings that begin, differ by a quarter, or have ended.
+
+        One that changes all the time is told once a second.
+        """
+        changes = []
+        for name, effect in effects.items():
+            for parameter, (desired, rendered) in effect.softened.items():
+                known, told, _ = self._known.get((name, parameter), (None, 0.0, 0.0))
+                if known is None:
+                    known, told = Softening(name, parameter, desired, rendered, time), time
+                    changes.append(known)
+                elif time - told >= SOFTENED_S and abs(rendered - known.rendered) > SOFTER * known.rendered:
+                    known, told = known._replace(rendered=rendered), time
+                    changes.append(known)
+                self._known[name, parameter] = known, told, time
+        for key, (known, _, latest) in list(self._known.items()):
+            if time - latest >= SOFTENED_S:
+                del self._known[key]
+                changes.append(known._replace(rendered=known.desired))
+        return changes
+
+
+@dataclass(frozen=True, eq=False)
 class Demand:
     """What the rig is to render until the next cycle.
 
@@ -145,6 +266,10 @@ class Demand:
     desired : (n,) array or None
         Wrench that the application desires, where ``wrench`` is only what can be rendered of it, such as of a wall
         that is too stiff for the loop. None: ``wrench`` itself.
+    effects : mapping of str to EffectDemand
+        Parts of it, by the effects' names.
+    effects : mapping of str to EffectDemand
+        Parts of it, by the effects' names.
 
     Examples
     --------
@@ -159,6 +284,7 @@ class Demand:
     brakes: frozenset[str] = frozenset()
     stop: bool = False
     desired: Floats | None = None
+    effects: Mapping[str, EffectDemand] = field(default_factory=dict)
 
 
 def measured_wrench(structure: Floats, tensions: Floats, active: NDArray[np.bool_]) -> Floats:

@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Status
-from tensionlab.demand import measured_wrench
+from tensionlab.demand import EffectTable, measured_wrench
 from tensionlab.haptics.effects.effect import Effect
+from tensionlab.haptics.rendering.effect_fidelity import effects_fidelity
+from tensionlab.haptics.rendering.fidelity import Fidelity, force_fidelity
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.protocol.codes import Limit
 from tensionlab.model.stiffness import MIN_COSINE
@@ -24,6 +26,7 @@ from tensionlab.support.table import Column, Table, met_mark
 Kind = TypeVar("Kind", bound=Effect)
 NOTICEABLE = 0.07  # just noticeable difference of forces, as a share
 MIN_FORCE_N = 0.5  # the direction of smaller forces does not count
+LOCKING_S, RELEASE_S = 0.1, 0.35  # times in which a brake locks, and its force is gone
 REVERSAL_S = 0.1  # time in which modules follow a reversed force: 6 N at 60 N/s
 # Reasons for another direction: no force above 0.5 N is desired, and the cables are only taut; the direction was
 # desired within the loop's delay and 0.1 s; the force is certified infeasible; a module is at a limit (slew,
@@ -119,11 +122,6 @@ def loop_delay(result: ScenarioResult) -> float:
     return float(np.nanmax(result.run.delays, initial=0.0))
 
 
-def rms(values: Floats) -> float:
-    """Return the root mean square; NaN of nothing."""
-    return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")
-
-
 def maximum(values: Floats) -> float:
     """Return the largest value; NaN of nothing."""
     return float(values.max()) if values.size else float("nan")
@@ -139,6 +137,73 @@ def dominant_frequency(time: Floats, values: Floats) -> float:
     spectrum = np.abs(np.fft.rfft(level * np.hanning(len(level)), padded))
     frequencies = np.fft.rfftfreq(padded, step)
     return float(frequencies[int(np.argmax(spectrum))])
+
+
+def run_fidelity(run: Run) -> dict[str, Fidelity]:
+    """Return the fidelity of each effect of a run, by the reported tensions; of its force where it has no effects.
+
+    Examples
+    --------
+    >>> from tensionlab.scenarios import load_scenario
+    >>> from tensionlab.scenarios.checks import run_fidelity
+    >>> from tensionlab.scenarios.play import play, simulate_modules
+    >>> weight = load_scenario("weight")
+    >>> found = run_fidelity(play(weight, simulate_modules(weight), seconds=2.0).run)
+    >>> found["weight"].failures()
+    ()
+    """
+    d = run.rig.dimension
+    desired, demanded = (
+        each[:, :d] - run.rig.required.middle(run.rig)[:d] for each in (run.desired, run.demanded)
+    )
+    effects = run.effects
+    if not effects and np.isfinite(desired).any():
+        nothing = np.where(np.isfinite(desired[:, 0]), 0.0, np.nan)
+        effects = {"force": EffectTable(desired, nothing, nothing, nothing, nothing, nothing + 1.0)}
+    measured, free = measured_force(run)[:, :d], ~_braked(run, run.time)
+    return effects_fidelity(run.time, run.position, np.nan_to_num(demanded), measured, effects, free)
+
+
+def scenario_fidelity(result: ScenarioResult) -> dict[str, Fidelity]:
+    """Return the fidelity of each effect of a scenario, and of its brakes, by the true force on a simulated person.
+
+    Of real modules it is that by the reported tensions, and what brakes hold is not known.
+    """
+    run, person, record = result.run, result.person, rendered_force(result)
+    if person is None or not len(run):
+        return run_fidelity(run)
+    last = np.maximum(np.searchsorted(run.time, person.time, side="right") - 1, 0)
+
+    def fill(values: Floats) -> Floats:
+        """Return values between cycles; NaN where the cycle before has none."""
+        columns = np.nan_to_num(values).reshape(len(run), -1).T
+        lines = np.stack([np.interp(person.time, run.time, column) for column in columns], axis=1)
+        return np.where(np.isnan(values[last]), np.nan, lines.reshape(-1, *values.shape[1:]))
+
+    effects = {name: EffectTable(*map(fill, effect)) for name, effect in run.effects.items()}
+    demanded = fill(np.nan_to_num(run.demanded - run.rig.required.middle(run.rig)))
+    free = ~_braked(run, person.time)
+    found = effects_fidelity(person.time, record.position, demanded, person.force, effects, free)
+    for phase in result.scenario.phases:
+        held = between(person.time, phase.begin, phase.end) & run.commanded_brakes.any(axis=1)[last]
+        held &= run.commanded_brakes.any(axis=1)[np.searchsorted(run.time[1:], person.time - LOCKING_S)]
+        if phase.hold is not None and held.any():
+            normal = np.array([phase.hold.wall(position).normal for position in record.position[held]])
+            push = np.maximum(np.vecdot(person.force[held], normal), 0.0)[:, None] * normal
+            force = person.force[held]
+            found[f"{phase.name}: brakes"] = force_fidelity(
+                person.time[held], record.position[held], push, push, force, spring=False
+            )
+    return found
+
+
+def _braked(run: Run, time: Floats) -> NDArray[np.bool_]:
+    """Return at which times a brake holds or opens."""
+    on = run.time[run.commanded_brakes.any(axis=1)]
+    if not on.size:
+        return np.zeros(time.shape, dtype=bool)
+    latest = on[np.maximum(np.searchsorted(on, time, side="right") - 1, 0)]
+    return np.asarray((time >= latest) & (time - latest < RELEASE_S))
 
 
 class Directions(NamedTuple):

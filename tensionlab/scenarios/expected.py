@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from tensionlab.haptics.effects import Bow, Magnet, Recoil, Shape, Sphere, Texture, Vibration, Water, Weight
 from tensionlab.haptics.effects.contact import Plane, Wall
 from tensionlab.haptics.effects.effect import Motion
+from tensionlab.haptics.rendering.fidelity import rms
 from tensionlab.haptics.rendering.stability import cap_stiffness, stiffness_cap
 from tensionlab.model.stiffness import HAND_DAMPING
 from tensionlab.scenarios.checks import (
+    LOCKING_S,
     NOTICEABLE,
     Check,
     ForceRecord,
@@ -27,14 +29,12 @@ from tensionlab.scenarios.checks import (
     loop_delay,
     maximum,
     rendered_force,
-    rms,
 )
 from tensionlab.scenarios.play import ScenarioResult
 from tensionlab.scenarios.scenario import BrakeTarget, Scenario
 from tensionlab.support.arrays import Floats, angles
 
 START_S = 0.3  # start-up time of modules, which does not count
-LOCKING_S = 0.1  # time in which a brake locks
 SHOT_S = 0.3  # duration of a shot: five time constants
 WITHDRAWN_M = 0.002  # distance from the deepest position at which a head withdraws
 RELEASE_S = 0.2  # longest time until it is free: the release, and the motion of the pawl

@@ -227,8 +227,11 @@ class Ripples:
         """Return their push at x (...), at a speed (...) in m/s under a load (...) in N."""
         wave = 2.0 * math.pi / self.period
         pressed = np.minimum(load * self.height, self.stiffness / wave**2)
-        fade = np.clip(2.0 - 10.0 * np.abs(speed) / self.period * step, 0.0, 1.0)
-        return -pressed * fade * wave * np.cos(wave * x)
+        return -pressed * self.fade(speed, step) * wave * np.cos(wave * x)
+
+    def fade(self, speed: Floats, step: float) -> Floats:
+        """Return the share of their height that a loop with a step in s renders at a speed (...) in m/s."""
+        return np.clip(2.0 - 10.0 * np.abs(speed) / self.period * step, 0.0, 1.0)
 
 
 @parameters.checked_dataclass(EffectError)
@@ -274,6 +277,10 @@ class Texture:
         x = dot(motion.position - np.asarray(self.wall.plane.point), self._across)
         push = self.ripples.push(x, dot(motion.velocity, self._across), load, motion.step)
         return rub._replace(force=rub.force + push[..., None] * self._across)
+
+    def frequency_at(self, motion: Motion) -> float:
+        """Return the frequency at which ripples pass the hand, in Hz."""
+        return abs(float(motion.velocity @ self._across)) / self.ripples.period
 
     @cached_property
     def _across(self) -> Floats:

@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.demand import Impedance
+from tensionlab.demand import EffectDemand, Impedance
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
+from tensionlab.haptics.effects.contact import Texture
 from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, is_split
 from tensionlab.haptics.rendering.stability import cap_stiffness
 from tensionlab.model.stiffness import MIN_COSINE, MODULE_STIFFNESS
@@ -27,10 +28,10 @@ MAX_APPROACH_M = 0.5  # farther from a wall no module renders it: set-points com
 
 @dataclass(frozen=True)
 class ModuleLimits:
-    """Limits of a module in N, N/m, N s/m and m; it refuses an impedance that exceeds one of them.
+    """Limits of a module in N, N/m, N s/m, m and N/s; it refuses an impedance that exceeds one of them.
 
     The defaults are those of the firmware. The lower tension holds under a vibration too, by more feed-forward;
-    ``length`` is that of a cable at rest.
+    ``length`` is that of a cable at rest, ``slew`` the fastest change of a tension.
     """
 
     lower: float = 0.5
@@ -38,11 +39,12 @@ class ModuleLimits:
     stiffness: float = MODULE_STIFFNESS
     damping: float = 10.0
     length: float = 5.0
+    slew: float = 60.0
 
 
 STANDARD_LIMITS = ModuleLimits()
-# Fastest vibration of the host, in cycles per step: above half a cycle it would alias; 5 % more, since steps vary.
-MAX_CYCLES_PER_STEP = 0.525
+# Fastest vibration of the host, in cycles per set-point: at 0.44 it is 3 dB weaker, above 0.5 another frequency.
+MAX_CYCLES_PER_STEP = 0.4
 
 
 class CableState(NamedTuple):
@@ -73,8 +75,8 @@ class RenderPlan(NamedTuple):
     ``force`` (d,) in N is host-side, for the other cables; ``impedances`` are module-side, by the number of the
     cable, and ``expected`` (d,) is their force on the hand (`expected_force`). ``desired`` (d,) is the force of
     the effects at their own stiffness, without the vibrations that modules render. ``memories`` and ``cut`` are by
-    effect; ``cut`` has the stiffnesses that are not rendered as desired, and the ``frequency`` of a vibration that
-    is left out.
+    effect; ``cut`` has the stiffnesses and amplitudes that are not rendered as desired, and the ``frequency`` of a
+    vibration that is left out; ``demands`` has what each effect desires.
     """
 
     force: Floats
@@ -84,6 +86,7 @@ class RenderPlan(NamedTuple):
     memories: tuple[EffectMemory, ...]
     bypass_slew: bool
     cut: tuple[dict[str, Cut], ...]
+    demands: tuple[EffectDemand, ...] = ()
 
 
 class EffectFailed(EffectError):  # noqa: N818 - what happened
@@ -101,26 +104,30 @@ def assign(
     limits: ModuleLimits = STANDARD_LIMITS,
     host_stiffness: float = math.inf,
     memories: Sequence[EffectMemory] | None = None,
+    host_step: float = 0.0,
 ) -> RenderPlan:
     """Return the impedances of modules that render parts of effects, and the remaining force of the host.
 
     In the order of the effects, the most important first, each part goes to the free cable that lies best along
     its axis. The host renders an effect without a cable within 45 degrees, no stiffer than ``host_stiffness`` in
-    N/m (see `tensionlab.haptics.rendering.stability.stiffness_cap`); a vibration faster than half its rate is left
-    out. Any error in an effect, and a force that is not finite, raises `EffectFailed`.
+    N/m (see `tensionlab.haptics.rendering.stability.stiffness_cap`). It leaves out a vibration that is too fast
+    for its set-points, which come every ``host_step`` s or once a step of the motion. Any error in an effect,
+    or a force that is not finite, raises `EffectFailed`.
     """
     free = np.array(cables.available, dtype=bool)
     force, expected, desired = (np.zeros_like(motion.position) for _ in range(3))
     impedances: dict[int, Impedance] = {}
     kept: list[EffectMemory] = []
     cut: list[dict[str, Cut]] = []
+    demands: list[EffectDemand] = []
     bypass = False
+    host_step = max(host_step, motion.step)
     known = memories or (EffectMemory(),) * len(effects)
     for index, (effect, (memory, desired_memory)) in enumerate(zip(effects, known, strict=True)):
         try:
             part = _module_side(effect, motion, memory)
             cable = None if part is None else _best_cable(part, cables.directions, free)
-            aliased = part is not None and part.amplitude and part.frequency * motion.step > MAX_CYCLES_PER_STEP
+            aliased = part is not None and part.amplitude and part.frequency * host_step > MAX_CYCLES_PER_STEP
             if part is not None and cable is None and aliased:
                 assert is_split(effect)
                 rest = effect.host_side(motion, memory)
@@ -132,7 +139,7 @@ def assign(
                 if softer:
                     wanted = effect.render(motion, desired_memory)
                 idle = is_split(effect) and part is None  # its stiff part is not where the hand is
-                cut.append({} if idle else _cut(softer, host_stiffness))
+                cut.append({} if idle else _cut(softer, host_stiffness) | _too_fast(effect, part, motion, limits))
             else:
                 free[cable] = False
                 direction = cables.directions[cable]
@@ -146,7 +153,8 @@ def assign(
                     wanted = effect.host_side(motion, desired_memory)
                 desired = desired + part.push(motion.velocity)
                 by_module = _cut_by_module(effect, part, impedances[cable], float(part.axis @ direction))
-                cut.append(_cut(softer, host_stiffness) | by_module)
+                cut.append(_cut(softer, host_stiffness) | by_module | _too_fast(effect, part, motion, limits))
+            demands.append(_demand(effect, part, motion, memory, wanted.force, cable is not None, cut[-1]))
             force, desired = force + rendered.force, desired + wanted.force
         except Exception as error:
             reason = str(error) if isinstance(error, EffectError) else f"{type(error).__name__}: {error}"
@@ -155,7 +163,7 @@ def assign(
             raise EffectFailed(index, "its force is not finite")
         kept.append(EffectMemory(rendered.memory, wanted.memory))
         bypass = bypass or bool(np.any(rendered.bypass_slew))
-    return RenderPlan(force, impedances, expected, desired, tuple(kept), bypass, tuple(cut))
+    return RenderPlan(force, impedances, expected, desired, tuple(kept), bypass, tuple(cut), tuple(demands))
 
 
 def _cut(stiffnesses: Mapping[str, float], rendered: float) -> dict[str, Cut]:
@@ -170,6 +178,37 @@ def _cut_by_module(effect: Effect, part: AxisImpedance, impedance: Impedance, co
     on_host = cap_stiffness(effect, rendered, host_side=True)[1]
     cut = {name: each for name, each in cap_stiffness(effect, rendered)[1].items() if name not in on_host}
     return _cut(cut, rendered)
+
+
+def _too_fast(effect: Effect, part: AxisImpedance | None, motion: Motion, limits: ModuleLimits) -> dict[str, Cut]:
+    """Return the amplitude of a vibration, or height of ripples, that tensions or the loop are too slow for."""
+    if isinstance(effect, Texture) and part is not None and part.compression > 0.0:
+        ripples = effect.ripples
+        fade = float(ripples.fade(np.asarray(effect.frequency_at(motion) * ripples.period), motion.step))
+        return {"ripples.height": Cut(ripples.height, fade * ripples.height)} if fade < 1.0 else {}
+    most = limits.slew / (2.0 * math.pi * part.frequency) if part is not None and part.amplitude else math.inf
+    return {"amplitude": Cut(part.amplitude, most)} if part is not None and part.amplitude > most else {}
+
+
+def _demand(
+    effect: Effect,
+    part: AxisImpedance | None,
+    motion: Motion,
+    memory: Memory,
+    force: Floats,
+    on_module: bool,
+    cut: dict[str, Cut],
+) -> EffectDemand:
+    """Return what an effect desires, given its host-side force and whether its part is on a module."""
+    damping = getattr(effect, "damping", getattr(effect, "linear", 0.0))
+    if part is None:
+        return EffectDemand(force, damping=damping, softened=cut)
+    if part.amplitude and is_split(effect):
+        force = effect.host_side(motion, memory).force + part.push(motion.velocity)
+        return EffectDemand(force, 0.0, 0.0, part.frequency, part.amplitude, cut)
+    frequency = effect.frequency_at(motion) if isinstance(effect, Texture) else 0.0
+    whole = force + part.push(motion.velocity) if on_module else force
+    return EffectDemand(whole, part.stiffness, max(damping, part.damping), frequency, softened=cut)
 
 
 def _module_side(effect: Effect, motion: Motion, memory: Memory) -> AxisImpedance | None:

@@ -70,7 +70,7 @@ class Fidelity:
     error_jnd: float
     """The same in just noticeable differences of the desired force."""
     loop_error: float
-    """Root mean square of desired minus rendered force, in N: what loop and limits took."""
+    """Root mean square of desired minus demanded force, in N: what the loop cannot render stably."""
     direction: float
     """Mean angle between desired and measured force, weighted by the desired, in degrees."""
     free_force: float
@@ -80,6 +80,9 @@ class Fidelity:
     oscillation_frequency: float
     latency: float
     """Time by which the measured force is late, in s."""
+    share_low: float
+    share_high: float
+    """Share of a softened parameter that was rendered, in the 10th and the 90th of 100 cycles."""
 
     def failures(self) -> tuple[str, ...]:
         """Return what a person would notice as wrong, in words with numbers."""
@@ -88,6 +91,8 @@ class Fidelity:
         tests = [
             (abs(self.stiffness - stiffness) > STIFFNESS_JND * stiffness,
              f"stiffness {self.stiffness:.0f} of {stiffness:.0f} N/m"),
+            (self.share_low * stiffness < (1.0 - STIFFNESS_JND) * self.share_high * stiffness,
+             f"stiffness between {self.share_low * stiffness:.0f} and {self.share_high * stiffness:.0f} N/m"),
             (self.amplitude < MIN_AMPLITUDE * amplitude,
              f"vibrates with {self.amplitude:.2f} of {amplitude:.2f} N"),
             (self.error_jnd > MAX_ERROR_JND, f"{force} ({self.error_jnd:.0f} JND)"),
@@ -102,10 +107,11 @@ def force_fidelity(
     time: Floats,
     position: Floats,
     desired: Floats,
-    rendered: Floats,
+    demanded: Floats,
     measured: Floats,
     frequency: Floats | float = 0.0,
     amplitude: Floats | float = 0.0,
+    share: Floats | float = 1.0,
     *,
     spring: bool = True,
 ) -> Fidelity:
@@ -115,12 +121,14 @@ def force_fidelity(
     ----------
     time : (K,) array
         In s, increasing; gaps separate the times at which the effect was active.
-    position, desired, rendered, measured : (K, d) arrays
-        Position of the hand in m; forces on it in N: desired by the effect, commanded to the modules, measured.
+    position, desired, demanded, measured : (K, d) arrays
+        Position of the hand in m; forces on it in N: desired by the effect, demanded of the modules, measured.
     frequency : (K,) array or float
         Frequency that the effect has by itself (ripples that pass, a vibration), in Hz; 0: none.
     amplitude : (K,) array or float
         Of a vibration that ``desired`` does not contain, in N.
+    share : (K,) array or float
+        Share of a softened parameter that the loop renders; 1: nothing is softened.
     spring : bool
         Whether the effect has a stiffness or damping.
 
@@ -149,6 +157,7 @@ def force_fidelity(
     free = np.ones(len(time), dtype=bool) if not wanted.any() else ~_near(time, wanted, MAX_LATENCY_S)
     axis = np.linalg.svd(desired - desired.mean(axis=0), full_matrices=False)[2][0]  # of the largest changes
     stiff = [_impedance(time, position, desired, each, parts, wanted & spring) for each in (desired, measured)]
+    low, high = np.quantile(np.broadcast_to(share, time.shape), (0.1, 0.9)).tolist()
     wave, hertz = _oscillation(measured, error, frequency, parts, step)
     bandwidth, excited = _bandwidth(desired, measured, parts, step)
     return Fidelity(
@@ -166,12 +175,14 @@ def force_fidelity(
         error=rms(norm(error)),
         error_peak=float(norm(error).max(initial=0.0)),
         error_jnd=rms(norm(error)) / jnd,
-        loop_error=rms(norm(desired - rendered)),
+        loop_error=rms(norm(desired - demanded)),
         direction=float(np.average(off, weights=size[strong])) if off.size else NAN,
         free_force=_held_force(measured, free, parts, step),
         oscillation=wave if wave > jnd else 0.0,
         oscillation_frequency=hertz if wave > jnd else NAN,
         latency=_latency(time, desired @ axis, measured @ axis),
+        share_low=low,
+        share_high=high,
     )
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tensionlab.allocation import Allocator
-from tensionlab.demand import Demand, Impedance, RigState
+from tensionlab.demand import Demand, EffectDemand, Impedance, RigState
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import Friction, Shape, Viscous, Wall
 from tensionlab.haptics.effects.effect import Effect, Motion, norm
@@ -161,6 +161,12 @@ class Renderer:
         self._max_force = min(MAX_FORCE_RATIO * float(rig.limits.upper.sum()), MAX_FORCE_N)
         self._delays: deque[float] = deque(maxlen=DELAY_CYCLES)
         self._steps: deque[float] = deque(maxlen=DELAY_CYCLES)
+        self._sequences = np.full(rig.m, -1)
+        self._followed: deque[NDArray[np.bool_]] = deque(
+            maxlen=DELAY_CYCLES
+        )  # whether each module has a new set-point
+        self._follows = np.zeros(rig.m, dtype=int)  # their number
+        self._set_point_step = 0.0
         self._controller: PassivityController | None = None
         self._memories = {True: GroupMemory({}, None), False: GroupMemory({}, None)}  # by whether passive
         self._allocators: dict[bytes, Allocator] = {}  # by the modules that take part
@@ -181,12 +187,14 @@ class Renderer:
         available = state.active & (self._rig.n == self._rig.dimension)
         force, desired = np.zeros(self._rig.dimension), np.zeros(self._rig.dimension)
         impedances: dict[int, Impedance] = {}
+        demands: dict[str, EffectDemand] = {}
         self.cut = {}
         for passive in (True, False):
             group = {name: each for name, each in effects.items() if isinstance(each, PASSIVE_EFFECTS) is passive}
             host, plan = self._render(group, passive, motion, state, available)
             force, desired = force + host + plan.expected, desired + plan.desired
             impedances |= plan.impedances
+            demands |= zip(group, plan.demands, strict=True)
             self.cut |= {name: each for name, each in zip(group, plan.cut, strict=True) if each}
             available = available & [index not in plan.impedances for index in range(self._rig.m)]
         force = limit_force(force, self._max_force)
@@ -199,7 +207,9 @@ class Renderer:
         springs = {
             self._names[index]: self._scaled(each, share, balance[index]) for index, each in impedances.items()
         }
-        return Demand(wrench, springs, desired=wanted)
+        if share < 1.0:
+            demands = {name: replace(each, force=share * each.force) for name, each in demands.items()}
+        return Demand(wrench, springs, desired=wanted, effects=demands)
 
     def _render(
         self,
@@ -220,7 +230,8 @@ class Renderer:
             memories.append(memory if kind is type(effect) else EffectMemory())
         try:
             with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # `assign` refuses infinite forces
-                plan = assign(tuple(effects.values()), smooth, cables, self.limits, self.ceiling, memories)
+                every = tuple(effects.values())
+                plan = assign(every, smooth, cables, self.limits, self.ceiling, memories, self._set_point_step)
                 force, stage_memory = stages.filter(plan.force, smooth, plan.bypass_slew, before.stages)
         except EffectFailed as failed:
             raise EffectFailed(list(effects)[int(failed.effect)], failed.reason) from failed.__cause__
@@ -230,7 +241,17 @@ class Renderer:
         return force, plan
 
     def _measure_delay(self, state: RigState, step: float) -> None:
-        """Update the loop latency, and with it the host stiffness limit and the passivity controller."""
+        """Update the loop latency, and with it the host stiffness limit and the passivity controller.
+
+        So is the time between the set-points that modules are seen to follow, once enough cycles are known.
+        """
+        if len(self._followed) == DELAY_CYCLES:
+            self._follows -= self._followed[0]
+        self._followed.append(state.last_sequence != self._sequences)
+        self._follows += self._followed[-1]
+        self._sequences = state.last_sequence
+        if len(self._followed) == DELAY_CYCLES and state.active.any():
+            self._set_point_step = sum(self._steps) / max(int(self._follows[state.active].min()), 1)
         known = state.delays[state.active & np.isfinite(state.delays)]
         if known.size:
             self._delays.append(float(known.max()))

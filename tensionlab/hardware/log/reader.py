@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocation, Status
+from tensionlab.demand import EffectTable
 from tensionlab.errors import LogError
 from tensionlab.hardware.log.mcap_file import read_records
 from tensionlab.hardware.log.writer import RunSetup
 from tensionlab.hardware.protocol.codes import Fault, Limit
 from tensionlab.hardware.runner import cycle_table
-from tensionlab.hardware.runner.cycle_table import COLUMNS, CycleTable, labels
+from tensionlab.hardware.runner.cycle_table import COLUMNS, EFFECT_NUMBERS, CycleTable, labels
 from tensionlab.hardware.runner.records import PERCENTILES, RunEvent, Statistics, percentiles
 from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.rig import Rig
@@ -65,6 +66,8 @@ class Run(CycleTable, LogMetadata):
     summary : dict
         `Statistics.summary` at the end; empty in a log that was cut off.
     events : tuple of RunEvent
+    effects : dict of str to EffectTable
+        What each effect desired, and the share of its parameters that was rendered.
     began : float
         Seconds since 1970 at the run's time 0, by the host's clock; NaN if there is no cycle.
     complete : bool
@@ -84,6 +87,7 @@ class Run(CycleTable, LogMetadata):
     events: tuple[RunEvent, ...]
     began: float
     complete: bool
+    effects: dict[str, EffectTable] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Count the cycles."""
@@ -121,6 +125,13 @@ class Run(CycleTable, LogMetadata):
             variables[name] = ("module", np.array(getattr(self.setup, name)), described)
         documents = {name: getattr(self, name) for name in ("manifest", "modules", "summary")}
         documents |= {"setup": asdict(self.setup), "events": [asdict(event) for event in self.events]}
+        if self.effects:
+            every = [*self.effects.values()]
+            forces = (("cycle", "effect", "axis"), np.stack([effect.force for effect in every], axis=1))
+            variables["effect_force"] = (*forces, {"units": "N", "long_name": "force that an effect desires"})
+            for name in EFFECT_NUMBERS:
+                numbers = np.stack([getattr(effect, name) for effect in every], axis=1)
+                variables[f"effect_{name}"] = (("cycle", "effect"), numbers, {"long_name": f"{name} of an effect"})
         attributes = {
             "title": f"tensionlab run: {self.rig.name}, {self.setup.solver}",
             "rig": rig_to_toml(self.rig),
@@ -128,7 +139,9 @@ class Run(CycleTable, LogMetadata):
             "began": self.began,
             "complete": int(self.complete),
         }
-        dataset: xarray.Dataset = provenance.import_xarray().Dataset(variables, labels(self.rig), attributes)
+        dataset: xarray.Dataset = provenance.import_xarray().Dataset(
+            variables, labels(self.rig) | ({"effect": [*self.effects]} if self.effects else {}), attributes
+        )
         return dataset.set_coords(["cycle", "time", "lower", "upper"])
 
 
@@ -159,6 +172,7 @@ def read_run(path: str | PathLike[str], progress: Callable[[float], None] | None
     documents: dict[str, Any] = {}
     events: list[RunEvent] = []
     rows: list[bytes] = []
+    effect_rows: list[bytes] = []
     blocks: list[dict[str, NDArray[Any]]] = []
     rig: Rig | None = None
     first_ns: int | None = None
@@ -183,6 +197,8 @@ def read_run(path: str | PathLike[str], progress: Callable[[float], None] | None
         elif name == "event":
             here = f"{path}: event {len(events) + 1}"
             events.append(validate(RunEvent, parse_json(content, here, LogError), LogError, here))
+        elif name == "effects":
+            effect_rows.append(content)
         elif name == "cycle" and rig is not None:
             first_ns = time_ns if first_ns is None else first_ns
             rows.append(content)
@@ -196,8 +212,19 @@ def read_run(path: str | PathLike[str], progress: Callable[[float], None] | None
         raise LogError(f"{path}: setup has {count} tension limits for {rig.m} modules; it is damaged")
     decode_rows()
     table: dict[str, Any] = {name: np.concatenate([block[name] for block in blocks]) for name in COLUMNS}
+    try:
+        effects = cycle_table.decode_effects(effect_rows, table["cycle"], rig.dimension)
+    except BROKEN as error:
+        raise LogError(f"{path}: an effect in it is none ({type(error).__name__}); it is damaged") from None
     began = np.nan if first_ns is None else 1e-9 * first_ns - float(table["time"][0])
-    return Run(**table, **vars(metadata), rig=rig, events=tuple(events), began=began, complete=complete)
+    known: dict[str, Any] = {
+        "rig": rig,
+        "events": tuple(events),
+        "effects": effects,
+        "began": began,
+        "complete": complete,
+    }
+    return Run(**table, **vars(metadata), **known)
 
 
 def flat_columns(run: Run) -> dict[str, NDArray[Any]]:
@@ -208,6 +235,11 @@ def flat_columns(run: Run) -> dict[str, NDArray[Any]]:
         entries = list(product(*(names[dim] for dim in column.dims)))
         values = getattr(run, name).reshape(len(run), len(entries)).T
         columns |= {".".join((name, *entry)): value for entry, value in zip(entries, values, strict=True)}
+    for name, effect in run.effects.items():
+        columns |= {
+            f"effect.{name}.F{axis}": force for axis, force in zip(names["axis"], effect.force.T, strict=True)
+        }
+        columns |= {f"effect.{name}.{number}": getattr(effect, number) for number in EFFECT_NUMBERS}
     return columns
 
 

@@ -121,7 +121,12 @@ class RunLog:
 
     def _open(self, manifest: Mapping[str, Any], setup: RunSetup) -> McapWriter:
         """Begin the file with what is known before the run; leave none behind where that fails."""
-        schemas = {"cycle": cycle_table.schema(), "event": EVENT_SCHEMA, scene.TOPIC: scene.SCHEMA}
+        schemas = {
+            "cycle": cycle_table.schema(),
+            "effects": cycle_table.EFFECTS_SCHEMA,
+            "event": EVENT_SCHEMA,
+            scene.TOPIC: scene.SCHEMA,
+        }
         try:
             file = McapWriter(self.path, schemas)
             try:
@@ -226,6 +231,8 @@ class RunLog:
             self._file.message(topic, when, now, json.dumps(what).encode())
         else:
             self._file.message(topic, when, now, cycle_table.encode(what, self._rig))
+            if what.demand.effects:
+                self._file.message("effects", when, now, cycle_table.encode_effects(what))
             if (picture := self._scene.encode(what, when)) is not None:
                 self._yield()
                 self._file.message(scene.TOPIC, when, now, picture)

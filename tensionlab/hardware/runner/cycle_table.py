@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Status
-from tensionlab.demand import Impedance
+from tensionlab.demand import EffectDemand, EffectTable, Impedance, tabulate_effects
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.hardware.runner.records import Cycle
 from tensionlab.model.kinematics import planar_rotation
@@ -210,6 +210,52 @@ def encode(cycle: Cycle, rig: Rig) -> bytes:
     for word in (b"NaN", b"-Infinity", b"Infinity"):  # in no name of a column, and there is no other text
         text = text.replace(word, b"null")
     return text
+
+
+EFFECT_NUMBERS = EffectTable._fields[1:]  # numbers of an effect besides its force
+EFFECTS_SCHEMA: dict[str, Any] = {
+    "title": "tensionlab.Effects",
+    "type": "object",
+    "properties": {
+        "cycle": {"type": "integer", "description": "number of the cycle"},
+        "names": {"type": "array", "items": {"type": "string"}, "description": "effects that are active"},
+        **{
+            name: {"type": "array", "items": {"type": "number"}, "description": f"{meaning}, effect by effect"}
+            for name, meaning in {
+                "force": "desired force on the hand, without a vibration (N)",
+                "stiffness": "desired (N/m; 0: none)",
+                "damping": "desired (N s/m; 0: none)",
+                "frequency": "of ripples that pass or a vibration (Hz; 0: none)",
+                "amplitude": "of a vibration (N)",
+                "share": "smallest share of a parameter that is rendered (1)",
+            }.items()
+        },
+    },
+}
+
+
+def encode_effects(cycle: Cycle) -> bytes:
+    """Return what the effects of a cycle desire, in JSON."""
+    effects = cycle.demand.effects
+    row: dict[str, Any] = {"cycle": cycle.state.cycle, "names": [*effects]}
+    row["force"] = [float(each) for effect in effects.values() for each in effect.force]
+    row |= {name: [float(getattr(effect, name)) for effect in effects.values()] for name in EFFECT_NUMBERS}
+    return json.dumps(row, separators=(",", ":")).encode()
+
+
+def decode_effects(rows: list[bytes], cycles: Integers, dimension: int) -> dict[str, EffectTable]:
+    """Return the effects of a run from their JSON, over its cycles; errors as those of `decode`."""
+    found: dict[int, dict[str, EffectDemand]] = {}
+    for row in map(json.loads, rows):
+        forces = np.reshape(np.array(row["force"], dtype=np.float64), (len(row["names"]), dimension))
+        numbers = zip(*(map(float, row[name]) for name in EFFECT_NUMBERS), strict=True)
+        found[int(row["cycle"])] = {
+            str(name): EffectDemand(force, stiffness, damping, frequency, amplitude, {"": (1.0, share)})
+            for name, force, (stiffness, damping, frequency, amplitude, share) in zip(
+                row["names"], forces, numbers, strict=True
+            )
+        }
+    return tabulate_effects([found.get(cycle, {}) for cycle in cycles.tolist()], dimension)
 
 
 def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from tensionlab.allocation import Solver
-from tensionlab.demand import Demand, DemandSource, Pose, RigState
+from tensionlab.demand import Demand, DemandSource, Pose, RigState, SoftenedEffects
 from tensionlab.errors import HardwareError, LinkTimeout
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.messages import Stop
@@ -123,6 +123,7 @@ class Runner:
         self._clock = RealClock(modules.clients) if clock is None else clock
         self._pose_tracker = PoseTracker(rig) if tracker is None else None
         self._length_monitor = LengthMonitor(rig, lambda text: self.note("unchecked", text))
+        self._softened = SoftenedEffects()
         self._fitted_at = 0.0  # time of the latest pose that fitted the cable lengths
 
     def run(self, seconds: float | None = None) -> Statistics:
@@ -280,6 +281,8 @@ class Runner:
         self.statistics.add(int(allocation.status), start_delay, compute_time, **counted)
         for sink in self.sinks:
             sink.write(self.latest)
+        for change in self._softened.update(state.time, demand.effects):
+            self.note("softened", change.text)
         return True
 
     def _state(self, modules: ArmedModules, now: float) -> RigState:

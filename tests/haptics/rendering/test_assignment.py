@@ -1,5 +1,7 @@
 """Modules and the host render together what the effects are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ from tensionlab.haptics.effects import (
 )
 from tensionlab.haptics.rendering.assignment import (
     MAX_APPROACH_M,
+    STANDARD_LIMITS,
     CableState,
     EffectFailed,
     ModuleLimits,
@@ -117,19 +120,55 @@ def test_an_effect_that_fails_is_named_with_its_reason(error, reason):
     assert (caught.value.effect, caught.value.reason) == (1, reason)
 
 
-@pytest.mark.parametrize(("frequency", "rendered"), [(60.0, False), (26.5, False), (25.0, True), (5.0, True)])
+@pytest.mark.parametrize(("frequency", "rendered"), [(60.0, False), (25.0, False), (19.9, True), (5.0, True)])
 def test_the_host_leaves_out_a_vibration_that_would_come_out_as_another_frequency(frequency, rendered):
-    """60 Hz in 50 steps a second are 10 Hz."""
+    """60 Hz in 50 steps a second are 10 Hz, and 25 Hz anything between nothing and all."""
     none = CABLES._replace(available=np.zeros(4, dtype=bool))
+    hum = Vibration(frequency=frequency, amplitude=0.2)
     forces, cut = [], {}
     for k in range(50):
         motion = Motion(np.zeros(3), np.zeros(3), 0.02 * k + 0.003, 0.02)
-        plan = assign((Vibration(frequency=frequency),), motion, none)
+        plan = assign((hum,), motion, none)
         forces.append(plan.force[2])
         cut = plan.cut[0]
+        assert (plan.demands[0].frequency, plan.demands[0].amplitude) == (frequency, 0.2)
+        assert not plan.demands[0].force.any()
     assert bool(np.any(forces)) is rendered
     assert cut == ({} if rendered else {"frequency": (frequency, 0.0)})
-    assert assign((Vibration(frequency=frequency),), motion, CABLES).impedances[0].frequency == frequency
+    assert assign((hum,), motion, CABLES).impedances[0].frequency == frequency
+    slow = assign((hum,), motion, none, host_step=0.1)  # modules follow every fifth set-point
+    assert bool(slow.cut[0]) is (frequency > 4.0)
+
+
+def test_an_amplitude_that_tensions_are_too_slow_for_is_named():
+    """60 N/s are 0.24 N at 40 Hz."""
+    plan = assign((Vibration(),), at(0.0, 0.0, 0.0), CABLES)
+    assert plan.cut == ({"amplitude": (1.0, pytest.approx(0.24, abs=0.002))},)
+    assert assign((Vibration(),), at(0.0, 0.0, 0.0), CABLES, replace(STANDARD_LIMITS, slew=300.0)).cut == ({},)
+
+
+def test_ripples_that_pass_too_fast_are_named():
+    rough = Texture()
+    for speed, share in ((0.01, 1.0), (0.03, 0.5), (0.05, 0.0)):
+        motion = Motion(np.array([0.0, 0.0, -0.01]), np.array([speed, 0.0, 0.0]), 0.0, 0.02)
+        plan = assign((rough,), motion, CABLES)
+        assert plan.demands[0].frequency == pytest.approx(speed / 0.004)
+        wanted = {} if share == 1.0 else {"ripples.height": (0.0003, pytest.approx(share * 0.0003))}
+        assert plan.cut == (wanted,)
+
+
+@pytest.mark.parametrize("available", [True, False])
+def test_what_effects_desire_adds_up_whoever_renders_it(available):
+    """The wall desires its own stiffness, on a module or on the host."""
+    cables = CABLES._replace(available=np.full(4, available))
+    motion = Motion(np.array([0.0, 0.0, -0.01]), np.array([0.1, 0.0, -0.1]))
+    plan = assign((Wall(), Viscous()), motion, cables, host_stiffness=30.0)
+    wall, drag = plan.demands
+    assert wall.force == pytest.approx(Wall().render(motion).force)
+    assert drag.force == pytest.approx([-0.2, 0.0, 0.2])
+    assert (wall.stiffness, wall.damping, drag.stiffness, drag.damping) == (300.0, 2.0, 0.0, 2.0)
+    assert wall.force + drag.force == pytest.approx(plan.desired)
+    assert wall.share == (1.0 if available else 0.1)
 
 
 def test_a_wall_that_is_far_away_has_no_cable_yet():

@@ -1,0 +1,99 @@
+"""Fidelity of the effects of a run: from its cycles, live or logged, to a table."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.demand import Demand, EffectDemand, EffectTable, RigState, tabulate_effects
+from tensionlab.haptics.rendering.fidelity import Fidelity, force_fidelity
+from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
+from tensionlab.support.formatting import format_number
+from tensionlab.support.table import Column, Table, met_mark
+
+
+def effects_fidelity(
+    time: Floats,
+    position: Floats,
+    demanded: Floats,
+    measured: Floats,
+    effects: Mapping[str, EffectTable],
+    counts: NDArray[np.bool_] | bool = True,
+) -> dict[str, Fidelity]:
+    """Return the fidelity of each effect of a record, where ``counts`` (K,): brakes hold what no effect desires.
+
+    What other effects desire at the same time is subtracted, so their errors are shared.
+    """
+    whole = sum((np.nan_to_num(effect.force) for effect in effects.values()), np.zeros_like(measured))
+    found = {}
+    for name, effect in effects.items():
+        now = np.isfinite(effect.share) & counts
+        if now.any():
+            force, others = effect.force[now], whole[now] - effect.force[now]
+            spring = bool((effect.stiffness[now] > 0.0).any() or (effect.damping[now] > 0.0).any())
+            found[name] = force_fidelity(
+                time[now], position[now], force, demanded[now] - others, measured[now] - others,
+                effect.frequency[now], effect.amplitude[now], effect.share[now], spring=spring,
+            )  # fmt: skip
+    return found
+
+
+class ForceRecord:
+    """Record of the latest cycles of a rig's run, in memory, for its fidelity."""
+
+    def __init__(self, rig: Rig, length: int) -> None:
+        self._rig, self._required = rig, rig.required.middle(rig)
+        self._rows: deque[tuple[float, Floats, Floats, Floats, Mapping[str, EffectDemand], bool]] = deque(
+            maxlen=length
+        )
+
+    def add(self, state: RigState, demand: Demand) -> None:
+        """Add a cycle; the wrench of the demand is without what the rig requires."""
+        d = self._rig.dimension
+        demanded = np.zeros(self._rig.n) if demand.wrench is None else np.asarray(demand.wrench)
+        measured = state.structure @ np.nan_to_num(state.tensions) - self._required
+        effects = demand.effects
+        if not effects and demand.wrench is not None:
+            effects = {"force": EffectDemand((demanded if demand.desired is None else demand.desired)[:d])}
+        row = (state.time, state.pose.position, demanded[:d], measured[:d], effects, not demand.brakes)
+        self._rows.append(row)
+
+    def fidelity(self) -> dict[str, Fidelity]:
+        """Return the fidelity of each effect, or of the demanded force."""
+        rows = list(self._rows)
+        if not rows:
+            return {}
+        *arrays, effects, counts = zip(*rows, strict=True)
+        time, position, demanded, measured = map(np.array, arrays)
+        tables = tabulate_effects(effects, self._rig.dimension)
+        return effects_fidelity(time, position, demanded, measured, tables, np.array(counts))
+
+
+def fidelity_table(found: Mapping[str, Fidelity], title: str = "Fidelity, rendered / desired") -> Table:
+    """Return a row for each effect, and what a person would notice as notes."""
+
+    def both(come: float, wanted: float, form: Callable[[float], str] = format_number) -> str | None:
+        return None if math.isnan(wanted) else f"{form(come)} / {form(wanted)}"
+
+    rows = []
+    for name, each in found.items():
+        at_least = "≥ " * (each.bandwidth == each.excited)
+        rows.append([
+            met_mark(not each.failures(), ("yes", "no")), name, both(each.force_rendered, each.force),
+            both(each.stiffness, each.stiffness_desired, "{:.0f}".format),
+            both(each.damping, each.damping_desired), each.error, each.error_peak, each.error_jnd,
+            None if math.isnan(each.bandwidth) else f"{at_least}{each.bandwidth:.0f}", each.direction,
+            both(each.amplitude, each.amplitude_desired), 1e3 * each.latency,
+        ])  # fmt: skip
+    columns = ["", "effect", Column("force", "N"), Column("stiffness", "N/m"),
+               Column("damping", "N s/m", wide=True), Column("error", "N", format_number),
+               Column("peak", "N", format_number),
+               Column("error", "JND", ".1f"), Column("bandwidth", "Hz"), Column("off", "deg", ".0f"),
+               Column("vibration", "N"), Column("late", "ms", ".0f", wide=True)]  # fmt: skip
+    notes = [f"{name}: {'; '.join(each.failures())}" for name, each in found.items() if each.failures()]
+    return Table(columns, rows, title, notes)
