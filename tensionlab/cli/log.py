@@ -20,12 +20,17 @@ log = Verbs("Show, export, draw and play logs of runs.")
 
 @log.command()
 def info(path: options.RunFile, json: Json = False) -> None:
-    """Show how a run went: answers, timing, limits and events."""
+    """Show how a run went: answers, timing, limits, events, and the fidelity of its effects."""
+    from tensionlab.haptics.rendering.effect_fidelity import fidelity_table
+    from tensionlab.scenarios.checks import run_fidelity
+
     run = _read(path)
+    found = run_fidelity(run)
     if json:
-        output.print_json(**reader.summarise(run), setup=run.setup, manifest=run.manifest)
+        fidelity = {name: each.summary() for name, each in found.items()}
+        output.print_json(**reader.summarise(run), fidelity=fidelity, setup=run.setup, manifest=run.manifest)
         return
-    for table in reader.report(run):
+    for table in (*reader.report(run), *([fidelity_table(found)] if found else [])):
         output.print_table(table)
         output.print_line()
 

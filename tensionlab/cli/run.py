@@ -11,8 +11,8 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.runs import end_run, open_sinks, reach_modules, show_run
-from tensionlab.cli.common.verbs import Json, option
+from tensionlab.cli.common.runs import FidelitySink, end_run, open_sinks, print_fidelity, reach_modules, show_run
+from tensionlab.cli.common.verbs import Json, flag, option
 from tensionlab.demand import Demand, DemandSource, Pose, measured_wrench
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Fault, Limit, State
@@ -60,6 +60,10 @@ def run(
     log: options.Log = None,
     lsl: options.Lsl = False,
     view: options.View = False,
+    require_fidelity: Annotated[
+        bool,
+        flag("--require-fidelity", "Exit status 1 where a person would notice that the force is not as desired."),
+    ] = False,
     json: Json = False,
 ) -> None:
     """Render forces on the modules of a rig. Without a force or a program, the cables are held taut.
@@ -71,6 +75,8 @@ def run(
 
     loaded = load_rig(rig)
     demand = _demand(loaded, force, program, rate)
+    if require_fidelity and force is None and program is None:
+        raise typer.BadParameter("--require-fidelity is for a desired force; give --force or --program")
     settings = RunSettings(rate=rate, ttl=ttl, on_loss=on_loss, policy=policy)  # type: ignore[arg-type]  # it checks them
     options.check_solvers(loaded, [solver], policy)
     tracker = _tracker(loaded, at)
@@ -80,7 +86,8 @@ def run(
     failure: HardwareError | None = None
     with closing(group):
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
-        runner.sinks += open_sinks(log, loaded, solver, settings, links, lsl)
+        felt = FidelitySink(loaded)
+        runner.sinks += [*open_sinks(log, loaded, solver, settings, links, lsl), felt]
         live = Live(
             get_renderable=lambda: live_table(runner),
             console=output.console(),
@@ -92,11 +99,16 @@ def run(
                 runner.run(seconds)
             except HardwareError as error:
                 failure = error
+    found = felt.fidelity()
     if json:
-        output.print_json(runner.statistics.summary())
+        fidelity = {name: each.summary() for name, each in found.items()}
+        output.print_json(runner.statistics.summary() | {"fidelity": fidelity})
     else:
         print_summary(runner)
+        print_fidelity(found)
     end_run(runner.statistics, runner.sinks, log, failure)
+    if require_fidelity and not all(each.passed for each in found.values()):
+        raise typer.Exit(1)
 
 
 def _demand(rig: Rig, force: str | None, program: Path | None, rate: float) -> DemandSource:

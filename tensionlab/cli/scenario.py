@@ -11,7 +11,14 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.links import links_of_rig
-from tensionlab.cli.common.runs import end_run, lsl_streams, print_required, print_simulated, show_run
+from tensionlab.cli.common.runs import (
+    end_run,
+    lsl_streams,
+    print_fidelity,
+    print_required,
+    print_simulated,
+    show_run,
+)
 from tensionlab.cli.common.verbs import Json, option, port_option
 from tensionlab.errors import HardwareError
 from tensionlab.haptics.bridge.client_state import ClientState
@@ -21,7 +28,14 @@ from tensionlab.hardware import RealClock, connect
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios import SCENARIOS, Scenario, check_needs, load_scenario, place
-from tensionlab.scenarios.checks import Check, Directions, check_directions, checks_table, loop_delay
+from tensionlab.scenarios.checks import (
+    Check,
+    Directions,
+    check_directions,
+    checks_table,
+    loop_delay,
+    scenario_fidelity,
+)
 from tensionlab.scenarios.expected import EXPECTED, check_scenario
 from tensionlab.scenarios.play import ScenarioModules, ScenarioResult, needs_tracker, play, simulate_modules
 from tensionlab.support.files.named import list_names
@@ -74,8 +88,9 @@ def scenario(
 
     Before it plays, it says whether the rig reaches where the hand goes, and can do what is desired there. Then
     it compares the rendered forces with what a person should feel. On simulated modules, a simulated person acts,
-    as fast as this computer can, or with --view or --lsl in real time. Exit status 1 where a measured value is
-    not as expected, something went wrong with a module, or the rig can do nothing of the scenario.
+    as fast as this computer can, or with --view or --lsl in real time. Exit status 1 where a person would notice
+    that a feasible force is not as desired, a measured value is not as expected, something went wrong with a
+    module, or the rig can do nothing of the scenario.
 
     With --at or --facing the scenario moves to where the hand is, and is scaled to what the rig reaches there.
     """
@@ -109,8 +124,8 @@ def scenario(
             output.print_error(str(error))
             raise typer.Exit(1) from None
     complete = seconds in (None, loaded.seconds) and not played.statistics.ended.startswith("signal")
-    checks = check_scenario(played) if complete and rig is None and not loaded.placement else ()
-    found = check_directions(played.run)
+    checks = check_scenario(played) if complete and at is None and facing is None else ()
+    found, fidelity = check_directions(played.run), scenario_fidelity(played)
     with output.ResultWriter(quiet=json) as writer:
         writer.draw(plot, "scenario", played)
         if json:
@@ -120,6 +135,7 @@ def scenario(
                 placement=loaded.placement or None,
                 needs=needs,
                 checks=[{**check._asdict(), "met": check.met} for check in checks],
+                fidelity={name: each.summary() for name, each in fidelity.items()},
                 directions={"cycles": found.cycles, "within": found.within, **found.reasons},
                 delay=loop_delay(played),
                 run=played.statistics.summary(),
@@ -128,13 +144,14 @@ def scenario(
         else:
             table = _table(played, checks, found)
             if loaded.name in EXPECTED and not checks:
-                where = "on the scenario's own rig" if complete else "when a scenario is played as a whole"
-                table.notes.append(f"Expected values are only compared {where}.")
+                table.notes.append("Expected values are only compared when a scenario is played as a whole.")
             if checks:
                 output.print_line()
             output.print_table(table)
+            print_fidelity(fidelity)
     end_run(played.statistics, streams, log)
-    if found.reasons["unexplained"] or not all(check.met for check in checks):
+    failed = any(each.passed is False for each in fidelity.values())
+    if failed or found.reasons["unexplained"] or not all(check.met for check in checks):
         raise typer.Exit(1)
 
 

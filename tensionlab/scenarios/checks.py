@@ -161,13 +161,14 @@ def run_fidelity(run: Run) -> dict[str, Fidelity]:
         nothing = np.where(np.isfinite(desired[:, 0]), 0.0, np.nan)
         effects = {"force": EffectTable(desired, nothing, nothing, nothing, nothing, nothing + 1.0)}
     measured, free = measured_force(run)[:, :d], ~_braked(run, run.time)
-    return effects_fidelity(run.time, run.position, np.nan_to_num(demanded), measured, effects, free)
+    missing = infeasible_force(run)[:, :d]
+    return effects_fidelity(run.time, run.position, np.nan_to_num(demanded), measured, effects, missing, free)
 
 
 def scenario_fidelity(result: ScenarioResult) -> dict[str, Fidelity]:
-    """Return the fidelity of each effect of a scenario, and of its brakes, by the true force on a simulated person.
+    """Return the fidelity of each effect of a scenario, and of its brakes, by the true force on a person.
 
-    Of real modules it is that by the reported tensions, and what brakes hold is not known.
+    Of a real person it is that by the reported tensions, and what brakes hold is not known.
     """
     run, person, record = result.run, result.person, rendered_force(result)
     if person is None or not len(run):
@@ -182,11 +183,12 @@ def scenario_fidelity(result: ScenarioResult) -> dict[str, Fidelity]:
 
     effects = {name: EffectTable(*map(fill, effect)) for name, effect in run.effects.items()}
     demanded = fill(np.nan_to_num(run.demanded - run.rig.required.middle(run.rig)))
-    free = ~_braked(run, person.time)
-    found = effects_fidelity(person.time, record.position, demanded, person.force, effects, free)
+    missing, free = fill(infeasible_force(run)), ~_braked(run, person.time)
+    found = effects_fidelity(person.time, record.position, demanded, person.force, effects, missing, free)
     for phase in result.scenario.phases:
-        held = between(person.time, phase.begin, phase.end) & run.commanded_brakes.any(axis=1)[last]
-        held &= run.commanded_brakes.any(axis=1)[np.searchsorted(run.time[1:], person.time - LOCKING_S)]
+        locks: NDArray[np.bool_] = np.asarray(run.commanded_brakes.any(axis=1))
+        held = between(person.time, phase.begin, phase.end) & locks[last]
+        held &= locks[np.searchsorted(run.time[1:], person.time - LOCKING_S)]
         if phase.hold is not None and held.any():
             normal = np.array([phase.hold.wall(position).normal for position in record.position[held]])
             push = np.maximum(np.vecdot(person.force[held], normal), 0.0)[:, None] * normal
@@ -245,6 +247,11 @@ def measured_force(run: Run) -> Floats:
     """Return the force on the hand by the reported tensions, (K, n) in N; NaN where one is unknown."""
     force = measured_wrench(run.structure, run.measured, run.active)
     return force - run.rig.required.middle(run.rig)
+
+
+def infeasible_force(run: Run) -> Floats:
+    """Return the part of the demanded force that was proved infeasible, (K, n) in N."""
+    return np.where((run.status == Status.NEAREST)[:, None], run.solver_wrench - run.rendered, 0.0)
 
 
 def _aligned(measured: Floats, desired: Floats) -> NDArray[np.bool_]:

@@ -216,6 +216,8 @@ def check_texture(result: ScenarioResult) -> tuple[Check, ...]:
     normal, across = rough.wall.plane.n, np.asarray(ripples.direction)
     load, speed = rendered.force @ normal, rendered.velocity @ across
     slides = (load > TOUCH_N) & (speed > 0.01)
+    if not slides.any():
+        return (check_near("rough: friction coefficient", "1", rough.friction.dynamic, float("nan"), 0.25),)
     x, friction = rendered.position[slides] @ across, -(rendered.force @ across)[slides] / load[slides]
     # Ripples are even by position, not by time; the mean is the friction.
     way, order = np.arange(x[0], x[-1], ripples.period / 50), np.argsort(x)
@@ -235,9 +237,10 @@ def check_shape(result: ScenarioResult) -> tuple[Check, ...]:
     distance = np.linalg.norm(out, axis=1)
     depth = ball.field.radius - distance
     push = np.einsum("kd,kd->k", rendered.force, out) / distance
-    pressed = (push > 2 * TOUCH_N) & (np.linalg.norm(rendered.velocity, axis=1) < 0.15)
-    stiffness = float(np.median(push[pressed] / depth[pressed]))
-    off = float(np.median(angles(rendered.force, out)[pressed]))
+    slow = (depth > 0.0) & (np.linalg.norm(rendered.velocity, axis=1) < 0.15)
+    pressed = slow & (push > 2 * TOUCH_N)
+    stiffness = float(push[slow] @ depth[slow] / np.maximum(depth[slow] @ depth[slow], 1e-12))
+    off = float(np.median(angles(rendered.force, out)[pressed])) if pressed.any() else float("nan")
     return (
         check_near("ball: stiffness", "N/m", ball.coupling.stiffness, stiffness, 0.25),
         Check("ball: angle off the surface's normal, median", "deg", 0.0, 15.0, off),
@@ -269,6 +272,8 @@ def check_water(result: ScenarioResult) -> tuple[Check, ...]:
     way = velocity[quick] / speed[quick, None]
     drag = -np.einsum("kd,kd->k", rendered.force[quick] - sea.lift * sea.surface.n, way)
     wanted = sea.linear * speed[quick] + sea.quadratic * speed[quick] ** 2
+    if not (still.any() and quick.any()):
+        return (check_near("water: lift of a hand at rest", "N", sea.lift, float("nan"), 0.15),)
     lift, share = float((rendered.force[still] @ sea.surface.n).mean()), float(drag.sum() / wanted.sum())
     return (
         check_near("water: lift of a hand at rest", "N", sea.lift, lift, 0.15),

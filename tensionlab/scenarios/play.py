@@ -148,11 +148,9 @@ def _settings(scenario: Scenario) -> RunSettings:
 
 def module_limits(rig: Rig, group: ModuleGroup) -> ModuleLimits:
     """Return the limits of impedances that every module of a group renders, by its parameters."""
-    stiffness, damping, length = (
-        min(client.parameter(name) for client in group.clients)
-        for name in ("stiffness_limit", "damping_limit", "length_upper")
-    )
-    return ModuleLimits(float(rig.limits.lower.max()), float(rig.limits.upper.min()), stiffness, damping, length)
+    names = ("stiffness_limit", "damping_limit", "length_upper", "slew")
+    limits = (min(client.parameter(name) for client in group.clients) for name in names)
+    return ModuleLimits(float(rig.limits.lower.max()), float(rig.limits.upper.min()), *limits)
 
 
 @contextmanager

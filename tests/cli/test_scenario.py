@@ -50,7 +50,8 @@ def test_on_another_rig_what_it_needs_is_told_first(run, tmp_path, monkeypatch):
     lines = out.splitlines()
     assert lines[0] == 'rig "seven-modules" has y up and is turned: its z, x, y are x, y, z here'
     assert lines[1] == 'Can seven-modules play "materials"?'
-    assert [line.split()[1:3] for line in lines if line.startswith(("✓", "✗"))] == [
+    needs = lines[: lines.index("")]
+    assert [line.split()[1:3] for line in needs if line.startswith(("✓", "✗"))] == [
         ["yes", name] for name in ("reach", "magnetic", "textured", "shaped", "vibrating", "water")
     ]
     told = json.loads(run("scenario", "materials", "--rig", "seven-modules", *words, "--json")[1])

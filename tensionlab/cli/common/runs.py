@@ -12,9 +12,12 @@ import typer
 from tensionlab.cli.common import output
 from tensionlab.cli.common.links import links_of_rig
 from tensionlab.errors import TensionlabError
+from tensionlab.haptics.rendering.effect_fidelity import ForceRecord, fidelity_table
+from tensionlab.haptics.rendering.fidelity import Fidelity
 from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.hardware.log.writer import RunLog
-from tensionlab.hardware.runner.records import CTRL_C, RunSink, Statistics
+from tensionlab.hardware.protocol.messages import Info
+from tensionlab.hardware.runner.records import CTRL_C, MAX_TIMES, Cycle, RunEvent, RunSink, Statistics
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings, WorldClock
 from tensionlab.hardware.simulation.world import Motion, World
 from tensionlab.model.rig import Rig
@@ -86,6 +89,39 @@ def open_sinks(
     if log is not None:
         streams.insert(0, RunLog(log, rig, output.manifest(), solver, settings, links, scenery))
     return streams
+
+
+class FidelitySink:
+    """Sink of a run that tells its fidelity, from its latest `MAX_TIMES` cycles."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._record, self._required = ForceRecord(rig, MAX_TIMES), rig.required.middle(rig)
+        self.fidelity = self._record.fidelity
+
+    def write(self, cycle: Cycle) -> None:
+        """Take a cycle."""
+        demand = cycle.demand
+        if demand.wrench is not None:
+            desired = None if demand.desired is None else demand.desired - self._required
+            demand = replace(demand, wrench=demand.wrench - self._required, desired=desired)
+        infeasible = cycle.solver_wrench - cycle.allocation.wrench if cycle.allocation.infeasible else 0.0
+        self._record.add(cycle.state, demand, infeasible)
+
+    def begin(self, infos: Mapping[str, Info], statistics: Statistics) -> None:
+        """Take nothing."""
+
+    def note(self, event: RunEvent) -> None:
+        """Take nothing."""
+
+    def close(self, statistics: Statistics) -> None:
+        """Take nothing."""
+
+
+def print_fidelity(found: Mapping[str, Fidelity]) -> None:
+    """Print the fidelity of a run's effects, if it had some."""
+    if found:
+        output.print_line()
+        output.print_table(fidelity_table(found))
 
 
 def end_run(

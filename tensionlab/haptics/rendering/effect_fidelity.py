@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +15,11 @@ from tensionlab.demand import Demand, EffectDemand, EffectTable, RigState, tabul
 from tensionlab.haptics.rendering.fidelity import Fidelity, force_fidelity
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
+from tensionlab.support.colours import GREY
 from tensionlab.support.formatting import format_number
-from tensionlab.support.table import Column, Table, met_mark
+from tensionlab.support.table import Column, Mark, Table, met_mark
+
+MARKS = {True: met_mark(True), None: Mark("○", GREY, "nearest"), False: met_mark(False)}
 
 
 def effects_fidelity(
@@ -23,11 +28,13 @@ def effects_fidelity(
     demanded: Floats,
     measured: Floats,
     effects: Mapping[str, EffectTable],
-    counts: NDArray[np.bool_] | bool = True,
+    infeasible: Floats,
+    counts: NDArray[np.bool_],
 ) -> dict[str, Fidelity]:
     """Return the fidelity of each effect of a record, where ``counts`` (K,): brakes hold what no effect desires.
 
-    What other effects desire at the same time is subtracted, so their errors are shared.
+    What other effects desire at the same time is subtracted, so their errors are shared. ``infeasible`` (K, d) is
+    the part of the demanded force that was proved infeasible; it excuses an effect that is right with it.
     """
     whole = sum((np.nan_to_num(effect.force) for effect in effects.values()), np.zeros_like(measured))
     found = {}
@@ -36,10 +43,15 @@ def effects_fidelity(
         if now.any():
             force, others = effect.force[now], whole[now] - effect.force[now]
             spring = bool((effect.stiffness[now] > 0.0).any() or (effect.damping[now] > 0.0).any())
-            found[name] = force_fidelity(
-                time[now], position[now], force, demanded[now] - others, measured[now] - others,
-                effect.frequency[now], effect.amplitude[now], effect.share[now], spring=spring,
+            judge = partial(
+                force_fidelity, time[now], position[now], force, demanded[now] - others,
+                frequency=effect.frequency[now], amplitude=effect.amplitude[now], share=effect.share[now],
+                spring=spring,
             )  # fmt: skip
+            found[name] = judge(measured[now] - others)
+            if found[name].failures() and infeasible[now].any():
+                excused = not judge((measured + infeasible)[now] - others).failures()
+                found[name] = replace(found[name], infeasible=excused)
     return found
 
 
@@ -48,19 +60,20 @@ class ForceRecord:
 
     def __init__(self, rig: Rig, length: int) -> None:
         self._rig, self._required = rig, rig.required.middle(rig)
-        self._rows: deque[tuple[float, Floats, Floats, Floats, Mapping[str, EffectDemand], bool]] = deque(
+        self._rows: deque[tuple[float, Floats, Floats, Floats, Floats, Mapping[str, EffectDemand], bool]] = deque(
             maxlen=length
         )
 
-    def add(self, state: RigState, demand: Demand) -> None:
-        """Add a cycle; the wrench of the demand is without what the rig requires."""
+    def add(self, state: RigState, demand: Demand, infeasible: Floats | float = 0.0) -> None:
+        """Add a cycle; its wrench, and the part ``infeasible`` (n,) of it, are without what the rig requires."""
         d = self._rig.dimension
         demanded = np.zeros(self._rig.n) if demand.wrench is None else np.asarray(demand.wrench)
         measured = state.structure @ np.nan_to_num(state.tensions) - self._required
         effects = demand.effects
         if not effects and demand.wrench is not None:
             effects = {"force": EffectDemand((demanded if demand.desired is None else demand.desired)[:d])}
-        row = (state.time, state.pose.position, demanded[:d], measured[:d], effects, not demand.brakes)
+        missing = np.broadcast_to(infeasible, demanded.shape)[:d]
+        row = (state.time, state.pose.position, demanded[:d], measured[:d], missing, effects, not demand.brakes)
         self._rows.append(row)
 
     def fidelity(self) -> dict[str, Fidelity]:
@@ -69,12 +82,12 @@ class ForceRecord:
         if not rows:
             return {}
         *arrays, effects, counts = zip(*rows, strict=True)
-        time, position, demanded, measured = map(np.array, arrays)
+        time, position, demanded, measured, infeasible = map(np.array, arrays)
         tables = tabulate_effects(effects, self._rig.dimension)
-        return effects_fidelity(time, position, demanded, measured, tables, np.array(counts))
+        return effects_fidelity(time, position, demanded, measured, tables, infeasible, np.array(counts))
 
 
-def fidelity_table(found: Mapping[str, Fidelity], title: str = "Fidelity, rendered / desired") -> Table:
+def fidelity_table(found: Mapping[str, Fidelity], title: str = "Fidelity: rendered / desired") -> Table:
     """Return a row for each effect, and what a person would notice as notes."""
 
     def both(come: float, wanted: float, form: Callable[[float], str] = format_number) -> str | None:
@@ -84,7 +97,7 @@ def fidelity_table(found: Mapping[str, Fidelity], title: str = "Fidelity, render
     for name, each in found.items():
         at_least = "≥ " * (each.bandwidth == each.excited)
         rows.append([
-            met_mark(not each.failures(), ("yes", "no")), name, both(each.force_rendered, each.force),
+            MARKS[each.passed], name, both(each.force_rendered, each.force),
             both(each.stiffness, each.stiffness_desired, "{:.0f}".format),
             both(each.damping, each.damping_desired), each.error, each.error_peak, each.error_jnd,
             None if math.isnan(each.bandwidth) else f"{at_least}{each.bandwidth:.0f}", each.direction,
@@ -95,5 +108,9 @@ def fidelity_table(found: Mapping[str, Fidelity], title: str = "Fidelity, render
                Column("peak", "N", format_number),
                Column("error", "JND", ".1f"), Column("bandwidth", "Hz"), Column("off", "deg", ".0f"),
                Column("vibration", "N"), Column("late", "ms", ".0f", wide=True)]  # fmt: skip
-    notes = [f"{name}: {'; '.join(each.failures())}" for name, each in found.items() if each.failures()]
+    notes = [
+        f"{name}: {'; '.join(each.failures())}{', which is infeasible' * (each.passed is None)}"
+        for name, each in found.items()
+        if each.failures()
+    ]
     return Table(columns, rows, title, notes)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +24,9 @@ MIN_JND_N = 0.05  # forces are discriminated no better than this
 STIFFNESS_JND = 0.23
 MIN_FORCE_N = 0.5  # weaker forces have no direction; a stronger one where none is desired is a failure
 MAX_ANGLE_DEG = 45.0
-MAX_ERROR_JND = 5.0  # largest root mean square error, in JNDs: a third of the force
+MAX_ERROR_JND = 4.0  # largest root mean square error, in JNDs: 28 % of a strong force, 40 % of a weak one
 MIN_AMPLITUDE = 10.0 ** (-3.0 / 20.0)  # share of an amplitude that is left at the end of the bandwidth, 3 dB down
-MIN_COHERENCE, MIN_EXCITATION = 0.5, 1e-3  # of frequencies that count for the bandwidth; share of the strongest
+MIN_COHERENCE, MIN_EXCITATION = 0.8, 1e-3  # of frequencies that count for the bandwidth; share of the strongest
 MIN_OSCILLATION_HZ = 4.0  # slower changes may be the hand's own will
 # Window of an oscillation, windows in a row that it lasts, and share of what is above 4 Hz that is in its line.
 OSCILLATION_S, LASTING, NARROW = 0.64, 3, 0.5
@@ -83,6 +84,18 @@ class Fidelity:
     share_low: float
     share_high: float
     """Share of a softened parameter that was rendered, in the 10th and the 90th of 100 cycles."""
+    infeasible: bool = False
+    """Whether all failures are because forces were proved infeasible."""
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether nothing is wrong; None if only what is infeasible is."""
+        return not self.failures() or (None if self.infeasible else False)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the numbers by name, None for NaN, with ``passed`` and ``failures``."""
+        numbers = {name: None if value != value else value for name, value in vars(self).items()}  # noqa: PLR0124
+        return numbers | {"passed": self.passed, "failures": self.failures()}
 
     def failures(self) -> tuple[str, ...]:
         """Return what a person would notice as wrong, in words with numbers."""
@@ -221,23 +234,20 @@ def _without_vibration(
     step: float,
 ) -> tuple[Floats, float]:
     """Return the measured force without the vibration, and its amplitude; NaN if the record is too slow for it."""
-    found, shares, rest = [], [], measured.copy()
+    shares, rest = [], measured.copy()
     length = max(round(VIBRATION_S / step), 8)
     for part in parts:
         for window in np.array_split(part, max(len(part) // length, 1)):
             size, hertz = float(amplitude[window].mean()), float(frequency[window].mean())
-            if size <= 0.0 or len(window) < 6:
+            if size <= 0.2 * amplitude.max() or len(window) < 6:  # none, or it has faded
                 continue
             phase, late = 2.0 * math.pi * hertz * time[window], time[window] - time[window].mean()
-            columns = np.stack([np.sin(phase), np.cos(phase), np.ones_like(late), late], axis=1)
-            fitted = np.linalg.lstsq(columns, measured[window], rcond=None)[0]
-            rest[window] -= columns[:, :2] @ fitted[:2]
-            found.append(
-                math.sqrt(2.0) * rms(norm(columns[:, :2] @ fitted[:2])) if 2.0 * hertz * step < 1.0 else NAN
-            )
-            shares.append(size)
-    scale = float(amplitude.max(initial=0.0))
-    return rest, scale * float(np.sum(found) / np.sum(shares)) if found else NAN
+            waves = amplitude[window, None] * np.stack([np.sin(phase), np.cos(phase)], axis=1)
+            columns = np.concatenate([waves, np.stack([np.ones_like(late), late], axis=1)], axis=1)
+            fitted = np.linalg.lstsq(columns, measured[window], rcond=None)[0][:2]
+            rest[window] -= waves @ fitted
+            shares.append(float(np.linalg.norm(fitted)) if 2.0 * hertz * step < 1.0 else NAN)
+    return rest, float(amplitude.max() * np.mean(shares)) if shares else NAN
 
 
 def _impedance(
@@ -273,7 +283,7 @@ def _impedance(
     explained = 1.0 - np.var(push - columns @ fitted) / max(float(np.var(push)), 1e-12)
     if force is desired and explained < MIN_FIT:
         return NAN, NAN
-    values = np.where(shares > MIN_SHARES, fitted, NAN) if force is desired else fitted
+    values = np.where((shares > MIN_SHARES) & (fitted > 0.0), fitted, NAN) if force is desired else fitted
     return float(values[0]), float(values[1])
 
 
