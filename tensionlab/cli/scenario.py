@@ -144,7 +144,9 @@ def scenario(
         else:
             table = _table(played, checks, found)
             if loaded.name in EXPECTED and not checks:
-                table.notes.append("Expected values are only compared when a scenario is played as a whole.")
+                table.notes.append(
+                    "Expected values are only compared when a scenario is played as a whole, where its file has it."
+                )
             if checks:
                 output.print_line()
             output.print_table(table)
