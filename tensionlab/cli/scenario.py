@@ -145,7 +145,7 @@ def scenario(
             table = _table(played, checks, found)
             if loaded.name in EXPECTED and not checks:
                 table.notes.append(
-                    "Expected values are only compared when a scenario is played as a whole, where its file has it."
+                    "Expected values are only compared when a scenario is played whole, and not moved."
                 )
             if checks:
                 output.print_line()
