@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Literal, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from tensionlab.errors import RigError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.module import MAX_LENGTH, WORLD, require_name, require_up, same, upward, vector
-from tensionlab.model.pose import CoordinateFrame, Frames, RestPose, frame_of
+from tensionlab.model.pose import Frames, RestPose, frame_of
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief
 
@@ -69,32 +69,19 @@ class Body:
         here = f'body "{self.name}"'
         require_name(self.frame, here, "frame", f'give "{WORLD}", "{HAND}" or the name of a body frame')
         for key in ("start", "end", "size"):
-            value = getattr(self, key)
-            if key == "start" or value is not None:
-                object.__setattr__(self, key, vector(value, here, key))
-        for key in ("end", "size"):
-            value = getattr(self, key)
-            if value is not None and value.size != self.start.size:
-                raise RigError(f'{here}: key "{key}" has {value.size} numbers; give {self.start.size}')
-        if self.size is not None and not (self.size > 0).all():
-            raise RigError(f'{here}: key "size" is {brief(self.size.tolist())}; give edges in m, above zero')
-        if self.size is not None and (self.end is not None or self.radius):
-            raise RigError(f'{here}: a box has neither "end" nor "radius"; leave them or "size" out')
+            if key == "start" or getattr(self, key) is not None:
+                point = vector(getattr(self, key), here, key)
+                object.__setattr__(self, key, point)
+                if point.size != self.start.size:
+                    raise RigError(f'{here}: key "{key}" has {point.size} numbers; give {self.start.size}')
         for key in ("radius", "margin", "sway"):
             value = getattr(self, key)
             if not (np.isfinite(value) and 0 <= value <= MAX_LENGTH):
                 raise RigError(f'{here}: key "{key}" is {value}; give a length in m, 0 to {MAX_LENGTH:g}')
         if self.size is None and not self.radius:
             raise RigError(f'{here}: key "radius" is missing; give the radius in m, or the "size" of a box')
-
-    def __repr__(self) -> str:
-        given = {key.name: getattr(self, key.name) for key in fields(self)}
-        words = [
-            f"{key}={value.tolist() if isinstance(value, np.ndarray) else value!r}"
-            for key, value in given.items()
-            if value is not None
-        ]
-        return f"Body({', '.join(words)})"
+        if self.size is not None and ((self.size <= 0).any() or self.end is not None or self.radius):
+            raise RigError(f'{here}: a box has a "size" above zero along each axis, and no "end" or "radius"')
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)
@@ -114,10 +101,9 @@ class Body:
 
     def rotated(self, rotation: Floats) -> Body:
         """Return the same body in axes turned by right angles, by a matrix (d, d)."""
-        start, end = (None if point is None else rotation @ point + 0.0 for point in (self.start, self.end))
+        end = None if self.end is None else rotation @ self.end + 0.0
         size = None if self.size is None else np.abs(rotation) @ self.size
-        assert start is not None
-        return Body(self.name, start, end, self.radius, size, self.frame, self.margin, self.sway)
+        return replace(self, start=rotation @ self.start + 0.0, end=end, size=size)
 
 
 class PlacedBody(NamedTuple):
@@ -138,19 +124,18 @@ def place_bodies(
     ``position`` (..., d) and ``rotation``, matrices (..., d, d) or None, are those of the held point or platform;
     ``frames`` has the poses of all other frames. Leading axes broadcast.
     """
-    held = CoordinateFrame(position, rotation)
     placed = []
     for body in bodies:
         d, axes = body.start.size, np.eye(body.start.size)
         ends = np.stack([body.start, body.start if body.end is None else body.end])
         if body.frame == HAND:
-            where, axes = held, axes if rotation is None else rotation
+            axes = axes if rotation is None else rotation
+            ends = position[..., None, :] + kinematics.rotate(axes, ends)
         elif body.frame != WORLD:
-            where = frame_of(frames[body.frame])
+            where, what = frame_of(frames[body.frame]), f'frame "{body.frame}"'
             if where.rotation is not None:
-                axes = pose.rotations(where.rotation, d, f'frame "{body.frame}" rotation')
-        if body.frame != WORLD:
-            origin = pose.points(where.position, d, f'frame "{body.frame}" position')
+                axes = pose.rotations(where.rotation, d, f"{what} rotation")
+            origin = pose.points(where.position, d, f"{what} position")
             ends = origin[..., None, :] + kinematics.rotate(axes, ends)
         placed.append(PlacedBody(ends, axes if body.size is not None else None))
     return placed
@@ -207,41 +192,35 @@ def person(
     """
     if posture not in ("standing", "seated"):
         raise RigError(f'key "person" is {brief(posture)}; give standing or seated')
-    if not (np.isfinite(height) and 0.5 <= height <= 2.5):
+    if not 0.5 <= height <= 2.5:
         raise RigError(f'person: key "height" is {height}; give 0.5 to 2.5 m')
     require_up(up, 3)
     upright = upward(up, 3)
     ahead = np.roll(np.abs(upright), 1)
-    left = np.cross(upright, ahead)
-    where = vector(np.zeros(3) if at is None else at, "person", "at")
+    axes = np.stack([ahead, np.cross(upright, ahead), upright])  # ahead, left, up
+    place = vector(np.zeros(3) if at is None else at, "person", "at")
     towards = vector(ahead if facing is None else facing, "person", "facing")
-    if where.size != 3 or towards.size != 3:
-        raise RigError('person: give three coordinates for "at" and "facing"')
-    level = towards - (towards @ upright) * upright
-    if np.linalg.norm(level) <= 1e-6 * np.linalg.norm(towards):
-        raise RigError(f'person: key "facing" is {brief(towards.tolist())}; give a direction that is not upright')
-    turn = np.arctan2(level @ left, level @ ahead) * upright
-    seated = posture == "seated"
-    drop = height * (HIP - KNEE) * seated
-
-    def point(share: float, offset: float = 0.0, side: float = 0.0, forward: float = 0.0) -> Floats:
-        return np.asarray((share * height + offset - drop) * upright + side * left + forward * ahead)
-
-    neck, chin, hip = point(SHOULDER), point(CHIN, HEAD_M), point(HIP)
-    trunk = (SHOULDER - HIP) * height
-    size = np.abs(2 * TORSO_M * ahead + 2 * SHOULDERS_M * left + trunk * upright)
+    x, y, _ = level = axes @ towards if towards.size == place.size == 3 else np.zeros(3)
+    if np.hypot(x, y) <= 1e-6 * np.linalg.norm(level):
+        raise RigError('person: give three coordinates in "at", and in "facing" a direction that is not upright')
+    hip, thigh, ankle = height * (KNEE if posture == "seated" else HIP), height * (HIP - KNEE), height * ANKLE
+    shoulder, chin, top = (hip + height * (share - HIP) for share in (SHOULDER, CHIN, 1.0))
+    legs = {"leg": ((0.0, hip), (0.0, ankle))}  # ahead and up, of both ends
+    if posture == "seated":
+        legs = {"thigh": ((0.0, hip), (thigh, hip)), "shank": ((thigh, hip), (thigh, ankle))}
     parts = [
-        ("head", chin, point(1.0, -HEAD_M), HEAD_M, None),
-        ("neck", neck, point(CHIN), NECK_M, None),
-        ("torso", (neck + hip) / 2, None, 0.0, size),
+        ("head", (0.0, 0.0, chin + HEAD_M), (0.0, 0.0, top - HEAD_M), HEAD_M),
+        ("neck", (0.0, 0.0, shoulder), (0.0, 0.0, chin), NECK_M),
+    ] + [
+        (f"{side} {name}", (start[0], left, start[1]), (end[0], left, end[1]), THIGH_M)
+        for side, left in (("left", HIPS_M - THIGH_M), ("right", THIGH_M - HIPS_M))
+        for name, (start, end) in legs.items()
     ]
-    for name, side in (("left", HIPS_M - THIGH_M), ("right", THIGH_M - HIPS_M)):
-        top, ankle = point(HIP, side=side), point(ANKLE, drop, side)
-        if not seated:
-            parts.append((f"{name} leg", top, ankle, THIGH_M, None))
-            continue
-        knee = point(HIP, side=side, forward=drop)
-        parts.append((f"{name} thigh", top, knee, THIGH_M, None))
-        parts.append((f"{name} shank", knee, ankle + drop * ahead, THIGH_M, None))
-    bodies = tuple(Body(*part, frame=PERSON, margin=margin, sway=sway) for part in parts)
-    return bodies, RestPose(PERSON, where, turn)
+    same_of_all: dict[str, Any] = {"frame": PERSON, "margin": margin, "sway": sway}
+    bodies = [
+        Body(name, np.array(start) @ axes, np.array(end) @ axes, radius, **same_of_all)
+        for name, start, end, radius in parts
+    ]
+    size = np.abs(np.array([2 * TORSO_M, 2 * SHOULDERS_M, shoulder - hip]) @ axes)
+    bodies.insert(2, Body("torso", (shoulder + hip) / 2 * upright, size=size, **same_of_all))
+    return tuple(bodies), RestPose(PERSON, place, np.arctan2(y, x) * upright)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import fields
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -21,10 +20,12 @@ from tensionlab.support.files.named import find
 from tensionlab.support.files.reading import parse_toml, read_text, read_toml
 
 if TYPE_CHECKING:
-    from tensionlab.model.schema import BodyTable, PersonTable
+    from tensionlab.model.schema import BodyTable
 
 # Keys of a module that the table `[limits]` can give for all.
 SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius", "pulley_radius", "pulley_axis")
+BODY_KEYS = ("name", "centre", "start", "end", "radius", "size", "frame", "margin", "sway")
+PERSON_KEYS = ("at", "facing", "height", "margin", "sway")
 
 
 def load_rig(path: str | PathLike[str]) -> Rig:
@@ -113,26 +114,26 @@ def rig_from_toml(text: str, source: str) -> Rig:
         raise RigError(f"{source}: {error}") from None
 
 
-def bodies_of(
-    tables: Sequence[BodyTable | PersonTable], up: str | None
-) -> tuple[tuple[Body, ...], tuple[RestPose, ...]]:
+def bodies_of(tables: Sequence[BodyTable], up: str | None) -> tuple[tuple[Body, ...], tuple[RestPose, ...]]:
     """Return the bodies that a file lists, and the poses of the frames of persons; RigError names the body."""
     bodies: list[Body] = []
     poses: list[RestPose] = []
     for table in tables:
         keys = table.model_dump(exclude_none=True)
-        if "person" in keys:
-            if up is None:
-                raise RigError('key "up" is missing; a person needs the axis that points up, as in up = "z"')
-            parts, pose_at_rest = person(keys.pop("person"), up, **keys)
+        posture, name = keys.pop("person", None), keys.get("name", "")
+        here, known = (f'body "{name}"', BODY_KEYS) if posture is None else (f'person = "{posture}"', PERSON_KEYS)
+        if wrong := [key for key in keys if key not in known]:
+            raise RigError(f'{here}: key "{wrong[0]}" does not belong to it; the keys are {", ".join(known)}')
+        if posture is None:
+            if ("centre" in keys) == ("end" in keys) or ("start" in keys) != ("end" in keys):
+                raise RigError(f'{here}: give "centre" for a sphere or box, "start" and "end" for a capsule')
+            bodies.append(Body(**{"name": name, "start": keys.pop("centre", None)} | keys))
+        elif up is None:
+            raise RigError('key "up" is missing; a person needs the axis that points up, as in up = "z"')
+        else:
+            parts, pose_at_rest = person(posture, up, **keys)
             bodies += parts
             poses.append(pose_at_rest)
-            continue
-        here, centre = f'body "{keys["name"]}"', keys.pop("centre", None)
-        key = "start" if "end" in keys else "centre"
-        if ("start" in keys) != (key == "start") or (centre is None) != (key == "start"):
-            raise RigError(f'{here}: give "centre" for a sphere or box, "start" and "end" for a capsule')
-        bodies.append(Body(**{"start": centre} | keys))
     return tuple(bodies), tuple(poses)
 
 
@@ -200,7 +201,13 @@ def rig_to_toml(rig: Rig) -> str:
     if rig.rest:
         document["frames"] = [{"name": pose.name} | _given(pose, ["position", "rotation"]) for pose in rig.rest]
     if rig.bodies:
-        document["bodies"] = [_body(body) for body in rig.bodies]
+        document["bodies"] = [
+            {"name": body.name, "frame": body.frame, "margin": body.margin, "sway": body.sway}
+            | {"centre" if body.end is None else "start": body.start.tolist()}
+            | _given(body, ["end", "size"])
+            | ({"radius": body.radius} if body.size is None else {})
+            for body in rig.bodies
+        ]
     own = ["attachment"] if KINDS[rig.kind].has_orientation else []
     own += [key for key in SHARED if key not in common]
     document["modules"] = [
@@ -216,16 +223,6 @@ def rig_to_toml(rig: Rig) -> str:
         lambda match: "[" + ", ".join(number.strip() for number in match[1].split(",\n")) + "]",
         tomli_w.dumps(document),
     )
-
-
-def _body(body: Body) -> dict[str, Any]:
-    """Return a body as a table of a file."""
-    default = {key.name: key.default for key in fields(Body)}
-    table = {"name": body.name} | _given(body, ["start", "end", "size"])
-    if body.end is None:
-        table["centre"] = table.pop("start")
-    keys = ("radius", "frame", "margin", "sway")
-    return table | {key: getattr(body, key) for key in keys if getattr(body, key) != default[key]}
 
 
 def _given(record: Body | Module | Platform | Requirement | RestPose, keys: Sequence[str]) -> dict[str, Any]:

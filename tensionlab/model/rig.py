@@ -151,14 +151,12 @@ class Rig:
         for body in self.bodies:
             if names.count(body.name) > 1:
                 raise RigError(f'body "{body.name}": key "name" is used twice; give each body its own')
-            if body.start.size != self.dimension:
-                has = f"{body.start.size} coordinates; a {self.kind} rig needs {self.dimension}"
-                raise RigError(f'body "{body.name}": its place has {has}')
-            if body.frame == HAND and HAND in self.frames:
+            if (size := body.start.size) != self.dimension:
                 raise RigError(
-                    f'body "{body.name}": key "frame" is "{HAND}", the held point, but modules are attached to a '
-                    "frame of that name; rename theirs"
+                    f'body "{body.name}" has {size} coordinates; a {self.kind} rig needs {self.dimension}'
                 )
+            if body.frame == HAND and HAND in self.frames:
+                raise RigError(f'frame "{HAND}" is the held point where bodies are; rename that of the modules')
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 
 class SchemaTable(BaseModel):
@@ -80,30 +80,21 @@ class FrameTable(SchemaTable):
 
 
 class BodyTable(SchemaTable):
-    """Entry of ``[[bodies]]``: a sphere, capsule or box."""
+    """Entry of ``[[bodies]]``: a sphere, capsule or box; or all bodies of a ready person."""
 
-    name: str = Field(min_length=1, description="a name in quotes that no other body has")
-    centre: list[float] | None = Field(
-        None, description="the centre of a sphere or box, a list of coordinates in m"
-    )
+    name: str | None = Field(None, min_length=1, description="a name in quotes that no other body has")
+    centre: list[float] | None = Field(None, description="the centre of a sphere or box, in m, a list of numbers")
     start: list[float] | None = Field(None, description="one end of a capsule, a list of coordinates in m")
     end: list[float] | None = Field(None, description="the other end of a capsule, a list of coordinates in m")
-    radius: float = Field(0.0, description="the radius of a sphere or capsule in m, a number")
+    radius: float | None = Field(None, description="the radius of a sphere or capsule in m, a number")
     size: list[float] | None = Field(None, description="the edges of a box, a list of lengths in m")
-    frame: str = Field("world", description='"world", "hand" or the name of a body frame, in quotes')
+    frame: str | None = Field(None, description='"world", "hand" or the name of a body frame, in quotes')
     margin: float = Field(0.05, description="the smallest distance to a cable in m, a number")
     sway: float = Field(0.0, description="how far the body may move in any direction in m, a number")
-
-
-class PersonTable(SchemaTable):
-    """Ready person, in place of the bodies of one."""
-
-    person: Literal["standing", "seated"] = Field(description='"standing" or "seated"')
-    at: list[float] | None = Field(None, description="the floor below the hips, a list of coordinates in m")
-    facing: list[float] | None = Field(None, description="a level direction, a list of three numbers")
-    height: float = Field(1.75, description="the stature in m, a number")
-    margin: float = Field(0.05, description="the smallest distance to a cable in m, a number")
-    sway: float = Field(0.0, description="how far the person may move in any direction in m, a number")
+    person: Literal["standing", "seated"] | None = Field(None, description='"standing" or "seated"')
+    at: list[float] | None = Field(None, description="the floor below a person, a list of coordinates in m")
+    facing: list[float] | None = Field(None, description="where a person faces, a list of three numbers")
+    height: float | None = Field(None, description="the stature of a person in m, a number")
 
 
 def _as_list(value: Any) -> Any:
@@ -112,15 +103,7 @@ def _as_list(value: Any) -> Any:
     return [value] if isinstance(value, dict) else value
 
 
-Bodies = Annotated[
-    list[
-        Annotated[
-            Annotated[PersonTable, Tag("person")] | Annotated[BodyTable, Tag("body")],
-            Discriminator(lambda value: "person" if isinstance(value, dict) and "person" in value else "body"),
-        ]
-    ],
-    BeforeValidator(_as_list),
-]
+Bodies = Annotated[list[BodyTable], BeforeValidator(_as_list)]
 
 
 class RigFile(SchemaTable):

@@ -38,6 +38,7 @@ FEW = 50  # fewer wrenches are drawn as larger dots
 MAX_DOTS = 2000  # largest number of wrenches drawn for each status, evenly spread
 SPREAD = 0.12  # half the height of a row's dots, as a share of the row: spread out, many of the same tension show
 BODY_COLOUR, BODY_POINTS = "#D9C7B4", 150  # colour of bodies, and points of a sphere that stand for its surface
+LIGHT = np.array([0.6, -0.6, 0.5])  # direction that light comes from
 MARGIN_INCHES = 0.5  # above and below a rig in space, for the title and the legend
 
 
@@ -111,6 +112,7 @@ def body_outlines(rig: Rig) -> list[Floats]:
 
 def draw_bodies(axes: Any, outlines: Sequence[Floats]) -> None:
     """Draw the convex hulls of points (k, d) in an axes of as many dimensions."""
+    from matplotlib.colors import to_rgb
     from matplotlib.patches import Polygon
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
     from scipy.spatial import ConvexHull
@@ -119,12 +121,10 @@ def draw_bodies(axes: Any, outlines: Sequence[Floats]) -> None:
         hull = ConvexHull(points)
         if points.shape[1] == 2:
             axes.add_patch(Polygon(points[hull.vertices], facecolor=BODY_COLOUR, edgecolor=GREY, alpha=0.6))
-            continue
-        triangles = points[hull.simplices]
-        inward = np.einsum("ij,ij->i", hull.equations[:, :3], np.cross(
-            triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])) < 0  # fmt: skip
-        triangles[inward] = triangles[inward][:, ::-1]
-        axes.add_collection3d(Poly3DCollection(triangles, facecolors=BODY_COLOUR, alpha=0.6, shade=True))
+        else:  # faces are lighter the more they are turned to the light
+            light = 0.8 + 0.2 * hull.equations[:, :3] @ LIGHT
+            colours = light[:, None] * to_rgb(BODY_COLOUR)
+            axes.add_collection3d(Poly3DCollection(points[hull.simplices], facecolors=colours, alpha=0.6))
 
 
 def frame_panel(axes: Any, low: Floats, high: Floats, vertical: str) -> Floats:

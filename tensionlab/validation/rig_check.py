@@ -174,22 +174,14 @@ def _walls(rig: Rig, structure: Floats) -> Finding:
 def _bodies(rig: Rig) -> Finding:
     """Check that the cables keep the margin of every body at home."""
     distances = body_distances(rig, rig.home, frames=rig.at_rest)
-    slack = distances.min(axis=0) - [body.margin for body in rig.bodies]
-    order = np.argsort(slack)
-    close = [_clearance(rig, distances, index) for index in order if slack[index] < 0.0]
-    if close:
-        text = f"{'; '.join(close)}: move modules or bodies, or give less margin"
-        return Finding("bodies", False, text)
-    nearest = _clearance(rig, distances, order[0])
-    others = f"; all {len(rig.bodies)} bodies keep their margins" if len(rig.bodies) > 1 else ""
-    return Finding("bodies", True, f"{nearest}{others}")
-
-
-def _clearance(rig: Rig, distances: Floats, index: int) -> str:
-    """Return in words how close the nearest cable comes to a body."""
-    body, cable = rig.bodies[index], int(distances[:, index].argmin())
-    distance, name = distances[cable, index], rig.modules[cable].name
-    sway = f" when it sways by {body.sway:g} m" if body.sway else ""
-    if distance <= 0.0:
-        return f"the cable of {name} {'can touch' if body.sway else 'touches'} {body.name}{sway}"
-    return f"the cable of {name} is {distance:.3f} m from {body.name}{sway} (margin {body.margin:g} m)"
+    texts: list[str] = []
+    for index in np.argsort(distances.min(axis=0) - [body.margin for body in rig.bodies]):
+        body, distance = rig.bodies[index], float(distances[:, index].min())
+        name = rig.modules[distances[:, index].argmin()].name
+        sway = f", when that sways by {body.sway:g} m" if body.sway else ""
+        how = f"is {distance:.3f} m from {body.name}{sway} (margin {body.margin:g} m)"
+        if not texts or distance < body.margin:
+            texts.append(f"{name} {how if distance > 0.0 else f'touches {body.name}{sway}'}")
+    close = bool((distances < [body.margin for body in rig.bodies]).any())
+    text = f"the cable of {'; of '.join(texts)}" + ": move modules or bodies" * close
+    return Finding("bodies", not close, text)

@@ -159,7 +159,7 @@ def distances_to_placed(cables: Floats, bodies: Sequence[Body], placed: Sequence
             found = closest(pairs, np.array([[0, 1]]), np.zeros(2)).distance
         else:
             assert where.axes is not None
-            ends = (cables - where.ends[..., None, :1, :]) @ where.axes[..., None, :, :]
+            ends = np.einsum("...cej,...jk->...cek", cables - where.ends[..., None, :1, :], where.axes)
             found = segment_box_distance(ends, body.size / 2)
         distances[..., index] = found - body.radius - body.sway
     return distances
@@ -168,9 +168,8 @@ def distances_to_placed(cables: Floats, bodies: Sequence[Body], placed: Sequence
 def segment_box_distance(segments: Floats, half: Floats) -> Floats:
     """Return the distance (...) of segments (..., 2, d) from a box about the origin with half edges (d,), in m.
 
-    Its square is convex along a segment, and quadratic between the places where the segment crosses the planes of
-    the faces. Its slope changes sign between two of those, where it is linear. Zero only where a segment touches
-    or enters the box.
+    Its square is convex along a segment, and quadratic between the crossings with the planes of the faces: the
+    least value is that of one of these parts. Zero only where a segment touches or enters the box.
     """
     start, along = segments[..., :1, :], segments[..., 1:, :] - segments[..., :1, :]
 
@@ -181,21 +180,19 @@ def segment_box_distance(segments: Floats, half: Floats) -> Floats:
 
     with np.errstate(over="ignore"):  # clipped below
         faces = np.concatenate([-half - start, half - start], axis=-2)
-        crossings = np.divide(faces, along, out=np.zeros(faces.shape), where=along != 0.0)
+        crossings = np.divide(faces, along, out=np.zeros(faces.shape), where=along != 0.0).clip(0.0, 1.0)
     ends = np.broadcast_to([0.0, 1.0], (*crossings.shape[:-2], 2))
-    crossings = crossings.clip(0.0, 1.0).reshape(*ends.shape[:-1], 2 * half.size)
-    shares = np.concatenate([ends, crossings], axis=-1)
+    shares = np.concatenate([ends, crossings.reshape(*ends.shape[:-1], 2 * half.size)], axis=-1)
     shares.sort(axis=-1)
-    slopes = np.einsum("...ki,...i->...k", excess(shares), along[..., 0, :])
-    after = np.minimum((slopes < 0.0).sum(axis=-1, keepdims=True), shares.shape[-1] - 1)
-    before = np.maximum(after - 1, 0)
-    (low, high), (falls, rises) = (
-        [np.take_along_axis(values, index, -1) for index in (before, after)] for values in (shares, slopes)
+    low, high = shares[..., :-1], shares[..., 1:]
+    middle = (low + high) / 2
+    gaps = excess(middle)
+    moves = np.where(gaps == 0.0, 0.0, along)  # along these axes the part is outside the box
+    squares = np.einsum("...i,...i->...", moves, moves)
+    steps = np.divide(
+        np.einsum("...i,...i->...", gaps, moves), squares, out=np.zeros(low.shape), where=squares > 0
     )
-    part = np.divide(-falls, rises - falls, out=np.ones(falls.shape), where=(falls < 0.0) & (rises > 0.0))
-    lowest = low + (high - low) * np.where(falls < 0.0, part, 0.0)
-    middles = (shares[..., 1:] + shares[..., :-1]) / 2  # one of them is inside a box that the segment enters
-    gaps = excess(np.concatenate([lowest, middles], axis=-1))
+    gaps = excess(np.clip(middle - steps, low, high))
     return np.asarray(np.sqrt(np.einsum("...i,...i->...", gaps, gaps).min(axis=-1)))
 
 

@@ -184,7 +184,7 @@ def test_an_angle_covers_all_rotations_within_it():
         ({"angle": 0.1}, InputError, "cannot turn"),
         ({"region": [(0.0, np.nan), (0.0, 1.0)]}, ShapeError, "region"),
         ({"clearance": -0.1}, InputError, "clearance"),
-        ({"bodies": [tl.Body("ball", [0.0, 0.0, 0.0], radius=0.1)]}, RigError, 'body "ball": its place has 3'),
+        ({"bodies": [tl.Body("ball", [0.0, 0.0, 0.0], radius=0.1)]}, RigError, 'body "ball" has 3'),
         ({"angle": 2.0}, InputError, "angle is 2"),
     ],
 )
