@@ -53,8 +53,8 @@ def curve_look(index: int) -> dict[str, Any]:
 def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
     """Draw metrics over a slice of space for each rig, with the rig in it; a row for each of several metrics.
 
-    In space the slice is the one that the grid is, where one axis has one point only; else the upright one through
-    the middle. InputError if there is no such variable or no grid.
+    In space the slice is the one that the grid is, where one axis has one point only; else the upright one that is
+    nearest to the home of the first rig. InputError if there is no such variable or no grid.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
     across, along, cut = _plane(field)
     picture = field.values[number]
     if cut is not None:
-        picture = picture.take(len(field.axes[cut]) // 2, axis=names.index(cut))
+        picture = picture.take(_cut_index(field, cut), axis=names.index(cut))
     picture = np.nan_to_num(picture if names.index(along) < names.index(across) else picture.T, nan=0.0)
     x, y = field.axes[across], field.axes[along]
     if min(len(x), len(y)) < 2:
@@ -131,8 +131,12 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
 def cut_title(field: Field) -> str:
     """Return where the slices cut, such as "z = 0 m"; nothing for a planar rig."""
     cut = _plane(field)[2]
-    axis = field.axes[cut or "x"]
-    return "" if cut is None else f"{cut} = {np.round(axis[len(axis) // 2], 9) + 0.0:.4g} m"
+    return "" if cut is None else f"{cut} = {np.round(field.axes[cut][_cut_index(field, cut)], 9) + 0.0:.4g} m"
+
+
+def _cut_index(field: Field, cut: str) -> int:
+    """Return the position along an axis that is nearest to the home of the first rig."""
+    return int(np.abs(field.axes[cut] - field.home[list(field.axes).index(cut)]).argmin())
 
 
 def shade_levels(fields: list[Field]) -> Floats:
@@ -217,6 +221,7 @@ def plot_volume(swept: xarray.Dataset, level: float = 0.0, metric: str | None = 
 def draw_volume(axes: Any, field: Field, number: int, level: float) -> None:
     """Draw the rig of a number, and the volume in which the metric is above a level, in axes in space."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
+    from scipy.ndimage import convolve1d
 
     if len(field.axes) != 3 or min(len(axis) for axis in field.axes.values()) < 2:
         raise InputError("a volume needs a sweep over a grid with several x, y and z")
@@ -224,9 +229,14 @@ def draw_volume(axes: Any, field: Field, number: int, level: float) -> None:
     ends = np.array([[axis[0], axis[-1]] for axis in field.axes.values()])
     corners = np.concatenate([ends.T, anchors])
     frame_panel(axes, corners.min(axis=0), corners.max(axis=0), field.up)
+    values = field.values[number]
     if field.yes_or_no and level == 0.0:
-        level = 0.5  # half way: the border is somewhere between a pose that is in and one that is out
-    if surface := level_surface(field.values[number], tuple(field.axes.values()), level):
+        # The border is somewhere between a pose that is in and one that is out: half way, without the steps of the
+        # grid, which a weighted mean of neighbours takes away.
+        level = 0.5
+        for axis in range(3):
+            values = convolve1d(np.nan_to_num(values), [0.25, 0.5, 0.25], axis, mode="nearest")
+    if surface := level_surface(values, tuple(field.axes.values()), level):
         triangles = surface[0][surface[1]]
         colours = _shaded(triangles, "xyz".index(field.up))
         axes.add_collection3d(Poly3DCollection(triangles, facecolors=colours, alpha=0.55))
@@ -254,6 +264,7 @@ class Field:
     names: list[str]  # rigs
     anchors: list[Floats]  # of each rig, (m, d), in m
     ends: list[Floats]  # of its cables, with the platform at home, (m, d), in m
+    home: Floats  # of the first rig, (d,), in m
     label: str  # metric, with its unit
     up: str  # axis that points up
 
@@ -290,6 +301,7 @@ def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:
         names=configuration_names(swept),
         anchors=[each[own] for each, own in zip(anchors, there, strict=True)],
         ends=[each[own] for each, own in zip(ends, there, strict=True)],
+        home=swept["home"].transpose(*configurations, "axis").to_numpy().reshape(-1, len(swept["axis"]))[0],
         label=f"{attributes['long_name']}{unit}",
         up=(ups.pop().strip("-") or "y") if len(ups) == 1 else list(axes)[-1],
     )

@@ -1,3 +1,4 @@
+import dataclasses
 from functools import cache
 
 import numpy as np
@@ -51,6 +52,13 @@ def test_a_slice_shows_the_values_of_its_plane(swept):
     assert [len(anchors) for anchors in field.anchors] == [8, 4]
 
 
+def test_slices_are_where_the_hand_is_and_not_in_the_middle_of_the_box():
+    rig = tl.load_rig("bartels2026-validation")
+    rig = dataclasses.replace(rig, home=[0.0, 0.3, 0.2])
+    found = tl.sweep(rig, Grid(AXIS, 0.5 + AXIS, AXIS), "capacity-margin")
+    assert "z = 0.15 m" in words_in(content_of(plot_slices(found)))
+
+
 def test_where_one_axis_has_one_point_that_is_the_slice():
     found = tl.sweep(tl.box_corners((1, 1, 1)), Grid(AXIS, [0.1], AXIS), "capacity-margin")
     assert "y = 0.1 m" in words_in(content_of(plot_slices(found)))
@@ -65,7 +73,7 @@ def test_volumes_say_which_share_of_the_box_they_are(swept, contents):
 
 def test_shares_fall_from_all_that_is_above_zero_to_nothing():
     values = np.array([[[np.nan], [-1.0], [0.0], [1.0], [2.0]]])  # the ends stand for half as much
-    field = Field(values, {"x": np.arange(5.0), "y": np.zeros(1)}, ["rig"], [], [], "", "y")
+    field = Field(values, {"x": np.arange(5.0), "y": np.zeros(1)}, ["rig"], [], [], np.zeros(2), "", "y")
     levels = [0.0, 1.0, 1.5, 2.0, 2.5]
     np.testing.assert_allclose(share_above(field, 0, levels), [0.375, 0.375, 0.125, 0.125, 0.0])
 
