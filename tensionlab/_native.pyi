@@ -179,7 +179,7 @@ def body_distances(
     structure: NDArray[float64],
     ends: NDArray[float64],
     anchors: NDArray[float64],
-    centres: NDArray[float64],
+    segments: NDArray[float64],
     axes: NDArray[float64],
     halves: NDArray[float64],
     radii: NDArray[float64],

@@ -102,7 +102,7 @@ NATIVE = {
     "hardware/protocol/messages.py",
     "hardware/runner/guard.py",
     "hardware/runner/armed_modules.py",
-    "hardware/runner/body_boxes.py",
+    "hardware/runner/body_clearance.py",
     "hardware/runner/state_estimation.py",
     "hardware/runner/watchdog.py",
     "hardware/simulation/simulated_module.py",

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.hardware.runner.body_boxes import BodyBoxes
-from tensionlab.model.bodies import Body
+from tensionlab.model.bodies import HAND, Body
 from tensionlab.model.kinematics import in_space
-from tensionlab.model.pose import Frames
+from tensionlab.model.pose import Frames, frame_of, rotations
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import GREY, RED, rgb
 from tensionlab.viewer.evaluation import polytope
 from tensionlab.viewer.scene import CABLE_PIXELS, NO_LINES, Lines, Mesh, add_lines, plain_lines, set_lines
+from tensionlab.workspace.interference import body_distances
 
 BODY_COLOUR, BODY_OPACITY = "#B8B8B8", 0.55
 ROUND_POINTS = 400  # points of a sphere, and of a circle in the plane
@@ -27,102 +27,98 @@ class BodyScene:
     """Bodies of a rig at a pose, and the cable nearest to the margin of one."""
 
     bodies: tuple[Body, ...] = ()
-    origins: Floats = field(default_factory=lambda: np.zeros((0, 3)))  # of their frames, (b, 3), in m
-    turns: Floats = field(default_factory=lambda: np.zeros((0, 4)))  # quaternions (w, x, y, z) of their frames
+    poses: tuple[Floats, ...] = ()  # of their frames, matrices (4, 4)
     near: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), bool))  # below the margin, (m, b)
-    gap: Lines = NO_LINES  # from the nearest cable to the body; below its margin with the cable, red
-    label: str = ""  # its length in words
+    cable: Lines = NO_LINES  # the nearest one; red below the margin
+    label: str = ""  # its distance in words
 
     @property
     def points(self) -> Floats:
         """Points (k, 3) in m that a picture should hold."""
-        from scipy.spatial.transform import Rotation
-
-        turns = Rotation.from_quat(self.turns, scalar_first=True) if self.bodies else ()
-        meshes = [body_mesh(body).vertices for body in self.bodies]
-        placed = [turn.apply(mesh) + at for turn, mesh, at in zip(turns, meshes, self.origins, strict=True)]
-        return np.concatenate([np.empty((0, 3)), *placed])
+        found = [np.empty((0, 3))]
+        for body, pose in zip(self.bodies, self.poses, strict=True):
+            found.append(body_mesh(body).vertices @ pose[:3, :3].T + pose[:3, 3])
+        return np.concatenate(found)
 
 
 def draw_bodies(
-    rig: Rig, structure: Floats, position: Floats, rotation: Floats | None = None, frames: Frames | None = None
+    rig: Rig, cables: Floats, position: Floats, rotation: Floats | None = None, frames: Frames | None = None
 ) -> BodyScene:
-    """Return the bodies of a rig at a pose as in `Rig.structure_matrix`, whose matrix (n, m) is given."""
-    from scipy.spatial.transform import Rotation
-
+    """Return the bodies of a rig at a pose as in `Rig.structure_matrix`; cables (m, 2, d) are in m."""
     if not rig.bodies:
         return BodyScene(near=np.zeros((rig.m, 0), bool))
-    boxes = BodyBoxes(rig)
-    distances = boxes.measure(structure, position, rotation, frames).distances
+    distances = body_distances(rig, position, rotation, frames)
     excess = distances - [body.margin for body in rig.bodies]
-    module, body = np.unravel_index(int(excess.argmin()), excess.shape)
-    below = bool(excess[module, body] < 0.0)
-    gap, cable = boxes.gap(int(module), int(body))
-    label = f"{rig.modules[module].name}: {max(distances[module, body], 0.0):.2f} m from {rig.bodies[body].name}"
-    if below:
-        label += f", margin {rig.bodies[body].margin:g} m"
+    module, body = (int(index) for index in np.unravel_index(int(excess.argmin()), excess.shape))
+    nearest, below = rig.bodies[body], bool(excess[module, body] < 0.0)
+    label = f"{rig.modules[module].name}: {max(distances[module, body], 0.0):.2f} m from {nearest.name}"
+    where = rig.at_rest | dict(frames or {}) | {HAND: (position, rotation)}
     return BodyScene(
         bodies=rig.bodies,
-        origins=boxes.origins,
-        turns=Rotation.from_matrix(boxes.turns).as_quat(scalar_first=True),
+        poses=tuple(_matrix(rig.dimension, where.get(body.frame)) for body in rig.bodies),
         near=excess < 0.0,
-        gap=plain_lines(np.stack([gap, cable] if below else [gap]), RED if below else GREY),
-        label=label,
+        cable=plain_lines(in_space(cables[module])[None], RED if below else GREY),
+        label=label + f", margin {nearest.margin:g} m" * below,
     )
+
+
+def _matrix(d: int, where: Any) -> Floats:
+    """Return the pose of a frame, None for the world, as a matrix (4, 4)."""
+    matrix = np.eye(4)
+    if where is not None:
+        frame = frame_of(where)
+        matrix[:d, 3] = frame.position
+        if frame.rotation is not None:
+            matrix[:d, :d] = rotations(frame.rotation, d, "rotation")
+    return matrix
 
 
 def body_mesh(body: Body) -> Mesh:
     """Return the surface of a body in the axes of its frame; in the plane, what it covers."""
     d = body.start.size
     if body.size is not None:
-        signs = np.stack(np.meshgrid(*[[-0.5, 0.5]] * d), axis=-1).reshape(-1, d)
-        points = body.start + signs * body.size
+        points = body.start + body.size * np.stack(np.meshgrid(*[[-0.5, 0.5]] * d), axis=-1).reshape(-1, d)
     else:
-        ball = body.radius * _directions(d)
+        count, steps = ROUND_POINTS, np.arange(ROUND_POINTS)
+        height = np.zeros(count) if d == 2 else 1.0 - (2.0 * steps + 1.0) / count
+        turn = steps * (2.0 * np.pi / count if d == 2 else np.pi * (1.0 + 5.0**0.5))  # the golden angle
+        around = np.sqrt(1.0 - height**2)
+        ball = body.radius * np.column_stack([around * np.cos(turn), around * np.sin(turn), height])[:, :d]
         points = np.concatenate([end + ball for end in (body.start, body.end) if end is not None])
     hull = polytope(points)
     assert hull is not None
     return Mesh(in_space(hull.corners), hull.faces)
 
 
-def _directions(d: int) -> Floats:
-    """Return evenly spread unit vectors (k, d)."""
-    turn = np.pi * (1.0 + 5.0**0.5) * np.arange(ROUND_POINTS)  # the golden angle
-    height = 1.0 - (2.0 * np.arange(ROUND_POINTS) + 1.0) / ROUND_POINTS
-    if d == 2:
-        height, turn = np.zeros(ROUND_POINTS), 2.0 * np.pi * np.arange(ROUND_POINTS) / ROUND_POINTS
-    around = np.sqrt(1.0 - height**2)
-    return np.column_stack([around * np.cos(turn), around * np.sin(turn), height])[:, :d]
-
-
 class BodyDrawing:
-    """Nodes of bodies and of the gap to the nearest cable; `show` brings them up to date."""
+    """Nodes of bodies and of the nearest cable; `show` brings them up to date."""
 
     def __init__(self, scene: Any) -> None:
-        self._scene = scene
+        self._scene, self._cable = scene, add_lines(scene, "nearest", 2.0 * CABLE_PIXELS)
         self._bodies: tuple[Body, ...] = ()
         self._nodes: list[Any] = []
-        self._gap = add_lines(scene, "gap", 2.0 * CABLE_PIXELS)
-        self._label = scene.add_label("/gap label", "", anchor="top-left", visible=False)
+        self._label = scene.add_label("/nearest label", "", anchor="top-left", visible=False)
 
     def show(self, drawn: BodyScene) -> None:
         """Bring all nodes up to date."""
+        from scipy.spatial.transform import Rotation
+
         if drawn.bodies != self._bodies:
             for node in self._nodes:
                 node.remove()
             self._bodies = drawn.bodies
-            self._nodes = [self._add(index, body) for index, body in enumerate(drawn.bodies)]
+            self._nodes = [self._add(index, body_mesh(body)) for index, body in enumerate(drawn.bodies)]
         near_any: list[bool] = np.any(drawn.near, axis=0).tolist()
-        for node, origin, turn, near in zip(self._nodes, drawn.origins, drawn.turns, near_any, strict=True):
-            node.position, node.wxyz = origin, turn
+        for node, pose, near in zip(self._nodes, drawn.poses, near_any, strict=True):
+            node.position = pose[:3, 3]
+            node.wxyz = Rotation.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)
             node.color = tuple(rgb(RED if near else BODY_COLOUR).tolist())
-        set_lines(self._gap, drawn.gap)
+        set_lines(self._cable, drawn.cable)
         self._label.visible = bool(drawn.label)
         if drawn.label:
-            self._label.text, self._label.position = drawn.label, drawn.gap.points[0].mean(axis=0)
+            self._label.text, self._label.position = drawn.label, drawn.cable.points[0].mean(axis=0)
 
-    def _add(self, index: int, body: Body) -> Any:
-        mesh = body_mesh(body)
+    def _add(self, index: int, mesh: Mesh) -> Any:
         return self._scene.add_mesh_simple(
             f"/bodies/{index}", mesh.vertices, mesh.faces, color=rgb(BODY_COLOUR), opacity=BODY_OPACITY,
             side="double", cast_shadow=False, receive_shadow=False,

@@ -107,8 +107,8 @@ def draw(state: DesignState, found: StateEvaluation) -> DesignScene:
         available=available,
         plane=plane,
         bodies=BodyScene()
-        if found.structure is None
-        else draw_bodies(rig, found.structure, state.position, state.rotation, rig.at_rest),
+        if np.isnan(found.margin)  # a cable has no length
+        else draw_bodies(rig, np.stack([state.attachments, state.anchors], 1), state.position, state.rotation),
     )
 
 

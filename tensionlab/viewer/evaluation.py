@@ -47,7 +47,6 @@ class StateEvaluation:
     rendered: Floats | None = None  # wrench in addition to what the rig requires, (n,), in N and N·m
     certificate: Certificate | None = None  # that the desired force is infeasible; None without one
     problem: str = ""  # why there is no allocation
-    structure: Floats | None = None  # structure matrix (n, m); None if a cable has no length
 
 
 def evaluate(state: DesignState) -> StateEvaluation:
@@ -64,11 +63,9 @@ def evaluate(state: DesignState) -> StateEvaluation:
         allocator = Allocator(rig.limits, state.solver, policy=state.policy)
         allocation = allocator(structure, state.wrench + required)
     except TensionlabError as error:
-        return StateEvaluation(None, None, margin, available, problem=str(error), structure=structure)
+        return StateEvaluation(None, None, margin, available, problem=str(error))
     rendered, certificate = allocation.wrench - required, _certificate(structure, state, required, allocation)
-    return StateEvaluation(
-        allocation, allocator.policy, margin, available, rendered, certificate, structure=structure
-    )
+    return StateEvaluation(allocation, allocator.policy, margin, available, rendered, certificate)
 
 
 def _certificate(

@@ -69,11 +69,12 @@ class Instant:
         poses = zip(frame_names(rig), cycle["frames"], strict=True)
         frames = {name: CoordinateFrame(pose[:, -1], _rotation(pose[:, :-1])) for name, pose in poses}
         rotation = _rotation(cycle["rotation"]) if rig.n > rig.dimension else None
+        ends = cycle["position"] + rig.attachments @ cycle["rotation"].T
         return cls(
             time=float(cycle["time"]),
             hand=cycle["position"],
             anchors=cycle["anchors"],
-            ends=cycle["position"] + rig.attachments @ cycle["rotation"].T,
+            ends=ends,
             tensions=tensions,
             set_points=set_points,
             active=cycle["active"],
@@ -81,7 +82,7 @@ class Instant:
             commanded=structure @ np.nan_to_num(set_points) + by_modules,
             measured=measured_wrench(structure, tensions, cycle["active"]),
             frames=frames,
-            bodies=draw_bodies(rig, structure, cycle["position"], rotation, frames),
+            bodies=draw_bodies(rig, np.stack([ends, cycle["anchors"]], 1), cycle["position"], rotation, frames),
         )
 
     def slack(self, rig: Rig) -> NDArray[np.bool_]:

@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from tensionlab import _native
 from tensionlab.demand import Impedance, Pose
-from tensionlab.hardware.runner.body_boxes import BodyBoxes
 from tensionlab.hardware.runner.guard import STEP_N
-from tensionlab.hardware.runner.records import Approach
+from tensionlab.model.bodies import HAND, place_bodies
 from tensionlab.model.module import TensionLimits
+from tensionlab.model.pose import place_anchors, rotations
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
@@ -24,66 +25,66 @@ class BodyClearance:
 
     A cable closer to a body than its margin is an event, once per approach, and its upper tension limit falls: in
     proportion to the distance, from the rig's own at the margin to the lower limit where the cable touches.
-
-    Attributes
-    ----------
-    distances : (m,) array
-        Distance of each cable from its nearest body at the latest pose, in m; NaN where the rig has none.
-    shares : (m,) array
-        Share of the way from the lower to the upper limit that is left to each cable.
-    closest : dict
-        The closest `Approach` of each module whose limit has fallen, by its name.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from dataclasses import replace
-    >>> from tensionlab.hardware import Pose
-    >>> from tensionlab.hardware.runner.body_clearance import BodyClearance
-    >>> head = tl.Body("head", [0.0, 1.2, -0.3], radius=0.12, margin=0.36)
-    >>> rig = replace(tl.load_rig("bartels2026-validation"), bodies=(head,))
-    >>> monitor = BodyClearance(rig, lambda *event: print(*event))
-    >>> monitor.update(Pose(rig.home), rig.structure_matrix(rig.home))
-    near 0.18 m from "head", closer than its margin of 0.36 m: its upper limit falls top
-    >>> monitor.limited(rig.limits).upper
-    array([6. , 6. , 6. , 3.2])
+    `distances` (m,) are those from the nearest body at the latest pose, in m, NaN without bodies; `shares` (m,) of
+    the way from the lower to the upper limit are left; `closest` says how close each cable came.
     """
 
     def __init__(self, rig: Rig, note: Callable[[str, str, str], None]) -> None:
-        self._rig, self._note = rig, note
+        self._rig, self._note, count = rig, note, len(rig.bodies)
         self.distances, self.shares = np.full(rig.m, np.nan), np.ones(rig.m)
-        self.closest: dict[str, Approach] = {}
+        self.closest: dict[str, str] = {}
+        self._least: dict[str, float] = {}  # distances of those
+        self._near: set[tuple[int, int]] = set()  # cable and body of each approach that has not ended
         self._upper = rig.limits.upper
         self._limits: tuple[TensionLimits, TensionLimits] | None = None  # those given, and those returned for them
-        self._boxes = BodyBoxes(rig) if rig.bodies else None
         self._margins = np.array([body.margin for body in rig.bodies])
-        self._near: set[tuple[int, int]] = set()  # module and body of each approach that has not ended
+        self._reaches = np.array([body.radius + body.sway for body in rig.bodies])
+        self._segments, self._axes = np.zeros((count, 2, 3)), np.tile(np.eye(3), (count, 1, 1))
+        self._halves, self._placed = np.zeros((count, 3)), False
+        self._held = any(body.frame == HAND for body in rig.bodies)
+        for half, body in zip(self._halves, rig.bodies, strict=False):
+            half[: rig.dimension] = 0.0 if body.size is None else body.size / 2
 
     def update(self, pose: Pose, structure: Floats) -> None:
-        """Measure the distances at a pose, given the structure matrix (n, m) there."""
-        if self._boxes is None:
+        """Measure the distances at a pose, given the structure matrix (n, m) there, and lower the limits.
+
+        Cables over pulleys end within a pulley's radius of where they should.
+        """
+        rig, d = self._rig, self._rig.dimension
+        if not len(self._margins):
             return
-        distances, self.distances, least = self._boxes.measure(structure, *pose)
-        if least >= 0.0 and not self._near:
-            return
-        own, upper = self._rig.limits, self._rig.limits.upper.copy()
+        turn = None if pose.rotation is None else rotations(pose.rotation, d, "rotation")
+        if pose.frames or self._held or not self._placed:
+            placed = place_bodies(rig.bodies, pose.position, turn, rig.at_rest | dict(pose.frames or {}))
+            for index, each in enumerate(placed):
+                self._segments[index, :, :d] = each.ends
+                self._axes[index, :d, :d] = np.eye(d) if each.axes is None else each.axes
+            self._placed = not pose.frames
+        ends = pose.position + (rig.attachments if turn is None else rig.attachments @ turn.T)
+        anchors = place_anchors(rig.modules, rig.anchors, pose.frames) if rig.frames else rig.anchors
+        distances, self.distances, least = _native.body_distances(
+            structure, ends, anchors, self._segments, self._axes, self._halves, self._reaches, self._margins
+        )
+        if least < 0.0 or self._near:
+            self._limit(distances)
+
+    def _limit(self, distances: Floats) -> None:
+        own, upper, modules = self._rig.limits, self._rig.limits.upper.copy(), self._rig.modules
         self.shares = np.ones(self._rig.m)
-        before = self._near
-        self._near = {pair for pair in before if distances[pair] - self._margins[pair[1]] < HYSTERESIS_M}
+        self._near -= {pair for pair in self._near if distances[pair] - self._margins[pair[1]] >= HYSTERESIS_M}
         for index, body in np.argwhere(distances < self._margins).tolist():
-            distance, margin = float(distances[index, body]), float(self._margins[body])
-            share = max(distance, 0.0) / margin if margin > 0.0 else 0.0
-            if share < self.shares[index]:
-                self.shares[index] = share
-                fallen = own.lower[index] + share * (own.upper[index] - own.lower[index])
-                upper[index] = max(STEP_N * math.floor(fallen / STEP_N + 1e-9), own.lower[index])
-            name, where = self._rig.modules[index].name, self._rig.bodies[body].name
-            if name not in self.closest or distance < self.closest[name].distance_m:
-                self.closest[name] = Approach(where, distance, float(upper[index]))
+            distance, margin = max(float(distances[index, body]), 0.0), float(self._margins[body])
+            self.shares[index] = min(distance / margin if margin > 0.0 else 0.0, self.shares[index])
+            fallen = own.lower[index] + self.shares[index] * (own.upper[index] - own.lower[index])
+            upper[index] = max(STEP_N * math.floor(fallen / STEP_N + 1e-9), own.lower[index])
+            name = modules[index].name
+            what = f'{distance:.2f} m from "{self._rig.bodies[body].name}", closer than its margin of {margin:g} m'
+            if (index, body) not in self._near:
+                self._note("near", f"{what}: its upper limit falls", name)
             self._near.add((index, body))
-            if (index, body) not in before:
-                closer = f'{max(distance, 0.0):.2f} m from "{where}", closer than its margin of {margin:g} m'
-                self._note("near", f"{closer}: its upper limit falls", name)
+            if distance < self._least.get(name, math.inf):
+                self._least[name] = distance
+                self.closest[name] = f"{what}: its upper limit fell to {upper[index]:.2f} N"
         if (upper != self._upper).any():
             self._upper, self._limits = upper, None
 
@@ -97,8 +98,7 @@ class BodyClearance:
 
     def soften(self, spring: Impedance, index: int) -> Impedance:
         """Return the impedance of a module, all its tensions lowered by the share that is left to it."""
-        share = float(self.shares[index])
-        if share == 1.0:
+        if (share := float(self.shares[index])) == 1.0:
             return spring
         tensions = ("stiffness", "damping", "feed_forward", "amplitude")
         return replace(spring, **{name: share * getattr(spring, name) for name in tensions})

@@ -65,21 +65,22 @@ def anchors_in_world(cycle: Cycle, rig: Rig) -> Floats:
     return place_anchors(rig.modules, rig.anchors, cycle.state.pose.frames)
 
 
+def frame_names(rig: Rig) -> list[str]:
+    """Return the names of the body frames, in the order of the column `frames`."""
+    return [*rig.frames, *rig.free_frames]
+
+
 def frame_poses(cycle: Cycle, rig: Rig) -> Floats:
     """Return rotation and position of each body frame, side by side, (frames, d, d + 1)."""
-    names, d = frame_names(rig), rig.dimension
+    d, names = rig.dimension, frame_names(rig)
+    found = np.tile(np.eye(d, d + 1), (len(names), 1, 1))
     poses = rig.at_rest | dict(cycle.state.pose.frames or {}) if names else {}
-    found = np.empty((len(names), d, d + 1))
-    for index, name in enumerate(names):
+    for pose, name in zip(found, names, strict=True):
         where = frame_of(poses[name])
-        found[index, :, d] = where.position
-        found[index, :, :d] = np.eye(d) if where.rotation is None else rotations(where.rotation, d, name)
+        pose[:, d] = where.position
+        if where.rotation is not None:
+            pose[:, :d] = rotations(where.rotation, d, name)
     return found
-
-
-def frame_names(rig: Rig) -> list[str]:
-    """Return the names of the body frames of a rig, in the order of the column `frames`."""
-    return [*rig.frames, *rig.free_frames]
 
 
 def codes(kind: type[IntEnum | IntFlag]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -71,14 +71,6 @@ class RunEvent:
     module: str = ""  # name of the module; empty for none or all
 
 
-class Approach(NamedTuple):
-    """Closest approach of a cable to a body of the rig."""
-
-    body: str
-    distance_m: float  # from the body, less its sway
-    upper_n: float  # upper tension limit there
-
-
 class RunSink(Protocol):
     """Sink for all that happens in a run, such as `RunLog`. A `HardwareError` of it ends the run."""
 
@@ -118,7 +110,7 @@ class Statistics:
     late_telemetry: Counter[str] = field(default_factory=Counter)
     # Lowest upper tension limit of each module whose limit was lowered because its winding got warm, in N.
     derated: dict[str, float] = field(default_factory=dict)
-    near: dict[str, Approach] = field(default_factory=dict)  # cables closer to bodies than their margin, by module
+    near: dict[str, str] = field(default_factory=dict)  # modules whose cables neared bodies, and how close
     lost: dict[str, str] = field(default_factory=dict)  # modules, and why
     ended: str = ""  # by what
     emergency: bool = False  # whether that was an emergency stop from elsewhere
@@ -170,13 +162,7 @@ class Statistics:
         late = [(f"cycles with late telemetry of {name}", str(n)) for name, n in self.late_telemetry.items()]
         warm = "down to {:.2f} N, so that it did not get too hot"
         derated = [(f"derated: {name}", warm.format(upper)) for name, upper in self.derated.items()]
-        near = [
-            (
-                f"near {each.body}: {name}",
-                f"{each.distance_m:.2f} m, so that its limit fell to {each.upper_n:.2f} N",
-            )
-            for name, each in self.near.items()
-        ]
+        near = [(f"near a body: {name}", how) for name, how in self.near.items()]
         lost = [(f"lost: {name}", why) for name, why in self.lost.items()]
         starts = [("start jitter", jitter), ("deadlines missed", str(self.missed))] * self.in_real_time
         return [
@@ -210,11 +196,9 @@ class Statistics:
 
     def summary(self) -> dict[str, Any]:
         """Return all of it as plain numbers and texts."""
-        by_module = {
-            name: dict(getattr(self, name)) for name in ("late_telemetry", "derated", "lost", "unconfirmed")
-        }
-        near = {name: each._asdict() for name, each in self.near.items()}
-        return {"ended": self.ended, "emergency": self.emergency, **self.counts(), **by_module, "near": near}
+        by_name = ("late_telemetry", "derated", "near", "lost", "unconfirmed")
+        by_module = {name: dict(getattr(self, name)) for name in by_name}
+        return {"ended": self.ended, "emergency": self.emergency, **self.counts(), **by_module}
 
 
 def percentiles(values: Iterable[float]) -> tuple[float, ...]:

@@ -143,21 +143,21 @@ nb::tuple closest_pair(const In<4>& segments, const Contiguous<std::int64_t, 2>&
   return nb::make_tuple(distance, closest);
 }
 
-// Distances (m, b) of straight cables from boxes, less radii, the least (m) of each cable, and the least of all
+// Distances (m, b) of straight cables from bodies, less radii, the least (m) of each cable, and the least of all
 // above the margins. Cables: their directions are the first rows of the structure matrix (n, m), their ends at the
-// platform (m, d), and their anchors (m, d), near which they end. Boxes: centres (b, 3), axes (b, 3, 3), half
-// edges (b, 3), radii and margins (b).
+// platform (m, d), and their anchors (m, d), near which they end. Bodies: ends of segments (b, 2, 3), of a box
+// twice its centre; axes (b, 3, 3) and half edges (b, 3) of boxes, zero for others; radii and margins (b).
 nb::tuple body_distances(const Contiguous<double, 2>& structure, const Contiguous<double, 2>& ends,
-                         const Contiguous<double, 2>& anchors, const Contiguous<double, 2>& centres,
+                         const Contiguous<double, 2>& anchors, const Contiguous<double, 3>& segments,
                          const Contiguous<double, 3>& axes, const Contiguous<double, 2>& halves,
                          const In<1>& radii, const In<1>& margins) {
-  const std::size_t m = ends.shape(0), d = ends.shape(1), boxes = halves.shape(0);
+  const std::size_t m = ends.shape(0), d = ends.shape(1), bodies = halves.shape(0);
   require(d <= 3 && structure.shape(0) >= d && structure.shape(1) == m && has_shape(anchors, m, d) &&
-              has_shape(centres, boxes, 3) && has_shape(axes, boxes, 3, 3) && has_shape(halves, boxes, 3) &&
-              has_shape(radii, boxes) && has_shape(margins, boxes),
-          "arrays of cables (m) or boxes (b) do not belong together");
+              has_shape(segments, bodies, 2, 3) && has_shape(axes, bodies, 3, 3) && has_shape(halves, bodies, 3) &&
+              has_shape(radii, bodies) && has_shape(margins, bodies),
+          "arrays of cables (m) or bodies (b) do not belong together");
   const double *const radius = contiguous(radii), *const margin = contiguous(margins);
-  const auto distance = make_array<double>(m, boxes);
+  const auto distance = make_array<double>(m, bodies);
   const auto nearest = make_array<double>(m);
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < m; ++i) {
@@ -168,10 +168,14 @@ nb::tuple body_distances(const Contiguous<double, 2>& structure, const Contiguou
     }
     for (std::size_t k = 0; k < d; ++k) end[k] = begin[k] + length * aligned(structure)[m * k + i];
     nearest.data()[i] = std::numeric_limits<double>::infinity();
-    for (std::size_t j = 0; j < boxes; ++j) {
-      const Box box{aligned(centres) + 3 * j, aligned(axes) + 9 * j, aligned(halves) + 3 * j};
-      const double found = segment_box_distance(begin, end, box) - radius[j];
-      distance.data()[boxes * i + j] = found;
+    for (std::size_t j = 0; j < bodies; ++j) {
+      const double* const segment = aligned(segments) + 6 * j;
+      const double* const half = aligned(halves) + 3 * j;
+      const double found =
+          (half[0] > 0.0 ? segment_box_distance(begin, end, {segment, aligned(axes) + 9 * j, half})
+                         : segment_segment_distance(begin, end, segment, segment + 3)) -
+          radius[j];
+      distance.data()[bodies * i + j] = found;
       nearest.data()[i] = std::min(nearest.data()[i], found);
       least = std::min(least, found - margin[j]);
     }

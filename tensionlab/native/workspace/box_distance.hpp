@@ -1,4 +1,4 @@
-// Distance of a segment from a box.
+// Distances of a segment from a box and from another segment.
 #pragma once
 
 #include <algorithm>
@@ -44,6 +44,25 @@ inline double segment_box_distance(const double* begin, const double* end, const
     low += (high - low) * falls / (falls - rises);
   }
   return std::hypot(excess(0, low), excess(1, low), excess(2, low));
+}
+
+// The other segment as a box with one edge.
+inline double segment_segment_distance(const double* begin, const double* end, const double* first,
+                                       const double* last) {
+  double centre[3], along[3], axes[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  for (int i = 0; i < 3; ++i) {
+    centre[i] = 0.5 * (first[i] + last[i]);
+    along[i] = last[i] - first[i];
+  }
+  const double length = std::hypot(along[0], along[1], along[2]);
+  if (length > 0.0) {  // Duff et al., "Building an orthonormal basis, revisited", 2017
+    const double x = along[0] / length, y = along[1] / length, z = along[2] / length;
+    const double sign = std::copysign(1.0, z), a = -1.0 / (sign + z), b = x * y * a;
+    const double columns[9] = {x, 1.0 + sign * x * x * a, b, y, sign * b, sign + y * y * a, z, -sign * x, -y};
+    std::copy_n(columns, 9, axes);
+  }
+  const double half[3] = {0.5 * length, 0.0, 0.0};
+  return segment_box_distance(begin, end, {centre, axes, half});
 }
 
 }  // namespace tensionlab
