@@ -209,7 +209,7 @@ class Softening(NamedTuple):
     @property
     def text(self) -> str:
         """The change in words."""
-        unit = UNITS.get(self.parameter.rpartition(".")[2], "")
+        unit = UNITS.get(self.parameter.rpartition(".")[2].split(" ")[0], "")
         if self.rendered == self.desired:
             return f'"{self.effect}": {self.parameter} is {self.desired:g} {unit} again, as desired'
         if self.parameter == "frequency":

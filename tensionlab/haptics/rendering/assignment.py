@@ -19,6 +19,7 @@ from tensionlab.demand import EffectDemand, Impedance
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
 from tensionlab.haptics.effects.contact import Texture
 from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, is_split
+from tensionlab.haptics.rendering.fidelity import WEAK_JND
 from tensionlab.haptics.rendering.stability import cap_stiffness
 from tensionlab.model.stiffness import MIN_COSINE, MODULE_STIFFNESS
 from tensionlab.support.arrays import Floats
@@ -44,7 +45,7 @@ class ModuleLimits:
 
 STANDARD_LIMITS = ModuleLimits()
 # Fastest vibration of the host, in cycles per set-point: at 0.44 it is 3 dB weaker, above 0.5 another frequency.
-MAX_CYCLES_PER_STEP = 0.4
+MAX_CYCLES_PER_STEP = 0.42
 
 
 class CableState(NamedTuple):
@@ -153,6 +154,7 @@ def assign(
                     wanted = effect.host_side(motion, desired_memory)
                 desired = desired + part.push(motion.velocity)
                 by_module = _cut_by_module(effect, part, impedances[cable], float(part.axis @ direction))
+                by_module |= _across(part, direction, host_stiffness)
                 cut.append(_cut(softer, host_stiffness) | by_module | _too_fast(effect, part, motion, limits))
             demands.append(_demand(effect, part, motion, memory, wanted.force, cable is not None, cut[-1]))
             force, desired = force + rendered.force, desired + wanted.force
@@ -263,6 +265,17 @@ def expected_force(
     """
     push, c = part.push(velocity), float(part.axis @ direction)
     cable = float(push @ part.axis) / c * direction
+    return cable + _compensated(part, c, host_stiffness) * (push - cable)
+
+
+def _compensated(part: AxisImpedance, c: float, host_stiffness: float) -> float:
+    """Return the share of a cable's pull across the axis, at the cosine c to it, that the host compensates."""
     bound = host_stiffness * (1.0 + math.sqrt(1.0 + 4.0 * c**2 / max(1.0 - c**2, 1e-12))) / 2.0
-    share = min(bound / part.stiffness, 1.0) if part.stiffness > 0.0 else 1.0
-    return cable + share * (push - cable)
+    return min(bound / part.stiffness, 1.0) if part.stiffness > 0.0 else 1.0
+
+
+def _across(part: AxisImpedance, direction: Floats, host_stiffness: float) -> dict[str, Cut]:
+    """Return the stiffness across the axis that the host does not compensate, if it is a JND of the other."""
+    c = float(part.axis @ direction)
+    rest = (1.0 - _compensated(part, c, host_stiffness)) * math.sqrt(max(1.0 - c**2, 0.0)) / c
+    return {"stiffness across": Cut(0.0, rest * part.stiffness)} if rest > WEAK_JND else {}

@@ -167,7 +167,6 @@ def force_fidelity(
     jnd = just_noticeable(force)
     strong = size > MIN_FORCE_N
     off = angles(measured[strong], desired[strong]) if strong.any() else np.zeros(0)
-    free = np.ones(len(time), dtype=bool) if not wanted.any() else ~_near(time, wanted, MAX_LATENCY_S)
     axis = np.linalg.svd(desired - desired.mean(axis=0), full_matrices=False)[2][0]  # of the largest changes
     stiff = [_impedance(time, position, desired, each, parts, wanted & spring) for each in (desired, measured)]
     low, high = np.quantile(np.broadcast_to(share, time.shape), (0.1, 0.9)).tolist()
@@ -190,7 +189,7 @@ def force_fidelity(
         error_jnd=rms(norm(error)) / jnd,
         loop_error=rms(norm(desired - demanded)),
         direction=float(np.average(off, weights=size[strong])) if off.size else NAN,
-        free_force=_held_force(measured, free, parts, step),
+        free_force=_free_force(time, measured, desired, wanted, parts, step),
         oscillation=wave if wave > jnd else 0.0,
         oscillation_frequency=hertz if wave > jnd else NAN,
         latency=_latency(time, desired @ axis, measured @ axis),
@@ -204,17 +203,28 @@ def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if values.size else NAN
 
 
-def _near(time: Floats, wanted: NDArray[np.bool_], seconds: float) -> NDArray[np.bool_]:
-    """Return which times are less than some seconds from a wanted one."""
-    times = time[wanted]
-    after = np.minimum(np.searchsorted(times, time), len(times) - 1)
-    return np.asarray(np.minimum(abs(times[after] - time), abs(times[np.maximum(after - 1, 0)] - time)) < seconds)
+def _free_force(
+    time: Floats,
+    force: Floats,
+    desired: Floats,
+    wanted: NDArray[np.bool_],
+    parts: list[NDArray[np.intp]],
+    step: float,
+) -> float:
+    """Return the largest force that is held for a moment where none is desired; NaN without such a moment.
 
-
-def _held_force(force: Floats, where: NDArray[np.bool_], parts: list[NDArray[np.intp]], step: float) -> float:
-    """Return the largest force that is held for a moment somewhere; NaN without such a moment."""
+    Shortly before and after a desired force it counts only against that one: along it, it is early or late.
+    """
+    wrong = force
+    if wanted.any():
+        times, ways = time[wanted], normalized(desired[wanted])
+        after = np.minimum(np.searchsorted(times, time), len(times) - 1)
+        before = np.maximum(after - 1, 0)
+        nearest = np.where(abs(times[after] - time) < abs(times[before] - time), after, before)
+        against = np.minimum(np.vecdot(force, ways[nearest]), 0.0)[:, None] * ways[nearest]
+        wrong = np.where((abs(times[nearest] - time) < MAX_LATENCY_S)[:, None], against, force)
     length = max(round(HELD_S / step), 1)
-    held = [norm(force[window].mean(axis=0)) for window in _windows(parts, length) if where[window].all()]
+    held = [norm(wrong[window].mean(axis=0)) for window in _windows(parts, length) if not wanted[window].any()]
     return float(max(held, default=NAN))
 
 
@@ -239,7 +249,7 @@ def _without_vibration(
     for part in parts:
         for window in np.array_split(part, max(len(part) // length, 1)):
             size, hertz = float(amplitude[window].mean()), float(frequency[window].mean())
-            if size <= 0.2 * amplitude.max() or len(window) < 6:  # none, or it has faded
+            if size <= 0.1 * amplitude.max() or len(window) < 6:  # none, or it has faded
                 continue
             phase, late = 2.0 * math.pi * hertz * time[window], time[window] - time[window].mean()
             waves = amplitude[window, None] * np.stack([np.sin(phase), np.cos(phase)], axis=1)
