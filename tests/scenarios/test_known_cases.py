@@ -97,10 +97,9 @@ def test_a_weight_that_buzzes():
 
 def test_a_brake_that_adds_20_newtons_sideways():
     weight = load_scenario("weight")
-    aside = [replace(m, anchor=m.anchor + [0.0, 0.6, 0.0]) for m in weight.rig.modules]
-    result = play(
-        weight := replace(weight, rig=replace(weight.rig, modules=tuple(aside))), simulate_modules(weight)
-    )
+    aside = [replace(module, anchor=module.anchor + np.array([0.0, 0.6, 0.0])) for module in weight.rig.modules]
+    weight = replace(weight, rig=replace(weight.rig, modules=tuple(aside)))
+    result = play(weight, simulate_modules(weight))
     found = scenario_fidelity(result)["heavy box: brakes"]
     assert found.passed is False
     assert 15.0 < found.error < 25.0

@@ -154,7 +154,7 @@ def assign(
                     wanted = effect.host_side(motion, desired_memory)
                 desired = desired + part.push(motion.velocity)
                 by_module = _cut_by_module(effect, part, impedances[cable], float(part.axis @ direction))
-                by_module |= _across(part, direction, host_stiffness)
+                by_module |= _across(part, direction, impedances[cable], host_stiffness)
                 cut.append(_cut(softer, host_stiffness) | by_module | _too_fast(effect, part, motion, limits))
             demands.append(_demand(effect, part, motion, memory, wanted.force, cable is not None, cut[-1]))
             force, desired = force + rendered.force, desired + wanted.force
@@ -274,8 +274,8 @@ def _compensated(part: AxisImpedance, c: float, host_stiffness: float) -> float:
     return min(bound / part.stiffness, 1.0) if part.stiffness > 0.0 else 1.0
 
 
-def _across(part: AxisImpedance, direction: Floats, host_stiffness: float) -> dict[str, Cut]:
+def _across(part: AxisImpedance, direction: Floats, cable: Impedance, host_stiffness: float) -> dict[str, Cut]:
     """Return the stiffness across the axis that the host does not compensate, if it is a JND of the other."""
     c = float(part.axis @ direction)
     rest = (1.0 - _compensated(part, c, host_stiffness)) * math.sqrt(max(1.0 - c**2, 0.0)) / c
-    return {"stiffness across": Cut(0.0, rest * part.stiffness)} if rest > WEAK_JND else {}
+    return {"stiffness across": Cut(0.0, rest * cable.stiffness * c**2)} if rest > WEAK_JND else {}
