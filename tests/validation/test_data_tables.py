@@ -27,6 +27,8 @@ def test_what_was_written_is_read_recording(tmp_path):
     for field in fields(recording):
         np.testing.assert_array_equal(getattr(found, field.name), getattr(recording, field.name))
     assert found.simulated
+    assert ", simulated: 182 forces of " in found.title
+    np.testing.assert_array_equal(found.error, recording.measured - recording.desired)
     table = pq.read_table(tmp_path / "a-simulated.parquet")
     assert table["status"].to_pylist()[:4] == ["EXACT", "NEAREST", "UNPROVEN", "FAILED"]
     assert table["vector"].to_pylist() == list(range(182))

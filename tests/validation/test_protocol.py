@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.errors import HardwareError, LogError
+from tensionlab.errors import HardwareError, InputError, LogError
 from tensionlab.model.directions import grid18
 from tensionlab.model.kinematics import exponential
 from tensionlab.model.layouts import ring_plus_top
 from tensionlab.solvers import select_solvers
-from tensionlab.validation.error_model import PRESETS, ErrorModel, draw_errors, true_rig
+from tensionlab.validation.error_model import PRESETS, ErrorModel, draw_errors, find_preset, true_rig
 from tensionlab.validation.protocol import AXIS_FORCES, JOURNAL_FILE, Protocol, ValidationPlan, measure, validate
-from tensionlab.validation.report import evaluate, remarks
+from tensionlab.validation.report import as_latex, as_markdown, evaluate, remarks
 from tensionlab.validation.sensors import simulated_setup
 from tensionlab.validation.statistics import rotation_angle
 
@@ -63,6 +63,36 @@ def test_an_ideal_rig_with_all_vectors_shows_nothing():
     assert max(score.angle.maximum, score.magnitude_error.maximum) < 1e-3
     assert {each.samples for each in result.measurements} == {40}
     assert result.fallback_used == len(result.limited_modules) == 0
+    assert len(remarks(result)) == 4  # and none of what is not as it should be
+    assert remarks(result)[0] == "These modules are simulated: preset ideal, seed 0."
+    assert "in another process" in remarks(replace(result, setup=result.setup | {"preset": None}))[0]
+    real = replace(result, setup=result.setup | {"simulated": False})
+    assert len(remarks(real)) == 3
+    for write, simulated, measured in (
+        (str, "simulated, solver", "measured, solver"),
+        (as_markdown, "# Technical validation, simulated\n", "# Technical validation\n"),
+        (as_latex, "Simulated modules.", "Real modules."),
+    ):
+        assert simulated in write(result)
+        assert measured in write(real)
+
+
+def test_the_offset_of_a_sensor_is_taken_away():
+    modules, clock, sensor = simulated_setup(RIG, of(), 0)
+    take, found = sensor.take, []
+    sensor.take = lambda: take() + np.array([1.0, -2.0, 3.0])
+    measure(RIG, modules, clock, sensor, "newton", THREE, found.append)
+    modules.close()
+    score = (
+        evaluate(ValidationPlan(RIG, "newton", THREE, "ideal").setup(simulated=True), found).aligned["paper"].score
+    )
+    assert score.vector.maximum < 1e-3
+
+
+def test_presets_are_found_by_name():
+    assert find_preset("paper-like") is PRESETS["paper-like"]
+    with pytest.raises(InputError, match="no preset 'ideel'; there are ideal, paper-like"):
+        find_preset("ideel")
 
 
 def test_a_rig_like_the_published_one():
@@ -77,7 +107,8 @@ def test_windings_that_get_hot_may_cool_between_forces():
     """The closed form pulls harder than it must: without rests, the runner would stop it after half a minute."""
     up = Protocol(directions=np.repeat(grid18()[::90], 2, axis=0))
     result = run(up, of(), "closed-form")
-    assert result.rested > 3.0
+    assert 3.0 < result.rested < 60.0
+    assert any(f"had to rest for {result.rested:.0f} s" in remark for remark in remarks(result))
     assert result.aligned["paper"].score.angle.maximum < 1e-3
     assert result.aligned["paper"].score.magnitude_error.maximum < 1e-3
     assert not result.limited_modules
@@ -88,6 +119,7 @@ def test_three_modules_on_the_floor_do_what_they_can():
     floor = tl.load_rig(RIGS / "floor-3.toml")
     result = run(Protocol(hold=0.06, settle=0.02), of(floor), rig=floor)
     assert result.exact == 22
+    assert any("22 of 182 forces are feasible" in remark for remark in remarks(result))
     assert result.aligned["paper"].score.angle.mean.value > 70.0
     assert sum(each.status == "NEAREST" for each in result.measurements[AXIS_FORCES:]) == 160
 
@@ -117,6 +149,8 @@ def test_friction_is_a_play_of_the_tension():
 def test_positions_are_those_of_the_true_rig():
     errors = of(position=0.05, seed=3)
     real = true_rig(RIG, errors)
+    np.testing.assert_allclose(real.home - RIG.home, errors.position)
+    np.testing.assert_allclose(real.anchors - RIG.anchors, errors.anchors)
     result = run(FEW, errors)
     chosen = np.array([each.tensions for each in result.measurements[AXIS_FORCES:]])
     expected = chosen @ real.structure_matrix(real.home).T
@@ -131,6 +165,7 @@ def test_a_planted_rotation_is_found_by_kabsch_and_its_tilt_stays_in_the_publish
     assert rotation_angle(result.aligned["kabsch"].rotation @ tilt) < 0.1
     assert result.aligned["kabsch"].score.angle.mean.value < 0.2
     assert result.tilt > 15.0
+    assert any(f"alignment by {result.tilt:.1f} degrees" in remark for remark in remarks(result))
     assert result.aligned["paper"].score.angle.mean.value > 10.0
 
 

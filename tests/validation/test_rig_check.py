@@ -31,7 +31,11 @@ def with_limits(rig, lower, upper):
 def test_the_published_rig_passes_with_its_published_strength():
     assert all(verdicts(published()).values())
     # The largest force that the rig renders in all 182 directions, side 1.0 m.
-    assert findings(published())["strength"].text.startswith("3.72 N in its weakest of 182 directions")
+    strength = findings(published())["strength"].text
+    assert strength.startswith("3.72 N in its weakest of 182 directions")
+    assert "-0.00" not in strength
+    assert "in addition to" not in strength
+    assert findings(with_limits(published(), 0.0, 5e-4))["strength"].passed
 
 
 def test_the_strength_is_the_edge_of_what_can_be_rendered():
@@ -50,7 +54,10 @@ def test_three_modules_on_the_floor_cannot_hold_each_other():
     assert "no wrench closure" in findings(rig)["balance"].text
 
 
-@pytest.mark.parametrize(("factor", "advice"), [(1000.0, "in mm, divide"), (0.001, "in km, multiply"), (10.0, "")])
+@pytest.mark.parametrize(
+    ("factor", "advice"),
+    [(1000.0, "in mm, divide"), (75.0, "in mm, divide"), (0.001, "in km, multiply"), (10.0, "")],
+)
 def test_lengths_in_another_unit_are_questioned(factor, advice):
     rig = published()
     modules = tuple(dataclasses.replace(each, anchor=factor * each.anchor) for each in rig.modules)

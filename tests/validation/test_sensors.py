@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import HardwareError, LinkError
-from tensionlab.validation.sensors import ForceParser, open_sensor
+from tensionlab.validation.sensors import BLOCK_SAMPLES, DriftNoise, ForceParser, open_sensor
 
 ATI = """"Start Time: 11/21/2026 9:00:00 AM"
 "RDT Sample Rate: 1000"
@@ -128,3 +128,10 @@ def take_for_ever(sensor):
 def test_no_sensor_there(url):
     with pytest.raises(LinkError, match=url):
         open_sensor(url)
+
+
+@pytest.mark.parametrize("count", [0, 1, BLOCK_SAMPLES, 2 * BLOCK_SAMPLES + 1])
+def test_noise_has_as_many_samples_as_are_taken(count):
+    noise = DriftNoise(0.1, seed=1)
+    assert len(noise.take(count)) == count
+    assert np.abs(noise.take(5)).max() < 1.0

@@ -39,6 +39,12 @@ def test_a_turn_about_the_vertical_comes_back_either_way(degrees):
         assert rotation_angle(found) == pytest.approx(abs(degrees))
 
 
+@pytest.mark.parametrize("axis", np.eye(3))
+def test_the_angle_of_a_rotation_is_that_about_its_axis(axis):
+    for degrees in (1e-6, 30.0, 179.0):
+        assert rotation_angle(exponential(np.radians(degrees) * axis)) == pytest.approx(degrees)
+
+
 def test_a_planted_rotation_is_found_to_a_tenth_of_a_degree_by_kabsch_alone():
     random = np.random.default_rng(0)
     for degrees in (1.0, 5.0, 10.0, 20.0, 30.0):

@@ -13,9 +13,10 @@ from tensionlab.demand import Pose
 from tensionlab.errors import LogError, TensionlabError
 from tensionlab.hardware.log import scene
 from tensionlab.hardware.log.mcap_file import McapWriter, read_records
-from tensionlab.hardware.log.reader import describe_modules, read_run, recount, report, summarise
+from tensionlab.hardware.log.reader import MAX_EVENTS, describe_modules, read_run, recount, report, summarise
 from tensionlab.hardware.log.writer import EVENT_SCHEMA, RunSetup
 from tensionlab.hardware.runner.cycle_table import COLUMNS, TYPES, decode, encode, schema
+from tensionlab.hardware.runner.records import RunEvent
 from tensionlab.solvers.base import Status
 from tests.helpers import runs
 from tests.helpers.examples import many
@@ -283,6 +284,16 @@ def test_counts_and_shares_are_those_of_the_cycles(tmp_path):
     assert (kept["faults"], kept["lost_at_s"]) == ([], None)
     taut = np.mean([cycle.state.limiters[3] == 1 for cycle in cycles])
     assert kept["limiters"] == {"LOWER": pytest.approx(taut)}
+    title, whole, modules = report(run)[0].title, *map(str, report(run))
+    assert title == "seven-modules, dykstra, nearest in tension"
+    assert "200 in 3.98 s, 50 Hz desired" in whole
+    assert "stopped by the demand" in whole
+    assert f"lower {100 * taut:.0f} %" in modules
+    events = (RunEvent(1, 0.02, "note", "text"),) * (MAX_EVENTS + 2)
+    cut, notes = report(replace(run, complete=False, events=events))
+    assert "cut off" in str(cut)
+    assert (len(notes.notes), notes.notes[-1]) == (MAX_EVENTS + 1, "and 2 more events; --json has all")
+    assert report(replace(run, events=events[2:]))[1].notes[-1] == notes.notes[0]
     sent = [cycle.commanded[2] for cycle in cycles[:100]]
     assert (lost["commanded_min_n"], lost["commanded_mean_n"]) == pytest.approx((min(sent), np.mean(sent)))
     assert 0.005 < kept["telemetry_age_s"]["median"] < kept["telemetry_age_s"]["max"] < 0.03
@@ -292,7 +303,7 @@ def test_missed_deadlines_slowed_set_points_and_the_time_of_day_are_told_by_the_
     before, log = time.time(), runs.new_log(tmp_path / "run.mcap", runs.four())
     for cycle in runs.cycles(runs.four(), 100):
         if cycle.state.cycle < 15:
-            cycle.commanded[0] -= 0.1
+            cycle.commanded[0] -= 5e-4
         if cycle.state.cycle >= 10 and cycle.state.cycle not in (30, 31, 70):  # the first one, of 0.2 s, is late
             log.write(cycle)
     log.close()

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tensionlab.errors import HardwareError, ProtocolError
 from tensionlab.hardware.protocol import codes
-from tensionlab.hardware.protocol.codes import Fault, Type
+from tensionlab.hardware.protocol.codes import PARAMETERS, Fault, Type, require_value, single
 from tensionlab.hardware.protocol.messages import (
     MAX_PAYLOAD,
     MESSAGES,
@@ -131,6 +131,22 @@ def test_what_cannot_be_understood_says_why(frame, message):
     with pytest.raises(ProtocolError, match=message) as raised:
         read(frame)
     assert isinstance(raised.value, HardwareError)
+
+
+def test_small_numbers_of_a_module_are_numbers():
+    assert read(info(spool_radius=5e-4, tension_lower=1e-4)).spool_radius == pytest.approx(5e-4)
+
+
+@pytest.mark.parametrize("name", PARAMETERS)
+def test_values_of_parameters_are_bounded_as_the_module_stores_them(name):
+    row = PARAMETERS[name]
+    for value in (row.lower, row.upper, (row.lower + row.upper) / 2):
+        assert require_value(name, value, "here") == single(value)
+    for value in (row.lower - 0.01 * max(abs(row.lower), 1.0), 1.01 * row.upper + 0.01, math.nan):
+        with pytest.raises(ProtocolError, match=f"here: {name} is from {row.lower:g} to {row.upper:g} "):
+            require_value(name, value, "here")
+    with pytest.raises(ProtocolError, match=f"no parameter 'x{name}'; they have .*{name}"):
+        require_value(f"x{name}", row.lower, "here")
 
 
 def test_faults_of_a_later_firmware_are_kept():
