@@ -25,9 +25,7 @@ from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.source import tracked_pose
 from tensionlab.hardware import RealClock, connect
-from tensionlab.model.files import load_rig
-from tensionlab.model.rig import Rig
-from tensionlab.scenarios import SCENARIOS, Scenario, check_needs, load_scenario, place
+from tensionlab.scenarios import SCENARIOS, Scenario, check_needs, load_scenario
 from tensionlab.scenarios.checks import (
     Check,
     Directions,
@@ -57,7 +55,7 @@ def scenario(
         str | None,
         option(
             "RIG",
-            "Rig in place of the scenario's own, a name or a file (TOML). One with another axis up is turned.",
+            "Rig in place of the scenario's own, a name or a file (TOML). The scenario is turned to its axes.",
             autocompletion=options.complete(lambda: list_names("rigs")),
         ),
     ] = None,
@@ -97,9 +95,9 @@ def scenario(
     if name == LIST:
         _list(json)
         return
-    loaded = load_scenario(name, rig)
-    if at is not None or facing is not None:
-        loaded = _place(loaded, loaded.rig if rig is None else load_rig(rig), at, facing)
+    given = {"at": at, "facing": facing}.items()
+    numbers = {key: options.parse_numbers(f"--{key}", text) for key, text in given if text is not None}
+    loaded = load_scenario(name, rig, **numbers)
     _check(loaded, solver, seconds, modules, osc)
     needs = check_needs(loaded)
     if not json:
@@ -173,12 +171,6 @@ def _list(json: bool) -> None:
         "A rig has modules on the frame that is needed; others may have modules on those that move, or on none."
     ]
     output.print_table(Table(columns, rows, title, notes))
-
-
-def _place(loaded: Scenario, rig: Rig, at: str | None, facing: str | None) -> Scenario:
-    """Return the scenario where the options say."""
-    ahead = None if facing is None else options.parse_position(facing, rig, "--facing")
-    return place(loaded, rig, options.parse_position(at, rig), ahead)
 
 
 def _check(scenario: Scenario, solver: str, seconds: float | None, modules: str | None, osc: int | None) -> None:

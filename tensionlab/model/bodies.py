@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -98,12 +98,6 @@ class Body:
         if self.size is not None:
             return f"box of {' x '.join(f'{edge:.3g}' for edge in self.size)} m"
         return f"{self.shape} of radius {self.radius:.3g} m"
-
-    def rotated(self, rotation: Floats) -> Body:
-        """Return the same body in axes turned by right angles, by a matrix (d, d)."""
-        end = None if self.end is None else rotation @ self.end + 0.0
-        size = None if self.size is None else np.abs(rotation) @ self.size
-        return replace(self, start=rotation @ self.start + 0.0, end=end, size=size)
 
 
 class PlacedBody(NamedTuple):

@@ -88,11 +88,6 @@ class RestPose:
 
     __hash__ = None  # type: ignore[assignment]  # it holds arrays
 
-    def rotated(self, rotation: Floats) -> RestPose:
-        """Return the same pose in world axes turned by right angles, by a matrix (d, d)."""
-        turn = self.rotation if self.rotation is None or self.rotation.size == 1 else rotation @ self.rotation
-        return RestPose(self.name, rotation @ self.position + 0.0, turn)
-
     @property
     def frame(self) -> CoordinateFrame:
         """Pose with a matrix in space and an angle in the plane."""

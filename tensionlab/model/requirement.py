@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from itertools import product
 from typing import Any, Protocol
 
@@ -153,19 +153,6 @@ class Requirement:
             ends = [(-half, half) if half else (0.0,) for half in self.box]
             around = np.array(list(product(*ends)))
         return self.middle(rig, rotation)[..., None, :] + around
-
-    def rotated(self, rotation: Floats) -> Requirement:
-        """Return the same requirement in axes that are turned by right angles, by a matrix (d, d)."""
-        d = len(rotation)
-
-        def turn(wrenches: Floats) -> Floats:
-            parts = wrenches[..., :d], wrenches[..., d:]
-            return np.concatenate([part @ rotation.T if part.shape[-1] == d else part for part in parts], axis=-1)
-
-        turned = {key: turn(array) + 0.0 for key, array in self._arrays().items()}
-        if self.box is not None:
-            turned["box"] = abs(turned["box"])
-        return replace(self, **turned)  # type: ignore[arg-type]  # arrays alone
 
     def length_for(self, rig: RequiringRig) -> float:
         """Return the length, in m, by which torques are divided."""

@@ -237,55 +237,6 @@ class Rig:
             raise RigError(f'rig "{self.name}": key "up" is missing; give the axis that points up, as in up = "z"')
         return upward(self.up, self.dimension)
 
-    def with_up_axis(self, up: str) -> Rig:
-        """Return the same rig in world axes turned so that another one points up.
-
-        The axes are permuted in turn, so that what was ahead stays ahead: Y up facing Z becomes Z up facing X.
-        RigError if the rig does not say which axis is up, or has no such axis.
-
-        Parameters
-        ----------
-        up : str
-            New value of `Rig.up`.
-
-        Examples
-        --------
-        >>> import tensionlab as tl
-        >>> rig = tl.load_rig("bartels2026-validation")
-        >>> rig.home, rig.with_up_axis("z").home
-        (array([0. , 0.3, 0. ]), array([0. , 0. , 0.3]))
-        """
-        require_up(up, self.dimension)
-        rotation = kinematics.turn_axes(self.upward, upward(up, self.dimension))
-
-        def turn(point: Floats) -> Floats:
-            return rotation @ point + 0.0  # no minus zero
-
-        modules = tuple(
-            replace(
-                module,
-                anchor=turn(module.anchor),
-                attachment=turn(np.asarray(module.attachment)),
-                pulley_axis=None if module.pulley_axis is None else turn(module.pulley_axis),
-            )
-            for module in self.modules
-        )
-        platform = self.platform
-        if platform is not None and platform.com is not None:
-            platform = replace(platform, com=turn(platform.com))
-        if platform is not None and platform.inertia is not None and self.dimension == 3:
-            platform = replace(platform, inertia=rotation @ platform.inertia @ rotation.T)
-        return replace(
-            self,
-            modules=modules,
-            home=turn(self.home),
-            platform=platform,
-            up=up,
-            required=self.required.rotated(rotation),
-            rest=tuple(pose_at_rest.rotated(rotation) for pose_at_rest in self.rest),
-            bodies=tuple(body.rotated(rotation) for body in self.bodies),
-        )
-
     def gravity(self, rotation: ArrayLike | None = None) -> Floats:
         """Return the wrench of gravity on the platform, (..., n), in N and N·m.
 

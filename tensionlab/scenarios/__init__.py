@@ -22,7 +22,6 @@ A `Scenario` in Python, on the rig of another one. In simulation its `Person` mo
 
 from tensionlab.scenarios.demand_source import ScenarioDemand
 from tensionlab.scenarios.person import Person, PersonPlan, PersonRecord, Script, Sway, Waypoint
-from tensionlab.scenarios.placement import place
 from tensionlab.scenarios.rehearsal import check_needs
 from tensionlab.scenarios.scenario import SCENARIOS, BrakeTarget, Phase, Scenario, load_scenario
 
@@ -40,5 +39,4 @@ __all__ = [
     "Waypoint",
     "check_needs",
     "load_scenario",
-    "place",
 ]

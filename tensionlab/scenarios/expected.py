@@ -76,11 +76,12 @@ def check_weight(result: ScenarioResult) -> tuple[Check, ...]:
     """Check gravity and inertia of the weight, and a box that brakes hold down."""
     held, _ = find_effect(result, Weight)
     rendered, path = rendered_force(result), result.scenario.person.script.waypoints
-    down = -rendered.force[:, 2]
+    gravity = held.mass * float(np.linalg.norm(held.gravity))
+    up = -held.mass * np.array(held.gravity) / gravity
+    down = -rendered.force @ up
     lift = between(rendered.time, path[0].time, path[1].time)
     rest = between(rendered.time, path[1].time + START_S, path[2].time)
-    gravity = -held.mass * held.gravity[2]
-    height, seconds = path[1].position[2] - path[0].position[2], path[1].time - path[0].time
+    height, seconds = float(up @ np.subtract(path[1].position, path[0].position)), path[1].time - path[0].time
     peak = gravity + held.mass * min(5.77 * height / seconds**2, held.limit)  # motion with minimum jerk
     above = 1.12 if result.person is not None else 1.12 + NOTICEABLE  # a tracked speed is less accurate
     checks = [
@@ -93,7 +94,7 @@ def check_weight(result: ScenarioResult) -> tuple[Check, ...]:
         freed = between(rendered.time, locked[-1] + 0.2, rendered.time[-1])
         checks += [
             Check("largest force under the box", "N", 40.0, 70.0, float(down[box].max())),
-            Check("how far the box comes up", "m", 0.0, 0.02, float(np.ptp(rendered.position[box, 2]))),
+            Check("how far the box comes up", "m", 0.0, 0.02, float(np.ptp(rendered.position[box] @ up))),
             Check("largest force once it is put down", "N", 0.0, 8.0, float(down[freed].max())),
         ]
     return tuple(checks)

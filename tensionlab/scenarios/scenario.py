@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, InstanceOf
 
-from tensionlab.allocation import Policy
+from tensionlab.allocation import Policy, Status, allocate
 from tensionlab.errors import EffectError, RigError, ScenarioError
 from tensionlab.haptics.effects import Plane
 from tensionlab.haptics.effects.effect import norm, normalized
@@ -20,17 +21,19 @@ from tensionlab.haptics.effects.parameters import Length, PositiveForce, checked
 from tensionlab.haptics.effects.parsing import parse_effect
 from tensionlab.haptics.rendering.brakes import TIMING, BrakeWall, ImpactCap, Timing, brake_strengths
 from tensionlab.model.files import load_rig
-from tensionlab.model.kinematics import turn_axes
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.person import PersonPlan
+from tensionlab.scenarios.placement import Similarity, axes_of
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.named import is_path
 from tensionlab.support.files.reading import as_path, brief, read_toml
-from tensionlab.support.formatting import format_count
+from tensionlab.support.formatting import format_count, format_vector
 from tensionlab.support.registry import suggest
 from tensionlab.support.validation import describe, validate
 
 FOLDER = Path(__file__).parent / "files"  # scenarios of this package: NAME.toml and NAME.rig.toml
+SCALES = np.linspace(1.0, 0.5, 11)  # sizes of a placed scenario that are tried, the largest first
+PATH_STEP_S = 0.02  # time between positions of the hand that the cables must hold
 PositiveNumber = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 SCENARIOS = ("materials", "collision", "recoil", "weight", "bow")  # their names, in the order of the publication
 
@@ -112,7 +115,7 @@ class Scenario:
     up: str | None = None
     """Axis of the world that points up, for effects, scripts and rig."""
     placement: str = ""
-    """How the rig was turned from the axes of its file, or the scenario placed on it; empty if neither."""
+    """How it was turned or placed for the rig; empty if it was not."""
 
     def __repr__(self) -> str:
         phases = format_count(len(self.phases), "phase")
@@ -123,10 +126,8 @@ class Scenario:
         if rig.n != rig.dimension:
             raise self._error(f'rig "{rig.name}" turns; give one of a point')
         if self.up is not None and self.up != rig.up:
-            its = 'no key "up"' if rig.up is None else f'up = "{rig.up}"'
             raise self._error(
-                f'it has up = "{self.up}", and rig "{rig.name}" {its}; give a rig whose file '
-                f'says up = "{self.up}", with its anchors in those axes'
+                f'it has up = "{self.up}", and rig "{rig.name}" {rig.up!r}; give a rig with the same'
             )
         if set(rig.frames) - set(self.person.bodies):
             raise self._error(
@@ -163,9 +164,38 @@ class Scenario:
         """Return the phases at a time in s."""
         return tuple(phase for phase in self.phases if phase.begin <= time < phase.end)
 
+    def mapped(self, rig: Rig, similarity: Similarity, placement: str) -> Scenario:
+        """Return the scenario in the axes of a rig; effects in the frame of a body are only turned."""
+        rigid, origin = replace(similarity, scale=1.0), np.zeros(rig.dimension)
+        surfaces = similarity if self.frame is None else replace(rigid, start=origin, at=origin)
+        phases = []
+        for phase in self.phases:
+            effects = {name: surfaces.surfaces(effect, name) for name, effect in phase.effects.items()}
+            hold = None if phase.hold is None else surfaces.surfaces(phase.hold, phase.name)
+            if hold is not None and hold.reach is not None and np.any(surfaces.start != surfaces.at):
+                raise self._error(
+                    f'phase "{phase.name}" holds at a reach from the origin; give a plane to place it'
+                )
+            phases.append(replace(phase, effects=effects, hold=hold))
+        feet = None if self.feet is None else rigid.point(self.feet)
+        person = similarity.person(self.person)
+        mapped: Scenario = replace(
+            self, rig=rig, up=rig.up, person=person, phases=tuple(phases), feet=feet, placement=placement
+        )
+        return mapped
 
-def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = None) -> Scenario:
-    """Return a scenario of this package, or from a file.
+
+def load_scenario(
+    name: str | PathLike[str],
+    rig: str | PathLike[str] | None = None,
+    at: ArrayLike | None = None,
+    facing: ArrayLike | None = None,
+) -> Scenario:
+    """Return a scenario of this package, or from a file, in the axes of its rig.
+
+    With ``at`` or ``facing`` it is placed where the hand is. Hand, bodies and person move and turn as a whole.
+    Paths and surfaces are also scaled, by the largest of `SCALES` with which the cables hold the hand everywhere;
+    materials, such as a stiffness or the period of ripples, and scenarios in a body's frame are not.
 
     Parameters
     ----------
@@ -173,12 +203,16 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
         One of `SCENARIOS`, or the path of a file: it ends in ``.toml`` or has a separator.
     rig : str or path, optional
         A rig, as `load_rig` takes it, in place of the scenario's own: that of its key ``rig``, or NAME.rig.toml
-        next to NAME.toml. A rig with another ``up`` is turned by `Rig.with_up_axis`.
+        next to NAME.toml. For one with another ``up`` the scenario is turned.
+    at : (d,) array_like, optional
+        Where the hand starts, in m, in the axes of the rig; its home if only ``facing`` is given.
+    facing : (d,) array_like, optional
+        Where the person faces, along the floor; left out: the axis after the one that is up.
 
     Raises
     ------
     ScenarioError
-        Naming the file and the key: what is wrong and what to do.
+        Naming the file and the key: what is wrong and what to do; or the place that the rig does not reach.
     RigError
         If the rig's file is.
 
@@ -197,13 +231,20 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
         path = FOLDER / f"{name}.toml"
     contents = read_toml(path, "a scenario file (*.toml)", ScenarioError)
     try:
-        return _scenario(contents, path, rig)
+        scenario, loaded = _scenario(contents, path, rig)
     except (ScenarioError, EffectError) as error:
         raise ScenarioError(f"{path}: {error}") from None
+    if at is not None or facing is not None:
+        return _placed(scenario, loaded, at, facing)
+    if loaded.up == scenario.up:
+        return scenario
+    rotation, origin = axes_of(loaded.upward) @ axes_of(scenario.rig.upward).T, np.zeros(loaded.dimension)
+    text = f'turned to have {loaded.up} up, as rig "{loaded.name}" has'
+    return scenario.mapped(loaded, Similarity(rotation, origin, origin), text)
 
 
-def _scenario(contents: dict[str, Any], path: Path, rig: str | PathLike[str] | None) -> Scenario:
-    """Return the scenario of a file; ``rig`` in it is a rig, by name, or by file in the same folder."""
+def _scenario(contents: dict[str, Any], path: Path, rig: str | PathLike[str] | None) -> tuple[Scenario, Rig]:
+    """Return the scenario of a file in its own axes, and its rig; a path in its ``rig`` is from its folder."""
     if "up" not in contents:
         raise ScenarioError("up is missing; give the axis that points up")
     if unknown := contents.keys() & {"name", "placement"}:
@@ -220,29 +261,62 @@ def _scenario(contents: dict[str, Any], path: Path, rig: str | PathLike[str] | N
             loaded = load_rig(path.parent / named if is_path(named, ".toml") else named)
         except RigError as error:
             raise RigError(f'{path}: key "rig": {error}') from None
-    loaded, turned = _with_up_axis(loaded, contents["up"])
+    if loaded.up is None:
+        raise ScenarioError(f'rig "{loaded.name}": key "up" is missing; give the axis that points up')
+    try:
+        unturned = replace(loaded, up=contents["up"])  # the scenario is read in its own axes
+    except RigError as error:
+        raise ScenarioError(f'{error}, as rig "{loaded.name}" ({loaded.kind}) has them, or another rig') from None
     for phase in phases if isinstance(phases, list) else ():
         if isinstance(phase, dict) and isinstance(given := phase.get("effects"), dict):
-            phase["effects"] = {name: parse_effect(name, effect, loaded) for name, effect in given.items()}
-    whole = contents | {"name": path.stem, "rig": loaded, "placement": turned}
-    scenario: Scenario = validate(Scenario, whole, ScenarioError)
+            phase["effects"] = {name: parse_effect(name, effect, unturned) for name, effect in given.items()}
+    scenario: Scenario = validate(Scenario, contents | {"name": path.stem, "rig": unturned}, ScenarioError)
     for phase in scenario.phases:
         if phase.hold is not None:
             require_dimension(phase.hold, loaded.dimension, f'phase "{phase.name}": hold')
-    return scenario
+    return scenario, loaded
 
 
-def _with_up_axis(rig: Rig, up: str) -> tuple[Rig, str]:
-    """Return the rig turned to an ``up``, and a sentence about it; an empty one if it was not turned."""
-    if rig.up is None or rig.up == up:
-        return rig, ""
+def _placed(scenario: Scenario, rig: Rig, at: ArrayLike | None, facing: ArrayLike | None) -> Scenario:
+    """Return the scenario where the hand is on a rig, as large as the cables hold it."""
+    here = rig.home if at is None else np.asarray(at, dtype=np.float64)
+    front = np.roll(np.abs(rig.upward), 1) if facing is None else np.asarray(facing, dtype=np.float64)
+    if here.shape != rig.home.shape or front.shape != rig.home.shape:
+        raise ScenarioError(f'at and facing have {rig.dimension} components on rig "{rig.name}"')
+    level = front - (front @ rig.upward) * rig.upward
+    if (size := float(np.linalg.norm(level))) < 1e-6:
+        raise ScenarioError(f"facing {format_vector(front)} points up or down; give a direction along the floor")
+    rotation = axes_of(rig.upward, level / size) @ axes_of(scenario.rig.upward).T
+    start: Floats = np.array(scenario.person.script.waypoints[0].position)
+    text = f"placed at {format_vector(here)} m, facing {format_vector((level / size).round(2) + 0.0)}"
+    sized, missed = text, here
+    for scale in SCALES[:1] if scenario.frame is not None else SCALES:
+        sized = text if scale == 1.0 else f"{text}, at {100.0 * scale:.0f} % of its size"
+        placed = scenario.mapped(rig, Similarity(rotation, start, here, scale), sized)
+        path, held = _held(placed)
+        if held.all():
+            return placed
+        missed = path[int(np.argmin(held))]
+    raise ScenarioError(
+        f'scenario "{scenario.name}" does not fit: {sized}, the cables of rig "{rig.name}" do not hold the '
+        f"hand at {format_vector(missed.round(2) + 0.0)} m; start elsewhere (the rig's home is "
+        f"{format_vector(rig.home)} m), or give another rig"
+    )
+
+
+def _held(scenario: Scenario) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the path of the hand (K, d), and where the cables hold it: anywhere if not even at the rig's home."""
+    rig, person = scenario.rig, scenario.person
+    times = np.arange(0.0, scenario.seconds, PATH_STEP_S)
+    path = np.array([person.script.position(time) for time in times])
+    frames = {
+        name: (np.array([person.bodies[name].position(time) for time in times]), None) for name in rig.frames
+    }
+    nothing, home = rig.required.middle(rig), rig.structure_matrix(rig.home, frames=rig.at_rest)
+    if rig.m <= rig.n or allocate(home, nothing, rig.limits).status != Status.EXACT:
+        return path, np.ones(len(path), dtype=np.bool_)
     try:
-        turned = rig.with_up_axis(up)
-    except RigError as error:
-        raise ScenarioError(f'{error}, as rig "{rig.name}" ({rig.kind}) has them, or another rig') from None
-    axes = []
-    for row in turn_axes(rig.upward, turned.upward):
-        index = int(np.abs(row).argmax())
-        axes.append("-" * int(row[index] < 0) + "xyz"[index])
-    names = ", ".join("xyz"[: rig.dimension])
-    return turned, f'rig "{rig.name}" has {rig.up} up and is turned: its {", ".join(axes)} are {names} here'
+        structure = rig.structure_matrix(path, frames=frames)
+    except RigError:  # the hand comes to an anchor
+        return path, np.zeros(len(path), dtype=np.bool_)
+    return path, allocate(structure, nothing, rig.limits).status == Status.EXACT

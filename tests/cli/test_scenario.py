@@ -48,7 +48,7 @@ def test_on_another_rig_what_it_needs_is_told_first(run, tmp_path, monkeypatch):
     status, out, err = run("scenario", "materials", "--rig", "seven-modules", *words)
     assert status == 0, err
     lines = out.splitlines()
-    assert lines[0] == 'rig "seven-modules" has y up and is turned: its z, x, y are x, y, z here'
+    assert lines[0] == 'turned to have y up, as rig "seven-modules" has'
     assert lines[1] == 'Can seven-modules play "materials"?'
     needs = lines[: lines.index("")]
     assert [line.split()[1:3] for line in needs if line.startswith(("✓", "✗"))] == [
@@ -70,7 +70,7 @@ def test_it_is_played_where_the_hand_is(run):
     assert "start elsewhere (the rig's home is (0, 0, 0) m)" in err
     status, _, err = run(*words[:-3], "1", "0")
     assert status == 2
-    assert "--facing has 2 components; tetra-4 needs 3" in err
+    assert 'at and facing have 3 components on rig "tetra-4"' in err
 
 
 def test_a_rig_that_can_do_nothing_of_it_does_not_play(run, tmp_path):

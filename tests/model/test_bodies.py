@@ -56,16 +56,11 @@ def load(bodies):
 
 
 @pytest.mark.parametrize("bodies", ['bodies = "standing"', MOST, TABLES], ids=["word", "table", "tables"])
-def test_bodies_survive_a_file_and_two_changes_of_axes(bodies):
+def test_bodies_survive_a_file(bodies):
     rig = load(bodies)
     tl.save_rig(rig, "desk.toml")
     assert tl.load_rig("desk.toml") == rig
     assert rig != replace(rig, bodies=rig.bodies[:-1], rest=() if bodies == TABLES else rig.rest)
-    turned = rig.with_up_axis("y")
-    np.testing.assert_allclose(
-        tl.workspace.body_distances(turned, turned.home), tl.workspace.body_distances(rig, rig.home), atol=1e-12
-    )
-    assert turned.with_up_axis("z") == rig
 
 
 def test_a_file_lists_spheres_capsules_and_boxes():

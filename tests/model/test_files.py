@@ -217,15 +217,12 @@ def test_pydantic_is_imported_only_to_read_a_file():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_rest_poses_of_body_frames_are_kept_and_turn_with_the_rig():
+def test_rest_poses_of_body_frames_are_kept():
     rig = tl.load_rig("body-mounted")
     assert rig.at_rest["shoulder"].position.tolist() == [-0.2, 1.4, 0.0]
     turn = tl.RestPose("hip", [-0.15, 0.95, 0.0], [0.1, 0.2, -0.3])
     rig = dataclasses.replace(rig, rest=(rig.rest[0], turn))
     assert rig_from_toml(rig_to_toml(rig), "again") == rig
-    upright = rig.with_up_axis("z")
-    lengths = [each.lengths(each.home, frames=each.at_rest) for each in (rig, upright)]
-    np.testing.assert_allclose(lengths[0], lengths[1])
 
 
 @pytest.mark.parametrize(

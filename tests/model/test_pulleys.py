@@ -289,12 +289,10 @@ def test_a_world_of_mujoco_has_pulleys_that_swivel():
     assert max(off) < 1e-3
 
 
-def test_pulleys_are_read_written_and_turned(tmp_path):
+def test_pulleys_are_read_and_written(tmp_path):
     rig = over_pulleys(tl.load_rig("bartels2026-validation"))
     tl.save_rig(rig, tmp_path / "rig.toml")
     assert tl.load_rig(tmp_path / "rig.toml") == rig
-    turned = rig.with_up_axis("z")
-    np.testing.assert_allclose(turned.lengths(turned.home), rig.lengths(rig.home), rtol=1e-14)
     shared = replace(rig, modules=tuple(replace(m, pulley_radius=0.1, pulley_axis=[0, 1, 0]) for m in rig.modules))
     tl.save_rig(shared, tmp_path / "shared.toml")
     text = (tmp_path / "shared.toml").read_text(encoding="utf-8")

@@ -16,7 +16,13 @@ from tensionlab.scenarios.play import play, simulate_modules
 from tensionlab.solvers.base import Status
 
 MATERIALS = load_scenario("materials")
-SEVEN = tl.load_rig("seven-modules").with_up_axis("z")
+ROOM = tl.load_rig("seven-modules")  # with Y up
+SEVEN = replace(
+    ROOM,
+    up="z",
+    home=np.roll(ROOM.home, 1),
+    modules=tuple(replace(module, anchor=np.roll(module.anchor, 1)) for module in ROOM.modules),
+)
 FLOOR = Plane((0.0, 0.0, 1.0))
 ROUGH = Texture(Wall(FLOOR), ripples=Ripples(period=0.012, height=0.0005))
 STILL = [(0.0, (0.0, 0.0, 1.15)), (3.0, (0.0, 0.0, 1.15))]

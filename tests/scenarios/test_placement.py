@@ -1,5 +1,7 @@
 """Scenarios moved to where the hand is, turned to where the person faces, and scaled to the rig's reach."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ import tensionlab as tl
 from tensionlab.allocation import Status
 from tensionlab.errors import ScenarioError
 from tensionlab.haptics.effects import Motion
-from tensionlab.scenarios import SCENARIOS, load_scenario, place
+from tensionlab.scenarios import SCENARIOS, load_scenario
 
 # Y up, facing X: what was x, y, z with z up is now this.
 TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
@@ -15,10 +17,13 @@ AT = np.array([0.05, 1.1, -0.02])
 
 
 @pytest.fixture(params=SCENARIOS)
-def pair(request):
+def pair(request, tmp_path):
     """A scenario with Z up, and the same on its rig with Y up, elsewhere; both have the size of the file."""
     scenario = load_scenario(request.param)
-    return scenario, place(scenario, scenario.rig.with_up_axis("y"), AT, [1.0, 0.0, 0.0])
+    rig = scenario.rig
+    modules = tuple(replace(module, anchor=TURN @ module.anchor) for module in rig.modules)
+    tl.save_rig(replace(rig, up="y", home=TURN @ rig.home, modules=modules), tmp_path / "turned.toml")
+    return scenario, load_scenario(request.param, tmp_path / "turned.toml", AT, [1.0, 0.0, 0.0])
 
 
 def test_the_person_feels_the_same_wherever_it_is_placed(pair):
@@ -58,8 +63,7 @@ def test_hand_and_bodies_keep_their_distances(pair):
 @pytest.mark.parametrize("height", [0.0, 0.1, 0.2, 0.26])
 def test_the_path_is_as_large_as_the_reach_allows(height):
     rig = tl.load_rig("tetra-4")
-    scenario = load_scenario("materials", "tetra-4")
-    placed = place(scenario, rig, [0.0, 0.0, height])
+    scenario, placed = load_scenario("materials"), load_scenario("materials", "tetra-4", [0.0, 0.0, height])
     ways = [np.array([point.position for point in each.person.script.waypoints]) for each in (scenario, placed)]
     sizes = [np.linalg.norm(way - way[0], axis=1) for way in ways]
     scale = sizes[1].max() / sizes[0].max()
@@ -76,12 +80,15 @@ def test_the_path_is_as_large_as_the_reach_allows(height):
     assert ("of its size" in placed.placement) == (scale < 0.99)
 
 
-def test_what_does_not_fit_is_refused_in_words():
-    rig, scenario = tl.load_rig("tetra-4"), load_scenario("materials", "tetra-4")
-    with pytest.raises(ScenarioError, match=r'"materials" does not fit: .* at 50 % .*; start elsewhere \(the rig'):
-        place(scenario, rig, [0.0, 0.0, 0.3])
-    with pytest.raises(ScenarioError, match=r"facing \(0, 2, 0\) points up or down; give a direction along"):
-        place(scenario, rig, facing=[0.0, 2.0, 0.0])
-    anchor = rig.anchors[0]
-    with pytest.raises(ScenarioError, match="does not fit"):
-        place(scenario, rig, anchor)
+@pytest.mark.parametrize(
+    ("at", "facing", "said"),
+    [
+        ([0.0, 0.0, 0.3], None, r'"materials" does not fit: .* at 50 % .*; start elsewhere \(the rig'),
+        ([0.5, 0.5, 0.5], None, "does not fit"),  # an anchor
+        (None, [0.0, 2.0, 0.0], r"facing \(0, 2, 0\) points up or down; give a direction along"),
+        ([0.0, 0.0], None, "at and facing have 3 components"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_words(at, facing, said):
+    with pytest.raises(ScenarioError, match=said):
+        load_scenario("materials", "tetra-4", at, facing)

@@ -87,17 +87,20 @@ def test_a_refusal_names_the_file_and_the_key(bow, old, new, said):
     assert said in str(refused.value)
 
 
-def test_a_rig_that_stands_otherwise_is_turned_and_one_that_does_not_say_how_is_refused(tmp_path):
+def test_a_scenario_is_turned_for_a_rig_and_one_that_does_not_say_how_is_refused(tmp_path):
     """Unturned, a rig with Y up would play a scenario with Z up, most of its forces out of reach."""
     own = load_rig("bartels2026-validation")
     turned = load_scenario("materials", rig="bartels2026-validation")
-    assert (turned.rig.up, turned.up) == ("z", "z")
-    assert turned.placement == 'rig "bartels2026-validation" has y up and is turned: its z, x, y are x, y, z here'
-    np.testing.assert_array_equal(turned.rig.anchors, own.anchors[:, [2, 0, 1]])
+    assert (turned.rig, turned.up) == (own, "y")
+    assert turned.placement == 'turned to have y up, as rig "bartels2026-validation" has'
+    unturned = load_scenario("materials")
+    for before, after in zip(unturned.person.script.waypoints, turned.person.script.waypoints, strict=True):
+        np.testing.assert_array_equal(after.position, np.array(before.position)[[1, 2, 0]])  # x ahead is now z
+    assert turned.phases[0].effects["magnet"].plane.normal == (0.0, 1.0, 0.0)
     assert load_scenario("materials").placement == ""
     text = Path("datasets/rigs/bartels2026-validation.toml").read_text()
     (tmp_path / "mine.toml").write_text(text.replace('up = "y"\n', ""))
-    with pytest.raises(ScenarioError, match='rig "bartels2026-validation" no key "up"; give a rig'):
+    with pytest.raises(ScenarioError, match='rig "bartels2026-validation": key "up" is missing; give'):
         load_scenario("materials", rig=tmp_path / "mine.toml")
 
 

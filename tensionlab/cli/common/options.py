@@ -62,10 +62,10 @@ def parse_components(name: str, text: str, components: list[str], owner: str) ->
     return values
 
 
-def parse_position(text: str | None, rig: Rig, name: str = "--at") -> Floats:
-    """Return the position that an option gives, in m; the rig's home if it is left out."""
+def parse_position(text: str | None, rig: Rig) -> Floats:
+    """Return the position that ``--at`` gives, in m; the rig's home if it is left out."""
     axes = [f"{axis} (m)" for axis in "xyz"[: rig.dimension]]
-    return rig.home if text is None else np.array(parse_components(name, text, axes, rig.name))
+    return rig.home if text is None else np.array(parse_components("--at", text, axes, rig.name))
 
 
 def parse_names(values: list[str] | None) -> list[str] | None:
