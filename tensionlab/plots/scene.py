@@ -7,13 +7,15 @@ right, shortened. So sizes can be read off, and parts behind one another are sti
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from tensionlab.haptics.effects import Plane
+from tensionlab.plots.rig import body_outlines, draw_bodies
 from tensionlab.plots.style import Entry
-from tensionlab.scenarios.scenery import HEAD_M, ScenerySurface, scenery, stick_figure
+from tensionlab.scenarios.scenery import ScenerySurface, scenery, standing_person
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, ORANGE, RED
 
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from tensionlab.scenarios import Scenario
 
 DEPTH = (0.40, 0.25)  # right and up, for each metre of depth
-FLOOR_COLOUR, SURFACE_COLOUR, PERSON_COLOUR = "#DDDDDD", "#56B4E9", "#D3D3D3"
+FLOOR_COLOUR, SURFACE_COLOUR = "#DDDDDD", "#56B4E9"
 TILE_M = 0.5  # side of a tile of the floor, in m
 PATCH_M = 0.25  # half the side of the patch that is drawn for a wall, in m
 ARC = np.radians(np.linspace(-16.0, 16.0, 33))  # angles of the arc that marks the end of a reach
@@ -98,8 +100,10 @@ def draw_scene(
         feet = [] if scenario.feet is None else [np.array(scenario.feet)]
         _draw_floor(axes, view, up, np.array([*moment.anchors, *path, moment.held, *feet]))
         if feet:
-            bodies = [(scenario.labels.get(name, name), place) for name, place in moment.bodies.items()]
-            draw_person(axes, view, up, feet[0], [(held_name, moment.held), *bodies])
+            places = [(scenario.labels.get(name, name), place) for name, place in moment.bodies.items()]
+            bodies, at_rest = standing_person(feet[0], rig.up or "y", [(held_name, moment.held), *places])
+            parts = body_outlines(replace(rig, bodies=bodies, rest=(*rig.rest, at_rest)))
+            draw_bodies(axes, [view(points) for points in parts])
     origin, names = origin_of(scenario, moment), {}
     drawn = [path[:: max(1, len(path) // 20)]]
     phases_of: dict[ScenerySurface, list[str]] = {}
@@ -182,14 +186,3 @@ def _draw_surface(
     axes.add_patch(Polygon(view(places), fill=False, edgecolor=colour, linewidth=1.6, zorder=3))
     edges = places[:, None] + np.linspace(0.0, 1.0, 4)[:-1, None] * (np.roll(places, -1, axis=0) - places)[:, None]
     return np.asarray(edges.reshape(-1, normal.size))
-
-
-def draw_person(axes: Axes, view: View, up: int, feet: Floats, places: Sequence[tuple[str, Floats]]) -> None:
-    """Draw a light stick figure: `tensionlab.scenarios.scenery`."""
-    from matplotlib.patches import Circle
-
-    figure = stick_figure(feet, np.eye(3)[up], places)
-    for line in figure.lines:
-        axes.plot(*view(line).T, color=PERSON_COLOUR, linewidth=7.0, solid_capstyle="round",
-                  solid_joinstyle="round", zorder=1)  # fmt: skip
-    axes.add_patch(Circle(tuple(view(figure.head)), HEAD_M, color=PERSON_COLOUR, linewidth=0.0, zorder=1))

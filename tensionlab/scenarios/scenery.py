@@ -1,4 +1,4 @@
-"""Scenery of a scenario: surfaces by phase, and the person as a stick figure.
+"""Scenery of a scenario: surfaces by phase, and the person.
 
 It consists of plain numbers and words, for the logs of runs and the pages of other processes.
 """
@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from itertools import permutations
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import FiniteFloat
 
 from tensionlab.errors import TensionlabError
 from tensionlab.haptics.effects.shape import Box, Sphere
+from tensionlab.model.bodies import Body, person
+from tensionlab.model.module import upward
+from tensionlab.model.pose import RestPose
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenario import Phase, Scenario
 from tensionlab.support.arrays import Floats
@@ -22,11 +24,7 @@ from tensionlab.support.validation import validate
 
 Numbers = tuple[FiniteFloat, ...]
 FLAT_PARTS = ("plane", "surface")  # parameters of effects that are flat surfaces
-# Default heights of the joints of a standing person.
-JOINT_HEIGHTS_M = {"hip": 0.92, "shoulder": 1.42, "head": 1.66}
-LIMB_M = 0.30  # length of an upper arm, and of a forearm with half a hand
-# From the middle to a shoulder, from the middle to a foot, and of the head's radius.
-SHOULDER_M, STANCE_M, HEAD_M = 0.18, 0.12, 0.10
+TRUNK = ("head", "torso", "shoulder", "hip")  # parts of a person that its feet are below
 
 
 @dataclass(frozen=True)
@@ -134,56 +132,17 @@ def read_scenery(given: Mapping[str, Any], rig: Rig, where: str, error: type[Ten
     return found
 
 
-class StickFigure(NamedTuple):
-    """Limbs and trunk as lines (k, 3) through joints, and the centre of the head (3,), in m."""
+def standing_person(
+    feet: Floats, up: str, places: Sequence[tuple[str, Floats]]
+) -> tuple[tuple[Body, ...], RestPose]:
+    """Return the bodies of a person, and the pose of their frame.
 
-    lines: list[Floats]
-    head: Floats
-
-
-def stick_figure(feet: Floats, up: Floats, places: Sequence[tuple[str, Floats]]) -> StickFigure:
-    """Return a person who stands at a point between its feet (3,) in m, with known parts at their places.
-
-    ``up`` (3,) is a unit vector; ``places`` are names and positions (3,), where "hand", "head", "torso" (between
-    the shoulders), "shoulder", "hip" or "foot" in a name tells the part.
+    It faces ``places`` (3,) in m that are named as a hand, and stands below those named as a part of its trunk, or
+    at ``feet`` (3,). ``up`` is the axis that points up.
     """
-    parts = (*JOINT_HEIGHTS_M, "torso", "hand", "foot")
-    known = {part: [place for name, place in places if part in name] for part in parts}
-
-    def mean_of(part: str, otherwise: Floats) -> Floats:
-        return np.mean(known[part], axis=0) if known[part] else otherwise
-
-    hips, shoulders, head = (mean_of(part, feet + height * up) for part, height in JOINT_HEIGHTS_M.items())
-    towards = mean_of("hand", shoulders) - feet
-    ahead = towards - (towards @ up) * up  # along the floor
-    length = np.linalg.norm(ahead)
-    ahead = ahead / length if length > 1e-6 else np.roll(np.abs(up), 1)
-    left = np.cross(up, ahead)
-    if len(known["shoulder"]) == 1:  # the right one or the left one
-        shoulders = shoulders - np.sign(left @ (known["shoulder"][0] - feet)) * SHOULDER_M * left
-    shoulders = mean_of("torso", shoulders)
-    neck = (JOINT_HEIGHTS_M["head"] - JOINT_HEIGHTS_M["shoulder"]) * up
-    if known["head"] and not (known["shoulder"] or known["torso"]):
-        shoulders = head - neck
-    if not known["head"]:
-        head = shoulders + neck
-    soles = known["foot"] or [feet + side * STANCE_M * (left + ahead) for side in (1.0, -1.0)]
-    ends = [shoulders + side * SHOULDER_M * left for side in (-1.0, 1.0)]
-    hands = known["hand"] + [end - 2 * LIMB_M * up for end in ends][len(known["hand"]) :]
-    pairs = [list(pair) for pair in permutations(hands[:2])]
-    hands = min(pairs, key=lambda pair: float(np.linalg.norm(np.array(ends) - np.array(pair), axis=1).sum()))
-    lines = [*([hips, foot] for foot in soles), [hips, shoulders, head], ends]
-    lines += [[end, _elbow(end, hand, -up), hand] for end, hand in zip(ends, hands, strict=True)]
-    return StickFigure([np.array(line) for line in lines], head)
-
-
-def _elbow(shoulder: Floats, hand: Floats, down: Floats) -> Floats:
-    """Return the elbow, which hangs down."""
-    arm = hand - shoulder
-    size, middle = float(np.linalg.norm(arm)), shoulder + arm / 2
-    if size >= 2 * LIMB_M or size == 0.0:
-        return middle
-    hanging = down - (down @ arm) / size**2 * arm
-    if (length := float(np.linalg.norm(hanging))) > 1e-6:
-        middle = middle + hanging / length * np.sqrt(LIMB_M**2 - size**2 / 4)
-    return middle
+    across = 1.0 - np.abs(upward(up, 3))
+    trunk = [place for name, place in places if any(part in name for part in TRUNK)]
+    at = feet + across * (np.mean(trunk, axis=0) - feet) if trunk else feet
+    hands = [place for name, place in places if "hand" in name]
+    ahead = across * (np.mean(hands, axis=0) - at) if hands else np.zeros(3)
+    return person("standing", up, at, ahead if float(np.linalg.norm(ahead)) > 1e-6 else None)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.model.bodies import HAND, Body
+from tensionlab.model.directions import circle, fibonacci
 from tensionlab.model.kinematics import in_space
 from tensionlab.model.pose import Frames, frame_of, rotations
 from tensionlab.model.rig import Rig
@@ -55,14 +56,14 @@ def draw_bodies(
     where = rig.at_rest | dict(frames or {}) | {HAND: (position, rotation)}
     return BodyScene(
         bodies=rig.bodies,
-        poses=tuple(_matrix(rig.dimension, where.get(body.frame)) for body in rig.bodies),
+        poses=tuple(pose_matrix(rig.dimension, where.get(body.frame)) for body in rig.bodies),
         near=excess < 0.0,
         cable=plain_lines(in_space(cables[module])[None], RED if below else GREY),
         label=label + f", margin {nearest.margin:g} m" * below,
     )
 
 
-def _matrix(d: int, where: Any) -> Floats:
+def pose_matrix(d: int, where: Any) -> Floats:
     """Return the pose of a frame, None for the world, as a matrix (4, 4)."""
     matrix = np.eye(4)
     if where is not None:
@@ -79,11 +80,7 @@ def body_mesh(body: Body) -> Mesh:
     if body.size is not None:
         points = body.start + body.size * np.stack(np.meshgrid(*[[-0.5, 0.5]] * d), axis=-1).reshape(-1, d)
     else:
-        count, steps = ROUND_POINTS, np.arange(ROUND_POINTS)
-        height = np.zeros(count) if d == 2 else 1.0 - (2.0 * steps + 1.0) / count
-        turn = steps * (2.0 * np.pi / count if d == 2 else np.pi * (1.0 + 5.0**0.5))  # the golden angle
-        around = np.sqrt(1.0 - height**2)
-        ball = body.radius * np.column_stack([around * np.cos(turn), around * np.sin(turn), height])[:, :d]
+        ball = body.radius * (circle(ROUND_POINTS) if d == 2 else fibonacci(ROUND_POINTS))
         points = np.concatenate([end + ball for end in (body.start, body.end) if end is not None])
     hull = polytope(points)
     assert hull is not None

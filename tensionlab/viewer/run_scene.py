@@ -15,13 +15,12 @@ from tensionlab.model.kinematics import in_space
 from tensionlab.model.pose import CoordinateFrame
 from tensionlab.model.pulleys import ARC_POINTS, ways
 from tensionlab.model.rig import Rig
-from tensionlab.scenarios.scenery import HEAD_M, Scenery, ScenerySurface, StickFigure, stick_figure
+from tensionlab.scenarios.scenery import Scenery, ScenerySurface, standing_person
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import FORCE_COLOURS, GREEN, GREY, RED, Colours, ramp, rgb
-from tensionlab.viewer.bodies import BodyDrawing, BodyScene, draw_bodies
+from tensionlab.viewer.bodies import BodyDrawing, BodyScene, draw_bodies, pose_matrix
 from tensionlab.viewer.html import tension_text
 from tensionlab.viewer.scene import (
-    NO_LINE,
     Lines,
     RigDrawing,
     RigScene,
@@ -30,7 +29,6 @@ from tensionlab.viewer.scene import (
     module_colours,
     platform_lines,
     size,
-    upward,
 )
 
 # Length of the arrows of forces against those of the design page, which shows all available forces too.
@@ -38,10 +36,9 @@ ENLARGED = 2.0
 APART = 0.012  # distance between arrows of equal forces, as a share of the size of the rig
 SLACK_SHARE = 0.5  # share of its lower limit below which a cable is slack
 DASHES = 24  # dashes along a cable that is slack, or whose module is lost
-SURFACE_COLOUR, PERSON_COLOUR = "#56B4E9", "#B8B8B8"
+SURFACE_COLOUR = "#56B4E9"
 ACTIVE_OPACITY, IDLE_OPACITY = 0.4, 0.08
 PLATE_M, THICKNESS_M = 0.5, 0.004  # sides and thickness of the plate that shows a plane, or the end of a reach
-LIMB_M = 0.03  # thickness of limbs
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,26 +189,25 @@ class SceneryScene:
 
     places: dict[str, Floats]  # of the held point and the bodies, (3,), in m, by their names in the scenario
     solids: list[Solid]  # surfaces of all phases, in their order
-    person: StickFigure | None  # None if the scenario has none
+    person: BodyScene  # none where the scenario has none, or the rig has bodies of its own
 
     @property
     def points(self) -> Floats:
         """Points (k, 3) in m that a picture of the run should hold."""
-        joints = [] if self.person is None else [*self.person.lines, self.person.head[None]]
-        return np.concatenate([np.empty((0, 3)), *joints, *(solid.centre[None] for solid in self.solids)])
+        return np.concatenate([self.person.points, *(solid.centre[None] for solid in self.solids)])
 
 
 def draw_scenery(scenery: Scenery, rig: Rig, instant: Instant) -> SceneryScene:
     """Return where the surroundings of a rig are at an instant."""
-    bodies = {
-        name: in_space(np.asarray(frame.position)) for name, frame in instant.frames.items() if name in rig.frames
-    }
+    frames = {name: in_space(np.asarray(frame.position)) for name, frame in instant.frames.items()}
     places, labels = {scenery.held_name(rig) or "hand": in_space(instant.hand)}, scenery.labels or {}
-    places |= {labels.get(name, name): place for name, place in bodies.items()}
-    person = None
-    if scenery.feet is not None:
-        person = stick_figure(in_space(np.array(scenery.feet)), upward(rig), list(places.items()))
-    origin = np.zeros(3) if scenery.frame is None else bodies[scenery.frame]
+    places |= {labels.get(name, name): place for name, place in frames.items() if name in rig.frames}
+    person = BodyScene()
+    if scenery.feet is not None and rig.dimension == 3 and not rig.bodies:
+        bodies, at_rest = standing_person(np.array(scenery.feet), rig.up or "y", list(places.items()))
+        matrix = pose_matrix(3, at_rest.frame)
+        person = BodyScene(bodies, (matrix,) * len(bodies), np.zeros((0, len(bodies)), bool))
+    origin = np.zeros(3) if scenery.frame is None else frames[scenery.frame]
     middle = in_space(np.array(scenery.middle))
     surfaces = (surface for phase in scenery.phases for surface in phase.surfaces)
     return SceneryScene(places, [place_surface(surface, origin, middle) for surface in surfaces], person)
@@ -227,13 +223,9 @@ class RunDrawing:
         self._rig, self._scenery = rig, scenery
         points = [instant.anchors, instant.hand[None]]
         if scenery is not None:
-            drawn, scene, grey = draw_scenery(scenery, rig, instant), server.scene, rgb(PERSON_COLOUR)
+            drawn, scene = draw_scenery(scenery, rig, instant), server.scene
             points.append(drawn.points[:, : rig.dimension])
             self._solids = [_add_solid(scene, f"/scenery/{i}", solid) for i, solid in enumerate(drawn.solids)]
-            self._person = scene.add_line_segments(
-                "/person", NO_LINE, grey, thickness=LIMB_M, thickness_units="world", visible=False
-            )
-            self._head = scene.add_icosphere("/head", HEAD_M, color=grey, visible=False)
             count = len(drawn.places)
             self._names = [scene.add_label(f"/names/{i}", "", anchor="top-left") for i in range(count)]
         points.append(instant.bodies.points[:, : rig.dimension])
@@ -244,20 +236,17 @@ class RunDrawing:
     def show(self, instant: Instant, *, fresh: bool = True) -> None:
         """Bring all nodes up to date; an instant that is not fresh is grey, and in no phase."""
         self._drawing.show(draw_instant(self._rig, instant, fresh=fresh))
-        self._bodies.show(instant.bodies)
         if self._scenery is None:
+            self._bodies.show(instant.bodies)
             return
         drawn = draw_scenery(self._scenery, self._rig, instant)
+        self._bodies.show(instant.bodies if self._rig.bodies else drawn.person)
         active = self._scenery.active_phases(instant.time) if fresh else ()
         surfaces = [(phase in active, each) for phase in self._scenery.phases for each in phase.surfaces]
         for node, solid, (lit, surface) in zip(self._solids, drawn.solids, surfaces, strict=True):
             node.position, node.wxyz = solid.centre, solid.turn
             colour = GREY if not lit else GREEN if surface.brakes else SURFACE_COLOUR
             node.color, node.opacity = tuple(rgb(colour).tolist()), ACTIVE_OPACITY if lit else IDLE_OPACITY
-        self._person.visible = self._head.visible = drawn.person is not None
-        if drawn.person is not None:
-            limbs = [np.stack([line[:-1], line[1:]], axis=1) for line in drawn.person.lines]
-            self._person.points, self._head.position = np.concatenate(limbs), drawn.person.head
         for node, (name, place) in zip(self._names, drawn.places.items(), strict=True):
             node.text, node.position = name, place
 

@@ -5,13 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tensionlab.errors import LogError
 from tensionlab.haptics.effects import Box, Shape
 from tensionlab.hardware.log.reader import read_run
+from tensionlab.model.module import upward
 from tensionlab.scenarios import SCENARIOS, Phase, load_scenario
 from tensionlab.scenarios.play import play, simulate_modules
-from tensionlab.scenarios.scenery import ScenerySurface, as_mapping, read_scenery, scenery, stick_figure
+from tensionlab.scenarios.scenery import ScenerySurface, as_mapping, read_scenery, scenery, standing_person
 
 
 def kinds(name):
@@ -82,11 +84,21 @@ def test_a_scenery_that_is_none_of_the_rig_is_refused(change, message):
         read_scenery(given, bow.rig, "run.mcap", LogError)
 
 
-def test_it_stands_along_any_axis():
-    turn = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # z becomes y
-    feet, hand = np.array([0.1, 0.2, 0.0]), np.array([0.6, 0.1, 1.2])
-    one = stick_figure(feet, np.array([0.0, 0.0, 1.0]), [("hand", hand)])
-    other = stick_figure(turn @ feet, turn @ [0.0, 0.0, 1.0], [("hand", turn @ hand)])
-    np.testing.assert_allclose(other.head, turn @ one.head)
-    for line, same in zip(one.lines, other.lines, strict=True):
-        np.testing.assert_allclose(same, line @ turn.T)
+def placed(*places, up="z", feet=(0.1, 0.2, 0.0)):
+    """Where a person stands, and the direction that it faces, for places of its parts."""
+    bodies, at_rest = standing_person(np.array(feet), up, [(name, np.array(place)) for name, place in places])
+    assert {body.frame for body in bodies} == {at_rest.name}
+    ahead = np.roll(upward(up, 3), 1)
+    return at_rest.position, Rotation.from_rotvec(np.array(at_rest.rotation)).apply(ahead)
+
+
+def test_a_person_faces_its_hands_from_below_its_trunk():
+    at, ahead = placed(("left hand", (0.6, 0.4, 1.2)), ("right hand", (0.6, 0.0, 1.0)))
+    np.testing.assert_allclose(at, [0.1, 0.2, 0.0])
+    np.testing.assert_allclose(ahead, [1.0, 0.0, 0.0], atol=1e-12)
+    at, ahead = placed(("torso", (0.5, 0.0, 1.4)), ("head", (0.7, 0.0, 1.6)), ("hand", (0.6, -0.9, 1.2)))
+    np.testing.assert_allclose(at, [0.6, 0.0, 0.0])
+    np.testing.assert_allclose(ahead, [0.0, -1.0, 0.0], atol=1e-12)
+    at, ahead = placed(("hand", (1.1, 1.3, 0.2)), up="y", feet=(0.1, 0.0, 0.2))
+    np.testing.assert_allclose([*at, *ahead], [0.1, 0.0, 0.2, 1.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(placed(("hand", (0.1, 0.2, 2.0)))[1], placed()[1], atol=1e-12)
