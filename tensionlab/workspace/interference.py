@@ -168,32 +168,12 @@ def distances_to_placed(cables: Floats, bodies: Sequence[Body], placed: Sequence
 def segment_box_distance(segments: Floats, half: Floats) -> Floats:
     """Return the distance (...) of segments (..., 2, d) from a box about the origin with half edges (d,), in m.
 
-    Its square is convex along a segment, and quadratic between the crossings with the planes of the faces: the
-    least value is that of one of these parts. Zero only where a segment touches or enters the box.
+    Zero only where a segment touches or enters the box.
     """
-    start, along = segments[..., :1, :], segments[..., 1:, :] - segments[..., :1, :]
-
-    def excess(share: Floats) -> Floats:
-        """Vector to the points (..., k, d) at these shares from the nearest ones of the box."""
-        points = start + share[..., None] * along
-        return np.asarray(np.sign(points) * np.maximum(np.abs(points) - half, 0.0))
-
-    with np.errstate(over="ignore"):  # clipped below
-        faces = np.concatenate([-half - start, half - start], axis=-2)
-        crossings = np.divide(faces, along, out=np.zeros(faces.shape), where=along != 0.0).clip(0.0, 1.0)
-    ends = np.broadcast_to([0.0, 1.0], (*crossings.shape[:-2], 2))
-    shares = np.concatenate([ends, crossings.reshape(*ends.shape[:-1], 2 * half.size)], axis=-1)
-    shares.sort(axis=-1)
-    low, high = shares[..., :-1], shares[..., 1:]
-    middle = (low + high) / 2
-    gaps = excess(middle)
-    moves = np.where(gaps == 0.0, 0.0, along)  # along these axes the part is outside the box
-    squares = np.einsum("...i,...i->...", moves, moves)
-    steps = np.divide(
-        np.einsum("...i,...i->...", gaps, moves), squares, out=np.zeros(low.shape), where=squares > 0
-    )
-    gaps = excess(np.clip(middle - steps, low, high))
-    return np.asarray(np.sqrt(np.einsum("...i,...i->...", gaps, gaps).min(axis=-1)))
+    *shape, _, d = segments.shape
+    flat, edges = np.zeros((int(np.prod(shape)), 2, 3)), np.zeros(3)
+    flat[..., :d], edges[:d] = segments.reshape(-1, 2, d), half
+    return _native.box_distances(flat, edges).reshape(shape)
 
 
 def _cables(rig: Rig, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None) -> Floats:

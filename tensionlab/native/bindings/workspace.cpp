@@ -183,6 +183,22 @@ nb::tuple body_distances(const Contiguous<double, 2>& structure, const Contiguou
   return nb::make_tuple(distance, nearest, least);
 }
 
+// Distances (B) of segments (B, 2, 3) from a box about the origin with half edges (3).
+Out<double, 1> box_distances(const Contiguous<double, 3>& segments, const In<1>& halves) {
+  const std::size_t size = segments.shape(0);
+  require(has_shape(segments, size, 2, 3) && has_shape(halves, 3), "segments must be (B, 2, 3), half edges (3)");
+  const double *const ends = aligned(segments), *const half = contiguous(halves);
+  const auto distance = make_array<double>(size);
+  double* const found = distance.data();
+  share_out(size, [&](std::size_t begin, std::size_t end) {
+    const double centre[3] = {}, axes[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    for (std::size_t i = begin; i < end; ++i) {
+      found[i] = segment_box_distance(ends + 6 * i, ends + 6 * i + 3, {centre, axes, half});
+    }
+  });
+  return distance;
+}
+
 nb::tuple cells(const In<3>& anchors, const In<3>& arms, const In<1>& lower, const In<1>& upper,
                 const In<3>& required, double radius, double slack, double angle, double length, bool closure,
                 const In<2>& centres, const In<1>& half_edges, bool with_shares) {
@@ -235,6 +251,7 @@ void bind_workspace(nb::module_& module) {
   module.def("half_spaces", &all_half_spaces);
   module.def("closest_pair", &closest_pair);
   module.def("body_distances", &body_distances);
+  module.def("box_distances", &box_distances);
   module.def("certify_cells", &cells);
 }
 
