@@ -50,6 +50,7 @@ def validate(
     ] = None,
     seed: Annotated[int, option("N", "Seed of the simulated rig's errors and noise.", min=0)] = 0,
     hold: Annotated[float, option("S", "Time for which each force is held; the first 0.3 s do not count.")] = 1.0,
+    plot: options.Plot = None,
     json: Json = False,
 ) -> None:
     """Repeat the published validation and compare with it.
@@ -86,6 +87,7 @@ def validate(
         recording = reports.make_recording(result, plan.rig, sensor, manifest)
         name = "forces-simulated.parquet" if setup["simulated"] else "forces.parquet"
         writer.write("recording", out / name, lambda path: write_recording(path, recording))
+        writer.draw(plot, "forces", recording)
         if json:
             output.print_json(report)
         else:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tensionlab.model.files import rig_from_toml
+from tensionlab.model.layouts import ring_plus_top
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
@@ -22,6 +23,7 @@ from tensionlab.validation.statistics import ALIGNMENTS, ForceScore, Interval, r
 if TYPE_CHECKING:
     import pandas
 
+SAME_PLACE_M = 1e-3  # distance of anchors below which a rig is the published one
 TILTED_DEG = 1.0  # difference of the two alignments above which the report mentions tilt
 SOURCE = "Bartels et al. 2026, arXiv 2603.08054"
 READING = (
@@ -61,8 +63,14 @@ class ValidationResult:
     @property
     def title(self) -> str:
         """Kind, solver, and number and size of the forces."""
-        kind = "simulated" if self.setup["simulated"] else "measured"
-        return f"{len(self.desired)} forces of {self.setup['force']:g} N, {kind}, solver {self.setup['solver']}"
+        return (
+            f"{len(self.desired)} forces of {self.setup['force']:g} N, {self.kind}, solver {self.setup['solver']}"
+        )
+
+    @property
+    def kind(self) -> str:
+        """Origin of the forces: "simulated" or "measured"."""
+        return "simulated" if self.setup["simulated"] else "measured"
 
     def __repr__(self) -> str:
         found = self.aligned["paper"].score
@@ -73,7 +81,7 @@ class ValidationResult:
         return self.table()._repr_html_()
 
     def table(self) -> Table:
-        """Return the published and the measured numbers, line by line."""
+        """Return the published numbers and those of this rig, line by line."""
         rows = []
         for line in comparison_lines(self):
             value, low, high = line.measured
@@ -81,7 +89,7 @@ class ValidationResult:
             weighted = line.weighted and line.weighted.value
             name = f"{line.name} ({line.unit})"
             rows.append([name, line.published, f"{value:.3g}{interval}", weighted, line.maximum])
-        columns = ["", Column("published", format=".3g"), Column("measured", "95 %"),
+        columns = ["", Column("published", format=".3g"), Column(self.kind, "95 %"),
                    Column("sin-weighted", format=".3g"), Column("maximum", format=".3g")]  # fmt: skip
         return Table(columns, rows, self.title, remarks(self))
 
@@ -191,6 +199,10 @@ def remarks(result: ValidationResult) -> list[str]:
     count = len(result.desired)
     window = f"from {setup['settle']:g} to {setup['hold']:g} s of each force"
     found = [READING, GRID, f"Averages are {window}: tensions still move before."]
+    rig, theirs = rig_from_toml(setup["rig"], "rig of the setup"), ring_plus_top(1.0)
+    if rig.m != theirs.m or np.abs(rig.anchors - theirs.anchors).max() > SAME_PLACE_M:
+        advice = "take the published column as an order of magnitude, not as a target"
+        found.insert(0, f"{rig.name} is not the published rig: {advice}.")
     if setup["simulated"]:
         which = f"preset {setup['preset']}, seed {setup['seed']}" if setup["preset"] else "in another process"
         found.insert(0, f"These modules are simulated: {which}.")

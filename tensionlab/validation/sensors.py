@@ -4,8 +4,7 @@ Lines are ATI's CSV, other tables, or bare numbers. ATI's demo programs write a 
 and counts per unit, each in a line of its own, then a line that names the columns (``Fx``, ``Fy``, ``Fz`` among
 them) and then counts; cells may be in quotes. See "Demo CSV File Format" in ATI's manuals 9620-05 (Network
 Force/Torque Sensor System) and 9610-05 (Ethernet Axia). Other tables only need that line of names, in N. Without
-one, each line holds 3 or 6 numbers, forces first, in N. Lines that begin with # are comments, except for
-`SIMULATED`.
+one, each line holds 3 or 6 numbers, forces first, in N. Lines that begin with # are comments.
 """
 
 from __future__ import annotations
@@ -37,7 +36,6 @@ STEPS_PER_SAMPLE = round(1.0 / SAMPLE_RATE_HZ / STEP_S)  # steps of the firmware
 CORRELATION_TIME_S = 1.0  # of the simulated drift
 BLOCK_SAMPLES = 1000  # samples at a time, so that no power of the decay leaves the range of floats
 FORCE_COLUMNS = ("fx", "fy", "fz")
-SIMULATED = "# simulated"  # first line of a simulated sensor, so that it is not taken for a real one
 UNITS_N = {"n": 1.0, "newton": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
 SCHEMES = ("socket://", "tcp://")
 CHUNK_BYTES = 1 << 20
@@ -61,12 +59,10 @@ class ForceSensor(Protocol):
 class ForceParser:
     """Parser of lines with forces, fed in pieces of any size.
 
-    ``source`` names them in messages; ``simulated`` tells whether a line said so. A line that is not a force
-    raises `HardwareError`.
+    ``source`` names them in messages. A line that is not a force raises `HardwareError`.
     """
 
     def __init__(self, source: str) -> None:
-        self.simulated = False
         self._source = source
         self._rest = ""
         self._line = 0
@@ -87,7 +83,6 @@ class ForceParser:
             raise self._error(str(problem)) from None
         cells = [cell.strip() for cell in cells] if len(cells) > 1 else line.replace(";", " ").split()
         if not any(cells) or cells[0].startswith("#"):
-            self.simulated |= line.strip() == SIMULATED
             return None
         names = [cell.lower().split()[0].split("(")[0].split("[")[0] if cell else "" for cell in cells]
         if set(FORCE_COLUMNS) <= set(names):
@@ -132,13 +127,10 @@ class ForceParser:
 class TextSensor:
     """Sensor that writes or sends lines of forces, read without waiting; ``source`` is its name in messages."""
 
+    simulated = False
+
     def __init__(self, source: str, read: Callable[[], str], close: Callable[[], None]) -> None:
         self._parser, self._read, self.close = ForceParser(source), read, close
-
-    @property
-    def simulated(self) -> bool:
-        """Whether its first line says so."""
-        return self._parser.simulated
 
     def take(self) -> Floats:
         """Return the forces since the last call."""

@@ -21,8 +21,14 @@ def test_one_command_measures_and_compares(run, tmp_path, monkeypatch):
     few = partial(Protocol, directions=grid18()[::18])
     monkeypatch.setattr("tensionlab.cli.validate.Protocol", few)
     out = tmp_path / "ideal"
-    code, text, _ = run("validate", RIG, "--preset", "ideal", "--hold", 0.35, "--out", out)
+    code, text, _ = run(
+        "validate", RIG, "--preset", "ideal", "--hold", 0.35, "--out", out, "--plot", tmp_path / "f.png"
+    )
     assert code == 0
+    assert (tmp_path / "f.png").stat().st_size > 10_000
+    assert "simulated (95 %)" in text
+    assert "measured (95 %)" not in text
+    assert "not the published rig" not in text
     for line in ("mean angle error (degrees)", "within 45 degrees", "as | |F| - |F0| |", "as |F - F0|"):
         assert line in text
     assert "our inference" in " ".join(text.split())
@@ -48,6 +54,13 @@ def test_one_command_measures_and_compares(run, tmp_path, monkeypatch):
     code, _, said = run("validate", RIG, "--preset", "paper-like", "--hold", 0.35, "--out", out)
     assert code == 2
     assert "of a validation with other preset" in said
+
+
+def test_published_numbers_beside_another_rig_have_a_remark(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("tensionlab.cli.validate.Protocol", partial(Protocol, directions=grid18()[::60]))
+    code, text, _ = run("validate", "tetra-4", "--hold", 0.35, "--out", tmp_path / "mine")
+    assert code == 0
+    assert "tetra-4 is not the published rig" in " ".join(text.split())
 
 
 def test_modules_and_a_sensor_that_are_given_measure_what_those_of_a_preset_do(tmp_path, monkeypatch):

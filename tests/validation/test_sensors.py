@@ -110,7 +110,7 @@ def server():
 def test_a_sensor_at_a_port_and_its_end(server):
     url, leave = server(b"# simulated\n1 2 3\n4 5 6\n")
     sensor = open_sensor(url)
-    assert sensor.simulated
+    assert not sensor.simulated  # a comment is one, whatever it says
     assert sensor.take().shape == (0, 3)
     leave()
     with pytest.raises(LinkError, match="hung up"):
