@@ -22,7 +22,7 @@ from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import HardwareError, InputError, LogError, WriteError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import PARAMETERS, Limit
-from tensionlab.hardware.runner.records import DEMAND_STOPPED
+from tensionlab.hardware.runner.records import DEMAND_STOPPED, Statistics
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings
 from tensionlab.hardware.simulation.world import newton_per_ampere
@@ -158,11 +158,7 @@ def measure(
     Return whether all forces were held: a signal, such as Ctrl-C, may end it before. Raise `HardwareError` of the
     modules, as from `Runner.run`, or of the sensor.
     """
-    modules.stop()
-    clock.wait_until(clock.now() + ZERO_S)
-    sensor.take()
-    clock.wait_until(clock.now() + ZERO_S)
-    offset = _average(sensor.take(), "at zero tension")
+    offset = read_zero(modules, clock, sensor)
     pose = Pose(rig.home, frames=rig.at_rest)
     forces = protocol.forces
 
@@ -191,13 +187,26 @@ def measure(
     heating = np.any(chosen.tensions > continuous, axis=-1)
     sequence = ForceSequence(protocol, heating, first, sensor, held)
     runner = Runner(rig, modules, solver, sequence, RunSettings(), clock=clock, tracker=lambda time: pose)
-    runner.run()
-    if runner.statistics.unconfirmed:
-        names = ", ".join(runner.statistics.unconfirmed)
+    return has_completed(runner.run())
+
+
+def read_zero(modules: ModuleGroup, clock: Clock, sensor: ForceSensor) -> Floats:
+    """Return the sensor's average (3,) in N with all modules stopped, in its own axes."""
+    modules.stop()
+    clock.wait_until(clock.now() + ZERO_S)
+    sensor.take()
+    clock.wait_until(clock.now() + ZERO_S)
+    return _average(sensor.take(), "at zero tension")
+
+
+def has_completed(statistics: Statistics) -> bool:
+    """Return whether a run came to its own end, and not by a signal; `HardwareError` after an emergency."""
+    if statistics.unconfirmed:
+        names = ", ".join(statistics.unconfirmed)
         raise HardwareError(f"{names} did not confirm to have stopped; look at them before anything else")
-    if runner.statistics.emergency:
-        raise HardwareError("an emergency stop ended the validation; `tensionlab module clear` leads out of it")
-    return runner.statistics.ended == DEMAND_STOPPED
+    if statistics.emergency:
+        raise HardwareError("an emergency stop ended the measurement; `tensionlab module clear` leads out of it")
+    return statistics.ended == DEMAND_STOPPED
 
 
 def _average(samples: Floats, when: str) -> Floats:

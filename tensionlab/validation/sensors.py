@@ -13,17 +13,19 @@ import csv
 import math
 import socket
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
+from tensionlab.demand import Pose
 from tensionlab.errors import HardwareError, LinkError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.runner.settings import WorldClock
-from tensionlab.hardware.simulation.simulated_module import STEP_S, Trace
-from tensionlab.hardware.simulation.world import World
+from tensionlab.hardware.simulation.links import Conditions
+from tensionlab.hardware.simulation.simulated_module import DRIVER_ON, STEP_S, TENSION
+from tensionlab.hardware.simulation.world import Motion, World
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import as_path, brief
@@ -33,6 +35,7 @@ from tensionlab.validation.error_model import RigErrors, require_point, true_pla
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 SAMPLE_RATE_HZ = 1000
 STEPS_PER_SAMPLE = round(1.0 / SAMPLE_RATE_HZ / STEP_S)  # steps of the firmware
+LISTEN_S = 1e-3  # time between two readings of simulated links with a delay
 CORRELATION_TIME_S = 1.0  # of the simulated drift
 BLOCK_SAMPLES = 1000  # samples at a time, so that no power of the decay leaves the range of floats
 FORCE_COLUMNS = ("fx", "fy", "fz")
@@ -222,43 +225,74 @@ class DriftNoise:
 
 
 class SimulatedSensor:
-    """Sensor that holds the point of a simulated rig.
+    """Sensor on the point of a simulated rig, at the pose that ``pose`` returns.
 
-    The rig is the nominal one, from which the errors lead to the true one; the seed is that of the noise.
+    The rig is the true one; the seed is that of the noise.
     """
 
     simulated = True
 
-    def __init__(self, rig: Rig, errors: RigErrors, seed: int = 0) -> None:
-        real = true_rig(rig, errors)
-        self._pull = UPRIGHT.T @ errors.tilt @ real.structure_matrix(real.home, frames=real.at_rest)
+    def __init__(self, rig: Rig, errors: RigErrors, pose: Callable[[], Pose], seed: int = 0) -> None:
+        self._rig, self._pose, self._rotation = rig, pose, UPRIGHT.T @ errors.tilt
         self._biases, self._noise = errors.biases, DriftNoise(errors.noise, seed)
         self._steps = 0
-        self._kept: list[Floats] = []
+        self._kept: list[tuple[Floats, Floats]] = []  # position, and tensions (K, m) there
 
-    def watch(self, traces: Sequence[Trace]) -> None:
+    def watch(self, samples: Sequence[Floats]) -> None:
         """Sample the steps of the modules, once each ms; what `World.watch` calls."""
         first = -self._steps % STEPS_PER_SAMPLE
-        self._steps += len(traces[0].tension)
-        tensions = np.stack([trace.tension[first::STEPS_PER_SAMPLE] for trace in traces], axis=-1)
-        driven = np.stack([trace.driver_on[first::STEPS_PER_SAMPLE] for trace in traces], axis=-1)
-        if len(tensions):
-            pulled = np.maximum(tensions + np.where(driven, self._biases, 0.0), 0.0)
-            self._kept.append(pulled @ self._pull.T + self._noise.take(len(pulled)))
+        self._steps += len(samples[0])
+        steps = np.stack([each[first::STEPS_PER_SAMPLE] for each in samples], axis=-1)
+        tensions = np.maximum(steps[:, TENSION] + steps[:, DRIVER_ON] * self._biases, 0.0)
+        self._kept.append((self._pose().position, tensions))
 
     def take(self) -> Floats:
         """Return the forces since the last call."""
         kept, self._kept = self._kept, []
-        return np.concatenate(kept) if kept else np.empty((0, 3))
+        if not kept:
+            return np.empty((0, 3))
+        pulls = self._rig.structure_matrix(np.array([place for place, _ in kept]), frames=self._rig.at_rest)
+        counts = [len(tensions) for _, tensions in kept]
+        tensions = np.concatenate([each for _, each in kept])
+        forces = np.einsum("kdm,km->kd", np.repeat(self._rotation @ pulls, counts, axis=0), tensions)
+        return forces + self._noise.take(len(forces))
 
     def close(self) -> None:
         """Do nothing: there is nothing to release."""
 
 
-def simulated_setup(rig: Rig, errors: RigErrors, seed: int = 0) -> tuple[ModuleGroup, WorldClock, SimulatedSensor]:
-    """Return simulated modules, their clock and a sensor, in lockstep, where the errors put them."""
+class ListeningClock(WorldClock):
+    """Clock of simulated modules behind links with a delay: bytes arrive when they are due, not once a cycle."""
+
+    def __init__(self, world: World, group: ModuleGroup) -> None:
+        super().__init__(world)
+        self._clients = group.clients
+
+    def wait_until(self, when: float) -> None:
+        """Let time pass in steps of `LISTEN_S`, and read the links after each."""
+        while (remaining := when - self.now()) > 1e-9:
+            super().wait_until(self.now() + min(remaining, LISTEN_S))
+            for client in self._clients:
+                client.listen()
+
+
+def simulated_setup(
+    rig: Rig,
+    errors: RigErrors,
+    seed: int = 0,
+    motion: Motion | None = None,
+    plants: Mapping[str, Mapping[str, float]] | None = None,
+    conditions: Conditions | None = None,
+) -> tuple[ModuleGroup, WorldClock, SimulatedSensor]:
+    """Return simulated modules, their clock and a sensor, in lockstep, where the errors put them.
+
+    The sensor stays at the rig's home, or follows a motion; ``plants`` are the hardware parameters by module, of
+    which those of `true_plants` if left out, and ``conditions`` are those of the links.
+    """
     require_point(rig)
-    world = World(true_rig(rig, errors), seed=seed, plants=true_plants(rig, errors))
-    sensor = SimulatedSensor(rig, errors, seed)
+    real = true_rig(rig, errors)
+    world = World(real, motion, seed, plants=true_plants(rig, errors) if plants is None else plants)
+    sensor = SimulatedSensor(real, errors, lambda: world.pose, seed)
     world.watch = sensor.watch
-    return world.group(), WorldClock(world), sensor
+    group = world.group(conditions, seed)
+    return group, WorldClock(world) if conditions is None else ListeningClock(world, group), sensor

@@ -13,6 +13,7 @@ from tensionlab import _native
 from tensionlab.errors import InputError
 from tensionlab.hardware.protocol.codes import PARAMETERS, Fault, Limit, ResetReason, State
 from tensionlab.model.module import STANDARD_GRAVITY_M_S2
+from tensionlab.support.arrays import Floats
 
 
 class PlantParameter(NamedTuple):
@@ -28,7 +29,7 @@ class PlantParameter(NamedTuple):
 PLANT = {row[0]: PlantParameter(*row[1:]) for row in _native.plant_table()}
 PARTS = tuple(_native.plant_parts())  # parts that can fail
 STEP_S = 1e-6 * _native.step_microseconds()  # time from one step of the firmware to the next, in s
-TENSION = 3  # index of the cable's tension in a native sample
+TENSION, DRIVER_ON = 3, 9  # columns of native samples: the cable's tension, and whether the driver is on
 # The firmware's supervisor: for each event (arm, set-point, stop, estop, clear, expire, fault) and each `State`,
 # whether it is accepted, and the state after it.
 TRANSITIONS = [[(accepted, State(to)) for accepted, to in row] for row in _native.transition_table()]
@@ -107,7 +108,11 @@ class SimulatedModule:
 
     def trace(self, seconds: float, distance: float | None = None) -> Trace:
         """Let time pass as `advance` does, and return a row for each step of the firmware."""
-        return np.rec.fromarrays(self._module.trace(*self._steps(seconds, distance)).T, dtype=_TRACE)
+        return np.rec.fromarrays(self.samples(seconds, distance).T, dtype=_TRACE)
+
+    def samples(self, seconds: float, distance: float | None = None) -> Floats:
+        """Return the rows of `trace` as numbers, (K, 11), without the time that records take."""
+        return self._module.trace(*self._steps(seconds, distance))
 
     def pause(self, seconds: float) -> None:
         """Delay the firmware's next step by some seconds, as if its loop hung."""

@@ -15,7 +15,7 @@ from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import PARAMETERS, Calibration
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
-from tensionlab.hardware.simulation.simulated_module import PLANT, STEP_S, SimulatedModule, Trace
+from tensionlab.hardware.simulation.simulated_module import PLANT, STEP_S, SimulatedModule
 from tensionlab.model.module import Module
 from tensionlab.model.pose import frame_of
 from tensionlab.model.rig import Rig
@@ -107,7 +107,7 @@ class World:
     The platform follows the motion, or stays at the rig's home; a `CompliantMotion` reacts to the tensions. The
     seed is of the sensors' noise, ``plants`` are parameters of the hardware by the module's name (see
     `simulated_module`). `time` is in s since the start, `pose` the pose then; `modules` are in the rig's order.
-    `watch`, if set, is called in `advance` with a `Trace` of each.
+    `watch`, if set, is called in `advance` with the `SimulatedModule.samples` of each.
 
     Examples
     --------
@@ -134,7 +134,7 @@ class World:
         self._step = math.inf if motion is None else moving
         self.time = 0.0
         self.pose = self._motion(0.0)
-        self.watch: Callable[[Sequence[Trace]], None] | None = None
+        self.watch: Callable[[Sequence[Floats]], None] | None = None
         self.modules = tuple(
             simulated_module(
                 module,
@@ -160,7 +160,7 @@ class World:
                 for module, length in moved:
                     module.advance(step, length)
             else:
-                self.watch([module.trace(step, length) for module, length in moved])
+                self.watch([module.samples(step, length) for module, length in moved])
 
     @property
     def tensions(self) -> Floats:

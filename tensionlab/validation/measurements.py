@@ -1,0 +1,370 @@
+"""Measurements of a haptic device: forces that a rig renders in a run, and what its force sensor says to them.
+
+Each measurement is a generator of the demands of a run, one a cycle, that returns what it found. It does not know
+whether modules, sensor and hand are simulated.
+
+What is measured follows Samur 2012, "Performance metrics for haptic interfaces"; the region of stable walls is the
+Z-width of Colgate and Brown 1994, "Factors affecting the Z-width of a haptic display".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.demand import Demand, Impedance, RigState
+from tensionlab.hardware.calibration.gain import fit
+from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
+from tensionlab.validation.protocol import EARLY_S
+from tensionlab.validation.sensors import UPRIGHT, ForceSensor
+
+T = TypeVar("T")
+Measuring = Generator[Demand, None, T]  # demands of a run, and the result at its end
+SETTLE_S = 0.3  # time after a change that is not evaluated
+HALF_POWER = math.sqrt(0.5)  # gain at the bandwidth, -3 dB
+AVERAGE_S = (-0.01, 0.01)  # window over which the sensor is averaged: cogging makes it shake
+SLOW_SHARE = 0.2  # of the fastest motion: friction of slower ones has no clear direction
+CENTRING_N_M = 15.0  # spring that keeps a hand near the rig's home beside the wall's axis
+PULSE_NS = 0.05  # push that starts the motion at a wall
+PUSH_S, REST_S, TRIAL_S = 0.1, 0.8, 3.0  # durations: of that push, before it, and of the trial
+SUSTAINED_1_S = -0.03  # growth from which a swing counts as sustained
+MAX_SWING_M = 0.05  # deflection at which a trial ends as unstable
+STILL_M = 5e-4  # deflection below which a hand is at rest
+FIRST_STIFFNESS_N_M, MAX_STIFFNESS_N_M = 50.0, 3200.0
+RESOLUTION, MAX_TRIALS = 1.05, 12  # ratio of the stiffnesses between which the boundary is, and limit of trials
+
+
+class Samples(NamedTuple):
+    """Part of a run: forces (K, 3) of the sensor in N, in the rig's axes, at times (K,) in s; states of cycles."""
+
+    times: Floats
+    forces: Floats
+    states: list[RigState]
+
+    def settled(self) -> Samples:
+        """Return the samples without those just after the beginning."""
+        late = self.times > SETTLE_S
+        return self._replace(times=self.times[late], forces=self.forces[late])
+
+
+class Reports(NamedTuple):
+    """Reports of the modules, K of them, and the sensor's forces at the same times.
+
+    Times (K,) in s, positions and velocities (K, 3), structure matrices (K, 3, m), tensions and speeds of paying
+    out (K, m), and forces (K, 3), averaged over `AVERAGE_S`; SI units.
+    """
+
+    times: Floats
+    positions: Floats
+    velocities: Floats
+    structures: Floats
+    tensions: Floats
+    speeds: Floats
+    forces: Floats
+
+    def part(self, rows: NDArray[np.bool_]) -> Reports:
+        """Return some of the reports."""
+        return Reports(*(values[rows] for values in self))
+
+
+class Recorder:
+    """State of the latest cycle of a run, and the sensor's samples since the cycle before.
+
+    ``zero`` (3,) is the sensor's reading without a force, ``rotation`` leads from the upright sensor's axes to the
+    rig's, ``latency`` in s is that of the links, one way.
+    """
+
+    def __init__(self, sensor: ForceSensor, zero: Floats, rotation: Floats, latency: float) -> None:
+        self._sensor, self._zero, self._rotation = sensor, zero, rotation @ UPRIGHT
+        self._latency = latency
+        self.delays: list[Floats] = []  # of the loop, (m,) in s, cycle by cycle
+        self.state: RigState
+        self._times, self._forces = np.empty(0), np.empty((0, 3))
+
+    def observe(self, state: RigState) -> None:
+        """Take over the state of a cycle, and read the sensor."""
+        before = getattr(self, "state", state).time
+        self.state = state
+        self.delays.append(state.delays)
+        self._forces = (self._sensor.take() - self._zero) @ self._rotation.T
+        self._times = np.linspace(before, state.time, len(self._forces) + 1)[1:]
+
+    def align(self, rotation: Floats) -> None:
+        """Turn all later forces by one more rotation (3, 3)."""
+        self._rotation = rotation @ self._rotation
+
+    def render(
+        self, demand: Callable[[float], Demand], seconds: float, ends: Callable[[], bool] = lambda: False
+    ) -> Measuring[Samples]:
+        """Render a demand of the time since now, for some seconds or until it ends, and return the samples."""
+        start = self.state.time
+        times, forces, states = [np.empty(0)], [np.empty((0, 3))], []
+        while self.state.time - start < seconds - EARLY_S and not ends():
+            states.append(self.state)
+            yield demand(self.state.time - start)
+            times.append(self._times - start)
+            forces.append(self._forces)
+        return Samples(np.concatenate(times), np.concatenate(forces), states)
+
+    def reports(self, rig: Rig, samples: Samples) -> Reports:
+        """Return what modules and sensor measured at the same times."""
+        states = samples.states
+        time, age, place, twist, tensions, speeds = (
+            np.array([get(state) for state in states])
+            for get in (
+                lambda state: state.time - states[0].time,
+                lambda state: float(state.ages.mean()),
+                lambda state: state.pose.position,
+                lambda state: state.twist,
+                lambda state: state.tensions,
+                lambda state: state.speeds,
+            )
+        )
+        times, positions = time - age - self._latency, place - age[:, None] * twist
+        sums = np.cumsum(samples.forces, axis=0)
+        early, late = (
+            np.searchsorted(samples.times, times + half).clip(1, len(sums)) - 1 for half in AVERAGE_S
+        )
+        forces = (sums[late] - sums[early]) / np.maximum(late - early, 1)[:, None]
+        frames = states[0].pose.frames
+        return Reports(times, positions, twist, rig.structure_matrix(positions, frames=frames), tensions, speeds, forces)
+
+
+class StaticForce(NamedTuple):
+    """Desired and measured force (3,) in N while the sensor is held at ``position``; ``found`` is by the cables."""
+
+    desired: Floats
+    measured: Floats
+    position: Floats
+    found: Floats
+
+
+def static_forces(recorder: Recorder, position: Floats, forces: Floats, hold: float) -> Measuring[list[StaticForce]]:
+    """Hold forces (K, 3) in N one after another; the sensor is at the position (3,) in m."""
+    held = []
+    for force in forces:
+        samples = yield from recorder.render(lambda _, force=force: Demand(force), hold)
+        average = samples.settled().forces.mean(axis=0)
+        held.append(StaticForce(force, average, position, recorder.state.pose.position))
+    return held
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Measured per desired amplitude of forces of one amplitude in N, by frequency in Hz."""
+
+    amplitude: float
+    frequencies: Floats
+    gains: Floats
+
+    @property
+    def bandwidth(self) -> float:
+        """Frequency in Hz from which the gain is below -3 dB; infinite if that is beyond the highest one."""
+        below = np.flatnonzero(self.gains < HALF_POWER)
+        if not len(below):
+            return math.inf
+        after = int(below[0])
+        if after == 0:
+            return float(self.frequencies[0])
+        near = slice(after - 1, after + 1)
+        gains, logs = self.gains[near], np.log(self.frequencies[near])
+        return float(np.exp(np.interp(-HALF_POWER, -gains, logs)))
+
+
+def sine_amplitude(times: Floats, values: Floats, frequency: float, *others: float) -> float:
+    """Return the amplitude of one frequency in values (K,) by least squares; ``others`` may be in them, too."""
+    phases = 2.0 * math.pi * np.outer(times, [frequency, *others])
+    rows = np.column_stack([np.sin(phases), np.cos(phases), np.ones(len(times))])
+    parts = fit(rows, values).coefficients
+    return math.hypot(parts[0], parts[1 + len(others)])
+
+
+def force_response(
+    recorder: Recorder, axis: Floats, amplitude: float, frequencies: Floats, rate: float
+) -> Measuring[FrequencyResponse]:
+    """Render a force that swings along an axis, as a host does: one value a cycle, ``rate`` times a second."""
+    gains = []
+    for frequency in frequencies:
+
+        def swing(time: float, turn: float = 2.0 * math.pi * float(frequency)) -> Demand:
+            return Demand(amplitude * math.sin(turn * time) * axis)
+
+        samples = (yield from recorder.render(swing, _duration(frequency))).settled()
+        along = samples.forces @ axis
+        gains.append(sine_amplitude(samples.times, along, frequency, rate - frequency) / amplitude)
+    return FrequencyResponse(amplitude, frequencies, np.array(gains))
+
+
+def vibration_response(
+    recorder: Recorder, rig: Rig, module: str, amplitude: float, frequencies: Floats
+) -> Measuring[FrequencyResponse]:
+    """Have a module render a vibration at its own rate, while the others hold the balance."""
+    index = [each.name for each in rig.modules].index(module)
+    along = recorder.state.structure[:, index]
+    pull = rig.modules[index].lower + 2.0 * amplitude
+    gains = []
+    for frequency in frequencies:
+        impedance = Impedance(
+            float(recorder.state.lengths[index]), feed_forward=pull, amplitude=amplitude, frequency=float(frequency)
+        )
+        demand = Demand(np.zeros(rig.n), {module: impedance})
+        samples = (yield from recorder.render(lambda _, demand=demand: demand, _duration(frequency))).settled()
+        gains.append(sine_amplitude(samples.times, samples.forces @ along, frequency) / amplitude)
+    return FrequencyResponse(amplitude, frequencies, np.array(gains))
+
+
+def _duration(frequency: float) -> float:
+    return SETTLE_S + max(0.7, 3.0 / frequency)
+
+
+@dataclass(frozen=True, eq=False)
+class StepResponse:
+    """Force (K,) along an axis at times (K,) in s after a step, in N; it is ``size`` N high."""
+
+    size: float
+    times: Floats
+    force: Floats
+
+    @property
+    def _share(self) -> Floats:
+        steady = self.force[self.times > 0.6 * self.times[-1]].mean()
+        return self.force / steady
+
+    @property
+    def latency(self) -> float:
+        """Time in s from the command to a tenth of the step."""
+        return self._reaches(0.1)
+
+    @property
+    def rise(self) -> float:
+        """Time in s from a tenth to nine tenths of the step."""
+        return self._reaches(0.9) - self._reaches(0.1)
+
+    @property
+    def overshoot(self) -> float:
+        """Share of the step by which the force exceeds it."""
+        return float(self._share.max()) - 1.0
+
+    def _reaches(self, share: float) -> float:
+        return float(self.times[int(np.argmax(self._share >= share))])
+
+
+def step_response(recorder: Recorder, axis: Floats, size: float) -> Measuring[StepResponse]:
+    """Render no force, and then one along an axis."""
+    before = yield from recorder.render(lambda _: Demand(0.0 * axis), 2.0 * SETTLE_S)
+    after = yield from recorder.render(lambda _: Demand(size * axis), 2.0 * SETTLE_S)
+    return StepResponse(size, after.times, (after.forces - before.settled().forces.mean(axis=0)) @ axis)
+
+
+@dataclass(frozen=True)
+class FeltImpedance:
+    """What each cable adds to a motion: friction in N, damping in N s/m, mass in kg; the same for all cables.
+
+    ``tension`` is the lowest tension, in N.
+    """
+
+    friction: float
+    damping: float
+    mass: float
+    tension: float
+
+    def along(self, structure: Floats, axis: Floats) -> tuple[float, float, float]:
+        """Return friction, damping and mass that a hand feels along an axis, given the structure matrix (3, m)."""
+        parts = np.abs(axis @ structure)
+        square = float(parts @ parts)
+        return self.friction * float(parts.sum()), self.damping * square, self.mass * square
+
+
+def free_motion(recorder: Recorder, rig: Rig, seconds: float) -> Measuring[FeltImpedance]:
+    """Render no force while a hand moves the sensor to and fro, along one axis after another."""
+    samples = yield from recorder.render(lambda _: Demand(np.zeros(3)), seconds)
+    found = recorder.reports(rig, samples)
+    accelerations = np.gradient(found.speeds, found.times, axis=0)
+    pace = np.linalg.norm(found.velocities, axis=1)
+    used = (pace > SLOW_SHARE * pace.max()) & (found.times > SETTLE_S)
+    ways = found.velocities / np.where(used, pace, 1.0)[:, None]
+    shares = np.einsum("kd,kdm->km", ways, found.structures)
+    parts = (np.sign(found.speeds), found.speeds, accelerations)
+    rows = np.column_stack([*(np.sum(shares * part, axis=1) for part in parts), ways])
+    values = np.sum(ways * found.forces, axis=1) - np.sum(shares * found.tensions, axis=1)
+    friction, damping, mass = fit(rows[used], values[used]).coefficients[:3].tolist()
+    return FeltImpedance(friction, damping, mass, float(found.tensions.min()))
+
+
+@dataclass(frozen=True)
+class WallTrial:
+    """Spring of a stiffness in N/m and a damping in N s/m that a hand was pushed against.
+
+    ``growth`` is the rate at which the swing grows, in 1/s; ``added_damping`` in N s/m is what the rig adds to the
+    hand besides the spring, by the energy that a passivity observer counts: where it is negative, the spring
+    gives energy.
+    """
+
+    stiffness: float
+    damping: float
+    growth: float
+    added_damping: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether the swing dies out; one that neither grows nor dies out does not."""
+        return self.growth < SUSTAINED_1_S
+
+
+def wall_trial(
+    recorder: Recorder, rig: Rig, axis: Floats, wall: tuple[float, float], limit: float
+) -> Measuring[WallTrial]:
+    """Push a hand against a spring and damper about the rig's home, and observe the energy that it is given.
+
+    ``wall`` is stiffness and damping, ``limit`` the largest force in N.
+    """
+    stiffness, damping = wall
+    home = rig.home
+
+    def demand(time: float) -> Demand:
+        state = recorder.state
+        offset = state.pose.position - home
+        along = float(offset @ axis)
+        spring = -stiffness * along - damping * float(state.twist @ axis)
+        push = PULSE_NS / PUSH_S if time < PUSH_S else 0.0
+        beside = -CENTRING_N_M * (offset - along * axis)
+        return Demand((float(np.clip(spring, -limit, limit)) + push) * axis + beside)
+
+    def swings_far() -> bool:
+        return abs(float((recorder.state.pose.position - home) @ axis)) > MAX_SWING_M
+
+    yield from recorder.render(lambda _: Demand(-CENTRING_N_M * (recorder.state.pose.position - home)), REST_S)
+    samples = yield from recorder.render(demand, TRIAL_S, swings_far)
+    found = recorder.reports(rig, samples)
+    found = found.part(found.times > PUSH_S + SETTLE_S / 2.0)
+    times, place, speed = found.times, (found.positions - home) @ axis, found.velocities @ axis
+    given = float(np.sum((found.forces @ axis + stiffness * place) * speed))
+    pace = float(np.mean(speed**2) / max(np.var(place), 1e-12))
+    swing = np.sqrt((place - place.mean()) ** 2 + speed**2 / max(pace, 1e-12))
+    half = len(swing) // 2
+    growth = float(np.log(np.mean(swing[half:]) / np.mean(swing[:half])) / (times[half] - times[0]))
+    if swings_far():
+        growth = max(growth, -SUSTAINED_1_S)
+    elif swing[half:].max() < STILL_M:
+        growth = min(growth, 2.0 * SUSTAINED_1_S)
+    return WallTrial(stiffness, damping, growth, -given / max(float(np.sum(speed**2)), 1e-12))
+
+
+def wall_boundary(
+    recorder: Recorder, rig: Rig, axis: Floats, damping: float, limit: float
+) -> Measuring[list[WallTrial]]:
+    """Find the largest stable stiffness by bisection; the trials are sorted by stiffness."""
+    stiffness, below, above = FIRST_STIFFNESS_N_M, 0.0, math.inf
+    trials = []
+    while len(trials) < MAX_TRIALS and above > below * RESOLUTION and stiffness <= MAX_STIFFNESS_N_M:
+        trial = yield from wall_trial(recorder, rig, axis, (stiffness, damping), limit)
+        trials.append(trial)
+        below, above = (stiffness, above) if trial.stable else (below, stiffness)
+        stiffness = 2.0 * below if above == math.inf else above / 2.0 if below == 0.0 else math.sqrt(below * above)
+    return sorted(trials, key=lambda trial: trial.stiffness)
