@@ -13,7 +13,7 @@ from tensionlab.plots.rig import plot_allocation, plot_rig
 from tensionlab.plots.run import plot_run
 from tensionlab.plots.scenario import plot_scenario
 from tensionlab.plots.style import METADATA, save_figure, styled
-from tensionlab.plots.validation import plot_forces, plot_validation
+from tensionlab.plots.validation import plot_characterisation, plot_forces, plot_validation
 from tensionlab.plots.workspace import plot_certified, plot_shares, plot_slices, plot_volume
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ __all__ = [
     "plot",
     "plot_allocation",
     "plot_certified",
+    "plot_characterisation",
     "plot_comparison",
     "plot_forces",
     "plot_front",
@@ -48,6 +49,7 @@ PLOTTERS: dict[str, Callable[..., Figure]] = {
     "tensionlab.hardware.log.reader.Run": plot_run,
     "tensionlab.model.rig.Rig": plot_rig,
     "tensionlab.scenarios.play.ScenarioResult": plot_scenario,
+    "tensionlab.validation.characterisation.Characterisation": plot_characterisation,
     "tensionlab.validation.data_tables.Recording": plot_forces,
     "tensionlab.validation.report.ValidationResult": plot_validation,
     "tensionlab.workspace.certified.CertifiedWorkspace": plot_certified,

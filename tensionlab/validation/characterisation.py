@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -22,8 +22,8 @@ from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import Clock, RunSettings
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import Motion
-from tensionlab.haptics.rendering.renderer import HAND_DAMPING
 from tensionlab.model.rig import Rig
+from tensionlab.model.stiffness import HAND_DAMPING
 from tensionlab.scenarios.person import Person, PersonPlan, Script, Waypoint
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
@@ -43,6 +43,8 @@ from tensionlab.validation.protocol import has_completed, read_zero
 from tensionlab.validation.sensors import ForceSensor, simulated_setup
 from tensionlab.validation.statistics import fit_yaw
 
+Steps = dict[str, StepResponse]  # by axis
+Responses = dict[str, FrequencyResponse]  # by axis or module
 PINGS = 20  # to each module
 DIRECTIONS = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if np.count_nonzero(way) in (1, 3)])
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1)[:, None]  # the axes and the diagonals, both ways
@@ -87,9 +89,9 @@ class Characterisation:
     round_trips: Floats
     delays: Floats
     static: list[StaticForce]
-    steps: dict[str, StepResponse]
-    responses: dict[str, FrequencyResponse]
-    vibrations: dict[str, FrequencyResponse]
+    steps: Steps
+    responses: Responses
+    vibrations: Responses
     felt: FeltImpedance
     felt_along: dict[str, tuple[float, float, float]]
     walls: dict[float, list[WallTrial]]
@@ -146,7 +148,9 @@ def feasible_axes(plan: CharacterisationPlan) -> dict[str, Floats]:
     both = np.all((found.status == Status.EXACT).reshape(2, 3), axis=0)
     if not both.any():
         problem = f"cannot pull with {plan.step:g} N both ways along any axis at its home"
-        raise RigError(f'rig "{rig.name}" {problem}, so there is nothing to characterise; see `tensionlab rig check`')
+        raise RigError(
+            f'rig "{rig.name}" {problem}, so there is nothing to characterise; see `tensionlab rig check`'
+        )
     return {name: axis for name, axis, possible in zip("xyz", np.eye(3), both, strict=True) if possible}
 
 
@@ -190,12 +194,14 @@ def characterise(
         forces = plan.force * DIRECTIONS[chosen.status == Status.EXACT]
         return lambda recorder: measurements.static_forces(recorder, place, forces, plan.hold)
 
-    def at_home(recorder: Recorder) -> Measuring[tuple[list[StaticForce], *tuple[dict, ...]]]:
+    def at_home(recorder: Recorder) -> Measuring[tuple[Floats, list[StaticForce], Steps, Responses, Responses]]:
         held = yield from static(offsets[0])(recorder)
         turn = fit_yaw(np.array([each.desired for each in held]), np.array([each.measured for each in held]))
         recorder.align(turn)
         held = [each._replace(measured=turn @ each.measured) for each in held]
-        steps, responses, vibrations = {}, {}, {}
+        steps: Steps = {}
+        responses: Responses = {}
+        vibrations: Responses = {}
         for name, axis in axes.items():
             steps[name] = yield from measurements.step_response(recorder, axis, plan.step)
             frequencies = plan.rate * RATE_SHARES
@@ -206,7 +212,7 @@ def characterise(
             vibrations[name] = yield from measurements.vibration_response(
                 recorder, rig, name, plan.amplitude, VIBRATIONS_HZ
             )
-        return held, steps, responses, vibrations, turn
+        return turn, held, steps, responses, vibrations
 
     def at_walls(recorder: Recorder) -> Measuring[dict[float, list[WallTrial]]]:
         walls = {}
@@ -214,7 +220,7 @@ def characterise(
             walls[damping] = yield from measurements.wall_boundary(recorder, rig, along, damping, plan.force)
         return walls
 
-    held, steps, responses, vibrations, rotation = run(_held(rig.home), held_at(offsets[0]), at_home)
+    rotation, held, steps, responses, vibrations = run(_held(rig.home), held_at(offsets[0]), at_home)
     for offset in offsets[1:]:
         held += run(_held(rig.home + offset), held_at(offset), static(offset))
     felt = run(MOVE, to_and_fro, lambda recorder: measurements.free_motion(recorder, rig, 3.0 * MOTION_S))
@@ -226,8 +232,8 @@ def characterise(
 
 
 MOVE = (
-    "hold the handle by the sensor, at home; from Enter on move it to and fro by 5 cm, once a second, for 4 s along "
-    "each of x, y and z"
+    "hold the handle by the sensor, at home; from Enter on move it to and fro by 5 cm, once a second, for 4 s "
+    "along each of x, y and z"
 )
 LOOSE = "hold the handle loosely by the sensor, at home: it is pushed, and springs of growing stiffness shake it"
 

@@ -10,8 +10,8 @@ Z-width of Colgate and Brown 1994, "Factors affecting the Z-width of a haptic di
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -128,16 +128,16 @@ class Recorder:
         )
         times, positions = time - age - self._latency, place - age[:, None] * twist
         sums = np.cumsum(samples.forces, axis=0)
-        early, late = (
-            np.searchsorted(samples.times, times + half).clip(1, len(sums)) - 1 for half in AVERAGE_S
-        )
+        early, late = (np.searchsorted(samples.times, times + half).clip(1, len(sums)) - 1 for half in AVERAGE_S)
         forces = (sums[late] - sums[early]) / np.maximum(late - early, 1)[:, None]
         frames = states[0].pose.frames
-        return Reports(times, positions, twist, rig.structure_matrix(positions, frames=frames), tensions, speeds, forces)
+        return Reports(
+            times, positions, twist, rig.structure_matrix(positions, frames=frames), tensions, speeds, forces
+        )
 
 
 class StaticForce(NamedTuple):
-    """Desired and measured force (3,) in N while the sensor is held at ``position``; ``found`` is by the cables."""
+    """Desired and measured force (3,) in N, and the place of the sensor (3,) in m, held and by lengths."""
 
     desired: Floats
     measured: Floats
@@ -145,11 +145,18 @@ class StaticForce(NamedTuple):
     found: Floats
 
 
-def static_forces(recorder: Recorder, position: Floats, forces: Floats, hold: float) -> Measuring[list[StaticForce]]:
+def constant(demand: Demand) -> Callable[[float], Demand]:
+    """Return a demand that stays the same."""
+    return lambda time: demand
+
+
+def static_forces(
+    recorder: Recorder, position: Floats, forces: Floats, hold: float
+) -> Measuring[list[StaticForce]]:
     """Hold forces (K, 3) in N one after another; the sensor is at the position (3,) in m."""
     held = []
     for force in forces:
-        samples = yield from recorder.render(lambda _, force=force: Demand(force), hold)
+        samples = yield from recorder.render(constant(Demand(force)), hold)
         average = samples.settled().forces.mean(axis=0)
         held.append(StaticForce(force, average, position, recorder.state.pose.position))
     return held
@@ -211,10 +218,13 @@ def vibration_response(
     gains = []
     for frequency in frequencies:
         impedance = Impedance(
-            float(recorder.state.lengths[index]), feed_forward=pull, amplitude=amplitude, frequency=float(frequency)
+            float(recorder.state.lengths[index]),
+            feed_forward=pull,
+            amplitude=amplitude,
+            frequency=float(frequency),
         )
         demand = Demand(np.zeros(rig.n), {module: impedance})
-        samples = (yield from recorder.render(lambda _, demand=demand: demand, _duration(frequency))).settled()
+        samples = (yield from recorder.render(constant(demand), _duration(frequency))).settled()
         gains.append(sine_amplitude(samples.times, samples.forces @ along, frequency) / amplitude)
     return FrequencyResponse(amplitude, frequencies, np.array(gains))
 
@@ -234,7 +244,7 @@ class StepResponse:
     @property
     def _share(self) -> Floats:
         steady = self.force[self.times > 0.6 * self.times[-1]].mean()
-        return self.force / steady
+        return np.asarray(self.force / steady)
 
     @property
     def latency(self) -> float:
@@ -257,8 +267,8 @@ class StepResponse:
 
 def step_response(recorder: Recorder, axis: Floats, size: float) -> Measuring[StepResponse]:
     """Render no force, and then one along an axis."""
-    before = yield from recorder.render(lambda _: Demand(0.0 * axis), 2.0 * SETTLE_S)
-    after = yield from recorder.render(lambda _: Demand(size * axis), 2.0 * SETTLE_S)
+    before = yield from recorder.render(constant(Demand(0.0 * axis)), 2.0 * SETTLE_S)
+    after = yield from recorder.render(constant(Demand(size * axis)), 2.0 * SETTLE_S)
     return StepResponse(size, after.times, (after.forces - before.settled().forces.mean(axis=0)) @ axis)
 
 
@@ -283,7 +293,7 @@ class FeltImpedance:
 
 def free_motion(recorder: Recorder, rig: Rig, seconds: float) -> Measuring[FeltImpedance]:
     """Render no force while a hand moves the sensor to and fro, along one axis after another."""
-    samples = yield from recorder.render(lambda _: Demand(np.zeros(3)), seconds)
+    samples = yield from recorder.render(constant(Demand(np.zeros(3))), seconds)
     found = recorder.reports(rig, samples)
     accelerations = np.gradient(found.speeds, found.times, axis=0)
     pace = np.linalg.norm(found.velocities, axis=1)
@@ -345,7 +355,7 @@ def wall_trial(
     found = found.part(found.times > PUSH_S + SETTLE_S / 2.0)
     times, place, speed = found.times, (found.positions - home) @ axis, found.velocities @ axis
     given = float(np.sum((found.forces @ axis + stiffness * place) * speed))
-    pace = float(np.mean(speed**2) / max(np.var(place), 1e-12))
+    pace = float(np.mean(speed**2)) / max(float(np.var(place)), 1e-12)
     swing = np.sqrt((place - place.mean()) ** 2 + speed**2 / max(pace, 1e-12))
     half = len(swing) // 2
     growth = float(np.log(np.mean(swing[half:]) / np.mean(swing[:half])) / (times[half] - times[0]))
@@ -361,7 +371,7 @@ def wall_boundary(
 ) -> Measuring[list[WallTrial]]:
     """Find the largest stable stiffness by bisection; the trials are sorted by stiffness."""
     stiffness, below, above = FIRST_STIFFNESS_N_M, 0.0, math.inf
-    trials = []
+    trials: list[WallTrial] = []
     while len(trials) < MAX_TRIALS and above > below * RESOLUTION and stiffness <= MAX_STIFFNESS_N_M:
         trial = yield from wall_trial(recorder, rig, axis, (stiffness, damping), limit)
         trials.append(trial)

@@ -255,7 +255,7 @@ class SimulatedSensor:
         counts = [len(tensions) for _, tensions in kept]
         tensions = np.concatenate([each for _, each in kept])
         forces = np.einsum("kdm,km->kd", np.repeat(self._rotation @ pulls, counts, axis=0), tensions)
-        return forces + self._noise.take(len(forces))
+        return np.asarray(forces + self._noise.take(len(forces)))
 
     def close(self) -> None:
         """Do nothing: there is nothing to release."""
