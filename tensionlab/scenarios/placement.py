@@ -70,9 +70,3 @@ class Similarity:
             start = script.waypoints[0].position
             bodies[name] = replace(self, start=np.array(start), at=np.array(rigid.point(start))).script(script)
         return replace(person, script=self.script(person.script), bodies=bodies)
-
-
-def axes_of(up: Floats, ahead: Floats | None = None) -> Floats:
-    """Return the axes ahead, aside and up as columns (d, d); ahead is the axis after the one that is up."""
-    ahead = np.roll(np.abs(up), 1) if ahead is None else ahead
-    return np.stack([ahead, up] if up.size == 2 else [ahead, np.cross(up, ahead), up], axis=1)

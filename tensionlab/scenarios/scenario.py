@@ -21,9 +21,10 @@ from tensionlab.haptics.effects.parameters import Length, PositiveForce, checked
 from tensionlab.haptics.effects.parsing import parse_effect
 from tensionlab.haptics.rendering.brakes import TIMING, BrakeWall, ImpactCap, Timing, brake_strengths
 from tensionlab.model.files import load_rig
+from tensionlab.model.kinematics import turn_axes
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.person import PersonPlan
-from tensionlab.scenarios.placement import Similarity, axes_of
+from tensionlab.scenarios.placement import Similarity
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.named import is_path
 from tensionlab.support.files.reading import as_path, brief, read_toml
@@ -238,9 +239,9 @@ def load_scenario(
         return _placed(scenario, loaded, at, facing)
     if loaded.up == scenario.up:
         return scenario
-    rotation, origin = axes_of(loaded.upward) @ axes_of(scenario.rig.upward).T, np.zeros(loaded.dimension)
-    text = f'turned to have {loaded.up} up, as rig "{loaded.name}" has'
-    return scenario.mapped(loaded, Similarity(rotation, origin, origin), text)
+    origin = np.zeros(loaded.dimension)
+    turn = Similarity(turn_axes(scenario.rig.upward, loaded.upward), origin, origin)
+    return scenario.mapped(loaded, turn, f'turned to have {loaded.up} up, as rig "{loaded.name}" has')
 
 
 def _scenario(contents: dict[str, Any], path: Path, rig: str | PathLike[str] | None) -> tuple[Scenario, Rig]:
@@ -286,8 +287,8 @@ def _placed(scenario: Scenario, rig: Rig, at: ArrayLike | None, facing: ArrayLik
     level = front - (front @ rig.upward) * rig.upward
     if (size := float(np.linalg.norm(level))) < 1e-6:
         raise ScenarioError(f"facing {format_vector(front)} points up or down; give a direction along the floor")
-    rotation = axes_of(rig.upward, level / size) @ axes_of(scenario.rig.upward).T
-    start: Floats = np.array(scenario.person.script.waypoints[0].position)
+    axes = (_axes(rig.upward, level / size), _axes(scenario.rig.upward, np.roll(np.abs(scenario.rig.upward), 1)))
+    rotation, start = axes[0] @ axes[1].T, np.array(scenario.person.script.waypoints[0].position)
     text = f"placed at {format_vector(here)} m, facing {format_vector((level / size).round(2) + 0.0)}"
     sized, missed = text, here
     for scale in SCALES[:1] if scenario.frame is not None else SCALES:
@@ -304,19 +305,20 @@ def _placed(scenario: Scenario, rig: Rig, at: ArrayLike | None, facing: ArrayLik
     )
 
 
+def _axes(up: Floats, ahead: Floats) -> Floats:
+    """Return the axes ahead, aside and up as columns (d, d)."""
+    return np.stack([ahead, up] if up.size == 2 else [ahead, np.cross(up, ahead), up], axis=1)
+
+
 def _held(scenario: Scenario) -> tuple[Floats, NDArray[np.bool_]]:
     """Return the path of the hand (K, d), and where the cables hold it: anywhere if not even at the rig's home."""
-    rig, person = scenario.rig, scenario.person
-    times = np.arange(0.0, scenario.seconds, PATH_STEP_S)
-    path = np.array([person.script.position(time) for time in times])
-    frames = {
-        name: (np.array([person.bodies[name].position(time) for time in times]), None) for name in rig.frames
-    }
+    rig, person, times = scenario.rig, scenario.person, np.arange(0.0, scenario.seconds, PATH_STEP_S)
+    path, *bodies = (
+        np.array([script.position(time) for time in times])
+        for script in (person.script, *(person.bodies[name] for name in rig.frames))
+    )
     nothing, home = rig.required.middle(rig), rig.structure_matrix(rig.home, frames=rig.at_rest)
     if rig.m <= rig.n or allocate(home, nothing, rig.limits).status != Status.EXACT:
         return path, np.ones(len(path), dtype=np.bool_)
-    try:
-        structure = rig.structure_matrix(path, frames=frames)
-    except RigError:  # the hand comes to an anchor
-        return path, np.zeros(len(path), dtype=np.bool_)
+    structure = rig.structure_matrix(path, frames=dict(zip(rig.frames, bodies, strict=True)))
     return path, allocate(structure, nothing, rig.limits).status == Status.EXACT

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from os import PathLike
-from typing import Literal, Self
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field, FiniteFloat, model_validator
+from pydantic import Field, FiniteFloat
 
 from tensionlab.demand import Demand, RigState
 from tensionlab.errors import HardwareError
@@ -22,14 +23,10 @@ Frequency = Field(gt=0.0, allow_inf_nan=False, description="a frequency in Hz, a
 
 
 class Sine(SchemaTable):
-    """Sine in the direction of its amplitude."""
+    """Sine along its amplitude."""
 
     amplitude: list[FiniteFloat] = Amplitude
     frequency: float = Frequency
-
-    def offset(self, time: float, step: ProgramStep) -> Floats:
-        """Return what is added to a step's wrench at a time in s since it began."""
-        return math.sin(2.0 * math.pi * self.frequency * time) * np.array(self.amplitude)
 
 
 class Circle(SchemaTable):
@@ -39,25 +36,13 @@ class Circle(SchemaTable):
     plane: Literal["xy", "yx", "yz", "zy", "zx", "xz"] = Field(description='two axes, such as "xz"')
     frequency: float = Frequency
 
-    def offset(self, time: float, step: ProgramStep) -> Floats:
-        """Return what is added to a step's wrench at a time in s since it began."""
-        angle, offset = 2.0 * math.pi * self.frequency * time, np.zeros(len(step.wrench))
-        offset[["xyz".index(axis) for axis in self.plane]] = math.cos(angle), math.sin(angle)
-        return self.radius * offset
-
 
 class Sweep(SchemaTable):
-    """Sine whose frequency changes exponentially from the begin to the end of a step."""
+    """Sine along its amplitude, whose frequency changes exponentially from the begin to the end of a step."""
 
     amplitude: list[FiniteFloat] = Amplitude
     begin: float = Frequency
     end: float = Frequency
-
-    def offset(self, time: float, step: ProgramStep) -> Floats:
-        """Return what is added to a step's wrench at a time in s since it began."""
-        growth = math.log(self.end / self.begin) / step.seconds
-        cycles = self.begin * (time if growth == 0.0 else math.expm1(growth * time) / growth)
-        return math.sin(2.0 * math.pi * cycles) * np.array(self.amplitude)
 
 
 class ProgramStep(SchemaTable):
@@ -71,16 +56,19 @@ class ProgramStep(SchemaTable):
     circle: Circle | None = Field(None, description="a circle around the wrench, a table")
     sweep: Sweep | None = Field(None, description="a sine of changing frequency around the wrench, a table")
 
-    @property
-    def oscillation(self) -> Sine | Circle | Sweep | None:
-        """Sine, circle or sweep around the wrench, if there is one."""
-        return self.sine or self.circle or self.sweep
-
-    @model_validator(mode="after")
-    def _require_one(self) -> Self:
-        if sum(each is not None for each in (self.sine, self.circle, self.sweep)) > 1:
-            raise ValueError("give one of sine, circle and sweep")
-        return self
+    def wrench_at(self, time: float) -> Floats:
+        """Return the wrench with all that is around it, at a time in s since the step began."""
+        wrench, turn = np.array(self.wrench, dtype=np.float64), 2.0 * math.pi * time
+        if self.sine is not None:
+            wrench += math.sin(turn * self.sine.frequency) * np.array(self.sine.amplitude)
+        if self.circle is not None:
+            angle, axes = turn * self.circle.frequency, ["xyz".index(axis) for axis in self.circle.plane]
+            wrench[axes] += self.circle.radius * np.array([math.cos(angle), math.sin(angle)])
+        if self.sweep is not None:
+            grown = math.log(self.sweep.end / self.sweep.begin) * time / self.seconds
+            angle = turn * self.sweep.begin * (math.expm1(grown) / grown if grown else 1.0)
+            wrench += math.sin(angle) * np.array(self.sweep.amplitude)
+        return wrench
 
 
 @raises(HardwareError)
@@ -110,14 +98,11 @@ class Program(SchemaTable):
         later_round = self.repeat and state.time >= self.seconds
         before = np.array(self.steps[-1].wrench) if later_round else np.zeros(len(self.steps[0].wrench))
         for step in self.steps:
-            wrench = np.array(step.wrench)
             if remaining < step.seconds:
-                if step.oscillation is not None:
-                    wrench = wrench + step.oscillation.offset(remaining, step)
-                share = remaining / step.seconds if step.ramp else 1.0
+                wrench, share = step.wrench_at(remaining), remaining / step.seconds if step.ramp else 1.0
                 return Demand(before + share * (wrench - before), brakes=frozenset(step.brakes))
             remaining -= step.seconds
-            before = wrench
+            before = np.array(step.wrench)
         return Demand(stop=True)
 
 
@@ -139,24 +124,22 @@ def load_program(path: str | PathLike[str], rig: Rig, rate: float = math.inf) ->
     for number, step in enumerate(program.steps, start=1):
         demand = Demand(np.array(step.wrench), brakes=frozenset(step.brakes))
         require_demand(demand, rig, f"{path}: step {number}")
-        if step.oscillation is not None:
-            _require_oscillation(step.oscillation, rig, rate, f"{path}: step {number}")
+        for each in filter(None, (step.sine, step.circle, step.sweep)):
+            _require_oscillation(each.model_dump(), rig, rate, f"{path}: step {number}")
     return program
 
 
-def _require_oscillation(found: Sine | Circle | Sweep, rig: Rig, rate: float, here: str) -> None:
+def _require_oscillation(keys: Mapping[str, Any], rig: Rig, rate: float, here: str) -> None:
     """Refuse what the rig has no axes for, or the cycles of a run would alias."""
-    if isinstance(found, Circle):
-        axes = "xyz"[: rig.dimension]
-        if not set(found.plane) <= set(axes):
-            raise HardwareError(f'{here}: plane is "{found.plane}"; this rig has the axes {", ".join(axes)}')
-    elif len(found.amplitude) != rig.n:
-        raise HardwareError(f"{here}: amplitude is {brief(found.amplitude)}; this rig takes {rig.n} components")
-    highest = max(found.begin, found.end) if isinstance(found, Sweep) else found.frequency
+    axes, amplitude = "xyz"[: rig.dimension], keys.get("amplitude")
+    if not set(keys.get("plane", "")) <= set(axes):
+        raise HardwareError(f'{here}: plane is "{keys["plane"]}"; this rig has the axes {", ".join(axes)}')
+    if amplitude is not None and len(amplitude) != rig.n:
+        raise HardwareError(f"{here}: amplitude is {brief(amplitude)}; this rig takes {rig.n} components")
+    highest = max(keys.get(key, 0.0) for key in ("frequency", "begin", "end"))
     if highest >= rate / 2.0:
         raise HardwareError(
-            f"{here}: {highest:g} Hz is not below half the rate of the run, {rate:g} Hz; lower it, or give a "
-            "larger --rate"
+            f"{here}: {highest:g} Hz is not below half the rate of the run, {rate:g} Hz; change one"
         )
 
 
