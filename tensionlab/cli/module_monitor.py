@@ -8,7 +8,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, nullcontext
 from dataclasses import replace
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import typer
 
@@ -16,7 +16,7 @@ from tensionlab.cli.common import output
 from tensionlab.cli.common.links import Links, ModulesFile, call_all, exit_if_failed, find_links
 from tensionlab.cli.common.verbs import Json, option
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
-from tensionlab.hardware.client.diagnostics import RoundTrips, is_bluetooth, measure, safe_rates
+from tensionlab.hardware.client.diagnostics import is_bluetooth, measure, safe_rates
 from tensionlab.hardware.client.links import OPENERS
 from tensionlab.hardware.client.locks import Holder, holder, locked_links
 from tensionlab.hardware.client.module import ModuleClient
@@ -185,24 +185,6 @@ def _telemetry_json(url: str, each: ModuleClient | WatchedModule) -> dict[str, A
     }
 
 
-class Latency(NamedTuple):
-    """Round trips to a module, its time to live in s, and its safe rates in Hz, if there are any."""
-
-    trips: RoundTrips
-    ttl: float
-    safe_rate: tuple[float, float] | None
-
-    @property
-    def percentiles(self) -> dict[str, float]:
-        """Percentiles of the round-trip time in s."""
-        return {name: self.trips.percentile(share) for name, share in PERCENTILES.items()}
-
-    @property
-    def pings(self) -> int:
-        """Number of pings sent."""
-        return len(self.trips.times) + self.trips.lost
-
-
 def ping(
     links: Links = None,
     modules: ModulesFile = None,
@@ -222,7 +204,7 @@ def ping(
     done = dict.fromkeys(urls, 0)
     with output.until_interrupted("nothing was changed; the same command measures again") as interrupted:
 
-        def job(client: ModuleClient) -> Latency:
+        def job(client: ModuleClient) -> dict[str, Any]:
             def report(now: int) -> bool:
                 done[client.name] = now
                 progress(min(done.values()) / count)
@@ -230,27 +212,24 @@ def ping(
 
             ttl = 1e-3 * client.hello().ttl_ms
             trips = measure(client, count, report)
-            return Latency(trips, ttl, safe_rates(trips, ttl, bluetooth=is_bluetooth(urls[client.name])))
+            rates = safe_rates(trips, ttl, bluetooth=is_bluetooth(urls[client.name]))
+            seconds = {name: trips.percentile(share) for name, share in PERCENTILES.items()}
+            sent = len(trips.times) + trips.lost
+            return {"pings": sent, "lost": trips.lost, "seconds": seconds, "ttl": ttl, "safe_rate": rates}
 
         with output.progress("pinging") as progress:
             found, failed = call_all(urls, job)
         if json:
-            output.print_json(
-                [
-                    {"module": name, "url": urls[name], "pings": each.pings, "lost": each.trips.lost,
-                     "seconds": each.percentiles, "ttl": each.ttl, "safe_rate": each.safe_rate}
-                    for name, each in found.items()
-                ]
-            )  # fmt: skip
+            output.print_json([{"module": name, "url": urls[name], **each} for name, each in found.items()])
         elif found:
             rows = [
-                (name, each.pings, each.trips.lost, *(1e3 * trip for trip in each.percentiles.values()),
-                 1e3 * each.ttl,
-                 "{:.0f} to {:.0f}".format(*each.safe_rate) if each.safe_rate else "none")
+                (name, each["pings"], each["lost"], *(1e3 * trip for trip in each["seconds"].values()),
+                 1e3 * each["ttl"],
+                 "{:.0f} to {:.0f}".format(*each["safe_rate"]) if each["safe_rate"] else "none")
                 for name, each in found.items()
             ]  # fmt: skip
             output.print_table(Table(TRIPS, rows))
-        unsafe = [name for name, each in found.items() if each.safe_rate is None]
+        unsafe = [name for name, each in found.items() if each["safe_rate"] is None]
         for name in unsafe:
             output.print_error(
                 f"{name}: no rate is safe over this link; make it better, or raise the module's "

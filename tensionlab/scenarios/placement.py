@@ -43,12 +43,13 @@ class Similarity:
 
     def surfaces(self, part: Any, name: str) -> Any:
         """Return an effect or a brake target with its points, directions and solids placed."""
-        placed: dict[str, Any] = {}
-        known = vectors(type(part))
+        known, axes, placed = vectors(type(part)), np.abs(self.rotation), {}
         for each in fields(part):
             value = getattr(part, each.name)
             if isinstance(part, Box) and each.name == "size":
-                placed["size"] = self._edges(part, name)
+                if not np.allclose(axes, axes.round()):
+                    raise ScenarioError(f'effect "{name}" has a box along the axes; face along one of them')
+                placed["size"] = tuple((self.scale * axes.round() @ np.array(value)).tolist())
             elif isinstance(part, Sphere) and each.name == "radius":
                 placed["radius"] = self.scale * value
             elif each.name in known:
@@ -56,12 +57,6 @@ class Similarity:
             elif is_dataclass(value):
                 placed[each.name] = self.surfaces(value, name)
         return replace(part, **placed) if placed else part
-
-    def _edges(self, box: Box, name: str) -> tuple[float, ...]:
-        axes = np.abs(self.rotation)
-        if not np.allclose(axes, axes.round(), atol=1e-9):
-            raise ScenarioError(f'effect "{name}" has a box, which lies along the axes; face along one of them')
-        return tuple((self.scale * axes.round() @ np.array(box.size)).tolist())
 
     def person(self, person: PersonPlan) -> PersonPlan:
         """Return a person who moves and turns as a whole, and whose paths are scaled, each from its start."""
