@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -11,7 +12,17 @@ from numpy.typing import ArrayLike
 
 from tensionlab.errors import RigError
 from tensionlab.model import kinematics, pose
-from tensionlab.model.module import MAX_LENGTH, WORLD, require_name, require_up, same, upward, vector
+from tensionlab.model.directions import circle, fibonacci
+from tensionlab.model.module import (
+    MAX_LENGTH,
+    WORLD,
+    require_name,
+    require_number,
+    require_up,
+    same,
+    upward,
+    vector,
+)
 from tensionlab.model.pose import Frames, RestPose, frame_of
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import brief
@@ -19,6 +30,7 @@ from tensionlab.support.files.reading import brief
 HAND = "hand"  # the frame of the held point or platform
 PERSON = "person"  # the frame of a ready person
 DEFAULT_MARGIN_M = 0.05
+ROUND_POINTS = 300  # points of a sphere, or a circle, that stand for its surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +87,7 @@ class Body:
                 if point.size != self.start.size:
                     raise RigError(f'{here}: key "{key}" has {point.size} numbers; give {self.start.size}')
         for key in ("radius", "margin", "sway"):
-            value = getattr(self, key)
-            if not (np.isfinite(value) and 0 <= value <= MAX_LENGTH):
-                raise RigError(f'{here}: key "{key}" is {value}; give a length in m, 0 to {MAX_LENGTH:g}')
+            require_number(getattr(self, key), here, key, MAX_LENGTH, "m")
         if self.size is None and not self.radius:
             raise RigError(f'{here}: key "radius" is missing; give the radius in m, or the "size" of a box')
         if self.size is not None and ((self.size <= 0).any() or self.end is not None or self.radius):
@@ -133,6 +143,16 @@ def place_bodies(
             ends = origin[..., None, :] + kinematics.rotate(axes, ends)
         placed.append(PlacedBody(ends, axes if body.size is not None else None))
     return placed
+
+
+def surface_points(body: Body, placed: PlacedBody) -> Floats:
+    """Return points (k, d) of the surface of a placed body, whose convex hull is the body."""
+    d = body.start.size
+    if placed.axes is not None:
+        corners = np.array(list(product((-0.5, 0.5), repeat=d))) * body.size
+        return np.asarray(placed.ends[0] + kinematics.rotate(placed.axes, corners))
+    directions = fibonacci(ROUND_POINTS) if d == 3 else circle(ROUND_POINTS)
+    return np.asarray((placed.ends[:, None] + body.radius * directions).reshape(-1, d))
 
 
 # Heights of a standing person as shares of the stature: Drillis and Contini, "Body segment parameters", 1966, in

@@ -21,6 +21,10 @@ MAX_LENGTH = 1e4
 # where they mean no limit.
 MAX_TENSION = 1e11
 MAX_MASS = 1e8  # maximum mass of a platform, in kg: that of a large ship
+OPTIONAL_NUMBERS = (
+    ("brake", MAX_TENSION, "N"), ("newton_per_ampere", MAX_TENSION, "N/A"),
+    ("spool_radius", MAX_LENGTH, "m"), ("pulley_radius", MAX_LENGTH, "m"),
+)  # fmt: skip
 GRAVITY_M_S2 = 9.81  # acceleration by gravity, in m/s²
 STANDARD_GRAVITY_M_S2 = 9.80665  # for weighing; the local value differs by up to 0.4 %
 
@@ -111,26 +115,16 @@ class Module:
             )
         object.__setattr__(self, "anchor", anchor)
         object.__setattr__(self, "attachment", attachment)
-        for key, tension in (("lower", self.lower), ("upper", self.upper)):
-            if not np.isfinite(tension):
-                raise RigError(f'{here}: key "{key}" is {tension}; give a finite tension in N')
-            if tension > MAX_TENSION:
-                raise RigError(f'{here}: key "{key}" is {tension:g} N; give {MAX_TENSION:g} or less')
-        if self.lower < 0:
-            raise RigError(f'{here}: key "lower" is {self.lower}; a cable cannot push, so give 0 N or more')
+        for key in ("lower", "upper"):  # a cable cannot push
+            require_number(getattr(self, key), here, key, MAX_TENSION, "N")
         if self.lower > self.upper:
             raise RigError(
                 f'{here}: key "lower" is {self.lower}, above "upper", which is {self.upper}; '
                 "give lower <= upper, both in N"
             )
-        maximum = {"brake": MAX_TENSION, "newton_per_ampere": MAX_TENSION, "spool_radius": MAX_LENGTH}
-        maximum["pulley_radius"] = MAX_LENGTH
-        for key, limit in maximum.items():
-            value = getattr(self, key)
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise RigError(f'{here}: key "{key}" is {value}; give a finite number above zero, or leave it out')
-            if value is not None and value > limit:
-                raise RigError(f'{here}: key "{key}" is {value:g}; give {limit:g} or less')
+        for key, highest, unit in OPTIONAL_NUMBERS:
+            if getattr(self, key) is not None:
+                require_number(getattr(self, key), here, key, highest, unit, above_zero=True)
         if self.pulley_axis is None:
             if self.pulley_radius is not None:
                 give = "give the direction in which the cable comes to the pulley"
@@ -199,10 +193,7 @@ class Platform:
         return f"<Platform of {self.mass:g} kg{com}{inertia}>"
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.mass) and self.mass > 0):
-            raise RigError(f'[platform]: key "mass" is {self.mass}; give a finite mass in kg, above zero')
-        if self.mass > MAX_MASS:
-            raise RigError(f'[platform]: key "mass" is {self.mass:g} kg; give {MAX_MASS:g} or less')
+        require_number(self.mass, "[platform]", "mass", MAX_MASS, "kg", above_zero=True)
         if self.com is not None:
             object.__setattr__(self, "com", vector(self.com, "[platform]", "com"))
         if self.inertia is not None:
@@ -246,6 +237,15 @@ def require_name(value: object, where: str, key: str, remedy: str) -> None:
         raise RigError(
             f'{where}: key "{key}" is {brief(value)}; give at most {MAX_NAME} characters, all of them printable'
         )
+
+
+def require_number(
+    value: float, where: str, key: str, highest: float, unit: str, *, above_zero: bool = False
+) -> None:
+    """Refuse what is not from zero, or above it, to a highest value."""
+    if not (np.isfinite(value) and 0 <= value <= highest and (value or not above_zero)):
+        least = "above zero" if above_zero else "0 or more"
+        raise RigError(f'{where}: key "{key}" is {brief(value)}; give {least}, at most {highest:g} {unit}')
 
 
 def require_up(up: object, dimension: int) -> None:

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from tensionlab.errors import ShapeError
-from tensionlab.model import kinematics
-from tensionlab.model.bodies import place_bodies
-from tensionlab.model.directions import circle, fibonacci
+from tensionlab.model.bodies import place_bodies, surface_points
 from tensionlab.model.pose import place_anchors
 from tensionlab.model.pulleys import ways
 from tensionlab.plots.style import HALO, add_legend, one_panel
@@ -37,7 +34,7 @@ MARKERS: list[dict[str, Any]] = [
 FEW = 50  # fewer wrenches are drawn as larger dots
 MAX_DOTS = 2000  # largest number of wrenches drawn for each status, evenly spread
 SPREAD = 0.12  # half the height of a row's dots, as a share of the row: spread out, many of the same tension show
-BODY_COLOUR, BODY_POINTS = "#D9C7B4", 150  # colour of bodies, and points of a sphere that stand for its surface
+BODY_COLOUR = "#D9C7B4"
 LIGHT = np.array([0.6, -0.6, 0.5])  # direction that light comes from
 MARGIN_INCHES = 0.5  # above and below a rig in space, for the title and the legend
 
@@ -61,7 +58,8 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
     """
     spatial = rig.dimension == 3
     ends, anchors = rig.home + rig.attachments, place_anchors(rig.modules, rig.anchors, rig.at_rest)
-    outlines = body_outlines(rig)
+    placed = place_bodies(rig.bodies, rig.home, None, rig.at_rest)
+    outlines = [surface_points(*each) for each in zip(rig.bodies, placed, strict=True)]
     with one_panel(ax, (7.5, 7.0), "3d" if spatial else None) as (figure, axes):
         everything = np.concatenate([anchors, ends, *outlines])
         floor = frame_panel(axes, everything.min(axis=0), everything.max(axis=0), rig.vertical)
@@ -95,19 +93,6 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
     if spatial and ax is None:
         _crop(figure, axes)
     return figure if ax is None else None
-
-
-def body_outlines(rig: Rig) -> list[Floats]:
-    """Return points (k, d) of the surface of each body, with the platform at home and frames at rest."""
-    directions = fibonacci(BODY_POINTS) if rig.dimension == 3 else circle(BODY_POINTS)
-    outlines = []
-    for body, placed in zip(rig.bodies, place_bodies(rig.bodies, rig.home, None, rig.at_rest), strict=True):
-        if body.size is None:
-            outlines.append((placed.ends[:, None] + body.radius * directions).reshape(-1, rig.dimension))
-        else:
-            corners = np.array(list(product((-0.5, 0.5), repeat=rig.dimension))) * body.size
-            outlines.append(placed.ends[0] + kinematics.rotate(np.asarray(placed.axes), corners))
-    return outlines
 
 
 def draw_bodies(axes: Any, outlines: Sequence[Floats]) -> None:

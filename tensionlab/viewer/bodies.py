@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.model.bodies import HAND, Body
-from tensionlab.model.directions import circle, fibonacci
+from tensionlab.model.bodies import HAND, Body, place_bodies, surface_points
 from tensionlab.model.kinematics import in_space
+from tensionlab.model.module import WORLD
 from tensionlab.model.pose import Frames, frame_of, rotations
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
@@ -20,7 +20,6 @@ from tensionlab.viewer.scene import CABLE_PIXELS, NO_LINES, Lines, Mesh, add_lin
 from tensionlab.workspace.interference import body_distances
 
 BODY_COLOUR, BODY_OPACITY = "#B8B8B8", 0.55
-ROUND_POINTS = 400  # points of a sphere, and of a circle in the plane
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +75,8 @@ def pose_matrix(d: int, where: Any) -> Floats:
 
 def body_mesh(body: Body) -> Mesh:
     """Return the surface of a body in the axes of its frame; in the plane, what it covers."""
-    d = body.start.size
-    if body.size is not None:
-        points = body.start + body.size * np.stack(np.meshgrid(*[[-0.5, 0.5]] * d), axis=-1).reshape(-1, d)
-    else:
-        ball = body.radius * (circle(ROUND_POINTS) if d == 2 else fibonacci(ROUND_POINTS))
-        points = np.concatenate([end + ball for end in (body.start, body.end) if end is not None])
-    hull = polytope(points)
+    (own,) = place_bodies([replace(body, frame=WORLD)], np.zeros(body.start.size), None, {})
+    hull = polytope(surface_points(body, own))
     assert hull is not None
     return Mesh(in_space(hull.corners), hull.faces)
 
