@@ -58,8 +58,7 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
     """
     spatial = rig.dimension == 3
     ends, anchors = rig.home + rig.attachments, place_anchors(rig.modules, rig.anchors, rig.at_rest)
-    placed = place_bodies(rig.bodies, rig.home, None, rig.at_rest)
-    outlines = [surface_points(*each) for each in zip(rig.bodies, placed, strict=True)]
+    outlines = body_outlines(rig)
     with one_panel(ax, (7.5, 7.0), "3d" if spatial else None) as (figure, axes):
         everything = np.concatenate([anchors, ends, *outlines])
         floor = frame_panel(axes, everything.min(axis=0), everything.max(axis=0), rig.vertical)
@@ -93,6 +92,12 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
     if spatial and ax is None:
         _crop(figure, axes)
     return figure if ax is None else None
+
+
+def body_outlines(rig: Rig) -> list[Floats]:
+    """Return points (k, d) of the surface of each body, with the platform at home and frames at rest."""
+    placed = place_bodies(rig.bodies, rig.home, None, rig.at_rest)
+    return [surface_points(*each) for each in zip(rig.bodies, placed, strict=True)]
 
 
 def draw_bodies(axes: Any, outlines: Sequence[Floats]) -> None:

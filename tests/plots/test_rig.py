@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.model.bodies import place_bodies, surface_points
 from tensionlab.plots import plot_allocation, plot_rig
+from tensionlab.plots.rig import body_outlines
 from tests.helpers.figures import content_of, words_in
 from tests.helpers.runs import four, seven
 
@@ -38,8 +38,7 @@ def test_bodies_are_drawn_where_they_are_at_rest():
     """The hull of the points drawn reaches as far as the person does: 1.75 m up from the floor."""
     bodies, rest = tl.person("seated", up="y", at=[0.0, 0.2, -1.0])
     rig = dataclasses.replace(four(), bodies=bodies, rest=(rest,))
-    placed = place_bodies(bodies, rig.home, None, rig.at_rest)
-    outlines = np.concatenate([surface_points(*each) for each in zip(bodies, placed, strict=True)])
+    outlines = np.concatenate(body_outlines(rig))
     assert outlines[:, 1].max() == pytest.approx(0.2 + 0.755 * 1.75, abs=0.01)
     assert np.ptp(outlines[:, 0]) == pytest.approx(2 * 0.284, abs=0.01)
     assert "body" in words_in(content_of(plot_rig(rig)))
