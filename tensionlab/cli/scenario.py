@@ -28,8 +28,6 @@ from tensionlab.hardware import RealClock, connect
 from tensionlab.scenarios import SCENARIOS, Scenario, check_needs, load_scenario
 from tensionlab.scenarios.checks import (
     Check,
-    Directions,
-    check_directions,
     checks_table,
     loop_delay,
     scenario_fidelity,
@@ -123,7 +121,7 @@ def scenario(
             raise typer.Exit(1) from None
     complete = seconds in (None, loaded.seconds) and not played.statistics.ended.startswith("signal")
     checks = check_scenario(played) if complete and at is None and facing is None else ()
-    found, fidelity = check_directions(played.run), scenario_fidelity(played)
+    fidelity = scenario_fidelity(played)
     with output.ResultWriter(quiet=json) as writer:
         writer.draw(plot, "scenario", played)
         if json:
@@ -134,13 +132,12 @@ def scenario(
                 needs=needs,
                 checks=[{**check._asdict(), "met": check.met} for check in checks],
                 fidelity={name: each.summary() for name, each in fidelity.items()},
-                directions={"cycles": found.cycles, "within": found.within, **found.reasons},
                 delay=loop_delay(played),
                 run=played.statistics.summary(),
                 events=played.run.events,
             )
         else:
-            table = _table(played, checks, found)
+            table = _table(played, checks)
             if loaded.name in EXPECTED and not checks:
                 table.notes.append(
                     "Expected values are only compared when a scenario is played whole, and not moved."
@@ -150,8 +147,7 @@ def scenario(
             output.print_table(table)
             print_fidelity(fidelity)
     end_run(played.statistics, streams, log)
-    failed = any(each.passed is False for each in fidelity.values())
-    if failed or found.reasons["unexplained"] or not all(check.met for check in checks):
+    if any(each.passed is False for each in fidelity.values()) or not all(check.met for check in checks):
         raise typer.Exit(1)
 
 
@@ -211,16 +207,12 @@ def _reach(
     return ScenarioModules(group, RealClock(group.clients), links, tracker, client=client)
 
 
-def _table(played: ScenarioResult, checks: Sequence[Check], found: Directions) -> Table:
-    """Return measured and expected values; notes say where forces pointed, and what was late."""
+def _table(played: ScenarioResult, checks: Sequence[Check]) -> Table:
+    """Return measured and expected values; notes say what was late."""
     title = f"{played.scenario.title}: {played.scenario.about}"
     table = checks_table(checks, title) if checks else Table([], [])
-    reasons = [f"{count} {reason}" for reason, count in found.reasons.items() if count]
-    elsewhere = f"; elsewhere: {', '.join(reasons)}" if reasons else ""
     statistics = played.statistics
     table.notes = [
-        f"Forces above 0.5 N in {found.cycles} of {len(played.run)} cycles: "
-        f"{found.within} within 45 degrees of the desired ones{elsewhere}.",
         f"Loop latency {1e3 * loop_delay(played):.0f} ms.",
         f"Answers: {statistics.explained}.",
     ]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.demand import measured_wrench
+from tensionlab.haptics.rendering.fidelity import just_noticeable
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit
 from tensionlab.plots.style import HALO, legend_beside, new_figure
 from tensionlab.solvers.base import Status
@@ -37,6 +38,7 @@ NAMED_EVENTS = 8  # largest number of events with a name; further ones are lines
 NAME_SIZE, LETTER_WIDTH = 8.0, 0.55  # size of their letters in points, and mean width of one as a share of it
 AXES_WIDTH = 720.0  # width of the axes, about, in points
 MIN_TIME_MS = 1e-2  # times below are drawn here, in ms
+MIN_AMPLITUDE_N, MIN_SPECTRUM = 1e-3, 16  # smaller amplitudes are drawn here; cycles that a spectrum needs
 MIN_RANGE = 0.05  # forces and torques are drawn at least so far up and down, in N and N·m
 TIMES = {"start delay": BLUE, "compute time": GREEN, "oldest telemetry": ORANGE}
 WRENCH_LOOKS: dict[str, dict[str, Any]] = {
@@ -47,7 +49,7 @@ WRENCH_LOOKS: dict[str, dict[str, Any]] = {
 
 
 def plot_run(run: Run) -> Figure:
-    """Draw a run, from above: wrench, tension of each module, status and limiters, times.
+    """Draw a run, from above: wrench and error, tension of each module, status and limiters, times, spectrum.
 
     Examples
     --------
@@ -59,14 +61,21 @@ def plot_run(run: Run) -> Figure:
     """
     d, m, n = run.rig.dimension, run.rig.m, run.rig.n
     wrenches = {"force (N)": slice(0, d)} | ({"torque (N·m)": slice(d, n)} if n > d else {})
-    heights = [1.7] * len(wrenches) + [0.8] * m + [0.35 + 0.17 * (m + 2), 1.5]
+    heights = [1.7] * len(wrenches) + [1.2] + [0.8] * m + [0.35 + 0.17 * (m + 2), 1.5, 1.7]
     with new_figure((13.0, 0.7 + 1.08 * sum(heights))) as figure:
         figure.suptitle(_title(run), fontweight="bold")
-        panels = list(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights))
-        tensions, timeline, times = panels[len(wrenches) : -2], panels[-2], panels[-1]
+        *panels, spectrum = figure.subplots(len(heights), 1, height_ratios=heights)
+        for axes in panels[:-1]:
+            axes.sharex(panels[-1])
+            axes.tick_params(labelbottom=False)
+        error, *tensions, timeline, times = panels[len(wrenches) :]
         for axes, (label, part) in zip(panels, wrenches.items(), strict=False):
             _draw_wrench(axes, run, part)
             axes.set_ylabel(label)
+        desired = run.desired[:, :d]
+        measured = measured_wrench(run.structure, run.measured, run.active)[:, :d]
+        _draw_error(error, run, desired, measured)
+        _draw_spectrum(spectrum, run, desired, measured)
         top = _top(run)
         for index, axes in enumerate(tensions):
             _draw_tension(axes, run, index, top)
@@ -131,6 +140,48 @@ def _draw_wrench(axes: Axes, run: Run, part: slice) -> None:
             _line(axes, run, wrench[:, part][:, index], color=colour, **WRENCH_LOOKS[name])
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, -MIN_RANGE), max(high, MIN_RANGE))  # rounding errors are not worth a panel
+
+
+def _draw_error(axes: Axes, run: Run, desired: Floats, measured: Floats) -> None:
+    """Draw the size of the force error, and the just noticeable difference of the desired force."""
+    noticed = [just_noticeable(size) for size in np.linalg.norm(np.nan_to_num(desired), axis=1)]
+    axes.fill_between(run.time, 0.0, noticed, color="#EDEDED", linewidth=0.0)
+    _line(axes, run, np.linalg.norm(measured - desired, axis=1), color=RED, linewidth=1.0)
+    axes.set(ylabel="error (N)", ylim=(0.0, None))
+    shade = {"color": "#EDEDED", "linewidth": 6}
+    legend_beside(axes, [("|measured - desired|", {"color": RED}), ("not noticeable", shade)])
+
+
+def _draw_spectrum(axes: Axes, run: Run, desired: Floats, measured: Floats) -> None:
+    """Draw the amplitudes of the forces over frequency, and lines where telemetry shows vibrations."""
+    forces = {"desired": desired, "measured": measured}
+    for (name, force), colour in zip(forces.items(), (GREY, BLUE), strict=True):
+        hertz, amplitude = force_spectrum(run.time, force)
+        axes.plot(
+            hertz, np.maximum(amplitude, MIN_AMPLITUDE_N), color=colour, **WRENCH_LOOKS[name] | {"linestyle": "-"}
+        )
+    rate = 1.0 / float(np.median(np.diff(run.time))) if len(run) > 1 else run.setup.rate
+    for name, effect in run.effects.items():
+        for frequency in np.unique(effect.frequency[effect.amplitude > 0.0]):
+            shown = abs(frequency - rate * round(frequency / rate))
+            told = f"{name}: {frequency:.3g} Hz" + ", aliased by the telemetry" * bool(shown != frequency)
+            axes.axvline(shown, color=RED, linewidth=0.8, linestyle="--")
+            axes.annotate(told, (shown, 1.0), xycoords=("data", "axes fraction"), color=RED, fontsize=8, va="top")
+    axes.set(xlabel="frequency (Hz)", ylabel="amplitude (N)", yscale="log", xlim=(0.0, rate / 2.0))
+    axes.grid()
+    legend_beside(axes, [("desired", {"color": GREY, **WRENCH_LOOKS["desired"]}), ("measured", {"color": BLUE})])
+
+
+def force_spectrum(time: Floats, force: Floats) -> tuple[Floats, Floats]:
+    """Return frequencies in Hz and the amplitudes of a force (K, d) there, in N: the norm of those of its axes."""
+    known = np.isfinite(force).all(axis=1)
+    if known.sum() < MIN_SPECTRUM:
+        return np.zeros(0), np.zeros(0)
+    even = np.linspace(time[known][0], time[known][-1], int(known.sum()))
+    values = np.stack([np.interp(even, time[known], axis[known]) for axis in force.T])
+    taper = np.hanning(len(even))
+    lines = np.abs(np.fft.rfft((values - values.mean(axis=1, keepdims=True)) * taper)) * 2.0 / taper.sum()
+    return np.fft.rfftfreq(len(even), even[1] - even[0]), np.linalg.norm(lines, axis=0)
 
 
 def _top(run: Run) -> float:

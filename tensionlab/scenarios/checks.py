@@ -1,8 +1,7 @@
-"""Checks of a played scenario: the rendered force over time, its direction, and numbers between bounds."""
+"""Checks of a played scenario: the rendered force over time, its fidelity, and numbers between bounds."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
@@ -16,8 +15,6 @@ from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.rendering.effect_fidelity import effects_fidelity
 from tensionlab.haptics.rendering.fidelity import Fidelity, force_fidelity
 from tensionlab.hardware.log.reader import Run
-from tensionlab.hardware.protocol.codes import Limit
-from tensionlab.model.stiffness import MIN_COSINE
 from tensionlab.scenarios.play import ScenarioResult
 from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_number
@@ -25,14 +22,7 @@ from tensionlab.support.table import Column, Table, met_mark
 
 Kind = TypeVar("Kind", bound=Effect)
 NOTICEABLE = 0.07  # just noticeable difference of forces, as a share
-MIN_FORCE_N = 0.5  # the direction of smaller forces does not count
 LOCKING_S, RELEASE_S = 0.1, 0.35  # times in which a brake locks, and its force is gone
-REVERSAL_S = 0.1  # time in which modules follow a reversed force: 6 N at 60 N/s
-# Reasons for another direction: no force above 0.5 N is desired, and the cables are only taut; the direction was
-# desired within the loop's delay and 0.1 s; the force is certified infeasible; a module is at a limit (slew,
-# speed, heat, a brake that opens). The first that applies counts.
-REASONS = ("none desired", "delayed", "infeasible", "module limited", "unexplained")
-ALIGNED_CYCLE, WEAK_CYCLE = -1, -2  # in place of a reason: the force is within 45 degrees, or weaker than 0.5 N
 
 
 class Check(NamedTuple):
@@ -208,36 +198,6 @@ def _braked(run: Run, time: Floats) -> NDArray[np.bool_]:
     return np.asarray((time >= latest) & (time - latest < RELEASE_S))
 
 
-class Directions(NamedTuple):
-    """Numbers of cycles with a force above 0.5 N, of those within 45 degrees, and of the others by `REASONS`."""
-
-    cycles: int
-    within: int
-    reasons: dict[str, int]
-
-
-def check_directions(run: Run) -> Directions:
-    """Count the cycles of a point's run by their direction."""
-    found = direction_reasons(run)
-    counts = {reason: int((found == number).sum()) for number, reason in enumerate(REASONS)}
-    return Directions(int((found != WEAK_CYCLE).sum()), int((found == ALIGNED_CYCLE).sum()), counts)
-
-
-def direction_reasons(run: Run) -> NDArray[np.int64]:
-    """Return for each cycle an index of `REASONS`, `ALIGNED_CYCLE` or `WEAK_CYCLE`."""
-    measured = np.nan_to_num(measured_force(run))
-    desired = np.nan_to_num(desired_force(run))
-    tension_limits = [int(limit) for limit in (Limit.NONE, Limit.LOWER, Limit.UPPER)]
-    found = np.full(len(run), REASONS.index("unexplained"))
-    found[~np.isin(run.limiters, tension_limits).all(axis=1)] = REASONS.index("module limited")
-    found[run.status == Status.NEAREST] = REASONS.index("infeasible")
-    found[_delayed(run, measured, desired)] = REASONS.index("delayed")
-    found[np.linalg.norm(desired, axis=1) <= MIN_FORCE_N] = REASONS.index("none desired")
-    found[_aligned(measured, desired)] = ALIGNED_CYCLE
-    found[np.linalg.norm(measured, axis=1) <= MIN_FORCE_N] = WEAK_CYCLE
-    return found
-
-
 def desired_force(run: Run) -> Floats:
     """Return the desired force on the hand, (K, n) in N, without the rig's required wrench."""
     return run.desired - run.rig.required.middle(run.rig)
@@ -252,18 +212,3 @@ def measured_force(run: Run) -> Floats:
 def infeasible_force(run: Run) -> Floats:
     """Return the part of the demanded force that was proved infeasible, (K, n) in N."""
     return np.where((run.status == Status.NEAREST)[:, None], run.solver_wrench - run.rendered, 0.0)
-
-
-def _aligned(measured: Floats, desired: Floats) -> NDArray[np.bool_]:
-    """Return where the angle between two forces (K, n) is at most 45 degrees."""
-    sizes = np.linalg.norm(measured, axis=1) * np.linalg.norm(desired, axis=1)
-    return np.asarray((np.einsum("kn,kn->k", measured, desired) >= MIN_COSINE * sizes) & (sizes > 0.0))
-
-
-def _delayed(run: Run, measured: Floats, desired: Floats) -> NDArray[np.bool_]:
-    """Return where the force has a direction that was desired shortly before."""
-    delay = np.nanmax(run.delays, initial=0.0) + REVERSAL_S
-    found = np.zeros(len(run), dtype=bool)
-    for back in range(1, min(math.ceil(delay * run.setup.rate), len(run) - 1) + 1):
-        found[back:] |= _aligned(measured[back:], desired[:-back])
-    return found

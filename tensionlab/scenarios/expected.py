@@ -1,7 +1,8 @@
 """Expected values of each scenario of this package, checked against the rendered force.
 
 The just noticeable difference of forces is some 7 per cent at 2.5 to 10 N. The host's forces lag by the loop's
-delay, which also limits their stiffness: bounds follow the measured delay. All bounds are this project's own.
+delay, which also limits their stiffness: bounds follow the measured delay. All bounds are this project's own. They
+are in addition to `scenario_fidelity`, which judges every effect.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.haptics.effects import Bow, Magnet, Recoil, Shape, Sphere, Texture, Vibration, Water, Weight
+from tensionlab.haptics.effects import Bow, Recoil, Texture, Vibration, Weight
 from tensionlab.haptics.effects.contact import Plane, Wall
 from tensionlab.haptics.effects.effect import Motion
 from tensionlab.haptics.rendering.fidelity import rms
@@ -196,20 +197,6 @@ def _release_time(time: Floats, depth: Floats, leaning: NDArray[np.bool_], held:
     return float(time[soon][-1] - back) if soon.any() else 0.0
 
 
-def check_magnet(result: ScenarioResult) -> tuple[Check, ...]:
-    """Check the largest pull and its profile on the way off, with the host's stiffness limit."""
-    magnet, rendered = find_effect(result, Magnet)
-    height, velocity = magnet.plane.height(rendered.position), rendered.velocity
-    soft, _ = cap_stiffness(magnet, host_stiffness_limit(result, rendered))
-    wanted = -soft.render(Motion(rendered.position, velocity)).force @ magnet.plane.n
-    down = -rendered.force @ magnet.plane.n
-    leaving = (height > 0.0) & (height < magnet.reach) & (velocity @ magnet.plane.n > 0.01)
-    return (
-        check_near("magnet: largest pull", "N", float(wanted.max()), float(down[leaving].max(initial=0.0)), 0.2),
-        Check("magnet: pull on the way off it, error", "N", 0.0, 0.5, rms((down - wanted)[leaving])),
-    )
-
-
 def check_texture(result: ScenarioResult) -> tuple[Check, ...]:
     """Check friction of a sliding hand, and the period of ripples if the host can make them perceptible."""
     rough, rendered = find_effect(result, Texture)
@@ -230,24 +217,6 @@ def check_texture(result: ScenarioResult) -> tuple[Check, ...]:
     return tuple(checks)
 
 
-def check_shape(result: ScenarioResult) -> tuple[Check, ...]:
-    """Check stiffness and direction of the ball's push."""
-    ball, rendered = find_effect(result, Shape)
-    assert isinstance(ball.field, Sphere)
-    out = rendered.position - np.asarray(ball.field.centre)
-    distance = np.linalg.norm(out, axis=1)
-    depth = ball.field.radius - distance
-    push = np.einsum("kd,kd->k", rendered.force, out) / distance
-    slow = (depth > 0.0) & (np.linalg.norm(rendered.velocity, axis=1) < 0.15)
-    pressed = slow & (push > 2 * TOUCH_N)
-    stiffness = float(push[slow] @ depth[slow] / np.maximum(depth[slow] @ depth[slow], 1e-12))
-    off = float(np.median(angles(rendered.force, out)[pressed])) if pressed.any() else float("nan")
-    return (
-        check_near("ball: stiffness", "N/m", ball.coupling.stiffness, stiffness, 0.25),
-        Check("ball: angle off the surface's normal, median", "deg", 0.0, 15.0, off),
-    )
-
-
 def check_vibration(result: ScenarioResult) -> tuple[Check, ...]:
     """Check frequency and amplitude, and that the cables stay taut; telemetry is too slow to show it."""
     hum, rendered = find_effect(result, Vibration, START_S)
@@ -263,25 +232,6 @@ def check_vibration(result: ScenarioResult) -> tuple[Check, ...]:
     )
 
 
-def check_water(result: ScenarioResult) -> tuple[Check, ...]:
-    """Check the drag, and the lift of a hand at rest."""
-    sea, rendered = find_effect(result, Water, START_S)
-    velocity = rendered.velocity
-    under = -sea.surface.height(rendered.position) > sea.mixing
-    speed = np.linalg.norm(velocity, axis=1)
-    still, quick = under & (speed < 0.02), under & (speed > 0.2)
-    way = velocity[quick] / speed[quick, None]
-    drag = -np.einsum("kd,kd->k", rendered.force[quick] - sea.lift * sea.surface.n, way)
-    wanted = sea.linear * speed[quick] + sea.quadratic * speed[quick] ** 2
-    if not (still.any() and quick.any()):
-        return (check_near("water: lift of a hand at rest", "N", sea.lift, float("nan"), 0.15),)
-    lift, share = float((rendered.force[still] @ sea.surface.n).mean()), float(drag.sum() / wanted.sum())
-    return (
-        check_near("water: lift of a hand at rest", "N", sea.lift, lift, 0.15),
-        check_near("water: drag, as a share of what it should be", "1", 1.0, share, 0.15),
-    )
-
-
 def host_stiffness_limit(result: ScenarioResult, during: ForceRecord) -> float:
     """Return the host stiffness limit, in N/m, by the largest delay that was measured until a part ended."""
     delays = result.run.delays[result.run.time <= during.time[-1]]
@@ -289,7 +239,7 @@ def host_stiffness_limit(result: ScenarioResult, during: ForceRecord) -> float:
 
 
 EXPECTED: dict[str, tuple[Callable[[ScenarioResult], tuple[Check, ...]], ...]] = {
-    "materials": (check_magnet, check_texture, check_shape, check_vibration, check_water),
+    "materials": (check_texture, check_vibration),
     "collision": (check_collision,),
     "recoil": (check_recoil,),
     "weight": (check_weight,),

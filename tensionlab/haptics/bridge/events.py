@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tensionlab.demand import Demand, RigState, measured_wrench
+from tensionlab.demand import Demand, RigState, SoftenedEffects, measured_wrench
 from tensionlab.haptics.bridge.messages import BridgeEvent, BridgeState
-from tensionlab.haptics.rendering.assignment import Cut
+from tensionlab.haptics.rendering.effect_fidelity import ForceRecord
+from tensionlab.haptics.rendering.fidelity import Fidelity
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
@@ -17,6 +19,7 @@ from tensionlab.support.arrays import Floats
 MIN_SHARE = 1e-3  # a smaller share of the force counts as none
 CEILING_CHANGE = 0.25  # smallest relative change of the host stiffness limit that is an event
 DERATING_CHANGE_N = 0.5  # smallest change of a module's upper tension limit that is an event
+JUDGED_CYCLES = 400  # number of latest cycles whose fidelity is told
 REPEAT_S = 1.0  # period of rates; a condition that was absent for this time has ended, and is an event again
 NO_LIMITER = "NONE"
 UNKNOWN = "UNKNOWN"
@@ -38,7 +41,6 @@ class LatestCycle(NamedTuple):
     share: float
     ceiling: float
     delay: float
-    cut: Mapping[str, Mapping[str, Cut]]
 
 
 class RunEvents:
@@ -62,19 +64,22 @@ class RunEvents:
         self._window: tuple[float, int, int] | None = None  # of rates: its begin, and the frames and cycles then
         self._longest_gap = 0.0  # between two cycles in the window, in s
         self._ceiling = 0.0
-        self._stiff: dict[str, float] = {}
+        self._softened = SoftenedEffects()
+        self._record = ForceRecord(rig, JUDGED_CYCLES)
+        self._judged: tuple[float, dict[str, Fidelity]] = (-math.inf, {})  # when, and the fidelity
         self._limited: dict[tuple[int, str], float] = {}  # latest time of each limiter of a module
 
     def take(self, state: RigState, demand: Demand, share: float, renderer: Renderer) -> None:
         """Take a cycle, and the share of the force that was rendered in it."""
         before = self._latest
-        self._latest = LatestCycle(state, demand, share, renderer.ceiling, renderer.delay, renderer.cut)
+        self._latest = LatestCycle(state, demand, share, renderer.ceiling, renderer.delay)
         previous_share = 0.0 if before is None else before.share
         if share < MIN_SHARE <= previous_share:
             self._event(state.time, "silent", "no frames come: the force is 0")
         if previous_share < MIN_SHARE <= share:
             self._event(state.time, "fresh", "frames come: the force fades in")
-        self._send_stiffness(state, renderer)
+        self._record.add(state, demand)
+        self._send_stiffness(state, demand, renderer)
         self._send_derating(state)
         if before is not None:
             self._send_modules(before.state, state)
@@ -91,8 +96,12 @@ class RunEvents:
             idle: dict[str, Any] = {key: [value] * len(self._names) for key, value in IDLE.items()}
             idle |= dict.fromkeys(("desired", "demanded", "measured"), self._still.tolist())
             idle |= dict.fromkeys(("time", "ceiling", "delay", "fresh"), 0.0)
-            return BridgeState(sequence=sequence, position=self._home.tolist(), softened={}, **idle)
-        state, demand, share, ceiling, delay, cut = self._latest
+            idle |= {"softened": {}, "fidelity": {}, "noticed": {}}
+            return BridgeState(sequence=sequence, position=self._home.tolist(), **idle)
+        state, demand, share, ceiling, delay = self._latest
+        if state.time - self._judged[0] >= REPEAT_S:  # here, since it takes longer than a cycle may
+            self._judged = state.time, self._record.fidelity()
+        found = {name: each for name, each in self._judged[1].items() if name in demand.effects}
         demanded = self._still if demand.wrench is None else np.asarray(demand.wrench)
         measured = measured_wrench(state.structure, state.tensions, state.active)
         return BridgeState(
@@ -101,7 +110,13 @@ class RunEvents:
             position=state.pose.position.tolist(),
             desired=(demanded if demand.desired is None else np.asarray(demand.desired)).tolist(),
             demanded=demanded.tolist(),
-            softened={name: {key: each.rendered for key, each in cuts.items()} for name, cuts in cut.items()},
+            softened={
+                name: {key: rendered for key, (_, rendered) in effect.softened.items()}
+                for name, effect in demand.effects.items()
+                if effect.softened
+            },
+            fidelity={name: each.numbers() for name, each in found.items()},
+            noticed={name: list(each.failures()) for name, each in found.items() if each.failures()},
             measured=_or_none(measured),
             tensions=_or_none(state.tensions),
             limiters=[self._limiters[int(each)] for each in state.limiters],
@@ -147,24 +162,16 @@ class RunEvents:
             text = f"pulls with up to {upper:.2f} N of {self._upper[index]:g} N, to stay cool enough"
             self._event(state.time, "derated", text, module=self._names[index], upper=upper)
 
-    def _send_stiffness(self, state: RigState, renderer: Renderer) -> None:
-        """Send changes of the host stiffness limit, and the effects that are rendered softer."""
+    def _send_stiffness(self, state: RigState, demand: Demand, renderer: Renderer) -> None:
+        """Send changes of the host stiffness limit, and of the effects that are rendered softer."""
         now, ceiling = state.time, renderer.ceiling
         if abs(ceiling - self._ceiling) > CEILING_CHANGE * self._ceiling:
             self._ceiling = ceiling
             text = f"host stiffness limit {ceiling:.0f} N/m, loop latency {1e3 * renderer.delay:.0f} ms"
             self._event(now, "ceiling", text, ceiling=ceiling, delay=renderer.delay)
-        for name, cut in renderer.cut.items():
-            if now >= self._stiff.get(name, -REPEAT_S) + REPEAT_S:
-                parameter, (desired, rendered) = next(iter(cut.items()))
-                text = f'"{name}": {parameter} is {desired:g} N/m, {rendered:.0f} N/m are rendered'
-                if parameter == "frequency":
-                    text = (
-                        f'"{name}": its vibration of {desired:g} Hz is left out: no free cable lies along it, and '
-                        "the host needs two set-points a period; give a lower frequency, or a higher --rate"
-                    )
-                self._event(now, "stiff", text, effect=name, stiffness=desired, ceiling=rendered)
-            self._stiff[name] = now
+        for each in self._softened.update(now, demand.effects):
+            numbers = {"stiffness": each.desired, "ceiling": each.rendered}
+            self._event(now, "stiff", each.text, effect=each.effect, **numbers)
 
     def _send_rates(self, state: RigState, gap: float) -> None:
         """Send once a second the rates of cycles and frames."""

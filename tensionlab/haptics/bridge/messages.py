@@ -124,6 +124,11 @@ class BridgeState(BridgeMessage):
         "rendered in the latest cycle, in N/m; `frequency` is 0 if a vibration is left out because it is too fast "
         "for the host"
     )
+    fidelity: dict[str, dict[str, float]] = Field(
+        description="fidelity of each active effect over the latest 400 cycles, once a second: the known numbers "
+        "of `tensionlab.haptics.rendering.fidelity.Fidelity`, such as stiffness, error_jnd and oscillation"
+    )
+    noticed: dict[str, list[str]] = Field(description="what a person would notice of it as wrong, in words")
     tensions: list[float | None] = Field(
         description="as the modules report them, in N; null where the report is old"
     )
@@ -158,7 +163,7 @@ KINDS = {
     "silent": "no frames come: the force is 0",
     "fresh": "frames come again: the force fades in",
     "ceiling": "the host stiffness limit has changed by more than a quarter",
-    "stiff": "an effect, or a part of it, is rendered softer than desired, or without its vibration",
+    "stiff": "a parameter of an effect is rendered softer than desired, by another amount, or as desired again",
     "phase": "a phase of a scenario begins",
     "ended": "the run has ended; with the reason. Then the connection closes",
     "rate": "once a second: measured rates of cycles and frames",
@@ -177,8 +182,8 @@ class BridgeEvent(BridgeMessage):
     text: str = Field(description="description in words")
     module: str | None = Field(None, description="name of the module, if it concerns one")
     effect: str | None = Field(None, description="stiff: name of the effect, by the client or the scenario")
-    stiffness: float | None = Field(None, description="stiff: desired, in N/m (of a vibration, in Hz)")
-    ceiling: float | None = Field(None, description="stiff: rendered; ceiling: host stiffness limit; in N/m")
+    stiffness: float | None = Field(None, description="stiff: desired value of the parameter, such as N/m")
+    ceiling: float | None = Field(None, description="stiff: rendered value; ceiling: host stiffness limit, in N/m")
     upper: float | None = Field(None, description="derated: upper tension limit now, in N")
     delay: float | None = Field(None, description="ceiling: loop latency, in s")
     cycles: float | None = Field(None, description="rate: measured cycles per second")

@@ -92,10 +92,13 @@ class Fidelity:
         """Whether nothing is wrong; None if only what is infeasible is."""
         return not self.failures() or (None if self.infeasible else False)
 
+    def numbers(self) -> dict[str, float]:
+        """Return the known numbers by name."""
+        return {name: value for name, value in vars(self).items() if math.isfinite(value) and name != "infeasible"}
+
     def summary(self) -> dict[str, Any]:
-        """Return the numbers by name, None for NaN, with ``passed`` and ``failures``."""
-        numbers = {name: None if value != value else value for name, value in vars(self).items()}  # noqa: PLR0124
-        return numbers | {"passed": self.passed, "failures": self.failures()}
+        """Return the known numbers, with ``passed`` and ``failures``."""
+        return self.numbers() | {"passed": self.passed, "failures": self.failures()}
 
     def failures(self) -> tuple[str, ...]:
         """Return what a person would notice as wrong, in words with numbers."""

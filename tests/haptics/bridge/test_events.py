@@ -6,10 +6,9 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from tensionlab.demand import Demand, Impedance
+from tensionlab.demand import Demand, EffectDemand, Impedance
 from tensionlab.haptics.bridge.events import RunEvents
 from tensionlab.haptics.bridge.messages import KINDS
-from tensionlab.haptics.rendering.assignment import Cut
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.hardware.protocol.codes import BrakeState, Limit
 from tests.helpers.runs import cycles, four
@@ -62,17 +61,30 @@ def test_a_ceiling_that_moves_by_a_quarter_is_sent():
     assert received.of("ceiling")[1].delay == pytest.approx(1.0 / 33.0)
 
 
-def test_an_effect_stiffer_than_what_is_rendered_is_named_once():
+def test_an_effect_that_is_rendered_softer_is_named_as_it_begins_and_ends():
     received = Received()
-    received.renderer.ceiling = 14.0
     for state in states(160):
         there = state.cycle < 60 or state.cycle >= 130
-        received.renderer.cut = {"floor": {"stiffness": Cut(300.0, 14.0)}} if there else {}
-        received.take(state)
+        floor = EffectDemand(np.zeros(3), 300.0, softened={"stiffness": (300.0, 14.0)} if there else {})
+        received.take(state, replace(FORCE, effects={"floor": floor}))
     found = received.of("stiff")
-    assert [event.time for event in found] == pytest.approx([0.0, 2.6])
+    assert [event.time for event in found] == pytest.approx([0.0, 2.18, 2.6])
     assert (found[0].effect, found[0].stiffness, found[0].ceiling) == ("floor", 300.0, 14.0)
-    assert found[0].text == '"floor": stiffness is 300 N/m, 14 N/m are rendered'
+    assert found[0].text == '"floor": stiffness is 300 N/m, 14 are rendered'
+    assert found[1].text == '"floor": stiffness is 300 N/m again, as desired'
+    assert received.run.state(1).softened == {"floor": {"stiffness": 14.0}}
+
+
+def test_the_state_says_what_a_person_would_notice():
+    """All cables pull as desired, but with half of the force."""
+    received = Received()
+    for state in states(100):
+        pull = 2.0 * (state.structure @ np.nan_to_num(state.tensions))
+        received.take(state, Demand(pull, effects={"push": EffectDemand(pull)}))
+    said = received.run.state(1)
+    assert said.fidelity["push"]["force_rendered"] == pytest.approx(0.5 * said.fidelity["push"]["force"])
+    assert said.noticed["push"][0].startswith(f"{said.fidelity['push']['force_rendered']:.2f} of ")
+    assert received.run.state(2).fidelity is not None
 
 
 def test_the_state_has_brakes_and_who_renders():
