@@ -162,7 +162,7 @@ def _draw_spectrum(axes: Axes, run: Run, desired: Floats, measured: Floats) -> N
         )
     rate = 1.0 / float(np.median(np.diff(run.time))) if len(run) > 1 else run.setup.rate
     for name, effect in run.effects.items():
-        for frequency in np.unique(effect.frequency[effect.amplitude > 0.0]):
+        for frequency in np.unique(effect.frequency[(effect.amplitude > 0.0) & (effect.share > 0.0)]):
             shown = abs(frequency - rate * round(frequency / rate))
             told = f"{name}: {frequency:.3g} Hz" + ", aliased by the telemetry" * bool(shown != frequency)
             axes.axvline(shown, color=RED, linewidth=0.8, linestyle="--")

@@ -245,7 +245,9 @@ def flat_columns(run: Run) -> dict[str, NDArray[Any]]:
 
 def write_netcdf(run: Run, path: str | PathLike[str]) -> None:
     """Write the dataset of a run to a NetCDF file of version 3: integers have 32 bits, truth values are bytes."""
-    writing.write_bytes(path, bytes(run.to_xarray().to_netcdf(engine="scipy")))
+    dataset = run.to_xarray()
+    empty = [dim for dim, size in dataset.sizes.items() if size == 0 and dim != "cycle"]  # such as no frames
+    writing.write_bytes(path, bytes(dataset.drop_dims(empty).to_netcdf(engine="scipy")))
 
 
 def recount(run: Run) -> Statistics:
