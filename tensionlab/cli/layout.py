@@ -132,7 +132,7 @@ def _shortfall(best: Layout, objective: Objective) -> str:
     )
     if best.score <= 0:
         held = best.rig.required.describe(best.rig) if best.rig.required else "a force in every direction"
-        wanted = " and ".join(objective.desired(best.rig))
+        wanted = objective.desired(best.rig)
         where = "everywhere in the target" if objective.level is None else f"with {wanted} anywhere"
         what = f"no layout was found that holds {held} {where}: the worst margin is {best.worst:.4g} N"
         return f"{what} ({_tried(best)}); {advice}"

@@ -22,7 +22,6 @@ from tensionlab.workspace.poses import PoseList
 
 PATH_PIECES = 32  # boxes that cover a path of the hand, if it has more positions
 GAP_M = 1e-5  # error of a distance, at most
-AMPLE_M = 0.1  # distance beyond the margin that need not be known closely
 MAX_STEPS = 2000  # of a search for a distance; 10 to 100 are usual
 
 
@@ -89,10 +88,6 @@ class Obstacles(NamedTuple):
         slopes = share[..., None] * found.normal[pick]
         shape = (*anchors.shape[:-1], len(self.names))
         return (distances.min(axis=-1) - self.reach).reshape(shape), slopes.reshape(*shape, -1)
-
-    def spare(self, anchors: Floats) -> Floats:
-        """Return the least distance of cables from bodies beyond the margins, (...), in m, at most `AMPLE_M`."""
-        return np.asarray((self.slopes(anchors, AMPLE_M)[0] - self.margin).min(axis=-1))
 
     def require_clear(self, anchors: Floats, names: Sequence[str]) -> None:
         """Refuse targets, and fixed modules at anchors (f, d), that are closer to a body than its margin."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from tensionlab.support.arrays import Floats, Integers
-from tensionlab.workspace.layout.problem import LayoutProblem
+from tensionlab.workspace.layout.objective import Objective
+from tensionlab.workspace.layout.problem import LayoutProblem, Linear
 from tensionlab.workspace.layout.space import Placement
 
 INITIAL_STEP, MIN_STEP, MAX_STEP = 0.1, 1e-4, 0.3  # trust region: how far modules move, as a share of an edge
@@ -17,15 +16,6 @@ CLOUD_POINTS = 100  # points that surround a small target
 CLOUD_RADIUS_M = 1e-3  # distance of the cloud from the target
 SHARPNESS = (1.0, 0.1, 0.01)  # how closely shares are followed: blunt ones lead further, sharp ones count right
 COST_PER_METRE = 1e6  # of a margin that is not kept: any gain is worth less
-
-
-class Linear(NamedTuple):
-    """Values (R,) and spare distances of cables from bodies (q,), and the slopes of both, (..., k, d)."""
-
-    values: Floats
-    slopes: Floats
-    spare: Floats
-    spare_slopes: Floats
 
 
 def polish(problem: LayoutProblem, places: Placement) -> tuple[Placement, Floats]:
@@ -47,35 +37,31 @@ def polish(problem: LayoutProblem, places: Placement) -> tuple[Placement, Floats
     away = np.random.default_rng(0).normal(size=(copies, *target.shape))
     away *= CLOUD_RADIUS_M / np.linalg.norm(away, axis=-1, keepdims=True)
     cloud = np.concatenate([target, (target + away).reshape(-1, target.shape[1])])
-    groups = np.tile(objective.groups(own), 1 + copies)
-    values, slopes = problem.slopes(places, cloud)
-    spare, spare_slopes = problem.body_slopes(places)
+    groups = np.zeros(own, np.int64)
+    if objective.target_weights is not None and objective.shares is not None:
+        groups = (objective.shares > 0).argmax(axis=0)
+    here = problem.linear(places, cloud)
+    groups = np.tile(groups, (1 + copies) * len(here.values))
     for sharpness in SHARPNESS if objective.level is not None else SHARPNESS[:1]:
         radius = INITIAL_STEP
         for _ in range(MAX_STEPS):
             bounds = np.maximum(-radius, -places.along), np.minimum(radius, 1.0 - places.along)
-            flat = slopes.reshape(-1, *places.along.shape)
-            linear = Linear(values.ravel(), flat, spare, spare_slopes)
-            step = _best_step(problem, linear, np.tile(groups, len(values)), bounds, sharpness)
+            step = _best_step(objective, here, groups, bounds, sharpness)
             ahead = Placement(places.surfaces, np.clip(places.along + step, 0.0, 1.0))
-            new_values, new_slopes = problem.slopes(ahead, cloud)
-            new_spare, new_spare_slopes = problem.body_slopes(ahead)
-            gain = [objective.smooth(each[:, :own].min(axis=0), sharpness) for each in (new_values, values)]
-            closer = min(new_spare.min(initial=0.0), 0.0) - min(spare.min(initial=0.0), 0.0)
-            if closer > MIN_GAIN or (closer >= 0.0 and gain[0] - gain[1] > MIN_GAIN):
-                places, values, slopes, spare, spare_slopes = (
-                    ahead, new_values, new_slopes, new_spare, new_spare_slopes
-                )  # fmt: skip
-                radius = min(2 * radius, MAX_STEP)
+            there = problem.linear(ahead, cloud)
+            merits = [objective.smooth(each.values[:, :own].min(axis=0), sharpness) for each in (there, here)]
+            closer = there.spare.min(initial=0.0) - here.spare.min(initial=0.0)
+            if closer > MIN_GAIN or (closer >= 0.0 and merits[0] - merits[1] > MIN_GAIN):
+                places, here, radius = ahead, there, min(2 * radius, MAX_STEP)
             else:
                 radius /= 4
                 if radius < MIN_STEP:
                     break
-    return places, values[:, :own]
+    return places, here.values[:, :own]
 
 
 def _best_step(
-    problem: LayoutProblem, linear: Linear, groups: Integers, bounds: tuple[Floats, Floats], sharpness: float
+    objective: Objective, here: Linear, groups: Integers, bounds: tuple[Floats, Floats], sharpness: float
 ) -> Floats:
     """Return the best step between two bounds, (k, d), if all were linear: values + slopes . step.
 
@@ -84,8 +70,7 @@ def _best_step(
     """
     from scipy.optimize import linprog
 
-    objective, values, (low, high) = problem.objective, linear.values, bounds
-    slope, away = (each.reshape(-1, low.size) for each in (linear.slopes, linear.spare_slopes))
+    values, slope, away, (low, high) = here.values.ravel(), here.slopes, here.spare_slopes, bounds
     lowest = values + _least(slope, low, high)
     if objective.level is not None and (values < objective.level).any():
         rows = lowest < objective.level  # the others have enough after any step
@@ -104,13 +89,13 @@ def _best_step(
     matrix = np.hstack([-slope[rows], further])
     limits: list[tuple[float | None, float | None]] = [*zip(low.ravel(), high.ravel(), strict=True)]
     limits += [(least, None)] * further.shape[1]
-    near = linear.spare + _least(away, low, high) < 0
+    near = here.spare + _least(away, low, high) < 0
     if near.any():
         # one more unknown, the distance that is missing >= 0; spare + slope step + missing >= 0
         body_rows = np.hstack([-away[near], np.zeros((int(near.sum()), further.shape[1]))])
         matrix = np.pad(np.vstack([matrix, body_rows]), ((0, 0), (0, 1)))
         matrix[len(bound) :, -1] = -1.0
-        bound, cost = np.append(bound, linear.spare[near]), np.append(cost, COST_PER_METRE)
+        bound, cost = np.append(bound, here.spare[near]), np.append(cost, COST_PER_METRE)
         limits.append((0.0, None))
     cost = np.concatenate([np.zeros(slope.shape[1]), cost])
     # Unscaled and small: presolving takes longer than solving.

@@ -20,7 +20,17 @@ from tensionlab.workspace.wrench_set import margin_gradient
 MAX_CHUNK_POINTS = 50_000  # points of layouts that are evaluated together; it bounds the memory
 SLOPE_STEP = 1e-6  # share of an edge by which modules are moved to find slopes
 DECIMALS = 6  # coordinates are rounded to micrometres
+AMPLE_M = 0.1  # distance beyond a margin that need not be known closely
 SPARE_M = GAP_M + 2 * 10.0**-DECIMALS  # kept to a margin while searching: errors of a distance and of rounding
+
+
+class Linear(NamedTuple):
+    """Values (C, P) and spare distances (q,) from bodies, and their slopes (C P, k d) and (q, k d) per edge."""
+
+    values: Floats
+    slopes: Floats
+    spare: Floats
+    spare_slopes: Floats
 
 
 class LayoutProblem(NamedTuple):
@@ -55,39 +65,36 @@ class LayoutProblem(NamedTuple):
         values = np.moveaxis(np.concatenate(found, axis=1), 0, 1)
         return values.reshape(*anchors.shape[:-2], *values.shape[1:])
 
-    def slopes(self, places: Placement, points: Floats) -> tuple[Floats, Floats]:
-        """Return the values (C, P) of one layout, and their slopes (C, P, k, d) per length of an edge."""
+    def linear(self, places: Placement, points: Floats) -> Linear:
+        """Return the values of a layout and its distances from bodies beyond the margins, and their slopes."""
         k, d = places.along.shape
+        anchors, edges = self.space.anchors(places), self.space.placed.edges[places.surfaces]
         if self.objective.directions is None and self.objective.walls is None:
-            lengths, directions = kinematics.cables(self.space.anchors(places), points, None)
+            lengths, directions = kinematics.cables(anchors, points, None)
             structure = kinematics.structure_matrix(directions, None)
             found = margin_gradient(structure, self.space.tension_limits(k), self.space.required_forces)
             by_anchor = kinematics.anchor_gradient(found.structure, lengths[..., None] * directions, None)
-            edges = self.space.placed.edges[places.surfaces]
-            return (found.margin - self.space.required.ball)[None], np.einsum(
-                "pkd,ked->pke", by_anchor[:, :k], edges
-            )[None]
-        steps = SLOPE_STEP * np.concatenate([np.zeros((1, k * d)), np.eye(k * d)]).reshape(-1, k, d)
-        surfaces = np.broadcast_to(places.surfaces, (len(steps), k))
-        values = self.values(self.space.anchors(Placement(surfaces, places.along + steps)), points=points)
-        slopes = np.moveaxis(values[1:] - values[0], 0, -1) / SLOPE_STEP
-        return values[0], slopes.reshape(*values[0].shape, k, d)
+            values = (found.margin - self.space.required.ball)[None]
+            slopes = np.einsum("pkd,ked->pke", by_anchor[:, :k], edges)
+        else:
+            steps = SLOPE_STEP * np.concatenate([np.zeros((1, k * d)), np.eye(k * d)]).reshape(-1, k, d)
+            surfaces = np.broadcast_to(places.surfaces, (len(steps), k))
+            moved = self.values(self.space.anchors(Placement(surfaces, places.along + steps)), points=points)
+            values, slopes = moved[0], np.moveaxis(moved[1:] - moved[0], 0, -1) / SLOPE_STEP
+        spare, push = np.zeros((0, d)), np.zeros((k, 0, d))
+        if self.obstacles is not None:
+            spare, push = self.obstacles.slopes(anchors[:k])
+            spare = spare - self.obstacles.margin - SPARE_M
+        own = np.einsum("kbd,ked,kj->kbje", push, edges, np.eye(k))
+        return Linear(values, slopes.reshape(-1, k * d), spare.ravel(), own.reshape(-1, k * d))
 
     def spare(self, places: Placement) -> Floats:
         """Return the least distance (..., k) of each module's cables from bodies beyond the margins, in m."""
         if self.obstacles is None:
             return np.zeros(places.surfaces.shape)
-        return self.obstacles.spare(self.space.anchors(places)[..., : places.surfaces.shape[-1], :]) - SPARE_M
-
-    def body_slopes(self, places: Placement) -> tuple[Floats, Floats]:
-        """Return the spare distance of each pair of a module and a body, (q,) in m, and its slopes (q, k, d)."""
-        k, d = places.along.shape
-        if self.obstacles is None:
-            return np.zeros(0), np.zeros((0, k, d))
-        distance, slope = self.obstacles.slopes(self.space.anchors(places)[:k])
-        along = np.einsum("kbd,ked->kbe", slope, self.space.placed.edges[places.surfaces])
-        own = np.einsum("kbe,kj->kbje", along, np.eye(k))
-        return (distance - self.obstacles.margin - SPARE_M).ravel(), own.reshape(-1, k, d)
+        anchors = self.space.anchors(places)[..., : places.surfaces.shape[-1], :]
+        distance = self.obstacles.slopes(anchors, AMPLE_M)[0]
+        return np.asarray((distance - self.obstacles.margin).min(axis=-1) - SPARE_M)
 
     def rank(self, places: Placement, values: Floats) -> tuple[float, float, float]:
         """Return the rank of a layout with values (C, P): its clearance of bodies, score and merit, in turn."""

@@ -35,29 +35,23 @@ def search_layout(
     starts: int = STARTS,
     certify: bool = False,
     progress: Progress | None = None,
-    on_improvement: Callable[[Layout], None] | None = None,
 ) -> LayoutSearch:
     """Search for anchors of modules that are best for a target, by an objective.
 
     For each number of modules in turn, in three stages. Differential evolution spreads over all surfaces. The best
     layouts of its last generation, no two of which use the same surfaces equally often, are polished by gradients.
     Then the best of them hops: one or two of its modules are moved anywhere, the layout is polished, and kept if
-    it is better. The result is a local optimum; more starts are more likely to find the best there is. A search
-    shorter than the default that finds nothing goes on with four times as many generations and starts, up to the
-    default. The same seed gives the same result.
-
-    A layout whose cables come closer to a body of the space than its margin, anywhere in the box of a target or
-    along a path, is infeasible, wherever else it is good.
+    it is better. More starts are more likely to find the best there is. A short search that finds nothing goes on
+    with four times as many, up to the default. The same seed gives the same result. A layout whose cables come
+    closer to a body than its margin, anywhere in a target, is never better than one that is clear.
 
     Source: Storn and Price, "Differential evolution: a simple and efficient heuristic for global optimization over
     continuous spaces", 1997, in SciPy's implementation; Wales and Doye, "Global optimization by basin-hopping",
-    1997. ShapeError or InputError if the target does not suit the surfaces, or a number is too small; RigError if
-    the hand or a fixed module is closer to a body than its margin.
+    1997. ShapeError, InputError or RigError if target, surfaces and bodies do not suit each other, or a number is
+    too small.
 
     Parameters
     ----------
-    space, objective
-        Where modules may be, and how layouts are compared.
     target : Grid, PoseList, (P, d) array, or several of the first two
         Positions of the hand, in m: a `box`, or a path as of `read_poses`.
     name : str
@@ -67,10 +61,7 @@ def search_layout(
     certify : bool
         Whether to prove what the layouts render between the points of the target, too: `Layout.proved`.
     progress : callable, optional
-        Called with the share of the work that is done, from 0 to 1.
-    on_improvement : callable, optional
-        Called with each layout that is better than those before with as many modules, as soon as it is found. An
-        exception that either of the two raises ends the search.
+        Called with the share of the work that is done, from 0 to 1. An exception that it raises ends the search.
 
     Examples
     --------
@@ -91,11 +82,6 @@ def search_layout(
     def search(count: int, done: int) -> Layout:
         """Return the best layout with a number of modules, after those of ``done`` other numbers."""
         rig, best, tried = f"{name}-{count + len(space.fixed)}", None, list[tuple[int, int]]()
-
-        def show(places: Placement) -> None:
-            if on_improvement is not None:
-                on_improvement(problem.evaluate(places, rig))
-
         for share, effort in _efforts(generations, starts):
 
             def report(part: float, share: tuple[float, float] = share) -> None:
@@ -104,7 +90,7 @@ def search_layout(
 
             random = np.random.default_rng([seed, count, *([len(tried)] if tried else [])])
             tried.append(effort)
-            found = _attempt(problem, count, random, effort, report, show)
+            found = _attempt(problem, count, random, effort, report)
             if best is None or found[0] > best[0]:
                 best = found
             layout = replace(problem.evaluate(best[1], rig), tried=tuple(tried))
@@ -145,11 +131,10 @@ def _attempt(
     random: np.random.Generator,
     effort: tuple[int, int],
     report: Progress,
-    show: Callable[[Placement], None],
 ) -> tuple[tuple[float, float, float], Placement]:
     """Return the rank and the places of the best layout of an evolution, polishing and hops."""
     generations, starts = effort
-    ranked = _explore(problem, count, random, generations, lambda share: report(share / 3), show)
+    ranked = _explore(problem, count, random, generations, lambda share: report(share / 3))
     candidates: dict[tuple[int, ...], Placement] = {}  # the first that use the surfaces equally often
     for places in ranked:
         candidates.setdefault(tuple(np.sort(places.surfaces)), places)
@@ -160,7 +145,6 @@ def _attempt(
         polished, values = polish(problem, start)
         if (found := problem.rank(polished, values)) > rank:
             best, rank = polished, found
-            show(best)
         report(1 / 3 + (number + 1) / (3 * starts))
     return rank, best
 
@@ -171,9 +155,8 @@ def _explore(
     random: np.random.Generator,
     generations: int,
     report: Progress,
-    show: Callable[[Placement], None],
 ) -> list[Placement]:
-    """Return the last generation of an evolution, the best layout first; show the best of each that is better."""
+    """Return the last generation of an evolution, the best layout first."""
     from scipy.optimize import Bounds, OptimizeResult, differential_evolution
 
     size = count * (problem.space.dimension + 1)
@@ -191,16 +174,12 @@ def _explore(
             found[clear] = -problem.objective.merit(problem.values(anchors).min(axis=-2))
         return np.asarray(found)
 
-    passed, least = 0, np.inf
+    passed = 0
 
     def callback(intermediate_result: OptimizeResult) -> None:
-        nonlocal passed, least
+        nonlocal passed
         passed += 1
         report(passed / generations)
-        if intermediate_result.fun < least:
-            least = intermediate_result.fun
-            shown = layouts(intermediate_result.x)
-            show(Placement(shown.surfaces[0], shown.along[0]))
 
     found = differential_evolution(
         cost,  # type: ignore[arg-type]  # the stubs know no vectorized functions

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, get_args
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat
+from pydantic import Field, PositiveFloat
 
 from tensionlab.errors import DataError, InputError, RigError, ShapeError
 from tensionlab.model import schema
@@ -15,7 +16,6 @@ from tensionlab.model.files import bodies_of, requirement
 from tensionlab.model.module import MAX_LENGTH, Module, Platform, upward
 from tensionlab.model.pose import RestPose
 from tensionlab.model.schema import Bodies, FrameTable, ModuleTable, PlatformTable, RequiredTable, SchemaTable
-from tensionlab.model.stiffness import CYCLE_S, LATENCY_S, host_stiffness
 from tensionlab.support.files.named import find
 from tensionlab.support.files.reading import brief, read_toml
 from tensionlab.support.validation import validate
@@ -72,20 +72,16 @@ class TargetTable(SchemaTable):
     path: str | None = Field(None, description="a CSV file with columns x, y, z in m, in quotes")
     weight: PositiveFloat | None = Field(None, description="the weight of the target in the score, above zero")
 
-    def poses(self, where: str, folder: Path) -> Target:
-        """Return the positions of the hand; RigError for a box without a side or a step, and a box with a path."""
-        box_keys = {key: value for key in ("x", "y", "z", "step") if (value := getattr(self, key)) is not None}
-        if self.path is not None:
-            if box_keys:
-                raise RigError(
-                    f'{where}: keys "path" and "{next(iter(box_keys))}" are both there; give a path or a box'
-                )
+    def poses(self, folder: Path) -> Target:
+        """Return the positions of the hand; RigError for neither a whole box nor a path, and for too many."""
+        keys = self.model_dump(exclude={"path", "weight"}, exclude_none=True)
+        if self.path is not None and not keys:
             return read_poses(folder / self.path)
-        if missing := [key for key in ("x", "y", "step") if key not in box_keys]:
-            raise RigError(f'{where}: key "{missing[0]}" is missing; give x, y, z and step of a box, or a path')
-        found = box(**box_keys)
+        if missing := [key for key in ("x", "y", "step") if key not in keys or self.path is not None]:
+            raise RigError(f'[target]: key "{missing[0]}" is missing, or there with a path; give one')
+        found = box(**keys)
         if (count := math.prod(found.shape)) > MAX_POSES:
-            raise RigError(f'{where}: key "step" gives {count:,} positions; give one for {MAX_POSES:,} at most')
+            raise RigError(f'[target]: key "step" gives {count:,} positions; give one for {MAX_POSES:,} at most')
         return found
 
 
@@ -96,8 +92,6 @@ class ObjectiveTable(SchemaTable):
     directions: list[Direction] | None = Field(None, description=f"where the force pulls, a list of {DIRECTIONS}")
     stiffness: float | None = Field(None, description="the desired stiffness of walls in N/m, a number")
     walls: list[Direction] | None = Field(None, description=f"where walls push the hand, a list of {DIRECTIONS}")
-    rate_hz: PositiveFloat = Field(1.0 / CYCLE_S, description="cycles/s of the host that renders walls, a number")
-    latency_ms: NonNegativeFloat = Field(1e3 * LATENCY_S, description="the delay of its loop in ms, a number")
 
 
 class SearchTable(SchemaTable):
@@ -154,58 +148,42 @@ def load_task(path: str | PathLike[str]) -> LayoutTask:
     document = read_toml(path, "a space file (*.toml)", RigError)
     try:
         table = validate(SpaceFile, document, RigError)
-        space = _space(table)
+        space, targets = _space(table), [*([table.target] if table.target else []), *table.targets]
+        if not targets:
+            raise RigError("no target; give a [target] table, or [[targets]] tables")
         return LayoutTask(
             name=table.name,
             space=space,
-            target=_targets(table, Path(path).parent),
-            objective=_objective(table, space),
+            target=tuple(each.poses(Path(path).parent) for each in targets),
+            objective=_objective(table, targets, space),
             **table.search.model_dump(),
         )
     except (RigError, DataError, ShapeError, InputError) as error:
         raise RigError(f"{path}: {error}") from None
 
 
-def _targets(table: SpaceFile, folder: Path) -> tuple[Target, ...]:
-    tables = {"[target]": table.target} if table.target is not None else {}
-    tables |= {f"targets[{index}]": each for index, each in enumerate(table.targets)}
-    if not tables:
-        raise RigError("no target; give a [target] table, or [[targets]] tables")
-    return tuple(each.poses(where, folder) for where, each in tables.items())
-
-
-def _objective(table: SpaceFile, space: Space) -> Objective:
-    weights = [each.weight for each in ([table.target] if table.target else []) + table.targets]
-    given = [weight for weight in weights if weight is not None]
-    if given and len(given) < len(weights):
-        raise RigError('key "weight" is missing in a target; give all targets one, or none')
-    wanted = table.objective
-    return Objective(
-        wanted.force,
-        _directions("directions", wanted.directions, space),
-        wanted.stiffness,
-        _directions("walls", wanted.walls, space),
-        host_stiffness(1.0 / wanted.rate_hz, 1e-3 * wanted.latency_ms),
-        tuple(given) if len(given) > 1 else None,
-    )
-
-
-def _directions(key: str, values: list[Direction] | None, space: Space) -> list[list[float]] | None:
-    """Return vectors of directions, which may be given as words."""
-    if values is None:
-        return None
-    found, d = [], space.dimension
+def _objective(table: SpaceFile, tables: Sequence[TargetTable], space: Space) -> Objective:
+    """Return the objective, whose directions may be words."""
+    d, wanted = space.dimension, table.objective
     words = {f"{sign}{axis}": upward(f"{sign}{axis}", d).tolist() for sign in ("", "+", "-") for axis in "xyz"[:d]}
     if space.up is not None:
         words |= {"up": upward(space.up, d).tolist(), "down": (-upward(space.up, d)).tolist()}
-    for value in values:
-        vector = words.get(value) if isinstance(value, str) else value
-        if value in ("up", "down") and space.up is None:
-            raise RigError(f'[objective]: key "{key}" has "{value}"; say which axis is up, as in up = "z"')
-        if vector is None or len(vector) != d:
-            raise RigError(f'[objective]: key "{key}" has {brief(value)}; give {DIRECTIONS} of {d} numbers')
-        found.append(vector)
-    return found
+
+    def vectors(key: str) -> list[list[float]] | None:
+        values = getattr(wanted, key)
+        found = [words.get(each, []) if isinstance(each, str) else each for each in values or ()]
+        for value, vector in zip(values or (), found, strict=True):
+            if len(vector) != d:
+                up = "" if space.up else ', and up = "z" or another axis'
+                raise RigError(
+                    f'[objective]: key "{key}" has {brief(value)}; give {DIRECTIONS} of {d} numbers{up}'
+                )
+        return found or None
+
+    weights = tuple(each.weight for each in tables if each.weight is not None)
+    if weights and len(weights) < len(tables):
+        raise RigError('key "weight" is missing in a target; give all targets one, or none')
+    return Objective(wanted.force, vectors("directions"), wanted.stiffness, vectors("walls"), weights or None)
 
 
 def _space(table: SpaceFile) -> Space:

@@ -169,13 +169,10 @@ def test_no_layout_nearby_is_better_than_the_polished_one():
     assert problem.values(others).min(axis=(-2, -1)).max() <= margins.min() + 1e-4
 
 
-def test_layouts_and_progress_are_shown_as_they_come():
-    shown, shares = [], []
-    calls = {"on_improvement": shown.append, "progress": shares.append}
-    found = search_layout(Space(WALLS, (3,), LIMITS), [[0, 0]], Objective(), generations=3, starts=2, **calls)
-    scores = [each.score for each in shown]
-    assert scores == sorted(scores)
-    assert len(scores) > 1
-    assert shown[-1].rig == found.best.rig
+def test_progress_is_shown_as_it_comes():
+    shares = []
+    search_layout(
+        Space(WALLS, (2, 3), LIMITS), [[0, 0]], Objective(), generations=3, starts=2, progress=shares.append
+    )
     assert (np.diff(shares) >= 0).all()
     assert shares[-1] == pytest.approx(1.0)
