@@ -15,6 +15,8 @@ INSTRUCTION_SET: str
 _Arrays = tuple[
     NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]
 ]
+# Structure, weighted directions, force, desired matrices (2, d, d), ranges (6, m) and the weight of a tie.
+_Field = tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], float]
 # Tensions and iterations.
 _Answer = tuple[NDArray[float64], NDArray[int64]]
 # Tensions, scale and status.
@@ -144,6 +146,16 @@ def allocate_once(
     numbers: NDArray[float64],
 ) -> tuple[int, int] | None: ...
 def all_within(numbers: NDArray[float64], limit: float) -> bool: ...
+def allocate_field(
+    problem: _Field,
+) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], float]: ...
+def field_gap(
+    problem: _Field,
+    stiffness: NDArray[float64],
+    damping: NDArray[float64],
+    tensions: NDArray[float64],
+    multipliers: NDArray[float64],
+) -> float: ...
 def choose_locks(
     structure: NDArray[float64],
     normal: NDArray[float64],

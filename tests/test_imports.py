@@ -95,6 +95,7 @@ NATIVE = {
     "workspace/sweep/plan.py",
     "workspace/wrench_set.py",
     "haptics/rendering/brakes.py",
+    "haptics/rendering/field.py",
     "hardware/client/group.py",
     "hardware/client/links.py",
     "hardware/client/module.py",

@@ -119,7 +119,8 @@ class Magnet:
             return None
         if height < self.peak:
             axis = self.plane.n * (-1.0 if height > 0.0 else 1.0)
-            return AxisImpedance(axis, abs(height), self.stiffness, self.damping)
+            reach = self.peak - height if height > 0.0 else math.inf
+            return AxisImpedance(axis, abs(height), self.stiffness, self.damping, reach=reach)
         pull = self.stiffness * self.peak * float(self._fade(np.asarray(height)))
         return AxisImpedance(-self.plane.n, feed_forward=pull)
 

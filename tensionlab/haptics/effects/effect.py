@@ -11,6 +11,7 @@ for the host.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol, TypeGuard
 
@@ -69,6 +70,7 @@ class AxisImpedance:
     feed_forward: float = 0.0  # in N
     amplitude: float = 0.0  # in N
     frequency: float = 0.0  # in Hz
+    reach: float = math.inf  # further compression up to which it holds, in m
 
     def push(self, velocity: Floats) -> Floats:
         """Return this force (d,) in N without the vibration, for a hand with a velocity (d,)."""

@@ -1,8 +1,9 @@
 """Assignment of effects: the parts that modules render at their own rate, and the remainder for the host.
 
 A module knows its own cable only: it pulls with ``feed_forward + stiffness max(length - rest, 0) + damping
-max(speed of paying out, 0) + amplitude sin(2 pi frequency t)``. A `SplitEffect` has an impedance along one axis,
-and `assign` finds the cable that lies best along it.
+max(speed of paying out, 0) + amplitude sin(2 pi frequency t)``. A `SplitEffect` has an impedance along one axis.
+`assign` gives it to the cable that lies best along that axis, or to all cables that pull along it
+(`tensionlab.haptics.rendering.field`), whichever a hand will feel nearer to what is desired.
 """
 
 from __future__ import annotations
@@ -20,11 +21,13 @@ from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
 from tensionlab.haptics.effects.contact import Texture
 from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, is_split
 from tensionlab.haptics.rendering.fidelity import WEAK_JND
+from tensionlab.haptics.rendering.field import CableRanges, Prediction, allocate_field, predict
 from tensionlab.haptics.rendering.stability import cap_stiffness
 from tensionlab.model.stiffness import MIN_COSINE, MODULE_STIFFNESS
 from tensionlab.support.arrays import Floats
 
 MAX_APPROACH_M = 0.5  # farther from a wall no module renders it: set-points come many times before contact
+MIN_FIELD_COSINE = 0.05  # of a cable of a field: one across the axis adds stiffness across it only
 
 
 @dataclass(frozen=True)
@@ -73,11 +76,12 @@ class Cut(NamedTuple):
 class RenderPlan(NamedTuple):
     """Impedances of the modules, and the remainder for the host.
 
-    ``force`` (d,) in N is host-side, for the other cables; ``impedances`` are module-side, by the number of the
-    cable, and ``expected`` (d,) is their force on the hand (`expected_force`). ``desired`` (d,) is the force of
-    the effects at their own stiffness, without the vibrations that modules render. ``memories`` and ``cut`` are by
-    effect; ``cut`` has the stiffnesses and amplitudes that are not rendered as desired, and the ``frequency`` of a
-    vibration that is left out; ``demands`` has what each effect desires.
+    ``force`` (d,) in N is host-side, for the other cables; ``impedances`` are module-side, by the number of
+    the cable, and ``expected`` (d,) is their force on the hand, with what the host takes back of it and adds
+    (`predict` of `tensionlab.haptics.rendering.field`). ``desired`` (d,) is the force of the effects at their
+    own stiffness, without the vibrations that modules render. ``memories`` and ``cut`` are by effect; ``cut``
+    has the stiffnesses and amplitudes that are not rendered as desired, and the ``frequency`` of a vibration
+    that is left out; ``demands`` has what each effect desires.
     """
 
     force: Floats
@@ -109,9 +113,10 @@ def assign(
 ) -> RenderPlan:
     """Return the impedances of modules that render parts of effects, and the remaining force of the host.
 
-    In the order of the effects, the most important first, each part goes to the free cable that lies best along
-    its axis. The host renders an effect without a cable within 45 degrees, no stiffer than ``host_stiffness`` in
-    N/m (see `tensionlab.haptics.rendering.stability.stiffness_cap`). It leaves out a vibration that is too fast
+    In the order of the effects, the most important first, each part goes to the free cable that lies best
+    along its axis, within 45 degrees, or to all free cables on its side, where `predict` finds a smaller
+    error. The host renders what modules would not render better, no stiffer than ``host_stiffness`` in N/m
+    (see `tensionlab.haptics.rendering.stability.stiffness_cap`). It leaves out a vibration that is too fast
     for its set-points, which come every ``host_step`` s or once a step of the motion. Any error in an effect,
     or a force that is not finite, raises `EffectFailed`.
     """
@@ -127,14 +132,14 @@ def assign(
     for index, (effect, (memory, desired_memory)) in enumerate(zip(effects, known, strict=True)):
         try:
             part = _module_side(effect, motion, memory)
-            cable = None if part is None else _best_cable(part, cables.directions, free)
+            springs = _module_springs(part, motion.velocity, cables, free, limits, host_stiffness)
             aliased = part is not None and part.amplitude and part.frequency * host_step > MAX_CYCLES_PER_STEP
-            if part is not None and cable is None and aliased:
+            if part is not None and springs is None and aliased:
                 assert is_split(effect)
                 rest = effect.host_side(motion, memory)
                 rendered = wanted = rest._replace(force=rest.force + part.push(motion.velocity))
                 cut.append({"frequency": Cut(part.frequency, 0.0)})
-            elif part is None or cable is None:
+            elif part is None or springs is None:
                 soft, softer = cap_stiffness(effect, host_stiffness)
                 rendered = wanted = soft.render(motion, memory)
                 if softer:
@@ -142,10 +147,9 @@ def assign(
                 idle = is_split(effect) and part is None  # its stiff part is not where the hand is
                 cut.append({} if idle else _cut(softer, host_stiffness) | _too_fast(effect, part, motion, limits))
             else:
-                free[cable] = False
-                direction = cables.directions[cable]
-                impedances[cable] = along_cable(part, float(cables.lengths[cable]), direction, limits)
-                expected = expected + expected_force(part, direction, motion.velocity, host_stiffness)
+                free[list(springs.impedances)] = False
+                impedances |= springs.impedances
+                expected = expected + springs.force
                 soft, softer = cap_stiffness(effect, host_stiffness, host_side=True)
                 assert is_split(effect)
                 assert is_split(soft)
@@ -153,10 +157,9 @@ def assign(
                 if softer:
                     wanted = effect.host_side(motion, desired_memory)
                 desired = desired + part.push(motion.velocity)
-                by_module = _cut_by_module(effect, part, impedances[cable], float(part.axis @ direction))
-                by_module |= _across(part, direction, impedances[cable], host_stiffness)
+                by_module = _cut_by_module(effect, part, springs.predicted)
                 cut.append(_cut(softer, host_stiffness) | by_module | _too_fast(effect, part, motion, limits))
-            demands.append(_demand(effect, part, motion, memory, wanted.force, cable is not None, cut[-1]))
+            demands.append(_demand(effect, part, motion, memory, wanted.force, springs is not None, cut[-1]))
             force, desired = force + rendered.force, desired + wanted.force
         except Exception as error:
             reason = str(error) if isinstance(error, EffectError) else f"{type(error).__name__}: {error}"
@@ -172,14 +175,16 @@ def _cut(stiffnesses: Mapping[str, float], rendered: float) -> dict[str, Cut]:
     return {name: Cut(stiffness, rendered) for name, stiffness in stiffnesses.items()}
 
 
-def _cut_by_module(effect: Effect, part: AxisImpedance, impedance: Impedance, cosine: float) -> dict[str, Cut]:
-    """Return the stiffness that a module does not render as desired, whose cable is at a cosine to the axis."""
-    rendered = impedance.stiffness * cosine**2
-    if part.stiffness <= rendered * (1.0 + 1e-9):  # rounding is no cut
-        return {}
-    on_host = cap_stiffness(effect, rendered, host_side=True)[1]
-    cut = {name: each for name, each in cap_stiffness(effect, rendered)[1].items() if name not in on_host}
-    return _cut(cut, rendered)
+def _cut_by_module(effect: Effect, part: AxisImpedance, predicted: Prediction) -> dict[str, Cut]:
+    """Return the stiffness that is not rendered as desired, and that across the axis if it is a JND of it."""
+    rendered, cut = predicted.along, {}
+    if part.stiffness > rendered * (1.0 + 1e-9):  # rounding is no cut
+        on_host = cap_stiffness(effect, rendered, host_side=True)[1]
+        softer = cap_stiffness(effect, rendered)[1]
+        cut = _cut({name: each for name, each in softer.items() if name not in on_host}, rendered)
+    if predicted.across > WEAK_JND * rendered:
+        cut["stiffness across"] = Cut(0.0, predicted.across)
+    return cut
 
 
 def _too_fast(effect: Effect, part: AxisImpedance | None, motion: Motion, limits: ModuleLimits) -> dict[str, Cut]:
@@ -252,30 +257,111 @@ def along_cable(
     )
 
 
-def expected_force(
-    part: AxisImpedance, direction: Floats, velocity: Floats, host_stiffness: float = math.inf
-) -> Floats:
-    """Return the force (d,) on the hand that is expected of a module's part, without vibration, in N.
+class ModuleSprings(NamedTuple):
+    """Impedances of modules for a part, by the number of the cable.
 
-    A cable at the angle a to the axis also pulls across it, by tan a; the host, being late, compensates that. So a
-    spring K on the module looks, to a slow hand, like one along the axis and a damping matrix ``tau K [[0, tan a],
-    [tan a, tan² a]]``. With the hand's own b it is passive up to ``tau K = b (1 + sqrt(1 + 4/tan² a))/2``: the
-    host's own bound if the cable lies across, and none if it lies along the axis. Of a stiffer part only that
-    share is compensated, and the force is off the axis, by no more than the cable. This project's own.
+    ``force`` (d,) is theirs on the hand in N, without vibration, with what the host takes back across the axis and
+    adds along it, as predicted.
     """
-    push, c = part.push(velocity), float(part.axis @ direction)
-    cable = float(push @ part.axis) / c * direction
-    return cable + _compensated(part, c, host_stiffness) * (push - cable)
+
+    impedances: dict[int, Impedance]
+    force: Floats
+    predicted: Prediction
 
 
-def _compensated(part: AxisImpedance, c: float, host_stiffness: float) -> float:
-    """Return the share of a cable's pull across the axis, at the cosine c to it, that the host compensates."""
-    bound = host_stiffness * (1.0 + math.sqrt(1.0 + 4.0 * c**2 / max(1.0 - c**2, 1e-12))) / 2.0
-    return min(bound / part.stiffness, 1.0) if part.stiffness > 0.0 else 1.0
+def _module_springs(
+    part: AxisImpedance | None,
+    velocity: Floats,
+    cables: CableState,
+    free: NDArray[np.bool_],
+    limits: ModuleLimits,
+    host_stiffness: float,
+) -> ModuleSprings | None:
+    """Return what modules render of a part, by one cable or a field; None if the host alone is better."""
+    if part is None:
+        return None
+    best = None
+    cable = _best_cable(part, cables.directions, free)
+    if cable is not None:
+        one = {cable: along_cable(part, float(cables.lengths[cable]), cables.directions[cable], limits)}
+        best = one, _predict(part, one, cables, host_stiffness)
+    # Not for a spring that ends before a late host can end it.
+    if part.stiffness > 0.0 and part.amplitude == part.feed_forward == 0.0 and math.isinf(part.reach):
+        by_host = 1.0 - min(host_stiffness / part.stiffness, 1.0)
+        field = along_field(part, velocity, cables, free, limits)
+        predicted = _predict(part, field, cables, host_stiffness)
+        if predicted.error < (by_host if best is None else best[1].error):
+            best = field, predicted
+    return None if best is None else _expected(part, velocity, cables, *best)
 
 
-def _across(part: AxisImpedance, direction: Floats, cable: Impedance, host_stiffness: float) -> dict[str, Cut]:
-    """Return the stiffness across the axis that the host does not compensate, if it is a JND of the other."""
-    c = float(part.axis @ direction)
-    rest = (1.0 - _compensated(part, c, host_stiffness)) * math.sqrt(max(1.0 - c**2, 0.0)) / c
-    return {"stiffness across": Cut(0.0, rest * cable.stiffness * c**2)} if rest > WEAK_JND else {}
+def _predict(
+    part: AxisImpedance, impedances: Mapping[int, Impedance], cables: CableState, host_stiffness: float
+) -> Prediction:
+    directions = cables.directions[list(impedances)]
+    stiffness = np.array([each.stiffness for each in impedances.values()])
+    return predict((directions.T * stiffness) @ directions, part.axis, part.stiffness, host_stiffness)
+
+
+def _expected(
+    part: AxisImpedance,
+    velocity: Floats,
+    cables: CableState,
+    impedances: dict[int, Impedance],
+    predicted: Prediction,
+) -> ModuleSprings:
+    """Return impedances with their force on the hand, corrected as predicted."""
+    depth = max(part.compression, 0.0)
+    rate = max(-float(part.axis @ velocity), 0.0)
+    force = np.zeros_like(part.axis)
+    for cable, each in impedances.items():
+        direction = cables.directions[cable]
+        cosine = float(part.axis @ direction)
+        # Without the tension that only keeps a vibrating cable taut.
+        force = (
+            force
+            + ((each.stiffness * depth + each.damping * rate) * cosine + part.feed_forward / cosine) * direction
+        )
+    along = float(force @ part.axis)
+    corrected = (along + predicted.added * depth) * part.axis + (1.0 - predicted.share) * (
+        force - along * part.axis
+    )
+    return ModuleSprings(impedances, corrected, predicted)
+
+
+def along_field(
+    part: AxisImpedance,
+    velocity: Floats,
+    cables: CableState,
+    free: NDArray[np.bool_],
+    limits: ModuleLimits = STANDARD_LIMITS,
+) -> dict[int, Impedance]:
+    """Return the impedances, by cable, of free cables that together are nearest to a part.
+
+    They pull along its axis, and their springs end at its surface, so that a hand that withdraws before the host
+    knows is not held. Tensions are inside the limits from there to the hand's depth; beyond, a module holds its
+    largest tension. A spring softer than a thousandth of the stiffest is left out.
+    """
+    cosines = cables.directions @ part.axis
+    usable = free & (cosines > MIN_FIELD_COSINE)
+    lower, upper = np.where(cables.available, limits.lower, 0.0), np.full(len(cosines), limits.upper)
+    fall = np.where(usable, cosines * max(part.compression, 0.0), 0.0)
+    ranges = CableRanges(
+        lower,
+        upper,
+        np.where(usable, limits.stiffness, 0.0),
+        np.where(usable, limits.damping, 0.0),
+        fall,
+        rise=np.zeros_like(fall),
+    )
+    outer, push = np.outer(part.axis, part.axis), part.push(velocity)
+    found = allocate_field(cables.directions.T, push, part.stiffness * outer, part.damping * outer, ranges)
+    touching = part.compression >= 0.0
+    return {
+        int(cable): Impedance(
+            rest=min(max(float(cables.lengths[cable] - cosines[cable] * part.compression), 0.0), limits.length),
+            stiffness=float(found.stiffness[cable]),
+            damping=float(found.damping[cable]) if touching else 0.0,
+        )
+        for cable in np.flatnonzero(found.stiffness > 1e-3 * found.stiffness.max())
+    }

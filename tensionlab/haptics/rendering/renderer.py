@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from tensionlab.allocation import Allocator
+from tensionlab.allocation import allocate
 from tensionlab.demand import Demand, EffectDemand, Impedance, RigState
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import Friction, Shape, Viscous, Wall
@@ -169,7 +169,6 @@ class Renderer:
         self._set_point_step = 0.0
         self._controller: PassivityController | None = None
         self._memories = {True: GroupMemory({}, None), False: GroupMemory({}, None)}  # by whether passive
-        self._allocators: dict[bytes, Allocator] = {}  # by the modules that take part
         self.delay = INITIAL_DELAY_S
         self.ceiling = 0.0
         self.cut: dict[str, dict[str, Cut]] = {}
@@ -273,15 +272,18 @@ class Renderer:
     def _balance(self, force: Floats, impedances: Mapping[int, Impedance], state: RigState) -> Floats:
         """Return the tension in N that each cable needs besides its impedance.
 
-        Together they are the tensions with which all cables would render the force without impedances.
+        Together they are tensions that render the force; if possible, each cable stays taut if its spring goes
+        slack.
         """
-        key = state.active.tobytes()
-        if key not in self._allocators:
-            self._allocators[key] = Allocator(self._rig.limits.only(state.active))
-        extra = self._allocators[key](state.structure, force).tensions.copy()
+        springs = np.zeros(self._rig.m)
         for index, each in impedances.items():
-            extra[index] -= each.tension(float(state.lengths[index]), float(state.speeds[index]))
-        return np.maximum(extra, 0.0)
+            springs[index] = each.tension(float(state.lengths[index]), float(state.speeds[index]))
+        limits = self._rig.limits.only(state.active)
+        taut = allocate(state.structure, force, (np.minimum(limits.lower + springs, limits.upper), limits.upper))
+        if not taut.exact:
+            lower = np.clip(springs, limits.lower, limits.upper)
+            taut = allocate(state.structure, force, (lower, limits.upper))
+        return np.maximum(taut.tensions - springs, 0.0)
 
     def _scaled(self, cable: Impedance, share: float, balance: float) -> Impedance:
         """Return a share of an impedance plus a balance in N; a vibrating cable stays taut."""

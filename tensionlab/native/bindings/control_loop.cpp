@@ -1,4 +1,5 @@
-// What a run needs in every cycle, for Python: pose, length check, set-points, brakes to lock, watchdog.
+// What a run needs in every cycle, for Python: pose, length check, set-points, brakes to lock, stiffness field,
+// watchdog.
 #include <nanobind/stl/string.h>
 
 #include "bindings/arrays.hpp"
@@ -8,6 +9,7 @@
 #include "hardware/pose_tracker.hpp"
 #include "hardware/set_points.hpp"
 #include "hardware/watchdog.hpp"
+#include "solvers/impedance_field.hpp"
 
 namespace tensionlab {
 namespace {
@@ -161,6 +163,63 @@ nb::tuple choose_locks(const Contiguous<double, 3>& structure, const Table& norm
   return nb::make_tuple(locked, tensions, unresisted, available);
 }
 
+// Structure, directions, force, desired stiffness and damping; largest stiffness and damping, lower and upper
+// tension, fall and rise of each cable; weight of a tie.
+using FieldArrays = std::tuple<Table, Table, Numbers, Contiguous<double, 3>, Table, double>;
+
+// The problem of the springs with tensions, or of the dampers without.
+FieldProblem field_of(const FieldArrays& arrays, bool springs) {
+  const auto& [structure, directions, force, desired, ranges, tie_break] = arrays;
+  const std::size_t d = structure.shape(0), m = structure.shape(1);
+  require_size(d, m);
+  require(
+      has_shape(directions, d, m) && has_shape(force, d) && has_shape(desired, 2, d, d) && has_shape(ranges, 6, m),
+      "directions, force, desired matrices and ranges do not fit the structure matrix");
+  const double* const range = ranges.data();
+  return {static_cast<int>(d),
+          static_cast<int>(m),
+          directions.data(),
+          desired.data() + (springs ? 0 : d * d),
+          springs ? structure.data() : nullptr,
+          force.data(),
+          range + (springs ? 0 : m),
+          range + 2 * m,
+          range + 3 * m,
+          range + 4 * m,
+          range + 5 * m,
+          tie_break};
+}
+
+double gap_of(const FieldArrays& arrays, const Numbers& stiffness, const Numbers& damping, const Numbers& tensions,
+              const Numbers& multipliers) {
+  const FieldProblem springs = field_of(arrays, true), dampers = field_of(arrays, false);
+  require_entries(static_cast<std::size_t>(springs.m), stiffness, damping, tensions);
+  require_entries(static_cast<std::size_t>(springs.d), multipliers);
+  return field_gap(springs, stiffness.data(), tensions.data(), multipliers.data()) +
+         field_gap(dampers, damping.data(), nullptr, nullptr);
+}
+
+// Stiffness, damping and tensions of each cable, multipliers of the force, and the gap; infinite if there are
+// none.
+nb::tuple allocate_field(const FieldArrays& arrays) {
+  const FieldProblem springs = field_of(arrays, true), dampers = field_of(arrays, false);
+  const auto d = static_cast<std::size_t>(springs.d), m = static_cast<std::size_t>(springs.m);
+  const auto k = make_array<double>(m), c = make_array<double>(m), t = make_array<double>(m);
+  const auto multipliers = make_array<double>(d);
+  ImpedanceField with_tensions(springs), without(dampers);
+  const bool solved = with_tensions.solve(multipliers.data()) && without.solve(nullptr);
+  for (std::size_t i = 0; i < m; ++i) {
+    k(i) = std::clamp(with_tensions.stiffness()[i], 0.0, springs.top[i]);
+    c(i) = std::clamp(without.stiffness()[i], 0.0, dampers.top[i]);
+    t(i) = std::fmin(std::fmax(with_tensions.tensions()[i], springs.lower[i] + springs.fall[i] * k(i)),
+                     springs.upper[i] - springs.rise[i] * k(i));
+  }
+  const double gap = !solved ? std::numeric_limits<double>::infinity()
+                             : field_gap(springs, k.data(), t.data(), multipliers.data()) +
+                                   field_gap(dampers, c.data(), nullptr, nullptr);
+  return nb::make_tuple(k, c, t, multipliers, gap);
+}
+
 }  // namespace
 
 void bind_control_loop(nb::module_& module) {
@@ -189,6 +248,8 @@ void bind_control_loop(nb::module_& module) {
   module.def("any_exceeds", &any_exceeds);
   module.def("next_tensions", &next_of);
   module.def("choose_locks", &choose_locks);
+  module.def("allocate_field", &allocate_field);
+  module.def("field_gap", &gap_of);
 }
 
 }  // namespace tensionlab

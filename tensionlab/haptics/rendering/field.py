@@ -1,0 +1,210 @@
+"""Allocation of a field: the impedances of modules that together are nearest to a desired stiffness and damping.
+
+A module renders a spring and a damper along its own cable, at its own rate. With the unit vectors u from the hand,
+the cables together have the stiffness matrix ``sum k u u'`` and the damping matrix ``sum d u u'``: a wall needs no
+cable along its normal. `allocate_field` finds the best k and d, and tensions for them; `predict` says what a hand
+will feel of a stiffness matrix along one axis, with the host's corrections, which come late.
+
+That a module can hold an impedance by itself, and the host moves it along a surface, are the local models of
+Adachi, Kumano and Ogino 1995, "Intermediate representation for stiff virtual objects", and Mark, Randolph, Finch,
+Van Verth and Taylor 1996, "Adding force feedback to graphics systems". The programme is this project's own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tensionlab import _native
+from tensionlab.allocation import allocate
+from tensionlab.support.arrays import Floats
+
+# Weight of an error where the effect leaves the hand free, such as along a wall: the host corrects part of it.
+FREE_WEIGHT = 0.5
+TIE_BREAK = 1e-6  # weight of the squared impedances and tensions, as shares of the largest limits
+INSIDE = 1e-6  # share of the way to mid tensions by which a force is kept off the edge of the feasible ones
+MAX_GAP = 1e-7  # largest `optimality_gap` of an answer that counts as proved
+
+
+class CableRanges(NamedTuple):
+    """Ranges of each cable, (m,) arrays.
+
+    Tensions in N are at the present pose. Over the reach of a host's cycle the cable reels in by ``fall`` and pays
+    out by ``rise``, in m, and its spring may not leave the limits there. A limit of stiffness (N/m) or damping (N
+    s/m) that is 0 leaves a cable out.
+    """
+
+    lower: Floats
+    upper: Floats
+    stiffness: Floats
+    damping: Floats
+    fall: Floats
+    rise: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """Impedances of all cables around one pose.
+
+    Attributes
+    ----------
+    tensions, stiffness, damping : (m,) arrays
+        Of the cables at this pose, in N, N/m and N s/m.
+    force : (d,) array
+        Force of the tensions in N: the desired one, or the nearest feasible one.
+    multipliers : (d,) array
+        Lagrange multipliers of that force, which certify the optimum together with the rest.
+    gap : float
+        Bound of `optimality_gap` on the distance to the optimum; above ``MAX_GAP`` the answer is not proved, and
+        infinite where none was found, without stiffness.
+    """
+
+    tensions: Floats
+    stiffness: Floats
+    damping: Floats
+    force: Floats
+    multipliers: Floats
+    gap: float
+
+    def stiffness_matrix(self, structure: Floats, lengths: Floats) -> Floats:
+        """Return the stiffness (d, d) in N/m, with that of the tensions, ``t (I - u u')/length``."""
+        turning = self.tensions / lengths
+        matrix: Floats = (structure * (self.stiffness - turning)) @ structure.T
+        matrix += turning.sum() * np.eye(len(structure))
+        return matrix
+
+
+def allocate_field(
+    structure: Floats, force: Floats, stiffness: Floats, damping: Floats, ranges: CableRanges
+) -> Field:
+    """Return the impedances nearest to a desired stiffness and damping among those whose tensions give a force.
+
+    It minimises ``|S (U diag(k) U' - K) S|²`` in the Frobenius norm, with U the structure matrix, subject to
+    ``U t = f``, ``0 <= k <= limit`` and ``lower + fall k <= t <= upper - rise k``. ``S = (I + K/|K|)/2``
+    halves the weight of directions that K leaves free. Among equals the smallest k and t count (`TIE_BREAK`).
+    For the damping, the same without tensions. The method is a dual active-set (Goldfarb and Idnani 1983, "A
+    numerically stable dual method for solving strictly convex quadratic programs").
+
+    Parameters
+    ----------
+    structure : (d, m) array
+        Structure matrix of a point: unit vectors towards the anchors.
+    force : (d,) array
+        Desired force in N. If no tensions give it, the nearest feasible one is used.
+    stiffness, damping : (d, d) arrays
+        Desired matrices, symmetric and without negative eigenvalues, in N/m and N s/m.
+    ranges : CableRanges
+        What each cable may do.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tensionlab as tl
+    >>> from tensionlab.haptics.rendering.field import CableRanges, allocate_field
+    >>> rig = tl.load_rig("cube-8")
+    >>> U, normal, none = rig.structure_matrix(rig.home), np.array([0.0, 0.0, 1.0]), np.zeros(8)
+    >>> out = normal @ U > 0.0  # cables that pull out of a wall
+    >>> ranges = CableRanges(rig.limits.lower, rig.limits.upper, 500.0 * out, 10.0 * out, none, none)
+    >>> wall = allocate_field(U, np.zeros(3), 200.0 * np.outer(normal, normal), np.zeros((3, 3)), ranges)
+    >>> wall.stiffness.round()
+    array([  0., 120.,   0., 120.,   0., 120.,   0., 120.])
+    """
+    problem = _normalised(structure, force, stiffness, damping, ranges)
+    found = _native.allocate_field(problem)
+    if math.isinf(found[-1]):
+        tensions = allocate(structure, force, (ranges.lower, ranges.upper)).tensions
+        tensions += INSIDE * ((ranges.lower + ranges.upper) / 2 - tensions)
+        problem = _normalised(structure, structure @ tensions, stiffness, damping, ranges)
+        found = _native.allocate_field(problem)
+        if math.isinf(found[-1]):
+            none = np.zeros_like(tensions)
+            return Field(tensions, none, none, structure @ tensions, np.zeros_like(force), math.inf)
+    k, d, t, multipliers, gap = found
+    springs, dampers, tension = _scales(ranges)
+    tensions = t * tension
+    return Field(tensions, k * springs, d * dampers, structure @ tensions, multipliers, gap)
+
+
+def optimality_gap(
+    structure: Floats, force: Floats, stiffness: Floats, damping: Floats, ranges: CableRanges, field: Field
+) -> float:
+    """Return a bound on how far a field is from the optimum of `allocate_field`, infinite outside the ranges.
+
+    Whatever chose the field: the objective is convex, so its gradient bounds it from below, and the least of that
+    bound over each cable's ranges is at a corner of them; the multipliers price the force. Arguments as those of
+    `allocate_field`, with a feasible force. Unit: of the objective, as shares of the largest limits.
+    """
+    problem = _normalised(structure, force, stiffness, damping, ranges)
+    springs, dampers, tension = _scales(ranges)
+    k, d, t = field.stiffness / springs, field.damping / dampers, field.tensions / tension
+    return _native.field_gap(problem, k, d, t, field.multipliers)
+
+
+def _scales(ranges: CableRanges) -> tuple[float, float, float]:
+    """Return the largest limits of stiffness, damping and tension; 1 instead of 0."""
+    largest = ranges.stiffness.max(), ranges.damping.max(), ranges.upper.max()
+    springs, dampers, tension = (float(each) or 1.0 for each in largest)
+    return springs, dampers, tension
+
+
+def _normalised(
+    structure: Floats, force: Floats, stiffness: Floats, damping: Floats, ranges: CableRanges
+) -> tuple[Floats, Floats, Floats, Floats, Floats, float]:
+    """Return the problem as the kernel takes it, in shares of the largest limits."""
+    springs, dampers, tension = _scales(ranges)
+    size = math.sqrt(float(np.vdot(stiffness, stiffness))) or 1.0
+    weight = stiffness * ((1.0 - FREE_WEIGHT) / size)
+    np.einsum("ii->i", weight)[:] += FREE_WEIGHT
+    desired = np.array([stiffness, damping]) / np.array([[[springs]], [[dampers]]])
+    lower, upper, top, most, fall, rise = ranges
+    rows = np.array([top, most, lower, upper, fall, rise], dtype=np.float64)
+    rows /= np.array([springs, dampers, tension, tension, tension / springs, tension / springs])[:, None]
+    structure = np.ascontiguousarray(structure)
+    return structure, weight @ structure, force / tension, weight @ desired @ weight, rows, TIE_BREAK
+
+
+class Prediction(NamedTuple):
+    """What a hand feels, in N/m, as it goes against an axis.
+
+    ``along`` the axis, ``added`` of it by the host; ``across``, where the host takes back a ``share``; ``error``,
+    what is missing along and what remains across, as a share of the desired stiffness.
+    """
+
+    along: float
+    across: float
+    added: float
+    share: float
+    error: float
+
+
+def predict(matrix: Floats, axis: Floats, stiffness: float, host_stiffness: float = math.inf) -> Prediction:
+    """Return what a hand feels of the modules' stiffness matrix, with a stiffness desired along an axis.
+
+    The host moves the rest lengths along a surface, and takes back force across, tau late. To a slow hand the
+    springs A (along), c (coupling) and M (across) look like one along the axis and a damping matrix ``tau s [[0,
+    c'], [c, M]]``, if the share s is taken back; what the host adds along, h, like ``-tau h``. With the hand's own
+    b it is passive if ``(H - h)(H + s M) >= s² |c|²``, where ``H = b/tau`` is the host's own bound, and M is along
+    c. So the host takes back what is passive, and then adds what is missing along the axis. For one cable at the
+    angle a, ``s = H (1 + sqrt(1 + 4/tan² a))/2K``. This project's own.
+    """
+    column = matrix @ axis
+    along = float(axis @ column)
+    across = column - along * axis
+    coupling = float(across @ across)
+    share, room = 1.0, host_stiffness
+    if coupling > 1e-18 * stiffness**2:
+        image = matrix @ across
+        own = float(across @ image) / coupling
+        # The third axis, if there is one, is free to move: its stiffness, and its coupling squared.
+        third = float(np.trace(matrix)) - along - own
+        aside = float(image @ image) / coupling - own**2 - float(axis @ image) ** 2 / coupling
+        m = own - aside / (host_stiffness + third + 1e-300)
+        share = min(host_stiffness * (m + math.sqrt(m * m + 4.0 * coupling)) / (2.0 * coupling), 1.0)
+        room = max(host_stiffness - share * share * coupling / (host_stiffness + share * m), 0.0)
+    added = min(max(stiffness - along, 0.0), room)
+    remaining = (1.0 - share) * math.sqrt(coupling)
+    missing = math.hypot(stiffness - along - added, remaining)
+    return Prediction(along + added, remaining, added, share, missing / stiffness if stiffness else 0.0)
