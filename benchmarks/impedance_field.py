@@ -1,7 +1,7 @@
 """Impedances of all modules: their optimum against a conic solver, and walls with and without them.
 
 python -m benchmarks.impedance_field optimum        # 10,000 problems, some minutes
-python -m benchmarks.impedance_field walls OUT.csv   # four rigs, four walls, 20 directions: ten minutes on two cores
+python -m benchmarks.impedance_field walls OUT.csv   # four rigs and walls, 20 directions: ten minutes
 """
 
 from __future__ import annotations
