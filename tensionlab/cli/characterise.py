@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Callable
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated
@@ -21,32 +20,21 @@ from tensionlab.hardware.runner.settings import Clock, RealClock
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import Motion
 from tensionlab.model.files import load_rig
-from tensionlab.model.rig import Rig
 from tensionlab.support.files import writing
 from tensionlab.support.provenance import write_parquet
 from tensionlab.validation import characterisation_report as reports
 from tensionlab.validation.characterisation import CharacterisationPlan, feasible_axes
 from tensionlab.validation.characterisation import characterise as measure
-from tensionlab.validation.error_model import find_preset
 from tensionlab.validation.sensors import ForceSensor, open_sensor
 
 
-@output.if_interrupted("a characterisation is measured in one go: start it again")
+@output.if_interrupted("nothing is kept: a characterisation is measured in one go")
 def characterise(
     rig: options.RigArgument,
     out: Annotated[Path, options.writes_folder("Folder for report, measurements and figure.")],
     modules: options.Modules = None,
-    sensor: Annotated[
-        str | None,
-        option("FILE|URL", "Force sensor of real modules, as for `tensionlab validate`; simulated ones have one."),
-    ] = None,
-    rate: Annotated[float, option("HZ", "Cycles per second.", callback=options.require_positive)] = 50.0,
-    preset: Annotated[
-        str | None,
-        option("ideal|paper-like", "Errors of the simulated rig, as for `tensionlab validate`; none if left out."),
-    ] = None,
-    latency_ms: Annotated[float, option("MS", "Delay of simulated links, one way.", min=0, max=200)] = 10.0,
-    seed: options.Seed = 0,
+    sensor: Annotated[str | None, option("FILE|URL", "Force sensor of --modules, as for `validate`.")] = None,
+    latency_ms: Annotated[float, option("MS", "Delay of simulated links, one way.", min=0, max=100)] = 10.0,
     json: Json = False,
 ) -> None:
     """Measure a rig as a haptic device, and compare it with published ones.
@@ -55,31 +43,29 @@ def characterise(
     stable walls, and latency. With --modules it asks before each part to hold the force sensor in some way.
     """
     if (modules is None) != (sensor is None):
-        given, missing = ("--sensor", "--modules") if modules is None else ("--modules", "--sensor")
-        raise typer.BadParameter(f"{given} needs {missing}: real modules pull on a real sensor")
-    if modules is not None and preset is not None:
-        raise typer.BadParameter("--preset is for modules of this process; those of --modules are as they are")
-    if preset is not None:
-        find_preset(preset)
-    link = Conditions(1e-3 * latency_ms)
-    plan = CharacterisationPlan(load_rig(rig), rate, preset=preset, conditions=link, seed=seed)
+        raise typer.BadParameter("--modules and --sensor go together: real modules pull on a real sensor")
+    plan = CharacterisationPlan(load_rig(rig), conditions=Conditions(1e-3 * latency_ms))
     feasible_axes(plan)
     devices = datasets.load("published/haptic-devices")
-    if modules is None:
-        print_simulated()
     writing.make_folder(out)
     with ExitStack() as opened, output.progress("characterisation") as progress:
         bench = None
-        if modules is not None and sensor is not None:
+        if modules is None or sensor is None:
+            print_simulated()
+        else:
             force_sensor = opened.enter_context(closing(open_sensor(sensor)))
             group = opened.enter_context(closing(connect(plan.rig, links_of_rig(plan.rig, modules))))
-            bench = _real_bench(group, force_sensor)
+
+            def bench(request: str, motion: Motion | None) -> tuple[ModuleGroup, Clock, ForceSensor]:
+                output.wait_for_enter(request)
+                return group, RealClock(group.clients), force_sensor
+
         try:
             result = measure(plan, bench, progress)
         except HardwareError as error:
             output.print_error(str(error))
             raise typer.Exit(1) from None
-    manifest = output.manifest(seed if result.simulated else None)
+    manifest = output.manifest(plan.seed if result.simulated else None)
     report = reports.as_json(result, devices, manifest)
     name = "measurements-simulated.parquet" if result.simulated else "measurements.parquet"
     with output.ResultWriter(quiet=json) as writer:
@@ -93,13 +79,3 @@ def characterise(
         writer.write_text("report", out / "report.json", json_text.dumps(output.plain(report), indent=2) + "\n")
         writer.write("measurements", out / name, lambda path: write_parquet(path, reports.rows(result), manifest))
         writer.draw(out / "characterisation.png", "characterisation", result)
-
-
-def _real_bench(group: ModuleGroup, sensor: ForceSensor) -> Callable[..., tuple[ModuleGroup, Clock, ForceSensor]]:
-    """Return the bench of real modules, which asks a person for each part."""
-
-    def open_bench(request: str, motion: Callable[[Rig], Motion] | None) -> tuple[ModuleGroup, Clock, ForceSensor]:
-        output.wait_for_enter(request)
-        return group, RealClock(group.clients), sensor
-
-    return open_bench

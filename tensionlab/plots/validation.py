@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.model.files import rig_from_toml
+from tensionlab.model.stiffness import HAND_DAMPING, stiffness_bound
 from tensionlab.plots.style import Entry, add_legend, legend_beside, new_figure
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
@@ -81,7 +82,7 @@ COLOURS = dict(zip("xyz", (BLUE, ORANGE, GREEN), strict=True))
 
 
 def plot_characterisation(result: Characterisation) -> Figure:
-    """Draw a characterisation: errors of forces, steps, gains over frequency, and the region of stable walls.
+    """Draw a characterisation: steps, gains over frequency, and the region of stable walls.
 
     Examples
     --------
@@ -91,62 +92,38 @@ def plot_characterisation(result: Characterisation) -> Figure:
     >>> result = characterise(CharacterisationPlan(tl.load_rig("tetra-4")))  # doctest: +SKIP
     >>> figure = plots.plot_characterisation(result)  # doctest: +SKIP
     """
-    with new_figure((10.0, 7.0)) as figure:
-        panels: Any = figure.subplots(2, 2)
-        errors, steps, gains, walls = panels.ravel()
-        _draw_errors(errors, result)
+    plan = result.plan
+    with new_figure((13.0, 4.0)) as figure:
+        steps, gains, walls = figure.subplots(1, 3)
         for axis, step in result.steps.items():
             steps.plot(1e3 * step.times, step.force, color=COLOURS[axis], label=axis)
-        steps.axhline(result.plan.step, color=GREY, linewidth=0.8)
-        steps.set(title="step, by axis", xlabel="time (ms)", ylabel="force (N)", xlim=(0.0, 200.0))
+        steps.set(title=f"step of {plan.step:g} N", xlabel="time (ms)", ylabel="force (N)", xlim=(0.0, 200.0))
         steps.legend(loc="lower right")
         for axis, response in result.responses.items():
             gains.plot(response.frequencies, response.gains, ".-", color=COLOURS[axis], label=f"host, {axis}")
         for module, response in result.vibrations.items():
             gains.plot(response.frequencies, response.gains, ".:", label=f"module {module}")
         gains.axhline(HALF_POWER, color=GREY, linewidth=0.8, label="−3 dB")
-        gains.set(title=f"gain of a force of {result.plan.amplitude:g} N", xlabel="frequency (Hz)", ylabel="gain")
-        gains.set(xscale="log", ylim=(0.0, None))
+        gains.set(title=f"gain of a force of {plan.amplitude:g} N", xlabel="frequency (Hz)", xscale="log")
         gains.legend(loc="lower left", fontsize="small")
-        _draw_walls(walls, result)
-        kind = "simulated" if result.simulated else "measured"
-        figure.suptitle(f"{result.plan.rig.name}, {kind}", fontsize="medium", fontweight="bold")
+        for trial in (trial for trials in result.walls.values() for trial in trials):
+            hollow = "none" if trial.added_damping < 0.0 else BLUE
+            look = {"marker": "o", "color": BLUE, "mfc": hollow} if trial.stable else {"marker": "x", "color": RED}
+            walls.plot(trial.stiffness, trial.damping, linestyle="", **look)
+        dampings = np.array(list(result.walls))
+        stable = [reports.wall_limits(trials)[0] for trials in result.walls.values()]
+        delay = float(np.median(result.round_trips))
+        bound = stiffness_bound(delay, 1.0 / plan.rate, HAND_DAMPING, dampings)
+        walls.plot(stable, dampings, color=BLUE)
+        walls.plot(bound, dampings, color=GREY, linestyle="--")
+        title = f"walls along {result.wall_axis}: stable up to {max(stable):.0f} N/m"
+        walls.set(title=title, xlabel="stiffness (N/m)", ylabel="damping (N s/m)", xlim=(0.0, 2.0 * max(stable)))
+        legend_beside(walls, [
+            ("passive", {"marker": "o", "color": BLUE, "ls": ""}),
+            ("stable", {"marker": "o", "color": BLUE, "fillstyle": "none", "ls": ""}),
+            ("unstable", {"marker": "x", "color": RED, "ls": ""}),
+            ("boundary", {"color": BLUE}),
+            ("theory without friction", {"color": GREY, "ls": "--"}),
+        ])  # fmt: skip
+        figure.suptitle(result.title, fontsize="medium", fontweight="bold")
     return figure
-
-
-def _draw_errors(axes: Any, result: Characterisation) -> None:
-    """Draw how the error of static forces is distributed."""
-    vector, _ = reports.force_deviations(result)
-    shares = np.arange(1, len(vector) + 1) / len(vector)
-    axes.step(np.sort(vector), 100.0 * shares, where="post", color=RED)
-    mean = float(vector.mean())
-    axes.axvline(mean, color=GREY, linewidth=0.8)
-    title = f"error of {len(vector)} forces of {result.plan.force:g} N: mean {mean:.2f} N"
-    axes.set(
-        title=title,
-        xlabel="length of the error vector (N)",
-        ylabel="share of forces up to it (%)",
-        xlim=(0.0, None),
-    )
-
-
-def _draw_walls(axes: Any, result: Characterisation) -> None:
-    """Draw trials of walls over stiffness and damping, and the boundary between stable and unstable ones."""
-    for trial in (trial for trials in result.walls.values() for trial in trials):
-        look = {"marker": "o", "color": BLUE} if trial.stable else {"marker": "x", "color": RED}
-        full = {} if trial.added_damping >= 0.0 or not trial.stable else {"markerfacecolor": "none"}
-        axes.plot(trial.stiffness, trial.damping, linestyle="", **look, **full)
-    dampings = np.array(list(result.walls))
-    limits = [reports.wall_limits(trials)[0] for trials in result.walls.values()]
-    axes.plot(limits, dampings, color=BLUE)
-    axes.plot(reports.theory(result, dampings), dampings, color=GREY, linestyle="--")
-    title = f"walls along {result.wall_axis}: stable up to {max(limits):.0f} N/m"
-    axes.set(title=title, xlabel="stiffness (N/m)", ylabel="damping (N s/m)", xlim=(0.0, 2.0 * max(limits)))
-    entries: list[Entry] = [
-        ("passive", {"marker": "o", "color": BLUE, "ls": ""}),
-        ("stable", {"marker": "o", "color": BLUE, "fillstyle": "none", "ls": ""}),
-        ("unstable", {"marker": "x", "color": RED, "ls": ""}),
-        ("boundary", {"color": BLUE}),
-        ("theory without friction", {"color": GREY, "ls": "--"}),
-    ]
-    legend_beside(axes, entries)

@@ -28,7 +28,7 @@ from tensionlab.scenarios.person import Person, PersonPlan, Script, Waypoint
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
 from tensionlab.validation import measurements
-from tensionlab.validation.error_model import PRESETS, draw_errors, require_point, true_rig
+from tensionlab.validation.error_model import PRESETS, draw_errors, require_point
 from tensionlab.validation.measurements import (
     FeltImpedance,
     FrequencyResponse,
@@ -38,13 +38,11 @@ from tensionlab.validation.measurements import (
     StepResponse,
     T,
     WallTrial,
-)
+)  # fmt: skip
 from tensionlab.validation.protocol import has_completed, read_zero
 from tensionlab.validation.sensors import ForceSensor, simulated_setup
 from tensionlab.validation.statistics import fit_yaw
 
-Steps = dict[str, StepResponse]  # by axis
-Responses = dict[str, FrequencyResponse]  # by axis or module
 PINGS = 20  # to each module
 DIRECTIONS = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if np.count_nonzero(way) in (1, 3)])
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1)[:, None]  # the axes and the diagonals, both ways
@@ -53,14 +51,17 @@ HAND_MASS_KG = 1.0  # of the simulated hand at walls: theory is of a heavy one
 WALL_DAMPINGS_NS_M = (0.0, 1.0, 2.0)
 VIBRATIONS_HZ = np.array([10.0, 20.0, 40.0, 60.0, 80.0, 100.0, 150.0, 200.0, 300.0])
 RATE_SHARES = np.array([0.02, 0.05, 0.1, 0.2, 0.3, 0.36, 0.4, 0.44, 0.48])  # frequencies per rate of a host
+# Requests to the person who holds the sensor of a real rig.
+HOLD = "fix the sensor, its Z axis up, with the handle at {} m"
+MOVE = "hold the handle by the sensor at home; then move it by 5 cm once a second, for 4 s along each of x, y, z"
+LOOSE = "hold the handle loosely by the sensor, at home: stiff springs will shake it along {}"
 
 
 @dataclass(frozen=True, eq=False)
 class CharacterisationPlan:
-    """Rig and sizes: forces held in N, steps and amplitudes of vibrations in N, distance of positions in m.
+    """Rig and sizes: forces held, steps and vibrations in N, distance of positions from home in m, time held in s.
 
-    ``hold`` s is the time for each force. What follows is of a simulated rig: the preset of its errors, a key of
-    `PRESETS` (None: hardware as `PLANT` has it, without errors), the conditions of its links, and the seed.
+    The conditions of the links, hardware parameters (as in `PLANT`) and the seed are those of a simulated rig.
     """
 
     rig: Rig
@@ -70,10 +71,15 @@ class CharacterisationPlan:
     amplitude: float = 0.3
     reach: float = 0.1
     hold: float = 0.6
-    preset: str | None = None
     conditions: Conditions = field(default_factory=Conditions)
     plant: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
+
+
+Steps = dict[str, StepResponse]  # by axis
+Responses = dict[str, FrequencyResponse]  # by axis or module
+# Opens modules, their clock and the sensor: for a request to a person, or a simulated motion.
+Bench = Callable[[str, Motion | None], tuple[ModuleGroup, Clock, ForceSensor]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +87,7 @@ class Characterisation:
     """What was measured; by axis, "x", "y" and "z", where it is not of the whole rig.
 
     ``round_trips`` are those of pings and ``delays`` from a set-point to its report, in s. ``vibrations`` are by
-    module, ``walls`` by damping, along ``wall_axis``.
+    module; ``felt_along`` has friction, damping and inertia; ``walls`` are by damping, along ``wall_axis``.
     """
 
     plan: CharacterisationPlan
@@ -97,27 +103,17 @@ class Characterisation:
     walls: dict[float, list[WallTrial]]
     wall_axis: str
 
-
-# Opens modules, their clock and the sensor: for a request to a person, or a simulated motion, given the true rig.
-Bench = Callable[[str, Callable[[Rig], Motion] | None], tuple[ModuleGroup, Clock, ForceSensor]]
+    @property
+    def title(self) -> str:
+        """Rig and kind."""
+        return f"{self.plan.rig.name}, {'simulated' if self.simulated else 'measured'}"
 
 
 def simulated_bench(plan: CharacterisationPlan) -> Bench:
-    """Return the bench of a simulated rig."""
-    errors = draw_errors(PRESETS[plan.preset or "ideal"], plan.rig.m, plan.seed)
-    real = true_rig(plan.rig, errors)
-    plants = {module.name: plan.plant for module in plan.rig.modules} if plan.preset is None else None
-
-    def open_bench(request: str, motion: Callable[[Rig], Motion] | None) -> tuple[ModuleGroup, Clock, ForceSensor]:
-        moved = None if motion is None else motion(real)
-        return simulated_setup(plan.rig, errors, plan.seed, moved, plants, plan.conditions)
-
-    return open_bench
-
-
-def held_at(offset: Floats) -> Callable[[Rig], Motion]:
-    """Return the motion of a hand that stays at an offset (3,) in m from the rig's home."""
-    return lambda rig: lambda time: Pose(rig.home + offset, frames=rig.at_rest)
+    """Return the bench of a simulated rig without errors of calibration."""
+    errors = draw_errors(PRESETS["ideal"], plan.rig.m, plan.seed)
+    plants = {module.name: plan.plant for module in plan.rig.modules}
+    return lambda request, motion: simulated_setup(plan.rig, errors, plan.seed, motion, plants, plan.conditions)
 
 
 def to_and_fro(rig: Rig) -> Motion:
@@ -133,7 +129,7 @@ def to_and_fro(rig: Rig) -> Motion:
 
 def loose_hand(rig: Rig) -> Motion:
     """Return the motion of a hand with mass and damping alone."""
-    script = Script((Waypoint(0.0, tuple(rig.home.tolist())),), None)
+    script = Script((Waypoint(0.0, tuple(rig.home.tolist())),))
     hand = Person(PersonPlan(HAND_MASS_KG, 1e-6, HAND_DAMPING, script), rig)
     hand.begin()
     return hand
@@ -141,16 +137,14 @@ def loose_hand(rig: Rig) -> Motion:
 
 def feasible_axes(plan: CharacterisationPlan) -> dict[str, Floats]:
     """Return the axes along which steps can be rendered both ways at home; `RigError` if there is none."""
-    require_point(plan.rig)
     rig = plan.rig
+    require_point(rig)
     forces = plan.step * np.concatenate([np.eye(3), -np.eye(3)])
     found = allocate(rig.structure_matrix(rig.home, frames=rig.at_rest), forces, rig.limits)
     both = np.all((found.status == Status.EXACT).reshape(2, 3), axis=0)
     if not both.any():
         problem = f"cannot pull with {plan.step:g} N both ways along any axis at its home"
-        raise RigError(
-            f'rig "{rig.name}" {problem}, so there is nothing to characterise; see `tensionlab rig check`'
-        )
+        raise RigError(f'rig "{rig.name}" {problem}; see `tensionlab rig check`')
     return {name: axis for name, axis, possible in zip("xyz", np.eye(3), both, strict=True) if possible}
 
 
@@ -163,39 +157,50 @@ def characterise(
 
     KeyboardInterrupt if a signal ended a part of it, `RigError` for a rig that cannot be characterised, and
     `HardwareError` of modules or sensor.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab.validation.characterisation import CharacterisationPlan, characterise
+    >>> plan = CharacterisationPlan(tl.load_rig("tetra-4"))
+    >>> characterise(plan).felt.friction  # doctest: +SKIP
+    0.05
     """
     rig, axes = plan.rig, feasible_axes(plan)
     simulated, bench = bench is None, bench or simulated_bench(plan)
     home = rig.structure_matrix(rig.home, frames=rig.at_rest)
-    best = {rig.modules[int(np.argmax(np.abs(axis @ home)))].name: None for axis in axes.values()}
     offsets = [np.zeros(3), *(sign * plan.reach * axis for axis in np.eye(3) for sign in (-1.0, 1.0))]
-    done, parts = 0, len(offsets) + 2
     wall_axis, along = next(iter(axes.items()))
     delays: list[Floats] = []
     trips: list[float] = []
-    rotation, latency = np.eye(3), 0.0
+    rotation, done = np.eye(3), 0
 
-    def run(request: str, motion: Callable[[Rig], Motion], measuring: Callable[[Recorder], Measuring[T]]) -> T:
-        nonlocal done, latency
+    def run(request: str, motion: Motion, measuring: Callable[[Recorder], Measuring[T]]) -> T:
+        nonlocal done
         modules, clock, sensor = bench(request, motion)
         if not trips:
-            trips.extend(t for each in modules.clients for t in diagnostics.measure(each, PINGS, _more).times)
-            latency = float(np.median(trips)) / 2.0
+            trips.extend(t for each in modules.clients for t in diagnostics.measure(each, PINGS, bool).times)
+        latency = float(np.median(trips)) / 2.0
         recorder = Recorder(sensor, read_zero(modules, clock, sensor), rotation, latency)
-        found = _run(plan, modules, clock, recorder, measuring(recorder))
+        found = run_measurement(plan, modules, clock, recorder, measuring(recorder))
         delays.extend(recorder.delays)
         done += 1
-        progress(done / parts)
+        progress(done / (len(offsets) + 2))
         return found
 
-    def static(offset: Floats) -> Callable[[Recorder], Measuring[list[StaticForce]]]:
+    def hold(offset: Floats, measuring: Callable[[Recorder], Measuring[T]]) -> T:
         place = rig.home + offset
-        chosen = allocate(rig.structure_matrix(place, frames=rig.at_rest), plan.force * DIRECTIONS, rig.limits)
-        forces = plan.force * DIRECTIONS[chosen.status == Status.EXACT]
-        return lambda recorder: measurements.static_forces(recorder, place, forces, plan.hold)
+        text = HOLD.format(", ".join(f"{part:.3f}" for part in place))
+        return run(text, lambda time: Pose(place, frames=rig.at_rest), measuring)
+
+    def static(recorder: Recorder, offset: Floats) -> Measuring[list[StaticForce]]:
+        structure = rig.structure_matrix(rig.home + offset, frames=rig.at_rest)
+        exact = allocate(structure, plan.force * DIRECTIONS, rig.limits).status == Status.EXACT
+        forces = plan.force * DIRECTIONS[exact]
+        return measurements.static_forces(recorder, rig.home + offset, forces, plan.hold)
 
     def at_home(recorder: Recorder) -> Measuring[tuple[Floats, list[StaticForce], Steps, Responses, Responses]]:
-        held = yield from static(offsets[0])(recorder)
+        held = yield from static(recorder, offsets[0])
         turn = fit_yaw(np.array([each.desired for each in held]), np.array([each.measured for each in held]))
         recorder.align(turn)
         held = [each._replace(measured=turn @ each.measured) for each in held]
@@ -204,14 +209,14 @@ def characterise(
         vibrations: Responses = {}
         for name, axis in axes.items():
             steps[name] = yield from measurements.step_response(recorder, axis, plan.step)
-            frequencies = plan.rate * RATE_SHARES
             responses[name] = yield from measurements.force_response(
-                recorder, axis, plan.amplitude, frequencies, plan.rate
+                recorder, axis, plan.amplitude, plan.rate * RATE_SHARES, plan.rate
             )
-        for name in best:
-            vibrations[name] = yield from measurements.vibration_response(
-                recorder, rig, name, plan.amplitude, VIBRATIONS_HZ
-            )
+            best = rig.modules[int(np.argmax(np.abs(axis @ home)))].name
+            if best not in vibrations:
+                vibrations[best] = yield from measurements.vibration_response(
+                    recorder, rig, best, plan.amplitude, VIBRATIONS_HZ
+                )
         return turn, held, steps, responses, vibrations
 
     def at_walls(recorder: Recorder) -> Measuring[dict[float, list[WallTrial]]]:
@@ -220,36 +225,22 @@ def characterise(
             walls[damping] = yield from measurements.wall_boundary(recorder, rig, along, damping, plan.force)
         return walls
 
-    rotation, held, steps, responses, vibrations = run(_held(rig.home), held_at(offsets[0]), at_home)
+    rotation, held, steps, responses, vibrations = hold(offsets[0], at_home)
     for offset in offsets[1:]:
-        held += run(_held(rig.home + offset), held_at(offset), static(offset))
-    felt = run(MOVE, to_and_fro, lambda recorder: measurements.free_motion(recorder, rig, 3.0 * MOTION_S))
-    walls = run(f"{LOOSE} along {wall_axis}", loose_hand, at_walls)
+        held += hold(offset, lambda recorder, offset=offset: static(recorder, offset))  # type: ignore[misc]
+    felt = run(MOVE, to_and_fro(rig), lambda recorder: measurements.free_motion(recorder, rig, 3.0 * MOTION_S))
+    walls = run(LOOSE.format(wall_axis), loose_hand(rig), at_walls)
+    felt_along = {name: felt.along(home, axis) for name, axis in axes.items()}
     return Characterisation(
-        plan, simulated, np.array(trips), np.concatenate(delays), held, steps, responses, vibrations, felt,
-        {name: felt.along(home, axis) for name, axis in axes.items()}, walls, wall_axis,
+        plan, simulated, np.array(trips), np.array(delays), held, steps, responses, vibrations, felt, felt_along,
+        walls, wall_axis,
     )  # fmt: skip
 
 
-MOVE = (
-    "hold the handle by the sensor, at home; from Enter on move it to and fro by 5 cm, once a second, for 4 s "
-    "along each of x, y and z"
-)
-LOOSE = "hold the handle loosely by the sensor, at home: it is pushed, and springs of growing stiffness shake it"
-
-
-def _held(place: Floats) -> str:
-    return f"fix the sensor, its Z axis up, with the handle at {', '.join(f'{part:.3f}' for part in place)} m"
-
-
-def _more(count: int) -> bool:
-    return True
-
-
-def _run(
+def run_measurement(
     plan: CharacterisationPlan, modules: ModuleGroup, clock: Clock, recorder: Recorder, measuring: Measuring[T]
 ) -> T:
-    """Render a measurement in a run of its own, and return its result."""
+    """Render a measurement in a run of its own, and return its result; KeyboardInterrupt if a signal ended it."""
     results: list[T] = []
 
     def demand(state: RigState) -> Demand:
@@ -262,5 +253,5 @@ def _run(
 
     runner = Runner(plan.rig, modules, "newton", demand, RunSettings(plan.rate), clock=clock)
     if not has_completed(runner.run()):
-        raise KeyboardInterrupt("nothing is kept of this characterisation")
+        raise KeyboardInterrupt
     return results[0]

@@ -13,7 +13,7 @@ from tensionlab.haptics.rendering.stability import stiffness_bound
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.model.module import Module
 from tensionlab.validation import characterisation, measurements
-from tensionlab.validation.characterisation import CharacterisationPlan, held_at, loose_hand, to_and_fro
+from tensionlab.validation.characterisation import CharacterisationPlan, loose_hand, to_and_fro
 from tensionlab.validation.characterisation_report import read_devices, wall_limits
 from tensionlab.validation.measurements import FrequencyResponse, Recorder, WallTrial
 from tensionlab.validation.protocol import read_zero
@@ -23,15 +23,15 @@ X = np.eye(3)[0]
 # Neither friction nor cogging; the cable is damped so well that the spool does not swing.
 CLEAN = {"dry_friction": 0.0, "viscous_friction": 0.0, "cogging": 0.0, "damping": 25.0}
 HAND_KG, HAND_NS_M = characterisation.HAND_MASS_KG, 2.0
-STILL = held_at(np.zeros(3))
+STILL = None  # the sensor stays at home
 
 
 def measured(motion, measuring, latency=0.01, rate=50.0, **plant):
     """Measure a simulated rig whose modules have these hardware parameters."""
     plan = CharacterisationPlan(RIG, rate, conditions=Conditions(latency), plant=CLEAN | plant)
-    modules, clock, sensor = characterisation.simulated_bench(plan)("", motion)
+    modules, clock, sensor = characterisation.simulated_bench(plan)("", motion and motion(RIG))
     recorder = Recorder(sensor, read_zero(modules, clock, sensor), np.eye(3), latency)
-    return characterisation._run(plan, modules, clock, recorder, measuring(recorder)), recorder
+    return characterisation.run_measurement(plan, modules, clock, recorder, measuring(recorder)), recorder
 
 
 @pytest.mark.parametrize(
