@@ -39,29 +39,6 @@ class StreamChannel(NamedTuple):
     type: str
 
 
-def _outlet(
-    lsl: Any,
-    name: str,
-    source: str,
-    kind: str,
-    channels: list[StreamChannel],
-    described: Mapping[str, str],
-    numbers: bool,
-) -> StreamOutlet:
-    """Return the outlet of a stream of irregular rate, its channels described in its header."""
-    value_type = lsl.cf_double64 if numbers else lsl.cf_string
-    info = lsl.StreamInfo(name, kind, len(channels), lsl.IRREGULAR_RATE, value_type, source)
-    description = info.desc()
-    for key, value in described.items():
-        description.append_child_value(key, value)
-    listed = description.append_child("channels")
-    for channel in channels:
-        one = listed.append_child("channel")
-        for key, value in channel._asdict().items():
-            one.append_child_value(key, value)
-    return lsl.StreamOutlet(info)
-
-
 class LslStreams:
     """Streams of a run, and its log if there is one: give it to a `Runner` as its ``log``.
 
@@ -122,7 +99,18 @@ class LslStreams:
         described = {"rig": rig.name, "solver": solver, "rate_hz": f"{rate:g}"}
 
         def outlet(what: str, kind: str, channels: list[StreamChannel], numbers: bool = True) -> StreamOutlet:
-            return _outlet(lsl, f"{rig.name} {what}", f"{source} {what}", kind, channels, described, numbers)
+            """Return the outlet of a stream of irregular rate, its channels described in its header."""
+            value_type = lsl.cf_double64 if numbers else lsl.cf_string
+            name, rate = f"{rig.name} {what}", lsl.IRREGULAR_RATE
+            info = lsl.StreamInfo(name, kind, len(channels), rate, value_type, f"{source} {what}")
+            for key, value in described.items():
+                info.desc().append_child_value(key, value)
+            listed = info.desc().append_child("channels")
+            for channel in channels:
+                one = listed.append_child("channel")
+                for key, value in channel._asdict().items():
+                    one.append_child_value(key, value)
+            return lsl.StreamOutlet(info)
 
         axes = "xyz"[: rig.dimension]
         torques = axes if rig.n == 6 else "z" if rig.n > rig.dimension else ""

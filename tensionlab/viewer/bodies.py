@@ -98,7 +98,13 @@ class BodyDrawing:
             for node in self._nodes:
                 node.remove()
             self._bodies = drawn.bodies
-            self._nodes = [self._add(index, body_mesh(body)) for index, body in enumerate(drawn.bodies)]
+            self._nodes = [
+                self._scene.add_mesh_simple(
+                    f"/bodies/{index}", mesh.vertices, mesh.faces, opacity=BODY_OPACITY, side="double",
+                    cast_shadow=False, receive_shadow=False,
+                )
+                for index, mesh in enumerate(map(body_mesh, drawn.bodies))
+            ]  # fmt: skip
         near_any: list[bool] = np.any(drawn.near, axis=0).tolist()
         for node, pose, near in zip(self._nodes, drawn.poses, near_any, strict=True):
             node.position = pose[:3, 3]
@@ -108,9 +114,3 @@ class BodyDrawing:
         self._label.visible = bool(drawn.label)
         if drawn.label:
             self._label.text, self._label.position = drawn.label, drawn.cable.points[0].mean(axis=0)
-
-    def _add(self, index: int, mesh: Mesh) -> Any:
-        return self._scene.add_mesh_simple(
-            f"/bodies/{index}", mesh.vertices, mesh.faces, color=rgb(BODY_COLOUR), opacity=BODY_OPACITY,
-            side="double", cast_shadow=False, receive_shadow=False,
-        )  # fmt: skip

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.demand import measured_wrench
-from tensionlab.hardware.runner.cycle_table import frame_names
 from tensionlab.model.kinematics import in_space
 from tensionlab.model.pose import CoordinateFrame
 from tensionlab.model.pulleys import ARC_POINTS, ways
@@ -63,7 +62,7 @@ class Instant:
         """Return the instant of a cycle, by the names of `CycleTable`."""
         structure, set_points, tensions = (cycle[name] for name in ("structure", "commanded", "measured"))
         by_modules = np.nan_to_num(cycle["demanded"] - cycle["solver_wrench"])  # impedances and lost modules
-        poses = zip(frame_names(rig), cycle["frames"], strict=True)
+        poses = zip(rig.at_rest, cycle["frames"], strict=True)
         frames = {name: CoordinateFrame(pose[:, -1], _rotation(pose[:, :-1])) for name, pose in poses}
         rotation = _rotation(cycle["rotation"]) if rig.n > rig.dimension else None
         ends = cycle["position"] + rig.attachments @ cycle["rotation"].T

@@ -65,21 +65,14 @@ def anchors_in_world(cycle: Cycle, rig: Rig) -> Floats:
     return place_anchors(rig.modules, rig.anchors, cycle.state.pose.frames)
 
 
-def frame_names(rig: Rig) -> list[str]:
-    """Return the names of the body frames, in the order of the column `frames`."""
-    return [*rig.frames, *rig.free_frames]
-
-
 def frame_poses(cycle: Cycle, rig: Rig) -> Floats:
-    """Return rotation and position of each body frame, side by side, (frames, d, d + 1)."""
-    d, names = rig.dimension, frame_names(rig)
-    found = np.tile(np.eye(d, d + 1), (len(names), 1, 1))
-    poses = rig.at_rest | dict(cycle.state.pose.frames or {}) if names else {}
-    for pose, name in zip(found, names, strict=True):
-        where = frame_of(poses[name])
+    """Return rotation and position of each body frame, (frames, d, d + 1), in the order of `Rig.at_rest`."""
+    d, poses = rig.dimension, rig.at_rest | dict(cycle.state.pose.frames or {})
+    found = np.tile(np.eye(d, d + 1), (len(poses), 1, 1))
+    for pose, where in zip(found, map(frame_of, poses.values()), strict=True):
         pose[:, d] = where.position
         if where.rotation is not None:
-            pose[:, :d] = rotations(where.rotation, d, name)
+            pose[:, :d] = rotations(where.rotation, d, "rotation")
     return found
 
 
@@ -175,7 +168,7 @@ def labels(rig: Rig) -> dict[str, list[str]]:
         "axis": axes,
         "platform_axis": axes,
         "impedance": list(IMPEDANCE),
-        "frame": frame_names(rig),
+        "frame": list(rig.at_rest),
         "entry": [*axes, "position"],
     }
 
