@@ -20,6 +20,7 @@ from tensionlab.viewer.scene import CABLE_PIXELS, NO_LINES, Lines, Mesh, add_lin
 from tensionlab.workspace.interference import body_distances
 
 BODY_COLOUR, BODY_OPACITY = "#B8B8B8", 0.55
+LABEL_AT = (0.7, 0.3)  # shares of the ends of a cable in the place of its label: clear of those of modules
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,4 +114,4 @@ class BodyDrawing:
         set_lines(self._cable, drawn.cable)
         self._label.visible = bool(drawn.label)
         if drawn.label:
-            self._label.text, self._label.position = drawn.label, drawn.cable.points[0].mean(axis=0)
+            self._label.text, self._label.position = drawn.label, drawn.cable.points[0].T @ LABEL_AT
