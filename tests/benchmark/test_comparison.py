@@ -70,6 +70,18 @@ def test_policies_are_one_row_where_all_is_feasible_and_only_there(published, na
     assert ("dykstra", "tension") in shown, "one policy stays what it is"
     assert merge_policies(narrow.rows) == list(narrow.rows)
     assert "any" not in {row.policy for row in published.rows}, "the rows themselves stay"
+    pair = [row for row in published.rows if row.solver == "newton"][:2]
+    for counts in itertools.product((0, 1), repeat=3):
+        changed = dict(zip(("nearest_count", "unproven", "failed"), counts, strict=True))
+        rows = [dataclasses.replace(row, **changed) for row in pair]
+        assert len(merge_policies(rows)) == (2 if any(counts) else 1)
+
+
+def test_a_title_says_what_was_rendered(published, along):
+    name = "bartels2026-validation, 4 modules: "
+    assert published.title == f"{name}182 forces of 1.5 N at (0, 0.3, 0) m"
+    assert dataclasses.replace(published, magnitude=None).title == f"{name}182 required wrenches at (0, 0.3, 0) m"
+    assert along.title.endswith(f": {len(along.wrenches)} samples of a trajectory")
 
 
 def test_without_a_policy_the_gap_counts_only_what_is_feasible(narrow):
@@ -241,8 +253,23 @@ def test_a_trajectory_is_read_from_a_file(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("name", "columns", "n"),
+    [("kntu-planar", "x,y,angle,Fx,Fy,Mz", 3), ("cogiro", "x,y,z,Fx,Fy,Fz,Mx,My,Mz", 6)],
+)
+def test_torques_of_a_trajectory_are_read_and_compared(tmp_path, name, columns, n):
+    rig, names = tl.load_rig(name), columns.split(",")
+    values = [*rig.home, *np.arange(len(names) - rig.dimension) / 10]
+    (tmp_path / "path.csv").write_text(f"{columns}\n{','.join(map(str, values))}\n")
+    wrenches, _ = read_trajectory(tmp_path / "path.csv", rig)
+    np.testing.assert_array_equal(wrenches, [values[-n:]])
+    found = compare(rig, wrenches, solvers=["newton"])
+    np.testing.assert_allclose(found.wrenches - rig.required.middle(rig), wrenches)
+
+
+@pytest.mark.parametrize(
     ("words", "match"),
     [
+        ({"wrenches": np.zeros((2, 2, 3))}, r"give \(K, 3\)"),
         ({"wrenches": np.zeros((3, 3)), "poses": np.zeros((2, 3))}, "3 wrenches for 2 poses"),
         ({"wrenches": np.zeros((3, 2))}, r"give \(K, 3\)"),
         ({"wrenches": np.zeros((3, 3)), "magnitude": 1.0}, "leave out directions and magnitude"),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmark.experiment import BenchmarkPlan, measure, plan
+from tensionlab.benchmark.experiment import BenchmarkPlan, measure, plan, run
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 from tensionlab.benchmark.results import KEY
 from tensionlab.errors import InputError, UnknownSolver
@@ -69,6 +69,7 @@ def test_a_plan_covers_everything_unless_told_otherwise():
     assert full.solvers is None
     assert (quick.count, quick.seed) == (7, 5)
     assert quick.seconds < full.seconds
+    assert plan(count=1).count == 1
     assert plan(["edge", "edge"], ["newton"]) == BenchmarkPlan(("edge",), ("newton",))
 
 
@@ -85,6 +86,8 @@ def test_a_plan_covers_everything_unless_told_otherwise():
 def test_a_plan_that_cannot_be_measured_is_refused_before_any_work(wrong, message):
     with pytest.raises((InputError, UnknownSolver), match=message):
         plan(**wrong)
+    with pytest.raises(InputError, match="count 0 must be 1 or more"):
+        BenchmarkPlan(("edge",), count=0)
 
 
 @dataclass(frozen=True)
@@ -110,6 +113,12 @@ def test_a_solver_of_ones_own_is_measured_and_its_mistakes_are_in_the_table():
     mistake = "the solver returned ndarray; return Answer(tensions, iterations)"
     assert (own.failed, own.note) == (2, f"breaks on some: TypeError: {mistake}")
     assert os.environ.get("TENSIONLAB_NUM_THREADS") is None
+
+
+def test_results_are_written_where_a_folder_is_named(tmp_path):
+    found = run(["newton"], ["edge"], out=tmp_path / "bench", count=1, quick=True)
+    assert (tmp_path / "bench" / "manifest.json").exists()
+    assert run(["newton"], ["edge"], count=1, quick=True).rows.shape == found.rows.shape
 
 
 def test_what_backends_print_is_no_result(capfd):

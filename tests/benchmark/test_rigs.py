@@ -2,6 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tensionlab.benchmark.rigs import (
     border_path,
@@ -36,6 +37,13 @@ def test_near_singular_rigs_have_the_condition_asked_for(n, m):
 def test_a_quarter_turn_about_each_axis():
     found = rotations(np.eye(3), np.full(3, np.pi / 2)) @ np.array([1.0, 2.0, 3.0])
     np.testing.assert_allclose(found, [[1, -3, 2], [3, 2, -1], [-2, 1, 3]], atol=1e-14)
+
+
+def test_rotations_are_those_of_their_rotation_vectors():
+    angle = np.array([0.3, -1.0, 2.5])
+    axis = np.array([[0.6, 0.8, 0.0], [0.0, 0.6, -0.8], [1.0, 2.0, 2.0]]) / [[1.0], [1.0], [3.0]]
+    expected = Rotation.from_rotvec(axis * angle[:, None]).as_matrix()
+    np.testing.assert_allclose(rotations(axis, angle), expected, atol=1e-14)
 
 
 def test_a_hanging_robot_holds_its_weight_at_its_centre_of_mass():

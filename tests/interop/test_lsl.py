@@ -2,6 +2,7 @@
 
 import itertools
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,10 +11,11 @@ from scipy.spatial.transform import Rotation
 import tensionlab as tl
 from benchmarks.processes import process
 from tensionlab.cli import main
-from tensionlab.demand import Demand
+from tensionlab.demand import Demand, Pose
 from tensionlab.hardware import RunLog, Runner, RunSettings, World, WorldClock, read_run
 from tensionlab.scenarios import load_scenario
 from tensionlab.support.provenance import manifest
+from tests.helpers import runs
 
 pylsl = pytest.importorskip("pylsl")
 
@@ -87,6 +89,32 @@ def test_inlets_get_every_cycle_and_every_event(tmp_path):
     assert [text for (text,) in texts[1:]] == [f"{event.kind}: {event.text}" for event in run.events]
     assert texts_of_events[-1] == "duration reached"
     assert (np.diff(times) >= 0).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "torques"),
+    [("floor-3", [0.1, 0.2, 0.3], ""), ("kntu-planar", [0.1, 0.2, 0.5], "z"), ("cogiro", None, "xyz")],
+)
+def test_channels_suit_what_the_rig_moves(name, place, torques, monkeypatch):
+    rig, sent = tl.load_rig(name), []
+    streams = LslStreams(rig, "newton", 50.0)
+    monkeypatch.setattr(streams, "_send", lambda outlet, sample, when: sent.append((outlet, list(sample), when)))
+    turn = Rotation.from_euler("z", 0.5).as_matrix()
+    rotation = None if not torques else 0.5 if rig.dimension == 2 else turn
+    position = np.array([0.1, 0.2, 0.3])[: rig.dimension]
+    state = replace(next(runs.cycles(runs.four(), 1)).state, pose=Pose(position, rotation))
+    structure, tensions = rig.structure_matrix(rig.home, frames=rig.at_rest), np.ones(rig.m)
+    changed = {"structure": structure, "tensions": tensions, "active": np.full(rig.m, True)}
+    first = replace(next(runs.cycles(runs.four(), 1)), state=replace(state, **changed), commanded=tensions)
+    began = pylsl.local_clock()
+    streams.write(replace(first, compute_time=0.25))
+    counts = [3 * rig.n, 2 * rig.m, 7 if name == "cogiro" else 3]
+    assert [outlet.get_info().channel_count() for outlet, *_ in sent] == counts
+    assert [len(sample) for _, sample, _ in sent[1:]] == counts[1:]  # the demand is of a point
+    np.testing.assert_allclose(sent[2][1], place or [*position, *Rotation.from_matrix(turn).as_quat()])
+    assert {when - began + 0.25 < 0.2 for *_, when in sent} == {True}
+    assert streams._markers.get_info().channel_format() == pylsl.cf_string
+    streams.close(None)
 
 
 @pytest.mark.realtime  # over the network
