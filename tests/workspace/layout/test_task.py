@@ -155,3 +155,50 @@ def test_the_spaces_of_the_repository_can_be_read(path):
     task = load_task(path)
     assert task.name == path.stem
     assert len(task.target[0].arrays()[0]) > 10
+
+
+WALLS_AND_PATH = """
+name = "desk"
+counts = [5]
+bodies = "standing"
+limits = { lower = 0.5, upper = 6.0 }
+room = { size = [4.0, 2.5, 3.0] }
+objective = { force = 1.0, directions = ["up", [0, 0, 2]], stiffness = 300, walls = ["-x", "down"] }
+search = { generations = 1, starts = 1 }
+targets = [
+  { path = "hand.csv", weight = 1 },
+  { x = [-0.1, 0.1], y = [1.0, 1.2], z = [0.4, 0.6], step = 0.1, weight = 3 },
+]
+"""
+
+
+def test_directions_are_words_or_vectors_and_targets_paths_or_boxes(write, tmp_path):
+    (tmp_path / "hand.csv").write_text("x,y,z\n0,1.1,0.5\n0.1,1.2,0.6\n", encoding="utf-8")
+    task = load_task(write(WALLS_AND_PATH))
+    assert task.objective.directions == ((0, 1, 0), (0, 0, 1))
+    assert task.objective.walls == ((-1, 0, 0), (0, -1, 0))
+    assert task.objective.target_weights == (1, 3)
+    assert [len(target.arrays()[0]) for target in task.target] == [2, 27]
+    assert [body.name for body in task.space.bodies][:3] == ["head", "neck", "torso"]
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "message"),
+    [
+        ('"-x"', '"ahead"', '[objective]: key "walls" has \'ahead\'; give words such as "up"'),
+        ("[0, 0, 2]", "[0, 0]", "of 3 numbers"),
+        (", weight = 3", "", 'key "weight" is missing in a target'),
+        ("step = 0.1, ", "", 'key "step" is missing'),
+        ('path = "hand.csv"', 'path = "none.csv"', "none.csv"),
+        ("stiffness = 300, ", "", "give walls their stiffness"),
+        ("room = { size = [4.0, 2.5, 3.0] }",
+         'surfaces = [{ name = "a", corner = [0, 0, 0], edges = [[1, 0, 0]] }]',
+         'key "up" is missing; a person needs'),
+    ],
+)  # fmt: skip
+def test_mistakes_of_objectives_and_targets_are_named(write, tmp_path, good, bad, message):
+    (tmp_path / "hand.csv").write_text("x,y,z\n0,1.1,0.5\n0.1,1.2,0.6\n", encoding="utf-8")
+    assert good in WALLS_AND_PATH
+    with pytest.raises(RigError, match=r"desk\.toml: ") as caught:
+        load_task(write(WALLS_AND_PATH.replace(good, bad)))
+    assert message in str(caught.value)
