@@ -129,10 +129,17 @@ def devices_table(result: Characterisation, devices: list[Device]) -> Table:
     """Return the figures of this rig, and those of published devices below."""
     friction, inertia = (max(parts[index] for parts in result.felt_along.values()) for index in (0, 2))
     stiffest = max(wall_limits(trials)[0] for trials in result.walls.values())
-    here = Device(f"{result.plan.rig.name} (here)", "", result.plan.force, friction, inertia, stiffest)
+    here = Device(
+        f"{result.plan.rig.name} (here)",
+        "",
+        result.plan.force,
+        round(friction, 3),
+        round(inertia, 4),
+        round(stiffest),
+    )
     rows = [[each.name, each.force, each.friction, each.inertia, each.stiffness, each.source]
             for each in (here, *devices)]  # fmt: skip
-    columns = ["device", *(Column(*head, ".3g") for head in (
+    columns = ["device", *(Column(*head, ".4g") for head in (
         ("force", "N"), ("friction", "N"), ("inertia", "kg"), ("stiffness", "N/m"))), "source"]  # fmt: skip
     note = (
         "Other protocols: compare orders of magnitude. Here, force is the one held, and stiffness that of the "
