@@ -64,7 +64,7 @@ assert tl.sweep(ipanema, poses, "wrench-closure")["wrench-closure"].sum() == 347
     "04_design_a_rig": """
 def distance(z):
     metric = tl.workspace.metric("body-distance", bodies=(tl.Body("head", [0.0, 1.55, z], radius=0.12),))
-    return tl.sweep(rig, task.target, metric)["body-distance"].min()
+    return tl.sweep(rig, task.target[0], metric)["body-distance"].min()
 assert distance(-0.9) < 0.2 < distance(-1.1)
 """,
     "05_hardware": """

@@ -91,7 +91,7 @@ class BodyTable(SchemaTable):
     frame: str | None = Field(None, description='"world", "hand" or the name of a body frame, in quotes')
     margin: float = Field(0.05, description="the smallest distance to a cable in m, a number")
     sway: float = Field(0.0, description="how far the body may move in any direction in m, a number")
-    person: Literal["standing", "seated"] | None = Field(None, description='"standing" or "seated"')
+    person: Literal["standing", "seated"] | None = Field(None, description="the posture of a ready person")
     at: list[float] | None = Field(None, description="the floor below a person, a list of coordinates in m")
     facing: list[float] | None = Field(None, description="where a person faces, a list of three numbers")
     height: float | None = Field(None, description="the stature of a person in m, a number")

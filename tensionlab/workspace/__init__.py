@@ -2,7 +2,7 @@
 
 from tensionlab.workspace.certification import certify
 from tensionlab.workspace.certified import CertifiedWorkspace
-from tensionlab.workspace.interference import body_distance, body_distances, cable_distance
+from tensionlab.workspace.interference import body_distance, cable_distance
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.search import search_layout
@@ -39,7 +39,6 @@ __all__ = [
     "Space",
     "Surface",
     "body_distance",
-    "body_distances",
     "box",
     "cable_distance",
     "capacity_margin",

@@ -115,22 +115,7 @@ def body_distances(
     frames: Frames | None = None,
     bodies: Sequence[Body] | None = None,
 ) -> Floats:
-    """Return the distance of every cable to every body, (..., m, bodies), in m.
-
-    Distances, parameters and errors are as in `body_distance`.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> head = tl.Body("head", [0.0, 1.2, -0.3], radius=0.12)
-    >>> table = tl.Body("table", [0.0, -0.2, 0.0], size=[1.0, 0.04, 0.6])
-    >>> tl.workspace.body_distances(rig, rig.home, bodies=[head, table]).round(2)
-    array([[0.83, 0.2 ],
-           [0.83, 0.26],
-           [0.83, 0.26],
-           [0.18, 0.48]])
-    """
+    """Return the distance of every cable to every body, (..., m, bodies), in m; see `body_distance`."""
     if bodies is not None:
         rig = with_bodies(rig, bodies)
     cables = _cables(rig, position, rotation, frames)

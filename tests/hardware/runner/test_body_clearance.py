@@ -11,6 +11,7 @@ from tensionlab.demand import Demand, Impedance, Pose
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.runner.body_clearance import HYSTERESIS_M, BodyClearance
 from tensionlab.solvers.base import Status
+from tensionlab.workspace.interference import body_distances
 from tests.helpers.rehearsal import Rehearsal
 from tests.helpers.runs import new_log
 
@@ -168,7 +169,7 @@ def test_distances_are_those_of_the_workspace(name):
         turn = angles[1, 0] if d == 2 else turned
         frames = {name: (random.uniform(-0.3, 0.3, d), turn) for name in ("seat", *rig.frames)}
         monitor.update(Pose(position, rotation, frames), rig.structure_matrix(position, rotation, frames))
-        expected = tl.workspace.body_distances(rig, position, rotation, frames).min(axis=1)
+        expected = body_distances(rig, position, rotation, frames).min(axis=1)
         # Cables over pulleys end within the pulleys' radius of where they do in the workspace.
         slack = 0.0 if rig.pulleys is None else rig.pulleys[0].max()
         np.testing.assert_allclose(monitor.distances, expected, atol=1e-9 + slack)
