@@ -17,6 +17,7 @@ from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.text import Text
+from matplotlib.ticker import FixedLocator
 
 import tensionlab as tl
 from tensionlab import plots
@@ -123,9 +124,13 @@ def drawn_in(figure):
     panels = []
     for axes in figure.get_axes():
         words = sorted({text.get_text() for text in axes.findobj(Text)} - {""})
+        sides = [f"{text.get_text()}: {text.get_ha()} {text.get_va()}" for text in axes.texts]
+        fixed = [each.get_majorticklocs() for each in (axes.xaxis, axes.yaxis)
+                 if isinstance(each.get_major_locator(), FixedLocator)]  # fmt: skip
         if any("µs" in word for word in words):
             continue  # times differ from computer to computer
-        panel = {"limits": [*axes.get_xlim(), *axes.get_ylim()], "words": words}
+        panel = {"limits": [*axes.get_xlim(), *axes.get_ylim()], "words": words, "sides": sides}
+        panel["ticks"] = [float(tick) for ticks in fixed for tick in ticks]
         for kind in (Line2D, Collection, Patch, AxesImage, Text):
             artists = [each for each in axes.get_children() if isinstance(each, kind) and each.get_visible()]
             parts = [points_and_colour(each) for each in artists]
@@ -157,7 +162,8 @@ def test_a_figure_draws_what_was_looked_at(name):
     for panel, known in zip(found["panels"], expected["panels"], strict=True):
         assert panel["words"] == known["words"]
         assert panel.keys() == known.keys()
-        for kind in panel.keys() - {"words"}:
+        assert panel["sides"] == known["sides"]
+        for kind in panel.keys() - {"words", "sides"}:
             near = 0.05 if kind == "Text" else 0.005  # places of names depend on the font
             np.testing.assert_allclose(panel[kind], known[kind], rtol=near, atol=near, err_msg=kind)
 

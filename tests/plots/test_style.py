@@ -37,6 +37,28 @@ def test_six_newtons_and_fifty_can_both_be_read(sign):
     assert (ticks >= 0.0).all()
 
 
+@pytest.mark.parametrize(
+    ("ends", "limits", "ticks", "shades"),
+    [
+        ((0.0, 50.0), (0.0, 57.5), [0, 2, 4, 6, 20, 40], [(8.0, 57.5)]),
+        ((-3.0, 50.0), (-3.4, 57.5), [-2, 0, 2, 4, 6, 20, 40], [(8.0, 57.5)]),
+        ((-50.0, 7.0), (-57.5, 7.4), [-40, -20, -6, -4, -2, 0, 2, 4, 6], [(-57.5, -8.0)]),
+        ((-20.0, 20.0), (-23.0, 23.0), [-20, -6, -4, -2, 0, 2, 4, 6, 20], [(8.0, 23.0), (-23.0, -8.0)]),
+    ],
+)
+def test_what_is_beyond_the_knee_is_shaded_and_has_coarse_ticks(ends, limits, ticks, shades):
+    axes = Figure().subplots()
+    assert two_scales(axes, np.array(ends), 8.0)
+    assert axes.get_ylim() == pytest.approx(limits)
+    assert axes.get_yticks().tolist() == ticks
+    spans = [sorted((patch.get_y(), patch.get_y() + patch.get_height())) for patch in axes.patches]
+    np.testing.assert_allclose(sorted(spans), sorted(map(sorted, shades)))
+    assert not two_scales(Figure().subplots(), np.array([0.0, 8.0]), 8.0)
+    below = Figure().subplots()
+    assert not two_scales(below, np.array([-1.0, 5.0]), 8.0)
+    assert below.get_ylim() == pytest.approx((-1.36, 5.36))
+
+
 def test_other_suffixes_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"\.png, \.pdf, \.svg"):
         save_figure(plot_rig(four()), tmp_path / "rig.bmp")
