@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.demand import Demand, EffectDemand, EffectTable, RigState, tabulate_effects
+from tensionlab.demand import Demand, EffectDemand, EffectTable, RigState, measured_wrench, tabulate_effects
 from tensionlab.haptics.rendering.fidelity import Fidelity, force_fidelity
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
@@ -39,7 +39,7 @@ def effects_fidelity(
     whole = sum((np.nan_to_num(effect.force) for effect in effects.values()), np.zeros_like(measured))
     found = {}
     for name, effect in effects.items():
-        now = np.isfinite(effect.share) & counts
+        now = np.isfinite(effect.share) & counts & np.isfinite(measured).all(axis=1)  # NaN: reports were old
         if now.any():
             force, others = effect.force[now], whole[now] - effect.force[now]
             spring = bool((effect.stiffness[now] > 0.0).any() or (effect.damping[now] > 0.0).any())
@@ -68,7 +68,7 @@ class ForceRecord:
         """Add a cycle; its wrench, and the part ``infeasible`` (n,) of it, are without what the rig requires."""
         d = self._rig.dimension
         demanded = np.zeros(self._rig.n) if demand.wrench is None else np.asarray(demand.wrench)
-        measured = state.structure @ np.nan_to_num(state.tensions) - self._required
+        measured = measured_wrench(state.structure, state.tensions, state.active) - self._required
         effects = demand.effects
         if not effects and demand.wrench is not None:
             effects = {"force": EffectDemand((demanded if demand.desired is None else demand.desired)[:d])}
