@@ -157,14 +157,6 @@ def characterise(
 
     KeyboardInterrupt if a signal ended a part of it, `RigError` for a rig that cannot be characterised, and
     `HardwareError` of modules or sensor.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab.validation.characterisation import CharacterisationPlan, characterise
-    >>> plan = CharacterisationPlan(tl.load_rig("tetra-4"))
-    >>> characterise(plan).felt.friction  # doctest: +SKIP
-    0.05
     """
     rig, axes = plan.rig, feasible_axes(plan)
     simulated, bench = bench is None, bench or simulated_bench(plan)

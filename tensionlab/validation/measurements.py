@@ -115,16 +115,10 @@ class Recorder:
     def reports(self, rig: Rig, samples: Samples) -> Reports:
         """Return what modules and sensor measured at the same times."""
         states = samples.states
-        time, age, place, twist, tensions, speeds = (
-            np.array([get(state) for state in states])
-            for get in (
-                lambda state: state.time - states[0].time,
-                lambda state: float(state.ages.mean()),
-                lambda state: state.pose.position,
-                lambda state: state.twist,
-                lambda state: state.tensions,
-                lambda state: state.speeds,
-            )
+        time, age = np.array([(state.time - states[0].time, state.ages.mean()) for state in states]).T
+        place = np.array([state.pose.position for state in states])
+        twist, tensions, speeds = (
+            np.array([getattr(state, name) for state in states]) for name in ("twist", "tensions", "speeds")
         )
         times, positions = time - age - self._latency, place - age[:, None] * twist
         sums = np.cumsum(samples.forces, axis=0)
@@ -196,16 +190,11 @@ def force_response(
     recorder: Recorder, axis: Floats, amplitude: float, frequencies: Floats, rate: float
 ) -> Measuring[FrequencyResponse]:
     """Render a force that swings along an axis, as a host does: one value a cycle, ``rate`` times a second."""
-    gains = []
-    for frequency in frequencies:
 
-        def swing(time: float, turn: float = 2.0 * math.pi * float(frequency)) -> Demand:
-            return Demand(amplitude * math.sin(turn * time) * axis)
+    def swing(frequency: float) -> Callable[[float], Demand]:
+        return lambda time: Demand(amplitude * math.sin(2.0 * math.pi * frequency * time) * axis)
 
-        samples = (yield from recorder.render(swing, _duration(frequency))).settled()
-        along = samples.forces @ axis
-        gains.append(sine_amplitude(samples.times, along, frequency, rate - frequency) / amplitude)
-    return FrequencyResponse(amplitude, frequencies, np.array(gains))
+    return (yield from _response(recorder, swing, axis, amplitude, frequencies, rate))
 
 
 def vibration_response(
@@ -213,24 +202,32 @@ def vibration_response(
 ) -> Measuring[FrequencyResponse]:
     """Have a module render a vibration at its own rate, while the others hold the balance."""
     index = [each.name for each in rig.modules].index(module)
+    length, pull = float(recorder.state.lengths[index]), rig.modules[index].lower + 2.0 * amplitude
+
+    def vibrate(frequency: float) -> Callable[[float], Demand]:
+        impedance = Impedance(length, feed_forward=pull, amplitude=amplitude, frequency=frequency)
+        return constant(Demand(np.zeros(rig.n), {module: impedance}))
+
     along = recorder.state.structure[:, index]
-    pull = rig.modules[index].lower + 2.0 * amplitude
+    return (yield from _response(recorder, vibrate, along, amplitude, frequencies))
+
+
+def _response(
+    recorder: Recorder,
+    demand: Callable[[float], Callable[[float], Demand]],
+    along: Floats,
+    amplitude: float,
+    frequencies: Floats,
+    rate: float | None = None,
+) -> Measuring[FrequencyResponse]:
+    """Measure the gain of demands by frequency; those of a host also have an image below its rate."""
     gains = []
-    for frequency in frequencies:
-        impedance = Impedance(
-            float(recorder.state.lengths[index]),
-            feed_forward=pull,
-            amplitude=amplitude,
-            frequency=float(frequency),
-        )
-        demand = Demand(np.zeros(rig.n), {module: impedance})
-        samples = (yield from recorder.render(constant(demand), _duration(frequency))).settled()
-        gains.append(sine_amplitude(samples.times, samples.forces @ along, frequency) / amplitude)
+    for frequency in frequencies.tolist():
+        seconds = SETTLE_S + max(0.7, 3.0 / frequency)
+        samples = (yield from recorder.render(demand(frequency), seconds)).settled()
+        images = [] if rate is None else [rate - frequency]
+        gains.append(sine_amplitude(samples.times, samples.forces @ along, frequency, *images) / amplitude)
     return FrequencyResponse(amplitude, frequencies, np.array(gains))
-
-
-def _duration(frequency: float) -> float:
-    return SETTLE_S + max(0.7, 3.0 / frequency)
 
 
 @dataclass(frozen=True, eq=False)
