@@ -22,7 +22,7 @@ import tensionlab as tl
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.haptics.effects import Motion, Plane, Wall
 from tensionlab.haptics.rendering import assignment
-from tensionlab.haptics.rendering.field import FREE_WEIGHT, TIE_BREAK, CableRanges, Field, allocate_field
+from tensionlab.haptics.rendering.field import FREE_WEIGHT, TIE_BREAK, CableRanges, ImpedanceField, allocate_field
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import WorldClock
@@ -69,7 +69,7 @@ def random_problem(rng: np.random.Generator) -> FieldProblem:
     return FieldProblem(structure, structure @ rng.uniform(lower, upper), stiffness, 0.01 * stiffness, ranges)
 
 
-def objective(problem: FieldProblem, found: Field) -> float:
+def objective(problem: FieldProblem, found: ImpedanceField) -> float:
     """Return the objective of an answer, by its definition."""
     structure, _, stiffness, damping, ranges = problem
     weight = FREE_WEIGHT * np.eye(len(structure)) + (1.0 - FREE_WEIGHT) * stiffness / np.linalg.norm(stiffness)

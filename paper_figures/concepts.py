@@ -10,10 +10,20 @@ from portraits import demonstration_rig
 import tensionlab as tl
 from benchmarks import pulley_error
 from paper_figures.brake_maps import map_normals
+from tensionlab.haptics.effects import Motion, Plane, Wall
+from tensionlab.haptics.rendering.assignment import CableState, assign
 from tensionlab.haptics.rendering.brakes import brake_map, brake_strengths
+from tensionlab.haptics.rendering.field import predict
 from tensionlab.hardware.protocol.codes import EVENTS, State
 from tensionlab.hardware.simulation.simulated_module import TRANSITIONS
-from tensionlab.model.stiffness import MARGIN, stiffness_bound
+from tensionlab.model.directions import fibonacci
+from tensionlab.model.stiffness import (
+    MARGIN,
+    MIN_COSINE,
+    MODULE_STIFFNESS,
+    host_stiffness,
+    stiffness_bound,
+)
 from tensionlab.plots.style import new_figure
 from tensionlab.scenarios import load_scenario
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
@@ -182,6 +192,54 @@ def draw_stiffness_bounds(found: dict[str, Any]) -> Any:
         axes.set(xlabel="delay there and back (ms)", ylabel="stiffness (N/m)", xlim=(0.0, 50.0))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.legend(loc="upper right")
+    return figure
+
+
+WALL_RIGS = ("bartels2026-validation", "tetra-4", "cube-8", "seven-modules")
+WALL = 200.0  # N/m
+
+
+def wall_stiffness(count: int = 200) -> dict[str, Any]:
+    """Return what is rendered of a wall along and across many normals at home, by rig, with one cable and a field.
+
+    Arrays (2, 2, count) in N/m, sorted: one cable or a field, along or across.
+    """
+    found = {}
+    for name in WALL_RIGS:
+        rig = tl.load_rig(name)
+        cables, home = rig.cables(rig.home), tuple(rig.home)
+        state = CableState(cables.lengths, cables.directions, np.ones(rig.m, dtype=bool))
+        rendered, usually = np.empty((2, 2, count)), {"stiffness": WALL, "stiffness across": 0.0}
+        for index, normal in enumerate(fibonacci(count)):
+            direction = cables.directions[np.argmax(cables.directions @ normal)]
+            cosine = float(direction @ normal)
+            stiffness = min(WALL / cosine**2, MODULE_STIFFNESS) if cosine >= MIN_COSINE else 0.0
+            one = predict(stiffness * np.outer(direction, direction), normal, WALL, host_stiffness())
+            wall, motion = Wall(Plane(home, tuple(normal)), WALL), Motion(rig.home - 0.01 * normal, np.zeros(3))
+            cut = assign((wall,), motion, state, host_stiffness=host_stiffness()).cut[0]
+            field = [cut[part].rendered if part in cut else usual for part, usual in usually.items()]
+            rendered[:, :, index] = (one.along, one.across), field
+        found[name] = np.sort(rendered, axis=-1)
+    return found
+
+
+def draw_wall_stiffness(found: dict[str, Any]) -> Any:
+    """Draw the share of normals along which a wall is rendered with at most a stiffness."""
+    with new_figure((8.4, 4.4)) as figure:
+        panels = figure.subplots(2, len(found), sharex=True, sharey=True)
+        for column, (name, rendered) in zip(panels.T, found.items(), strict=True):
+            share = np.linspace(0.0, 100.0, rendered.shape[-1])
+            for part, axes in enumerate(column):
+                for values, colour, label in zip(
+                    rendered[:, part], (ORANGE, BLUE), ("one cable or the host", "field"), strict=True
+                ):
+                    axes.plot(share, values, color=colour, label=label)
+                axes.axhline(WALL, color=GREY, linewidth=0.8)
+            column[0].set_title(name, fontsize=9)
+            column[1].set_xlabel("share of normals (%)")
+        panels[0, 0].set(ylabel="along (N/m)", xlim=(0.0, 100.0), ylim=(0.0, 1.05 * WALL))
+        panels[1, 0].set_ylabel("across (N/m)")
+        panels[0, 2].legend(loc="center", fontsize=8)
     return figure
 
 

