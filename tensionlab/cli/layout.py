@@ -122,10 +122,11 @@ def _proofs(found: Layout, objective: Objective) -> list[str]:
 
 def _shortfall(best: Layout, objective: Objective) -> str:
     """Return what the best layout does not have, or not provably, and what to do; empty if it has all."""
+    tried = ", then ".join(f"{generations} generations and {starts} starts" for generations, starts in best.tried)
     if best.nearest is not None and not best.clear:
         return (
             "no layout was found whose cables stay clear of bodies: they come as close as "
-            f"{best.nearest.describe()} ({_tried(best)}); move the person or the target, or give other surfaces"
+            f"{best.nearest.describe()} (tried {tried}); move the person or the target, or give other surfaces"
         )
     advice = (
         "give more modules (counts), higher limits or a smaller target, or search longer (generations, starts)"
@@ -135,16 +136,10 @@ def _shortfall(best: Layout, objective: Objective) -> str:
         wanted = objective.desired(best.rig)
         where = "everywhere in the target" if objective.level is None else f"with {wanted} anywhere"
         what = f"no layout was found that holds {held} {where}: the worst margin is {best.worst:.4g} N"
-        return f"{what} ({_tried(best)}); {advice}"
+        return f"{what} (tried {tried}); {advice}"
     force = objective.force or 0.0
     if best.proved is None or best.proved >= force:
         return ""
     held = f"{best.proved:.4g} N is, {force - best.proved:.2g} N less" if best.proved >= 0 else "no force is"
     where = objective.where(best.rig)
     return f"{force:g} N {where} is not proved everywhere in the target: of {best.rig.name} {held}; {advice}"
-
-
-def _tried(found: Layout) -> str:
-    """Return in words how long was searched."""
-    efforts = [f"{generations} generations and {starts} starts" for generations, starts in found.tried]
-    return f"tried {', then '.join(efforts)}"

@@ -25,18 +25,6 @@ GAP_M = 1e-5  # error of a distance, at most
 MAX_STEPS = 2000  # of a search for a distance; 10 to 100 are usual
 
 
-class Separation(NamedTuple):
-    """Distance (N,) of convex hulls from the origin, unit normals (N, d) of planes between, and weights (N, V).
-
-    The distance is a lower bound that the plane proves, 0 without one. The weights of the vertices give the
-    nearest point.
-    """
-
-    distance: Floats
-    normal: Floats
-    weights: Floats
-
-
 class Obstacles(NamedTuple):
     """Bodies and targets: what the cables to a target must stay clear of.
 
@@ -79,13 +67,13 @@ class Obstacles(NamedTuple):
         flat = anchors.reshape(-1, anchors.shape[-1])
         hulls, has_anchor = self._hulls(flat)
         enough = np.broadcast_to((self.reach + self.margin + ample)[:, None], hulls.shape[:3])
-        found = separate(hulls.reshape(-1, *hulls.shape[3:]), enough.ravel())
-        distances = found.distance.reshape(hulls.shape[:3])
+        distance, normal, weights = separate(hulls.reshape(-1, *hulls.shape[3:]), enough.ravel())
+        distances = distance.reshape(hulls.shape[:3])
         pick = np.ravel_multi_index(
             (*np.indices(distances.shape[:2]), distances.argmin(axis=-1)), distances.shape
         )  # the piece of the targets that is nearest
-        share = np.einsum("nbv,bv->nb", found.weights[pick], has_anchor)
-        slopes = share[..., None] * found.normal[pick]
+        share = np.einsum("nbv,bv->nb", weights[pick], has_anchor)
+        slopes = share[..., None] * normal[pick]
         shape = (*anchors.shape[:-1], len(self.names))
         return (distances.min(axis=-1) - self.reach).reshape(shape), slopes.reshape(*shape, -1)
 
@@ -95,7 +83,7 @@ class Obstacles(NamedTuple):
             np.where(self.held[:, None, None, None], 0.0, self.pieces)[..., None, :] - self.vertices[:, None, None]
         )
         hulls = hand.reshape(-1, hand.shape[2] * hand.shape[3], hand.shape[4])
-        near = separate(hulls, np.full(len(hulls), np.inf)).distance.reshape(len(self.names), -1).min(axis=-1)
+        near = separate(hulls, np.full(len(hulls), np.inf))[0].reshape(len(self.names), -1).min(axis=-1)
         for what, distances in [("target: the hand", near - self.reach)] + [
             (f'module "{name}": its cable', distance)
             for name, distance in zip(names, self.slopes(anchors)[0] if len(anchors) else (), strict=True)
@@ -120,8 +108,10 @@ class Obstacles(NamedTuple):
         return hulls.reshape(len(anchors), bodies, -1, (1 + count) * corners, d), has_anchor
 
 
-def separate(hulls: Floats, enough: Floats) -> Separation:
-    """Return the distance of the hulls of vertices (N, V, d) from the origin, in m.
+def separate(hulls: Floats, enough: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return distances (N,) of hulls of vertices (N, V, d) from the origin, normals (N, d) and weights (N, V).
+
+    The distance is a lower bound, which the plane with the normal proves; the weights make up the nearest point.
 
     Weight is moved from the farthest vertex to the nearest along the point that they make up, until the plane
     through that point proves its distance up to `GAP_M`, or more than ``enough`` (N,).
@@ -155,7 +145,7 @@ def separate(hulls: Floats, enough: Floats) -> Separation:
         todo = todo[left]
         if not len(todo):
             break
-    return Separation(distance, normal, weights)
+    return distance, normal, weights
 
 
 def _pieces(target: Target, count: int) -> Floats:

@@ -13,11 +13,7 @@ from tensionlab.workspace.layout.objective import Objective
 
 
 class Nearest(NamedTuple):
-    """Module and body that come closest, relative to the body's margin; the least distance and the margin, in m.
-
-    The distance is over all positions of the hand in the box of a target, or along a path: planes between the
-    cables and the body prove it.
-    """
+    """Module and body that come closest for its margin; their proved distance in targets, and the margin, in m."""
 
     module: str
     body: str
@@ -71,11 +67,6 @@ class Layout:
     def clear(self) -> bool:
         """Whether no cable comes closer to a body than its margin, anywhere in the target."""
         return self.nearest is None or self.nearest.distance >= self.nearest.margin
-
-    @property
-    def found(self) -> bool:
-        """Whether the layout is clear of bodies and has anything of what is desired."""
-        return self.clear and self.score > 0
 
     def __repr__(self) -> str:
         return f"<Layout of {self._title}>"

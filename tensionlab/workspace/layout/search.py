@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import count as count_from
 
 import numpy as np
 
@@ -94,10 +95,12 @@ def search_layout(
             if best is None or found[0] > best[0]:
                 best = found
             layout = replace(problem.evaluate(best[1], rig), tried=tuple(tried))
-            if layout.found:
+            if layout.clear and layout.score > 0:
                 break
         if certify:
-            most = _most(layout, objective)
+            most = layout.worst if objective.directions is None else layout.score
+            if objective.force is not None:
+                most = objective.force if objective.directions is not None else min(objective.force, layout.worst)
             layout = replace(layout, proved=proved_force(layout.rig, problem.targets, objective, most))
         return layout
 
@@ -105,13 +108,6 @@ def search_layout(
     if progress is not None:
         progress(1.0)
     return LayoutSearch(problem.objective, layouts)
-
-
-def _most(layout: Layout, objective: Objective) -> float:
-    """Return the force to prove of a layout, in N: what the objective desires, or all there is."""
-    if objective.directions is not None:
-        return layout.score if objective.force is None else objective.force
-    return layout.worst if objective.force is None else min(objective.force, layout.worst)
 
 
 def _efforts(generations: int, starts: int) -> Iterator[tuple[tuple[float, float], tuple[int, int]]]:
@@ -157,7 +153,7 @@ def _explore(
     report: Progress,
 ) -> list[Placement]:
     """Return the last generation of an evolution, the best layout first."""
-    from scipy.optimize import Bounds, OptimizeResult, differential_evolution
+    from scipy.optimize import Bounds, differential_evolution
 
     size = count * (problem.space.dimension + 1)
 
@@ -174,13 +170,7 @@ def _explore(
             found[clear] = -problem.objective.merit(problem.values(anchors).min(axis=-2))
         return np.asarray(found)
 
-    passed = 0
-
-    def callback(intermediate_result: OptimizeResult) -> None:
-        nonlocal passed
-        passed += 1
-        report(passed / generations)
-
+    passed = count_from(1)
     found = differential_evolution(
         cost,  # type: ignore[arg-type]  # the stubs know no vectorized functions
         Bounds(np.zeros(size), np.ones(size)),
@@ -191,7 +181,7 @@ def _explore(
         rng=random,
         tol=0.0,
         polish=False,
-        callback=callback,
+        callback=lambda *_: report(next(passed) / generations),
     )
     everyone = layouts(found.population)
     order = np.argsort(found.population_energies, kind="stable")

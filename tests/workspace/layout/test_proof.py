@@ -6,7 +6,7 @@ import numpy as np
 
 import tensionlab as tl
 from tensionlab.model.requirement import Requirement
-from tensionlab.workspace import Objective, Space, Surface, box, room, search_layout
+from tensionlab.workspace import Objective, PoseList, Space, Surface, box, room, search_layout
 from tensionlab.workspace.layout.objective import as_targets
 from tensionlab.workspace.layout.proof import proved_force
 
@@ -54,3 +54,21 @@ def test_a_planar_target_without_height_is_proved_too():
         space, box((-0.1, 0.1), (0, 0), step=0.1), Objective(0.5), generations=2, starts=1, certify=True
     ).layouts
     assert layout.proved == 0.5
+
+
+def test_a_force_along_a_direction_is_proved_beyond_that_in_every_direction_and_along_a_path():
+    path = PoseList([[-0.1, 0.2, -0.1], [0.1, 0.3, 0.0], [0.0, 0.4, 0.1]])
+    space = Space(room([3.0, 2.4, 4.0], centre=[0, 0.3, 0]), (5,), required=Requirement(ball=0.5))
+    objective = Objective(directions=[[0, 1, 0]])
+    found = search_layout(space, path, objective, generations=2, starts=1, certify=True).best
+    assert found.score > found.worst
+    assert 0.97 * found.score < found.proved <= found.score
+    share = np.linspace(0.0, 1.0, 200)[:, None, None]
+    line = (path.position[:-1] + share * np.diff(path.position, axis=0)).reshape(-1, 3)
+    pull = tl.allocate(found.rig.structure_matrix(line), [0.0, found.proved, 0.0], found.rig.limits)
+    assert (pull.status == tl.Status.EXACT).all()
+    desired = search_layout(
+        space, path, replace(objective, force=0.9 * found.score), certify=True, generations=2, starts=1
+    ).best
+    assert desired.score == 1.0
+    assert desired.proved == 0.9 * found.score
