@@ -141,13 +141,6 @@ class EffectDemand:
         Frequency of ripples that pass or of a vibration, in Hz, and the vibration's amplitude in N.
     softened : mapping of str to (float, float)
         Parameters that are not rendered as desired: their desired and their rendered values.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from tensionlab.demand import EffectDemand
-    >>> EffectDemand(np.array([0.0, 0.0, 1.0]), softened={"stiffness": (200.0, 33.0)}).share
-    0.165
     """
 
     force: Floats
@@ -198,13 +191,13 @@ SOFTENED_S = 1.0  # a softening that was absent for this time has ended
 
 
 class Softening(NamedTuple):
-    """Change of what is rendered of an effect's parameter; rendered as desired where both values are equal."""
+    """Change of what is rendered of an effect's parameter; equal values: as desired again."""
 
     effect: str
     parameter: str
     desired: float
     rendered: float
-    since: float  # time of the run from which it was rendered softer, in s
+    since: float  # when it was first rendered softer, in s
 
     @property
     def text(self) -> str:

@@ -143,16 +143,14 @@ def run_fidelity(run: Run) -> dict[str, Fidelity]:
     ()
     """
     d = run.rig.dimension
-    desired, demanded = (
-        each[:, :d] - run.rig.required.middle(run.rig)[:d] for each in (run.desired, run.demanded)
-    )
+    desired = (run.desired - run.rig.required.middle(run.rig))[:, :d]
     effects = run.effects
     if not effects and np.isfinite(desired).any():
         nothing = np.where(np.isfinite(desired[:, 0]), 0.0, np.nan)
         effects = {"force": EffectTable(desired, nothing, nothing, nothing, nothing, nothing + 1.0)}
     measured, free = measured_force(run)[:, :d], ~_braked(run, run.time)
     missing = infeasible_force(run)[:, :d]
-    return effects_fidelity(run.time, run.position, np.nan_to_num(demanded), measured, effects, missing, free)
+    return effects_fidelity(run.time, run.position, measured, effects, missing, free)
 
 
 def scenario_fidelity(result: ScenarioResult) -> dict[str, Fidelity]:
@@ -172,9 +170,8 @@ def scenario_fidelity(result: ScenarioResult) -> dict[str, Fidelity]:
         return np.where(np.isnan(values[last]), np.nan, lines.reshape(-1, *values.shape[1:]))
 
     effects = {name: EffectTable(*map(fill, effect)) for name, effect in run.effects.items()}
-    demanded = fill(np.nan_to_num(run.demanded - run.rig.required.middle(run.rig)))
     missing, free = fill(infeasible_force(run)), ~_braked(run, person.time)
-    found = effects_fidelity(person.time, record.position, demanded, person.force, effects, missing, free)
+    found = effects_fidelity(person.time, record.position, person.force, effects, missing, free)
     for phase in result.scenario.phases:
         locks: NDArray[np.bool_] = np.asarray(run.commanded_brakes.any(axis=1))
         held = between(person.time, phase.begin, phase.end) & locks[last]
@@ -184,7 +181,7 @@ def scenario_fidelity(result: ScenarioResult) -> dict[str, Fidelity]:
             push = np.maximum(np.vecdot(person.force[held], normal), 0.0)[:, None] * normal
             force = person.force[held]
             found[f"{phase.name}: brakes"] = force_fidelity(
-                person.time[held], record.position[held], push, push, force, spring=False
+                person.time[held], record.position[held], push, force, spring=False
             )
     return found
 

@@ -25,7 +25,6 @@ MARKS = {True: met_mark(True), None: Mark("○", GREY, "nearest"), False: met_ma
 def effects_fidelity(
     time: Floats,
     position: Floats,
-    demanded: Floats,
     measured: Floats,
     effects: Mapping[str, EffectTable],
     infeasible: Floats,
@@ -44,7 +43,7 @@ def effects_fidelity(
             force, others = effect.force[now], whole[now] - effect.force[now]
             spring = bool((effect.stiffness[now] > 0.0).any() or (effect.damping[now] > 0.0).any())
             judge = partial(
-                force_fidelity, time[now], position[now], force, demanded[now] - others,
+                force_fidelity, time[now], position[now], force,
                 frequency=effect.frequency[now], amplitude=effect.amplitude[now], share=effect.share[now],
                 spring=spring,
             )  # fmt: skip
@@ -60,7 +59,7 @@ class ForceRecord:
 
     def __init__(self, rig: Rig, length: int) -> None:
         self._rig, self._required = rig, rig.required.middle(rig)
-        self._rows: deque[tuple[float, Floats, Floats, Floats, Floats, Mapping[str, EffectDemand], bool]] = deque(
+        self._rows: deque[tuple[float, Floats, Floats, Floats, Mapping[str, EffectDemand], bool]] = deque(
             maxlen=length
         )
 
@@ -73,7 +72,7 @@ class ForceRecord:
         if not effects and demand.wrench is not None:
             effects = {"force": EffectDemand((demanded if demand.desired is None else demand.desired)[:d])}
         missing = np.broadcast_to(infeasible, demanded.shape)[:d]
-        row = (state.time, state.pose.position, demanded[:d], measured[:d], missing, effects, not demand.brakes)
+        row = (state.time, state.pose.position, measured[:d], missing, effects, not demand.brakes)
         self._rows.append(row)
 
     def fidelity(self) -> dict[str, Fidelity]:
@@ -82,9 +81,9 @@ class ForceRecord:
         if not rows:
             return {}
         *arrays, effects, counts = zip(*rows, strict=True)
-        time, position, demanded, measured, infeasible = map(np.array, arrays)
+        time, position, measured, infeasible = map(np.array, arrays)
         tables = tabulate_effects(effects, self._rig.dimension)
-        return effects_fidelity(time, position, demanded, measured, tables, infeasible, np.array(counts))
+        return effects_fidelity(time, position, measured, tables, infeasible, np.array(counts))
 
 
 def fidelity_table(found: Mapping[str, Fidelity], title: str = "Fidelity: rendered / desired") -> Table:

@@ -37,6 +37,7 @@ HELD_S = 0.05  # forces where none is desired count if they last this long
 VIBRATION_S = 0.25  # window in which a vibration has one phase
 MAX_LATENCY_S = 0.25
 NAN = math.nan
+Parts = list[NDArray[np.intp]]  # samples between gaps
 
 
 def just_noticeable(force: float) -> float:
@@ -48,7 +49,6 @@ def just_noticeable(force: float) -> float:
 class Fidelity:
     """Fidelity of an effect over the time in which it was active; NaN where the motion did not show a number."""
 
-    seconds: float
     force: float
     force_rendered: float
     """Desired force, root mean square where it is desired, and the part of it that came, in N."""
@@ -70,8 +70,6 @@ class Fidelity:
     error_peak: float
     error_jnd: float
     """The same in just noticeable differences of the desired force."""
-    loop_error: float
-    """Root mean square of desired minus demanded force, in N: what the loop cannot render stably."""
     direction: float
     """Mean angle between desired and measured force, weighted by the desired, in degrees."""
     free_force: float
@@ -123,7 +121,6 @@ def force_fidelity(
     time: Floats,
     position: Floats,
     desired: Floats,
-    demanded: Floats,
     measured: Floats,
     frequency: Floats | float = 0.0,
     amplitude: Floats | float = 0.0,
@@ -137,8 +134,8 @@ def force_fidelity(
     ----------
     time : (K,) array
         In s, increasing; gaps separate the times at which the effect was active.
-    position, desired, demanded, measured : (K, d) arrays
-        Position of the hand in m; forces on it in N: desired by the effect, demanded of the modules, measured.
+    position, desired, measured : (K, d) arrays
+        Position of the hand in m; desired and measured force on it in N.
     frequency : (K,) array or float
         Frequency that the effect has by itself (ripples that pass, a vibration), in Hz; 0: none.
     amplitude : (K,) array or float
@@ -156,7 +153,7 @@ def force_fidelity(
     >>> from tensionlab.haptics.rendering.fidelity import force_fidelity
     >>> time = np.arange(0.0, 2.0, 0.01)
     >>> depth = 0.01 * (1.0 - np.cos(2.0 * np.pi * time))[:, None]
-    >>> found = force_fidelity(time, -depth, 200.0 * depth, 40.0 * depth, 40.0 * depth)
+    >>> found = force_fidelity(time, -depth, 200.0 * depth, 40.0 * depth)
     >>> found.failures()[0]
     'stiffness 40 of 200 N/m'
     """
@@ -176,7 +173,6 @@ def force_fidelity(
     wave, hertz = _oscillation(measured, error, frequency, parts, step)
     bandwidth, excited = _bandwidth(desired, measured, parts, step)
     return Fidelity(
-        seconds=step * len(time),
         force=force,
         force_rendered=force * float(np.sum(measured * desired)) / max(float(np.sum(desired**2)), 1e-12),
         stiffness_desired=stiff[0][0],
@@ -190,7 +186,6 @@ def force_fidelity(
         error=rms(norm(error)),
         error_peak=float(norm(error).max(initial=0.0)),
         error_jnd=rms(norm(error)) / jnd,
-        loop_error=rms(norm(desired - demanded)),
         direction=float(np.average(off, weights=size[strong])) if off.size else NAN,
         free_force=_free_force(time, measured, desired, wanted, parts, step),
         oscillation=wave if wave > jnd else 0.0,
@@ -207,23 +202,13 @@ def rms(values: Floats) -> float:
 
 
 def _free_force(
-    time: Floats,
-    force: Floats,
-    desired: Floats,
-    wanted: NDArray[np.bool_],
-    parts: list[NDArray[np.intp]],
-    step: float,
+    time: Floats, force: Floats, desired: Floats, wanted: NDArray[np.bool_], parts: Parts, step: float
 ) -> float:
-    """Return the largest force that is held for a moment where none is desired; NaN without such a moment.
-
-    Shortly before and after a desired force it counts only against that one: along it, it is early or late.
-    """
+    """Return the largest force that is held where none is desired; close to a desired one, only against it."""
     wrong = force
     if wanted.any():
         times, ways = time[wanted], normalized(desired[wanted])
-        after = np.minimum(np.searchsorted(times, time), len(times) - 1)
-        before = np.maximum(after - 1, 0)
-        nearest = np.where(abs(times[after] - time) < abs(times[before] - time), after, before)
+        nearest = np.searchsorted((times[1:] + times[:-1]) / 2.0, time)
         against = np.minimum(np.vecdot(force, ways[nearest]), 0.0)[:, None] * ways[nearest]
         wrong = np.where((abs(times[nearest] - time) < MAX_LATENCY_S)[:, None], against, force)
     length = max(round(HELD_S / step), 1)
@@ -231,7 +216,7 @@ def _free_force(
     return float(max(held, default=NAN))
 
 
-def _windows(parts: list[NDArray[np.intp]], length: int) -> Iterator[NDArray[np.intp]]:
+def _windows(parts: Parts, length: int) -> Iterator[NDArray[np.intp]]:
     """Yield windows of a number of samples that overlap by half."""
     for part in parts:
         for begin in range(0, len(part) - length + 1, max(length // 2, 1)):
@@ -239,12 +224,7 @@ def _windows(parts: list[NDArray[np.intp]], length: int) -> Iterator[NDArray[np.
 
 
 def _without_vibration(
-    time: Floats,
-    measured: Floats,
-    frequency: Floats,
-    amplitude: Floats,
-    parts: list[NDArray[np.intp]],
-    step: float,
+    time: Floats, measured: Floats, frequency: Floats, amplitude: Floats, parts: Parts, step: float
 ) -> tuple[Floats, float]:
     """Return the measured force without the vibration, and its amplitude; NaN if the record is too slow for it."""
     shares, rest = [], measured.copy()
@@ -264,17 +244,9 @@ def _without_vibration(
 
 
 def _impedance(
-    time: Floats,
-    position: Floats,
-    desired: Floats,
-    force: Floats,
-    parts: list[NDArray[np.intp]],
-    wanted: NDArray[np.bool_],
+    time: Floats, position: Floats, desired: Floats, force: Floats, parts: Parts, wanted: NDArray[np.bool_]
 ) -> tuple[float, float]:
-    """Return stiffness and damping of a force along the desired one, by least squares; NaN without any.
-
-    The penetration is minus the path along the desired force, so a curved surface counts like a plane.
-    """
+    """Return stiffness and damping along the desired force, by its penetration: minus the path along it."""
     rows, pushes = [], []
     for part in parts:
         contacts = np.split(part, np.flatnonzero(np.diff(wanted[part].astype(int))) + 1)
@@ -300,9 +272,7 @@ def _impedance(
     return float(values[0]), float(values[1])
 
 
-def _bandwidth(
-    desired: Floats, measured: Floats, parts: list[NDArray[np.intp]], step: float
-) -> tuple[float, float]:
+def _bandwidth(desired: Floats, measured: Floats, parts: Parts, step: float) -> tuple[float, float]:
     """Return the frequency up to which amplitudes stay within 3 dB, and the highest that was excited."""
     length = min(max((len(part) for part in parts), default=0), max(round(1.0 / step), 16))
     if length < 16:
@@ -327,7 +297,7 @@ def _bandwidth(
 
 
 def _oscillation(
-    measured: Floats, error: Floats, frequency: Floats, parts: list[NDArray[np.intp]], step: float
+    measured: Floats, error: Floats, frequency: Floats, parts: Parts, step: float
 ) -> tuple[float, float]:
     """Return amplitude and frequency of the strongest lasting oscillation that is not desired."""
     length = round(OSCILLATION_S / step)
@@ -347,9 +317,7 @@ def _oscillation(
         line = slice(max(peak - 2, 0), peak + 3)
         size = math.sqrt(4.0 * float(power[line].sum()) / (length * float(np.sum(taper**2))))
         own = frequency[window]
-        intended = (
-            own.max() > 0.0 and own.min() - 2 * resolution <= peak * resolution <= own.max() + 2 * resolution
-        )
+        intended = own.max() > 0.0 and own.min() / resolution - 2 <= peak <= own.max() / resolution + 2
         narrow = power[peak] > power[peak - 1] and power[line].sum() > NARROW * power[first:].sum()
         if intended or not narrow or wrong[line].sum() < OWN_SHARE**2 * power[line].sum():
             size = 0.0
