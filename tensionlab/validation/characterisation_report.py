@@ -43,6 +43,7 @@ class Device:
 class _Devices:
     __pydantic_config__ = ConfigDict(extra="forbid")
 
+    description: str
     devices: list[Device]
 
 

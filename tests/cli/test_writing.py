@@ -52,6 +52,8 @@ RECIPES = {
     ("serve", "--log"): (f"serve {RIG} --seconds 0.3 --port 0", ".mcap"),
     ("simulate", "--modules"): (f"simulate {RIG}", ".toml"),
     ("validate", "--out"): (f"validate {RIG} --preset ideal --hold 0.35", ""),
+    ("validate", "--plot"): (f"validate {RIG} --preset ideal --hold 0.35 --out validation", ".png"),
+    ("characterise", "--out"): (f"characterise {RIG}", ""),
     ("module calibrate record", "--out"): (f"module calibrate record {RIG} --modules modules.toml", ".csv"),
     ("module calibrate anchors", "--out"): (f"module calibrate anchors {RIG} lengths.csv --known", ".toml"),
     ("rig show", "--plot"): (f"rig show {RIG}", ".pdf"),
@@ -70,7 +72,7 @@ RECIPES = {
 IN_PLACE = {".mcap", ".csv", ".zarr"}
 READS = {"token_file", "rig", "rigs", "path", "poses", "trajectory", "program", "modules", "scenario", "sensor",
          "caspr", "measured", "old", "new"}  # fmt: skip
-QUICK = [key for key in RECIPES if key != ("validate", "--out")]
+QUICK = [key for key in RECIPES if key[0] not in ("validate", "characterise")]
 
 
 def parameters():

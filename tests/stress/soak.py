@@ -23,7 +23,7 @@ from tensionlab.hardware.runner.program import Program, ProgramStep
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.links import Conditions
-from tensionlab.hardware.simulation.simulated_module import Trace
+from tensionlab.hardware.simulation.simulated_module import COLUMNS
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import TensionLimits
@@ -98,7 +98,8 @@ def examine(run: Run, outside: int = 0) -> Findings:
     rows = np.flatnonzero(known & free.all(axis=1))
     latest = source[rows].max(axis=1)
     whole = (run.commanded[latest] == run.chosen[latest]).all(axis=1)
-    exact = (run.status[latest] == Status.EXACT) & whole
+    known_then = np.isfinite(run.measured[rows]).all(axis=1)  # not from a report that is old
+    exact = (run.status[latest] == Status.EXACT) & whole & known_then
     rows, latest = rows[exact], latest[exact]
     pulled = np.einsum("knm,km->kn", run.structure[rows], run.measured[rows])
     wanted = run.demanded[latest]
@@ -143,14 +144,15 @@ class LimitWatch:
         self._taut = np.zeros(limits.lower.size, dtype=bool)
         self.outside = 0
 
-    def __call__(self, traces: Sequence[Trace]) -> None:
+    def __call__(self, traces: Sequence[Floats]) -> None:
         """Count in the latest steps of all modules."""
         for index, trace in enumerate(traces):
-            running = trace.state == State.RUNNING
-            taut = running & (trace.commanded >= self._lower[index])
+            state, commanded = trace[:, COLUMNS["state"]], trace[:, COLUMNS["commanded"]]
+            running = state == State.RUNNING
+            taut = running & (commanded >= self._lower[index])
             before = np.concatenate(([self._taut[index]], taut[:-1]))
             slackened = before & running & ~taut
-            self.outside += int((slackened | (running & (trace.commanded > self._upper[index]))).sum())
+            self.outside += int((slackened | (running & (commanded > self._upper[index]))).sum())
             self._taut[index] = taut[-1]
 
 

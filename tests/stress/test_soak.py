@@ -8,6 +8,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.protocol.codes import State
+from tensionlab.hardware.simulation.simulated_module import COLUMNS
 from tests.stress import cases
 from tests.stress.soak import LARGEST_ERROR, TRANSIT_S, TTL, LimitWatch, examine, kills, soak
 
@@ -59,7 +60,9 @@ def test_pulling_with_more_or_less_than_the_limits_is_seen():
     watch = LimitWatch(tl.TensionLimits([0.5], [6.0]))
 
     def seen(*commanded, state=State.RUNNING):
-        watch([np.rec.fromarrays([commanded, np.full(len(commanded), state)], names="commanded,state")])
+        samples = np.zeros((len(commanded), len(COLUMNS)))
+        samples[:, COLUMNS["commanded"]], samples[:, COLUMNS["state"]] = commanded, state
+        watch([samples])
         return watch.outside
 
     assert seen(0.0, 0.2, 0.5, 3.0) == 0  # it begins from nothing

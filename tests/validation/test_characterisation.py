@@ -149,7 +149,7 @@ def test_published_devices_have_a_source(tmp_path):
     assert {"STRIVE", "SPIDAR-G", "Reel Feel", "Haply Inverse3", "Phantom Omni"} <= {each.name for each in devices}
     assert all(len(each.source) > 20 for each in devices)
     bad = tmp_path / "devices.toml"
-    bad.write_text('[[devices]]\nname = "x"\nsource = "y"\nforces = 3\n')
+    bad.write_text('description = "d"\n[[devices]]\nname = "x"\nsource = "y"\nforces = 3\n')
     with pytest.raises(DataError, match=r"devices\.toml.*forces"):
         read_devices(bad)
 

@@ -29,7 +29,6 @@ class PlantParameter(NamedTuple):
 PLANT = {row[0]: PlantParameter(*row[1:]) for row in _native.plant_table()}
 PARTS = tuple(_native.plant_parts())  # parts that can fail
 STEP_S = 1e-6 * _native.step_microseconds()  # time from one step of the firmware to the next, in s
-TENSION, DRIVER_ON = 3, 9  # columns of native samples: the cable's tension, and whether the driver is on
 # The firmware's supervisor: for each event (arm, set-point, stop, estop, clear, expire, fault) and each `State`,
 # whether it is accepted, and the state after it.
 TRANSITIONS = [[(accepted, State(to)) for accepted, to in row] for row in _native.transition_table()]
@@ -55,6 +54,8 @@ class Sample:
 Trace = np.recarray[Any, Any]  # a row as in `Sample` after each step of the firmware
 _KINDS = {"float": float, "bool": bool}  # others are integers
 _TRACE = np.dtype([(name, _KINDS.get(str(kind), int)) for name, kind in Sample.__annotations__.items()])
+COLUMNS = {name: index for index, name in enumerate(Sample.__annotations__)}  # of native samples
+TENSION, DRIVER_ON = COLUMNS["tension"], COLUMNS["driver_on"]
 
 
 class SimulatedModule:

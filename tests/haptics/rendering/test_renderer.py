@@ -28,6 +28,7 @@ from tensionlab.hardware.runner.pretension import WINDOW_S
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.links import Conditions
+from tensionlab.hardware.simulation.simulated_module import COLUMNS
 from tensionlab.hardware.simulation.world import World
 
 RIG = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
@@ -195,8 +196,8 @@ def test_a_vibration_is_its_modules_and_keeps_its_cable_taut(amplitude, frequenc
     world, commanded, tensions = World(RIG), [], []
 
     def note(traces):
-        commanded.append(traces[TOP].commanded)
-        tensions.append(traces[TOP].tension)
+        commanded.append(traces[TOP][:, COLUMNS["commanded"]])
+        tensions.append(traces[TOP][:, COLUMNS["tension"]])
 
     world.watch = note
     effects = {"buzz": Vibration((0.0, 1.0, 0.0), amplitude, frequency)}

@@ -11,6 +11,7 @@ from tensionlab.hardware.runner.pretension import MISFIT_S, SHAKING_S, WINDOW_S,
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.runner.state_estimation import MAX_LENGTH_ERROR_M, Observation, PoseTracker
+from tensionlab.hardware.simulation.simulated_module import COLUMNS
 from tensionlab.hardware.simulation.world import World
 
 FOUR = tl.load_rig("bartels2026-validation")
@@ -47,7 +48,7 @@ def watched(world):
     """Return the list to which the states and commanded tensions of all modules are added while time passes."""
     seen = []
     world.watch = lambda traces: seen.append(
-        (max(trace.state.max() for trace in traces), max(trace.commanded.max() for trace in traces))
+        tuple(max(trace[:, COLUMNS[name]].max() for trace in traces) for name in ("state", "commanded"))
     )
     return seen
 

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 import tensionlab as tl
 from tensionlab.errors import RigError
 from tensionlab.model.module import Module
-from tensionlab.workspace import Objective, PoseList, Space, Surface, body_distances, box, room, search_layout
+from tensionlab.workspace import Objective, PoseList, Space, Surface, box, room, search_layout
+from tensionlab.workspace.interference import body_distances
 from tensionlab.workspace.layout.objective import as_targets
 from tensionlab.workspace.layout.obstacles import GAP_M, Obstacles
 from tests.helpers.plain_clearance import search
