@@ -21,7 +21,7 @@ from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
 from tensionlab.haptics.effects.contact import Texture
 from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, is_split
 from tensionlab.haptics.rendering.fidelity import WEAK_JND
-from tensionlab.haptics.rendering.field import CableRanges, Prediction, allocate_field, predict
+from tensionlab.haptics.rendering.field import MAX_GAP, CableRanges, Prediction, allocate_field, predict
 from tensionlab.haptics.rendering.stability import cap_stiffness
 from tensionlab.model.stiffness import MIN_COSINE, MODULE_STIFFNESS
 from tensionlab.support.arrays import Floats
@@ -356,6 +356,8 @@ def along_field(
     )
     outer, push = np.outer(part.axis, part.axis), part.push(velocity)
     found = allocate_field(cables.directions.T, push, part.stiffness * outer, part.damping * outer, ranges)
+    if not found.gap <= MAX_GAP:
+        return {}
     touching = part.compression >= 0.0
     return {
         int(cable): Impedance(

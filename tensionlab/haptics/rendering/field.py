@@ -26,7 +26,7 @@ from tensionlab.support.arrays import Floats
 FREE_WEIGHT = 0.5
 TIE_BREAK = 1e-6  # weight of the squared impedances and tensions, as shares of the largest limits
 INSIDE = 1e-6  # share of the way to mid tensions by which a force is kept off the edge of the feasible ones
-MAX_GAP = 1e-7  # largest `optimality_gap` of an answer that counts as proved
+MAX_GAP = 1e-5  # largest `optimality_gap` of an answer that counts as proved: 0.3 % of the largest stiffness
 
 
 class CableRanges(NamedTuple):
