@@ -30,7 +30,7 @@ from tensionlab.haptics.bridge.messages import (
     MAX_MESSAGE_BYTES,
     OUT,
     PROTOCOL,
-    Body,
+    BodyPose,
     BridgeMessage,
 )
 from tensionlab.haptics.bridge.osc import MAX_MESSAGES
@@ -110,7 +110,7 @@ the rig's `up`: with Y up, a wall whose normal is left out has `[0, 1, 0]`.
 Vectors have as many components as the rig has axes: on a rig in the plane, give two, also in place of defaults.
 Times (`shots`, `grasped`, `loosed`) are on the clock of the run, which is the `time` of the state.
 """
-CLIENTS: tuple[type[BridgeMessage], ...] = (*IN, Body)
+CLIENTS: tuple[type[BridgeMessage], ...] = (*IN, BodyPose)
 SCHEMA_FILE = "examples/bridge/schema.json"
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -185,48 +186,59 @@ def characterise(
         text = HOLD.format(", ".join(f"{part:.3f}" for part in place))
         return run(text, lambda time: Pose(place, frames=rig.at_rest), measuring)
 
-    def static(recorder: Recorder, offset: Floats) -> Measuring[list[StaticForce]]:
-        structure = rig.structure_matrix(rig.home + offset, frames=rig.at_rest)
-        exact = allocate(structure, plan.force * DIRECTIONS, rig.limits).status == Status.EXACT
-        forces = plan.force * DIRECTIONS[exact]
-        return measurements.static_forces(recorder, rig.home + offset, forces, plan.hold)
-
-    def at_home(recorder: Recorder) -> Measuring[tuple[Floats, list[StaticForce], Steps, Responses, Responses]]:
-        held = yield from static(recorder, offsets[0])
-        turn = fit_yaw(np.array([each.desired for each in held]), np.array([each.measured for each in held]))
-        recorder.align(turn)
-        held = [each._replace(measured=turn @ each.measured) for each in held]
-        steps: Steps = {}
-        responses: Responses = {}
-        vibrations: Responses = {}
-        for name, axis in axes.items():
-            steps[name] = yield from measurements.step_response(recorder, axis, plan.step)
-            responses[name] = yield from measurements.force_response(
-                recorder, axis, plan.amplitude, plan.rate * RATE_SHARES, plan.rate
-            )
-            best = rig.modules[int(np.argmax(np.abs(axis @ home)))].name
-            if best not in vibrations:
-                vibrations[best] = yield from measurements.vibration_response(
-                    recorder, rig, best, plan.amplitude, VIBRATIONS_HZ
-                )
-        return turn, held, steps, responses, vibrations
-
-    def at_walls(recorder: Recorder) -> Measuring[dict[float, list[WallTrial]]]:
-        walls = {}
-        for damping in WALL_DAMPINGS_NS_M:
-            walls[damping] = yield from measurements.wall_boundary(recorder, rig, along, damping, plan.force)
-        return walls
-
-    rotation, held, steps, responses, vibrations = hold(offsets[0], at_home)
+    rotation, held, steps, responses, vibrations = hold(offsets[0], partial(_at_home, plan, axes))
     for offset in offsets[1:]:
-        held += hold(offset, lambda recorder, offset=offset: static(recorder, offset))  # type: ignore[misc]
+        held += hold(offset, partial(_static, plan, offset=offset))
     felt = run(MOVE, to_and_fro(rig), lambda recorder: measurements.free_motion(recorder, rig, 3.0 * MOTION_S))
-    walls = run(LOOSE.format(wall_axis), loose_hand(rig), at_walls)
+    walls = run(LOOSE.format(wall_axis), loose_hand(rig), partial(_at_walls, plan, along))
     felt_along = {name: felt.along(home, axis) for name, axis in axes.items()}
     return Characterisation(
         plan, simulated, np.array(trips), np.array(delays), held, steps, responses, vibrations, felt, felt_along,
         walls, wall_axis,
     )  # fmt: skip
+
+
+def _static(plan: CharacterisationPlan, recorder: Recorder, offset: Floats) -> Measuring[list[StaticForce]]:
+    """Measure the forces that the rig can hold at an offset from its home, in all directions."""
+    rig = plan.rig
+    structure = rig.structure_matrix(rig.home + offset, frames=rig.at_rest)
+    exact = allocate(structure, plan.force * DIRECTIONS, rig.limits).status == Status.EXACT
+    return measurements.static_forces(recorder, rig.home + offset, plan.force * DIRECTIONS[exact], plan.hold)
+
+
+def _at_home(
+    plan: CharacterisationPlan, axes: dict[str, Floats], recorder: Recorder
+) -> Measuring[tuple[Floats, list[StaticForce], Steps, Responses, Responses]]:
+    """Measure how the sensor is turned, and all that is measured at home alone."""
+    rig, held = plan.rig, (yield from _static(plan, recorder, np.zeros(3)))
+    turn = fit_yaw(np.array([each.desired for each in held]), np.array([each.measured for each in held]))
+    recorder.align(turn)
+    held = [each._replace(measured=turn @ each.measured) for each in held]
+    steps: Steps = {}
+    responses: Responses = {}
+    vibrations: Responses = {}
+    for name, axis in axes.items():
+        steps[name] = yield from measurements.step_response(recorder, axis, plan.step)
+        responses[name] = yield from measurements.force_response(
+            recorder, axis, plan.amplitude, plan.rate * RATE_SHARES, plan.rate
+        )
+        structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
+        best = rig.modules[int(np.argmax(np.abs(axis @ structure)))].name
+        if best not in vibrations:
+            vibrations[best] = yield from measurements.vibration_response(
+                recorder, rig, best, plan.amplitude, VIBRATIONS_HZ
+            )
+    return turn, held, steps, responses, vibrations
+
+
+def _at_walls(
+    plan: CharacterisationPlan, along: Floats, recorder: Recorder
+) -> Measuring[dict[float, list[WallTrial]]]:
+    """Measure the boundary of stable walls along an axis for each damping."""
+    walls = {}
+    for damping in WALL_DAMPINGS_NS_M:
+        walls[damping] = yield from measurements.wall_boundary(recorder, plan.rig, along, damping, plan.force)
+    return walls
 
 
 def run_measurement(

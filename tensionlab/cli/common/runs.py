@@ -12,7 +12,7 @@ import typer
 from tensionlab.cli.common import output
 from tensionlab.cli.common.links import links_of_rig
 from tensionlab.errors import TensionlabError
-from tensionlab.haptics.rendering.effect_fidelity import ForceRecord, fidelity_table
+from tensionlab.haptics.rendering.effect_fidelity import FidelityRecord, fidelity_table
 from tensionlab.haptics.rendering.fidelity import Fidelity
 from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.hardware.log.writer import RunLog
@@ -95,7 +95,7 @@ class FidelitySink:
     """Sink of a run that tells its fidelity, from its latest `MAX_TIMES` cycles."""
 
     def __init__(self, rig: Rig) -> None:
-        self._record, self._required = ForceRecord(rig, MAX_TIMES), rig.required.middle(rig)
+        self._record, self._required = FidelityRecord(rig, MAX_TIMES), rig.required.middle(rig)
         self.fidelity = self._record.fidelity
 
     def write(self, cycle: Cycle) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from tensionlab.errors import RigError
 from tensionlab.haptics.bridge.command import Command, Commander, FrameRefused
-from tensionlab.haptics.bridge.messages import HAND, Body, Frame
+from tensionlab.haptics.bridge.messages import HAND, BodyPose, Frame
 from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S, Effect
 from tensionlab.haptics.effects.parsing import parse_effect
 from tensionlab.model import pose
@@ -193,7 +193,7 @@ def _require_in_command(commander: Commander | None) -> None:
         raise FrameRefused(commander.dismissed)
 
 
-def _rotation(body: Body) -> Floats | None:
+def _rotation(body: BodyPose) -> Floats | None:
     """Return the rotation of a quaternion x, y, z, w: a matrix; in the plane, the angle about z in rad."""
     if body.rotation is None:
         return None

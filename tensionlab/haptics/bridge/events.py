@@ -10,7 +10,7 @@ import numpy as np
 
 from tensionlab.demand import Demand, RigState, SoftenedEffects, measured_wrench
 from tensionlab.haptics.bridge.messages import BridgeEvent, BridgeState
-from tensionlab.haptics.rendering.effect_fidelity import ForceRecord
+from tensionlab.haptics.rendering.effect_fidelity import FidelityRecord
 from tensionlab.haptics.rendering.fidelity import Fidelity
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.rig import Rig
@@ -65,7 +65,7 @@ class RunEvents:
         self._longest_gap = 0.0  # between two cycles in the window, in s
         self._ceiling = 0.0
         self._softened = SoftenedEffects()
-        self._record = ForceRecord(rig, JUDGED_CYCLES)
+        self._record = FidelityRecord(rig, JUDGED_CYCLES)
         self._judged: tuple[float, dict[str, Fidelity]] = (-math.inf, {})  # when, and the fidelity
         self._limited: dict[tuple[int, str], float] = {}  # latest time of each limiter of a module
 

@@ -33,7 +33,7 @@ class BridgeMessage(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Body(BridgeMessage):
+class BodyPose(BridgeMessage):
     """Pose of a tracked body."""
 
     position: tuple[Coordinate, ...] = Field(
@@ -64,7 +64,7 @@ class Frame(BridgeMessage):
         description="time of the poses, in s, by the client's own clock with any origin; it never goes back, "
         "unless no frame has come for 1 s",
     )
-    bodies: dict[Name, Body] = Field(
+    bodies: dict[Name, BodyPose] = Field(
         default_factory=dict,
         max_length=MAX_ENTRIES,
         description="by name: hand is what the cables pull on; others are the frames that modules are attached to",

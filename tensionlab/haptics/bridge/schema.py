@@ -71,7 +71,7 @@ def message_schema(rig: Rig | None = None) -> dict[str, Any]:
         size = {"minItems": rig.dimension, "maxItems": rig.dimension}
         bodies = dict.fromkeys((HAND, *rig.frames), frame["bodies"]["additionalProperties"])
         frame["bodies"] |= {"properties": bodies, "additionalProperties": False}
-    definitions["Body"]["properties"]["position"] |= size
+    definitions["BodyPose"]["properties"]["position"] |= size
     _tidy(definitions, size)
     solids = _by_value("kind", {name: name for name in SOLIDS}, "sphere")
     definitions["Shape"]["properties"]["field"] |= solids

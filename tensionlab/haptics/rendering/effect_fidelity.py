@@ -54,7 +54,7 @@ def effects_fidelity(
     return found
 
 
-class ForceRecord:
+class FidelityRecord:
     """Record of the latest cycles of a rig's run, in memory, for its fidelity."""
 
     def __init__(self, rig: Rig, length: int) -> None:
