@@ -50,7 +50,7 @@ def names(kind: str | None = None, folder: str | Path | None = None) -> list[str
 
     where = _found(folder)
     if kind is not None and kind not in KINDS:
-        raise InputError(f"no data sets are called {kind!r}; there are {', '.join(KINDS)}")
+        raise InputError(f"no data sets are called {kind!r}; {suggest(kind, KINDS)}")
     stored = [f"{folder_name}/{name}" for folder_name in SUFFIXES for name in list_names(folder_name, where)]
     every = [*stored, *(f"{PROBLEMS}/{name}" for name in PROBLEM_SETS)]
     return [name for name in every if kind is None or name.startswith(f"{kind}/")]

@@ -30,7 +30,7 @@ MISTAKES = {
     "compare cube8": "no rig is called 'cube8'; did you mean 'cube-8'? A path ends in .toml",
     "scenario bw": "no scenario is called 'bw'; did you mean 'bow'?",
     "problems show edg": "no problem set is called 'edg'; choose one of published, point, edge",
-    "datasets rig": "no data sets are called 'rig'; there are rigs, spaces",
+    "datasets rig": "no data sets are called 'rig'; did you mean 'rigs'?",
     "compare cube-8 --solvers newtn": "no solver is called 'newtn'; did you mean 'newton'?",
     "compare cube-8 --policy forces": "policy='forces' is unknown; choose one of force, tension, direction",
     "compare cube-8 --solvers dykstra --policy force": "cannot honour policy='force'; it honours 'tension'",
