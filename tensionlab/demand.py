@@ -186,7 +186,7 @@ def tabulate_effects(cycles: Sequence[Mapping[str, EffectDemand]], dimension: in
 
 MAX_EFFECTS = 256  # effects of a run of which its tables tell
 UNITS = {"stiffness": "N/m", "damping": "N s/m", "frequency": "Hz", "amplitude": "N", "height": "m"}
-SOFTER = 0.25  # relative change of a rendered value that is told again
+SOFTER = 0.25  # relative change of a rendered value that is reported again
 SOFTENED_S = 1.0  # a softening that was absent for this time has ended
 
 
@@ -215,25 +215,25 @@ class SoftenedEffects:
     """Softened parameters of effects, followed from cycle to cycle."""
 
     def __init__(self) -> None:
-        # Of each effect and parameter; with the times when it was told, and when it was so last.
+        # Of each effect and parameter; with the times of its latest report and of its latest cycle.
         self._known: dict[tuple[str, str], tuple[Softening, float, float]] = {}
 
     def update(self, time: float, effects: Mapping[str, EffectDemand]) -> list[Softening]:
         """Return what has changed at a time in s: softenings that begin, differ by a quarter, or have ended.
 
-        One that changes all the time is told once a second.
+        One that changes all the time is reported once a second.
         """
         changes = []
         for name, effect in effects.items():
             for parameter, (desired, rendered) in effect.softened.items():
-                known, told, _ = self._known.get((name, parameter), (None, 0.0, 0.0))
+                known, reported, _ = self._known.get((name, parameter), (None, 0.0, 0.0))
                 if known is None:
-                    known, told = Softening(name, parameter, desired, rendered, time), time
+                    known, reported = Softening(name, parameter, desired, rendered, time), time
                     changes.append(known)
-                elif time - told >= SOFTENED_S and abs(rendered - known.rendered) > SOFTER * known.rendered:
-                    known, told = known._replace(rendered=rendered), time
+                elif time - reported >= SOFTENED_S and abs(rendered - known.rendered) > SOFTER * known.rendered:
+                    known, reported = known._replace(rendered=rendered), time
                     changes.append(known)
-                self._known[name, parameter] = known, told, time
+                self._known[name, parameter] = known, reported, time
         for key, (known, _, latest) in list(self._known.items()):
             if time - latest >= SOFTENED_S:
                 del self._known[key]

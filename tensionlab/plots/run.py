@@ -164,9 +164,9 @@ def _draw_spectrum(axes: Axes, run: Run, desired: Floats, measured: Floats) -> N
     for name, effect in run.effects.items():
         for frequency in np.unique(effect.frequency[(effect.amplitude > 0.0) & (effect.share > 0.0)]):
             shown = abs(frequency - rate * round(frequency / rate))
-            told = f"{name}: {frequency:.3g} Hz" + ", aliased by the telemetry" * bool(shown != frequency)
+            label = f"{name}: {frequency:.3g} Hz" + ", aliased by the telemetry" * bool(shown != frequency)
             axes.axvline(shown, color=RED, linewidth=0.8, linestyle="--")
-            axes.annotate(told, (shown, 1.0), xycoords=("data", "axes fraction"), color=RED, fontsize=8, va="top")
+            axes.annotate(label, (shown, 1.0), xycoords=("data", "axes fraction"), color=RED, fontsize=8, va="top")
     axes.set(xlabel="frequency (Hz)", ylabel="amplitude (N)", yscale="log", xlim=(0.0, rate / 2.0))
     axes.grid()
     legend_beside(axes, [("desired", {"color": GREY, **WRENCH_LOOKS["desired"]}), ("measured", {"color": BLUE})])

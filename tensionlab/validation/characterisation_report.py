@@ -1,4 +1,4 @@
-"""Report of a characterisation: its table, all measurements as rows, and published devices beside it."""
+"""Report of a characterisation: its table, all measurements as rows, and published devices for comparison."""
 
 from __future__ import annotations
 

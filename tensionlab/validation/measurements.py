@@ -30,7 +30,7 @@ SETTLE_S = 0.3  # time after a change that is not evaluated
 HALF_POWER = math.sqrt(0.5)  # gain at the bandwidth, -3 dB
 AVERAGE_S = (-0.01, 0.01)  # window over which the sensor is averaged: cogging makes it shake
 SLOW_SHARE = 0.2  # of the fastest motion: friction of slower ones has no clear direction
-CENTRING_N_M = 15.0  # spring that keeps a hand near the rig's home beside the wall's axis
+CENTRING_N_M = 15.0  # spring that keeps a hand near the rig's home across the wall's axis
 PULSE_NS = 0.05  # push that starts the motion at a wall
 PUSH_S, REST_S, TRIAL_S = 0.1, 0.8, 3.0  # durations: of that push, before it, and of the trial
 SUSTAINED_1_S = -0.03  # growth from which a swing counts as sustained
@@ -309,7 +309,7 @@ class WallTrial:
     """Spring of a stiffness in N/m and a damping in N s/m that a hand was pushed against.
 
     ``growth`` is the rate at which the swing grows, in 1/s; ``added_damping`` in N s/m is what the rig adds to the
-    hand besides the spring, by the energy that a passivity observer counts: where it is negative, the spring
+    hand in addition to the spring, by the energy that a passivity observer counts: where it is negative, the spring
     gives energy.
     """
 
@@ -340,8 +340,8 @@ def wall_trial(
         along = float(offset @ axis)
         spring = -stiffness * along - damping * float(state.twist @ axis)
         push = PULSE_NS / PUSH_S if time < PUSH_S else 0.0
-        beside = -CENTRING_N_M * (offset - along * axis)
-        return Demand((float(np.clip(spring, -limit, limit)) + push) * axis + beside)
+        across = -CENTRING_N_M * (offset - along * axis)
+        return Demand((float(np.clip(spring, -limit, limit)) + push) * axis + across)
 
     def swings_far() -> bool:
         return abs(float((recorder.state.pose.position - home) @ axis)) > MAX_SWING_M

@@ -19,7 +19,7 @@ from tensionlab.support.arrays import Floats
 MIN_SHARE = 1e-3  # a smaller share of the force counts as none
 CEILING_CHANGE = 0.25  # smallest relative change of the host stiffness limit that is an event
 DERATING_CHANGE_N = 0.5  # smallest change of a module's upper tension limit that is an event
-JUDGED_CYCLES = 400  # number of latest cycles whose fidelity is told
+JUDGED_CYCLES = 400  # number of latest cycles whose fidelity is reported
 REPEAT_S = 1.0  # period of rates; a condition that was absent for this time has ended, and is an event again
 NO_LIMITER = "NONE"
 UNKNOWN = "UNKNOWN"
