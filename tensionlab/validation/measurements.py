@@ -309,8 +309,8 @@ class WallTrial:
     """Spring of a stiffness in N/m and a damping in N s/m that a hand was pushed against.
 
     ``growth`` is the rate at which the swing grows, in 1/s; ``added_damping`` in N s/m is what the rig adds to the
-    hand in addition to the spring, by the energy that a passivity observer counts: where it is negative, the spring
-    gives energy.
+    hand in addition to the spring, by the energy that a passivity observer counts: below zero, the spring gives
+    energy.
     """
 
     stiffness: float
