@@ -42,9 +42,9 @@ def search_layout(
     For each number of modules in turn, in three stages. Differential evolution spreads over all surfaces. The best
     layouts of its last generation, no two of which use the same surfaces equally often, are polished by gradients.
     Then the best of them hops: one or two of its modules are moved anywhere, the layout is polished, and kept if
-    it is better. More starts are more likely to find the best there is. A short one that finds nothing continues with
-    four times as many, up to the default. The same seed gives the same result. A layout whose cables come
-    closer to a body than its margin, anywhere in a target, is never better than one that is clear.
+    it is better. More starts are more likely to find the best there is. A short search that finds nothing is
+    repeated with four times as many, up to the default. The same seed gives the same result. A layout whose cables
+    come closer to a body than its margin, anywhere in a target, is never better than one that is clear.
 
     Source: Storn and Price, "Differential evolution: a simple and efficient heuristic for global optimization over
     continuous spaces", 1997, in SciPy's implementation; Wales and Doye, "Global optimization by basin-hopping",
