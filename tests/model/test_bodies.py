@@ -56,10 +56,10 @@ def load(bodies):
 
 
 @pytest.mark.parametrize("bodies", ['bodies = "standing"', MOST, TABLES], ids=["word", "table", "tables"])
-def test_bodies_survive_a_file(bodies):
+def test_bodies_survive_a_file(tmp_path, bodies):
     rig = load(bodies)
-    tl.save_rig(rig, "desk.toml")
-    assert tl.load_rig("desk.toml") == rig
+    tl.save_rig(rig, tmp_path / "desk.toml")
+    assert tl.load_rig(tmp_path / "desk.toml") == rig
     assert rig != replace(rig, bodies=rig.bodies[:-1], rest=() if bodies == TABLES else rig.rest)
 
 
