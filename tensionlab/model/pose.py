@@ -119,6 +119,15 @@ def require_known(frames: Iterable[str], known: Iterable[str]) -> None:
         )
 
 
+def frame_matrix(
+    where: CoordinateFrame | tuple[ArrayLike, ArrayLike | None] | ArrayLike, dimension: int
+) -> Floats:
+    """Return rotation and position of a body frame, side by side, (d, d + 1)."""
+    position, rotation = frame_of(where)
+    turn = np.eye(dimension) if rotation is None else rotations(rotation, dimension, "rotation")
+    return np.column_stack([turn, position])
+
+
 def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | None) -> Floats:
     """Return the anchors in the world, (..., m, d), in m; (m, d) where all stand in the world.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tensionlab.model.bodies import HAND, Body, place_bodies, surface_points
 from tensionlab.model.kinematics import in_space
 from tensionlab.model.module import WORLD
-from tensionlab.model.pose import Frames, frame_of, rotations
+from tensionlab.model.pose import Frames, frame_matrix
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import GREY, RED, rgb
@@ -67,10 +67,7 @@ def pose_matrix(d: int, where: Any) -> Floats:
     """Return the pose of a frame, None for the world, as a matrix (4, 4)."""
     matrix = np.eye(4)
     if where is not None:
-        frame = frame_of(where)
-        matrix[:d, 3] = frame.position
-        if frame.rotation is not None:
-            matrix[:d, :d] = rotations(frame.rotation, d, "rotation")
+        matrix[:d, [*range(d), 3]] = frame_matrix(where, d)
     return matrix
 
 

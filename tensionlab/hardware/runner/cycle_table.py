@@ -19,7 +19,7 @@ from tensionlab.demand import EffectDemand, EffectTable, Impedance, tabulate_eff
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.hardware.runner.records import Cycle
 from tensionlab.model.kinematics import planar_rotation
-from tensionlab.model.pose import frame_of, place_anchors, rotations
+from tensionlab.model.pose import frame_matrix, place_anchors
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers
 
@@ -68,12 +68,7 @@ def anchors_in_world(cycle: Cycle, rig: Rig) -> Floats:
 def frame_poses(cycle: Cycle, rig: Rig) -> Floats:
     """Return rotation and position of each body frame, (frames, d, d + 1), in the order of `Rig.at_rest`."""
     d, poses = rig.dimension, rig.at_rest | dict(cycle.state.pose.frames or {})
-    found = np.tile(np.eye(d, d + 1), (len(poses), 1, 1))
-    for pose, where in zip(found, map(frame_of, poses.values()), strict=True):
-        pose[:, d] = where.position
-        if where.rotation is not None:
-            pose[:, :d] = rotations(where.rotation, d, "rotation")
-    return found
+    return np.reshape([frame_matrix(where, d) for where in poses.values()], (-1, d, d + 1))
 
 
 def codes(kind: type[IntEnum | IntFlag]) -> str:
