@@ -69,13 +69,12 @@ def plot_run(run: Run) -> Figure:
             axes.sharex(panels[-1])
             axes.tick_params(labelbottom=False)
         error, *tensions, timeline, times = panels[len(wrenches) :]
+        measured = measured_wrench(run.structure, run.measured, run.active)
         for axes, (label, part) in zip(panels, wrenches.items(), strict=False):
-            _draw_wrench(axes, run, part)
+            _draw_wrench(axes, run, measured, part)
             axes.set_ylabel(label)
-        desired = run.desired[:, :d]
-        measured = measured_wrench(run.structure, run.measured, run.active)[:, :d]
-        _draw_error(error, run, desired, measured)
-        _draw_spectrum(spectrum, run, desired, measured)
+        _draw_error(error, run, run.desired[:, :d], measured[:, :d])
+        _draw_spectrum(spectrum, run, run.desired[:, :d], measured[:, :d])
         top = _top(run)
         for index, axes in enumerate(tensions):
             _draw_tension(axes, run, index, top)
@@ -129,9 +128,8 @@ def _line(axes: Axes, run: Run, values: Floats, **look: Any) -> None:
     axes.plot(*thinned(run.time, values), **look)
 
 
-def _draw_wrench(axes: Axes, run: Run, part: slice) -> None:
+def _draw_wrench(axes: Axes, run: Run, measured: Floats, part: slice) -> None:
     local = np.nan_to_num(run.demanded - run.solver_wrench)  # what modules with an impedance, and lost ones, pull
-    measured = measured_wrench(run.structure, run.measured, run.active)
     lines = {"desired": run.desired, "commanded": run.rendered + local, "measured": measured}
     count = run.desired[:, part].shape[1]
     # Where there is one torque only, it is that about z.

@@ -214,6 +214,7 @@ def _at_home(
     turn = fit_yaw(np.array([each.desired for each in held]), np.array([each.measured for each in held]))
     recorder.align(turn)
     held = [each._replace(measured=turn @ each.measured) for each in held]
+    structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
     steps: Steps = {}
     responses: Responses = {}
     vibrations: Responses = {}
@@ -222,7 +223,6 @@ def _at_home(
         responses[name] = yield from measurements.force_response(
             recorder, axis, plan.amplitude, plan.rate * RATE_SHARES, plan.rate
         )
-        structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
         best = rig.modules[int(np.argmax(np.abs(axis @ structure)))].name
         if best not in vibrations:
             vibrations[best] = yield from measurements.vibration_response(
