@@ -48,7 +48,8 @@ class RigState:
     structure : (n, m) array
         Structure matrix at that pose.
     lengths, speeds, tensions : (m,) arrays
-        Of the cables, in m; of paying out, in m/s; as measured by the modules, in N, NaN where the report is old.
+        Of the cables at the time of the pose, in m; of paying out, in m/s; as measured by the modules, in N, NaN
+        where the report is old.
     ages : (m,) array
         Time since the latest telemetry came, in s; infinite before the first.
     active : (m,) array of bool

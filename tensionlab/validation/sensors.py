@@ -35,7 +35,6 @@ from tensionlab.validation.error_model import RigErrors, require_point, true_pla
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 SAMPLE_RATE_HZ = 1000
 STEPS_PER_SAMPLE = round(1.0 / SAMPLE_RATE_HZ / STEP_S)  # steps of the firmware
-LISTEN_S = 1e-3  # time between two readings of simulated links with a delay
 CORRELATION_TIME_S = 1.0  # of the simulated drift
 BLOCK_SAMPLES = 1000  # samples at a time, so that no power of the decay leaves the range of floats
 FORCE_COLUMNS = ("fx", "fy", "fz")
@@ -261,21 +260,6 @@ class SimulatedSensor:
         """Do nothing: there is nothing to release."""
 
 
-class ListeningClock(WorldClock):
-    """Clock of simulated modules behind links with a delay: bytes arrive when they are due, not once a cycle."""
-
-    def __init__(self, world: World, group: ModuleGroup) -> None:
-        super().__init__(world)
-        self._clients = group.clients
-
-    def wait_until(self, when: float) -> None:
-        """Let time pass in steps of `LISTEN_S`, and read the links after each."""
-        while (remaining := when - self.now()) > 1e-9:
-            super().wait_until(self.now() + min(remaining, LISTEN_S))
-            for client in self._clients:
-                client.listen()
-
-
 def simulated_setup(
     rig: Rig,
     errors: RigErrors,
@@ -294,5 +278,4 @@ def simulated_setup(
     world = World(real, motion, seed, plants=true_plants(rig, errors) if plants is None else plants)
     sensor = SimulatedSensor(real, errors, lambda: world.pose, seed)
     world.watch = sensor.watch
-    group = world.group(conditions, seed)
-    return group, WorldClock(world) if conditions is None else ListeningClock(world, group), sensor
+    return world.group(conditions, seed), WorldClock(world), sensor

@@ -288,14 +288,13 @@ class Runner:
     def _state(self, modules: ArmedModules, now: float) -> RigState:
         """Return the state by the modules' reports, at a time of the run in s."""
         seen, delays = modules.read()
-        active = modules.active.copy()
+        active, lengths = modules.active.copy(), synchronise(seen.lengths, seen.speeds, seen.ages)
         if self._tracker is not None:
             pose = self._tracker(now)
             structure = self.rig.structure_matrix(*pose)
             twist = velocity(structure, seen.speeds, active)
         else:
             assert self._pose_tracker is not None
-            lengths = synchronise(seen.lengths, seen.speeds, seen.ages)
             pose, structure = self._pose_tracker.follow(lengths, active)
             twist = self._pose_tracker.native.velocity(seen.speeds, active)
             clock = self._clock.now()
@@ -307,7 +306,7 @@ class Runner:
         modules.count_late(seen)
         clearance = modules.keep_clear(pose, structure)
         known = {"active": active, "delays": delays, "clearance": clearance, **seen._asdict()}
-        known["upper_now"] = modules.limits.upper
+        known |= {"lengths": lengths, "upper_now": modules.limits.upper}
         return RigState(self.statistics.cycles, now, pose, twist, structure, **known)
 
     def _limited_wrench(

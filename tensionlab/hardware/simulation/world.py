@@ -82,6 +82,7 @@ def simulated_module(
 
 MOTION_STEP_S = 5e-3  # time between two poses, over which the cables' far ends move evenly
 COMPLIANT_STEP_S = 1e-3  # the same for a `CompliantMotion`: a cable of 5 kN/m shakes a hand at 20 Hz
+LINK_STEP_S = 1e-3  # time between two deliveries of links that delay their bytes
 Motion = Callable[[float], Pose]  # pose of the platform at a time in s
 
 
@@ -135,6 +136,7 @@ class World:
         self.time = 0.0
         self.pose = self._motion(0.0)
         self.watch: Callable[[Sequence[Floats]], None] | None = None
+        self._delayed: list[ModuleClient] = []  # clients whose bytes arrive when they are due, not once a cycle
         self.modules = tuple(
             simulated_module(
                 module,
@@ -161,6 +163,8 @@ class World:
                     module.advance(step, length)
             else:
                 self.watch([module.samples(step, length) for module, length in moved])
+            for client in self._delayed:
+                client.listen()
 
     @property
     def tensions(self) -> Floats:
@@ -180,6 +184,9 @@ class World:
             if conditions is not None:
                 link = FaultyLink(link, conditions, seed=seed + index)
             clients.append(ModuleClient(module.name, link, seed + index))
+        if conditions is not None:
+            self._delayed += clients
+            self._step = min(self._step, LINK_STEP_S)
         return ModuleGroup(clients)
 
     def _lengths(self) -> Floats:

@@ -114,9 +114,9 @@ def shaking(hand, normal, seconds=1.0):
 UP, DOWN = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
 
 
-@pytest.mark.parametrize("latency", [0.0, 0.02])
+@pytest.mark.parametrize("latency", [0.0, 0.005, 0.02])
 def test_a_stiff_wall_is_its_modules_and_is_rendered_at_once(latency):
-    """200 N/m against a hand that goes in and out twice a second; the host is 20 to 60 ms late."""
+    """200 N/m against a hand that goes in and out twice a second: as good with late links as without."""
     depths, pushes = [], []
 
     def depth(time):
@@ -133,8 +133,8 @@ def test_a_stiff_wall_is_its_modules_and_is_rendered_at_once(latency):
     assert list(cycles[-1].demand.impedances) == ["top"]
     after = len(depths) // 2
     error = np.array(pushes[after:]) - 200.0 * np.array(depths[after:])
-    # Spools rub with 0.05 N each. A host that is 20 ms late would be off by 0.3 N, at 60 ms by 0.9 N.
-    assert np.sqrt(np.mean(error**2)) < 0.2
+    # Spools rub with 0.05 N each. A host that is 20 ms late would be off by 0.3 N, at 80 ms by 1.2 N.
+    assert np.sqrt(np.mean(error**2)) < 0.16
 
 
 def test_a_module_with_a_wall_renders_other_forces_too():
@@ -186,7 +186,7 @@ def test_without_the_ceiling_that_wall_would_shake():
     def demand(state):
         return Demand(effect.render(Motion(state.pose.position, state.twist, state.time, PERIOD)).force)
 
-    Runner(RIG, world.group(Conditions(0.02)), "newton", demand, clock=WorldClock(world)).run(3.0)
+    Runner(RIG, world.group(Conditions(0.02)), "newton", demand, clock=WorldClock(world)).run(1.4)
     assert shaking(hand, DOWN) > 0.02
 
 

@@ -7,7 +7,8 @@ from tensionlab.demand import Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol import messages
 from tensionlab.hardware.protocol.codes import State
-from tensionlab.hardware.simulation.world import MAX_HAND_SPEED_M_S, GuidedHand, simulated_module
+from tensionlab.hardware.simulation.links import Conditions
+from tensionlab.hardware.simulation.world import MAX_HAND_SPEED_M_S, GuidedHand, World, simulated_module
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import Module
 
@@ -87,3 +88,26 @@ def test_a_leap_becomes_a_movement_of_a_hand_and_of_bodies():
     np.testing.assert_allclose(path[-1], places[1], atol=1e-4)
     assert (path[:, 0] <= 0.3 + 1e-3).all()
     np.testing.assert_array_equal([pose.frames["hip"][0] for pose in poses], path)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.004, 0.02, 0.033])
+def test_bytes_arrive_when_they_are_due_and_not_with_the_next_cycle(latency):
+    """A set-point acts after the latency; its report has the age since it came, whenever the host looks."""
+    world = World(load_rig("floor-3"))
+    group = world.group(Conditions(latency))
+    client = group.clients[0]
+    client.command(messages.ConfigureTelemetry(5))
+    client.arm()
+    client.set_tension(0.5)
+    world.advance(0.1)
+    client.set_tension(2.0)
+    before = world.modules[0].seconds
+    while world.modules[0].sample.commanded < 0.51:
+        world.advance(1e-3)
+    assert world.modules[0].seconds - before == pytest.approx(latency, abs=2.5e-3)
+    ages = []
+    for _ in range(40):
+        world.advance(7e-3)
+        ages.append(group.observe()[0][3][0])
+    assert min(ages) < 1e-3
+    assert 3e-3 < max(ages) < 6e-3  # telemetry comes every 5 ms
