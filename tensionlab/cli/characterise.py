@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_text
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +13,7 @@ from tensionlab.cli.common import options, output
 from tensionlab.cli.common.links import links_of_rig
 from tensionlab.cli.common.runs import print_simulated
 from tensionlab.cli.common.verbs import Json, option
+from tensionlab.cli.validate import write_report
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.hardware.runner.settings import Clock, RealClock
@@ -75,7 +75,6 @@ def characterise(
             output.print_table(reports.table(result))
             output.print_line()
             output.print_table(reports.devices_table(result, devices))
-        writer.write_text("report", out / "report.md", reports.as_markdown(result, devices))
-        writer.write_text("report", out / "report.json", json_text.dumps(output.plain(report), indent=2) + "\n")
+        write_report(writer, out, report, reports.as_markdown(result, devices))
         writer.write("measurements", out / name, lambda path: write_parquet(path, reports.rows(result), manifest))
         writer.draw(out / "characterisation.png", "characterisation", result)

@@ -81,9 +81,7 @@ def validate(
     manifest = output.manifest(plan.seed if plan.preset else None)
     report = reports.as_json(result, manifest)
     with output.ResultWriter(quiet=True) as writer:
-        writer.write_text("report", out / "report.json", json_text.dumps(output.plain(report), indent=2) + "\n")
-        writer.write_text("report", out / "report.md", reports.as_markdown(result))
-        writer.write_text("table", out / "table.tex", reports.as_latex(result))
+        write_report(writer, out, report, reports.as_markdown(result))
         recording = reports.make_recording(result, plan.rig, sensor, manifest)
         name = "forces-simulated.parquet" if setup["simulated"] else "forces.parquet"
         writer.write("recording", out / name, lambda path: write_recording(path, recording))
@@ -94,6 +92,12 @@ def validate(
             table = result.table()
             table.title = f"{plan.rig.name}: {table.title}"
             output.print_table(table)
+
+
+def write_report(writer: output.ResultWriter, folder: Path, report: object, text: str) -> None:
+    """Write a report into a folder, for programs and as text."""
+    writer.write_text("report", folder / "report.json", json_text.dumps(output.plain(report), indent=2) + "\n")
+    writer.write_text("report", folder / "report.md", text)
 
 
 def _plan(

@@ -14,12 +14,11 @@ from pydantic import ConfigDict
 
 from tensionlab.errors import DataError
 from tensionlab.model.stiffness import HAND_DAMPING
-from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import read_toml
 from tensionlab.support.table import Column, Table
 from tensionlab.support.validation import validate
 from tensionlab.validation.characterisation import HAND_MASS_KG, Characterisation
-from tensionlab.validation.measurements import WallTrial
+from tensionlab.validation.measurements import StaticForce, WallTrial
 from tensionlab.validation.statistics import deviations
 
 WHOLE = "rig"  # column of what is not of an axis
@@ -63,14 +62,7 @@ def wall_limits(trials: list[WallTrial]) -> tuple[float, float]:
     return math.sqrt(largest * above), math.nan
 
 
-def force_errors(result: Characterisation) -> tuple[Floats, Floats]:
-    """Return the lengths of the error vectors in N and the angles in degrees of the static forces, (K,) each."""
-    forces = [(each.desired, each.measured) for each in result.static]
-    found = deviations(*np.swapaxes(np.array(forces), 0, 1))
-    return found.vector, found.angle
-
-
-class Figure(NamedTuple):
+class Quantity(NamedTuple):
     """Measured number: by axis, or under `WHOLE`."""
 
     name: str
@@ -79,42 +71,47 @@ class Figure(NamedTuple):
     note: str = ""
 
 
-def figures(result: Characterisation) -> list[Figure]:
+def quantities(result: Characterisation) -> list[Quantity]:
     """Return the numbers of the report, in its order."""
     plan, cable, steps = result.plan, result.felt, result.steps.items()
-    vector, angle = force_errors(result)
+    desired, measured = (
+        np.array([getattr(each, name) for each in result.static]) for name in StaticForce._fields[:2]
+    )
+    angle, _, _, vector = deviations(desired, measured)
     places = 1e3 * np.array([np.linalg.norm(each.found - each.position) for each in result.static])
     found = [
-        Figure("force error, mean", "N", {WHOLE: float(vector.mean())}, f"{len(vector)} of {plan.force:g} N"),
-        Figure("force error, largest", "N", {WHOLE: float(vector.max())}, f"within {plan.reach:g} m of home"),
-        Figure("angle error, mean", "°", {WHOLE: float(np.nanmean(angle))}),
-        Figure("position error, largest", "mm", {WHOLE: float(places.max())}, f"mean {places.mean():.2g} mm"),
-        Figure("latency to 10 % of a step", "ms", {axis: 1e3 * step.latency for axis, step in steps},
+        Quantity("force error, mean", "N", {WHOLE: float(vector.mean())}, f"{len(vector)} of {plan.force:g} N"),
+        Quantity("force error, largest", "N", {WHOLE: float(vector.max())}, f"within {plan.reach:g} m of home"),
+        Quantity("angle error, mean", "°", {WHOLE: float(np.nanmean(angle))}),
+        Quantity("position error, largest", "mm", {WHOLE: float(places.max())}, f"mean {places.mean():.2g} mm"),
+        Quantity("latency to 10 % of a step", "ms", {axis: 1e3 * step.latency for axis, step in steps},
                f"step of {plan.step:g} N"),
-        Figure("rise from 10 to 90 %", "ms", {axis: 1e3 * step.rise for axis, step in steps}),
-        Figure("overshoot", "%", {axis: 100.0 * step.overshoot for axis, step in steps}),
-        Figure("force bandwidth", "Hz", {axis: each.bandwidth for axis, each in result.responses.items()},
+        Quantity("rise from 10 to 90 %", "ms", {axis: 1e3 * step.rise for axis, step in steps}),
+        Quantity("overshoot", "%", {axis: 100.0 * step.overshoot for axis, step in steps}),
+        Quantity("force bandwidth", "Hz", {axis: each.bandwidth for axis, each in result.responses.items()},
                f"by the host, {plan.amplitude:g} N at {plan.rate:g} cycles/s"),
-        *(Figure(f"vibration bandwidth, {module}", "Hz", {WHOLE: each.bandwidth}, "by the module")
+        *(Quantity(f"vibration bandwidth, {module}", "Hz", {WHOLE: each.bandwidth}, "by the module")
           for module, each in result.vibrations.items()),
-        *(Figure(f"felt {name}", unit, {axis: parts[index] for axis, parts in result.felt_along.items()})
+        *(Quantity(f"felt {name}", unit, {axis: parts[index] for axis, parts in result.felt_along.items()})
           for index, (name, unit) in enumerate((("friction", "N"), ("damping", "N s/m"), ("inertia", "kg")))),
-        Figure("friction of a cable", "N", {WHOLE: cable.friction}, f"minimum tension {cable.tension:.2g} N"),
+        Quantity("friction of a cable", "N", {WHOLE: cable.friction}, f"minimum tension {cable.tension:.2g} N"),
     ]  # fmt: skip
     for damping, trials in result.walls.items():
         stable, passive = wall_limits(trials)
         note = "never passive" if math.isnan(passive) else f"passive up to {passive:.0f} N/m"
-        found.append(Figure(f"stable stiffness at {damping:g} N s/m", "N/m", {result.wall_axis: stable}, note))
+        found.append(Quantity(f"stable stiffness at {damping:g} N s/m", "N/m", {result.wall_axis: stable}, note))
     for name, times in (("round trip of a ping", result.round_trips), ("set-point to report", result.delays)):
         median, late = 1e3 * np.nanpercentile(times, [50.0, 99.0])
-        found.append(Figure(name, "ms", {WHOLE: float(median)}, f"99th percentile {late:.3g} ms"))
+        found.append(Quantity(name, "ms", {WHOLE: float(median)}, f"99th percentile {late:.3g} ms"))
     return found
 
 
 def table(result: Characterisation) -> Table:
     """Return the numbers of the report with what is needed to understand them."""
     columns = [*"xyz", WHOLE]
-    rows = [[f"{each.name} ({each.unit})", *map(each.values.get, columns), each.note] for each in figures(result)]
+    rows = [
+        [f"{each.name} ({each.unit})", *map(each.values.get, columns), each.note] for each in quantities(result)
+    ]
     notes = [
         "Bandwidth is where the amplitude is 3 dB below the desired one; inf is beyond what was tried. A wall is "
         "stable if a pushed hand comes to rest, and passive if it gives the hand no more energy than it took."
@@ -128,19 +125,12 @@ def table(result: Characterisation) -> Table:
 
 def devices_table(result: Characterisation, devices: list[Device]) -> Table:
     """Return the figures of this rig, and those of published devices below."""
-    friction, inertia = (max(parts[index] for parts in result.felt_along.values()) for index in (0, 2))
+    friction, _, inertia = np.max([*result.felt_along.values()], axis=0).tolist()
     stiffest = max(wall_limits(trials)[0] for trials in result.walls.values())
-    here = Device(
-        f"{result.plan.rig.name} (here)",
-        "",
-        result.plan.force,
-        round(friction, 3),
-        round(inertia, 4),
-        round(stiffest),
-    )
+    here = Device(f"{result.plan.rig.name} (here)", "", result.plan.force, friction, inertia, stiffest)
     rows = [[each.name, each.force, each.friction, each.inertia, each.stiffness, each.source]
             for each in (here, *devices)]  # fmt: skip
-    columns = ["device", *(Column(*head, ".4g") for head in (
+    columns = ["device", *(Column(*head, ".3g") for head in (
         ("force", "N"), ("friction", "N"), ("inertia", "kg"), ("stiffness", "N/m"))), "source"]  # fmt: skip
     note = (
         "Other protocols: compare orders of magnitude. Here, force is the one held, and stiffness that of the "
@@ -157,7 +147,7 @@ def rows(result: Characterisation) -> list[dict[str, Any]]:
         row = {"measurement": what, "of": part, "at": float(at), "at_unit": at_unit}
         found.append(row | {"value": float(value), "unit": unit})
 
-    for each in figures(result):
+    for each in quantities(result):
         for part, value in each.values.items():
             add(each.name, part, math.nan, "", value, each.unit)
     for number, held in enumerate(result.static):
@@ -179,7 +169,7 @@ def rows(result: Characterisation) -> list[dict[str, Any]]:
 def as_json(result: Characterisation, devices: list[Device], manifest: Mapping[str, Any]) -> dict[str, Any]:
     """Return the whole report, for programs."""
     return {"manifest": manifest, "rig": result.plan.rig.name, "simulated": result.simulated,
-            "figures": figures(result), "walls": result.walls, "devices": devices}  # fmt: skip
+            "figures": quantities(result), "walls": result.walls, "devices": devices}  # fmt: skip
 
 
 def as_markdown(result: Characterisation, devices: list[Device]) -> str:

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensionlab.demand import Demand, Impedance, RigState
 from tensionlab.hardware.calibration.gain import fit
@@ -67,10 +66,6 @@ class Reports(NamedTuple):
     tensions: Floats
     speeds: Floats
     forces: Floats
-
-    def part(self, rows: NDArray[np.bool_]) -> Reports:
-        """Return some of the reports."""
-        return Reports(*(values[rows] for values in self))
 
 
 class Recorder:
@@ -158,9 +153,8 @@ def static_forces(
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """Measured per desired amplitude of forces of one amplitude in N, by frequency in Hz."""
+    """Measured per desired amplitude of a force, by frequency in Hz."""
 
-    amplitude: float
     frequencies: Floats
     gains: Floats
 
@@ -227,14 +221,13 @@ def _response(
         samples = (yield from recorder.render(demand(frequency), seconds)).settled()
         images = [] if rate is None else [rate - frequency]
         gains.append(sine_amplitude(samples.times, samples.forces @ along, frequency, *images) / amplitude)
-    return FrequencyResponse(amplitude, frequencies, np.array(gains))
+    return FrequencyResponse(frequencies, np.array(gains))
 
 
 @dataclass(frozen=True, eq=False)
 class StepResponse:
-    """Force (K,) along an axis at times (K,) in s after a step, in N; it is ``size`` N high."""
+    """Force (K,) in N along an axis at times (K,) in s after a step."""
 
-    size: float
     times: Floats
     force: Floats
 
@@ -266,7 +259,7 @@ def step_response(recorder: Recorder, axis: Floats, size: float) -> Measuring[St
     """Render no force, and then one along an axis."""
     before = yield from recorder.render(constant(Demand(0.0 * axis)), 2.0 * SETTLE_S)
     after = yield from recorder.render(constant(Demand(size * axis)), 2.0 * SETTLE_S)
-    return StepResponse(size, after.times, (after.forces - before.settled().forces.mean(axis=0)) @ axis)
+    return StepResponse(after.times, (after.forces - before.settled().forces.mean(axis=0)) @ axis)
 
 
 @dataclass(frozen=True)
@@ -349,7 +342,7 @@ def wall_trial(
     yield from recorder.render(lambda _: Demand(-CENTRING_N_M * (recorder.state.pose.position - home)), REST_S)
     samples = yield from recorder.render(demand, TRIAL_S, swings_far)
     found = recorder.reports(rig, samples)
-    found = found.part(found.times > PUSH_S + SETTLE_S / 2.0)
+    found = Reports(*(values[found.times > PUSH_S + SETTLE_S / 2.0] for values in found))
     times, place, speed = found.times, (found.positions - home) @ axis, found.velocities @ axis
     given = float(np.sum((found.forces @ axis + stiffness * place) * speed))
     pace = float(np.mean(speed**2)) / max(float(np.var(place)), 1e-12)

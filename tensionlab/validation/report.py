@@ -1,4 +1,4 @@
-"""Report of a validation: measured and published numbers, as text, JSON, Markdown and LaTeX."""
+"""Report of a validation: measured and published numbers, as text, JSON and Markdown."""
 
 from __future__ import annotations
 
@@ -111,19 +111,9 @@ class ValidationResult:
         return sum(each.fallback_used for each in self.measurements[AXIS_FORCES:])
 
     @property
-    def tilt(self) -> float:
-        """Angle between the two alignments, in degrees, which the published one leaves in the errors."""
-        return rotation_angle(self.aligned["kabsch"].rotation @ self.aligned["paper"].rotation.T)
-
-    @property
     def rested(self) -> float:
         """Time for which modules had to cool between forces, in s."""
         return sum(each.rested for each in self.measurements)
-
-    @property
-    def limited_modules(self) -> Counter[str]:
-        """Number of forces at which a module was at a limit of its own, by its name."""
-        return Counter(name for each in self.measurements for name in each.limited_modules)
 
 
 def evaluate(setup: Mapping[str, Any], measurements: Sequence[Measurement]) -> ValidationResult:
@@ -213,15 +203,18 @@ def remarks(result: ValidationResult) -> list[str]:
             f"In {result.fallback_used} of {count} forces {setup['solver']} left its answer unproven, so that "
             "newton's was sent: not all of these numbers are its own."
         )
-    if result.tilt > TILTED_DEG:
+    tilt = rotation_angle(result.aligned["kabsch"].rotation @ result.aligned["paper"].rotation.T)
+    if tilt > TILTED_DEG:  # which the published alignment leaves in the errors
         found.append(
-            f"The best rotation (Kabsch) differs from the published alignment by {result.tilt:.1f} degrees: the "
+            f"The best rotation (Kabsch) differs from the published alignment by {tilt:.1f} degrees: the "
             "sensor leans, or the forces on the axes are off; a turn about the vertical leaves that in the errors."
         )
     if result.rested:
         found.append(f"Modules had to rest for {result.rested:.0f} s in all, so that windings could cool.")
-    limited = result.limited_modules.items()
-    return found + [f"Module {name} was at a limit of its own at {times} forces." for name, times in limited]
+    limited = Counter(name for each in result.measurements for name in each.limited_modules)
+    return found + [
+        f"Module {name} was at a limit of its own at {times} forces." for name, times in limited.items()
+    ]
 
 
 def as_json(result: ValidationResult, manifest: Mapping[str, Any]) -> dict[str, Any]:
@@ -258,10 +251,3 @@ def as_markdown(result: ValidationResult) -> str:
         f"# {title}\n\nSolver {result.setup['solver']}, {len(result.desired)} forces of "
         f"{result.setup['force']:g} N. Published: {SOURCE}.\n\n{table.to_markdown()}\n"
     )
-
-
-def as_latex(result: ValidationResult) -> str:
-    """Return the table for a paper, in LaTeX; it needs the package booktabs."""
-    table = result.table()
-    table.notes = ["Simulated modules." if result.setup["simulated"] else "Real modules."]
-    return table.to_latex()

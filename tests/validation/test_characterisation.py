@@ -131,8 +131,8 @@ def test_a_boundary_is_between_the_trials_beside_it():
 
 def test_bandwidth_is_where_the_gain_falls_by_3_db():
     frequencies = np.array([1.0, 10.0, 100.0])
-    assert FrequencyResponse(1.0, frequencies, np.array([1.0, 0.9, 0.8])).bandwidth == math.inf
-    assert FrequencyResponse(1.0, frequencies, np.array([1.0, 1.0, 0.0])).bandwidth == pytest.approx(
+    assert FrequencyResponse(frequencies, np.array([1.0, 0.9, 0.8])).bandwidth == math.inf
+    assert FrequencyResponse(frequencies, np.array([1.0, 1.0, 0.0])).bandwidth == pytest.approx(
         10.0 ** (1.0 + 1.0 - math.sqrt(0.5))
     )
 

@@ -18,7 +18,7 @@ from tensionlab.model.layouts import ring_plus_top
 from tensionlab.solvers import select_solvers
 from tensionlab.validation.error_model import PRESETS, ErrorModel, draw_errors, find_preset, true_rig
 from tensionlab.validation.protocol import AXIS_FORCES, JOURNAL_FILE, Protocol, ValidationPlan, measure, validate
-from tensionlab.validation.report import as_latex, as_markdown, evaluate, remarks
+from tensionlab.validation.report import as_markdown, evaluate, remarks
 from tensionlab.validation.sensors import simulated_setup
 from tensionlab.validation.statistics import rotation_angle
 
@@ -62,7 +62,7 @@ def test_an_ideal_rig_with_all_vectors_shows_nothing():
     assert len(result.desired) == 182
     assert max(score.angle.maximum, score.magnitude_error.maximum) < 1e-3
     assert {each.samples for each in result.measurements} == {40}
-    assert result.fallback_used == len(result.limited_modules) == 0
+    assert result.fallback_used == 0
     assert len(remarks(result)) == 4  # and none of what is not as it should be
     assert remarks(result)[0] == "These modules are simulated: preset ideal, seed 0."
     assert "in another process" in remarks(replace(result, setup=result.setup | {"preset": None}))[0]
@@ -71,7 +71,6 @@ def test_an_ideal_rig_with_all_vectors_shows_nothing():
     for write, simulated, measured in (
         (str, "simulated, solver", "measured, solver"),
         (as_markdown, "# Technical validation, simulated\n", "# Technical validation\n"),
-        (as_latex, "Simulated modules.", "Real modules."),
     ):
         assert simulated in write(result)
         assert measured in write(real)
@@ -111,7 +110,7 @@ def test_windings_that_get_hot_may_cool_between_forces():
     assert any(f"had to rest for {result.rested:.0f} s" in remark for remark in remarks(result))
     assert result.aligned["paper"].score.angle.maximum < 1e-3
     assert result.aligned["paper"].score.magnitude_error.maximum < 1e-3
-    assert not result.limited_modules
+    assert not any(each.limited_modules for each in result.measurements)
     assert run(THREE, of(), "newton").rested == 0.0
 
 
@@ -164,8 +163,8 @@ def test_a_planted_rotation_is_found_by_kabsch_and_its_tilt_stays_in_the_publish
     result = run(FEW, replace(of(noise=0.001), tilt=tilt))
     assert rotation_angle(result.aligned["kabsch"].rotation @ tilt) < 0.1
     assert result.aligned["kabsch"].score.angle.mean.value < 0.2
-    assert result.tilt > 15.0
-    assert any(f"alignment by {result.tilt:.1f} degrees" in remark for remark in remarks(result))
+    [remark] = [each for each in remarks(result) if "alignment by" in each]
+    assert float(remark.split("alignment by ")[1].split()[0]) > 15.0
     assert result.aligned["paper"].score.angle.mean.value > 10.0
 
 
