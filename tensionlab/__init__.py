@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tensionlab.model.pose import CoordinateFrame, RestPose
     from tensionlab.model.requirement import Requirement
     from tensionlab.model.rig import Rig
+    from tensionlab.path_allocation import PathAllocation, RateLimitedAllocator, allocate_path
     from tensionlab.plots import plot
     from tensionlab.solvers import SOLVERS, Solver, Status
     from tensionlab.viewer.design_page import view
@@ -36,8 +37,10 @@ __all__ = [
     "Body",
     "CoordinateFrame",
     "Module",
+    "PathAllocation",
     "Platform",
     "PoseEstimate",
+    "RateLimitedAllocator",
     "Requirement",
     "RestPose",
     "Rig",
@@ -45,6 +48,7 @@ __all__ = [
     "Status",
     "TensionLimits",
     "allocate",
+    "allocate_path",
     "allocation_jacobian",
     "alternate_corners",
     "benchmark",
@@ -78,6 +82,7 @@ _NAMES = {
     "tensionlab.model.pose": ("CoordinateFrame", "RestPose"),
     "tensionlab.model.requirement": ("Requirement",),
     "tensionlab.model.rig": ("Rig",),
+    "tensionlab.path_allocation": ("PathAllocation", "RateLimitedAllocator", "allocate_path"),
     "tensionlab.solvers": ("SOLVERS", "Solver", "Status"),
     "tensionlab.workspace.sweep": ("sweep",),
     "tensionlab.plots": ("plot",),

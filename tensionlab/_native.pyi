@@ -96,6 +96,9 @@ def half_spaces(
     capacity: int,
     rank_tolerance: float,
 ) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64]]: ...
+def path(
+    basis: NDArray[float64], space: NDArray[float64], reach: NDArray[float64], relaxation: float
+) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], int]: ...
 def verify(
     problem: _Arrays,
     tensions: NDArray[float64],

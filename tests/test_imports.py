@@ -18,7 +18,7 @@ PACKAGE = Path(__file__).parents[1] / "tensionlab"
 
 # Rooms that each room may enter, besides itself and those of everybody.
 EVERYBODY = {"errors", "support", "__version__"}
-CORE = {"model", "allocation", "demand", "_native"}
+CORE = {"model", "allocation", "path_allocation", "demand", "_native"}
 ABOVE = CORE | {"solvers", "verification", "datasets", "workspace", "hardware", "haptics", "scenarios"}
 ALLOWED = {
     "errors": set(),
@@ -28,6 +28,7 @@ ALLOWED = {
     "verification": {"solvers", "_native"},
     "allocation": {"verification", "solvers"},
     "gradients": {"allocation", "solvers", "_native"},
+    "path_allocation": {"allocation", "solvers", "_native"},
     "interop": CORE | {"gradients", "solvers", "hardware"},
     "jax": {"interop"},
     "torch": {"interop"},
@@ -87,6 +88,7 @@ NATIVE = {
     "solvers/penalty.py",
     "support/arrays.py",
     "gradients.py",
+    "path_allocation.py",
     "verification.py",
     "benchmark/speed.py",
     "workspace/certification.py",

@@ -53,6 +53,10 @@ def run(
             callback=options.require_positive,
         ),
     ] = 0.25,
+    rate_limited: Annotated[
+        bool,
+        flag("--rate-limited", "Only tensions that the modules reach within a cycle, in place of the solver's."),
+    ] = False,
     seconds: options.Duration = None,
     on_loss: Annotated[
         str, option("stop|continue", "When a module is lost: stop, or continue without it.")
@@ -77,7 +81,7 @@ def run(
     demand = _demand(loaded, force, program, rate)
     if require_fidelity and force is None and program is None:
         raise typer.BadParameter("--require-fidelity is for a desired force; give --force or --program")
-    settings = RunSettings(rate=rate, ttl=ttl, on_loss=on_loss, policy=policy)  # type: ignore[arg-type]  # it checks them
+    settings = RunSettings(rate, ttl, on_loss, policy, rate_limited)  # type: ignore[arg-type]  # it checks them
     options.check_solvers(loaded, [solver], policy)
     tracker = _tracker(loaded, at)
     if view:

@@ -10,6 +10,7 @@ from typing import NoReturn
 import numpy as np
 
 from tensionlab import _native
+from tensionlab.allocation import Allocation
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client.group import ModuleGroup
@@ -23,6 +24,7 @@ from tensionlab.hardware.runner.settings import Clock, RunSettings
 from tensionlab.hardware.runner.state_estimation import Flags, Observation, observe
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
+from tensionlab.path_allocation import RateLimitedAllocator
 from tensionlab.support.arrays import Floats, Integers
 
 TELEMETRY_UNITS = {
@@ -77,6 +79,7 @@ class ArmedModules:
         minimum = np.array([info.tension_lower for info in group.infos])
         self.tensions = np.minimum(minimum, rig.limits.lower)  # equal, but for single precision, or below
         self._max_change = min(group.slews) / settings.rate  # of a tension from one cycle to the next, in N
+        self._within_rates = RateLimitedAllocator(rig.limits, min(group.slews), 1.0 / settings.rate)
         self._derating = Derating(rig.limits, np.array(group.continuous), self.names)
         self._clearance = BodyClearance(rig, note)
         statistics.derated, statistics.near = self._derating.lowest, self._clearance.closest
@@ -175,6 +178,12 @@ class ArmedModules:
         if _native.any_exceeds(seen.ages, self._late_ages):
             late = seen.ages >= self._late_ages
             self._statistics.late_telemetry.update(np.array(self.names)[late].tolist())
+
+    def allocate_within_rates(
+        self, structure: Floats, wrench: Floats, free: Flags, limits: TensionLimits
+    ) -> tuple[Allocation, bool]:
+        """Return an allocation that the `free` modules reach by the next cycle; never by a fallback."""
+        return self._within_rates(structure, wrench, limits.only(free), self.tensions), False
 
     def go_to(self, chosen: Floats, free: Flags) -> tuple[Floats, bool]:
         """Set the next tensions of the `free` modules (m,), on their way to those chosen.

@@ -6,6 +6,7 @@ modules are released slowly (`Release`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,10 @@ from tensionlab.support.arrays import Floats
 CERTIFIED = frozenset((int(Status.EXACT), int(Status.NEAREST)))
 MAX_PREPARED = 256  # number of sets of limits that are kept prepared: windings warm and cool step by step
 EXACT_SOLVER = "newton"  # fallback where the chosen solver leaves its answer unproven
+
+
+# Takes structure matrix, wrench, the modules that are free (m,) and the limits of all.
+AllocateFree = Callable[[Floats, Floats, NDArray[np.bool_], TensionLimits], tuple[Allocation, bool]]
 
 
 class GuardedAllocator:

@@ -20,7 +20,7 @@ from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.messages import Stop
 from tensionlab.hardware.runner import records
 from tensionlab.hardware.runner.armed_modules import ArmedModules
-from tensionlab.hardware.runner.guard import EXACT_SOLVER, GuardedAllocator
+from tensionlab.hardware.runner.guard import EXACT_SOLVER, AllocateFree, GuardedAllocator
 from tensionlab.hardware.runner.pretension import explain_lengths, require_possible, take_up_slack
 from tensionlab.hardware.runner.program import require_demand
 from tensionlab.hardware.runner.records import Cycle, RunEvent, RunSink, Statistics
@@ -118,7 +118,7 @@ class Runner:
         self.statistics = Statistics()
         self.sinks = list(sinks)
         self._solver, self._demand, self._tracker = solver, demand, tracker
-        self._allocator = GuardedAllocator(solver, self.settings.policy)
+        self._allocator: AllocateFree = GuardedAllocator(solver, self.settings.policy)
         self._lowest = GuardedAllocator(EXACT_SOLVER)  # lowest tensions, whatever the solver optimises
         self._clock = RealClock(modules.clients) if clock is None else clock
         self._pose_tracker = PoseTracker(rig) if tracker is None else None
@@ -191,6 +191,8 @@ class Runner:
         self._watchdog.begin("the first answer of the solver", WARM_UP_S)
         home = rig.structure_matrix(rig.home, frames=rig.at_rest)
         self._allocator(home, np.zeros(rig.n), modules.active, rig.limits)
+        if settings.rate_limited:
+            self._allocator = modules.allocate_within_rates
         self._watchdog.rest()
         clock.wait_until(clock.now())  # simulated modules catch up with that before they are armed
         self.modules.arm(modules.tensions)

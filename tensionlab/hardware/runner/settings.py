@@ -33,6 +33,9 @@ class RunSettings:
         When a module is lost (fault, refused set-point, silence): stop all, or continue with the others.
     policy : str or None
         Policy for an infeasible wrench; the solver's own if None.
+    rate_limited : bool
+        Choose only tensions that the modules reach within a cycle, and from which they reach the next
+        (`tensionlab.RateLimitedAllocator`), in place of the solver's.
 
     Examples
     --------
@@ -45,6 +48,7 @@ class RunSettings:
     ttl: float = 0.25
     on_loss: OnLoss = "stop"
     policy: Policy | None = None
+    rate_limited: bool = False
 
     def __post_init__(self) -> None:
         if not MIN_TTL_S <= self.ttl <= MAX_TTL_S:

@@ -147,6 +147,28 @@ nb::tuple newton_tensions(const ProblemArrays& arrays, int policy, double rank_t
   return nb::make_tuple(found[0], found[1], separation);
 }
 
+// Coordinates, multipliers, both again polished, and iterations.
+nb::tuple path_coordinates(const Contiguous<double, 3>& basis, const Contiguous<double, 2>& space,
+                           const Contiguous<double, 1>& reach, double relaxation) {
+  const std::size_t samples = basis.shape(0), m = basis.shape(1), r = basis.shape(2);
+  require_size(1, m);
+  require(samples > 0 && r <= m && has_shape(space, 4 * samples - 2, m) && has_shape(reach, samples),
+          "space and reach do not fit the basis");
+  const auto z = make_array<double>(samples, r), polished_z = make_array<double>(samples, r);
+  const auto multipliers = make_array<double>(4 * samples - 2, m);
+  const auto polished_multipliers = make_array<double>(4 * samples - 2, m);
+  std::int64_t iterations = 0;
+  const PathConstraints path{samples, m, r, aligned(basis), aligned(space), aligned(reach), relaxation};
+  const PathAnswer answer{z.data(), multipliers.data(), polished_z.data(), polished_multipliers.data(),
+                          &iterations};
+  const auto kernel = path_for_this_processor();
+  {
+    const nb::gil_scoped_release unlocked;
+    kernel(path, answer);
+  }
+  return nb::make_tuple(z, multipliers, polished_z, polished_multipliers, iterations);
+}
+
 // tensions and separation are changed in place.
 nb::tuple verify_answers(const ProblemArrays& arrays, const InOut<2>& tensions, const InOut<2>& separation,
                          int rule, double tolerance, double rank_tolerance) {
@@ -185,6 +207,7 @@ void bind_solvers(nb::module_& module) {
   module.def("log_barrier", &log_barrier_tensions);
   module.def("slack_norm", &slack_norm_tensions);
   module.def("box_price", &box_price_tensions);
+  module.def("path", &path_coordinates);
   module.def("verify", &verify_answers);
   module.def("all_within", &all_within);
 }

@@ -70,4 +70,22 @@ TENSIONLAB_KERNEL(slack_norm, const Batch&, const SlackPrices&, std::size_t begi
 // The batch's weights are the prices of the rows over mu, as their roots.
 TENSIONLAB_KERNEL(box_price, const Batch&, std::size_t begin, std::size_t end, const IterativeAnswer&)
 
+// Tensions along a path (solvers/path_kernel.cpp), in the coordinates of each sample's null space, relative to the
+// largest limit. Rows: upper limits, lower limits, rises and falls, (4 samples - 2, m).
+struct PathConstraints {
+  std::size_t samples, m, r;
+  const double* basis;  // (samples, m, r), orthonormal columns or zeros
+  const double* space;  // of each row, what the particular solution leaves of its bound
+  const double* reach;  // (samples), largest norm of the coordinates inside the limits
+  double relaxation;    // of every bound, but where the solution is polished
+};
+
+struct PathAnswer {
+  double *coordinates, *multipliers;  // (samples, r), (4 samples - 2, m)
+  double *polished_coordinates, *polished_multipliers;
+  std::int64_t* iterations;
+};
+
+TENSIONLAB_KERNEL(path, const PathConstraints&, const PathAnswer&)
+
 }  // namespace tensionlab

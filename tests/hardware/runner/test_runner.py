@@ -136,6 +136,15 @@ def test_set_points_change_no_faster_than_the_modules_allow(rig):
     assert np.abs(rendered[10:, :2]).max() < 0.01
 
 
+def test_rate_limited_tensions_are_reached_in_each_cycle(rig):
+    def swing(state):
+        return Demand(np.array([2.0 * np.sin(40.0 * state.time), 0.0, 1.0]))
+
+    late = [run(World(rig), rig, swing, settings=RunSettings(rate_limited=limited)) for limited in (False, True)]
+    assert late[0].statistics.slew_limited > 5
+    assert late[1].statistics.slew_limited <= 2  # from taking up slack to the lower limits
+
+
 def test_modules_with_an_impedance_render_it_and_the_others_share_the_wrench(rig):
     spring = Impedance(rest=1.9, stiffness=10.0, feed_forward=0.5)
     force = np.array([0.0, -1.0, 0.0])
