@@ -77,7 +77,7 @@ def _draw_hemisphere(axes: Any, vectors: Floats, values: Floats, up: float, look
 
 def _draw_cables(axes: Any, rig: Rig, up: float) -> None:
     """Mark the directions in which the cables pull at home."""
-    places, there = _on_disc(rig.directions(rig.home, frames=rig.at_rest), up)
+    places, there = _on_disc(rig.cables(rig.home, frames=rig.at_rest).directions, up)
     names = [module.name for module, shown in zip(rig.modules, there, strict=True) if shown]
     axes.plot(*places.T, linestyle="", marker="s", markersize=6, color="white", markeredgecolor="black", zorder=3)
     for name, place in zip(names, places, strict=True):

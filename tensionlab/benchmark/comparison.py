@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from numbers import Real
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,17 +16,16 @@ from numpy.typing import ArrayLike
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.benchmark.entries import guarded
 from tensionlab.benchmark.speed import seconds, take_turns
-from tensionlab.errors import DataError, InputError, ShapeError
+from tensionlab.errors import InputError, ShapeError
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import Selected, Solver, select_solvers
 from tensionlab.solvers.base import POLICIES, Policy, Status
 from tensionlab.support import provenance
 from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers, angles, require_finite
-from tensionlab.support.files.tables import read_table
 from tensionlab.support.formatting import format_count, format_duration, format_number, format_vector, one_line
 from tensionlab.support.table import Column, Table
-from tensionlab.workspace.poses import ROTATION_COLUMNS, PoseList, poses_from_columns
+from tensionlab.workspace.poses import PoseList
 
 if TYPE_CHECKING:
     import pandas
@@ -208,7 +206,8 @@ def compare(
     rig : Rig
         Its body frames stay at rest.
     wrenches : (K, n), (K, d), (n,) or (d,) array, optional
-        Wrench at each sample, in N and N·m; d components are a force, one wrench is for all poses. Left out: zero.
+        Wrench at each sample, in N and N·m; d components are a force, one wrench is for all poses. Left out: that
+        of the poses, or zero.
     poses : PoseList or (K, d) array, optional
         Pose at each sample, or positions in m; left out: ``position`` throughout.
     position : (d,) array, optional
@@ -217,7 +216,8 @@ def compare(
         Directions of the forces, or the name of a set: ``"grid18"``, ``"fibonacci:N"``, in the plane
         ``"circle:N"``, or a CSV file; left out: the 182 of `grid18`, or 72 on a circle for a planar rig.
     magnitude : float, optional
-        Size of each force, in N; left out: the ball that the rig requires, or 1.5 as in the published validation.
+        Size of each force, in N; left out: the ball that the rig requires, the weight of its platform, or 1.5 as
+        in the published validation.
     solvers : sequence of str or Solver, optional
         Names, as ``tensionlab solvers`` lists them or ``"module:Class"``, and instances; left out: all by name.
     policy : {"force", "tension", "direction"}, optional
@@ -272,6 +272,8 @@ def _along(
     rig: Rig, wrenches: ArrayLike | None, poses: PoseList | ArrayLike | None, position: ArrayLike | None
 ) -> tuple[Floats, Floats, Floats]:
     """Return positions, structure matrices and desired wrenches of the samples of a trajectory."""
+    if wrenches is None and isinstance(poses, PoseList):
+        wrenches = poses.wrench
     given = require_finite("wrenches", np.zeros(rig.n) if wrenches is None else wrenches, 1)
     if given.ndim > 2 or given.shape[-1] not in (rig.n, rig.dimension):
         raise ShapeError(f"wrenches have shape {given.shape}; give (K, {rig.n}) or (K, {rig.dimension})")
@@ -301,7 +303,9 @@ def _directed(
         if magnitude is not None:
             raise InputError(f"magnitude {magnitude}: required wrenches are compared; give directions as well")
         return wrenches, None
-    magnitude = (rig.required.ball or PUBLISHED_FORCE_N) if magnitude is None else magnitude
+    if magnitude is None:
+        own_weight = 0.0 if rig.weight is None else float(np.linalg.norm(rig.weight[: rig.dimension]))
+        magnitude = rig.required.ball or own_weight or PUBLISHED_FORCE_N
     if not (isinstance(magnitude, Real) and 0.0 < magnitude < MAX_MAGNITUDE):
         raise InputError(f"magnitude {magnitude} is no size of a force; give newtons, finite and above 0")
     if directions is None:
@@ -310,26 +314,6 @@ def _directed(
         directions = direction_sets.parse(directions)
     forces = magnitude * require_finite("directions", directions, 2)
     return rig.required.middle(rig) + direction_sets.forces(forces, rig.n, rig.dimension), magnitude
-
-
-def read_trajectory(path: str | Path, rig: Rig) -> tuple[Floats, PoseList]:
-    """Read a trajectory from a CSV file: wrenches (K, n) in N and N·m, and poses.
-
-    The columns are those of `tensionlab.workspace.read_poses` and of the force, Fx, Fy and Fz (in the plane Fx and
-    Fy), and may be those of the torque, Mx, My and Mz (in the plane Mz). DataError if the file is no such table.
-    """
-    axes = "xyz"[: rig.dimension]
-    forces, torques = [f"F{axis}" for axis in axes], [f"M{axis}" for axis in ("xyz" if rig.n == 6 else "z")]
-    torques = torques[: rig.n - rig.dimension]
-    turns = [*ROTATION_COLUMNS] if rig.dimension == 3 else ["angle"]
-    what = "a trajectory of poses and forces (*.csv)"
-    columns = read_table(path, [*axes, *forces], [*turns, *torques], error=DataError, what=what)
-    nothing = np.zeros(len(columns["x"]))
-    wrenches = np.stack([columns.pop(name, nothing) for name in (*forces, *torques)], axis=1)
-    try:
-        return wrenches, poses_from_columns(columns)
-    except DataError as error:
-        raise DataError(f"{path}: {error}") from None
 
 
 def _time_solvers(

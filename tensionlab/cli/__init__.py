@@ -34,7 +34,17 @@ if TYPE_CHECKING:
 BAD_INPUT, INTERRUPTED, STDOUT_CLOSED = 2, 130, 141  # the latter two as shells have it: 128 + SIGINT or SIGPIPE
 PROGRAM = "tensionlab"
 COMPLETION_VARIABLE = f"_{PROGRAM.upper()}_COMPLETE"  # set by a shell that asks for completions
-NUMBER_OPTIONS = ("--at", "--facing", "--force", "--wrench", "--reference", "--box", "--step", "--frame")
+NUMBER_OPTIONS = (
+    "--at",
+    "--facing",
+    "--force",
+    "--wrench",
+    "--reference",
+    "--rotation",
+    "--box",
+    "--step",
+    "--frame",
+)
 # Numbers, also with a unit: the message on it then says how to write them.
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*([a-z°]{1,3}|N·m)?,?|[-+]?(nan|inf),?", re.IGNORECASE)
 PARSER_WORDS = {

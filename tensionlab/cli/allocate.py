@@ -32,6 +32,7 @@ def allocate(
     gravity: options.Gravity = None,
     frames: options.BodyFrames = None,
     at: options.At = None,
+    rotation: options.Rotation = None,
     solver: options.Solver = "newton",
     policy: options.Policy = None,
     reference: Annotated[
@@ -45,15 +46,16 @@ def allocate(
     """
     loaded = options.load(rig, frames, wrench, gravity)
     options.check_solvers(loaded, [solver], policy)
-    desired = loaded.required.middle(loaded)
-    position = options.parse_position(at, loaded)
+    position, turn = options.parse_position(at, loaded), options.parse_rotation(rotation, loaded)
+    desired = loaded.required.middle(loaded, turn)
     allocator = Allocator(loaded.limits, solver, _reference(loaded, reference), policy)  # type: ignore[arg-type]  # checked
-    result = allocator(loaded.structure_matrix(position, frames=loaded.at_rest), desired)
+    result = allocator(loaded.structure_matrix(position, turn, loaded.at_rest), desired)
     status, reason = Status(int(result.status)), result.failures.get(0)
     if json:
         output.print_json(
             rig=loaded.name,
             position=position,
+            rotation=loaded.home_orientation if turn is None else turn,
             solver=solver,
             policy=allocator.policy,
             status=status.name,
@@ -75,7 +77,7 @@ def allocate(
             )
         unit = "N" if loaded.n == loaded.dimension else "(N and N·m together)"
         notes = [f"error {format_number(float(result.residual))} {unit}, {text}", *([reason] if reason else [])]
-        output.print_table(_tensions(loaded, position, result))
+        output.print_table(_tensions(loaded, position, rotation, result))
         output.print_line()
         output.print_table(_wrenches(loaded, desired, result.wrench, notes))
     raise typer.Exit(0 if status is Status.EXACT else 1)
@@ -91,7 +93,7 @@ def _reference(rig: Rig, text: str | None) -> str | list[float] | None:
     return options.parse_components("--reference", text, [module.name for module in rig.modules], rig.name)
 
 
-def _tensions(rig: Rig, position: Floats, result: Allocation) -> Table:
+def _tensions(rig: Rig, position: Floats, rotation: str | None, result: Allocation) -> Table:
     """Return the table of tensions with their limits."""
     rows = []
     for module, tension in zip(rig.modules, result.tensions, strict=True):
@@ -99,6 +101,8 @@ def _tensions(rig: Rig, position: Floats, result: Allocation) -> Table:
         at = "at its lower limit" if low else "at its upper limit" if high else ""
         rows.append((module.name, tension, module.lower, module.upper, at))
     title = f"{rig.name} at {format_vector(position)} m"
+    if rotation is not None:
+        title += f", turned by {format_vector(options.parse_numbers('--rotation', rotation))} rad"
     if rig.required.gravity and rig.platform is not None:
         title += f", its weight of {rig.platform.mass:g} kg held as well"
     return Table(

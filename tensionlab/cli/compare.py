@@ -9,11 +9,11 @@ from typing import Annotated
 import typer
 
 from tensionlab.benchmark import comparison
-from tensionlab.benchmark.comparison import read_trajectory
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json, option
 from tensionlab.support import provenance
 from tensionlab.support.table import WIDE, Table
+from tensionlab.workspace.poses import read_poses
 
 STATUS_LEGEND = """\
 any: all wrenches are feasible, so the policy makes no difference
@@ -36,7 +36,11 @@ def compare(
     rig: options.RigArgument,
     at: options.At = None,
     magnitude: Annotated[
-        float | None, option("NEWTON", "Size of each force in N. Left out: 1.5, or the radius of a required ball.")
+        float | None,
+        option(
+            "NEWTON",
+            "Size of each force in N. Left out: the radius of a required ball, the platform's weight, or 1.5.",
+        ),
     ] = None,
     directions: Annotated[
         str | None,
@@ -54,9 +58,9 @@ def compare(
     trajectory: Annotated[
         Path | None,
         option(
-            "FILE.csv",
-            "Compare along a trajectory: columns x, y, z in m and Fx, Fy, Fz in N; optional rx, ry, rz in "
-            "rad and Mx, My, Mz in N·m; in the plane x, y, Fx, Fy, optional angle and Mz.",
+            "FILE",
+            "Compare along a trajectory (.csv, .parquet): columns x, y, z in m; optional Fx, Fy, Fz in N, rx, ry, "
+            "rz in rad and Mx, My, Mz in N·m; in the plane x, y, optional Fx, Fy, angle and Mz.",
         ),
     ] = None,
     wrench: options.Wrench = None,
@@ -71,9 +75,10 @@ def compare(
 
     Shows what each renders, how far off it is, and how long it takes.
 
-    The default is the published validation: 182 forces of 1.5 N (a grid of 18 degrees; the paper gives the
-    count, the grid is inferred). They are added to what is required: a wrench, the weight; the wrenches
-    of a required list or the corners of a box are compared in their place, unless directions are given.
+    The default is the published validation: 182 forces (a grid of 18 degrees; the paper gives the count, the
+    grid is inferred) of 1.5 N, or of the platform's weight if the rig's file has it. They are added to what is
+    required: a wrench, the weight; the wrenches of a required list or the corners of a box are compared in their
+    place, unless directions are given.
     """
     loaded = options.load(rig, frames, wrench, gravity, required)
     names = options.parse_names(solvers)
@@ -82,11 +87,10 @@ def compare(
         raise typer.BadParameter(
             "--trajectory has its own poses and forces; leave --at, --directions, --magnitude out"
         )
-    wrenches, poses = read_trajectory(trajectory, loaded) if trajectory else (None, None)
+    poses = None if trajectory is None else read_poses(trajectory)
     with output.progress(f"Comparing on {loaded.name}") as progress:
         result = comparison.compare(
             loaded,
-            wrenches,
             poses=poses,
             position=None if trajectory else options.parse_position(at, loaded),
             directions=directions,

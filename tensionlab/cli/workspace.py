@@ -48,7 +48,14 @@ def workspace(
     box: options.Box = None,
     step: options.Step = None,
     rotations: options.Rotations = None,
-    poses: Annotated[Path | None, option("FILE", "File of poses in place of a box (.csv, .parquet).")] = None,
+    poses: Annotated[
+        Path | None,
+        option(
+            "FILE",
+            "File of poses in place of a box (.csv, .parquet): x, y, z in m; optional rx, ry, rz in rad, and a "
+            "wrench for each pose that is added to what is required: Fx, Fy, Fz in N, Mx, My, Mz in N·m.",
+        ),
+    ] = None,
     metrics: Annotated[
         list[str] | None,
         option("A,B,...", f"Metrics; may be repeated. Left out: {', '.join(DEFAULT_METRICS)}.", "--metric"),
@@ -85,7 +92,8 @@ def workspace(
         where = box_of_poses(*ends, step=steps, rotations=options.parse_orientations(loaded[0], rotations))
     names = options.parse_names(metrics)
     if names is None:
-        names = [*["wrench-feasible"][: any(rig.required for rig in loaded)], *DEFAULT_METRICS]
+        loads = isinstance(where, PoseList) and where.wrench is not None
+        names = [*["wrench-feasible"][: loads or any(rig.required for rig in loaded)], *DEFAULT_METRICS]
     places = {name: place for rig in loaded for name, place in rig.at_rest.items()}
     kept = f"the same command resumes the sweep in {out}"
     if out is None:
@@ -151,6 +159,8 @@ def _metrics_table(found: pandas.DataFrame, where: Grid | PoseList, rigs: list[R
         notes.append("no value: a cable has no length there, or a force is infeasible")
     if poses > MEDIAN_SAMPLE:
         notes.append(f"median: of an even selection of {MEDIAN_SAMPLE:,} values at most")
+    if isinstance(where, PoseList) and where.wrench is not None:
+        notes.append("required in addition: the wrench of each pose")
     for rig in rigs:
         if rig.required:
             notes.append(f"required of {rig.name}: {rig.required.describe(rig)}")

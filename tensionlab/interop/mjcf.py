@@ -55,14 +55,10 @@ def rig_to_mjcf(rig: Rig) -> str:
         frames[name] = Xml.SubElement(world, "body", name=f"frame {name}", mocap="true")
     for rest in rig.rest:
         frames[rest.name].set("pos", _row(in_space(rest.position)))
-        if rest.rotation is not None:
-            turn = rest.rotation if rest.rotation.size == 3 else np.array([0.0, 0.0, rest.rotation[0]])
-            angle = float(np.linalg.norm(turn))
-            axis = turn / angle if angle else np.array([0.0, 0.0, 1.0])
-            frames[rest.name].set("axisangle", _row([*axis, angle]))
+        _turn(frames[rest.name], rest.rotation)
     platform = _platform(world, rig, size)
     placed = pose.place_anchors(rig.modules, rig.anchors, rig.at_rest)
-    away = pose.to_module_frames(rig.modules, rig.home + rig.attachments - placed, rig.at_rest)
+    away = pose.to_module_frames(rig.modules, rig.home + rig.attachments @ rig.home_matrix.T - placed, rig.at_rest)
     tendons = Xml.SubElement(root, "tendon")
     motors = Xml.SubElement(root, "actuator")
     for number, (module, attachment) in enumerate(zip(rig.modules, rig.attachments, strict=True)):
@@ -84,9 +80,19 @@ def rig_to_mjcf(rig: Rig) -> str:
     return Xml.tostring(root, encoding="unicode") + "\n"
 
 
+def _turn(body: Xml.Element, rotation: Floats | None) -> None:
+    """Turn a body by axis times angle, (3,), or by an angle, (1,), in rad."""
+    if rotation is not None:
+        turn = rotation if rotation.size == 3 else np.array([0.0, 0.0, rotation[0]])
+        angle = float(np.linalg.norm(turn))
+        axis = turn / angle if angle else np.array([0.0, 0.0, 1.0])
+        body.set("axisangle", _row([*axis, angle]))
+
+
 def _platform(world: Xml.Element, rig: Rig, size: float) -> Xml.Element:
     """Add the body that the cables hold."""
     body = Xml.SubElement(world, "body", name="platform", pos=_row(in_space(rig.home)))
+    _turn(body, rig.home_rotation)
     if rig.kind == "platform":
         Xml.SubElement(body, "freejoint", name="pose")
     else:
@@ -94,7 +100,8 @@ def _platform(world: Xml.Element, rig: Rig, size: float) -> Xml.Element:
             pointing = _row(float(axis == other) for other in "xyz")
             Xml.SubElement(body, "joint", name=axis, type="slide", axis=pointing, ref=_row([place]))
     if rig.kind == "planar":
-        Xml.SubElement(body, "joint", name="turn", type="hinge", axis="0 0 1")
+        angle = 0.0 if rig.home_rotation is None else rig.home_rotation[0]
+        Xml.SubElement(body, "joint", name="turn", type="hinge", axis="0 0 1", ref=_row([angle]))
     mass, com, inertia = _inertia(rig)
     moments = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     Xml.SubElement(body, "inertial", mass=_row([mass]), pos=_row(com), fullinertia=_row(moments))

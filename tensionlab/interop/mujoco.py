@@ -193,7 +193,7 @@ class RigBody:
     ----------
     rig : Rig
     position : (d,) array, optional
-        Its first position, not turned; `Rig.home` if left out.
+        Its first position, turned as at home; `Rig.home` if left out.
 
     Attributes
     ----------

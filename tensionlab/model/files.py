@@ -184,7 +184,7 @@ def rig_to_toml(rig: Rig) -> str:
     for key in ("up", "description", "source"):
         if getattr(rig, key):
             document[key] = getattr(rig, key)
-    document["home"] = rig.home.tolist()
+    document |= _given(rig, ["home", "home_rotation"])
     first, *others = rig.modules
     common = [
         key
@@ -225,7 +225,7 @@ def rig_to_toml(rig: Rig) -> str:
     )
 
 
-def _given(record: Body | Module | Platform | Requirement | RestPose, keys: Sequence[str]) -> dict[str, Any]:
+def _given(record: Body | Module | Platform | Requirement | RestPose | Rig, keys: Sequence[str]) -> dict[str, Any]:
     """Return those of the values that are known, as TOML has them."""
     values = {key: getattr(record, key) for key in keys}
     return {key: np.asarray(value, np.float64).tolist() for key, value in values.items() if value is not None}

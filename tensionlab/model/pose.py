@@ -43,7 +43,7 @@ class CoordinateFrame(NamedTuple):
     rotation: ArrayLike | None = None
 
 
-MAX_ROTATION_RAD = 100.0  # rest pose, about each axis: beyond some turns an angle is a mistake
+MAX_ROTATION_RAD = 100.0  # in a file, about each axis: beyond some turns an angle is a mistake
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,16 +72,9 @@ class RestPose:
         require_name(self.name, "frame", "name", "give the name of a body frame")
         here = f'frame "{self.name}"'
         object.__setattr__(self, "position", vector(self.position, here, "position"))
-        if self.rotation is None:
-            return
-        turn = readonly_copy(as_floats("rotation", self.rotation))
-        if turn.size != {2: 1, 3: 3}.get(self.position.size):
-            raise RigError(f'{here}: key "rotation" must have three numbers in space, one in the plane')
-        if not (np.abs(turn) <= MAX_ROTATION_RAD).all():
-            raise RigError(
-                f'{here}: key "rotation" is {brief(turn.tolist())}; give rad, within {MAX_ROTATION_RAD:g}'
-            )
-        object.__setattr__(self, "rotation", turn)
+        if self.rotation is not None:
+            turn = rotation_vector(self.rotation, here, "rotation", self.position.size)
+            object.__setattr__(self, "rotation", turn)
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)
@@ -95,6 +88,16 @@ class RestPose:
             return CoordinateFrame(self.position)
         turn = self.rotation
         return CoordinateFrame(self.position, kinematics.exponential(turn) if turn.size == 3 else turn[0])
+
+
+def rotation_vector(values: ArrayLike, where: str, key: str, dimension: int) -> Floats:
+    """Return axis times angle, (3,), or in the plane an angle, (1,), in rad; RigError for other numbers."""
+    turn = np.atleast_1d(as_floats(key, values))
+    if turn.shape != ({2: 1, 3: 3}.get(dimension),):
+        raise RigError(f'{where}: key "{key}" must have three numbers in space, one in the plane')
+    if not (np.abs(turn) <= MAX_ROTATION_RAD).all():
+        raise RigError(f'{where}: key "{key}" is {brief(turn.tolist())}; give rad, within {MAX_ROTATION_RAD:g}')
+    return readonly_copy(turn)
 
 
 # Where each named body frame is: a `CoordinateFrame`, a tuple (position, rotation), or a position alone.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,15 +30,12 @@ from tensionlab.model.module import (
 from tensionlab.model.pose import CoordinateFrame, Frames, RestPose
 from tensionlab.model.pulleys import Pulleys, route_cables
 from tensionlab.model.requirement import Requirement
-from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats, common_axes, readonly_copy
 from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_count, format_range, format_vector
 from tensionlab.support.table import Column, Table
 
 if TYPE_CHECKING:
-    import pandas
-
     from tensionlab.allocation import Allocation, Policy, Solver
 
 
@@ -68,7 +65,7 @@ class Rig:
         A key of `KINDS`: "planar-point", "point", "planar" or "platform".
     home : (d,) read-only array
         Nominal position of the point or of the platform's reference point, in m, and the default guess of the
-        forward kinematics; the home orientation is the identity.
+        forward kinematics.
     platform : Platform or None
         Mass and inertia of what the cables hold, if known.
     description, source : str
@@ -82,6 +79,8 @@ class Rig:
         Default poses of the body frames; frames without one are at the origin of the world.
     bodies : tuple of Body
         What the cables must stay clear of, such as the user's head; none by default.
+    home_rotation : (3,) or (1,) read-only array, or None
+        Orientation at home: axis times angle in space, an angle in the plane, in rad; None for the identity.
 
     Examples
     --------
@@ -107,6 +106,7 @@ class Rig:
     required: Requirement = field(default_factory=Requirement)
     rest: tuple[RestPose, ...] = ()
     bodies: tuple[Body, ...] = ()
+    home_rotation: Floats | None = None
 
     def __post_init__(self) -> None:
         require_name(self.name, "rig", "name", "give the rig a name")
@@ -121,6 +121,11 @@ class Rig:
             require_up(self.up, d)
         if self.home.size != d:
             raise RigError(f'key "home" has {self.home.size} coordinates; a {self.kind} rig needs {d}')
+        if self.home_rotation is not None:
+            if not self._kind.has_orientation:
+                raise RigError(f'key "home_rotation": a {self.kind} rig cannot turn; leave it out')
+            turn = pose.rotation_vector(self.home_rotation, "rig", "home_rotation", d)
+            object.__setattr__(self, "home_rotation", turn)
         numbers: dict[str, int] = {}
         for number, module in enumerate(self.modules, start=1):
             here = f'module "{module.name}"'
@@ -135,18 +140,20 @@ class Rig:
         self.required.check_rig(self)
         object.__setattr__(self, "rest", tuple(self.rest))
         object.__setattr__(self, "bodies", tuple(self.bodies))
-        self._check_bodies()
+        self._check_bodies_and_frames()
+
+    def _check_bodies_and_frames(self) -> None:
+        """Refuse bodies and poses at rest that share a name, have other coordinates, or belong to nothing."""
         names, known = [pose_at_rest.name for pose_at_rest in self.rest], (*self.frames, *self.free_frames)
         for pose_at_rest in self.rest:
             if pose_at_rest.name not in known or names.count(pose_at_rest.name) > 1:
                 why = "is there twice" if pose_at_rest.name in known else "carries no module and no body"
                 others = f"the frames are {', '.join(known)}" if known else "no module has a frame"
                 raise RigError(f'frame "{pose_at_rest.name}" {why}; {others}')
-            if pose_at_rest.position.size != d:
-                raise RigError(f'frame "{pose_at_rest.name}": key "position" must have {d} coordinates')
-
-    def _check_bodies(self) -> None:
-        """Refuse bodies that share a name, have other coordinates, or a frame that means two things."""
+            if pose_at_rest.position.size != self.dimension:
+                raise RigError(
+                    f'frame "{pose_at_rest.name}": key "position" must have {self.dimension} coordinates'
+                )
         names = [body.name for body in self.bodies]
         for body in self.bodies:
             if names.count(body.name) > 1:
@@ -191,20 +198,6 @@ class Rig:
         title = f"{self.name}: {self.kind}, {modules}{held}, home {format_vector(self.home)} m"
         return Table(columns, rows, title, [self.description] if self.description else [])
 
-    def to_pandas(self) -> pandas.DataFrame:
-        """Return a data frame with a row for each module: limits in N, coordinates in m.
-
-        MissingDependency if pandas is not installed.
-        """
-        table: dict[str, Any] = {
-            f"{name}_{axis}": values[:, i]
-            for name, values in (("anchor", self.anchors), ("attachment", self.attachments))
-            for i, axis in enumerate("xyz"[: self.dimension])
-        }
-        keys = ("frame", "lower", "upper", "brake", "newton_per_ampere", "spool_radius", "pulley_radius")
-        table |= {key: [getattr(module, key) for module in self.modules] for key in keys}
-        return provenance.data_frame(table, [module.name for module in self.modules])
-
     @property
     def _kind(self) -> Kind:
         return KINDS[self.kind]
@@ -243,12 +236,8 @@ class Rig:
         Parameters
         ----------
         rotation : array or None
-            As in `structure_matrix`: the centre of mass turns with the platform.
-
-        Raises
-        ------
-        RigError
-            If the platform's mass or ``up`` is unknown.
+            As in `structure_matrix`: the centre of mass turns with the platform. RigError if the mass or ``up``
+            is unknown.
         """
         if self.platform is None:
             raise RigError(f'rig "{self.name}": [platform] is missing; give its mass')
@@ -256,9 +245,23 @@ class Rig:
         if not self._kind.has_orientation:
             return force
         arm = np.zeros((1, self.dimension)) if self.platform.com is None else self.platform.com[None]
-        if rotation is not None:
-            arm = kinematics.rotate(pose.rotations(rotation, self.dimension, "rotation"), arm)
+        turn = self.home_matrix if rotation is None else pose.rotations(rotation, self.dimension, "rotation")
+        arm = kinematics.rotate(turn, arm)
         return kinematics.structure_matrix(np.broadcast_to(force, arm.shape), arm)[..., 0]
+
+    @cached_property
+    def home_orientation(self) -> Floats | None:
+        """Orientation at home as in `structure_matrix`: a matrix, an angle in the plane, None for a point."""
+        if not self._kind.has_orientation:
+            return None
+        turn = np.zeros(2 * self.dimension - 3) if self.home_rotation is None else self.home_rotation
+        return readonly_copy(turn[0] if self.dimension == 2 else kinematics.exponential(turn))
+
+    @cached_property
+    def home_matrix(self) -> Floats:
+        """Orientation at home as a matrix, (d, d); the identity for a point."""
+        home, d = self.home_orientation, self.dimension
+        return np.eye(d) if home is None else pose.rotations(home, d, "home_rotation")
 
     @property
     def weight(self) -> Floats | None:
@@ -339,9 +342,7 @@ class Rig:
     ) -> Cables:
         """Return lengths, directions and arms of the cables at a pose; see `structure_matrix`."""
         p, R, anchors = self._pose(position, rotation, frames)
-        arms = None
-        if self._kind.has_orientation:
-            arms = self.attachments if R is None else kinematics.rotate(R, self.attachments)
+        arms = None if R is None else kinematics.rotate(R, self.attachments)
         pulleys = self.pulleys_in_world(frames)
         if pulleys is None:
             lengths, directions = kinematics.cables(anchors, p, arms)
@@ -368,15 +369,6 @@ class Rig:
         """
         return self.cables(position, rotation, frames).lengths
 
-    def directions(
-        self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
-    ) -> Floats:
-        """Return the unit vector from the attachment along each cable, (..., m, d), in world axes.
-
-        Parameters and errors as in `structure_matrix`.
-        """
-        return self.cables(position, rotation, frames).directions
-
     def structure_matrix(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
     ) -> Floats:
@@ -390,7 +382,7 @@ class Rig:
             Position of the reference point in the world, in m.
         rotation : (..., 3, 3) array, (...) array or None
             Rotation from platform to world: matrices for a platform rig, angles in rad for a planar one. None is
-            the identity. A point rig has no rotation.
+            the orientation at home. A point rig has no rotation.
         frames : mapping of name to `CoordinateFrame` or (position, rotation), optional
             Poses of the body frames in `Rig.frames`, and of `Rig.free_frames` that are not at rest.
 
@@ -480,12 +472,8 @@ class Rig:
         lengths : (..., m) array
             Measured, in m.
         position, rotation : arrays, optional
-            The guess; `Rig.home` and the identity if left out.
-
-        Raises
-        ------
-        ShapeError, RigError
-            As in `structure_matrix`; and with fewer cables than unknowns, or a length of zero or less.
+            The guess; the pose at home if left out. Errors as in `structure_matrix`; and with fewer cables than
+            unknowns, or a length of zero or less.
         """
         if self.m < self.n:
             raise RigError(f'rig "{self.name}": {self.m} cable lengths cannot fix {self.n} unknowns; add modules')
@@ -495,7 +483,7 @@ class Rig:
         guess, turn, anchors = self._pose(self.home if position is None else position, rotation, frames)
         return kinematics.estimate_pose(
             anchors,
-            self.attachments if self._kind.has_orientation else None,
+            None if turn is None else self.attachments,
             measured,
             guess,
             turn,
@@ -505,11 +493,12 @@ class Rig:
     def _pose(
         self, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None
     ) -> tuple[Floats, Floats | None, Floats]:
-        """Position, rotation matrix (or None) and anchors in the world, checked to broadcast."""
+        """Return the position, the rotation matrix (None for a point) and the anchors in the world."""
         p = pose.points(position, self.dimension, "position")
         if rotation is not None and not self._kind.has_orientation:
             raise ShapeError(f'rig "{self.name}" is a {self.kind} rig and cannot turn; leave rotation out')
-        R = None if rotation is None else pose.rotations(rotation, self.dimension, "rotation")
+        R = None if not self._kind.has_orientation else self.home_matrix
+        R = R if rotation is None else pose.rotations(rotation, self.dimension, "rotation")
         pose.require_known(frames or (), (*self.frames, *self.free_frames))
         anchors = pose.place_anchors(self.modules, self.anchors, frames)
         shapes = {"position": p.shape[:-1], "frames": anchors.shape[:-2]}

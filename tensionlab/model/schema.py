@@ -112,6 +112,9 @@ class RigFile(SchemaTable):
     name: str = Field(min_length=1, description="a name in quotes")
     kind: str = Field(description='"planar-point", "point", "planar" or "platform"')
     home: list[float] = Field(description="the nominal position, a list of coordinates in m")
+    home_rotation: list[float] | None = Field(
+        None, description="axis times angle at home in rad, a list of numbers"
+    )
     description: str = Field("", description="a text in quotes")
     source: str = Field("", description="a text in quotes")
     up: str | None = Field(None, description='the axis that points up, in quotes, as in up = "z"')

@@ -57,7 +57,10 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
     >>> plots.save_figure(figure, "rig.png")
     """
     spatial = rig.dimension == 3
-    ends, anchors = rig.home + rig.attachments, place_anchors(rig.modules, rig.anchors, rig.at_rest)
+    ends, anchors = (
+        rig.home + rig.attachments @ rig.home_matrix.T,
+        place_anchors(rig.modules, rig.anchors, rig.at_rest),
+    )
     outlines = body_outlines(rig)
     with one_panel(ax, (7.5, 7.0), "3d" if spatial else None) as (figure, axes):
         everything = np.concatenate([anchors, ends, *outlines])
@@ -96,7 +99,7 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
 
 def body_outlines(rig: Rig) -> list[Floats]:
     """Return points (k, d) of the surface of each body, with the platform at home and frames at rest."""
-    placed = place_bodies(rig.bodies, rig.home, None, rig.at_rest)
+    placed = place_bodies(rig.bodies, rig.home, rig.home_matrix, rig.at_rest)
     return [surface_points(*each) for each in zip(rig.bodies, placed, strict=True)]
 
 

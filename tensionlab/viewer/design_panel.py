@@ -185,7 +185,7 @@ class DesignPanel:
         name = gui.add_text("rig", self._rig.name)
         self._bind(name, lambda s: s.rig.name, lambda s, value: replace(s, rig=replace(s.rig, name=value)))
         home = gui.add_button("Make the hand's place home", color="gray")
-        on_press(home, lambda: edit(lambda s: replace(s, rig=replace(s.rig, home=s.position))))
+        on_press(home, lambda: edit(edits.make_home))
         self._file = gui.add_text("file", file)
         on_press(gui.add_button("Save"), lambda: self.save(self._file.value))
 

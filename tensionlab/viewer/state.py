@@ -75,13 +75,9 @@ Edit = Callable[[DesignState], DesignState]  # a change of the state; RigError f
 
 def begin(rig: Rig) -> DesignState:
     """Return the state in which a rig is first shown: the hand at home, no force desired."""
-    return DesignState(rig=rig, position=rig.home, rotation=_upright(rig), wrench=readonly_copy(np.zeros(rig.n)))
-
-
-def _upright(rig: Rig) -> Floats | None:
-    if rig.n == rig.dimension:
-        return None
-    return readonly_copy(np.zeros(())) if rig.dimension == 2 else readonly_copy(np.eye(3))
+    return DesignState(
+        rig=rig, position=rig.home, rotation=rig.home_orientation, wrench=readonly_copy(np.zeros(rig.n))
+    )
 
 
 def selected_module(state: DesignState) -> Module | None:
@@ -211,6 +207,17 @@ def move_hand(state: DesignState, place: ArrayLike) -> DesignState:
     return replace(state, position=readonly_copy(snap(state, place)))
 
 
+def make_home(state: DesignState) -> DesignState:
+    """Make the pose of the hand or platform the rig's home."""
+    from scipy.spatial.transform import Rotation
+
+    turn = state.rotation
+    if turn is not None and state.rig.dimension == 3:
+        turn = Rotation.from_matrix(turn).as_rotvec().round(DECIMALS) + 0.0
+    turn = None if turn is None or not turn.any() else turn
+    return replace(state, rig=replace(state.rig, home=state.position, home_rotation=turn))
+
+
 def turn_platform(state: DesignState, rotation: ArrayLike) -> DesignState:
     """Turn the platform: a matrix (3, 3) in space, an angle in rad in the plane; nothing for a point."""
     if state.rotation is None:
@@ -230,7 +237,7 @@ def ghost_state(state: DesignState) -> DesignState | None:
         return None
     same = ghost.n > ghost.dimension and state.rotation is not None
     wrench = state.wrench if ghost.n == state.rig.n else readonly_copy(np.zeros(ghost.n))
-    return replace(state, rig=ghost, rotation=state.rotation if same else _upright(ghost), wrench=wrench)
+    return replace(state, rig=ghost, rotation=state.rotation if same else ghost.home_orientation, wrench=wrench)
 
 
 def set_fields(**changes: Any) -> Edit:

@@ -284,7 +284,7 @@ def cell_problem(
     anchors = pose.place_anchors(rig.modules, rig.anchors, frames)
     if anchors.ndim > 2:
         raise InputError("frames: give one pose for each body frame; it is the same all over the region")
-    turns, matrices = None, np.eye(d)[None]
+    turns, matrices = None, rig.home_matrix[None]
     if rotations is not None:
         turns = np.asarray(rotations)
         turns = turns[None] if turns.ndim == (0 if d == 2 else 2) else turns

@@ -119,7 +119,7 @@ def body_distances(
     if bodies is not None:
         rig = with_bodies(rig, bodies)
     cables = _cables(rig, position, rotation, frames)
-    turn = None if rotation is None else pose.rotations(rotation, rig.dimension, "rotation")
+    turn = rig.home_matrix if rotation is None else pose.rotations(rotation, rig.dimension, "rotation")
     place = pose.points(position, rig.dimension, "position")
     placed = place_bodies(rig.bodies, place, turn, rig.at_rest | dict(frames or {}))
     return distances_to_placed(cables, rig.bodies, placed)

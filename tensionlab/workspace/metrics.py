@@ -36,16 +36,17 @@ class Batch:
     frames: Frames
     structure: Floats
     required: Requirement
+    added: Floats | None = None  # wrench that is required at each pose in addition, (B, n)
 
     @cached_property
     def wrench(self) -> Floats:
-        """Middle of the required wrenches, (n,), or (B, n) where it turns with the platform."""
-        return self.required.middle(self.rig, self.rotation)
+        """Middle of the required wrenches, (n,), or (B, n) where it is not the same at all poses."""
+        return self.required.middle(self.rig, self.rotation) + (0.0 if self.added is None else self.added)
 
     @cached_property
     def margin(self) -> Floats:
         """Capacity margin about all required wrenches, (B,), in N."""
-        return required_margin(self.rig, self.structure, self.required, self.rotation)
+        return required_margin(self.rig, self.structure, self.required, self.rotation, self.added)
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,10 @@ def _capacity_margin(batch: Batch, radius: float = 0.0) -> Floats:
 
 def _wrench_feasible(batch: Batch) -> Floats:
     """Whether the cables exert every required wrench within their limits: 1 or 0."""
-    tolerance = structure_metrics.feasibility_tolerance(batch.required.at(batch.rig, batch.rotation))
+    corners = batch.required.at(batch.rig, batch.rotation)
+    tolerance = structure_metrics.feasibility_tolerance(
+        corners + (0.0 if batch.added is None else batch.added[:, None])
+    )
     return (batch.margin >= -tolerance).astype(np.float64)
 
 

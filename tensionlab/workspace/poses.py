@@ -135,6 +135,9 @@ class PoseList:
         Of the reference point, in m.
     rotation : (k, 3, 3) array, (k,) array or None
         Orientations, as in `Rig.structure_matrix`: matrices in space, angles in rad in the plane.
+    wrench : (k, d) array, (k, n) array or None
+        Force, or force and torque, that the cables must exert at each pose in addition to what is required of the
+        rig, in N and N·m.
 
     Examples
     --------
@@ -145,6 +148,7 @@ class PoseList:
 
     position: Floats
     rotation: Floats | None = None
+    wrench: Floats | None = None
 
     def __post_init__(self) -> None:
         position = require_finite("position", self.position, 0)
@@ -160,6 +164,11 @@ class PoseList:
                     f"rotation has shape {rotation.shape}; {k} positions need orientations of shape {expected}"
                 )
             object.__setattr__(self, "rotation", rotation)
+        if self.wrench is not None:
+            wrench, (k, d) = require_finite("wrench", self.wrench, 2), position.shape
+            if wrench.shape not in ((k, d), (k, 3 * (d - 1))):
+                raise ShapeError(f"wrench has shape {wrench.shape}; give ({k}, {d}) or ({k}, {3 * (d - 1)})")
+            object.__setattr__(self, "wrench", wrench)
 
     def __repr__(self) -> str:
         axes = zip("xyz", self.position.T, strict=False)
@@ -184,7 +193,8 @@ class PoseList:
     def block(self, where: Sequence[slice]) -> PoseList:
         """Return the poses in a slice of the list."""
         (part,) = where
-        return PoseList(self.position[part], None if self.rotation is None else self.rotation[part])
+        arrays = (self.position, self.rotation, self.wrench)
+        return PoseList(*(None if each is None else each[part] for each in arrays))  # type: ignore[arg-type]
 
     def arrays(self) -> tuple[Floats, Floats | None]:
         """Return positions (B, d) and rotations, (B, 3, 3), (B,) or None."""
@@ -194,6 +204,12 @@ class PoseList:
         """Return the labels of the list."""
         labels = {"pose": label(("pose",), np.arange(len(self.position)), "1", "number of the pose")}
         labels |= {name: _length("pose", axis, name) for name, axis in zip("xyz", self.position.T, strict=False)}
+        if self.wrench is not None:
+            names = wrench_columns(self.dimension, self.wrench.shape[1])
+            for name, column in zip(names, self.wrench.T, strict=True):
+                labels[name] = label(
+                    ("pose",), column, "N" if name[0] == "F" else "N m", f"{name} that is required"
+                )
         return labels if self.rotation is None else labels | _orientation("pose", self.rotation)
 
 
@@ -265,7 +281,8 @@ def read_poses(path: str | Path) -> PoseList:
     r"""Return the poses that a file lists, whose path ends in .csv or .parquet.
 
     Its columns are x, y and z in m, in the plane x and y. An orientation is given by rx, ry, rz, the axis times
-    the angle in rad, in the plane by angle in rad. DataError names file and row.
+    the angle in rad, in the plane by angle in rad; a wrench by Fx, Fy, Fz in N and Mx, My, Mz in N·m, in the plane
+    by Fx, Fy and Mz, without torques where these are left out. DataError names file and row.
 
     Examples
     --------
@@ -280,7 +297,7 @@ def read_poses(path: str | Path) -> PoseList:
     if suffix not in POSE_FILE_SUFFIXES:
         raise DataError(f"{path}: not a file of poses; give one that ends in {', '.join(POSE_FILE_SUFFIXES)}")
     what = f"a file of poses (*{suffix})"
-    required, optional = ["x", "y"], ["z", *ROTATION_COLUMNS, "angle"]
+    required, optional = ["x", "y"], ["z", *ROTATION_COLUMNS, "angle", *wrench_columns(3, 6)]
     if suffix == ".csv":
         columns = read_table(path, required, optional, error=DataError, what=what)
     else:
@@ -289,29 +306,39 @@ def read_poses(path: str | Path) -> PoseList:
         check_columns(names, required, optional, str(path), DataError)
         columns = {name: table.numbers(name, DataError) for name in names}
     try:
-        poses = poses_from_columns(columns)
+        poses = _poses_from_columns(columns)
         _require_below(MAX_LENGTH, poses.position, "is", f"m, within {MAX_LENGTH:g}")
     except (DataError, ShapeError) as error:
         raise DataError(f"{path}: {error}") from None
     return poses
 
 
-def poses_from_columns(columns: dict[str, Floats]) -> PoseList:
+def wrench_columns(dimension: int, n: int) -> list[str]:
+    """Return the names of the columns of a wrench of n components: Fx, Fy, Fz, Mx, My, Mz, or Fx, Fy, Mz."""
+    torques = ["Mx", "My", "Mz"] if dimension == 3 else ["Mz"]
+    return [f"F{axis}" for axis in "xyz"[:dimension]] + torques[: n - dimension]
+
+
+def _poses_from_columns(columns: dict[str, Floats]) -> PoseList:
     """Return poses from the columns of `read_poses`; DataError for others."""
-    spatial = "z" in columns
+    spatial, d = "z" in columns, 3 if "z" in columns else 2
     places, turns = (["x", "y", "z"], ROTATION_COLUMNS) if spatial else (["x", "y"], ["angle"])
-    turned = bool(set(turns) & set(columns))
-    needed = [*places, *(turns if turned else [])]
+    forces, wrench_names = wrench_columns(d, d), wrench_columns(d, 3 * (d - 1))
+    turned, loaded = bool(set(turns) & set(columns)), bool(set(wrench_names) & set(columns))
+    needed = [*places, *(turns if turned else []), *(forces if loaded else [])]
     if missing := [name for name in needed if name not in columns]:
         raise DataError(f"no column {missing[0]}; the columns are {', '.join(columns)}")
-    if unknown := [name for name in columns if name not in needed]:
-        raise DataError(f"unknown column {unknown[0]}; give x, y, z, rx, ry, rz, or x, y, angle in the plane")
-    position = np.stack([columns[name] for name in places], axis=-1)
-    if not turned:
-        return PoseList(position)
-    angles = np.stack([columns[name] for name in turns], axis=-1)
-    _require_below(MAX_ANGLE_RAD, angles, "is turned by", "angles in rad")
-    return PoseList(position, kinematics.exponential(angles) if spatial else angles[:, 0])
+    if unknown := [name for name in columns if name not in [*needed, *wrench_names]]:
+        raise DataError(f"unknown column {unknown[0]}; give {', '.join([*places, *turns, *wrench_names])}")
+    position, rotation, wrench = np.stack([columns[name] for name in places], axis=-1), None, None
+    if turned:
+        angles = np.stack([columns[name] for name in turns], axis=-1)
+        _require_below(MAX_ANGLE_RAD, angles, "is turned by", "angles in rad")
+        rotation = kinematics.exponential(angles) if spatial else angles[:, 0]
+    if loaded:
+        names = wrench_names if set(wrench_names[d:]) & set(columns) else forces
+        wrench = np.stack([columns.get(name, np.zeros(len(position))) for name in names], axis=-1)
+    return PoseList(position, rotation, wrench)
 
 
 def _require_below(most: float, rows: Floats, what: str, expected: str) -> None:

@@ -207,14 +207,18 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Requir
 
 
 def required_margin(
-    rig: Rig, structure: Floats, required: Requirement, rotation: ArrayLike | None = None
+    rig: Rig,
+    structure: Floats,
+    required: Requirement,
+    rotation: ArrayLike | None = None,
+    added: Floats | None = None,
 ) -> Floats:
     """Return the capacity margin (...) of a rig about its required wrenches, in N.
 
     Torques are divided by the characteristic length of the requirement. ``structure`` (..., n, m) are the matrices
-    of its poses, and ``rotation`` is as in `Rig.structure_matrix`, with the same leading axes.
+    of its poses, ``rotation`` is as in `Rig.structure_matrix`, and ``added`` (..., n) is required in addition.
     """
-    corners = required.at(rig, rotation)
+    corners = required.at(rig, rotation) + (0.0 if added is None else added[..., None, :])
     if rig.n > rig.dimension:
         unit = np.ones(rig.n)
         unit[rig.dimension :] /= required.length_for(rig)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmark.comparison import MAX_TIMED_CALLS, compare, merge_policies, read_trajectory
-from tensionlab.errors import DataError, InputError, ShapeError
+from tensionlab.benchmark.comparison import MAX_TIMED_CALLS, compare, merge_policies
+from tensionlab.errors import InputError, ShapeError
+from tensionlab.workspace.poses import read_poses
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 QUICK = ["newton", "dykstra", "pseudoinverse:middle", "closed-form", "qp:daqp"]
@@ -241,15 +242,9 @@ def test_wrenches_alone_are_a_trajectory_at_home_added_to_what_is_required():
     np.testing.assert_array_equal(found.position, np.tile(rig.home, (20, 1)))
 
 
-def test_a_trajectory_is_read_from_a_file(tmp_path):
-    rig = tl.load_rig("bartels2026-validation")
-    (tmp_path / "path.csv").write_text("x,y,z,Fx,Fy,Fz\n0,0.3,0,1,0,0\n0,0.4,0.1,0,2,0\n")
-    wrenches, poses = read_trajectory(tmp_path / "path.csv", rig)
-    np.testing.assert_array_equal(wrenches, [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]])
-    np.testing.assert_array_equal(poses.position, [[0.0, 0.3, 0.0], [0.0, 0.4, 0.1]])
-    (tmp_path / "no.csv").write_text("x,y,z\n0,0,0\n")
-    with pytest.raises(DataError, match='column "Fx" is missing'):
-        read_trajectory(tmp_path / "no.csv", rig)
+def test_forces_are_as_large_as_the_weight_of_the_platform_if_there_is_one():
+    assert compare(tl.load_rig("cogiro"), solvers=["newton"]).magnitude == pytest.approx(91.058 * 9.81)
+    assert compare(tl.load_rig("ipanema-1"), solvers=["newton"], magnitude=3.0).magnitude == 3.0
 
 
 @pytest.mark.parametrize(
@@ -260,10 +255,10 @@ def test_torques_of_a_trajectory_are_read_and_compared(tmp_path, name, columns, 
     rig, names = tl.load_rig(name), columns.split(",")
     values = [*rig.home, *np.arange(len(names) - rig.dimension) / 10]
     (tmp_path / "path.csv").write_text(f"{columns}\n{','.join(map(str, values))}\n")
-    wrenches, _ = read_trajectory(tmp_path / "path.csv", rig)
-    np.testing.assert_array_equal(wrenches, [values[-n:]])
-    found = compare(rig, wrenches, solvers=["newton"])
-    np.testing.assert_allclose(found.wrenches - rig.required.middle(rig), wrenches)
+    poses = read_poses(tmp_path / "path.csv")
+    np.testing.assert_array_equal(poses.wrench, [values[-n:]])
+    found = compare(rig, poses=poses, solvers=["newton"])
+    np.testing.assert_allclose(found.wrenches - rig.required.middle(rig, poses.rotation), poses.wrench)
 
 
 @pytest.mark.parametrize(

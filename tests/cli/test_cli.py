@@ -114,6 +114,22 @@ def test_allocate_renders_what_it_says(run):
     assert report["tensions"] == list(tl.allocate(structure, [0.0, -0.5, -1.5], rig.limits).tensions)
 
 
+def test_allocate_turns_the_platform(run):
+    """The weight's torque turns with the centre of mass."""
+    words = ("allocate", "cogiro", "--wrench", "0 0 0 0 0 0", "--rotation", "0 0 0.3")
+    code, out, _ = run(*words, "--json")
+    report, rig = json.loads(out), tl.load_rig("cogiro")
+    turn = np.array(report["rotation"])
+    np.testing.assert_allclose(turn[0, :2], [np.cos(0.3), -np.sin(0.3)])
+    np.testing.assert_allclose(report["wrench_desired"], -rig.gravity(turn))
+    rendered = rig.structure_matrix(rig.home, turn) @ report["tensions"]
+    np.testing.assert_allclose(rendered, report["wrench_desired"], atol=1e-6)
+    assert code == 0
+    assert "cogiro at (0, 0, 2) m, turned by (0, 0, 0.3) rad" in run(*words)[1]
+    assert "--rotation has 1 component; cogiro needs 3: rx (rad)" in run(*words[:-1], "1")[2]
+    assert "cube-8 is a point rig and cannot turn" in run("allocate", CUBE, "--wrench", "0 0 1", *words[-2:])[2]
+
+
 def test_allocate_exits_with_1_where_the_wrench_is_not_rendered(run):
     for policy, words in (("force", "nearest in force"), ("direction", "90.47 % of it")):
         code, out, err = run("allocate", NARROW, "--wrench", "-1.5", "0", "0", "--policy", policy)

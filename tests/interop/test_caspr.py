@@ -292,7 +292,7 @@ def test_pulleys_are_those_of_caspr(write):
         length = 0.045 * angle + np.linalg.norm(end - leaves)
         assert rig.lengths(position)[0] == pytest.approx(length, rel=1e-12)
         direction = (leaves - end) / np.linalg.norm(leaves - end)
-        np.testing.assert_allclose(rig.directions(position)[0], direction, atol=1e-12)
+        np.testing.assert_allclose(rig.cables(position).directions[0], direction, atol=1e-12)
 
 
 def test_other_pulleys_other_planes_and_several_bodies_are_refused(write):

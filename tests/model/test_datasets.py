@@ -138,5 +138,5 @@ def test_worn_anchors_move_with_the_body():
     after = rig.structure_matrix(rig.home, frames=moved)
     np.testing.assert_array_equal(after[:, :3], before[:, :3])
     # Seen from the body, the hand has moved the other way instead.
-    seen = rig.directions(turn.T @ rig.home, frames=STANCE)[3:] @ turn.T
+    seen = rig.cables(turn.T @ rig.home, frames=STANCE).directions[3:] @ turn.T
     np.testing.assert_allclose(after[:, 3:], seen.T, atol=1e-12)

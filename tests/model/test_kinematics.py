@@ -106,7 +106,7 @@ def test_the_gradient_by_the_anchors_is_that_of_the_structure_matrix(d, turns):
 @given(scenes())
 def test_directions_are_unit_vectors_that_lead_from_attachment_to_anchor(scene):
     rig, position, rotation, frames = scene
-    u = rig.directions(position, rotation, frames)
+    u = rig.cables(position, rotation, frames).directions
     np.testing.assert_allclose(np.linalg.norm(u, axis=-1), 1.0, atol=1e-12)
     # The first module of every scene stands in the world.
     arm = rig.attachments[0]

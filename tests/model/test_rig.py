@@ -150,7 +150,7 @@ def test_everything_broadcasts():
     np.testing.assert_array_equal(W[3, 2], WORN.structure_matrix(positions[3, 0], frames={"hip": (hips[2], None)}))
     assert BAR.structure_matrix(np.zeros((7, 1, 2)), np.linspace(0, 1, 3)).shape == (7, 3, 3, 2)
     assert BAR.lengths([0.0, 0.0], np.zeros(6)).shape == (6, 2)
-    assert POINT.directions(np.full((0, 3), 0.1)).shape == (0, 4, 3)
+    assert POINT.cables(np.full((0, 3), 0.1)).directions.shape == (0, 4, 3)
 
 
 def test_an_attachment_on_its_anchor_is_named():
@@ -159,7 +159,7 @@ def test_an_attachment_on_its_anchor_is_named():
     with pytest.raises(RigError, match=r'module "top" \(index 3\): the attachment lies on the anchor, so'):
         POINT.lengths(POINT.anchors[3])
     near = POINT.anchors[3] - [0.0, 5e-4, 0.0]  # the shortest cables have a direction
-    np.testing.assert_allclose(POINT.directions(near)[3], [0.0, 1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(POINT.cables(near).directions[3], [0.0, 1.0, 0.0], atol=1e-12)
 
 
 @pytest.mark.parametrize(

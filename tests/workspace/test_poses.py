@@ -85,6 +85,9 @@ def test_tables_hold_positions_and_orientations(tmp_path, suffix):
     planar = write({"y": [3.0, 4.0], "x": [1.0, 2.0], "angle": [0.1, 0.2]})
     assert (planar.position.tolist(), planar.rotation.tolist()) == ([[1.0, 3.0], [2.0, 4.0]], [0.1, 0.2])
     assert write({"x": [1.0], "y": [2.0]}).rotation is None
+    assert write({"x": [1.0], "y": [2.0], "Fx": [3.0], "Fy": [4.0]}).wrench.tolist() == [[3.0, 4.0]]
+    loaded = write({"x": [1], "y": [2], "z": [3], "Fx": [4], "Fy": [5], "Fz": [6], "My": [7]})
+    assert loaded.wrench.tolist() == [[4.0, 5.0, 6.0, 0.0, 7.0, 0.0]]
 
 
 @pytest.mark.parametrize(
@@ -115,6 +118,7 @@ def test_odd_poses_and_boxes_are_refused(call, error, words):
         ("poses.txt", "x,y\n1,2", "ends in .csv, .parquet"),
         ("poses.csv", "x,z\n1,2", 'column "y" is missing'),
         ("poses.csv", "x,y,z,rx\n1,2,3,4", "no column ry"),
+        ("poses.csv", "x,y,z,Fx\n1,2,3,4", "no column Fy"),
         ("poses.csv", "x,y,Z\n1,2,3", 'unknown column "Z"'),
         ("poses.parquet", "x,y\n1,2", "poses.parquet"),
     ],

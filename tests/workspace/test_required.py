@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from tensionlab.errors import SweepError
 from tensionlab.model.directions import fibonacci
 from tensionlab.model.kinematics import exponential
 from tensionlab.workspace.wrench_set import required_margin
@@ -39,6 +40,27 @@ def test_a_pose_is_feasible_where_every_corner_has_exact_tensions(required):
     data = tl.sweep(COGIRO, poses, ["wrench-feasible", "capacity-margin"], required=required)
     np.testing.assert_array_equal(data["wrench-feasible"].values[0] > 0, expected)
     np.testing.assert_array_equal(data["capacity-margin"].values[0] > 0, expected)
+
+
+def test_a_wrench_of_each_pose_is_required_in_addition():
+    """The same as if each pose were swept alone with its own required wrench; a force has no torque."""
+    poses = scattered(6)
+    wrenches = np.random.default_rng(1).normal(scale=300.0, size=(6, 6))
+    metrics = ["wrench-feasible", "capacity-margin", "squared-tension:worst", "isotropic-force"]
+    for given in (wrenches, wrenches[:, :3]):
+        found = tl.sweep(COGIRO, tl.workspace.PoseList(poses.position, poses.rotation, given), metrics)
+        for number, wrench in enumerate(given):
+            alone = tl.sweep(
+                COGIRO,
+                poses.block((slice(number, number + 1),)),
+                metrics,
+                required=tl.Requirement(wrench=np.pad(wrench, (0, 6 - len(wrench))), gravity=True),
+            )
+            for name in metrics:
+                np.testing.assert_allclose(found[name].values[..., number], alone[name].values[..., 0], rtol=1e-9)
+    assert found["Fz"].values.tolist() == wrenches[:, 2].tolist()
+    with pytest.raises(SweepError, match="the poses have torques"):
+        tl.sweep(tl.load_rig("cube-8"), tl.workspace.PoseList([[0.0, 0.0, 0.0]], wrench=np.ones((1, 6))), metrics)
 
 
 def test_margins_do_not_depend_on_the_unit_of_length():

@@ -30,6 +30,7 @@ EXAMPLES = {
     "--force": "1 2 3 (in N)",
     "--reference": "1 1 2 2 (in N)",
     "--at": "0 -0.1 0.3 (in m)",
+    "--rotation": "0 0 0.3 (in rad)",
     "--facing": "1 0 0",
     "--box": "-1 1 0 2 -1 1 (in m)",
     "--step": "0.1 (in m)",
@@ -66,6 +67,17 @@ def parse_position(text: str | None, rig: Rig) -> Floats:
     """Return the position that ``--at`` gives, in m; the rig's home if it is left out."""
     axes = [f"{axis} (m)" for axis in "xyz"[: rig.dimension]]
     return rig.home if text is None else np.array(parse_components("--at", text, axes, rig.name))
+
+
+def parse_rotation(text: str | None, rig: Rig) -> Floats | None:
+    """Return the orientation that ``--rotation`` gives, as `Rig.structure_matrix` takes it; None if left out."""
+    if text is None:
+        return None
+    if rig.n == rig.dimension:
+        raise typer.BadParameter(f"--rotation: {rig.name} is a {rig.kind} rig and cannot turn; leave it out")
+    axes = [f"r{axis} (rad)" for axis in ("xyz" if rig.dimension == 3 else "z")]
+    turn = np.array(parse_components("--rotation", text, axes, rig.name))
+    return replace(rig, home_rotation=turn).home_orientation
 
 
 def parse_names(values: list[str] | None) -> list[str] | None:
@@ -232,6 +244,13 @@ RigArgument = Annotated[str, rig_argument()]
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).")]
 Seed = Annotated[int, option("N", "Seed of all random numbers.", min=0)]
 At = Annotated[str | None, option("X Y Z", "Position in m; the rig's home if left out.")]
+Rotation = Annotated[
+    str | None,
+    option(
+        "RX RY RZ",
+        "Orientation of the platform, axis times angle in rad; in the plane one angle. Left out: as at home.",
+    ),
+]
 BodyFrames = Annotated[
     list[str] | None,
     option(

@@ -53,14 +53,14 @@ class BodyClearance:
         rig, d = self._rig, self._rig.dimension
         if not len(self._margins):
             return
-        turn = None if pose.rotation is None else rotations(pose.rotation, d, "rotation")
+        turn = rig.home_matrix if pose.rotation is None else rotations(pose.rotation, d, "rotation")
         if pose.frames or self._held or not self._placed:
             placed = place_bodies(rig.bodies, pose.position, turn, rig.at_rest | dict(pose.frames or {}))
             for index, each in enumerate(placed):
                 self._segments[index, :, :d] = each.ends
                 self._axes[index, :d, :d] = np.eye(d) if each.axes is None else each.axes
             self._placed = not pose.frames
-        ends = pose.position + (rig.attachments if turn is None else rig.attachments @ turn.T)
+        ends = pose.position + rig.attachments @ turn.T
         anchors = place_anchors(rig.modules, rig.anchors, pose.frames) if rig.frames else rig.anchors
         distances, self.distances, least = _native.body_distances(
             structure, ends, anchors, self._segments, self._axes, self._halves, self._reaches, self._margins

@@ -33,7 +33,7 @@ def rotation_matrix(cycle: Cycle, rig: Rig) -> Floats:
     """Return the rotation of the platform as a matrix."""
     rotation = cycle.state.pose.rotation
     if rotation is None:
-        return np.eye(rig.dimension)
+        return rig.home_matrix
     return planar_rotation(rotation) if rig.dimension == 2 else np.asarray(rotation, dtype=np.float64)
 
 

@@ -71,7 +71,8 @@ class PoseTracker:
 
     def _at_home(self) -> _native.PoseTracker:
         rig = self._rig
-        attachments = rig.attachments if rig.n > rig.dimension else np.zeros((0, rig.dimension))
+        attachments = rig.attachments @ rig.home_matrix.T  # the tracker starts with the identity
+        attachments = attachments if rig.n > rig.dimension else np.zeros((0, rig.dimension))
         radii, axes = rig.pulleys or (np.zeros(0), np.zeros((0, rig.dimension)))
         return _native.PoseTracker(rig.anchors, attachments, rig.home, radii, axes)
 
@@ -88,6 +89,7 @@ class PoseTracker:
         self.error = math.sqrt(squares / max(int(np.count_nonzero(known)), 1))
         if self._rig.n == self._rig.dimension:
             return Pose(position), self._structure
+        rotation = rotation @ self._rig.home_matrix
         if self._rig.dimension == 2:
             rotation = np.arctan2(rotation[1, 0], rotation[0, 0])
         return Pose(position, rotation), self._structure

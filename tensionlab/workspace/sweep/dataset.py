@@ -122,7 +122,10 @@ def _rig_labels(plan: Plan, rigs: Sequence[Rig]) -> dict[str, Label]:
         "module_name": of_modules(lambda rig: [each.name for each in rig.modules], "1", "name of the module"),
         "anchor": of_modules(anchors, "m", "anchor of the module in the world", "axis"),
         "attachment": of_modules(
-            attrgetter("attachments"), "m", "attachment of the cable in platform axes", "axis"
+            lambda rig: rig.attachments @ rig.home_matrix.T,
+            "m",
+            "attachment of the cable as turned at home",
+            "axis",
         ),
         "lower": of_modules(attrgetter("limits.lower"), "N", "minimum tension of the cable"),
         "upper": of_modules(attrgetter("limits.upper"), "N", "maximum tension of the cable"),

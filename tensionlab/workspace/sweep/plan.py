@@ -21,7 +21,7 @@ from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, as_floats
 from tensionlab.workspace.metrics import Batch, Metric
-from tensionlab.workspace.poses import Label, Poses, label
+from tensionlab.workspace.poses import Label, PoseList, Poses, label
 
 Block = tuple[slice, ...]  # a part of every axis of a sweep
 
@@ -187,13 +187,16 @@ class ChunkTask:
     def evaluate(self) -> Floats:
         """Return the values, (metrics, *shape of the block); NaN where a cable has no length."""
         position, rotation = self.poses.arrays()
+        wrench = self.poses.wrench if isinstance(self.poses, PoseList) else None
         values = np.full((len(self.metrics), len(self.rigs), len(position)), np.nan)
         for number, (rig, required) in enumerate(zip(self.rigs, self.required, strict=True)):
             frames = own_frames(rig, self.frames)
             step = max(1, PART_ENTRIES // (rig.n * rig.m))
             for part in (slice(start, start + step) for start in range(0, len(position), step)):
-                turn = None if rotation is None else rotation[part]
+                turn, added = (None if each is None else each[part] for each in (rotation, wrench))
                 batch, sound = _batch(rig, position[part], turn, frames, required)
+                if added is not None:
+                    batch = replace(batch, added=np.pad(added[sound], ((0, 0), (0, rig.n - added.shape[1]))))
                 for row, metric in enumerate(self.metrics):
                     values[row, number, part][sound] = metric.evaluate(batch)
         return values.reshape(len(self.metrics), *(part.stop - part.start for part in self.block))
@@ -266,6 +269,14 @@ class Plan:
             raise SweepError(
                 f'the poses have orientations, and rig "{rig.name}" ({rig.kind}) cannot turn; leave them out'
             )
+        if (
+            isinstance(self.poses, PoseList)
+            and self.poses.wrench is not None
+            and self.poses.wrench.shape[1] > rig.n
+        ):
+            raise SweepError(
+                f'the poses have torques, and rig "{rig.name}" ({rig.kind}) cannot turn; leave them out'
+            )
         turns = None if rotation is None else rotation[:0]
         batch, _ = _batch(rig, position[:0], turns, own_frames(rig, self.frames), self.requirement(rig))
         batch.required.check_rig(rig)
@@ -285,6 +296,8 @@ def _batch(
     anchors = pose.place_anchors(rig.modules, rig.anchors, frames)
     attachments = rig.attachments if rig.n > rig.dimension else None
     turn = kinematics.planar_rotation(rotation) if rotation is not None and rig.dimension == 2 else rotation
+    if rotation is None and rig.home_rotation is not None:
+        turn = np.tile(rig.home_matrix, (len(position), 1, 1))
     radii, axes = rig.pulleys_in_world(frames) or (None, None)
     structure, sound = _native.structure_matrices(
         anchors, attachments, position, turn, radii, axes, MIN_LENGTH_RATIO
