@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from tensionlab.model.schema import BodyTable
 
 # Keys of a module that the table `[limits]` can give for all.
-SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius", "pulley_radius", "pulley_axis")
+SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius", "pulley_radius", "pulley_axis",
+          "friction_coulomb", "friction_viscous")  # fmt: skip
 BODY_KEYS = ("name", "centre", "start", "end", "radius", "size", "frame", "margin", "sway")
 PERSON_KEYS = ("at", "facing", "height", "margin", "sway")
 

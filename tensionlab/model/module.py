@@ -24,6 +24,7 @@ MAX_MASS = 1e8  # maximum mass of a platform, in kg: that of a large ship
 OPTIONAL_NUMBERS = (
     ("brake", MAX_TENSION, "N"), ("newton_per_ampere", MAX_TENSION, "N/A"),
     ("spool_radius", MAX_LENGTH, "m"), ("pulley_radius", MAX_LENGTH, "m"),
+    ("friction_coulomb", MAX_TENSION, "N"), ("friction_viscous", MAX_TENSION, "N s/m"),
 )  # fmt: skip
 GRAVITY_M_S2 = 9.81  # acceleration by gravity, in m/s²
 STANDARD_GRAVITY_M_S2 = 9.80665  # for weighing; the local value differs by up to 0.4 %
@@ -75,6 +76,8 @@ class Module:
     pulley_axis : (d,) read-only array or None
         Swivel axis of the pulley, along the incoming cable towards the anchor, in the axes of ``frame``. Any
         length; only with ``pulley_radius``.
+    friction_coulomb, friction_viscous : float or None
+        Friction of winch and pulley against the cable's motion, in N, and per speed in N s/m; None if not known.
 
     Examples
     --------
@@ -99,6 +102,8 @@ class Module:
     spool_radius: float | None = None
     pulley_radius: float | None = None
     pulley_axis: Floats | None = None
+    friction_coulomb: float | None = None
+    friction_viscous: float | None = None
 
     def __post_init__(self) -> None:
         require_name(self.name, "module", "name", "give every module a name")

@@ -184,14 +184,16 @@ class Rig:
         rows = [
             [module.name, module.frame if self.frames else None, module.anchor,
              module.attachment if self._kind.has_orientation else None, length, module.lower, module.upper,
-             module.brake, module.newton_per_ampere, module.spool_radius, module.pulley_radius, module.pulley_axis]
+             module.brake, module.newton_per_ampere, module.spool_radius, module.pulley_radius, module.pulley_axis,
+             module.friction_coulomb, module.friction_viscous]
             for module, length in zip(self.modules, lengths, strict=True)
         ]  # fmt: skip
         columns = [
             "module", "frame", Column("anchor", "m"), Column("attachment", "m"),
             Column("cable at home", "m", ".3f"), Column("lower", "N"), Column("upper", "N"), Column("brake", "N"),
             Column("N/A", wide=True), Column("spool radius", "m", wide=True), Column("pulley radius", "m"),
-            Column("pulley axis", wide=True),
+            Column("pulley axis", wide=True), Column("dry friction", "N", wide=True),
+            Column("viscous friction", "N s/m", wide=True),
         ]  # fmt: skip
         held = "" if self.platform is None else f", platform of {self.platform.mass:g} kg"
         modules = format_count(self.m, "module")

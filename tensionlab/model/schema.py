@@ -35,6 +35,8 @@ class DefaultsTable(LimitsTable):
     pulley_axis: list[float] | None = Field(
         None, description="the direction in which the cable comes to the pulley, a list of numbers"
     )
+    friction_coulomb: float | None = Field(None, description="the dry friction of winch and pulley in N, a number")
+    friction_viscous: float | None = Field(None, description="their friction per speed in N s/m, a number")
 
 
 class ModuleTable(DefaultsTable):

@@ -95,6 +95,7 @@ def quantities(result: Characterisation) -> list[Quantity]:
         *(Quantity(f"felt {name}", unit, {axis: parts[index] for axis, parts in result.felt_along.items()})
           for index, (name, unit) in enumerate((("friction", "N"), ("damping", "N s/m"), ("inertia", "kg")))),
         Quantity("friction of a cable", "N", {WHOLE: cable.friction}, f"minimum tension {cable.tension:.2g} N"),
+        Quantity("damping of a cable", "N s/m", {WHOLE: cable.damping}),
     ]  # fmt: skip
     for damping, trials in result.walls.items():
         stable, passive = wall_limits(trials)

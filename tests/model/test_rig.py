@@ -66,6 +66,7 @@ def make(**change):
         ({"newton_per_ampere": -3.0}, "newton_per_ampere"),
         ({"spool_radius": float("nan")}, "spool_radius"),
         ({"spool_radius": 1.001 * MAX_LENGTH}, "spool_radius"),
+        ({"friction_coulomb": -0.1}, "friction_coulomb"),
     ],
 )
 def test_a_bad_module_is_refused_by_name_and_key(change, key):

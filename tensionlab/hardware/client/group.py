@@ -34,7 +34,8 @@ class ModuleGroup:
     """Clients of all modules of a rig, in its order.
 
     After `prepare`, ``infos`` describes the modules, ``slews`` are the largest rates of change of their tensions
-    in N/s, and ``continuous`` the continuous ratings of the windings as tensions in N.
+    in N/s, ``continuous`` the continuous ratings of the windings as tensions in N, and ``frictions`` what each
+    module compensates itself, in N and N s/m, if the rig has any.
 
     Examples
     --------
@@ -50,6 +51,7 @@ class ModuleGroup:
         self.infos: tuple[Info, ...] = ()
         self.slews: tuple[float, ...] = ()
         self.continuous: tuple[float, ...] = ()
+        self.frictions: tuple[tuple[float, ...], ...] = ()
         self._endpoints = _native.EndpointGroup([client.endpoint for client in self.clients])
         self._lockstep = tuple(client for client in self.clients if client.link.lockstep)
 
@@ -109,6 +111,9 @@ class ModuleGroup:
         self._all(Stop(), Acknowledge)  # a module may still be in TIMEOUT from an earlier run
         self._all(messages.ConfigureTelemetry(telemetry_ms), Acknowledge)
         self.slews, ratings = self._values("slew"), self._values("current_continuous")
+        if any(module.friction_coulomb or module.friction_viscous for module in rig.modules):
+            names = ("friction_coulomb", "friction_viscous")
+            self.frictions = tuple(zip(*map(self._values, names), strict=True))
         self.continuous = tuple(
             current * info.newton_per_ampere for current, info in zip(ratings, self.infos, strict=True)
         )

@@ -18,7 +18,7 @@ from tensionlab.hardware.client.module import CLOCK_WRAP_US, ModuleClient, Recei
 from tensionlab.hardware.protocol.codes import FOLLOWING_STATES, Code, Fault, State
 from tensionlab.hardware.protocol.messages import SetImpedance, Stop
 from tensionlab.hardware.runner.body_clearance import BodyClearance
-from tensionlab.hardware.runner.guard import Derating, Release, release_of
+from tensionlab.hardware.runner.guard import Derating, FrictionCompensation, Release, release_of
 from tensionlab.hardware.runner.records import Statistics
 from tensionlab.hardware.runner.settings import Clock, RunSettings
 from tensionlab.hardware.runner.state_estimation import Flags, Observation, observe
@@ -58,7 +58,7 @@ class ArmedModules:
     complete : bool
         Whether all modules take part.
     tensions : (m,) array
-        Those of the latest set-points in N, at first the minimum tensions.
+        Those that the cables are to have by the latest set-points, in N; at first the minimum tensions.
     """
 
     def __init__(
@@ -82,6 +82,11 @@ class ArmedModules:
         self._within_rates = RateLimitedAllocator(rig.limits, min(group.slews), 1.0 / settings.rate)
         self._derating = Derating(rig.limits, np.array(group.continuous), self.names)
         self._clearance = BodyClearance(rig, note)
+        self._friction = FrictionCompensation(rig, group.frictions) if group.frictions else None
+        self._minimum = minimum
+        self._compensated: Floats | None = (
+            None  # friction in N that set-points are lower by; none during pretension
+        )
         statistics.derated, statistics.near = self._derating.lowest, self._clearance.closest
         self._releases: dict[int, Release] = {}  # of lost modules
         # At high rates set-points share numbers: which one a module follows depends on how many were sent since.
@@ -116,6 +121,8 @@ class ArmedModules:
         self.check(seen, at_least, now)
         if _native.any_exceeds(seen.ages, self._unknown_ages):  # an old report is no measurement
             seen = seen._replace(tensions=np.where(seen.ages > self._unknown_ages, np.nan, seen.tensions))
+        if self._friction is not None:  # a module reports the pull of its motor
+            seen = seen._replace(tensions=seen.tensions + self._friction.force(seen.speeds))
         return seen, delays
 
     def check(self, seen: Observation, delays: Floats, now: float) -> None:
@@ -202,6 +209,8 @@ class ArmedModules:
                 f"{lower[refused]:g} to {upper[refused]:g} N"
             )
         self.tensions = tensions
+        if self._friction is not None and self._seen is not None:
+            self._compensated = self._friction.force(self._seen.speeds)
         return commanded, slew_limited
 
     def send(self, demand: Demand) -> Integers:
@@ -213,7 +222,10 @@ class ArmedModules:
         if springs:
             chosen = chosen.copy()
             chosen[springs] = False
-        sequences, unsent, failed = self._group.send_tensions(self.tensions, chosen, brakes, ttl_ms)
+        tensions = self.tensions
+        if self._compensated is not None:
+            tensions = np.clip(tensions - self._compensated, self._minimum, self.limits.upper)
+        sequences, unsent, failed = self._group.send_tensions(tensions, chosen, brakes, ttl_ms)
         for index in [*unsent, *(index for index in springs if self.active[index])]:
             client, brake = self._clients[index], bool(brakes[index])
             try:
@@ -221,7 +233,7 @@ class ArmedModules:
                     spring = vars(self._clearance.soften(demand.impedances[client.name], index))
                     sequences[index] = client.set_impedance(SetImpedance(0, **spring, brake=brake, ttl_ms=ttl_ms))
                 else:
-                    sequences[index] = client.set_tension(float(self.tensions[index]), brake=brake, ttl_ms=ttl_ms)
+                    sequences[index] = client.set_tension(float(tensions[index]), brake=brake, ttl_ms=ttl_ms)
             except LinkError as error:
                 failed.append((index, error))
         for index, why in failed:

@@ -142,7 +142,9 @@ class CycleTable:
     iterations: Integers = column("allocation.iterations", "1", "iterations of the solver")
     separation: Floats = column("allocation.separation", "1", "direction that proves infeasibility", "component")
     fallback_used: Flags = column("fallback_used", "1", "whether the exact solver's answer was sent")
-    commanded: Floats = column("commanded", "N", "set-point that was sent", "module")
+    commanded: Floats = column(
+        "commanded", "N", "set-point that was sent, with the friction it compensates", "module"
+    )
     sequences: Integers = column("sequences", "1", "sequence number of the set-point; -1: none sent", "module")
     start_delay: Floats = column("start_delay", "s", "begin of the cycle after its deadline")
     compute_time: Floats = column("compute_time", "s", "time that the host needed for the cycle")

@@ -1,12 +1,12 @@
 """Guard of the set-points of a run.
 
-Only certified answers are sent (`GuardedAllocator`), lower where a winding is warm (`Derating`). Cables of lost
-modules are released slowly (`Release`).
+Only certified answers are sent (`GuardedAllocator`), lower where a winding is warm (`Derating`), and less the
+friction that adds to them (`FrictionCompensation`). Cables of lost modules are released slowly (`Release`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from tensionlab.allocation import Allocation, Allocator, Policy, Solver, Status,
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit, State
 from tensionlab.model.module import TensionLimits
+from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
 CERTIFIED = frozenset((int(Status.EXACT), int(Status.NEAREST)))
@@ -104,6 +105,29 @@ class Derating:
                 self._names[index],
                 Limit.THERMAL,
             )
+
+
+# Speed of a cable below which its friction is not compensated, in m/s; from twice that speed on all of it is. At
+# rest a compensated friction would change sides with the noise of the speed, and shake the hand.
+FRICTION_DEAD_BAND_M_S = 0.01
+
+
+class FrictionCompensation:
+    """Friction of winches and pulleys that the runner compensates by the sign of the measured speed.
+
+    It is that of the rig's modules, less what each compensates itself by its parameters ``friction_coulomb`` and
+    ``friction_viscous``, in N and N s/m. See Armstrong-Hélouvry et al. 1994, Automatica 30(7).
+    """
+
+    def __init__(self, rig: Rig, compensated: Sequence[Sequence[float]]) -> None:
+        known = [(module.friction_coulomb or 0.0, module.friction_viscous or 0.0) for module in rig.modules]
+        self._coulomb, self._viscous = np.maximum(np.array(known) - np.array(compensated), 0.0).T
+
+    def force(self, speeds: Floats) -> Floats:
+        """Return the friction (m,) in N that adds to the tensions of cables with these speeds of paying out."""
+        share = np.clip(np.abs(speeds) / FRICTION_DEAD_BAND_M_S - 1.0, 0.0, 1.0)
+        force: Floats = np.nan_to_num(share * (np.sign(speeds) * self._coulomb + self._viscous * speeds))
+        return force
 
 
 HOLD_AFTER_TIMEOUT_S = 2.0  # time for which a module that timed out keeps its cable taut before it releases it

@@ -32,7 +32,8 @@ class Cycle:
     fallback_used : bool
         Whether the exact solver answered because the run's own left its answer unproven.
     commanded, sequences : (m,) array, (m,) array of int
-        Set-points in N, after the limit on their change, their sequence numbers; NaN and -1 where none was sent.
+        Set-points in N, after the limit on their change and with the friction that they compensate, and their
+        sequence numbers; NaN and -1 where none was sent.
     start_delay, compute_time : float
         Begin of the cycle after its deadline, and time that the host needed for it, in s.
 

@@ -25,7 +25,8 @@ from tensionlab.support.arrays import Floats
 def plant_parameters(module: Module) -> dict[str, float]:
     """Return the hardware parameters of a rig's module that differ from `PLANT`."""
     spool = PLANT["radius"].default if module.spool_radius is None else module.spool_radius
-    return {
+    frictions = {"dry_friction": module.friction_coulomb, "viscous_friction": module.friction_viscous}
+    return {name: value for name, value in frictions.items() if value is not None} | {
         "radius": spool,
         "torque_constant": newton_per_ampere(module) * spool,
         "brake_strength": 0.0 if module.brake is None else module.brake,

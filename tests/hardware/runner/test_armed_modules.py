@@ -142,7 +142,7 @@ class Watched:
     The continuous rating of the last one is less than its lower limit.
     """
 
-    slews, continuous = [60.0] * 3, [3.0, 3.0, 0.3]
+    slews, continuous, frictions = [60.0] * 3, [3.0, 3.0, 0.3], ()
 
     def __init__(self, on_loss="continue"):
         self.clients, self.now, self.noted = [Client(name) for name in "abc"], 50.0, []
