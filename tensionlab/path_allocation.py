@@ -126,7 +126,7 @@ def allocate_path(
     if not (rates > 0.0).all() or not 0.0 < dt < math.inf:
         raise InputError(f"rate_limits {brief(rate_limits)}, dt {dt}: give rates and a time above zero")
     scale = float(np.maximum(abs(lower), abs(upper)).max()) or 1.0
-    bounds = Bounds(lower / scale, upper / scale, rates * dt / scale)
+    bounds = PathBounds(lower / scale, upper / scale, rates * dt / scale)
     path, rendered = _particular(np.broadcast_to(W, (len(w), n, m)), w / scale, near / scale, bounds)
     found, blocked, iterations = _longest(path, len(w) if rendered.all() else int(rendered.argmin()))
     tensions = np.full((len(w), m), np.nan)
@@ -208,7 +208,7 @@ class RateLimitedAllocator:
         return found
 
 
-class Bounds(NamedTuple):
+class PathBounds(NamedTuple):
     """Limits (K, m), and largest changes from sample to sample (m,), relative to the largest limit."""
 
     lower: Floats
@@ -226,12 +226,12 @@ class Path:
 
     particular: Floats  # p, (K, m)
     basis: Floats  # N, (K, m, r), orthonormal or zero columns
-    bounds: Bounds
+    bounds: PathBounds
 
     def until(self, count: int) -> Path:
         """Return the path of the first samples."""
         lower, upper, change = self.bounds
-        bounds = Bounds(lower[:count], upper[:count], change)
+        bounds = PathBounds(lower[:count], upper[:count], change)
         return Path(self.particular[:count], self.basis[:count], bounds)
 
     @cached_property
@@ -266,7 +266,7 @@ class Path:
 
 
 def _particular(
-    structure: Floats, wrench: Floats, reference: Floats, bounds: Bounds
+    structure: Floats, wrench: Floats, reference: Floats, bounds: PathBounds
 ) -> tuple[Path, NDArray[np.bool_]]:
     """Return the path, and which samples some tensions render, whatever their limits, (K,)."""
     left, sigma, right = np.linalg.svd(structure)
