@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.allocation import Allocation, Allocator
+from tensionlab.benchmark.continuity import Continuity, measure_continuity, path_of
 from tensionlab.benchmark.entries import guarded
 from tensionlab.benchmark.speed import seconds, take_turns
 from tensionlab.errors import InputError, ShapeError
@@ -35,6 +36,7 @@ CALLS_PER_TURN = 10  # calls of one solver before the next solver's turn
 MAX_TIMED_S = 2.0  # time after which a slow solver is not timed any further, beyond its first turn
 TIMED_BATCHES = 5  # number of timed batches, one a turn; a batch longer than `QUICK_BATCH_S` is timed once
 QUICK_BATCH_S = 0.05
+NO_PATH = Continuity(np.nan, np.nan, np.nan)
 PUBLISHED_FORCE_N = 1.5  # magnitude of the forces of the published validation
 
 
@@ -54,7 +56,9 @@ class Score:
     angle_max_deg: float
     tension_sq_mean: float  # in N²
     tension_max: float
-    step_max: float  # along a trajectory: largest change of a tension from one sample to the next, in N
+    jump: float  # along a trajectory, in N, as in `Continuity`
+    jump_beyond: float
+    step_max: float
     iterations_max: float
     gap_max: float  # largest difference of a tension to the exact optimum, in N; without a policy, where feasible
     call_median_s: float  # of an `Allocator` call for one wrench, verification included
@@ -75,6 +79,8 @@ COLUMNS = {
     "angle_max_deg": Column("angle max", "°", format_number),
     "tension_sq_mean": Column("mean t²", "N²", format_number, wide=True),
     "tension_max": Column("t max", "N", format_number, wide=True),
+    "jump": Column("jump", "N", format_number),
+    "jump_beyond": Column("jump beyond", "N", format_number),
     "step_max": Column("step max", "N", format_number),
     "iterations_max": Column("iter max", wide=True),
     "gap_max": Column("gap max", "N", format_number, wide=True),
@@ -82,7 +88,13 @@ COLUMNS = {
     "call_p99_s": Column("call p99", format=format_duration, wide=True),
     "batch_s": Column("batch each", format=format_duration),
 }  # columns of tables of solvers, by the field of `Score`
-POSITION_OMITS = ("tension_max", "step_max", "iterations_max")  # columns left out at one position ..
+POSITION_OMITS = (
+    "tension_max",
+    "jump",
+    "jump_beyond",
+    "step_max",
+    "iterations_max",
+)  # columns left out at one position ..
 TRAJECTORY_OMITS = ("angle_mean_deg", "gap_max")  # ... and along a trajectory
 
 
@@ -248,8 +260,11 @@ def compare(
     if wrenches is not None or poses is not None:
         if directions is not None or magnitude is not None:
             raise InputError("wrenches or poses are a trajectory; leave out directions and magnitude")
-        place, structure, desired = _along(rig, wrenches, poses, position)
+        place, rotation, desired = _along(rig, wrenches, poses, position)
+        path = path_of(rig, place, rotation, desired)
+        structure = path(np.arange(float(len(place))))[0]
     else:
+        path = None
         place = rig.home if position is None else require_finite("position", position, 1)
         structure = rig.structure_matrix(place, frames=rig.at_rest)
         desired, magnitude = _directed(rig, directions, magnitude)
@@ -261,17 +276,18 @@ def compare(
         policy: Allocator(rig.limits, "newton", policy=policy)(structure, desired)
         for policy in {run.policy or POLICIES[0] for run in runs}
     }
+    jumps = [path and measure_continuity(each, path, len(place)) for each in allocators]
     rows = [
-        _score(place, run, desired, found, optima[run.policy or POLICIES[0]], measured)
-        for run, found, measured in zip(runs, allocations, times, strict=True)
+        _score(place, run, desired, found, optima[run.policy or POLICIES[0]], measured, continuity or NO_PATH)
+        for run, found, measured, continuity in zip(runs, allocations, times, jumps, strict=True)
     ]
     return Comparison(rig, place, structure, desired, tuple(rows), tuple(allocations), missing, magnitude)
 
 
 def _along(
     rig: Rig, wrenches: ArrayLike | None, poses: PoseList | ArrayLike | None, position: ArrayLike | None
-) -> tuple[Floats, Floats, Floats]:
-    """Return positions, structure matrices and desired wrenches of the samples of a trajectory."""
+) -> tuple[Floats, Floats | None, Floats]:
+    """Return positions, rotations and desired wrenches of the samples of a trajectory."""
     if wrenches is None and isinstance(poses, PoseList):
         wrenches = poses.wrench
     given = require_finite("wrenches", np.zeros(rig.n) if wrenches is None else wrenches, 1)
@@ -291,7 +307,7 @@ def _along(
     if len(given) not in (1, len(place)):
         raise ShapeError(f"{len(given)} wrenches for {len(place)} poses; give as many, or one")
     desired = np.broadcast_to(given + rig.required.middle(rig, rotation), (len(place), rig.n)).copy()
-    return place, rig.structure_matrix(place, rotation, rig.at_rest), desired
+    return place, rotation, desired
 
 
 def _directed(
@@ -344,13 +360,18 @@ def _time_solvers(
 
 
 def _score(
-    place: Floats, run: Selected, desired: Floats, found: Allocation, best: Allocation, times: tuple[Floats, float]
+    place: Floats,
+    run: Selected,
+    desired: Floats,
+    found: Allocation,
+    best: Allocation,
+    times: tuple[Floats, float],
+    continuity: Continuity,
 ) -> Score:
     """Return the statistics of the answers of one solver at one position, or along a trajectory."""
     d, counts = place.shape[-1], found.counts()
     angle, gaps = angles(desired[:, :d], found.wrench[:, :d]), abs(found.tensions - best.tensions)
     calls, batch_s = times
-    steps = np.diff(found.tensions, axis=0) if place.ndim == 2 else np.empty(0)
     return Score(
         solver=run.name,
         policy=run.policy,
@@ -364,7 +385,9 @@ def _score(
         angle_max_deg=_finite(np.max, angle),
         tension_sq_mean=_finite(np.mean, found.tensions**2),
         tension_max=_finite(np.max, found.tensions),
-        step_max=_finite(np.max, abs(steps)),
+        jump=continuity.jump,
+        jump_beyond=continuity.beyond,
+        step_max=continuity.step,
         iterations_max=_finite(np.max, found.iterations),
         gap_max=_finite(np.max, gaps[best.status == Status.EXACT] if run.policy is None else gaps),
         call_median_s=float(np.nanmedian(calls)),

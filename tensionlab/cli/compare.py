@@ -28,7 +28,8 @@ call: one force, verification included   batch: all forces in one call, time for
 TRAJECTORY_LEGEND = f"""\
 {STATUS_LEGEND}
 error: desired minus rendered   angle: between the two forces   t: tensions
-step: largest change of a tension from one sample to the next
+jump: of a tension on the way, found by halving   beyond: infeasible wrenches as well
+step: largest change of a tension from one sample to the next without a jump, of feasible wrenches
 call: one wrench, verification included   batch: all wrenches in one call, time for each"""
 
 

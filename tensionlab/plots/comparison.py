@@ -229,14 +229,12 @@ def _plot_trajectory(comparison: Comparison) -> Figure:
 
 
 def _finding(comparison: Comparison, drawn: Sequence[int]) -> str:
-    """Return the title: which share of the trajectory is rendered, and who steps least and most."""
+    """Return the title: which share of the trajectory is rendered, and who jumps."""
     rows = [comparison.rows[number] for number in drawn]
     exact = max(rows, key=lambda row: row.exact)
     finding = f"{comparison.title}, of which {exact.solver} renders {exact.exact}"
-    ends = sorted((row for row in rows if np.isfinite(row.step_max)), key=lambda row: row.step_max)
-    if ends:
-        steps = dict.fromkeys(f"{row.solver} {row.step_max:.2g} N" for row in (ends[0], ends[-1]))
-        finding += f"\nlargest step of a tension: {' to '.join(steps)}"
+    jumps = dict.fromkeys(f"{row.solver} by {row.jump:.2g} N" for row in rows if row.jump > 0.0)
+    finding += f"\n{'jumps while feasible: ' + ', '.join(jumps) if jumps else 'no jumps while feasible'}"
     return finding
 
 

@@ -20,7 +20,8 @@ NARROW = str(RIGS / "bartels2026-validation-0.3m.toml")
 CUBE = str(RIGS / "cube-8.toml")
 KEYS = """
 solver policy exact nearest_count unproven failed residual_mean residual_max angle_mean_deg
-angle_max_deg tension_sq_mean tension_max step_max iterations_max gap_max call_median_s call_p99_s batch_s
+angle_max_deg tension_sq_mean tension_max jump jump_beyond step_max
+iterations_max gap_max call_median_s call_p99_s batch_s
 """
 
 

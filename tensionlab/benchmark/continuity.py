@@ -1,0 +1,95 @@
+"""Continuity of a solver along a path: the height of its jumps, and its rate where it has none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from tensionlab.allocation import Allocator
+from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import Floats
+
+SEARCHED = 16  # steps that are halved, the largest
+HALVINGS = 17  # to 1e-5 of a step: what changes faster is a jump to any motor
+MIN_JUMP_N = 0.01
+
+PathFunction = Callable[[Floats], tuple[Floats, Floats]]  # structure matrices and wrenches at path parameters (S,)
+
+
+class Continuity(NamedTuple):
+    """Largest jumps of a tension in N, 0 if there are none, and the largest change where there is none.
+
+    ``jump`` is of feasible wrenches, ``beyond`` of all, NaN without a policy for infeasible ones; ``step`` is the
+    largest change from one sample to the next, in N, of feasible wrenches between which nothing jumps.
+    """
+
+    jump: float
+    beyond: float
+    step: float
+
+
+def path_of(rig: Rig, position: Floats, rotation: Floats | None, wrench: Floats) -> PathFunction:
+    """Return the path through poses and wrenches of K samples, (K, d) and (K, n), straight from each to the next.
+
+    Its parameter is 0 at the first sample, K - 1 at the last. Between two orientations it turns about one axis.
+    """
+
+    def at(parameter: Floats) -> tuple[Floats, Floats]:
+        first = np.minimum(parameter.astype(int), max(len(position) - 2, 0))
+        second = np.minimum(first + 1, len(position) - 1)
+        share = (parameter - first)[:, None]
+
+        def between(values: Floats) -> Floats:
+            return np.asarray(values[first] + share * (values[second] - values[first]))
+
+        turned = rotation
+        if turned is not None and turned.ndim == 3:
+            from scipy.spatial.transform import Rotation
+
+            start = Rotation.from_matrix(turned[first])
+            turn = (start.inv() * Rotation.from_matrix(turned[second])).as_rotvec()
+            turned = (start * Rotation.from_rotvec(share * turn)).as_matrix()
+        elif turned is not None:
+            turned = between(turned[:, None])[:, 0]
+        return rig.structure_matrix(between(position), turned, rig.at_rest), between(wrench)
+
+    return at
+
+
+def measure_continuity(allocator: Allocator, path: PathFunction, samples: int) -> Continuity:
+    """Measure jumps and changes of a solver's tensions along a path, sampled at 0, 1 and so on."""
+    jump, step = _largest(allocator, path, samples, feasible=True)
+    beyond = _largest(allocator, path, samples, feasible=False)[0] if allocator.policy else np.nan
+    return Continuity(jump, beyond, step)
+
+
+def _largest(allocator: Allocator, path: PathFunction, samples: int, *, feasible: bool) -> tuple[float, float]:
+    """Return the largest jump, and the largest step without one, of exact answers or of all.
+
+    The largest steps are halved again and again, always keeping the half in which the tensions change more: what
+    vanishes was a fast change, what stays is a jump.
+    """
+
+    def tensions(parameter: Floats) -> Floats:
+        found = allocator(*path(parameter))
+        return np.where(found.exact[:, None], found.tensions, np.nan) if feasible else found.tensions
+
+    grid = tensions(np.arange(float(samples)))
+    steps = abs(np.diff(grid, axis=0)).max(axis=1)
+    known = np.flatnonzero(np.isfinite(steps))
+    if not known.size:
+        return 0.0, 0.0
+    largest = known[np.argsort(-steps[known])[:SEARCHED]]
+    low, high, start, end = largest.astype(float), largest + 1.0, grid[largest], grid[largest + 1]
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2.0
+        between = tensions(middle)
+        left = abs(between - start).max(axis=1) >= abs(end - between).max(axis=1)
+        low, high = np.where(left, low, middle), np.where(left, middle, high)
+        start, end = np.where(left[:, None], start, between), np.where(left[:, None], between, end)
+    heights = abs(end - start).max(axis=1)
+    jumps = heights > MIN_JUMP_N  # false where the path leaves what is feasible
+    steps[largest[jumps]] = 0.0
+    return float(heights[jumps].max(initial=0.0)), float(np.nanmax(steps))
