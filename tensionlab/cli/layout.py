@@ -92,6 +92,7 @@ def search(
 
 
 def _layout_json(found: Layout, on_front: bool) -> dict[str, object]:
+    ends = ["anchor", "attachment"] if found.rig.n > found.rig.dimension else ["anchor"]
     return {
         "rig": found.rig.name,
         "score": found.score,
@@ -100,7 +101,7 @@ def _layout_json(found: Layout, on_front: bool) -> dict[str, object]:
         "nearest_body": None if found.nearest is None else found.nearest._asdict(),
         "on_front": on_front,
         "modules": [
-            output.fields(module, "name", "frame", "anchor", "lower", "upper") | {"contribution": lost}
+            output.fields(module, "name", "frame", *ends, "lower", "upper") | {"contribution": lost}
             for module, lost in zip(found.rig.modules, found.contributions, strict=True)
         ],
     }
@@ -122,11 +123,10 @@ def _proofs(found: Layout, objective: Objective) -> list[str]:
 
 def _shortfall(best: Layout, objective: Objective) -> str:
     """Return what the best layout does not have, or not provably, and what to do; empty if it has all."""
-    tried = ", then ".join(f"{generations} generations and {starts} starts" for generations, starts in best.tried)
     if best.nearest is not None and not best.clear:
         return (
             "no layout was found whose cables stay clear of bodies: they come as close as "
-            f"{best.nearest.describe()} (tried {tried}); move the person or the target, or give other surfaces"
+            f"{best.nearest.describe()} ; move the person or the target, or give other surfaces"
         )
     advice = (
         "give more modules (counts), higher limits or a smaller target, or search longer (generations, starts)"
@@ -136,7 +136,7 @@ def _shortfall(best: Layout, objective: Objective) -> str:
         wanted = objective.desired(best.rig)
         where = "everywhere in the target" if objective.level is None else f"with {wanted} anywhere"
         what = f"no layout was found that holds {held} {where}: the worst margin is {best.worst:.4g} N"
-        return f"{what} (tried {tried}); {advice}"
+        return f"{what}; {advice}"
     force = objective.force or 0.0
     if best.proved is None or best.proved >= force:
         return ""

@@ -145,6 +145,18 @@ def anchor_gradient(
     return across
 
 
+def attachment_gradient(gradient: Floats, directions: Floats, by_anchor: Floats) -> Floats:
+    """Return the derivative of a number with respect to the arms, from those by W and by the anchors.
+
+    A cable turns as if its anchor moved the other way, and its torque changes by ``dr x u``. From (..., n, m),
+    unit vectors (..., m, d) and `anchor_gradient` to (..., m, d), in world axes, per m.
+    """
+    d, u = directions.shape[-1], directions
+    torque = np.swapaxes(gradient, -1, -2)[..., d:]  # torque . (dr x u) = dr . (u x torque)
+    turned = torque * np.stack([u[..., 1], -u[..., 0]], axis=-1) if d == 2 else np.cross(u, torque)
+    return turned - by_anchor
+
+
 # A pose is found when the next step would change the lengths by less than this share of the longest.
 STEP_TOLERANCE = 1e-13
 

@@ -80,10 +80,11 @@ def plot_search(space: Space, target: Targets, found: LayoutSearch) -> Figure:
         outlines = [
             corner + np.array(list(product((0.0, 1.0), repeat=len(surface.edges)))) @ edges[: len(surface.edges)]
             for surface, corner, edges in zip(
-                space.surfaces, space.placed.corners, space.placed.edges, strict=True
+                (*space.surfaces, *space.attachments), space.placed.corners, space.placed.edges, strict=True
             )
         ]
-        everything = np.concatenate([*outlines, space.placed.fixed])
+        outlines[len(space.surfaces) :] = [each + best.rig.home for each in outlines[len(space.surfaces) :]]
+        everything = np.concatenate([*outlines, space.placed.fixed[:, 0]])
         frame_panel(before, everything.min(axis=0), everything.max(axis=0), best.rig.vertical)
         for outline in outlines:
             _draw_edges(before, outline, BLUE)
@@ -91,12 +92,12 @@ def plot_search(space: Space, target: Targets, found: LayoutSearch) -> Figure:
                 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
                 before.add_collection3d(Poly3DCollection([outline[[0, 1, 3, 2]]], facecolors=BLUE, alpha=0.1))
-        before.plot(*space.placed.fixed.T, linestyle="", marker="s", markersize=6, color=BLUE)
-        before.set_title("where modules may stand")
+        before.plot(*space.placed.fixed[:, 0].T, linestyle="", marker="s", markersize=6, color=BLUE)
+        before.set_title("where modules may stand" + " and cables end" * bool(space.attachments))
         after: Any = figure.add_subplot(1, panels, 2, **projection)
         plot_rig(best.rig, ax=after)
         after.get_legend().remove()
-        for axes, each in product((before, after), as_targets(target, space.dimension)):
+        for axes, each in product((before, after), as_targets(target, space.dimension, turns=True)):
             positions = each.arrays()[0]
             if isinstance(each, PoseList):
                 axes.plot(*positions.T, color=ORANGE, linewidth=1.4)

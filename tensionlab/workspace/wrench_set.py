@@ -159,14 +159,16 @@ class MarginGradient(NamedTuple):
 
 
 class RigMarginGradient(NamedTuple):
-    """Capacity margin (...), and its derivatives by the reference point and by each anchor, in N/m.
+    """Capacity margin (...), and its derivatives by the reference point, anchors and attachments, in N/m.
 
-    (..., d) for the reference point, without rotation; (..., m, d) for the anchors, in the axes of their frames.
+    (..., d) for the reference point, without rotation; (..., m, d) for the anchors, in the axes of their frames,
+    and for the attachments, in those of the platform; None for a point.
     """
 
     margin: Floats
     position: Floats
     anchors: Floats
+    attachments: Floats | None
 
 
 def capacity_margin(structure: ArrayLike, limits: TensionRange, required: RequiredWrenches = None) -> Floats:
@@ -260,7 +262,7 @@ def rig_margin_gradient(
     frames: Frames | None = None,
     required: RequiredWrenches = None,
 ) -> RigMarginGradient:
-    """Return the capacity margin of a rig and its derivatives with respect to position and anchors.
+    """Return the capacity margin of a rig and its derivatives with respect to position, anchors and attachments.
 
     Poses as in `Rig.structure_matrix`, required wrenches (world axes) as in `capacity_margin`, errors as in both.
 
@@ -279,7 +281,12 @@ def rig_margin_gradient(
     vectors = kinematics.to_anchors(anchors, np.asarray(position, dtype=np.float64), cables.arms)
     by_anchor = kinematics.anchor_gradient(by_structure, vectors, cables.arms, rig.pulleys_in_world(frames))
     own = pose.to_module_frames(rig.modules, by_anchor, frames)
-    return RigMarginGradient(margin, -by_anchor.sum(axis=-2), own)
+    by_attachment = None
+    if cables.arms is not None:
+        by_arm = kinematics.attachment_gradient(by_structure, cables.directions, by_anchor)
+        turn = rig.home_matrix if rotation is None else pose.rotations(rotation, rig.dimension, "rotation")
+        by_attachment = by_arm @ turn
+    return RigMarginGradient(margin, -by_anchor.sum(axis=-2), own, by_attachment)
 
 
 def _arguments(

@@ -190,24 +190,29 @@ def test_margins_have_the_derivative_that_differences_give(name):
     def margin(rig, position):
         return float(tl.workspace.capacity_margin(rig.structure_matrix(position, rotation), rig.limits))
 
-    def moved(module, number, vector):
-        return replace(module, anchor=module.anchor + vector) if module is rig.modules[number] else module
+    def moved(module, number, vector, end):
+        if module is not rig.modules[number]:
+            return module
+        return replace(module, **{end: getattr(module, end) + vector})
 
     found, step = rig_margin_gradient(rig, position, rotation), 1e-6
     for axis in range(3):
         shift = step * np.eye(3)[axis]
         slope = (margin(rig, position + shift) - margin(rig, position - shift)) / (2 * step)
         assert found.position[axis] == pytest.approx(slope, abs=1e-5 * max(1.0, abs(slope)))
-    for number, axis in product(range(rig.m), range(3)):
+    gradients = {"anchor": found.anchors, "attachment": found.attachments}
+    assert (found.attachments is None) == (rig.n == 3)
+    for number, axis, end in product(range(rig.m), range(3), gradients if rig.n == 6 else ["anchor"]):
         shift = step * np.eye(3)[axis]
         ends = [
             margin(
-                replace(rig, modules=tuple(moved(each, number, sign * shift) for each in rig.modules)), position
+                replace(rig, modules=tuple(moved(each, number, sign * shift, end) for each in rig.modules)),
+                position,
             )
             for sign in (1, -1)
         ]
         slope = (ends[0] - ends[1]) / (2 * step)
-        assert found.anchors[number, axis] == pytest.approx(slope, abs=1e-5 * max(1.0, abs(slope)))
+        assert gradients[end][number, axis] == pytest.approx(slope, abs=1e-5 * max(1.0, abs(slope)))
 
 
 def test_anchors_of_pulleys_are_calibrated():

@@ -27,7 +27,7 @@ Target = Grid | PoseList
 Targets = Target | ArrayLike | Sequence[Target]
 
 
-def as_targets(target: Targets, dimension: int) -> tuple[Target, ...]:
+def as_targets(target: Targets, dimension: int, *, turns: bool = False) -> tuple[Target, ...]:
     """Return targets as a tuple; ShapeError if one does not suit the dimension, is turned, or has no points."""
     given = (target,) if isinstance(target, Grid | PoseList) else target
     if not (isinstance(given, list | tuple) and given and isinstance(given[0], Grid | PoseList)):
@@ -35,10 +35,13 @@ def as_targets(target: Targets, dimension: int) -> tuple[Target, ...]:
         if not len(points):
             raise ShapeError("target has no points; give at least one position of the hand")
         given = (PoseList(points),)
-    for positions, rotations in (each.arrays() for each in given):
+    for each in given:
+        positions, rotations = each.arrays()
         pose.points(positions, dimension, "target")
-        if rotations is not None:
+        if rotations is not None and not turns:
             raise ShapeError("target has orientations, but the hand is a point here; leave them out")
+        if isinstance(each, PoseList) and each.wrench is not None:
+            raise ShapeError("target has wrenches; leave them out, and say what is required of the whole target")
     return tuple(given)
 
 
@@ -120,17 +123,20 @@ class Objective:
         return replace(self, shares=block_diag(*shares), step=step)
 
     def values(self, structure: Floats, limits: TensionLimits, required: Floats, ball: float) -> Floats:
-        """Return what points with structure matrices (..., d, m) have of each thing desired, (C, ...).
+        """Return what points with structure matrices (..., n, m) have of each thing desired, (C, ...).
 
         Capacity margins in N, forces along directions in N, or stiffnesses in N/m, these scaled so that the
-        desired one is at `level`. Where what is required is infeasible it is the capacity margin, below zero.
+        desired one is at `level`; about the corners ``required`` (..., k, n) of what is required and a ball.
+        Torques are divided by a length. Where what is required is infeasible it is the margin, below zero.
         """
         margin = capacity_margin(structure, limits, required) - ball
         further: list[Floats] = []
         if self.directions is not None:
             normals, offsets = half_spaces(structure, limits)
-            room = offsets - (normals @ required.T).max(axis=-1) - ball
-            further += [*np.moveaxis(facet_distance(room, normals, np.array(self.directions)), -1, 0)]
+            room = offsets - (normals @ required.swapaxes(-1, -2)).max(axis=-1) - ball
+            directions = np.array(self.directions)
+            directions = np.pad(directions, ((0, 0), (0, structure.shape[-2] - directions.shape[1])))
+            further += [*np.moveaxis(facet_distance(room, normals, directions), -1, 0)]
         if self.walls is not None:
             stiffness = module_stiffness(structure.swapaxes(-1, -2), np.array(self.walls))
             if self.stiffness is not None and self.level is not None:
@@ -181,21 +187,26 @@ class Objective:
         """Return the least value or, if something is desired, the share that has it, (...), over the targets."""
         if self.level is not None:
             return self._mean((values >= self.level).astype(float), worst=True)
-        if self.target_weights is None or self.shares is None:
-            return np.asarray(values.min(axis=-1))
-        each = np.where(self.shares > 0, values[..., None, :], np.inf).min(axis=-1)
-        return np.asarray(each @ self.target_weights / sum(self.target_weights))
+        shares = np.ones((1, values.shape[-1])) if self.shares is None else self.shares
+        return self._combine(np.where(shares > 0, values[..., None, :], np.inf).min(axis=-1), worst=True)
 
     def _mean(self, values: Floats, worst: bool = False) -> Floats:
         """Return the mean (...) of values (..., P) over the targets, or of the worst unless they have weights."""
         each = values.mean(axis=-1, keepdims=True) if self.shares is None else values @ self.shares.T
-        if self.target_weights is not None:
-            return np.asarray(each @ self.target_weights / sum(self.target_weights))
-        return np.asarray(each.min(axis=-1) if worst else each.mean(axis=-1))
+        return self._combine(each, worst)
+
+    def _combine(self, each: Floats, worst: bool) -> Floats:
+        """Return the mean (...) of a value of each target (..., T) by their weights, or without them the worst."""
+        if self.target_weights is None and worst:
+            return np.asarray(each.min(axis=-1))
+        return np.asarray(np.average(each, axis=-1, weights=self.target_weights))
 
     def where(self, rig: Rig) -> str:
         """Return in words along which directions forces count, and about which wrenches of a rig."""
-        return _towards(self.directions) + (f" about {rig.required.describe(rig)}" if rig.required else "")
+        torques = f", with torques at {rig.characteristic_length:.3g} m" if rig.n > rig.dimension else ""
+        return (
+            _towards(self.directions) + torques + (f" about {rig.required.describe(rig)}" if rig.required else "")
+        )
 
     def desired(self, rig: Rig) -> str:
         """Return in words what is desired of a rig."""

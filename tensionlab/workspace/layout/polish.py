@@ -32,11 +32,9 @@ def polish(problem: LayoutProblem, places: Placement) -> tuple[Placement, Floats
     Burke, Lewis and Overton, "A robust gradient sampling algorithm for nonsmooth, nonconvex optimization", 2005,
     for the cloud.
     """
-    objective, target = problem.objective, problem.points
-    own, copies = len(target), CLOUD_POINTS // len(target)
-    away = np.random.default_rng(0).normal(size=(copies, *target.shape))
-    away *= CLOUD_RADIUS_M / np.linalg.norm(away, axis=-1, keepdims=True)
-    cloud = np.concatenate([target, (target + away).reshape(-1, target.shape[1])])
+    objective, own = problem.objective, len(problem.poses.points)
+    copies = CLOUD_POINTS // own
+    cloud = problem.poses.surround(copies, CLOUD_RADIUS_M, problem.space.length)
     groups = np.zeros(own, np.int64)
     if objective.target_weights is not None and objective.shares is not None:
         groups = (objective.shares > 0).argmax(axis=0)
@@ -63,7 +61,7 @@ def polish(problem: LayoutProblem, places: Placement) -> tuple[Placement, Floats
 def _best_step(
     objective: Objective, here: Linear, groups: Integers, bounds: tuple[Floats, Floats], sharpness: float
 ) -> Floats:
-    """Return the best step between two bounds, (k, d), if all were linear: values + slopes . step.
+    """Return the best step between two bounds, (k, e, d), if all were linear: values + slopes . step.
 
     It minimises the missing total, while something is missing anywhere; else it maximises the worst value, of each
     target if they have weights. Cables stay clear of bodies, or come as close to that as they can.
@@ -105,5 +103,5 @@ def _best_step(
 
 
 def _least(slopes: Floats, low: Floats, high: Floats) -> Floats:
-    """Return the least change (R,) that a step between two bounds makes, by slopes (R, k d)."""
+    """Return the least change (R,) that a step between two bounds makes, by slopes (R, v)."""
     return np.asarray(np.minimum(slopes * low.ravel(), slopes * high.ravel()).sum(axis=1))

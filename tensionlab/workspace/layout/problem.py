@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import count as count_from
 from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab.model import kinematics
+from tensionlab.errors import InputError
+from tensionlab.model import kinematics, pose
 from tensionlab.model.module import Module, TensionLimits
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace.layout.objective import Objective, Target
@@ -18,14 +20,40 @@ from tensionlab.workspace.layout.space import Placement, Space
 from tensionlab.workspace.wrench_set import margin_gradient
 
 MAX_CHUNK_POINTS = 50_000  # points of layouts that are evaluated together; it bounds the memory
-SLOPE_STEP = 1e-6  # share of an edge by which modules are moved to find slopes
+SLOPE_STEP = 1e-6  # share of an edge by which cables are moved to find slopes
 DECIMALS = 6  # coordinates are rounded to micrometres
 AMPLE_M = 0.1  # distance beyond a margin that need not be known closely
 SPARE_M = GAP_M + 2 * 10.0**-DECIMALS  # kept to a margin while searching: errors of a distance and of rounding
 
 
+class TargetPoses(NamedTuple):
+    """Positions (P, d), matrices (P, d, d) of a platform, and required wrenches (P, k, n) or (1, k, n) there.
+
+    Torques of wrenches are divided by the length of the space.
+    """
+
+    points: Floats
+    turns: Floats | None
+    required: Floats
+
+    def surround(self, copies: int, radius_m: float, length: float) -> TargetPoses:
+        """Return these poses, and copies of them that are moved, and turned at a length, by a radius at most."""
+        random, (count, d) = np.random.default_rng(0), self.points.shape
+        away = random.normal(size=(copies, count, d))
+        away *= radius_m / np.linalg.norm(away, axis=-1, keepdims=True)
+        points, turns = np.concatenate([self.points, (self.points + away).reshape(-1, d)]), self.turns
+        copies += 1
+        if turns is not None:
+            angles = radius_m / length * random.uniform(-1.0, 1.0, size=(copies, count, 2 * d - 3))
+            angles[0] = 0.0
+            small = kinematics.planar_rotation(angles[..., 0]) if d == 2 else kinematics.exponential(angles)
+            turns = (small @ turns).reshape(-1, d, d)
+        required = self.required if len(self.required) == 1 else np.tile(self.required, (copies, 1, 1))
+        return TargetPoses(points, turns, required)
+
+
 class Linear(NamedTuple):
-    """Values (C, P) and spare distances (q,) from bodies, and their slopes (C P, k d) and (q, k d) per edge."""
+    """Values (C, P) and spare distances (q,) from bodies, and their slopes (C P, v) and (q, v) by all shares."""
 
     values: Floats
     slopes: Floats
@@ -34,67 +62,96 @@ class Linear(NamedTuple):
 
 
 class LayoutProblem(NamedTuple):
-    """Space, targets and the positions (P, d) of the hand in these, objective, and bodies if there are any."""
+    """Space, targets and the poses of the hand or platform in these, objective, and bodies if there are any."""
 
     space: Space
     targets: tuple[Target, ...]
-    points: Floats
+    poses: TargetPoses
     objective: Objective
     obstacles: Obstacles | None
 
     @classmethod
     def of(cls, space: Space, targets: Sequence[Target], objective: Objective) -> LayoutProblem:
         """Return the problem; RigError if the hand or a fixed module is closer to a body than its margin."""
+        if space.attachments and objective.walls is not None:
+            raise InputError("objective: walls push a hand, which is a point; leave them out for a platform")
         obstacles = None
         if space.bodies:
             obstacles = Obstacles.of(space.bodies, targets, space.one_module.at_rest)
-            obstacles.require_clear(space.placed.fixed, [module.name for module in space.fixed])
-        points = np.concatenate([each.arrays()[0] for each in targets])
-        return cls(space, tuple(targets), points, objective.over(targets), obstacles)
+            obstacles.require_clear(space.placed.fixed[:, 0], [module.name for module in space.fixed])
+        d, turns = space.dimension, None
+        arrays = [each.arrays() for each in targets]
+        points = np.concatenate([each for each, _ in arrays])
+        if space.attachments:
+            turns = np.concatenate([
+                np.tile(np.eye(d), (len(each), 1, 1)) if turn is None else pose.rotations(turn, d, "target")
+                for each, turn in arrays
+            ])  # fmt: skip
+        angles = np.arctan2(turns[:, 1, 0], turns[:, 0, 0]) if turns is not None and d == 2 else turns
+        required = space.required.at(space.one_module, angles) / _unit(space)
+        return cls(
+            space,
+            tuple(targets),
+            TargetPoses(points, turns, required.reshape(-1, *required.shape[-2:])),
+            objective.over(targets),
+            obstacles,
+        )
 
-    def values(self, anchors: Floats, limits: TensionLimits | None = None, points: Floats | None = None) -> Floats:
-        """Return `Objective.values` (..., C, P) of layouts of anchors (..., m, d), at all points or others."""
-        points = self.points if points is None else points
-        limits = limits or self.space.tension_limits(anchors.shape[-2] - len(self.space.fixed))
-        flat, required, found = anchors.reshape(-1, *anchors.shape[-2:]), self.space.required, []
-        rows = max(1, MAX_CHUNK_POINTS // len(points))
+    def values(
+        self, cables: Floats, limits: TensionLimits | None = None, poses: TargetPoses | None = None
+    ) -> Floats:
+        """Return `Objective.values` (..., C, P) of layouts of cables (..., m, e, d), at all poses or others."""
+        poses = self.poses if poses is None else poses
+        limits = limits or self.space.tension_limits(cables.shape[-3] - len(self.space.fixed))
+        flat, found = cables.reshape(-1, *cables.shape[-3:]), []
+        rows = max(1, MAX_CHUNK_POINTS // len(poses.points))
         for start in range(0, len(flat), rows):
-            _, directions = kinematics.cables(flat[start : start + rows, None], points, None)
-            structure = kinematics.structure_matrix(directions, None)
-            found.append(self.objective.values(structure, limits, self.space.required_forces, required.ball))
+            _, directions, arms = _route(flat[start : start + rows, None], poses)
+            structure = kinematics.structure_matrix(directions, arms) / _unit(self.space)[:, None]
+            found.append(self.objective.values(structure, limits, poses.required, self.space.required.ball))
         values = np.moveaxis(np.concatenate(found, axis=1), 0, 1)
-        return values.reshape(*anchors.shape[:-2], *values.shape[1:])
+        return values.reshape(*cables.shape[:-3], *values.shape[1:])
 
-    def linear(self, places: Placement, points: Floats) -> Linear:
+    def linear(self, places: Placement, poses: TargetPoses) -> Linear:
         """Return the values of a layout and its distances from bodies beyond the margins, and their slopes."""
-        k, d = places.along.shape
-        anchors, edges = self.space.anchors(places), self.space.placed.edges[places.surfaces]
+        space, shape = self.space, places.along.shape
+        (k, e, d), images = shape, space.images
+        cables, edges = space.cables(places), space.placed.edges[places.surfaces]
         if self.objective.directions is None and self.objective.walls is None:
-            lengths, directions = kinematics.cables(anchors, points, None)
-            structure = kinematics.structure_matrix(directions, None)
-            found = margin_gradient(structure, self.space.tension_limits(k), self.space.required_forces)
-            by_anchor = kinematics.anchor_gradient(found.structure, lengths[..., None] * directions, None)
-            values = (found.margin - self.space.required.ball)[None]
-            slopes = np.einsum("pkd,ked->pke", by_anchor[:, :k], edges)
+            vectors, directions, arms = _route(cables[None], poses)
+            unit = _unit(space)[:, None]
+            structure = kinematics.structure_matrix(directions, arms) / unit
+            found = margin_gradient(structure, space.tension_limits(k * len(images)), poses.required)
+            by_structure = found.structure / unit
+            by_end = [kinematics.anchor_gradient(by_structure, vectors, arms)]
+            if poses.turns is not None:
+                by_arm = kinematics.attachment_gradient(by_structure, directions, by_end[0])
+                by_end.append(by_arm @ poses.turns)
+            values = (found.margin - space.required.ball)[None]
+            own = np.stack(by_end, axis=-2)[:, : k * len(images)].reshape(-1, k, len(images), e, d)
+            slopes = np.einsum("pkgei,gij,kexj->pkex", own, images, edges)
         else:
-            steps = SLOPE_STEP * np.concatenate([np.zeros((1, k * d)), np.eye(k * d)]).reshape(-1, k, d)
-            surfaces = np.broadcast_to(places.surfaces, (len(steps), k))
-            moved = self.values(self.space.anchors(Placement(surfaces, places.along + steps)), points=points)
+            steps = SLOPE_STEP * np.concatenate([np.zeros((1, k * e * d)), np.eye(k * e * d)]).reshape(-1, *shape)
+            surfaces = np.broadcast_to(places.surfaces, (len(steps), k, e))
+            moved = self.values(space.cables(Placement(surfaces, places.along + steps)), poses=poses)
             values, slopes = moved[0], np.moveaxis(moved[1:] - moved[0], 0, -1) / SLOPE_STEP
-        spare, push = np.zeros((0, d)), np.zeros((k, 0, d))
+        spare, spare_slopes = np.zeros(0), np.zeros((0, k * d))
         if self.obstacles is not None:
-            spare, push = self.obstacles.slopes(anchors[:k])
-            spare = spare - self.obstacles.margin - SPARE_M
-        own = np.einsum("kbd,ked,kj->kbje", push, edges, np.eye(k))
-        return Linear(values, slopes.reshape(-1, k * d), spare.ravel(), own.reshape(-1, k * d))
+            distance, push = self.obstacles.slopes(cables[: k * len(images), 0])
+            spare = (distance - self.obstacles.margin - SPARE_M).ravel()
+            push = push.reshape(k, len(images), -1, d)
+            spare_slopes = np.einsum("kgbi,gij,kxj,kl->kgblx", push, images, edges[:, 0], np.eye(k))
+        width = k * e * d
+        return Linear(values, slopes.reshape(-1, width), spare, spare_slopes.reshape(len(spare), width))
 
     def spare(self, places: Placement) -> Floats:
-        """Return the least distance (..., k) of each module's cables from bodies beyond the margins, in m."""
+        """Return the least distance (..., k) of each cable and its images from bodies beyond the margins, in m."""
         if self.obstacles is None:
-            return np.zeros(places.surfaces.shape)
-        anchors = self.space.anchors(places)[..., : places.surfaces.shape[-1], :]
-        distance = self.obstacles.slopes(anchors, AMPLE_M)[0]
-        return np.asarray((distance - self.obstacles.margin).min(axis=-1) - SPARE_M)
+            return np.zeros(places.surfaces.shape[:-1])
+        *lead, k, _ = places.surfaces.shape
+        anchors = self.space.cables(places)[..., : k * len(self.space.images), 0, :]
+        distance = self.obstacles.slopes(anchors, AMPLE_M)[0] - self.obstacles.margin
+        return np.asarray(distance.reshape(*lead, k, -1).min(axis=-1) - SPARE_M)
 
     def rank(self, places: Placement, values: Floats) -> tuple[float, float, float]:
         """Return the rank of a layout with values (C, P): its clearance of bodies, score and merit, in turn."""
@@ -105,23 +162,23 @@ class LayoutProblem(NamedTuple):
     def evaluate(self, places: Placement, name: str) -> Layout:
         """Return the rig of a layout, its score, its clearance, and the contribution of each module."""
         space, objective = self.space, self.objective
-        order = np.lexsort((*places.along.T[::-1], places.surfaces))
+        order = np.lexsort((*places.along[:, 0].T[::-1], places.surfaces[:, 0]))
         places = Placement(places.surfaces[order], places.along[order])
-        modules = (*_modules(space, places), *space.fixed)
-        limits = space.tension_limits(len(places.surfaces))
-        anchors = space.anchors(places).round(DECIMALS)
-        score = float(objective.score(self.values(anchors).min(axis=-2)))
+        cables = space.cables(places).round(DECIMALS) + 0.0
+        modules = (*_modules(space, places, cables), *space.fixed)
+        limits = space.tension_limits(len(modules) - len(space.fixed))
+        score = float(objective.score(self.values(cables).min(axis=-2)))
         lost = []
         for index in range(len(modules)):
             others, without = np.arange(len(modules)) != index, 0.0
             if others.any():
                 fewer = TensionLimits(limits.lower[others], limits.upper[others])
-                without = float(objective.score(self.values(anchors[others], fewer).min(axis=-2)))
+                without = float(objective.score(self.values(cables[others], fewer).min(axis=-2)))
             lost.append(max(score, 0.0) - max(without, 0.0))  # no force is less than none
-        worst = self._replace(objective=Objective()).values(anchors).min()
-        rig = space.rig(name, modules, self.points.mean(axis=0).round(DECIMALS) + 0.0)
+        worst = self._replace(objective=Objective()).values(cables).min()
+        rig = space.rig(name, modules, self.poses.points.mean(axis=0).round(DECIMALS) + 0.0)
         rig = replace(rig, description=f"A layout found by search: it {objective.describe(rig, score)}.")
-        return Layout(rig, score, float(worst), tuple(lost), nearest=self._nearest(anchors, modules))
+        return Layout(rig, score, float(worst), tuple(lost), nearest=self._nearest(cables[:, 0], modules))
 
     def _nearest(self, anchors: Floats, modules: Sequence[Module]) -> Nearest | None:
         """Return the module and the body that come closest, relative to its margin."""
@@ -133,17 +190,39 @@ class LayoutProblem(NamedTuple):
         return Nearest(modules[module].name, self.obstacles.names[body], float(distance[module, body]), margin)
 
 
-def _modules(space: Space, places: Placement) -> list[Module]:
-    """Return modules with names after their surfaces, in the axes of their own frames."""
+def _unit(space: Space) -> Floats:
+    """Return what components of wrenches are divided by, (n,): torques by the length of the space."""
+    d = space.dimension
+    return np.repeat([1.0, space.length], [d, 3 * (d - 1) - d]) if space.attachments else np.ones(d)
+
+
+def _route(cables: Floats, poses: TargetPoses) -> tuple[Floats, Floats, Floats | None]:
+    """Return vectors to the anchors, directions and arms (..., P, m, d) of cables (..., 1, m, e, d) at poses."""
+    arms = None if poses.turns is None else kinematics.rotate(poses.turns, cables[..., 1, :])
+    lengths, directions = kinematics.cables(cables[..., 0, :], poses.points, arms)
+    return lengths[..., None] * directions, directions, arms
+
+
+def _modules(space: Space, places: Placement, cables: Floats) -> list[Module]:
+    """Return modules with names after their surfaces, in the axes of their own frames, each before its images."""
     modules: list[Module] = []
     taken = {module.name for module in space.fixed}
-    for index, along in zip(places.surfaces, places.along, strict=True):
+    for cable, (index, *_) in enumerate(places.surfaces):
         surface = space.surfaces[index]
-        number = 1
-        while f"{surface.name} {number}" in taken:
-            number += 1
-        name = f"{surface.name} {number}"
+        own = places.along[cable, 0, : len(surface.edges)] @ surface.edges
+        anchor = (surface.corner + own).round(DECIMALS) + 0.0
+        name = next(text for number in count_from(1) if (text := f"{surface.name} {number}") not in taken)
         taken.add(name)
-        anchor = (surface.corner + along[: len(surface.edges)] @ surface.edges).round(DECIMALS) + 0.0
-        modules.append(Module(name, anchor, *space.limits, frame=surface.frame, **space.hardware))
+        for image in range(len(space.images)):
+            ends = cables[cable * len(space.images) + image]
+            modules.append(
+                Module(
+                    f"{name} image {image}" if image else name,
+                    ends[0] if image else anchor,
+                    *space.limits,
+                    attachment=ends[1] if space.attachments else None,
+                    frame=surface.frame,
+                    **space.hardware,
+                )
+            )
     return modules

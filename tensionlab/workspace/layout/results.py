@@ -45,8 +45,6 @@ class Layout:
         along a path, up to that of the objective; NaN where none is, None where no proof was wanted.
     nearest : Nearest or None
         Module and body that come closest; None without bodies.
-    tried : tuple of (int, int)
-        Generations and starts of the search, of each time that it went on.
 
     Examples
     --------
@@ -61,7 +59,6 @@ class Layout:
     contributions: tuple[float, ...]
     proved: float | None = None
     nearest: Nearest | None = None
-    tried: tuple[tuple[int, int], ...] = ()
 
     @property
     def clear(self) -> bool:
@@ -76,11 +73,13 @@ class Layout:
 
     def table(self) -> Table:
         """Return the table of the modules, with the score that is lost without each."""
+        turns = self.rig.n > self.rig.dimension
         rows = [
-            [module.name, module.frame, module.anchor.round(4), lost]
-            for module, lost in zip(self.rig.modules, self.contributions, strict=True)
+            [module.name, module.frame, module.anchor.round(4), *[end.round(4)][:turns], lost]
+            for module, end, lost in zip(self.rig.modules, self.rig.attachments, self.contributions, strict=True)
         ]
-        return Table(["module", "frame", Column("anchor", "m"), "score lost without it"], rows, self._title)
+        ends = [Column("anchor", "m"), Column("attachment", "m")][: 1 + turns]
+        return Table(["module", "frame", *ends, "score lost without it"], rows, self._title)
 
     @property
     def _title(self) -> str:

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import count as count_from
 
 import numpy as np
 
 from tensionlab.errors import InputError
+from tensionlab.model.requirement import Requirement
+from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.workspace.layout.objective import Objective, Targets, as_targets
+from tensionlab.workspace.certification import certify as prove
+from tensionlab.workspace.interference import with_bodies
+from tensionlab.workspace.layout.objective import Objective, Target, Targets, as_targets
 from tensionlab.workspace.layout.polish import polish
 from tensionlab.workspace.layout.problem import LayoutProblem
-from tensionlab.workspace.layout.proof import proved_force
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.space import Placement, Space
+from tensionlab.workspace.poses import Grid
 
 GENERATIONS, STARTS = 30, 50  # of a thorough search
 POPULATION_FACTOR = 10  # layouts in a generation, for each number that describes one
 TOO_CLOSE = 1e6  # cost of a layout too close to a body, before its distance is counted: more than of any other
 HOPS = 32  # places tried for a module that hops, until its cable stays clear of bodies
+PROOF_CELLS = 64  # number of finest cells of a proof along the longest edge of a target
+BISECTIONS = 8  # of a proved force, down to half a percent
 
 Progress = Callable[[float], None]
 
@@ -37,14 +43,14 @@ def search_layout(
     certify: bool = False,
     progress: Progress | None = None,
 ) -> LayoutSearch:
-    """Search for anchors of modules that are best for a target, by an objective.
+    """Search for anchors of modules, and attachments on a platform, that are best for a target, by an objective.
 
     For each number of modules in turn, in three stages. Differential evolution spreads over all surfaces. The best
     layouts of its last generation, no two of which use the same surfaces equally often, are polished by gradients.
     Then the best of them hops: one or two of its modules are moved anywhere, the layout is polished, and kept if
-    it is better. More starts are more likely to find the best there is. A short search that finds nothing is
-    repeated with four times as many, up to the default. The same seed gives the same result. A layout whose cables
-    come closer to a body than its margin, anywhere in a target, is never better than one that is clear.
+    it is better. More starts are more likely to find the best there is. The same seed gives the same result. A
+    layout whose cables come closer to a body than its margin, anywhere in a target, is never better than one that
+    is clear.
 
     Source: Storn and Price, "Differential evolution: a simple and efficient heuristic for global optimization over
     continuous spaces", 1997, in SciPy's implementation; Wales and Doye, "Global optimization by basin-hopping",
@@ -54,7 +60,7 @@ def search_layout(
     Parameters
     ----------
     target : Grid, PoseList, (P, d) array, or several of the first two
-        Positions of the hand, in m: a `box`, or a path as of `read_poses`.
+        Positions of the hand, in m: a `box`, or a path as of `read_poses`; of a platform also its orientations.
     name : str
         Start of the names of the rigs, which end in their number of modules.
     generations, starts : int
@@ -77,63 +83,50 @@ def search_layout(
     for what, number in (("generations", generations), ("starts", starts)):
         if number < 1:
             raise InputError(f"{what} is {number}; give 1 or more")
-    problem = LayoutProblem.of(space, as_targets(target, space.dimension), objective)
+    targets = as_targets(target, space.dimension, turns=bool(space.attachments))
+    if certify and any(not isinstance(each, Grid) and each.rotation is not None for each in targets):
+        raise InputError("certify: a path with orientations cannot be proved; give a box, or leave certify out")
+    problem = LayoutProblem.of(space, targets, objective)
     counts = sorted(space.counts)
 
-    def search(count: int, done: int) -> Layout:
-        """Return the best layout with a number of modules, after those of ``done`` other numbers."""
-        rig, best, tried = f"{name}-{count + len(space.fixed)}", None, list[tuple[int, int]]()
-        for share, effort in _efforts(generations, starts):
+    def search(number: int) -> Layout:
+        """Return the best layout with a number of modules, after those of other numbers."""
+        count = counts[number]
 
-            def report(part: float, share: tuple[float, float] = share) -> None:
-                if progress is not None:
-                    progress((done + share[0] + part * (share[1] - share[0])) / len(counts))
+        def report(share: float) -> None:
+            if progress is not None:
+                progress((number + share) / len(counts))
 
-            random = np.random.default_rng([seed, count, *([len(tried)] if tried else [])])
-            tried.append(effort)
-            found = _attempt(problem, count, random, effort, report)
-            if best is None or found[0] > best[0]:
-                best = found
-            layout = replace(problem.evaluate(best[1], rig), tried=tuple(tried))
-            if layout.clear and layout.score > 0:
-                break
+        places = _best_places(
+            problem, count // len(space.images), np.random.default_rng([seed, count]), generations, starts, report
+        )
+        layout = problem.evaluate(places, f"{name}-{count + len(space.fixed)}")
         if certify:
             most = layout.worst if objective.directions is None else layout.score
             if objective.force is not None:
                 most = objective.force if objective.directions is not None else min(objective.force, layout.worst)
-            layout = replace(layout, proved=proved_force(layout.rig, problem.targets, objective, most))
+            layout = replace(layout, proved=proved_force(layout.rig, targets, objective, most))
         return layout
 
-    layouts = tuple(search(count, done) for done, count in enumerate(counts))
+    layouts = tuple(search(number) for number in range(len(counts)))
     if progress is not None:
         progress(1.0)
     return LayoutSearch(problem.objective, layouts)
 
 
-def _efforts(generations: int, starts: int) -> Iterator[tuple[tuple[float, float], tuple[int, int]]]:
-    """Yield the generations and starts to try in turn, each after where its progress begins and ends."""
-    begin = 0.0
-    while generations < GENERATIONS or starts < STARTS:
-        yield (begin, (1.0 + begin) / 2), (generations, starts)
-        begin = (1.0 + begin) / 2
-        generations = max(generations, min(4 * generations, GENERATIONS))
-        starts = max(starts, min(4 * starts, STARTS))
-    yield (begin, 1.0), (generations, starts)
-
-
-def _attempt(
+def _best_places(
     problem: LayoutProblem,
     count: int,
     random: np.random.Generator,
-    effort: tuple[int, int],
+    generations: int,
+    starts: int,
     report: Progress,
-) -> tuple[tuple[float, float, float], Placement]:
-    """Return the rank and the places of the best layout of an evolution, polishing and hops."""
-    generations, starts = effort
+) -> Placement:
+    """Return the places of the best layout of an evolution, polishing and hops."""
     ranked = _explore(problem, count, random, generations, lambda share: report(share / 3))
     candidates: dict[tuple[int, ...], Placement] = {}  # the first that use the surfaces equally often
     for places in ranked:
-        candidates.setdefault(tuple(np.sort(places.surfaces)), places)
+        candidates.setdefault(tuple(np.sort(places.surfaces, axis=0).ravel()), places)
     queue = list(candidates.values())[:starts]
     best, rank = ranked[0], (-np.inf, -np.inf, -np.inf)
     for number in range(2 * starts):
@@ -142,7 +135,7 @@ def _attempt(
         if (found := problem.rank(polished, values)) > rank:
             best, rank = polished, found
         report(1 / 3 + (number + 1) / (3 * starts))
-    return rank, best
+    return best
 
 
 def _explore(
@@ -155,19 +148,20 @@ def _explore(
     """Return the last generation of an evolution, the best layout first."""
     from scipy.optimize import Bounds, differential_evolution
 
-    size = count * (problem.space.dimension + 1)
+    shape = (count, len(problem.space.ends), problem.space.dimension + 1)
+    size = int(np.prod(shape))
 
     def layouts(genes: Floats) -> Placement:
-        return problem.space.decode(genes.reshape(-1, count, problem.space.dimension + 1))
+        return problem.space.decode(genes.reshape(-1, *shape))
 
     def cost(genes: Floats) -> Floats:
         places = layouts(genes.T)
         too_close = -problem.spare(places).clip(max=0.0).sum(axis=-1)
         found = TOO_CLOSE * (1.0 + too_close)
         clear = too_close == 0.0
-        anchors = problem.space.anchors(Placement(places.surfaces[clear], places.along[clear]))
         if clear.any():
-            found[clear] = -problem.objective.merit(problem.values(anchors).min(axis=-2))
+            cables = problem.space.cables(Placement(places.surfaces[clear], places.along[clear]))
+            found[clear] = -problem.objective.merit(problem.values(cables).min(axis=-2))
         return np.asarray(found)
 
     passed = count_from(1)
@@ -189,13 +183,69 @@ def _explore(
 
 
 def _hop(problem: LayoutProblem, places: Placement, random: np.random.Generator) -> Placement:
-    """Return the layout with one or two modules moved anywhere, to where their cables stay clear of bodies."""
+    """Return the layout with one or two cables moved anywhere, to where they stay clear of bodies."""
     surfaces, along = places.surfaces.copy(), places.along.copy()
-    count = len(surfaces)
-    for index in random.permutation(count)[: random.integers(1, 3)]:
+    for index in random.permutation(len(surfaces))[: random.integers(1, 3)]:
         for _ in range(HOPS):
-            surfaces[index] = random.integers(len(problem.space.surfaces))
-            along[index] = random.random(problem.space.dimension)
+            for end, choice in enumerate(problem.space.ends):
+                surfaces[index, end] = random.integers(choice.start, choice.stop)
+                along[index, end] = random.random(problem.space.dimension)
             if problem.spare(Placement(surfaces[[index]], along[[index]]))[0] >= 0.0:
                 break
     return Placement(surfaces, along)
+
+
+def proved_force(rig: Rig, targets: tuple[Target, ...], objective: Objective, most: float) -> float:
+    """Return the force in N, up to ``most``, that is proved in the objective's directions throughout targets.
+
+    Of a grid it is proved in its box, of a path along the straight lines between its positions. It is counted from
+    the required wrenches of the rig; NaN if not even those are proved.
+    """
+    rig = with_bodies(rig, ())  # the search has proved the clearance
+    around = rig.required.at(rig) - rig.required.middle(rig)
+
+    def proved(force: float) -> bool:
+        if objective.directions is None:
+            required = replace(rig.required, ball=rig.required.ball + force)
+        else:
+            pushed = np.array(objective.directions)[:, None] * force
+            pushed = around + np.pad(pushed, ((0, 0), (0, 0), (0, rig.n - rig.dimension)))
+            wrenches = np.concatenate([around, pushed.reshape(-1, rig.n)])
+            required = replace(rig.required, box=None, wrenches=wrenches)
+        return all(_holds(rig, each, required) for each in targets)
+
+    if not most >= 0 or not proved(0.0):
+        return float("nan")
+    if proved(most):
+        return most
+    low, high = 0.0, most
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if proved(middle) else (low, middle)
+    return low
+
+
+def _holds(rig: Rig, target: Target, required: Requirement) -> bool:
+    """Whether it is proved that all that is required is feasible throughout a target."""
+    points, rotations = target.arrays()
+    finest = float(np.ptp(points, axis=0).max()) / PROOF_CELLS
+    if not finest and rotations is None:  # the search itself evaluates a single position
+        return True
+    if isinstance(target, Grid):
+        region = np.stack([points.min(axis=0), points.max(axis=0)], axis=1)
+        return prove(rig, region, required, finest, rotations=target.rotations).proved
+    return _holds_along(rig, points, required, finest)
+
+
+def _holds_along(rig: Rig, path: Floats, required: Requirement, finest: float) -> bool:
+    """Whether it is proved for the box around a path or, down to the finest, those around its halves."""
+    region = np.stack([path.min(axis=0), path.max(axis=0)], axis=1)
+    longest = float(np.ptp(path, axis=0).max())
+    if not longest or prove(rig, region, required, 2 * longest).proved:
+        return True
+    if len(path) == 2:
+        if longest <= finest:
+            return False
+        path = np.stack([path[0], path.mean(axis=0), path[1]])
+    middle = len(path) // 2
+    return all(_holds_along(rig, part, required, finest) for part in (path[: middle + 1], path[middle:]))

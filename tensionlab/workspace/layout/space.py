@@ -1,10 +1,11 @@
-"""Space of layouts: surfaces for modules, and the places that genes encode."""
+"""Space of layouts: surfaces for modules and for attachments, and the places that genes encode."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -12,10 +13,10 @@ from pydantic import Field, InstanceOf, PositiveInt
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from tensionlab.errors import RigError
-from tensionlab.model import pose
+from tensionlab.model import kinematics, pose
 from tensionlab.model.bodies import Body
 from tensionlab.model.layouts import LIMITS
-from tensionlab.model.module import WORLD, Module, Platform, TensionLimits, require_name, vector
+from tensionlab.model.module import WORLD, Module, Platform, TensionLimits, require_name, upward, vector
 from tensionlab.model.pose import RestPose
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
@@ -26,12 +27,13 @@ from tensionlab.support.validation import raises
 
 Hardware = Literal["brake", "newton_per_ampere", "spool_radius"]  # keys of a module other than its limits
 Tension = Annotated[float, Field(ge=0.0, allow_inf_nan=False, description="in N")]
+MAX_ORDER = 12  # of turns into itself
 GENE_BORDER = 0.15  # share of an edge's genes that decode to each of its two ends: good places are often there
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Rail, rectangle or box for modules: all ``corner + x @ edges``, with the entries of x from 0 to 1.
+    """Point, rail, rectangle or box: all ``corner + x @ edges``, with the entries of x from 0 to 1.
 
     RigError names the surface and the wrong key.
 
@@ -42,7 +44,7 @@ class Surface:
     corner : (d,) read-only array
         Where all edges start, in the axes of ``frame``, in m.
     edges : (k, d) read-only array
-        One to d independent vectors from the corner, in m: a rail, a rectangle, a box.
+        Up to d independent vectors from the corner, in m: none for a point, or a rail, a rectangle, a box.
     frame : str
         "world", or the name of the body frame that it is attached to.
 
@@ -56,23 +58,24 @@ class Surface:
 
     name: str
     corner: Floats
-    edges: Floats
+    edges: Floats = field(default_factory=lambda: np.empty(0))
     frame: str = WORLD
 
     def __repr__(self) -> str:
         edges = ", ".join(map(format_vector, self.edges))
-        return f"<Surface {self.name}: from {format_vector(self.corner)} m along {edges} m>"
+        return f"<Surface {self.name}: {format_vector(self.corner)} m{f' along {edges} m' if edges else ''}>"
 
     def __post_init__(self) -> None:
         require_name(self.name, "surface", "name", "give every surface a name")
         here = f'surface "{self.name}"'
         corner = vector(self.corner, here, "corner")
-        edges, d = readonly_copy(as_floats("edges", self.edges)), corner.size
-        if d not in (2, 3) or edges.ndim != 2 or edges.shape[1] != d or not 1 <= len(edges) <= d:
+        edges, d = as_floats("edges", self.edges), corner.size
+        edges = readonly_copy(edges if edges.size else np.empty((0, d)))
+        if d not in (2, 3) or edges.ndim != 2 or edges.shape[1] != d or len(edges) > d:
             raise RigError(
-                f'{here}: key "edges" must list 1 to {d} vectors of {d} coordinates in m, as "corner" has'
+                f'{here}: key "edges" must list 1 to {d} vectors of {d} coordinates in m, as "corner" has, or none'
             )
-        if not np.isfinite(edges).all() or np.linalg.matrix_rank(edges) < len(edges):
+        if not np.isfinite(edges).all() or (len(edges) and np.linalg.matrix_rank(edges) < len(edges)):
             raise RigError(f'{here}: key "edges" has edges that are zero, parallel or not finite; correct them')
         object.__setattr__(self, "corner", corner)
         object.__setattr__(self, "edges", edges)
@@ -104,7 +107,10 @@ def room(size: Sequence[float], centre: Sequence[float] | None = None) -> tuple[
 
 
 class SurfaceGeometry(NamedTuple):
-    """Corners (s, d), edges (s, d, d), some of them zero, and anchors (f, d) of fixed modules, in the world."""
+    """Corners (s, d) and edges (s, d, d) of surfaces, then attachments; ends (f, e, d) of fixed modules.
+
+    Anchors and their surfaces are in the world, attachments in the axes of the platform.
+    """
 
     corners: Floats
     edges: Floats
@@ -112,7 +118,11 @@ class SurfaceGeometry(NamedTuple):
 
 
 class Placement(NamedTuple):
-    """Placement of k modules: indices of their surfaces (..., k), and shares of the edges (..., k, d), 0 to 1."""
+    """Surfaces (..., k, e) of the ends of k cables, and shares (..., k, e, d) of their edges from 0 to 1.
+
+    Every cable has an anchor and, on a platform, an attachment: e is 1 or 2. Shares of edges that are not there
+    have no meaning. Indices of attachments follow those of the surfaces for modules.
+    """
 
     surfaces: Integers
     along: Floats
@@ -122,6 +132,8 @@ class Placement(NamedTuple):
 @pydantic_dataclass(frozen=True, eq=False)
 class Space:
     """Surfaces for modules, how many to place, and what they are; RigError names what is wrong of them.
+
+    With ``attachments`` the cables hold a platform, and a layout also says where each cable ends on it.
 
     Attributes
     ----------
@@ -139,6 +151,13 @@ class Space:
         Poses of the body frames while the hand is in the target.
     bodies : tuple of Body
         What the cables must stay clear of while the hand is in the target, such as a standing person.
+    attachments : tuple of Surface
+        Where cables may end on the platform, in its axes: points, rails, rectangles, boxes; none for a hand, which
+        is a point.
+    symmetry : tuple of str
+        Of anchors about the origin of the world, and of attachments about that of the platform: "x" mirrors x;
+        "3-fold" turns by a third of a round about the axis that points up. Cables are placed with their images,
+        which need not lie on a surface.
 
     Examples
     --------
@@ -158,6 +177,8 @@ class Space:
     up: str | None = None
     platform: InstanceOf[Platform] | None = None
     required: InstanceOf[Requirement] = field(default_factory=Requirement)
+    attachments: tuple[InstanceOf[Surface], ...] = ()
+    symmetry: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         names = ", ".join(surface.name for surface in self.surfaces)
@@ -166,21 +187,32 @@ class Space:
         return f"<Space: {modules} modules{fixed} on {names}, {format_range(self.limits)} N>"
 
     def __post_init__(self) -> None:
-        names, d = [surface.name for surface in self.surfaces], self.dimension
+        every = (*self.surfaces, *self.attachments)
+        names, d = [surface.name for surface in every], self.dimension
         if repeated := [name for name in names if names.count(name) > 1]:
             raise RigError(f'surface "{repeated[0]}": its name is used twice; give each its own')
-        sizes = {f'surface "{surface.name}"': surface.corner.size for surface in self.surfaces}
+        sizes = {f'surface "{surface.name}"': surface.corner.size for surface in every}
         sizes |= {f'module "{module.name}"': module.anchor.size for module in self.fixed}
         for what, size in sizes.items():
             if size != d:
                 raise RigError(f'{what}: has {size} coordinates and surface "{names[0]}" {d}; give both {d}')
         if pulleys := [module.name for module in self.fixed if module.pulley_radius is not None]:
             raise RigError(f'module "{pulleys[0]}": its pulley cannot be part of a search; leave it out')
+        if worn := [surface.name for surface in self.attachments if surface.frame != WORLD]:
+            raise RigError(f'surface "{worn[0]}": attachments are in the axes of the platform; leave frame out')
+        if self.attachments and self.bodies:
+            raise RigError("bodies: cables of a platform cannot be kept clear in a search; leave out the bodies")
         if len(set(self.counts)) < len(self.counts):
             raise RigError(f"counts is {brief(list(self.counts))}; give different numbers")
         lower, upper = self.limits
         if lower > upper:
             raise RigError(f"limits is {lower} to {upper}; give 0 <= lower <= upper, both in N")
+        if self.symmetry and any(surface.frame != WORLD for surface in self.surfaces):
+            raise RigError("symmetry: a surface is on a body, which has no images; leave one of them out")
+        images = len(self.images)  # refuses words that are no symmetry
+        if odd := [count for count in self.counts if count % images]:
+            raise RigError(f"counts has {odd[0]}, but by its symmetry each cable has {images - 1} images; "
+                           f"give multiples of {images}")  # fmt: skip
         _ = self.one_module, self.placed  # refuses wrong limits and hardware, and missing frames
 
     @property
@@ -189,20 +221,53 @@ class Space:
         return self.surfaces[0].corner.size
 
     @cached_property
+    def images(self) -> Floats:
+        """Matrices (g, d, d) that take a cable to its images by symmetry, the identity first."""
+        d = self.dimension
+        known = [*"xyz"[:d], *(f"{order}-fold" for order in range(2, MAX_ORDER + 1))]
+        found = [np.eye(d)]
+        for word in self.symmetry:
+            if word not in known:
+                raise RigError(f'symmetry has {brief(word)}; give "x", "y" or another axis, or "3-fold"')
+            if word in "xyz":
+                images = [np.eye(d), np.diag(np.where(np.arange(d) == "xyz".index(word), -1.0, 1.0))]
+            elif d == 3 and self.up is None:
+                raise RigError(f'symmetry has "{word}"; give up as well, the axis about which it turns')
+            else:
+                angles = 2 * np.pi * np.arange(order := int(word.partition("-")[0])) / order
+                images = [*kinematics.planar_rotation(angles)]
+                if d == 3 and self.up is not None:
+                    images = [*kinematics.exponential(angles[:, None] * upward(self.up, d))]
+            found = [one @ other for one, other in product(found, images)]
+        return np.stack(found)
+
+    @cached_property
     def placed(self) -> SurfaceGeometry:
-        """Surfaces and fixed modules in world axes."""
-        d, count = self.dimension, len(self.surfaces)
+        """Surfaces and fixed modules in world axes, attachments in those of the platform."""
+        d, every = self.dimension, (*self.surfaces, *self.attachments)
         modules = [
             Module("end of an edge", surface.corner + edge, 0.0, 0.0, frame=surface.frame)
-            for surface in self.surfaces
+            for surface in every
             for edge in np.pad(surface.edges, ((1, d - len(surface.edges)), (0, 0)))  # the corner first
         ] + [*self.fixed]
         frames = {each.name: each.frame for each in self.rest}
         points = pose.place_anchors(modules, np.stack([each.anchor for each in modules]), frames)
         carrying = [each.frame for each in modules] + [each.frame for each in self.bodies]
         pose.require_known(frames, sorted({*carrying} - {WORLD}))
-        ends = points[: count * (1 + d)].reshape(count, 1 + d, d)
-        return SurfaceGeometry(ends[:, 0], ends[:, 1:] - ends[:, :1], points[count * (1 + d) :])
+        ends = points[: len(every) * (1 + d)].reshape(-1, 1 + d, d)
+        attached = np.array([module.attachment for module in self.fixed]).reshape(-1, d)
+        fixed = np.stack([points[len(every) * (1 + d) :], attached], axis=1)
+        return SurfaceGeometry(ends[:, 0], ends[:, 1:] - ends[:, :1], fixed if self.attachments else fixed[:, :1])
+
+    @cached_property
+    def length(self) -> float:
+        """Length in m by which torques are divided, of all rigs of the space: not for the search to choose."""
+        if not self.attachments or self.required.length is not None:
+            return self.required.length or 1.0
+        corners, edges, _ = (each[len(self.surfaces) :] for each in self.placed)
+        shares = np.array([*product((0.0, 1.0), repeat=self.dimension)])
+        vertices = corners[:, None] + np.einsum("ck,skd->scd", shares, edges)
+        return float(np.sqrt(np.square(vertices).sum(axis=-1).mean())) or 1.0
 
     @cached_property
     def one_module(self) -> Rig:
@@ -210,44 +275,50 @@ class Space:
         origin = np.zeros(self.dimension)
         return self.rig("this space", [Module("any", origin, *self.limits, **self.hardware)], origin)
 
-    @cached_property
-    def required_forces(self) -> Floats:
-        """Corners (k, d) of the set of forces that are required everywhere, without the ball about it, in N."""
-        return self.required.at(self.one_module)
-
     def rig(self, name: str, modules: Sequence[Module], home: Floats) -> Rig:
         """Return a rig with these modules, and with what the space says of all its rigs."""
         used = {each.frame for each in modules} | {each.frame for each in self.bodies}
+        kinds = ("planar", "platform") if self.attachments else ("planar-point", "point")
         return Rig(
             name,
-            kind="point" if self.dimension == 3 else "planar-point",
+            kind=kinds[self.dimension - 2],
             modules=tuple(modules),
             home=home,
             platform=self.platform,
             up=self.up,
-            required=self.required,
+            required=replace(self.required, length=self.length) if self.attachments else self.required,
             rest=tuple(each for each in self.rest if each.name in used),
             bodies=self.bodies,
             source="tensionlab layout search",
         )
 
-    def decode(self, genes: Floats) -> Placement:
-        """Decode genes (..., k, d + 1), from 0 to 1, into places.
+    @property
+    def ends(self) -> list[range]:
+        """Indices of the surfaces for each end of a cable: its anchor and, on a platform, its attachment."""
+        count, every = len(self.surfaces), len(self.surfaces) + len(self.attachments)
+        return [range(count), range(count, every)] if self.attachments else [range(count)]
 
-        The first gene of a module picks the surface, all of which are equally likely; the others are the shares of
+    def decode(self, genes: Floats) -> Placement:
+        """Decode genes (..., k, e, d + 1), from 0 to 1, into places.
+
+        The first gene of an end picks the surface, all of which are equally likely; the others are the shares of
         its edges.
         """
-        count = len(self.surfaces)
-        surfaces = np.minimum((genes[..., 0] * count).astype(np.int64), count - 1)
+        first, count = np.array([(each.start, len(each)) for each in self.ends]).T
+        surfaces = first + np.minimum((genes[..., 0] * count).astype(np.int64), count - 1)
         return Placement(surfaces, np.clip(genes[..., 1:] * (1 + 2 * GENE_BORDER) - GENE_BORDER, 0.0, 1.0))
 
-    def anchors(self, places: Placement) -> Floats:
-        """Return the world positions of all modules, (..., m, d), in m, the fixed ones last."""
+    def cables(self, places: Placement) -> Floats:
+        """Return the ends of all cables, (..., m, e, d), in m, with the images of each and the fixed ones last."""
         placed = self.placed
         moved = np.einsum("...k,...kd->...d", places.along, placed.edges[places.surfaces])
         put = placed.corners[places.surfaces] + moved
-        fixed = np.broadcast_to(placed.fixed, (*put.shape[:-2], *placed.fixed.shape))
-        return np.concatenate([put, fixed], axis=-2)
+        images = (
+            np.einsum("gij,...kej->...kgei", self.images, put) if len(self.images) > 1 else put[..., None, :, :]
+        )
+        put = images.reshape(*put.shape[:-3], -1, *put.shape[-2:])
+        fixed = np.broadcast_to(placed.fixed, (*put.shape[:-3], *placed.fixed.shape))
+        return np.concatenate([put, fixed], axis=-3)
 
     def tension_limits(self, count: int) -> TensionLimits:
         """Return the tension limits of ``count`` modules and the fixed ones, which are last."""

@@ -8,6 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, get_args
 
+import numpy as np
 from pydantic import Field, PositiveFloat
 
 from tensionlab.errors import DataError, InputError, RigError, ShapeError
@@ -23,6 +24,7 @@ from tensionlab.workspace.layout.objective import Objective, Target
 from tensionlab.workspace.layout.results import LayoutSearch
 from tensionlab.workspace.layout.search import Progress, search_layout
 from tensionlab.workspace.layout.space import Hardware, Space, Surface, room
+from tensionlab.workspace.orientations import parse_rotations
 from tensionlab.workspace.poses import box, read_poses
 
 ROOM_UP = "y"  # axis of `room` that points up
@@ -46,12 +48,17 @@ class RoomTable(SchemaTable):
     faces: list[Face] | None = Field(None, description="names of the faces to use; all are used if left out")
 
 
-class SurfaceTable(SchemaTable):
-    """Entry of ``[[surfaces]]``."""
+class AttachmentTable(SchemaTable):
+    """Entry of ``[[attachments]]``: where cables may end on a platform."""
 
     name: str = Field(min_length=1, description="a name in quotes that no other surface has")
     corner: list[float] = Field(description="where all edges start, a list of coordinates in m")
-    edges: list[list[float]] = Field(description="one to three edges, a list of lists of coordinates in m")
+    edges: list[list[float]] = Field([], description="up to three edges, a list of lists of coordinates in m")
+
+
+class SurfaceTable(AttachmentTable):
+    """Entry of ``[[surfaces]]``."""
+
     frame: str = Field("world", description='"world" or the name of a body frame, in quotes')
 
 
@@ -69,12 +76,16 @@ class TargetTable(SchemaTable):
     y: Interval | None = Field(None, description="start and end along Y, in m")
     z: Interval | None = Field(None, description="start and end along Z, in m")
     step: float | None = Field(None, description="the distance of neighbouring positions in m, a number")
+    rotations: str | None = Field(None, description='orientations of a platform in quotes, as in "cone:10"')
     path: str | None = Field(None, description="a CSV file with columns x, y, z in m, in quotes")
     weight: PositiveFloat | None = Field(None, description="the weight of the target in the score, above zero")
 
-    def poses(self, folder: Path) -> Target:
-        """Return the positions of the hand; RigError for neither a whole box nor a path, and for too many."""
+    def poses(self, folder: Path, space: Space) -> Target:
+        """Return the poses of the hand; RigError for neither a whole box nor a path, and for too many."""
         keys = self.model_dump(exclude={"path", "weight"}, exclude_none=True)
+        if self.rotations is not None:
+            axis = np.eye(space.dimension)[-1] if space.up is None else upward(space.up, space.dimension)
+            keys["rotations"] = parse_rotations(self.rotations, space.dimension, axis)
         if self.path is not None and not keys:
             return read_poses(folder / self.path)
         if missing := [key for key in ("x", "y", "step") if key not in keys or self.path is not None]:
@@ -118,6 +129,8 @@ class SpaceFile(SchemaTable):
     search: SearchTable = Field(SearchTable(), description="a [search] table")
     room: RoomTable | None = Field(None, description="a [room] table")
     surfaces: list[SurfaceTable] = Field([], description="[[surfaces]] tables")
+    attachments: list[AttachmentTable] = Field([], description="[[attachments]] tables")
+    symmetry: list[str] = Field([], description='axes and turns in quotes, as in ["x", "3-fold"]')
     modules: list[ModuleTable] = Field([], description="[[modules]] tables")
     frames: list[FrameTable] = Field([], description="[[frames]] tables")
     bodies: Bodies = Field([], description='[[bodies]] tables, "standing" or "seated"')
@@ -154,7 +167,7 @@ def load_task(path: str | PathLike[str]) -> LayoutTask:
         return LayoutTask(
             name=table.name,
             space=space,
-            target=tuple(each.poses(Path(path).parent) for each in targets),
+            target=tuple(each.poses(Path(path).parent, space) for each in targets),
             objective=_objective(table, targets, space),
             **table.search.model_dump(),
         )
@@ -208,4 +221,6 @@ def _space(table: SpaceFile) -> Space:
         up=up,
         platform=None if table.platform is None else Platform(**table.platform.model_dump()),
         required=requirement(table.required.model_dump(), "[required]: "),
+        attachments=tuple(Surface(**each.model_dump()) for each in table.attachments),
+        symmetry=tuple(table.symmetry),
     )

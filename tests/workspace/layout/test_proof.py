@@ -8,7 +8,7 @@ import tensionlab as tl
 from tensionlab.model.requirement import Requirement
 from tensionlab.workspace import Objective, PoseList, Space, Surface, box, room, search_layout
 from tensionlab.workspace.layout.objective import as_targets
-from tensionlab.workspace.layout.proof import proved_force
+from tensionlab.workspace.layout.search import proved_force
 
 RIG = tl.load_rig("bartels2026-validation")
 TARGET = box((-0.1, 0.1), (0.2, 0.4), (-0.1, 0.1), step=0.2)

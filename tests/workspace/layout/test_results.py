@@ -17,7 +17,7 @@ def corners(signs):
     """Modules in corners of the cube, each on the floor or the ceiling."""
     surfaces = np.array([NAMES.index("ceiling" if y > 0 else "floor") for _, y, _ in signs])
     along = np.array([[(x + 1) / 2, (z + 1) / 2, 0] for x, _, z in signs])
-    return Placement(surfaces, along)
+    return Placement(surfaces[:, None], along[:, None])
 
 
 ALTERNATE = [(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]
@@ -58,25 +58,25 @@ def test_a_force_that_is_none_is_refused(force):
 
 
 def test_the_margin_of_alternate_corners_at_the_centre_is_known():
-    found = CUBE.anchors(corners(ALTERNATE))
-    np.testing.assert_array_equal(np.abs(found), 1)
+    found = CUBE.cables(corners(ALTERNATE))
+    np.testing.assert_array_equal(np.abs(found), 1.0)
     margin = LayoutProblem.of(CUBE, as_targets([[0, 0, 0]], 3), Objective()).values(found)
     np.testing.assert_allclose(margin, 4 * np.sqrt(2 / 3), atol=1e-12)
 
 
 def test_many_layouts_at_once_are_each_one_alone(monkeypatch):
     rng = np.random.default_rng(0)
-    places = CUBE.decode(rng.random((7, 5, 4)))
+    places = CUBE.decode(rng.random((7, 5, 1, 4)))
     target = rng.uniform(-0.5, 0.5, size=(11, 3))
     objective = Objective(2.0, stiffness=300.0, walls=np.eye(3))
     searched = LayoutProblem.of(CUBE, as_targets(target, 3), objective)
-    together = searched.values(CUBE.anchors(places))
+    together = searched.values(CUBE.cables(places))
     assert together.shape == (7, 4, 11)
     for index in range(7):
-        alone = CUBE.anchors(Placement(places.surfaces[index], places.along[index]))
+        alone = CUBE.cables(Placement(places.surfaces[index], places.along[index]))
         np.testing.assert_array_equal(together[index], searched.values(alone))
     monkeypatch.setattr(problem, "MAX_CHUNK_POINTS", 20)
-    np.testing.assert_array_equal(together, searched.values(CUBE.anchors(places)))
+    np.testing.assert_array_equal(together, searched.values(CUBE.cables(places)))
 
 
 @pytest.mark.parametrize("required", [Requirement(), Requirement(wrench=[1, 4, 0], box=[2, 0, 1], ball=0.5)])
@@ -88,21 +88,21 @@ def test_slopes_are_finite_differences(seed, desired, required):
     box = Surface("box", [0.5, -0.9, 0.5], [[0.3, 0.1, 0], [0, 0.2, 0], [0, 0.1, 0.3]])
     rail = Surface("rail", [-0.9, -0.9, -0.9], [[0.1, 0.8, 0]])
     space = Space((*CUBE.surfaces, box, rail), (7,), limits=(1, 5), fixed=(fixed,), required=required)
-    places = Placement(np.array([0, 1, 2, 3, 4, 6, 7]), rng.uniform(0.1, 0.9, size=(7, 3)))
+    places = Placement(np.array([0, 1, 2, 3, 4, 6, 7])[:, None], rng.uniform(0.1, 0.9, size=(7, 1, 3)))
     target = rng.uniform(-0.4, 0.4, size=(5, 3))
     searched = LayoutProblem.of(space, as_targets(target, 3), Objective(**desired))
-    margins, slopes, *_ = searched.linear(places, target)
+    margins, slopes, *_ = searched.linear(places, searched.poses)
     slopes = slopes.reshape(*margins.shape, 7, 3)
-    np.testing.assert_allclose(margins, searched.values(space.anchors(places)), atol=1e-12)
+    np.testing.assert_allclose(margins, searched.values(space.cables(places)), atol=1e-12)
     step = 1e-6
     for module in range(7):
         for edge in range(3):
             moved = []
             for sign in (1, -1):
                 along = places.along.copy()
-                along[module, edge] += sign * step
+                along[module, 0, edge] += sign * step
                 there = Placement(places.surfaces, along)
-                moved.append(searched.values(space.anchors(there)))
+                moved.append(searched.values(space.cables(there)))
             tolerance = 1e-3 if desired else 1e-7  # one-sided differences
             expected = (moved[0] - moved[1]) / (2 * step)
             np.testing.assert_allclose(slopes[:, :, module, edge], expected, rtol=1e-4, atol=tolerance)

@@ -143,13 +143,13 @@ DESIRED = [
 def test_polishing_never_makes_it_worse_and_stays_on_the_surfaces(force, desired, seed):
     space = Space(room([2, 2, 2], centre=[0, 0, 0]), (6,))
     rng = np.random.default_rng(seed)
-    start = space.decode(rng.random((6, 4)))
+    start = space.decode(rng.random((6, 1, 4)))
     target = rng.uniform(-0.5, 0.5, size=(20, 3))
     objective = Objective(force, **desired)
     problem = LayoutProblem.of(space, as_targets(target, 3), objective)
-    before = problem.values(space.anchors(start))
+    before = problem.values(space.cables(start))
     found, margins = polish(problem, start)
-    np.testing.assert_allclose(margins, problem.values(space.anchors(found)), atol=1e-12)
+    np.testing.assert_allclose(margins, problem.values(space.cables(found)), atol=1e-12)
     least = [each.min(axis=0) for each in (margins, before)]
     assert objective.smooth(least[0], 0.01) >= objective.smooth(least[1], 0.01) - 1e-9
     assert ((found.along >= 0) & (found.along <= 1)).all()
@@ -163,9 +163,9 @@ def test_no_layout_nearby_is_better_than_the_polished_one():
     rng = np.random.default_rng(4)
     target = rng.uniform(-0.3, 0.3, size=(8, 3))
     problem = LayoutProblem.of(space, as_targets(target, 3), Objective())
-    found, margins = polish(problem, Placement(np.array([0, 1, 2, 3, 4]), rng.random((5, 3))))
-    near = np.clip(found.along + rng.normal(scale=0.01, size=(4000, 5, 3)), 0, 1)
-    others = space.anchors(Placement(np.broadcast_to(found.surfaces, (4000, 5)), near))
+    found, margins = polish(problem, Placement(np.arange(5)[:, None], rng.random((5, 1, 3))))
+    near = np.clip(found.along + rng.normal(scale=0.01, size=(4000, 5, 1, 3)), 0, 1)
+    others = space.cables(Placement(np.broadcast_to(found.surfaces, (4000, 5, 1)), near))
     assert problem.values(others).min(axis=(-2, -1)).max() <= margins.min() + 1e-4
 
 

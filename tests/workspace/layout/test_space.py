@@ -37,7 +37,7 @@ def test_surfaces_on_bodies_are_placed_where_the_bodies_are():
     np.testing.assert_allclose(space.placed.corners, [[-1, 0, -1], [5.1, 1, 0]], atol=1e-15)
     np.testing.assert_allclose(space.placed.edges[1], [[0, 0, -0.3], [0, 0, 0], [0, 0, 0]], atol=1e-15)
     np.testing.assert_allclose(space.placed.edges[0], [[2, 0, 0], [0, 0, 2], [0, 0, 0]], atol=1e-15)
-    np.testing.assert_allclose(space.placed.fixed, [[5, 1, -0.2]], atol=1e-15)
+    np.testing.assert_allclose(space.placed.fixed, [[[5, 1, -0.2]]], atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -63,14 +63,14 @@ def test_a_space_that_is_none_is_refused(make, message):
 
 
 def test_genes_pick_surfaces_evenly_and_reach_the_ends_of_edges():
-    genes = np.zeros((6, 1, 4))
-    genes[:, 0, 0] = (np.arange(6) + 0.5) / 6
-    assert CUBE.decode(genes).surfaces[:, 0].tolist() == list(range(6))
-    last = CUBE.decode(np.ones((1, 1, 4)))
+    genes = np.zeros((6, 1, 1, 4))
+    genes[:, 0, 0, 0] = (np.arange(6) + 0.5) / 6
+    assert CUBE.decode(genes).surfaces.ravel().tolist() == list(range(6))
+    last = CUBE.decode(np.ones((1, 1, 1, 4)))
     assert last.surfaces.item() == 5
-    middle = CUBE.decode(np.full((1, 1, 4), 0.5))
+    middle = CUBE.decode(np.full((1, 1, 1, 4), 0.5))
     np.testing.assert_allclose(middle.along, 0.5)
-    along = CUBE.decode(np.linspace(0, 1, 101)[:, None, None] * np.ones(4)).along[:, 0, 0]
+    along = CUBE.decode(np.linspace(0, 1, 101)[:, None, None, None] * np.ones(4)).along[:, 0, 0, 0]
     assert (along == 0).sum() > 5
     assert (along == 1).sum() > 5
     assert (np.diff(along) >= 0).all()
@@ -79,7 +79,7 @@ def test_genes_pick_surfaces_evenly_and_reach_the_ends_of_edges():
 def test_anchors_lie_on_their_surfaces_with_the_fixed_ones_last():
     fixed = Module("door", [0.9, -1, 0.3], 0, 9)
     space = Space((Surface("rail", [0, 0, 0], [[0, 3, 0]]),), (2,), limits=(1, 5), fixed=(fixed,))
-    found = space.anchors(Placement(np.zeros(2, int), np.array([[0.5, 0.9, 0.9], [1, 0, 0]])))
+    found = space.cables(Placement(np.zeros((2, 1), int), np.array([[[0.5, 0.9, 0.9]], [[1, 0, 0]]])))[:, 0]
     np.testing.assert_array_equal(found, [[0, 1.5, 0], [0, 3, 0], [0.9, -1, 0.3]])
     limits = space.tension_limits(2)
     assert limits.lower.tolist() == [1, 1, 0]
