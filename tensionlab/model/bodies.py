@@ -16,10 +16,10 @@ from tensionlab.model.directions import circle, fibonacci
 from tensionlab.model.module import (
     MAX_LENGTH,
     WORLD,
+    Record,
     require_name,
     require_number,
     require_up,
-    same,
     upward,
     vector,
 )
@@ -34,7 +34,7 @@ ROUND_POINTS = 300  # points of a sphere, or a circle, that stand for its surfac
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Body(Record):
     """Sphere, capsule or box that cables must stay clear of. RigError names the body and the wrong key.
 
     A body with a ``size`` is a box, one with an ``end`` a capsule: all points within the radius of a segment. One
@@ -92,11 +92,6 @@ class Body:
             raise RigError(f'{here}: key "radius" is missing; give the radius in m, or the "size" of a box')
         if self.size is not None and ((self.size <= 0).any() or self.end is not None or self.radius):
             raise RigError(f'{here}: a box has a "size" above zero along each axis, and no "end" or "radius"')
-
-    def __eq__(self, other: object) -> bool:
-        return same(self, other)
-
-    __hash__ = None  # type: ignore[assignment]  # it holds arrays
 
     @property
     def shape(self) -> Literal["sphere", "capsule", "box"]:

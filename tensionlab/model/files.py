@@ -33,17 +33,8 @@ def load_rig(path: str | PathLike[str]) -> Rig:
     """Read a rig that comes with this package, by its name, or a rig file, by its path.
 
     A path ends in ``.toml`` or has a separator. Another text is a name: ``tl.datasets.names("rigs")`` lists them,
-    with their folder. ``datasets/README.md`` shows the format of the file, with every key.
-
-    Parameters
-    ----------
-    path : str or path
-        A name, or the path of a rig file.
-
-    Raises
-    ------
-    RigError
-        Naming the file, the module and the key: what is wrong and what to do. Or there is no rig of that name.
+    with their folder. ``datasets/README.md`` shows the format of the file, with every key. RigError names the
+    file, the module and the key, and says what to do.
 
     Examples
     --------
@@ -58,17 +49,7 @@ def load_rig(path: str | PathLike[str]) -> Rig:
 def save_rig(rig: Rig, path: str | PathLike[str]) -> None:
     """Write a rig to a TOML file from which `load_rig` makes the very same rig; comments are not kept.
 
-    Parameters
-    ----------
-    rig : Rig
-        What is written.
-    path : path
-        Of the TOML file; one that is there is replaced.
-
-    Raises
-    ------
-    WriteError
-        If the file cannot be written.
+    A file that is there is replaced. WriteError if it cannot be written.
 
     Examples
     --------
@@ -141,15 +122,7 @@ def bodies_of(tables: Sequence[BodyTable], up: str | None) -> tuple[tuple[Body, 
 def load_requirement(path: str | PathLike[str]) -> Requirement:
     r"""Read a file of required wrenches: the keys of the table ``[required]`` of a rig file, and nothing else.
 
-    Parameters
-    ----------
-    path : path
-        Of the TOML file; ``datasets/README.md`` shows its keys.
-
-    Raises
-    ------
-    RigError
-        Naming the file and the key.
+    RigError names the file and the key.
 
     Examples
     --------

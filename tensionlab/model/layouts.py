@@ -71,13 +71,6 @@ def box_corners(size: Sequence[float], limits: tuple[float, float] = LIMITS) -> 
     The box is centred on the origin, where the point is at home. Tension limits are in N. RigError if the size is
     not three positive numbers.
 
-    Parameters
-    ----------
-    size : (3,) array
-        Edges along X, Y and Z, in m.
-    limits : (lower, upper)
-        Tension limits of every module, in N.
-
     Examples
     --------
     >>> import tensionlab as tl
@@ -92,14 +85,8 @@ def alternate_corners(size: Sequence[float], limits: tuple[float, float] = LIMIT
     """Return a rig with modules at every other corner of a box, as the first SPIDAR had.
 
     The four corners whose coordinates multiply to a positive number; no two share an edge. Four cables are
-    the fewest that can pull a point in every direction (Ishii & Sato 1994, SPIDAR).
-
-    Parameters and errors as in `box_corners`.
-
-    Parameters
-    ----------
-    size, limits
-        As in `box_corners`.
+    the fewest that can pull a point in every direction (Ishii & Sato 1994, SPIDAR). Parameters and errors as in
+    `box_corners`.
 
     Examples
     --------

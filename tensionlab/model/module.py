@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,8 +51,20 @@ KINDS = {
 """The kinds of rig. A wrench is a force; "planar" adds the torque about z, "platform" three torques."""
 
 
+class Record:
+    """Base of dataclasses that hold arrays: equal where all entries are."""
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return False
+        names = [each.name for each in fields(self)]  # type: ignore[arg-type]  # those of the subclass
+        return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
 @dataclass(frozen=True, eq=False)
-class Module:
+class Module(Record):
     """Winch module with one cable: its position and tension limits. RigError names the module and the wrong key.
 
     Attributes
@@ -163,14 +175,9 @@ class Module:
                 'end at one point, so leave it out, or use kind "platform" or "planar"'
             )
 
-    def __eq__(self, other: object) -> bool:
-        return same(self, other)
-
-    __hash__ = None  # type: ignore[assignment]  # it holds arrays
-
 
 @dataclass(frozen=True, eq=False)
-class Platform:
+class Platform(Record):
     """Platform that the cables hold: mass in kg, centre of mass and inertia. RigError names the wrong key.
 
     Attributes
@@ -228,11 +235,6 @@ class Platform:
             needs = f"needs ({k}, {k})" if k else "has none, so leave it out"
             raise RigError(f'[platform]: key "inertia" has shape {self.inertia.shape}; a {kind} rig {needs}')
 
-    def __eq__(self, other: object) -> bool:
-        return same(self, other)
-
-    __hash__ = None  # type: ignore[assignment]  # it holds arrays
-
 
 def require_name(value: object, where: str, key: str, remedy: str) -> None:
     """Refuse what names nothing, or would not be one line on a terminal, in a picture, or in a file."""
@@ -278,13 +280,6 @@ def vector(values: ArrayLike, where: str, key: str) -> Floats:
     if point.size and np.abs(point).max() > MAX_LENGTH:
         raise RigError(f'{where}: key "{key}" is {brief(values)}; coordinates are in m, within {MAX_LENGTH:g}')
     return point
-
-
-def same(one: Any, other: Any) -> bool:
-    """Tell whether two of these records hold the same numbers, arrays included."""
-    if type(one) is not type(other):
-        return False
-    return all(np.array_equal(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model import kinematics
-from tensionlab.model.module import WORLD, Module, require_name, same, vector
+from tensionlab.model.module import WORLD, Module, Record, require_name, vector
 from tensionlab.support.arrays import Floats, as_floats, common_axes, readonly_copy, require_finite
 from tensionlab.support.files.reading import brief
 
@@ -47,7 +47,7 @@ MAX_ROTATION_RAD = 100.0  # in a file, about each axis: beyond some turns an ang
 
 
 @dataclass(frozen=True, eq=False)
-class RestPose:
+class RestPose(Record):
     """Default pose of a body frame. RigError names the frame and the wrong key.
 
     Attributes
@@ -75,11 +75,6 @@ class RestPose:
         if self.rotation is not None:
             turn = rotation_vector(self.rotation, here, "rotation", self.position.size)
             object.__setattr__(self, "rotation", turn)
-
-    def __eq__(self, other: object) -> bool:
-        return same(self, other)
-
-    __hash__ = None  # type: ignore[assignment]  # it holds arrays
 
     @property
     def frame(self) -> CoordinateFrame:

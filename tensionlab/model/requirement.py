@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.errors import RigError, ShapeError
-from tensionlab.model.module import MAX_LENGTH, MAX_TENSION, Platform, same
+from tensionlab.model.module import MAX_LENGTH, MAX_TENSION, Platform, Record
 from tensionlab.support.arrays import Floats, as_floats, readonly_copy
 from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_vector
@@ -39,7 +39,7 @@ class RequiringRig(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Requirement:
+class Requirement(Record):
     """Set of wrenches that the cables must exert on the platform, optionally with its weight.
 
     A single wrench, or a box, a ball or a list of wrenches around it; at the reference point and in world axes, in
@@ -95,11 +95,6 @@ class Requirement:
             raise RigError(f'key "ball" is {self.ball}; give a radius in N, 0 or more')
         if self.length is not None and not (np.isfinite(self.length) and 0 < self.length <= MAX_LENGTH):
             raise RigError(f'key "length" is {self.length}; give a length in m, above zero')
-
-    def __eq__(self, other: object) -> bool:
-        return same(self, other)
-
-    __hash__ = None  # type: ignore[assignment]  # it holds arrays
 
     def __repr__(self) -> str:
         given = {field.name: getattr(self, field.name) for field in fields(self)}

@@ -20,10 +20,10 @@ from tensionlab.model.module import (
     Kind,
     Module,
     Platform,
+    Record,
     TensionLimits,
     require_name,
     require_up,
-    same,
     upward,
     vector,
 )
@@ -54,7 +54,7 @@ class Cables(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Rig:
+class Rig(Record):
     """Set of modules around a point or a platform.
 
     RigError names the module and the wrong key. Parallel cables (same anchor, same attachment) are legal.
@@ -165,11 +165,6 @@ class Rig:
             if body.frame == HAND and HAND in self.frames:
                 raise RigError(f'frame "{HAND}" is the held point where bodies are; rename that of the modules')
 
-    def __eq__(self, other: object) -> bool:
-        return same(self, other)
-
-    __hash__ = None  # type: ignore[assignment]  # it holds arrays
-
     def __repr__(self) -> str:
         names = ", ".join(module.name for module in self.modules[:4]) + ", …" * (self.m > 4)
         limits = format_range(self.limits.lower, self.limits.upper)
@@ -221,13 +216,7 @@ class Rig:
 
     @property
     def upward(self) -> Floats:
-        """Unit vector that points up, (d,).
-
-        Raises
-        ------
-        RigError
-            If the rig does not say which axis is up.
-        """
+        """Unit vector that points up, (d,); RigError if the rig does not say which axis is up."""
         if self.up is None:
             raise RigError(f'rig "{self.name}": key "up" is missing; give the axis that points up, as in up = "z"')
         return upward(self.up, self.dimension)
@@ -434,11 +423,6 @@ class Rig:
         -------
         Allocation
             With the names of the modules, the desired wrench (with what is required) and the position.
-
-        Raises
-        ------
-        ShapeError, RigError
-            As in `structure_matrix`.
 
         Examples
         --------

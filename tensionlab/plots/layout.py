@@ -83,8 +83,10 @@ def plot_search(space: Space, target: Targets, found: LayoutSearch) -> Figure:
                 (*space.surfaces, *space.attachments), space.placed.corners, space.placed.edges, strict=True
             )
         ]
-        outlines[len(space.surfaces) :] = [each + best.rig.home for each in outlines[len(space.surfaces) :]]
-        everything = np.concatenate([*outlines, space.placed.fixed[:, 0]])
+        outlines = [each @ image.T for each in outlines for image in space.images]
+        first = len(space.surfaces) * len(space.images)
+        outlines[first:] = [each + best.rig.home for each in outlines[first:]]
+        everything = np.concatenate([*outlines, space.placed.fixed[:, 0], best.rig.home[None]])
         frame_panel(before, everything.min(axis=0), everything.max(axis=0), best.rig.vertical)
         for outline in outlines:
             _draw_edges(before, outline, BLUE)

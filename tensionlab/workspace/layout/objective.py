@@ -203,10 +203,9 @@ class Objective:
 
     def where(self, rig: Rig) -> str:
         """Return in words along which directions forces count, and about which wrenches of a rig."""
-        torques = f", with torques at {rig.characteristic_length:.3g} m" if rig.n > rig.dimension else ""
-        return (
-            _towards(self.directions) + torques + (f" about {rig.required.describe(rig)}" if rig.required else "")
-        )
+        about = f" about {rig.required.describe(rig)}" if rig.required else ""
+        torques = f" (torques at {rig.characteristic_length:.3g} m)" if rig.n > rig.dimension else ""
+        return _towards(self.directions) + about + torques
 
     def desired(self, rig: Rig) -> str:
         """Return in words what is desired of a rig."""

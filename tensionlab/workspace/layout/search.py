@@ -15,8 +15,7 @@ from tensionlab.support.arrays import Floats
 from tensionlab.workspace.certification import certify as prove
 from tensionlab.workspace.interference import with_bodies
 from tensionlab.workspace.layout.objective import Objective, Target, Targets, as_targets
-from tensionlab.workspace.layout.polish import polish
-from tensionlab.workspace.layout.problem import LayoutProblem
+from tensionlab.workspace.layout.problem import LayoutProblem, polish
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.space import Placement, Space
 from tensionlab.workspace.poses import Grid

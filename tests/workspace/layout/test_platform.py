@@ -9,8 +9,7 @@ from tensionlab.errors import InputError, RigError, ShapeError
 from tensionlab.model.kinematics import exponential
 from tensionlab.workspace import Objective, PoseList, Space, Surface, box, search_layout
 from tensionlab.workspace.layout.objective import as_targets
-from tensionlab.workspace.layout.polish import polish
-from tensionlab.workspace.layout.problem import LayoutProblem
+from tensionlab.workspace.layout.problem import LayoutProblem, polish
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 ROOM = tuple(

@@ -9,8 +9,7 @@ from tensionlab.model.files import rig_from_toml
 from tensionlab.model.module import Module, Platform
 from tensionlab.workspace import Objective, Space, Surface, box, capacity_margin, room, search_layout
 from tensionlab.workspace.layout.objective import as_targets
-from tensionlab.workspace.layout.polish import polish
-from tensionlab.workspace.layout.problem import LayoutProblem
+from tensionlab.workspace.layout.problem import LayoutProblem, polish
 from tensionlab.workspace.layout.space import Placement
 from tests.helpers.examples import many
 
