@@ -47,7 +47,7 @@ def compare(
         str | None,
         option(
             "SET",
-            "Directions of the forces: grid18, fibonacci:N or FILE.csv; in a plane, circle:N. Left out: "
+            "Directions of the forces: grid18, fibonacci:N or FILE.csv (x, y, z); in a plane, circle:N. Left out: "
             "grid18 or circle:72.",
         ),
     ] = None,

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
@@ -84,7 +83,7 @@ def search(
                 output.print_line()
             table = best.table()
             table.title = f"{best.rig.name} {found.objective.describe(best.rig, best.score)}"
-            table.notes = [note for each in found.layouts for note in _proofs(each, found.objective)]
+            table.notes = [f"{each.rig.name}: {note}" for each in found.layouts for note in each.notes]
             output.print_table(table)
     if problem := _shortfall(best, found.objective):
         output.print_error(problem)
@@ -107,26 +106,12 @@ def _layout_json(found: Layout, on_front: bool) -> dict[str, object]:
     }
 
 
-def _proofs(found: Layout, objective: Objective) -> list[str]:
-    """Return what is proved of a layout throughout the target: its clearance, and its force if that was wanted."""
-    notes = []
-    if found.nearest is not None:
-        clear = "stay away from bodies by" if found.clear else "come too close to a body:"
-        notes.append(
-            f"{found.rig.name}: proved everywhere in the target: cables {clear} {found.nearest.describe()}"
-        )
-    if found.proved is not None:
-        force = "nothing" if np.isnan(found.proved) else f"{found.proved:.4g} N {objective.where(found.rig)}"
-        notes.append(f"{found.rig.name}: proved everywhere in the target: {force}")
-    return notes
-
-
 def _shortfall(best: Layout, objective: Objective) -> str:
     """Return what the best layout does not have, or not provably, and what to do; empty if it has all."""
     if best.nearest is not None and not best.clear:
         return (
             "no layout was found whose cables stay clear of bodies: they come as close as "
-            f"{best.nearest.describe()} ; move the person or the target, or give other surfaces"
+            f"{best.nearest.describe()}; move the person or the target, or give other surfaces"
         )
     advice = (
         "give more modules (counts), higher limits or a smaller target, or search longer (generations, starts)"

@@ -8,8 +8,7 @@ import numpy as np
 
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.support.arrays import Floats
-from tensionlab.support.files.reading import brief, read_text
-from tensionlab.support.files.tables import MAX_FILE_BYTES, csv_rows
+from tensionlab.support.files.tables import read_table
 
 MAX_DIRECTIONS = 10_000_000
 CIRCLE_COUNT = 72  # directions of the planar default: one every 5 degrees
@@ -59,33 +58,14 @@ def _require_positive(count: int) -> None:
 
 
 def read_csv(path: str | Path) -> Floats:
-    """Read directions from a file, (K, 3) or (K, 2); DataError, naming file and row, if a row is none.
+    """Read directions from a table with columns x, y, z, in the plane x, y, as unit vectors (K, 3) or (K, 2).
 
-    One direction a row: three columns x, y, z, or two for planar rigs. A first row with these names is a header.
-    The lengths do not matter: each row is scaled to a unit vector.
+    The lengths of rows do not matter. DataError names the file and the row if one has no direction.
     """
-    text = read_text(path, "a list of directions (*.csv)", DataError, MAX_FILE_BYTES)
-    rows: list[list[float]] = []
-    for number, cells in csv_rows(text, str(path), DataError):
-        if not any(cells):
-            continue
-        try:
-            row = [float(cell) for cell in cells]
-        except ValueError:
-            if number == 1 and cells in (["x", "y"], ["x", "y", "z"]):
-                continue
-            raise DataError(
-                f"{path}, row {number}: {brief(','.join(cells))} is not a row of numbers; write x,y,z"
-            ) from None
-        columns = len(rows[0]) if rows else len(row)
-        if columns not in (2, 3) or len(row) != columns:
-            raise DataError(f"{path}, row {number}: {len(row)} columns; every row needs the same 3 (or 2)")
-        if not np.all(np.isfinite(row)) or not any(row):
-            raise DataError(f"{path}, row {number}: {brief(row)} has no direction; give finite numbers, not all 0")
-        rows.append(row)
-    if not rows:
-        raise DataError(f"{path}: no directions; write one row x,y,z for each")
-    vectors = np.array(rows)
+    columns = read_table(path, ["x", "y"], ["z"], error=DataError, what="a list of directions (*.csv)")
+    vectors = np.stack([columns[name] for name in "xyz" if name in columns], axis=1)
+    if (none := ~vectors.any(axis=1)).any():
+        raise DataError(f"{path}: direction {none.argmax() + 1} is 0 along all axes; leave it out")
     # Scaled by the largest entry first, so that tiny and huge rows neither vanish nor overflow.
     vectors /= np.abs(vectors).max(axis=1, keepdims=True)
     vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)

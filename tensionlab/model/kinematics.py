@@ -206,7 +206,7 @@ def estimate_pose(
     rotation: Floats | None,
     pulleys: Pulleys | None = None,
 ) -> PoseEstimate:
-    """Find poses as `solve_pose` does, for arrays that broadcast. Without a rotation the guess is the identity."""
+    """Find poses as `solve_pose` does, for arrays that broadcast."""
     m, d = anchors.shape[-2:]
     turn = np.eye(d) if rotation is None else rotation
     shapes = {"lengths": lengths.shape[:-1], "position": position.shape[:-1], "rotation": turn.shape[:-2]}

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.support.formatting import format_range
@@ -79,24 +81,27 @@ class Layout:
             for module, end, lost in zip(self.rig.modules, self.rig.attachments, self.contributions, strict=True)
         ]
         ends = [Column("anchor", "m"), Column("attachment", "m")][: 1 + turns]
-        return Table(["module", "frame", *ends, "score lost without it"], rows, self._title)
+        return Table(["module", "frame", *ends, "score lost without it"], rows, self._title, self.notes)
 
     @property
     def _title(self) -> str:
         return f"{self.rig.name}: {self.rig.m} modules, score {self.score:.4g}, worst margin {self.worst:.4g} N"
 
-    def to_toml(self) -> str:
-        """Return the rig file, with the score and the contributions as comments."""
-        lines = [f"# Score {self.score:.6g}, worst margin {self.worst:.6g} N. Score lost without each module:"]
-        if self.proved is not None:
-            lines.insert(0, f"# Proved everywhere in the target: {self.proved:.6g} N.")
+    @property
+    def notes(self) -> list[str]:
+        """What is proved everywhere in the target, in words: the clearance, and the force if that was wanted."""
+        notes = []
         if self.nearest is not None:
-            lines.insert(
-                0, f"# Cables stay away from bodies everywhere in the target by {self.nearest.describe()}."
-            )
-        for module, lost in zip(self.rig.modules, self.contributions, strict=True):
-            lines.append(f"#   {module.name}: {lost:.6g}")
-        return "\n".join([*lines, "", rig_to_toml(self.rig)])
+            clear = "stay away from bodies by" if self.clear else "come too close to a body:"
+            notes.append(f"proved everywhere in the target: cables {clear} {self.nearest.describe()}")
+        if self.proved is not None:
+            force = "nothing" if np.isnan(self.proved) else f"{self.proved:.4g} N"
+            notes.append(f"proved everywhere in the target: {force}")
+        return notes
+
+    def to_toml(self) -> str:
+        """Return the rig file, with the score and what is proved as comments."""
+        return "\n".join([*(f"# {line}" for line in (self._title, *self.notes)), "", rig_to_toml(self.rig)])
 
 
 @dataclass(frozen=True)

@@ -73,8 +73,7 @@ def test_margins_are_about_what_is_required_and_the_rig_says_so():
     assert (rig.platform, rig.required, rig.up) == (Platform(0.3), required, "y")
     assert "about its weight of 0.3 kg and the wrench" in rig.description
     assert rig_from_toml(text := found.to_toml(), "text") == rig
-    assert f"# Score {found.score:.6g}, worst" in text
-    assert f"#   {rig.modules[0].name}: {found.contributions[0]:.6g}" in text
+    assert f"score {found.score:.4g}, worst margin" in text
     without = search_layout(Space(WALLS, (3,), LIMITS), [[0, 0]], Objective(), generations=3, starts=2).best.rig
     assert margin > capacity_margin(without.structure_matrix([0, 0]), without.limits, corners) - 0.2 + 0.5
 
