@@ -192,7 +192,8 @@ class Rig(Record):
         ]  # fmt: skip
         held = "" if self.platform is None else f", platform of {self.platform.mass:g} kg"
         modules = format_count(self.m, "module")
-        title = f"{self.name}: {self.kind}, {modules}{held}, home {format_vector(self.home)} m"
+        turned = "" if self.home_rotation is None else f" turned by {format_vector(self.home_rotation)} rad"
+        title = f"{self.name}: {self.kind}, {modules}{held}, home {format_vector(self.home)} m{turned}"
         return Table(columns, rows, title, [self.description] if self.description else [])
 
     @property

@@ -1,8 +1,10 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import tensionlab as tl
 from tensionlab.model.files import load_rig
 from tensionlab.model.requirement import Requirement
 
@@ -94,3 +96,32 @@ def test_a_layout_is_proved_or_falls_short(run, space, tmp_path):
     assert code == 1
     assert "3.2 N in every direction is not proved everywhere in the target: of flat-3 " in err
     assert "N less; give more modules" in err
+
+
+PLATFORM = """
+name = "bar"
+counts = [4]
+symmetry = ["x"]
+limits = { lower = 1, upper = 9.0 }
+surfaces = [{ name = "floor", corner = [-2, 0], edges = [[4, 0]] }, { name = "hook", corner = [-1, 3] }]
+attachments = [{ name = "end", corner = [0.3, 0] }, { name = "side", corner = [-0.3, -0.1], edges = [[0.6, 0]] }]
+target = { x = [-0.2, 0.2], y = [1.0, 1.4], step = 0.2, rotations = "angle:-5..5" }
+search = { generations = 3, starts = 2 }
+"""
+
+
+def test_a_platform_is_searched_for_and_written_with_its_attachments(run, tmp_path):
+    (file := tmp_path / "bar.toml").write_text(PLATFORM)
+    code, out, err = run(file, "--json", "--out", tmp_path / "rig.toml")
+    assert (code, err) == (0, "")
+    (layout,) = json.loads(out)["layouts"]
+    rig = load_rig(tmp_path / "rig.toml")
+    assert rig.kind == "planar"
+    assert [module["attachment"] for module in layout["modules"]] == rig.attachments.tolist()
+    np.testing.assert_allclose(rig.attachments[1::2], rig.attachments[::2] * [-1, 1])
+    poses = tl.workspace.box([-0.2, 0.2], [1.0, 1.4], step=0.2, rotations=np.radians([-5.0, 0.0, 5.0]))
+    margin = tl.sweep(rig, poses, ["capacity-margin"])["capacity-margin"].values.min()
+    assert margin == pytest.approx(layout["score"], abs=1e-6)
+    assert "(torques at" in run(file)[1]
+    file.write_text(PLATFORM.replace('"angle:-5..5"', '"cone:5"'))
+    assert "bar.toml: rotations 'cone:5': write angle:-30..30" in run(file)[2]
