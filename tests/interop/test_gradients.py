@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import tensionlab as tl
 from tests.helpers.problems import random_cases
@@ -58,7 +59,7 @@ def test_tensions_and_gradients_are_those_of_the_jacobian(library, policy):
     jacobian = tl.allocation_jacobian(*given[:2], cases.limits, reference=cases.reference, **options)
     np.testing.assert_array_equal(found, jacobian.allocation.tensions)
     for gradient, expected in zip(gradients, jacobian.pull_back(cotangent), strict=True):
-        np.testing.assert_array_equal(gradient, expected)
+        np.testing.assert_allclose(gradient, expected, rtol=1e-9, atol=1e-11)
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
@@ -84,7 +85,7 @@ def test_a_rig_and_a_word_do(library):
     found, (gradient,) = library.pulled_back(lambda w: library.allocate(given, w, rig.limits, "middle"), [wrench])
     expected = tl.allocation_jacobian(structure, wrench, rig.limits, reference="middle")
     np.testing.assert_allclose(found, expected.allocation.tensions, rtol=1e-12)
-    np.testing.assert_allclose(gradient, expected.wrench.sum(axis=0), rtol=1e-6)
+    np.testing.assert_allclose(gradient, expected.wrench.sum(axis=0), rtol=1e-6, atol=1e-12)
     with pytest.raises(tl.errors.InputError, match="'centre' is unknown"):
         library.allocate(given, library.array(wrench), rig.limits, "centre")
 
@@ -99,11 +100,62 @@ def test_what_jax_maps_over_problems_is_the_batch(in_jax):
     mapped = jax.jit(jax.vmap(jax.grad(effort, (0, 1))))(cases.structure, cases.wrench)
     whole = jax.grad(effort, (0, 1))(cases.structure, cases.wrench)
     for k in range(2):
-        np.testing.assert_array_equal(mapped[k], whole[k])
-        np.testing.assert_array_equal(mapped[k], [each[k] for each in single])
+        np.testing.assert_allclose(mapped[k], whole[k], rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(mapped[k], [each[k] for each in single], rtol=1e-9, atol=1e-11)
     shared = jax.vmap(effort, (None, 0))(cases.structure[0], cases.wrench)
     expected = tl.allocate(cases.structure[0], cases.wrench, (0.5, 6.0)).tensions
     np.testing.assert_allclose(shared, (expected**2).sum(axis=1), rtol=1e-12)
+
+
+def test_forward_mode_of_jax_is_the_jacobian_and_second_derivatives_those_of_differences(in_jax):
+    jax, cases = in_jax.jax, random_cases(7, 3, 6, 20)
+    given = (cases.structure, cases.wrench, cases.lower, cases.upper, cases.reference)
+
+    def chosen(W, w, lower, upper, reference):
+        return in_jax.allocate(W, w, (lower, upper), reference)
+
+    rng = np.random.default_rng(1)
+    tangents = tuple(rng.normal(size=each.shape) for each in given)
+    cotangent = rng.normal(size=cases.lower.shape)
+    _, change = jax.jvp(chosen, given, tangents)
+    jacobian = tl.allocation_jacobian(*given[:2], cases.limits, reference=cases.reference)
+    expected = sum(
+        (each * tangent).sum() for each, tangent in zip(jacobian.pull_back(cotangent), tangents, strict=True)
+    )
+    assert (change * cotangent).sum() == pytest.approx(expected, rel=1e-9)
+
+    feasible = np.flatnonzero(jacobian.allocation.exact)[0]
+    own = [each[feasible] for each in given]
+
+    def effort(both):
+        return (chosen(both[:18].reshape(3, 6), both[18:], *own[2:]) ** 2).sum()
+
+    place = np.concatenate([own[0].ravel(), own[1]])
+    slope, step = jax.jit(jax.grad(effort)), 1e-5 * np.eye(len(place))
+    differences = np.array([slope(place + each) - slope(place - each) for each in step]) / 2e-5
+    np.testing.assert_allclose(jax.hessian(effort)(place), differences, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["bartels2026-validation", "cogiro", "kntu-planar"])
+def test_structure_matrices_of_jax_are_those_of_the_rig_and_follow_the_pose(in_jax, name):
+    from tensionlab.jax import structure_matrix
+
+    jax, rig, rng = in_jax.jax, tl.load_rig(name), np.random.default_rng(2)
+    position, rotation = rig.home + 0.05 * rng.normal(size=(4, rig.dimension)), None
+    if rig.platform is not None:
+        turns = 0.2 * rng.normal(size=(4, 3))
+        rotation = turns[:, 0] if rig.dimension == 2 else Rotation.from_rotvec(turns).as_matrix()
+    found = jax.jit(lambda p: structure_matrix(rig, p, rotation))(position)
+    np.testing.assert_allclose(found, rig.structure_matrix(position, rotation), atol=1e-12)
+    moved = structure_matrix(rig, position, rotation, rig.anchors - [0.01] * rig.dimension, rig.attachments)
+    np.testing.assert_allclose(moved, rig.structure_matrix(position + 0.01, rotation), atol=1e-12)
+
+
+def test_jax_takes_no_pulleys(in_jax):
+    from tensionlab.jax import structure_matrix
+
+    with pytest.raises(tl.errors.InputError, match="pulleys and body frames are not for JAX"):
+        structure_matrix(tl.load_rig("body-mounted"), [0.0, 0.0, 0.0])
 
 
 def test_large_batches_do_not_wait_for_themselves(in_jax):
