@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from tensionlab.path_allocation import PathAllocation, RateLimitedAllocator, allocate_path
     from tensionlab.plots import plot
     from tensionlab.solvers import SOLVERS, Solver, Status
+    from tensionlab.trajectory import Trajectory, inverse_dynamics, read_trajectory
     from tensionlab.viewer.design_page import view
     from tensionlab.workspace.sweep import sweep
 
@@ -47,6 +48,7 @@ __all__ = [
     "Solver",
     "Status",
     "TensionLimits",
+    "Trajectory",
     "allocate",
     "allocate_path",
     "allocation_jacobian",
@@ -57,11 +59,13 @@ __all__ = [
     "datasets",
     "errors",
     "hardware",
+    "inverse_dynamics",
     "load_requirement",
     "load_rig",
     "person",
     "plot",
     "plots",
+    "read_trajectory",
     "ring_plus_top",
     "save_rig",
     "solvers",
@@ -84,6 +88,7 @@ _NAMES = {
     "tensionlab.model.rig": ("Rig",),
     "tensionlab.path_allocation": ("PathAllocation", "RateLimitedAllocator", "allocate_path"),
     "tensionlab.solvers": ("SOLVERS", "Solver", "Status"),
+    "tensionlab.trajectory": ("Trajectory", "inverse_dynamics", "read_trajectory"),
     "tensionlab.workspace.sweep": ("sweep",),
     "tensionlab.plots": ("plot",),
     "tensionlab.viewer.design_page": ("view",),

@@ -19,7 +19,16 @@ PACKAGE = Path(__file__).parents[1] / "tensionlab"
 # Rooms that each room may enter, besides itself and those of everybody.
 EVERYBODY = {"errors", "support", "__version__"}
 CORE = {"model", "allocation", "path_allocation", "demand", "_native"}
-ABOVE = CORE | {"solvers", "verification", "datasets", "workspace", "hardware", "haptics", "scenarios"}
+ABOVE = CORE | {
+    "trajectory",
+    "solvers",
+    "verification",
+    "datasets",
+    "workspace",
+    "hardware",
+    "haptics",
+    "scenarios",
+}
 ALLOWED = {
     "errors": set(),
     "support": {"_native"},
@@ -35,6 +44,7 @@ ALLOWED = {
     "mujoco": {"interop"},
     "lsl": {"interop"},
     "demand": {"model"},
+    "trajectory": {"model", "workspace"},
     "workspace": CORE,
     "hardware": CORE,
     # Which brakes to lock, and how hard a cable that renders a spring must pull against the others.

@@ -26,6 +26,7 @@ from tensionlab.support import provenance
 from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers, angles, require_finite
 from tensionlab.support.formatting import format_count, format_duration, format_number, format_vector, one_line
 from tensionlab.support.table import Column, Table
+from tensionlab.trajectory import Trajectory, inverse_dynamics
 from tensionlab.workspace.poses import PoseList
 
 if TYPE_CHECKING:
@@ -110,6 +111,7 @@ class Comparison:
     allocations: tuple[Allocation, ...]  # the K answers behind each row
     missing: dict[str, str]  # reasons by the names of solvers left out
     magnitude: float | None = None  # size of the forces, in N; None where wrenches were given or required
+    times: Floats | None = None  # of the samples, (K,), in s; None without a `Trajectory`
 
     @property
     def along_trajectory(self) -> bool:
@@ -196,7 +198,7 @@ def compare(
     rig: Rig,
     wrenches: ArrayLike | None = None,
     *,
-    poses: PoseList | ArrayLike | None = None,
+    poses: Trajectory | PoseList | ArrayLike | None = None,
     position: ArrayLike | None = None,
     directions: ArrayLike | str | None = None,
     magnitude: float | None = None,
@@ -220,8 +222,9 @@ def compare(
     wrenches : (K, n), (K, d), (n,) or (d,) array, optional
         Wrench at each sample, in N and N·m; d components are a force, one wrench is for all poses. Left out: that
         of the poses, or zero.
-    poses : PoseList or (K, d) array, optional
-        Pose at each sample, or positions in m; left out: ``position`` throughout.
+    poses : Trajectory, PoseList or (K, d) array, optional
+        Pose at each sample, or positions in m; left out: ``position`` throughout. The wrenches along a
+        `tensionlab.Trajectory` are its `tensionlab.inverse_dynamics`, or those given and nothing else.
     position : (d,) array, optional
         Position of all wrenches, in m; left out: the rig's home.
     directions : (K, d) array or str, optional
@@ -281,13 +284,22 @@ def compare(
         _score(place, run, desired, found, optima[run.policy or POLICIES[0]], measured, continuity or NO_PATH)
         for run, found, measured, continuity in zip(runs, allocations, times, jumps, strict=True)
     ]
-    return Comparison(rig, place, structure, desired, tuple(rows), tuple(allocations), missing, magnitude)
+    at = poses.times if isinstance(poses, Trajectory) else None
+    return Comparison(rig, place, structure, desired, tuple(rows), tuple(allocations), missing, magnitude, at)
 
 
 def _along(
-    rig: Rig, wrenches: ArrayLike | None, poses: PoseList | ArrayLike | None, position: ArrayLike | None
+    rig: Rig,
+    wrenches: ArrayLike | None,
+    poses: Trajectory | PoseList | ArrayLike | None,
+    position: ArrayLike | None,
 ) -> tuple[Floats, Floats | None, Floats]:
     """Return positions, rotations and desired wrenches of the samples of a trajectory."""
+    if isinstance(poses, Trajectory):
+        desired = inverse_dynamics(rig, poses) if wrenches is None else require_finite("wrenches", wrenches, 1)
+        if desired.shape != (len(poses.times), rig.n) or position is not None:
+            raise ShapeError(f"give ({len(poses.times)}, {rig.n}) wrenches along the trajectory, and no position")
+        return poses.position, poses.rotation, desired
     if wrenches is None and isinstance(poses, PoseList):
         wrenches = poses.wrench
     given = require_finite("wrenches", np.zeros(rig.n) if wrenches is None else wrenches, 1)

@@ -126,3 +126,19 @@ class RigFile(SchemaTable):
     frames: list[FrameTable] = Field([], description="[[frames]] tables")
     bodies: Bodies = Field([], description='[[bodies]] tables, "standing" or "seated"')
     modules: list[ModuleTable] = Field(min_length=1, description="at least one [[modules]] table")
+
+
+class ViaPoint(SchemaTable):
+    """Entry of ``[[points]]`` of a trajectory."""
+
+    time_s: float = Field(description="when the platform is there, in s, a number")
+    position: list[float] = Field(min_length=2, max_length=3, description="a list of coordinates in m")
+    rotation: list[float] | None = Field(None, description="axis times angle in rad, a list of numbers")
+
+
+class TrajectoryFile(SchemaTable):
+    """Trajectory that rests at each of its points."""
+
+    points: list[ViaPoint] = Field(min_length=2, description="at least two [[points]] tables")
+    timing: Literal["quintic", "trapezoidal"] = Field("quintic", description='"quintic" or "trapezoidal"')
+    step_s: float = Field(0.01, description="the time between samples in s, a number")

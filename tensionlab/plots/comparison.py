@@ -190,7 +190,9 @@ def _plot_trajectory(comparison: Comparison) -> Figure:
     drawn = dict(list(comparison.own_policies.items())[:MAX_DRAWN_SOLVERS])
     length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(comparison.position, axis=0), axis=1)))
     label = "length of the path (m)"
-    if not length[-1]:
+    if comparison.times is not None:
+        length, label = comparison.times, "time (s)"
+    elif not length[-1]:
         length, label = np.arange(len(length), dtype=np.float64), "sample"
     infeasible = np.any([found.status == Status.NEAREST for found in comparison.allocations], axis=0)
     columns = 1 if len(drawn) == 1 else 2

@@ -18,12 +18,11 @@ from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.module import MAX_LENGTH
 from tensionlab.support.arrays import Floats, as_floats, require_finite
-from tensionlab.support.files.reading import as_path, brief
-from tensionlab.support.files.tables import check_columns, read_parquet, read_table
+from tensionlab.support.files.reading import brief
+from tensionlab.support.files.tables import read_columns
 from tensionlab.support.formatting import format_count, format_range
 from tensionlab.workspace.orientations import roll_pitch_yaw_of
 
-POSE_FILE_SUFFIXES = (".csv", ".parquet")
 ROTATION_COLUMNS = ["rx", "ry", "rz"]  # axis times angle of an orientation in space, in rad
 MAX_ANGLE_RAD = 1000.0  # a larger angle is taken for another unit
 MAX_AXIS_POSES = 10_000_000  # more along one axis are taken for a mistaken step
@@ -293,20 +292,10 @@ def read_poses(path: str | Path) -> PoseList:
     array([[0. , 0.3, 0. ],
            [0. , 1. , 0. ]])
     """
-    suffix = as_path(path).suffix.lower()
-    if suffix not in POSE_FILE_SUFFIXES:
-        raise DataError(f"{path}: not a file of poses; give one that ends in {', '.join(POSE_FILE_SUFFIXES)}")
-    what = f"a file of poses (*{suffix})"
-    required, optional = ["x", "y"], ["z", *ROTATION_COLUMNS, "angle", *wrench_columns(3, 6)]
-    if suffix == ".csv":
-        columns = read_table(path, required, optional, error=DataError, what=what)
-    else:
-        table = read_parquet(path, what, DataError)
-        names = table.columns.column_names
-        check_columns(names, required, optional, str(path), DataError)
-        columns = {name: table.numbers(name, DataError) for name in names}
+    names = ["z", *ROTATION_COLUMNS, "angle", *wrench_columns(3, 6)]
+    columns = read_columns(path, ["x", "y"], names, DataError, "a file of poses")
     try:
-        poses = _poses_from_columns(columns)
+        poses = poses_from_columns(columns)
         _require_below(MAX_LENGTH, poses.position, "is", f"m, within {MAX_LENGTH:g}")
     except (DataError, ShapeError) as error:
         raise DataError(f"{path}: {error}") from None
@@ -319,7 +308,7 @@ def wrench_columns(dimension: int, n: int) -> list[str]:
     return [f"F{axis}" for axis in "xyz"[:dimension]] + torques[: n - dimension]
 
 
-def _poses_from_columns(columns: dict[str, Floats]) -> PoseList:
+def poses_from_columns(columns: dict[str, Floats]) -> PoseList:
     """Return poses from the columns of `read_poses`; DataError for others."""
     spatial, d = "z" in columns, 3 if "z" in columns else 2
     places, turns = (["x", "y", "z"], ROTATION_COLUMNS) if spatial else (["x", "y"], ["angle"])

@@ -262,6 +262,19 @@ def test_torques_of_a_trajectory_are_read_and_compared(tmp_path, name, columns, 
     np.testing.assert_allclose(found.wrenches - rig.required.middle(rig, poses.rotation), poses.wrench)
 
 
+@pytest.mark.parametrize("name", ["kntu-planar", "cogiro"])
+def test_along_a_trajectory_the_wrenches_are_those_of_its_dynamics_and_nothing_else(name):
+    rig = tl.load_rig(name)
+    lift = tl.Trajectory.through([rig.home, rig.home + 0.1], [0.0, 0.5], step=0.05)
+    moving = tl.inverse_dynamics(rig, lift)
+    alone, given = (compare(rig, wrench, poses=lift, solvers=["newton"]) for wrench in (None, moving))
+    for found in (alone, given):
+        np.testing.assert_array_equal(found.wrenches, moving)
+        np.testing.assert_array_equal(found.times, lift.times)
+    batch = tl.allocate(rig.structure_matrix(lift.position), moving, rig.limits)
+    np.testing.assert_array_equal(batch.tensions, alone.allocations[0].tensions)
+
+
 @pytest.mark.parametrize(
     ("words", "match"),
     [

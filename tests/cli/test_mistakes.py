@@ -114,7 +114,7 @@ MISTAKES = {
     "compare broken.toml": "broken.toml: not valid TOML: Unclosed array (at line 12, column 1); correct it",
     "compare key.toml": "key.toml: 2 problems: modules[3].name is missing; give a name in quotes",
     "workspace cube-8 --poses poses.csv": "poses.csv: line 2, column \"z\": 'nan' is no finite number",
-    "workspace cube-8 --poses run.mcap": "not a file of poses; give one that ends in .csv, .parquet",
+    "workspace cube-8 --poses run.mcap": "not a file of poses; give one that ends in .csv or .parquet",
     "run cube-8 --program short.toml": "short.toml: step 1: wrench is [1.0, 2.0]; this rig takes 3 components",
     "log info none.mcap": "none.mcap: cannot be read",
     "log info broken.mcap": "broken.mcap: not the log of a run; give a file that `tensionlab run --log` wrote",

@@ -324,7 +324,7 @@ def test_files_that_cannot_be_read_are_named(write, tmp_path):
             load_caspr(bodies, cables)
 
 
-# From rest to rest in 1 s, by a spline of degree 5: x, y in m and the angle in rad.
+# From rest to rest in 1 s: x, y in m and the angle in rad.
 START, END = np.array([0.3, 0.8, 0.1]), np.array([0.7, 0.2, -0.2])
 
 
@@ -341,13 +341,73 @@ def test_tensions_are_those_that_caspr_published(published, solver):
     rig, table = load_rig("kntu-planar"), pd.read_csv(ROOT / "tests/data/caspr_2016_figure_5.csv")
     curves = table[table["solver"] == published].groupby("cable")
     assert set(curves.groups) == {1, 2, 3, 4}
+    path = tl.Trajectory.through([START[:2], END[:2]], [0.0, 1.0], [START[2], END[2]], step=1e-3)
     for cable, curve in curves:
         t = curve["time_s"].to_numpy()
         assert len(t) > 50
-        poses = START + np.outer(10 * t**3 - 15 * t**4 + 6 * t**5, END - START)
-        accelerations = np.outer(60 * t - 180 * t**2 + 120 * t**3, END - START)
-        structure = rig.structure_matrix(poses[:, :2], poses[:, 2])
-        wrenches = accelerations * [rig.platform.mass, rig.platform.mass, rig.platform.inertia[0, 0]]
+        samples = np.searchsorted(path.times, t - 1e-9)
+        structure = rig.structure_matrix(path.position, path.rotation)[samples]
+        wrenches = tl.inverse_dynamics(rig, path)[samples]
         found = tl.allocate(structure, wrenches, rig.limits, solver)
         assert (found.status == tl.Status.EXACT).all()
         np.testing.assert_allclose(found.tensions[:, cable - 1], curve["tension_N"], rtol=0, atol=1e-3)
+
+
+def square(lower, upper):
+    """The planar robot of CASPR's tutorials: a body of 10 kg between the corners of a square metre."""
+    corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+    modules = tuple(
+        tl.Module(f"cable {number}", corner, lower, upper, attachment=[0.25 * corner[0] - 0.125, 0.0])
+        for number, corner in enumerate(corners, start=1)
+    )
+    return tl.Rig("square", "planar", modules, home=[0.5, 0.5], platform=tl.Platform(10.0, inertia=[[10.0]]))
+
+
+@pytest.mark.parametrize(
+    ("solver", "name", "x", "pixel_N"),
+    [
+        ("newton", "quintic", [0.3, 0.7], 0.0205),
+        ("closed-form", "quintic", [0.3, 0.7], 0.066),
+        ("newton", "infeasible", [0.3, 1.0, 0.3], 0.103),
+    ],
+)
+def test_inverse_dynamics_along_its_quintics_are_those_of_caspr_s_tutorial(solver, name, x, pixel_N):
+    """Tutorial 5 of CASPR's repository, whose figures have a dot for each cable every 50 ms, read to a pixel.
+
+    They were drawn when the cables of the model took 10 to 100 N. Dots at the edge of a figure are left out.
+    """
+    rig, table = square(10.0, 100.0), pd.read_csv(ROOT / "tests/data/caspr_tutorial_5.csv")
+    points, times = [[each, 0.5] for each in x], np.linspace(0.0, 5.0, len(x))
+    path = tl.Trajectory.through(points, times, np.zeros(len(x)), step=0.05)
+    structure = rig.structure_matrix(path.position, path.rotation)
+    found = tl.allocate(structure, tl.inverse_dynamics(rig, path), rig.limits, solver)
+    dots = table[(table["solver"] == solver) & (table["path"] == name)]
+    own = found.tensions[np.rint(dots["time_s"] / 0.05).astype(int)]
+    misses = abs(own - dots["tension_N"].to_numpy()[:, None]).min(axis=1)
+    assert len(dots) > 98
+    assert misses.max() < pixel_N
+    unreachable = path.times[~found.exact]
+    if name == "infeasible":  # as the log in the tutorial says, too
+        np.testing.assert_allclose(unreachable, np.arange(33, 68) * 0.05, atol=1e-9)
+    else:
+        assert not len(unreachable)
+
+
+def test_its_static_closure_and_wrench_feasible_poses_are_those_of_caspr_s_tutorial():
+    """Tutorial 8, part 1: a point of 5 kg on three cables; the file has the columns of dots of three figures."""
+    anchors = ([0.0, 0.0], [1.0, 2.0], [2.0, 0.0])
+    modules = tuple(tl.Module(f"cable {i}", place, 0.001, 100.0) for i, place in enumerate(anchors, start=1))
+    rig = tl.Rig("point", "planar-point", modules, home=[1.0, 1.0], platform=tl.Platform(5.0), up="y")
+    grid = tl.workspace.Grid(0.05 * np.arange(1, 40), -2.0 + 0.05 * np.arange(80))
+    table = pd.read_csv(ROOT / "tests/data/caspr_tutorial_8.csv")
+    for name, metric, required, count in (
+        ("static", "wrench-feasible", tl.Requirement(gravity=True), 2186),
+        ("wrench-closure", "wrench-closure", None, 761),
+        ("wrench-feasible", "wrench-feasible", tl.Requirement(gravity=True, box=[20.0, 20.0]), 894),
+    ):
+        found = tl.sweep(rig, grid, [metric], required=required)[metric].to_numpy().reshape(39, 80) > 0.0
+        published = np.zeros_like(found)
+        for _, x, lowest, highest in table[table["set"] == name].itertuples(index=False):
+            published[round(x / 0.05) - 1, round((lowest + 2.0) / 0.05) : round((highest + 2.0) / 0.05) + 1] = True
+        assert published.sum() == count
+        np.testing.assert_array_equal(found, published)

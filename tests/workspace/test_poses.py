@@ -115,7 +115,7 @@ def test_odd_poses_and_boxes_are_refused(call, error, words):
     ("name", "text", "words"),
     [
         ("none.csv", None, "no such file"),
-        ("poses.txt", "x,y\n1,2", "ends in .csv, .parquet"),
+        ("poses.txt", "x,y\n1,2", "ends in .csv or .parquet"),
         ("poses.csv", "x,z\n1,2", 'column "y" is missing'),
         ("poses.csv", "x,y,z,rx\n1,2,3,4", "no column ry"),
         ("poses.csv", "x,y,z,Fx\n1,2,3,4", "no column Fy"),

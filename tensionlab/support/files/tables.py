@@ -17,7 +17,7 @@ import numpy as np
 
 from tensionlab.errors import TensionlabError, optional_import
 from tensionlab.support.arrays import Floats
-from tensionlab.support.files.reading import brief, parse_json, read_bytes, read_text, require_unpackable
+from tensionlab.support.files.reading import as_path, brief, parse_json, read_bytes, read_text, require_unpackable
 
 Row = TypeVar("Row")
 
@@ -69,6 +69,25 @@ def read_table(
         raise error(f"{path}: no numbers; the first line names the columns {', '.join(needed)}")
     table = np.array(values).reshape(-1, len(heading))
     return {name: table[:, column] for column, name in enumerate(heading)}
+
+
+def read_columns(
+    path: str | PathLike[str],
+    needed: Sequence[str],
+    optional: Collection[str],
+    error: type[TensionlabError],
+    what: str,
+) -> dict[str, Floats]:
+    """Return the numbers of each column of a file that ends in .csv or .parquet; see `read_table`."""
+    suffix = as_path(path).suffix.lower()
+    if suffix == ".csv":
+        return read_table(path, needed, optional, error=error, what=f"{what} (*.csv)")
+    if suffix != ".parquet":
+        raise error(f"{path}: not {what}; give one that ends in .csv or .parquet")
+    table = read_parquet(path, f"{what} (*.parquet)", error)
+    names = table.columns.column_names
+    check_columns(names, needed, optional, str(path), error)
+    return {name: table.numbers(name, error) for name in names}
 
 
 def table_text(columns: Mapping[str, Floats | Sequence[float]]) -> str:
