@@ -18,7 +18,6 @@ from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.hardware.runner.settings import Clock, RealClock
 from tensionlab.hardware.simulation.links import Conditions
-from tensionlab.hardware.simulation.world import Motion
 from tensionlab.model.files import load_rig
 from tensionlab.support.files import writing
 from tensionlab.support.provenance import write_parquet
@@ -26,6 +25,7 @@ from tensionlab.validation import characterisation_report as reports
 from tensionlab.validation.characterisation import CharacterisationPlan, feasible_axes
 from tensionlab.validation.characterisation import characterise as measure
 from tensionlab.validation.sensors import ForceSensor, open_sensor
+from tensionlab.validation.simulated_hand import HandRequest
 
 
 @output.if_interrupted("nothing is kept: a characterisation is measured in one go")
@@ -56,8 +56,11 @@ def characterise(
             force_sensor = opened.enter_context(closing(open_sensor(sensor)))
             group = opened.enter_context(closing(connect(plan.rig, links_of_rig(plan.rig, modules))))
 
-            def bench(request: str, motion: Motion | None) -> tuple[ModuleGroup, Clock, ForceSensor]:
-                output.wait_for_enter(request)
+            def bench(request: HandRequest) -> tuple[ModuleGroup, Clock, ForceSensor]:
+                if force_sensor.simulated:
+                    force_sensor.send(request.line().encode())
+                else:
+                    output.wait_for_enter(str(request))
                 return group, RealClock(group.clients), force_sensor
 
         try:

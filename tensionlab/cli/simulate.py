@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated
 
@@ -14,10 +14,12 @@ from tensionlab.hardware.client.links import modules_to_toml
 from tensionlab.hardware.simulation import serve as serving
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.simulated_module import SimulatedModule
-from tensionlab.hardware.simulation.world import simulated_module
+from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.support.files import writing
+from tensionlab.validation.error_model import require_point
+from tensionlab.validation.simulated_hand import ServedSensor
 
 SINGLE_MODULE = "module"  # name of a module that belongs to no rig
 
@@ -40,28 +42,46 @@ def simulate(
         list[str] | None,
         option("PART@TIME", "Fault of all modules, encoder@2s, or of one, floor-1:cable@800ms; may be repeated."),
     ] = None,
+    sensor: Annotated[
+        int | None,
+        port_option("Also serve a force sensor at this TCP port, in a hand that `characterise` moves."),
+    ] = None,
     only: Annotated[list[str] | None, option("NAME", "Only these modules of the rig; may be repeated.")] = None,
 ) -> None:
     """Simulate the modules of a rig, with their firmware.
 
-    Serves one module for each cable until Ctrl-C. The end of each cable stays at the rig's home.
+    Serves one module for each cable until Ctrl-C. The end of each cable stays at the rig's home, or is where
+    `tensionlab characterise --sensor` wants it.
 
     Prints a modules file, and an empty line after it: names and links, for --modules. A module takes one
     client at a time, and refuses others.
     """
     conditions = Conditions(1e-3 * latency_ms, 1e-3 * jitter_ms, 0.01 * drop_pct, 0.01 * corrupt_pct)
-    simulated = _modules(None if rig is None else load_rig(rig), seed)
-    faults = _faults(fault or [], list(simulated))
-    if unknown := set(only or ()) - simulated.keys():
-        raise typer.BadParameter(f"--only {min(unknown)}: no such module; there are {', '.join(simulated)}")
-    chosen = [name for name in simulated if not only or name in only]
+    loaded = None if rig is None else load_rig(rig)
     with ExitStack() as opened:
-        served = []
+        served: list[serving.Served] = []
+        if sensor is not None:
+            if loaded is None:
+                raise typer.BadParameter("--sensor needs a rig: what would its cables hold?")
+            require_point(loaded)
+            held = ServedSensor(loaded, opened.enter_context(closing(serving.TcpPort(listen, sensor))), seed)
+            served.append(held)
+            typer.echo(f"force sensor at {held.port.url}", err=True)
+            simulated = _named(loaded, held.world)
+        elif loaded is not None:
+            simulated = _named(loaded, World(loaded, seed=seed))
+        else:  # a single one as its maker leaves it: neither set up nor calibrated
+            simulated = {SINGLE_MODULE: SimulatedModule(seed=seed)}
+        faults = _faults(fault or [], list(simulated))
+        if unknown := set(only or ()) - simulated.keys():
+            raise typer.BadParameter(f"--only {min(unknown)}: no such module; there are {', '.join(simulated)}")
+        links = {}
         for index, (name, module) in enumerate(simulated.items()):
-            if name not in chosen:
+            if only and name not in only:
                 continue
             tcp = serving.TcpPort(listen, port and port + index)  # that of a module is the same with --only
             opened.callback(tcp.close)
+            links[name] = tcp.url
             served.append(
                 serving.ServedModule(
                     module,
@@ -69,9 +89,10 @@ def simulate(
                     conditions=conditions,
                     seed=seed + index,
                     faults=faults[name],
+                    in_world=sensor is not None,
                 )
             )
-        text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
+        text = modules_to_toml(links)
         if modules is not None:
             writing.write_text(modules, text)
         kept = "the simulated modules have ended; the same command serves new ones"
@@ -80,18 +101,8 @@ def simulate(
             serving.serve(serving.Server(served), interrupted)
 
 
-def _modules(rig: Rig | None, seed: int) -> dict[str, SimulatedModule]:
-    """Return the modules by their names.
-
-    Without a rig it is a single one as its maker leaves it: neither set up nor calibrated.
-    """
-    if rig is None:
-        return {SINGLE_MODULE: SimulatedModule(seed=seed)}
-    lengths = rig.lengths(rig.home, frames=rig.at_rest)
-    return {
-        each.name: simulated_module(each, float(length), serial_number=index + 1, seed=seed + index)
-        for index, (each, length) in enumerate(zip(rig.modules, lengths, strict=True))
-    }
+def _named(rig: Rig, world: World) -> dict[str, SimulatedModule]:
+    return dict(zip((module.name for module in rig.modules), world.modules, strict=True))
 
 
 def _faults(texts: list[str], names: list[str]) -> dict[str, list[serving.PlannedFault]]:

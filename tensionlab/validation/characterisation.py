@@ -6,7 +6,6 @@ simulated rig this is a matter of motions; on a real one, a person is asked for 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -15,17 +14,14 @@ from itertools import product
 import numpy as np
 
 from tensionlab.allocation import allocate
-from tensionlab.demand import Demand, Pose, RigState
+from tensionlab.demand import Demand, RigState
 from tensionlab.errors import RigError
 from tensionlab.hardware.client import diagnostics
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import Clock, RunSettings
 from tensionlab.hardware.simulation.links import Conditions
-from tensionlab.hardware.simulation.world import Motion
 from tensionlab.model.rig import Rig
-from tensionlab.model.stiffness import HAND_DAMPING
-from tensionlab.scenarios.person import Person, PersonPlan, Script, Waypoint
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
 from tensionlab.validation import measurements
@@ -42,20 +38,15 @@ from tensionlab.validation.measurements import (
 )  # fmt: skip
 from tensionlab.validation.protocol import has_completed, read_zero
 from tensionlab.validation.sensors import ForceSensor, simulated_setup
+from tensionlab.validation.simulated_hand import MOTION_S, HandRequest
 from tensionlab.validation.statistics import fit_yaw
 
 PINGS = 20  # to each module
 DIRECTIONS = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if np.count_nonzero(way) in (1, 3)])
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1)[:, None]  # the axes and the diagonals, both ways
-MOTION_M, MOTION_HZ, MOTION_S = 0.05, 1.0, 4.0  # of a hand along each axis: amplitude, frequency, duration
-HAND_MASS_KG = 1.0  # of the simulated hand at walls: theory is of a heavy one
 WALL_DAMPINGS_NS_M = (0.0, 1.0, 2.0)
 VIBRATIONS_HZ = np.array([10.0, 20.0, 40.0, 60.0, 80.0, 100.0, 150.0, 200.0, 300.0])
 RATE_SHARES = np.array([0.02, 0.05, 0.1, 0.2, 0.3, 0.36, 0.4, 0.44, 0.48])  # frequencies per rate of a host
-# Requests to the person who holds the sensor of a real rig.
-HOLD = "fix the sensor, its Z axis up, with the handle at {} m"
-MOVE = "hold the handle by the sensor at home; then move it by 5 cm once a second, for 4 s along each of x, y, z"
-LOOSE = "hold the handle loosely by the sensor, at home: stiff springs will shake it along {}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +70,8 @@ class CharacterisationPlan:
 
 Steps = dict[str, StepResponse]  # by axis
 Responses = dict[str, FrequencyResponse]  # by axis or module
-# Opens modules, their clock and the sensor: for a request to a person, or a simulated motion.
-Bench = Callable[[str, Motion | None], tuple[ModuleGroup, Clock, ForceSensor]]
+# Opens modules, their clock and the sensor, which is held as requested.
+Bench = Callable[[HandRequest], tuple[ModuleGroup, Clock, ForceSensor]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,26 +105,9 @@ def simulated_bench(plan: CharacterisationPlan) -> Bench:
     """Return the bench of a simulated rig without errors of calibration."""
     errors = draw_errors(PRESETS["ideal"], plan.rig.m, plan.seed)
     plants = {module.name: plan.plant for module in plan.rig.modules}
-    return lambda request, motion: simulated_setup(plan.rig, errors, plan.seed, motion, plants, plan.conditions)
-
-
-def to_and_fro(rig: Rig) -> Motion:
-    """Return the motion of a hand along one axis after another, each from rest to rest."""
-
-    def pose(time: float) -> Pose:
-        turn, since = divmod(time, MOTION_S)
-        swing = math.sin(math.pi * since / MOTION_S) ** 2 * math.sin(2.0 * math.pi * MOTION_HZ * since)
-        return Pose(rig.home + MOTION_M * swing * np.eye(3)[int(turn) % 3], frames=rig.at_rest)
-
-    return pose
-
-
-def loose_hand(rig: Rig) -> Motion:
-    """Return the motion of a hand with mass and damping alone."""
-    script = Script((Waypoint(0.0, tuple(rig.home.tolist())),))
-    hand = Person(PersonPlan(HAND_MASS_KG, 1e-6, HAND_DAMPING, script), rig)
-    hand.begin()
-    return hand
+    return lambda request: simulated_setup(
+        plan.rig, errors, plan.seed, request.motion(plan.rig), plants, plan.conditions
+    )
 
 
 def feasible_axes(plan: CharacterisationPlan) -> dict[str, Floats]:
@@ -160,7 +134,7 @@ def characterise(
     `HardwareError` of modules or sensor.
     """
     rig, axes = plan.rig, feasible_axes(plan)
-    simulated, bench = bench is None, bench or simulated_bench(plan)
+    bench, simulated = bench or simulated_bench(plan), True
     home = rig.structure_matrix(rig.home, frames=rig.at_rest)
     offsets = [np.zeros(3), *(sign * plan.reach * axis for axis in np.eye(3) for sign in (-1.0, 1.0))]
     wall_axis, along = next(iter(axes.items()))
@@ -168,29 +142,25 @@ def characterise(
     trips: list[float] = []
     rotation, done = np.eye(3), 0
 
-    def run(request: str, motion: Motion, measuring: Callable[[Recorder], Measuring[T]]) -> T:
-        nonlocal done
-        modules, clock, sensor = bench(request, motion)
+    def run(grip: str, measuring: Callable[[Recorder], Measuring[T]], offset: Floats = offsets[0]) -> T:
+        nonlocal done, simulated
+        modules, clock, sensor = bench(HandRequest(grip, rig.home + offset))
+        simulated = sensor.simulated
         if not trips:
             trips.extend(t for each in modules.clients for t in diagnostics.measure(each, PINGS, bool).times)
-        latency = float(np.median(trips)) / 2.0
-        recorder = Recorder(sensor, read_zero(modules, clock, sensor), rotation, latency)
+        zero = read_zero(modules, clock, sensor)
+        recorder = Recorder(sensor, zero, rotation, float(np.median(trips)) / 2.0)
         found = run_measurement(plan, modules, clock, recorder, measuring(recorder))
         delays.extend(recorder.delays)
         done += 1
         progress(done / (len(offsets) + 2))
         return found
 
-    def hold(offset: Floats, measuring: Callable[[Recorder], Measuring[T]]) -> T:
-        place = rig.home + offset
-        text = HOLD.format(", ".join(f"{part:.3f}" for part in place))
-        return run(text, lambda time: Pose(place, frames=rig.at_rest), measuring)
-
-    rotation, held, steps, responses, vibrations = hold(offsets[0], partial(_at_home, plan, axes))
+    rotation, held, steps, responses, vibrations = run("hold", partial(_at_home, plan, axes))
     for offset in offsets[1:]:
-        held += hold(offset, partial(_static, plan, offset=offset))
-    felt = run(MOVE, to_and_fro(rig), lambda recorder: measurements.free_motion(recorder, rig, 3.0 * MOTION_S))
-    walls = run(LOOSE.format(wall_axis), loose_hand(rig), partial(_at_walls, plan, along))
+        held += run("hold", partial(_static, plan, offset=offset), offset)
+    felt = run("move", lambda recorder: measurements.free_motion(recorder, rig, 3.0 * MOTION_S))
+    walls = run("loose", partial(_at_walls, plan, along))
     felt_along = {name: felt.along(home, axis) for name, axis in axes.items()}
     return Characterisation(
         plan, simulated, np.array(trips), np.array(delays), held, steps, responses, vibrations, felt, felt_along,

@@ -17,8 +17,9 @@ from tensionlab.model.stiffness import HAND_DAMPING
 from tensionlab.support.files.reading import read_toml
 from tensionlab.support.table import Column, Table
 from tensionlab.support.validation import validate
-from tensionlab.validation.characterisation import HAND_MASS_KG, Characterisation
+from tensionlab.validation.characterisation import Characterisation
 from tensionlab.validation.measurements import StaticForce, WallTrial
+from tensionlab.validation.simulated_hand import HAND_MASS_KG
 from tensionlab.validation.statistics import deviations
 
 WHOLE = "rig"  # column of what is not of an axis
@@ -119,7 +120,7 @@ def table(result: Characterisation) -> Table:
     ]
     if result.simulated:
         hand = f"the hand at walls has {HAND_MASS_KG:g} kg and {HAND_DAMPING:g} N s/m"
-        late = f"links are {1e3 * result.plan.conditions.latency:g} ms late, one way"
+        late = f"links are {500.0 * np.median(result.round_trips):.2g} ms late, one way"
         notes.insert(0, f"These modules are simulated, without errors of calibration; {late}; {hand}.")
     return Table(["", *(Column(name, format=".3g") for name in columns), ""], rows, result.title, notes)
 

@@ -40,6 +40,7 @@ BLOCK_SAMPLES = 1000  # samples at a time, so that no power of the decay leaves 
 FORCE_COLUMNS = ("fx", "fy", "fz")
 UNITS_N = {"n": 1.0, "newton": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
 SCHEMES = ("socket://", "tcp://")
+SIMULATED_LINE = "# sensor of `tensionlab simulate`, held on request\n"  # what that sends first
 CHUNK_BYTES = 1 << 20
 TIMEOUT_S, POLL_S = 5.0, 0.01  # limit of the connection and of the first numbers, and the time between polls
 
@@ -65,8 +66,8 @@ class ForceParser:
     """
 
     def __init__(self, source: str) -> None:
-        self._source = source
-        self._rest = ""
+        self._source, self._rest = source, ""
+        self.simulated = False  # whether the lines say so
         self._line = 0
         self._columns: list[int] | None = None
         self._unit, self._counts = 1.0, 1.0
@@ -85,6 +86,7 @@ class ForceParser:
             raise self._error(str(problem)) from None
         cells = [cell.strip() for cell in cells] if len(cells) > 1 else line.replace(";", " ").split()
         if not any(cells) or cells[0].startswith("#"):
+            self.simulated |= line.strip() == SIMULATED_LINE.strip()
             return None
         names = [cell.lower().split()[0].split("(")[0].split("[")[0] if cell else "" for cell in cells]
         if set(FORCE_COLUMNS) <= set(names):
@@ -129,10 +131,14 @@ class ForceParser:
 class TextSensor:
     """Sensor that writes or sends lines of forces, read without waiting; ``source`` is its name in messages."""
 
-    simulated = False
-
     def __init__(self, source: str, read: Callable[[], str], close: Callable[[], None]) -> None:
         self._parser, self._read, self.close = ForceParser(source), read, close
+        self.send: Callable[[bytes], object] = len  # takes requests to a simulated sensor
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the sensor says that it is simulated."""
+        return self._parser.simulated
 
     def take(self) -> Floats:
         """Return the forces since the last call."""
@@ -195,7 +201,9 @@ def connect_sensor(url: str) -> TextSensor:
             if not pieces[-1]:
                 raise LinkError(f"{url}: the force sensor has hung up")
 
-    return TextSensor(url, receive, connection.close)
+    sensor = TextSensor(url, receive, connection.close)
+    sensor.send = connection.sendall
+    return sensor
 
 
 class DriftNoise:

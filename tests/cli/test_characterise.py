@@ -1,10 +1,15 @@
 """The verb on a simulated rig, and what it refuses."""
 
 import json
+import socket
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+
+import tensionlab as tl
+from benchmarks.processes import simulated
+from tensionlab.validation.characterisation import CharacterisationPlan, characterise
 
 
 def test_one_command_measures_a_rig_as_a_device(run, tmp_path, monkeypatch):
@@ -25,6 +30,38 @@ def test_one_command_measures_a_rig_as_a_device(run, tmp_path, monkeypatch):
     assert {"gain", "step response", "growth at a wall"} <= set(table["measurement"].to_pylist())
     assert "seed" in json.loads(table.schema.metadata[b"tensionlab"])
     assert "# Characterisation of tetra-4, simulated" in (out / "report.md").read_text()
+
+
+@pytest.mark.realtime  # modules and sensor in another process, over real TCP
+def test_over_tcp_the_known_limits_of_modules_come_back(run, tmp_path, monkeypatch):
+    fewer = {
+        "WALL_DAMPINGS_NS_M": (0.0,),
+        "DIRECTIONS": np.eye(3),
+        "RATE_SHARES": np.array([0.02, 0.1]),
+        "VIBRATIONS_HZ": np.array([20.0, 60.0, 80.0, 100.0]),
+    }
+    for name, values in fewer.items():
+        monkeypatch.setattr(f"tensionlab.validation.characterisation.{name}", values)
+    monkeypatch.setattr("tensionlab.validation.measurements.MAX_TRIALS", 1)
+    rig = tl.load_rig("tetra-4")
+    here = characterise(CharacterisationPlan(rig))  # in lockstep
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    file, url, out = tmp_path / "modules.toml", f"socket://127.0.0.1:{port}", tmp_path / "out"
+    with simulated("tetra-4", "--modules", file, "--sensor", port, "--latency-ms", 10):
+        code, _, said = run("characterise", "tetra-4", "--modules", file, "--sensor", url, "--out", out)
+    assert code == 0, said
+    report = json.loads((out / "report.json").read_text())
+    assert report["simulated"] is True
+    found = {row["name"]: row["values"] for row in report["figures"]}
+    assert found["friction of a cable"]["rig"] == pytest.approx(0.05, rel=0.05)
+    assert 20.0 < found["round trip of a ping"]["rig"] < 30.0
+    for axis, step in here.steps.items():
+        assert found["latency to 10 % of a step"][axis] == pytest.approx(1e3 * step.latency, abs=20.0)  # a cycle
+    for module, response in here.vibrations.items():
+        assert found[f"vibration bandwidth, {module}"]["rig"] == pytest.approx(response.bandwidth, rel=0.1)
+    assert found["force error, mean"]["rig"] < 0.15
 
 
 def test_options_that_do_not_go_together_are_refused(run, tmp_path):

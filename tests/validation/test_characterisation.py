@@ -12,24 +12,25 @@ from tensionlab.errors import DataError, RigError
 from tensionlab.haptics.rendering.stability import stiffness_bound
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.model.module import Module
-from tensionlab.validation import characterisation, measurements
-from tensionlab.validation.characterisation import CharacterisationPlan, loose_hand, to_and_fro
+from tensionlab.validation import characterisation, measurements, simulated_hand
+from tensionlab.validation.characterisation import CharacterisationPlan
 from tensionlab.validation.characterisation_report import read_devices, wall_limits
 from tensionlab.validation.measurements import FrequencyResponse, Recorder, WallTrial
 from tensionlab.validation.protocol import read_zero
+from tensionlab.validation.simulated_hand import HandRequest
 
 RIG = tl.load_rig("bartels2026-validation")
 X = np.eye(3)[0]
 # Neither friction nor cogging; the cable is damped so well that the spool does not swing.
 CLEAN = {"dry_friction": 0.0, "viscous_friction": 0.0, "cogging": 0.0, "damping": 25.0}
-HAND_KG, HAND_NS_M = characterisation.HAND_MASS_KG, 2.0
-STILL = None  # the sensor stays at home
+HAND_KG, HAND_NS_M = simulated_hand.HAND_MASS_KG, 2.0
+STILL, MOVE, LOOSE = (HandRequest(grip, RIG.home) for grip in ("hold", "move", "loose"))
 
 
-def measured(motion, measuring, latency=0.01, rate=50.0, **plant):
+def measured(request, measuring, latency=0.01, rate=50.0, **plant):
     """Measure a simulated rig whose modules have these hardware parameters."""
     plan = CharacterisationPlan(RIG, rate, conditions=Conditions(latency), plant=CLEAN | plant)
-    modules, clock, sensor = characterisation.simulated_bench(plan)("", motion and motion(RIG))
+    modules, clock, sensor = characterisation.simulated_bench(plan)(request)
     recorder = Recorder(sensor, read_zero(modules, clock, sensor), np.eye(3), latency)
     return characterisation.run_measurement(plan, modules, clock, recorder, measuring(recorder)), recorder
 
@@ -39,7 +40,7 @@ def measured(motion, measuring, latency=0.01, rate=50.0, **plant):
 )
 def test_friction_of_the_cables_is_found_in_free_motion(friction, viscous, latency):
     plant = {"dry_friction": friction, "viscous_friction": viscous}
-    found, _ = measured(to_and_fro, lambda r: measurements.free_motion(r, RIG, 12.0), latency, **plant)
+    found, _ = measured(MOVE, lambda r: measurements.free_motion(r, RIG, 12.0), latency, **plant)
     assert found.friction == pytest.approx(friction, rel=0.05)
     assert found.damping == pytest.approx(viscous, abs=0.02)
     assert found.tension == pytest.approx(0.5, abs=0.01)
@@ -113,7 +114,7 @@ def boundary(damping, delay, age):
 
 @pytest.mark.parametrize(("damping", "latency"), [(0.0, 0.01), (0.0, 0.025), (2.0, 0.01)])
 def test_the_stiffest_stable_wall_is_that_of_theory_for_the_delay(damping, latency):
-    trials, recorder = measured(loose_hand, lambda r: measurements.wall_boundary(r, RIG, X, damping, 1.5), latency)
+    trials, recorder = measured(LOOSE, lambda r: measurements.wall_boundary(r, RIG, X, damping, 1.5), latency)
     stable, passive = wall_limits(trials)
     age = float(recorder.state.ages.mean())
     assert stable == pytest.approx(boundary(damping, 2.0 * latency, age), rel=0.1)

@@ -9,7 +9,7 @@ import socket
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from tensionlab.errors import InputError, cannot_listen
 from tensionlab.hardware.simulation.links import Channel, Conditions
@@ -109,8 +109,20 @@ def parse_fault(text: str) -> PlannedFault:
     return PlannedFault(found["part"], float(found["when"]) * (1e-3 if found["unit"] == "ms" else 1.0))
 
 
+class Served(Protocol):
+    """What a `Server` serves at a port, until a time in s since the start."""
+
+    port: TcpPort
+
+    def serve(self, now: float) -> None:
+        """Run until then."""
+
+
 class ServedModule:
-    """Simulated module at a port, behind a link of given conditions, whose damage has the seed."""
+    """Simulated module at a port, behind a link of given conditions, whose damage has the seed.
+
+    The time of one that is ``in_world`` passes with that of its `World`.
+    """
 
     def __init__(
         self,
@@ -120,8 +132,9 @@ class ServedModule:
         conditions: Conditions | None = None,
         seed: int = 0,
         faults: Sequence[PlannedFault] = (),
+        in_world: bool = False,
     ) -> None:
-        self.module, self.port = module, port
+        self.module, self.port, self._in_world = module, port, in_world
         conditions = Conditions() if conditions is None else conditions
         self._inbound = Channel(conditions, random.Random(f"in {seed}"))
         self._outbound = Channel(conditions, random.Random(f"out {seed}"))
@@ -156,9 +169,10 @@ class ServedModule:
         for fault in [fault for fault in self._faults if fault.seconds <= now]:
             self._faults.remove(fault)
             self.module.damage(fault.part)
-        steps = int(now / STEP_S) - self._steps
-        self._steps += steps
-        self.module.advance(steps * STEP_S)
+        if not self._in_world:
+            steps = int(now / STEP_S) - self._steps
+            self._steps += steps
+            self.module.advance(steps * STEP_S)
 
 
 class Server:
@@ -168,7 +182,7 @@ class Server:
     do not add up.
     """
 
-    def __init__(self, modules: Sequence[ServedModule], clock: Callable[[], float] = time.perf_counter) -> None:
+    def __init__(self, modules: Sequence[Served], clock: Callable[[], float] = time.perf_counter) -> None:
         self._modules, self._clock = modules, clock
         self._start, self._now = clock(), 0.0
 
