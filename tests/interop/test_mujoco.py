@@ -1,6 +1,7 @@
 """Tendons of MuJoCo as cables: structure matrices over pulleys against forces that MuJoCo itself
 applies, controls against the forces that they lead to, and runs of modules whose platform MuJoCo moves."""
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -241,3 +242,14 @@ def test_the_example_holds_follows_and_lands():
     assert speed < 0.2
     assert height == pytest.approx(0.05, abs=0.002)  # it lies on the floor
     assert 1.0 <= lower < upper <= 100.0
+
+
+def test_planned_tensions_alone_carry_a_platform_within_a_millimetre():
+    out = subprocess.run(
+        [sys.executable, str(EXAMPLE / "carry.py")], capture_output=True, text=True, check=True
+    ).stdout
+    error, turn = (float(word) for word in re.findall(r"largest \w+ ([0-9.]+)", out))
+    assert "EXACT" in out
+    assert "6.79 m/s²" in out
+    assert error < 1.0
+    assert turn < 0.01
