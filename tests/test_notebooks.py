@@ -75,7 +75,7 @@ slow, fast = (
     tl.compare(rig, each.desired, poses=each.position, solvers=["newton"]).rows[0].step_max
     for each in (exact, run("newton", rate=200.0))
 )
-assert fast < slow / 2.5
+assert fast < slow / 2.0
 def demand(state):
     force = -20.0 * state.twist[:3]
     return Demand(force * min(1.0, 3.0 / max(np.linalg.norm(force), 1e-9)))

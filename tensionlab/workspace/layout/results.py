@@ -90,13 +90,14 @@ class Layout:
     @property
     def notes(self) -> list[str]:
         """What is proved everywhere in the target, in words: the clearance, and the force if that was wanted."""
+        where = "everywhere in the target" + ", in its rotations" * (self.rig.n > self.rig.dimension)
         notes = []
         if self.nearest is not None:
             clear = "stay away from bodies by" if self.clear else "come too close to a body:"
-            notes.append(f"proved everywhere in the target: cables {clear} {self.nearest.describe()}")
+            notes.append(f"proved {where}: cables {clear} {self.nearest.describe()}")
         if self.proved is not None:
             force = "nothing" if np.isnan(self.proved) else f"{self.proved:.4g} N"
-            notes.append(f"proved everywhere in the target: {force}")
+            notes.append(f"proved {where}: {force}")
         return notes
 
     def to_toml(self) -> str:
