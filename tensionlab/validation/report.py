@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from tensionlab.hardware.calibration.gain import Estimate
 from tensionlab.model.files import rig_from_toml
 from tensionlab.model.layouts import ring_plus_top
 from tensionlab.model.rig import Rig
@@ -18,10 +19,10 @@ from tensionlab.support.table import Column, Table
 from tensionlab.validation.data_tables import Recording
 from tensionlab.validation.protocol import AXIS_FORCES, Measurement
 from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
-from tensionlab.validation.statistics import ALIGNMENTS, ForceScore, Interval, rotation_angle, score
+from tensionlab.validation.statistics import ALIGNMENTS, ForceScore, rotation_angle, score
 
 if TYPE_CHECKING:
-    import pandas
+    pass
 
 SAME_PLACE_M = 1e-3  # distance of anchors below which a rig is the published one
 TILTED_DEG = 1.0  # difference of the two alignments above which the report mentions tilt
@@ -84,21 +85,13 @@ class ValidationResult:
         """Return the published numbers and those of this rig, line by line."""
         rows = []
         for line in comparison_lines(self):
-            value, low, high = line.measured
-            interval = "" if line.weighted is None else f" ({low:.3g} to {high:.3g})"
-            weighted = line.weighted and line.weighted.value
+            measured, weighted = line.measured, line.weighted and line.weighted.value
+            interval = "" if line.weighted is None else f" ({measured.lower:.3g} to {measured.upper:.3g})"
             name = f"{line.name} ({line.unit})"
-            rows.append([name, line.published, f"{value:.3g}{interval}", weighted, line.maximum])
+            rows.append([name, line.published, f"{measured.value:.3g}{interval}", weighted, line.maximum])
         columns = ["", Column("published", format=".3g"), Column(self.kind, "95 %"),
                    Column("sin-weighted", format=".3g"), Column("maximum", format=".3g")]  # fmt: skip
         return Table(columns, rows, self.title, remarks(self))
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """Return a row for each force: desired and measured, aligned as published, in N, and the tensions.
-
-        MissingDependency if pandas is not installed.
-        """
-        return make_recording(self, rig_from_toml(self.setup["rig"], "rig of the setup"), "", {}).to_pandas()
 
     @property
     def exact(self) -> int:
@@ -165,15 +158,15 @@ class ComparisonLine(NamedTuple):
     name: str
     unit: str
     published: float
-    measured: Interval
-    weighted: Interval | None = None
+    measured: Estimate
+    weighted: Estimate | None = None
     maximum: float | None = None
 
 
 def comparison_lines(result: ValidationResult) -> list[ComparisonLine]:
     """Return the numbers that are compared, of forces aligned as published."""
     found = result.aligned["paper"].score
-    within = Interval(100.0 * found.within, float("nan"), float("nan"))
+    within = Estimate(100.0 * found.within, float("nan"), float("nan"))
     return [
         ComparisonLine("mean angle error", "degrees", 14.0, *found.angle),
         ComparisonLine("vectors within 45 degrees", "%", 100.0, within),

@@ -41,22 +41,11 @@ def fit_rotation(desired: Floats, measured: Floats) -> Floats:
 
 
 def rotation_angle(rotation: Floats) -> float:
-    """Return the angle of a rotation, in degrees."""
-    skew = np.array(
-        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
-    )
-    return float(np.degrees(np.arctan2(np.linalg.norm(skew), np.trace(rotation) - 1.0)))
+    """Return the angle of a rotation (3, 3), in degrees."""
+    return float(np.degrees(2.0 * np.arcsin(min(np.linalg.norm(rotation - np.eye(3)) / np.sqrt(8.0), 1.0))))
 
 
 ALIGNMENTS = {"paper": fit_yaw, "kabsch": fit_rotation}  # the publication's, and the one that finds tilt as well
-
-
-class Interval(NamedTuple):
-    """Number and its 95 % bootstrap interval."""
-
-    value: float
-    lower: float
-    upper: float
 
 
 class Deviations(NamedTuple):
@@ -80,8 +69,8 @@ class DeviationSummary(NamedTuple):
     longitudes it is the mean over the sphere, while the plain ``mean`` counts the poles too much.
     """
 
-    mean: Interval
-    weighted: Interval
+    mean: Estimate
+    weighted: Estimate
     maximum: float
 
 
@@ -125,11 +114,11 @@ def _summary(column: Floats, weights: Floats, drawn: Integers) -> DeviationSumma
     return DeviationSummary(mean, weighted, float(np.max(column)))
 
 
-def _bootstrap(values: Floats, weights: Floats, drawn: Integers) -> Interval:
+def _bootstrap(values: Floats, weights: Floats, drawn: Integers) -> Estimate:
     """Return a weighted mean with its interval."""
     tails = (0.5 - CONFIDENCE / 2.0, 0.5 + CONFIDENCE / 2.0)
     lower, upper = np.quantile(_mean(values[drawn], weights[drawn]), tails).tolist()
-    return Interval(float(_mean(values, weights)), lower, upper)
+    return Estimate(float(_mean(values, weights)), lower, upper)
 
 
 def _mean(values: Floats, weights: Floats) -> Floats:
