@@ -1,7 +1,8 @@
-"""Impedances of all modules: their optimum against a conic solver, and walls with and without them.
+"""Impedances of all modules: their optimum against a conic solver, walls with and without them, and their time.
 
 python -m benchmarks.impedance_field optimum        # 10,000 problems, some minutes
-python -m benchmarks.impedance_field walls OUT.csv   # four rigs and walls, 20 directions: ten minutes
+python -m benchmarks.impedance_field walls OUT.csv   # five rigs and walls, 20 directions: ten minutes
+python -m benchmarks.impedance_field time            # of a whole cycle
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ import contextlib
 import importlib
 import multiprocessing
 import sys
+import timeit
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 from unittest import mock
@@ -32,14 +35,23 @@ from tensionlab.model.directions import fibonacci
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
-RIGS = ("bartels2026-validation", "tetra-4", "cube-8", "seven-modules")
-STIFFNESSES = (50.0, 100.0, 200.0, 400.0)  # N/m
+# Layout of docs/how-to/keep-cables-clear-of-a-person.md, the hand in the middle of its target; in m.
+FIVE = (
+    (-1.75, 0.0, -0.5992),
+    (1.75, 0.0, 1.073),
+    (1.75, 1.379, -0.8898),
+    (-1.492, 2.7, -1.028),
+    (-0.8164, 2.7, 1.994),
+)
+FIVE_HOME = (0.0, 1.25, 0.05)
+RIGS = ("bartels2026-validation", "tetra-4", "my-room-5", "cube-8", "seven-modules")
+STIFFNESSES = (50.0, 100.0, 200.0, 300.0, 400.0)  # N/m
 DIRECTIONS = 20
 RATE_HZ, LATENCY_S = 50.0, 0.01  # of the host; of the radio link, in each direction
 MASS_KG, HAND_DAMPING, ARM_STIFFNESS = 0.3, 2.0, 30.0  # of a hand, and what holds it along the wall (N/m)
 PUSH_N, WAVE_N, WAVE_HZ = 2.0, 1.5, 1.0  # push against the wall; its change, while stiffness is measured
 # Begin of the push, when the cables are taut; its change begins and ends; the end, after a constant push.
-BEGIN_S, SETTLED_S, MEASURED_S, STILL_S = 0.8, 2.8, 4.8, 7.3
+BEGIN_S, SETTLED_S, MEASURED_S, STILL_S = 0.8, 2.8, 4.8, 9.0
 
 
 class FieldProblem(NamedTuple):
@@ -117,6 +129,14 @@ def conic_optimum(problem: FieldProblem) -> tuple[float, bool]:
     return value, stated.status == cvxpy.OPTIMAL
 
 
+def wall_rig(name: str) -> Rig:
+    """Return a rig by name; the room of five modules is no data set."""
+    if name != "my-room-5":
+        return tl.load_rig(name)
+    modules = tuple(tl.Module(f"module {i}", np.array(anchor), lower=0.5, upper=6.0) for i, anchor in enumerate(FIVE))
+    return Rig(name, "point", modules, np.array(FIVE_HOME), up="y")
+
+
 class Hand:
     """Motion of a hand that is pushed against a wall through the rig's home; an arm holds it sideways."""
 
@@ -164,7 +184,7 @@ class WallTrial:
 
     def measure(self) -> dict[str, object]:
         """Return what a hand feels of the wall in simulation."""
-        rig = tl.load_rig(self.rig)
+        rig = wall_rig(self.rig)
         normal = fibonacci(DIRECTIONS)[self.direction]
         hand, renderer = Hand(rig, normal), Renderer(rig)
         world = World(rig, hand)
@@ -192,13 +212,14 @@ def _felt(records: Floats) -> dict[str, float]:
     time, depth, rate, along, across = records.T
     changing = (time > SETTLED_S) & (time < MEASURED_S)
     still = time > STILL_S - 0.6
+    drift = np.polyfit(time[still], depth[still], 1)
     terms = np.stack([depth, rate, np.ones_like(depth)], axis=1)[changing]
     stiffness, damping, _ = np.linalg.lstsq(terms, along[changing], rcond=None)[0]
     return {
         "rendered": float(stiffness),
         "damping": float(damping),
         "across": float(np.mean(across[still]) / max(np.mean(along[still]), 1e-9)),
-        "oscillation": float(np.ptp(depth[still])),
+        "oscillation": float(np.ptp(depth[still] - np.polyval(drift, time[still]))),
         "depth": float(np.mean(depth[still])),
     }
 
@@ -232,5 +253,30 @@ def measure_walls(path: str) -> None:
     pandas.DataFrame(rows).to_csv(path, index=False, float_format="%.5g")
 
 
+def time_cycle(name: str) -> dict[str, float]:
+    """Return the time in us of a cycle of the renderer, and of its parts, with a hand in a wall of 200 N/m."""
+    rig, normal = wall_rig(name), fibonacci(DIRECTIONS)[3]
+    world = World(rig)
+    runner = Runner(rig, world.group(), "newton", lambda state: Demand(), clock=WorldClock(world))
+    runner.run(0.5)
+    assert runner.latest is not None
+    state, renderer, limits = runner.latest.state, Renderer(rig), assignment.ModuleLimits()
+    wall = Wall(Plane(tuple(rig.home), tuple(normal)), 200.0)
+    motion = Motion(rig.home - 0.005 * normal, np.zeros(3), 1.0, 1.0 / RATE_HZ)
+    cables = assignment.CableState(state.lengths, state.structure.T, state.active)
+    part = wall.module_side(motion, None)
+    steps: dict[str, Callable[[], object]] = {
+        "cycle": lambda: renderer({"wall": wall}, motion, state),
+        "assign": lambda: assignment.assign((wall,), motion, cables, limits, 33.0),
+        "field": lambda: assignment.along_field(part, motion.velocity, cables, cables.available, limits, 33.0),
+    }
+    return {step: 5e3 * min(timeit.repeat(call, number=200, repeat=10)) for step, call in steps.items()}
+
+
 if __name__ == "__main__":
-    compare_with_clarabel() if sys.argv[1:] == ["optimum"] else measure_walls(sys.argv[2])
+    if sys.argv[1:] == ["optimum"]:
+        compare_with_clarabel()
+    elif sys.argv[1:] == ["time"]:
+        print(pandas.DataFrame({name: time_cycle(name) for name in RIGS}).round().to_string())
+    else:
+        measure_walls(sys.argv[2])

@@ -262,8 +262,6 @@ class Demand:
         that is too stiff for the loop. None: ``wrench`` itself.
     effects : mapping of str to EffectDemand
         Parts of it, by the effects' names.
-    effects : mapping of str to EffectDemand
-        Parts of it, by the effects' names.
 
     Examples
     --------

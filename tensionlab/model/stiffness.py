@@ -11,6 +11,7 @@ from tensionlab.support.arrays import Floats
 
 MARGIN = 0.5  # share of the bound that a host may use (our default)
 HAND_DAMPING = 2.0  # b of a hand that holds something, in N s/m: a default of this project
+MIN_HAND_MASS_KG = 0.3  # smallest effective mass of a hand: a default of this project
 CYCLE_S, LATENCY_S = 1.0 / 50.0, 0.02  # period and delay of the loop before it is measured: the runner's default
 MODULE_STIFFNESS = 500.0  # largest stiffness of the firmware's impedance, in N/m
 MIN_COSINE = math.cos(math.radians(45.0))  # between axis and cable: published threshold of a convincing direction

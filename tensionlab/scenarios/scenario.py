@@ -128,7 +128,7 @@ class Scenario:
             raise self._error(f'rig "{rig.name}" turns; give one of a point')
         if self.up is not None and self.up != rig.up:
             raise self._error(
-                f'it has up = "{self.up}", and rig "{rig.name}" {rig.up!r}; give a rig with the same'
+                f'up is "{self.up}", but "{rig.up}" of rig "{rig.name}"; give a rig with the same up'
             )
         if set(rig.frames) - set(self.person.bodies):
             raise self._error(

@@ -21,7 +21,14 @@ from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
 from tensionlab.haptics.effects.contact import Texture
 from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, is_split
 from tensionlab.haptics.rendering.fidelity import WEAK_JND
-from tensionlab.haptics.rendering.field import MAX_GAP, CableRanges, Prediction, allocate_field, predict
+from tensionlab.haptics.rendering.field import (
+    MAX_GAP,
+    CableRanges,
+    Prediction,
+    allocate_field,
+    predict,
+    stable_share,
+)
 from tensionlab.haptics.rendering.stability import cap_stiffness
 from tensionlab.model.stiffness import MIN_COSINE, MODULE_STIFFNESS
 from tensionlab.support.arrays import Floats
@@ -60,10 +67,11 @@ class CableState(NamedTuple):
 
 
 class EffectMemory(NamedTuple):
-    """Memories of an effect as rendered, and as desired: at its own stiffness."""
+    """Memories of an effect as rendered, and as desired: at its own stiffness; and whether a field rendered it."""
 
     rendered: Memory = None
     desired: Memory = None
+    by_field: bool = False
 
 
 class Cut(NamedTuple):
@@ -129,10 +137,10 @@ def assign(
     bypass = False
     host_step = max(host_step, motion.step)
     known = memories or (EffectMemory(),) * len(effects)
-    for index, (effect, (memory, desired_memory)) in enumerate(zip(effects, known, strict=True)):
+    for index, (effect, (memory, desired_memory, by_field)) in enumerate(zip(effects, known, strict=True)):
         try:
             part = _module_side(effect, motion, memory)
-            springs = _module_springs(part, motion.velocity, cables, free, limits, host_stiffness)
+            springs = _module_springs(part, motion.velocity, cables, free, limits, host_stiffness, by_field)
             aliased = part is not None and part.amplitude and part.frequency * host_step > MAX_CYCLES_PER_STEP
             if part is not None and springs is None and aliased:
                 assert is_split(effect)
@@ -166,7 +174,7 @@ def assign(
             raise EffectFailed(index, reason) from error
         if not all(np.isfinite(each).all() for each in (force, expected, desired)):
             raise EffectFailed(index, "its force is not finite")
-        kept.append(EffectMemory(rendered.memory, wanted.memory))
+        kept.append(EffectMemory(rendered.memory, wanted.memory, springs is not None and springs.by_field))
         bypass = bypass or bool(np.any(rendered.bypass_slew))
     return RenderPlan(force, impedances, expected, desired, tuple(kept), bypass, tuple(cut), tuple(demands))
 
@@ -267,6 +275,7 @@ class ModuleSprings(NamedTuple):
     impedances: dict[int, Impedance]
     force: Floats
     predicted: Prediction
+    by_field: bool
 
 
 def _module_springs(
@@ -276,8 +285,12 @@ def _module_springs(
     free: NDArray[np.bool_],
     limits: ModuleLimits,
     host_stiffness: float,
+    by_field: bool,
 ) -> ModuleSprings | None:
-    """Return what modules render of a part, by one cable or a field; None if the host alone is better."""
+    """Return what modules render of a part, by one cable or a field; None if the host alone is better.
+
+    A change from or to a field, which is felt, has to be noticeably better.
+    """
     if part is None:
         return None
     best = None
@@ -288,11 +301,14 @@ def _module_springs(
     # Not for a spring that ends before a late host can end it.
     if part.stiffness > 0.0 and part.amplitude == part.feed_forward == 0.0 and math.isinf(part.reach):
         by_host = 1.0 - min(host_stiffness / part.stiffness, 1.0)
-        field = along_field(part, velocity, cables, free, limits)
+        field = along_field(part, velocity, cables, free, limits, host_stiffness)
         predicted = _predict(part, field, cables, host_stiffness)
-        if predicted.error < (by_host if best is None else best[1].error):
-            best = field, predicted
-    return None if best is None else _expected(part, velocity, cables, *best)
+        error = by_host if best is None else best[1].error
+        if predicted.error < error * (1.0 + WEAK_JND if by_field else 1.0 - WEAK_JND):
+            return ModuleSprings(field, _expected(part, velocity, cables, field, predicted), predicted, True)
+    if best is None:
+        return None
+    return ModuleSprings(best[0], _expected(part, velocity, cables, *best), best[1], False)
 
 
 def _predict(
@@ -309,8 +325,8 @@ def _expected(
     cables: CableState,
     impedances: dict[int, Impedance],
     predicted: Prediction,
-) -> ModuleSprings:
-    """Return impedances with their force on the hand, corrected as predicted."""
+) -> Floats:
+    """Return the force of impedances on the hand, corrected as predicted."""
     depth = max(part.compression, 0.0)
     rate = max(-float(part.axis @ velocity), 0.0)
     force = np.zeros_like(part.axis)
@@ -323,10 +339,8 @@ def _expected(
             + ((each.stiffness * depth + each.damping * rate) * cosine + part.feed_forward / cosine) * direction
         )
     along = float(force @ part.axis)
-    corrected = (along + predicted.added * depth) * part.axis + (1.0 - predicted.share) * (
-        force - along * part.axis
-    )
-    return ModuleSprings(impedances, corrected, predicted)
+    across = (1.0 - predicted.share) * (force - along * part.axis)
+    return (along + predicted.added * depth) * part.axis + across
 
 
 def along_field(
@@ -335,6 +349,7 @@ def along_field(
     cables: CableState,
     free: NDArray[np.bool_],
     limits: ModuleLimits = STANDARD_LIMITS,
+    host_stiffness: float = math.inf,
 ) -> dict[int, Impedance]:
     """Return the impedances, by cable, of free cables that together are nearest to a part.
 
@@ -359,10 +374,12 @@ def along_field(
     if not found.gap <= MAX_GAP:
         return {}
     touching = part.compression >= 0.0
+    matrix = (cables.directions.T * found.stiffness) @ cables.directions
+    stiffness = stable_share(matrix, part.axis, host_stiffness) * found.stiffness
     return {
         int(cable): Impedance(
             rest=min(max(float(cables.lengths[cable] - cosines[cable] * part.compression), 0.0), limits.length),
-            stiffness=float(found.stiffness[cable]),
+            stiffness=float(stiffness[cable]),
             damping=float(found.damping[cable]) if touching else 0.0,
         )
         for cable in np.flatnonzero(found.stiffness > 1e-3 * found.stiffness.max())

@@ -20,6 +20,7 @@ import numpy as np
 
 from tensionlab import _native
 from tensionlab.allocation import allocate
+from tensionlab.model.stiffness import HAND_DAMPING, MARGIN, MIN_HAND_MASS_KG
 from tensionlab.support.arrays import Floats
 
 # Weight of an error where the effect leaves the hand free, such as along a wall: the host corrects part of it.
@@ -213,3 +214,19 @@ def predict(matrix: Floats, axis: Floats, stiffness: float, host_stiffness: floa
     remaining = (1.0 - share) * math.sqrt(coupling)
     missing = math.hypot(stiffness - along - added, remaining)
     return Prediction(along + added, remaining, added, share, missing / stiffness if stiffness else 0.0)
+
+
+def stable_share(matrix: Floats, axis: Floats, host_stiffness: float) -> float:
+    """Return the share of a stiffness matrix that is stable across an axis, where the rest lengths are late.
+
+    A spring M whose rest length follows the hand tau late is one of ``M (1 - cos(w tau))`` with a damper
+    ``M sin(w tau)/w``, which drives the hand above half a cycle of tau. The lightest hand m stays below if
+    ``2 M <= m (pi/tau)²``. ``host_stiffness`` tells tau.
+    """
+    column = matrix @ axis
+    along = float(axis @ column)
+    total = float(np.trace(matrix)) - along  # of the eigenvalues across, and of their squares
+    squares = float(np.vdot(matrix, matrix)) - 2.0 * float(column @ column) + along**2
+    largest = (total + math.sqrt(max(2.0 * squares - total**2, 0.0))) / 2.0
+    limit = MIN_HAND_MASS_KG / 2.0 * (math.pi * host_stiffness / (MARGIN * HAND_DAMPING)) ** 2
+    return min(limit / largest, 1.0) if largest > 0.0 else 1.0

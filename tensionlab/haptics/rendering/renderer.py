@@ -34,7 +34,7 @@ from tensionlab.haptics.rendering.assignment import (
 )
 from tensionlab.haptics.rendering.stability import Observed, PassivityController, max_damping, stiffness_cap
 from tensionlab.model.rig import Rig
-from tensionlab.model.stiffness import HAND_DAMPING
+from tensionlab.model.stiffness import HAND_DAMPING, MIN_HAND_MASS_KG
 from tensionlab.support.arrays import Floats
 
 MAX_FORCE_N = 1000.0  # largest force that is desired of any rig
@@ -126,7 +126,6 @@ class Stages:
 # Largest desired force over the sum of all upper tensions. At 1 it would cost feasible force: if cables pull
 # aslant, a desired force that is somewhat too large is rendered better.
 MAX_FORCE_RATIO = 2.0
-MIN_HAND_MASS_KG = 0.3  # smallest effective mass of a hand (our default)
 INITIAL_DELAY_S = 0.25  # assumed delay before the first measurement: the lifetime of set-points
 DELAY_CYCLES = 100  # recent cycles whose delays and durations count
 # Effects for the passivity controller: they only return energy. A magnet, a spring or a lift may store some at

@@ -10,7 +10,8 @@ import tensionlab as tl
 from benchmarks.impedance_field import conic_optimum, objective, random_problem
 from tensionlab.haptics.effects import Motion, Plane, Wall
 from tensionlab.haptics.rendering.assignment import CableState, ModuleLimits, assign
-from tensionlab.haptics.rendering.field import CableRanges, allocate_field, optimality_gap, predict
+from tensionlab.haptics.rendering.field import CableRanges, allocate_field, optimality_gap, predict, stable_share
+from tensionlab.model.stiffness import HAND_DAMPING, MARGIN, MIN_HAND_MASS_KG
 
 
 def test_it_is_the_optimum_of_a_conic_solver_and_inside_the_ranges():
@@ -94,6 +95,28 @@ def test_what_the_host_takes_back_and_adds_never_makes_the_damping_negative(host
         assert 0.0 <= found.added <= host
         missing = 1.2 * matrix @ axis @ axis * axis - matrix @ axis + taken_back - found.added * axis
         assert found.error == pytest.approx(np.linalg.norm(missing) / (1.2 * axis @ matrix @ axis))
+
+
+@pytest.mark.parametrize("late", [0.03, 0.07, 0.15])
+def test_the_lightest_hand_does_not_shake_across_a_stable_share_and_shakes_far_above_it(late):
+    """Its own damping holds it at the limit; the spring across, in any basis, is late by ``late`` s."""
+    step, host = 1e-3, MARGIN * HAND_DAMPING / late
+    basis = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    matrix = basis @ np.diag([200.0, 5000.0, 300.0]) @ basis.T
+    spring = 5000.0 * stable_share(matrix, basis[:, 0], host)
+    assert spring < 5000.0
+    assert stable_share(0.1 * spring / 5000.0 * matrix, basis[:, 0], host) == 1.0
+    swings = []
+    for stiffness in (spring, 4.0 * spring):
+        path, speed = [0.0] * (1 + round(late / step)), 0.1
+        for _ in range(4000):
+            force = -stiffness * (path[-1] - path[-1 - round(late / step)]) - HAND_DAMPING * speed
+            speed += step * force / MIN_HAND_MASS_KG
+            path.append(path[-1] + step * speed)
+        tail = np.array(path[-1000:])
+        swings.append(np.ptp(tail - np.linspace(tail[0], tail[-1], len(tail))))
+    assert swings[0] < 1e-4
+    assert swings[1] > 1e-3
 
 
 @pytest.mark.parametrize("rig_name", ["bartels2026-validation", "tetra-4", "cube-8", "seven-modules"])
