@@ -133,7 +133,9 @@ def wall_rig(name: str) -> Rig:
     """Return a rig by name; the room of five modules is no data set."""
     if name != "my-room-5":
         return tl.load_rig(name)
-    modules = tuple(tl.Module(f"module {i}", np.array(anchor), lower=0.5, upper=6.0) for i, anchor in enumerate(FIVE))
+    modules = tuple(
+        tl.Module(f"module {i}", np.array(anchor), lower=0.5, upper=6.0) for i, anchor in enumerate(FIVE)
+    )
     return Rig(name, "point", modules, np.array(FIVE_HOME), up="y")
 
 

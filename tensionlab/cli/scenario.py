@@ -103,7 +103,7 @@ def scenario(
         if loaded.placement:
             output.print_line(loaded.placement)
         output.print_table(findings_table(f'Can {loaded.rig.name} play "{loaded.name}"?', needs))
-    if all(each.passed is False for each in needs):
+    if needs[0].passed is False or all(each.passed is False for each in needs):  # the reach is first
         output.print_error(
             f'rig "{loaded.rig.name}" can do nothing of scenario "{loaded.name}"; give another --rig or --at'
         )
