@@ -67,19 +67,6 @@ class RigState:
         Upper tension limits now, in N: the rig's, or less where a winding is warm or a body is near.
     clearance : (m,) array
         Distance of each cable from the nearest body of the rig, less the body's sway, in m; NaN without bodies.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import tensionlab as tl
-    >>> from tensionlab.hardware import Demand, Runner, World, WorldClock
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> world, pull = World(rig), Demand(np.array([0.0, 0.0, 1.5]))
-    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, clock=WorldClock(world))
-    >>> _ = runner.run(seconds=1.0)
-    >>> state = runner.latest.state
-    >>> state.structure.shape, bool(state.active.all())
-    ((3, 4), True)
     """
 
     cycle: int

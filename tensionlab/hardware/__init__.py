@@ -1,6 +1,31 @@
 """Real and simulated modules: links to them, their protocol, and the runner that renders forces on them.
 
 Each name is imported where it is first used: a stop waits for no runner.
+
+Examples
+--------
+A `Runner` renders a `Demand` on a `ModuleGroup`, here that of a simulated `World` by its `WorldClock`; `connect`
+reaches real ones, which go by a `RealClock`. A `RunLog` keeps each `Cycle`, and `read_run` returns a `Run`.
+
+>>> import numpy as np
+>>> import tensionlab as tl
+>>> from tensionlab.hardware import *
+>>> from tensionlab.support.provenance import manifest
+>>> rig, settings = tl.load_rig("bartels2026-validation"), RunSettings(rate=50.0, on_loss="continue")
+>>> world, pull = World(rig), Demand(np.array([0.0, 0.0, 1.5]))
+>>> links = {module.name: "sim:" for module in rig.modules}
+>>> log = RunLog("run.mcap", rig, manifest(["an example"]), "newton", settings, links)
+>>> clock = WorldClock(world)
+>>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, sinks=[log], clock=clock)
+>>> _ = runner.run(seconds=1.0)
+>>> runner.latest.commanded.round(1)
+array([1.5, 2.5, 0.5, 2. ])
+>>> state = runner.latest.state  # a `RigState`
+>>> state.structure.shape, tl.Status(int(runner.latest.allocation.status)).name
+((3, 4), 'EXACT')
+>>> run = read_run("run.mcap")
+>>> len(run), run.complete, run.to_pandas().shape[0]
+(50, True, 50)
 """
 
 from typing import TYPE_CHECKING

@@ -93,8 +93,9 @@ def test_examples_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert not said, "".join(said)
 
 
-@pytest.mark.parametrize("module", ["tensionlab.haptics.effects", "tensionlab.scenarios"])
-def test_examples_of_packages_run(module: str) -> None:
+@pytest.mark.parametrize("module", ["tensionlab.haptics.effects", "tensionlab.hardware", "tensionlab.scenarios"])
+def test_examples_of_packages_run(module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     assert doctest.testmod(importlib.import_module(module)).failed == 0
 
 

@@ -36,14 +36,6 @@ class ModuleGroup:
     After `prepare`, ``infos`` describes the modules, ``slews`` are the largest rates of change of their tensions
     in N/s, ``continuous`` the continuous ratings of the windings as tensions in N, and ``frictions`` what each
     module compensates itself, in N and N s/m, if the rig has any.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab.hardware import World
-    >>> group = World(tl.load_rig("floor-3")).group()
-    >>> [client.name for client in group.clients]
-    ['floor-1', 'floor-2', 'floor-3']
     """
 
     def __init__(self, clients: Sequence[ModuleClient]) -> None:

@@ -72,15 +72,6 @@ class Run(CycleTable, LogMetadata):
         Seconds since 1970 at the run's time 0, by the host's clock; NaN if there is no cycle.
     complete : bool
         Whether the log was closed. If not, the last cycles may be missing.
-
-    Examples
-    --------
-    >>> from tensionlab.scenarios import load_scenario
-    >>> from tensionlab.scenarios.play import play, simulate_modules
-    >>> recoil = load_scenario("recoil")
-    >>> run = play(recoil, simulate_modules(recoil), seconds=0.1).run
-    >>> run.desired.shape, run.commanded.shape
-    ((20, 3), (20, 2))
     """
 
     rig: Rig
@@ -150,23 +141,6 @@ def read_run(path: str | PathLike[str], progress: Callable[[float], None] | None
 
     `progress` is called with the share of the work that is done, from 0 to 1. A `LogError` if the file can't be
     read, is no log of a run, or was cut off before the run began.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import tensionlab as tl
-    >>> from tensionlab.hardware import Demand, RunLog, Runner, RunSettings, World, WorldClock, read_run
-    >>> from tensionlab.support.provenance import manifest
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> world, settings, pull = World(rig), RunSettings(rate=50.0), Demand(np.array([0.0, 0.0, 1.5]))
-    >>> links = {module.name: "sim:" for module in rig.modules}
-    >>> log = RunLog("run.mcap", rig, manifest(["an example"]), "newton", settings, links)
-    >>> clock = WorldClock(world)
-    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, sinks=[log], clock=clock)
-    >>> _ = runner.run(seconds=1.0)
-    >>> run = read_run("run.mcap")
-    >>> len(run), run.rig.name
-    (50, 'bartels2026-validation')
     """
     path = as_path(path)
     documents: dict[str, Any] = {}

@@ -78,18 +78,6 @@ class RunLog:
         Link to each module, by its name.
     scenery : mapping, optional
         What pages draw around the rig, as plain values (`tensionlab.scenarios.scenery`).
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab.hardware import RunLog, RunSettings, read_run
-    >>> from tensionlab.support.provenance import manifest
-    >>> rig = tl.load_rig("floor-3")
-    >>> links = {module.name: "sim:" for module in rig.modules}
-    >>> log = RunLog("run.mcap", rig, manifest(["an example"]), "newton", RunSettings(), links)
-    >>> log.close()
-    >>> read_run("run.mcap").complete
-    True
     """
 
     def __init__(

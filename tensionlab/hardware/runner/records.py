@@ -36,18 +36,6 @@ class Cycle:
         sequence numbers; NaN and -1 where none was sent.
     start_delay, compute_time : float
         Begin of the cycle after its deadline, and time that the host needed for it, in s.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import tensionlab as tl
-    >>> from tensionlab.hardware import Demand, Runner, World, WorldClock
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> world, pull = World(rig), Demand(np.array([0.0, 0.0, 1.5]))
-    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, clock=WorldClock(world))
-    >>> _ = runner.run(seconds=1.0)
-    >>> runner.latest.commanded.round(1)
-    array([1.5, 2.5, 0.5, 2. ])
     """
 
     state: RigState

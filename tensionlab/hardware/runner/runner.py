@@ -83,18 +83,6 @@ class Runner:
     statistics : Statistics
     sinks : list of RunSink
         May be changed until the run begins.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import tensionlab as tl
-    >>> from tensionlab.hardware import Demand, Runner, World, WorldClock
-    >>> rig = tl.load_rig("bartels2026-validation")
-    >>> world, pull = World(rig), Demand(np.array([0.0, 0.0, 1.5]))
-    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, clock=WorldClock(world))
-    >>> _ = runner.run(seconds=1.0)
-    >>> tl.Status(int(runner.latest.allocation.status)).name
-    'EXACT'
     """
 
     def __init__(

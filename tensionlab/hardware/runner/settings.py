@@ -36,12 +36,6 @@ class RunSettings:
     rate_limited : bool
         Choose only tensions that the modules reach within a cycle, and from which they reach the next
         (`tensionlab.RateLimitedAllocator`), in place of the solver's.
-
-    Examples
-    --------
-    >>> from tensionlab.hardware import RunSettings
-    >>> RunSettings(rate=90.0, on_loss="continue").ttl
-    0.25
     """
 
     rate: float = 50.0
@@ -87,14 +81,7 @@ class Clock(Protocol):
 
 
 class RealClock:
-    """Monotonic clock of the system. Those of its clients that are simulated here advance while it is waited for.
-
-    Examples
-    --------
-    >>> from tensionlab.hardware import RealClock
-    >>> RealClock().now() <= RealClock().now()
-    True
-    """
+    """Monotonic clock of the system; clients that are simulated here advance while it is waited for."""
 
     real_time = True
 
@@ -120,14 +107,6 @@ class WorldClock:
 
     If ``paced``, it is never ahead of real time, so that a run can be watched. Where the computer falls behind,
     time passes more slowly: the run equals, cycle by cycle, one that is not paced.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab.hardware import World, WorldClock
-    >>> world = World(tl.load_rig("floor-3"))
-    >>> WorldClock(world).now() == world.time
-    True
     """
 
     def __init__(self, world: World, *, paced: bool = False) -> None:

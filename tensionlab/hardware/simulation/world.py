@@ -110,15 +110,6 @@ class World:
     seed is of the sensors' noise, ``plants`` are parameters of the hardware by the module's name (see
     `simulated_module`). `time` is in s since the start, `pose` the pose then; `modules` are in the rig's order.
     `watch`, if set, is called in `advance` with the `SimulatedModule.samples` of each.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab.hardware import World
-    >>> world = World(tl.load_rig("floor-3"))
-    >>> world.advance(0.1)
-    >>> round(world.time, 3), len(world.modules)
-    (0.1, 3)
     """
 
     def __init__(
