@@ -75,6 +75,7 @@ PANELS = {
         "rig": ("rig", "Show, check, import and export rigs."),
         "layout": ("layout", "Find out where to put the modules."),
         "workspace": ("workspace", "Evaluate where, and how well, rigs can pull."),
+        "trajectory": ("trajectory", "Check whether a rig can carry its platform along a trajectory."),
         "certify": ("workspace", "Prove where a rig renders what is required."),
         "view": ("view", "Design a rig in the browser, or watch a run there."),
     },

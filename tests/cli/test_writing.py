@@ -43,6 +43,7 @@ RECIPES = {
     ("compare", "--out"): (COMPARE, ".parquet"),
     ("workspace", "--out"): (SWEEP, ".zarr"),
     ("workspace", "--plot"): (SWEEP, ".png"),
+    ("trajectory", "--plot"): (f"trajectory {RIGS / 'kntu-planar.toml'} path.csv --solvers newton", ".png"),
     ("certify", "--out"): (PROOF, ".npz"),
     ("certify", "--plot"): (PROOF, ".png"),
     ("bench", "--out"): ("bench --set edge --solvers closed-form", ""),
@@ -111,6 +112,7 @@ def prepared(tmp_path_factory, bench_results):
 
     folder = tmp_path_factory.mktemp("prepared")
     rig = load_rig(RIG)
+    (folder / "path.csv").write_text("t,x,y\n0,0,0\n0.5,0,0.1\n1,0,0.2\n")
     (folder / "space.toml").write_text(SPACE.read_text())
     names = "\n".join(f'"{module.name}" = "sim:"' for module in rig.modules[:1])
     (folder / "modules.toml").write_text(f"[modules]\n{names}\n")
