@@ -44,7 +44,7 @@ def winding_speed(module: Module, tension: Floats) -> Floats:
 
 
 def check_trajectory(rig: Rig, path: Trajectory, payload: float = 0.0) -> tuple[list[Finding], list[list[Any]]]:
-    """Check the samples of a trajectory, with the tensions of ``newton``; return rows of `WINCH_COLUMNS` as well."""
+    """Check the samples of a trajectory, with the tensions of ``newton``; return also rows of `WINCH_COLUMNS`."""
     structure = rig.structure_matrix(path.position, path.rotation, rig.at_rest)
     wrenches = inverse_dynamics(rig, path, payload)
     found = allocate(structure, wrenches, rig.limits)
