@@ -234,18 +234,6 @@ def connect(rig: Rig, links: Mapping[str, str | Link]) -> ModuleGroup:
 
     A `HardwareError` if the names are not those of the rig's modules, or a link cannot be opened; the others are
     closed again then.
-
-    Examples
-    --------
-    >>> import tensionlab as tl
-    >>> from tensionlab.hardware import World, connect
-    >>> from tensionlab.hardware.simulation.links import SimulatedLink
-    >>> rig = tl.load_rig("floor-3")
-    >>> modules = World(rig).modules  # real ones have URLs: see `load_modules`
-    >>> links = {module.name: SimulatedLink(simulated) for module, simulated in zip(rig.modules, modules)}
-    >>> group = connect(rig, links)
-    >>> group.clients[0].hello().firmware
-    3
     """
     names = [module.name for module in rig.modules]
     for name in links:
