@@ -148,12 +148,7 @@ class Trajectory:
             for each in (self.velocity, self.acceleration)
         )
         motion = f"at most {speed:.3g} m/s and {acceleration:.3g} m/s²"
-        return f"<Trajectory of {format_count(len(self.times), 'sample')}: {self.seconds:g} s, {motion}>"
-
-    @property
-    def seconds(self) -> float:
-        """Duration, in s."""
-        return float(self.times[-1] - self.times[0])
+        return f"<Trajectory of {format_count(len(self.times), 'sample')}: {np.ptp(self.times):g} s, {motion}>"
 
     @property
     def poses(self) -> PoseList:

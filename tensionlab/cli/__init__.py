@@ -65,7 +65,7 @@ ClickException: type[Any] = typer.BadParameter.__mro__[2]  # later versions of t
 PANELS = {
     "Try": {
         "allocate": ("allocate", "Choose the cable tensions that render one wrench."),
-        "compare": ("compare", "Compare solvers on one set of forces, or along a trajectory."),
+        "compare": ("compare", "Compare solvers on one set of forces."),
         "solvers": ("catalogue", "List the solvers, with what each minimises, its policies, and its source."),
         "bench": ("bench", "Benchmark all solvers and baselines."),
         "problems": ("bench", "Show and export the benchmark's problem sets."),

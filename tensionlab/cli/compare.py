@@ -1,19 +1,15 @@
-"""``tensionlab compare``: all solvers on the same forces, or along a trajectory."""
+"""``tensionlab compare``: all solvers on the same forces."""
 
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 from typing import Annotated
-
-import typer
 
 from tensionlab.benchmark import comparison
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json, option
 from tensionlab.support import provenance
 from tensionlab.support.table import WIDE, Table
-from tensionlab.workspace.poses import read_poses
 
 STATUS_LEGEND = """\
 any: all wrenches are feasible, so the policy makes no difference
@@ -24,13 +20,6 @@ LEGEND = f"""\
 error: desired minus rendered   angle: between the two forces
 gap: largest difference of a tension to the exact optimum (newton's); without a policy, where feasible only
 call: one force, verification included   batch: all forces in one call, time for each"""
-
-TRAJECTORY_LEGEND = f"""\
-{STATUS_LEGEND}
-error: desired minus rendered   angle: between the two forces   t: tensions
-jump: of a tension on the way, found by halving   beyond: infeasible wrenches as well
-step: largest change of a tension from one sample to the next without a jump, of feasible wrenches
-call: one wrench, verification included   batch: all wrenches in one call, time for each"""
 
 
 def compare(
@@ -56,14 +45,6 @@ def compare(
         str | None,
         option("POLICY", "Only this policy for infeasible wrenches: force, tension, direction; all if left out."),
     ] = None,
-    trajectory: Annotated[
-        Path | None,
-        option(
-            "FILE",
-            "Compare along a trajectory (.csv, .parquet): columns x, y, z in m; optional Fx, Fy, Fz in N, rx, ry, "
-            "rz in rad and Mx, My, Mz in N·m; in the plane x, y, optional Fx, Fy, angle and Mz.",
-        ),
-    ] = None,
     wrench: options.Wrench = None,
     gravity: options.Gravity = None,
     required: options.Required = None,
@@ -72,7 +53,7 @@ def compare(
     out: options.Rows = None,
     json: Json = False,
 ) -> None:
-    """Compare solvers on one set of forces, or along a trajectory.
+    """Compare solvers on one set of forces.
 
     Shows what each renders, how far off it is, and how long it takes.
 
@@ -84,16 +65,10 @@ def compare(
     loaded = options.load(rig, frames, wrench, gravity, required)
     names = options.parse_names(solvers)
     options.check_solvers(loaded, names, policy)
-    if trajectory and (at or directions or magnitude is not None):
-        raise typer.BadParameter(
-            "--trajectory has its own poses and forces; leave --at, --directions, --magnitude out"
-        )
-    poses = None if trajectory is None else read_poses(trajectory)
     with output.progress(f"Comparing on {loaded.name}") as progress:
         result = comparison.compare(
             loaded,
-            poses=poses,
-            position=None if trajectory else options.parse_position(at, loaded),
+            position=options.parse_position(at, loaded),
             directions=directions,
             magnitude=magnitude,
             solvers=names,
@@ -118,7 +93,7 @@ def compare(
                 manifest=manifest,
             )
         else:
-            print_scores(result.table(), TRAJECTORY_LEGEND if trajectory else LEGEND)
+            print_scores(result.table(), LEGEND)
 
 
 def print_scores(table: Table, legend: str) -> None:
