@@ -33,7 +33,9 @@ def trajectory(
         ),
     ],
     payload: Annotated[float, option("KG", "Mass at the platform's reference point.", min=0.0)] = 0.0,
-    solvers: options.Solvers = None,
+    solvers: Annotated[
+        list[str], option("A,B,...", "Solvers to compare, such as newton,polygon.", "--solvers")
+    ] = ["newton", "closed-form"],  # noqa: B006 - typer copies it
     gravity: options.Gravity = None,
     frames: options.BodyFrames = None,
     plot: options.Plot = None,
@@ -42,10 +44,10 @@ def trajectory(
     """Check whether a rig can carry its platform along a trajectory. Exit status 1 where it cannot.
 
     Checks tensions, the motors' speed at them, and the clearance of cables at each sample; then compares solvers,
-    newton and closed-form if left out, whose tensions over time --plot draws.
+    whose tensions over time --plot draws.
     """
     loaded, planned = options.load(rig, frames, None, gravity), read_trajectory(path)
-    names = options.parse_names(solvers) or ["newton", "closed-form"]
+    names = options.parse_names(solvers)
     options.check_solvers(loaded, names, None)
     planned.check_rig(loaded)
     findings, winches = check_trajectory(loaded, planned, payload)
