@@ -186,6 +186,8 @@ def certify_cells(
     angle: float,
     length: float,
     closure: bool,
+    radii: NDArray[float64] | None,
+    axes: NDArray[float64] | None,
     centres: NDArray[float64],
     half_edges: NDArray[float64],
     with_shares: bool,

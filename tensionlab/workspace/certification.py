@@ -56,7 +56,8 @@ def certify(
     Source: Gouttefarde, Daney and Merlet, "Interval-analysis-based determination of the wrench-feasible workspace
     of parallel cable-driven robots", 2011, for the proof of cells; Bouchard, Gosselin and Moore, "On the ability
     of a cable-driven robot to generate a prescribed set of wrenches", 2010, for the facets. That these may turn is
-    shown in ``tensionlab/native/workspace/cell_proof.hpp``.
+    shown in ``tensionlab/native/workspace/certify.cpp``, and bounds for pulleys in ``pulley_bend.hpp`` there. Over
+    pulleys the bounds are further apart, and clearance cannot be proved.
 
     InputError, ShapeError or RigError if an argument does not suit the rig, or for more cells than fit in memory.
 
@@ -220,7 +221,8 @@ class CellProblem(NamedTuple):
     Anchors and arms (k, m, d) are in world axes, in m; limits (m,) in N; wrenches (k, w, n), whose torques are
     divided by the length, and all within the radius of them. All rotations within the angle, in rad, of each count
     as well; the torque of a weight changes by up to the slack. With ``closure``, wrench closure is required in
-    place of the wrenches; with ``clearance``, cables must keep a distance as well.
+    place of the wrenches; radii (m,) and axes (m, d) are those of pulleys, if there are any; with ``clearance``,
+    cables must keep a distance as well.
     """
 
     anchors: Floats
@@ -233,6 +235,8 @@ class CellProblem(NamedTuple):
     angle: float
     length: float
     closure: bool
+    radii: Floats | None = None
+    axes: Floats | None = None
     clearance: ClearanceProblem | None = None
 
     def prove(self, centres: Floats, half_edges: Floats, shares: bool) -> Verdicts:
@@ -276,9 +280,11 @@ def cell_problem(
         raise InputError(f"angle is {angle}; give an angle in rad, 0 to {MAX_ANGLE_RAD}")
     if n == d and (rotations is not None or angle):
         raise InputError(f'rig "{rig.name}" is a {rig.kind} rig and cannot turn; leave rotations and angle out')
-    if rig.pulleys is not None:
+    pulleys = rig.pulleys_in_world(frames)
+    if pulleys is not None and (clearance is not None or rig.bodies):
         raise InputError(
-            f'rig "{rig.name}" has pulleys, and these proofs hold for fixed anchors; sweep it instead'
+            f'rig "{rig.name}" has pulleys, and the proof of clearance holds for fixed anchors; leave clearance '
+            "out and pass bodies=(), or sweep it instead"
         )
     pose.require_known(frames or (), rig.at_rest)
     anchors = pose.place_anchors(rig.modules, rig.anchors, frames)
@@ -320,4 +326,6 @@ def cell_problem(
         np.ascontiguousarray(each) for each in (np.broadcast_to(anchors, arms.shape), arms, lower, upper, wrenches)
     )
     keeps = clearance_problem(rig, clearance, matrices, frames)
-    return CellProblem(anchors, arms, lower, upper, wrenches, radius, slack, float(angle), length, closure, keeps)
+    radii, axes = (None, None) if pulleys is None else map(np.ascontiguousarray, pulleys)
+    statement = (radius, slack, float(angle), length, closure, radii, axes, keeps)
+    return CellProblem(anchors, arms, lower, upper, wrenches, *statement)

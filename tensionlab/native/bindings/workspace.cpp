@@ -201,7 +201,8 @@ Out<double, 1> box_distances(const Contiguous<double, 3>& segments, const In<1>&
 
 nb::tuple cells(const In<3>& anchors, const In<3>& arms, const In<1>& lower, const In<1>& upper,
                 const In<3>& required, double radius, double slack, double angle, double length, bool closure,
-                const In<2>& centres, const In<1>& half_edges, bool with_shares) {
+                const std::optional<In<1>>& radii, const std::optional<In<2>>& axes, const In<2>& centres,
+                const In<1>& half_edges, bool with_shares) {
   const std::size_t rotations = anchors.shape(0), m = anchors.shape(1), d = anchors.shape(2);
   const std::size_t n = required.shape(2), wrenches = required.shape(1), size = centres.shape(0);
   require_size(n, m);
@@ -211,6 +212,8 @@ nb::tuple cells(const In<3>& anchors, const In<3>& arms, const In<1>& lower, con
               has_shape(required, rotations, wrenches, n) && wrenches > 0 && has_shape(centres, size, d) &&
               has_shape(half_edges, d),
           "arms, limits, wrenches and cells do not fit the anchors");
+  require(radii.has_value() == axes.has_value() && (!radii || (has_shape(*radii, m) && has_shape(*axes, m, d))),
+          "pulleys have radii and axes that fit the anchors");
   const CertifiedRig rig{static_cast<int>(n),
                          static_cast<int>(d),
                          static_cast<int>(m),
@@ -225,7 +228,9 @@ nb::tuple cells(const In<3>& anchors, const In<3>& arms, const In<1>& lower, con
                          slack,
                          angle,
                          length,
-                         closure};
+                         closure,
+                         whole(radii),
+                         whole(axes)};
   const double *const centre = whole(centres), *const half_edge = contiguous(half_edges);
   const auto verdict = make_array<std::int8_t>(size);
   Out<double, 2> shares;
@@ -252,7 +257,10 @@ void bind_workspace(nb::module_& module) {
   module.def("closest_pair", &closest_pair);
   module.def("body_distances", &body_distances);
   module.def("box_distances", &box_distances);
-  module.def("certify_cells", &cells);
+  module.def("certify_cells", &cells, nb::arg("anchors"), nb::arg("arms"), nb::arg("lower"), nb::arg("upper"),
+             nb::arg("required"), nb::arg("radius"), nb::arg("slack"), nb::arg("angle"), nb::arg("length"),
+             nb::arg("closure"), nb::arg("radii").none(), nb::arg("axes").none(), nb::arg("centres"),
+             nb::arg("half_edges"), nb::arg("with_shares"));
 }
 
 }  // namespace tensionlab

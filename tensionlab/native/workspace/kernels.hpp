@@ -94,6 +94,7 @@ struct CertifiedRig {
   const double *anchors, *arms, *lower, *upper, *required;
   double radius, slack, angle, length;
   bool closure;
+  const double *radii, *axes;  // of pulleys, (m) and (m, d), or null; a radius of 0 is a fixed anchor
 };
 
 // For each cell 1 inside, -1 outside, 0 undecided; and the shares of it that are proved inside and outside, (size,

@@ -7,6 +7,7 @@
 
 #include "simd/linear.hpp"
 #include "workspace/kernels.hpp"
+#include "workspace/pulley_bend.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
@@ -20,6 +21,9 @@ inline namespace TENSIONLAB_BUILD {
 // 2: the second and the third derivative of q / |q| are at most 2 / sqrt(3) and 3 over |q|² and |q|³, in any
 // direction. In large cells and near anchors that is more than u can change at all; there u counts as constant, up
 // to that change, 2 sin(asin(|d| / L) / 2), or as zero, up to 1, if that is less.
+//
+// Over a swivelling pulley (tensionlab/model/pulleys.py) u is affine, with the bound of the remainder that
+// `PulleyBend` has.
 
 // N wrench components, in D dimensions.
 template <int N, int D>
@@ -37,19 +41,22 @@ struct CellColumns {
   double length;          // characteristic
   double u[D][M], arm[D][M];
   double column[N][M];  // w in the middle of the cell
-  double inverse[M];    // 1 / L; 0 where u counts as constant
-  double rest[M];       // largest distance of u from its quadratic part
-  double bent[M];       // ... from its affine part in the position
-  double change[M];     // ... from its value in the middle
-  double largest[M];    // largest |w|
-  double turned[M];     // further distance of r x u / length from its affine part
-  double swing[M];      // largest distance of r / length from its value in the middle
+  double inverse[M];    // 1 / L; 0 where u counts as constant, and over pulleys
+  bool over_pulley[M];  // whether u is affine, with the gradient -turn
+  double turn[D][D][M];
+  double rest[M];     // largest distance of u from its quadratic part
+  double bent[M];     // ... from its affine part in the position
+  double change[M];   // ... from its value in the middle
+  double largest[M];  // largest |w|
+  double turned[M];   // further distance of r x u / length from its affine part
+  double swing[M];    // largest distance of r / length from its value in the middle
 
   CellColumns(const CertifiedRig& rig, std::size_t rotation, const double* centre, const double* half_edges)
       : m(rig.m),
         moves(kTurns > 0 && rig.angle > 0 ? N : D),
         angle(moves > D ? rig.angle : 0),
-        length(rig.length) {
+        length(rig.length),
+        over_pulley{} {
     const double* const anchor = rig.anchors + rotation * static_cast<std::size_t>(rig.m * D);
     const double* const lever = rig.arms + rotation * static_cast<std::size_t>(rig.m * D);
     double diagonal = 0;
@@ -78,14 +85,14 @@ struct CellColumns {
         arm[k][j] = r[k];
       }
       largest[j] = 1 + (kTurns > 0 ? reach / length : 0);
-      const double turn = angle * reach, share = moved / (L - moved);
+      const double swung = angle * reach, share = moved / (L - moved);
       change[j] = runs ? 2 * std::sin(std::asin(moved / L) / 2) : 2;
       bent[j] = share * share / std::sqrt(3.0);
       if (runs && bent[j] < change[j]) {
         inverse[j] = 1 / L;
-        rest[j] = share * share * share / 2 + angle * turn / (2 * L) +
-                  (2 * diagonal + turn) * turn / (std::sqrt(3.0) * L * L);
-        bent[j] += turn * (1 + angle / 2) / L;
+        rest[j] = share * share * share / 2 + angle * swung / (2 * L) +
+                  (2 * diagonal + swung) * swung / (std::sqrt(3.0) * L * L);
+        bent[j] += swung * (1 + angle / 2) / L;
       } else {
         inverse[j] = 0;
         if (!(change[j] < 1)) {
@@ -94,6 +101,7 @@ struct CellColumns {
         }
         rest[j] = bent[j] = change[j];
       }
+      if (rig.radii != nullptr && rig.radii[j] > 0) lead_over_pulley(rig, j, q, moved, swung);
       for (int k = 0; k < D; ++k) column[k][j] = u[k][j];
       turned[j] = angle * reach * (angle / 2 + change[j]) / length;
       swing[j] = angle * reach / length;
@@ -105,6 +113,34 @@ struct CellColumns {
           column[D + k][j] = (r[a] * u[b][j] - r[b] * u[a][j]) / length;
         }
       }
+    }
+  }
+
+  // Replaces u of a cable and its bounds by those over its pulley; q is the vector to the anchor.
+  void lead_over_pulley(const CertifiedRig& rig, int j, const double* q, double moved, double swung) {
+    const PulleyBend<D> bend(q, rig.radii[j], rig.axes + j * D, moved);
+    inverse[j] = 0;
+    change[j] = bend.smooth ? bend.steepest * moved : 1;
+    const double second = bend.second * moved * moved / 2;
+    over_pulley[j] = change[j] < 1 && second < change[j];
+    for (int k = 0; k < D; ++k) {
+      u[k][j] = change[j] < 1 ? bend.u[k] : 0;
+      for (int i = 0; i < D; ++i) turn[k][i][j] = bend.gradient[k][i];
+    }
+    if (over_pulley[j]) {
+      rest[j] = second + bend.steepest * angle * swung / 2;
+      bent[j] = second + bend.steepest * swung * (1 + angle / 2);
+    } else {
+      change[j] = std::min(change[j], 1.0);
+      rest[j] = bent[j] = change[j];
+    }
+  }
+
+  // The change of a . u by components of the position.
+  void slope_of(const double* a, double along, int j, double* slope) const {
+    for (int k = 0; k < D; ++k) {
+      slope[k] = -(a[k] - along * u[k][j]) * inverse[j];
+      for (int i = 0; i < D && over_pulley[j]; ++i) slope[k] -= turn[k][i][j] * a[i];
     }
   }
 
@@ -131,10 +167,8 @@ struct CellColumns {
       }
       found.value[j] = along;
       double across[D];
-      for (int k = 0; k < D; ++k) {
-        across[k] = -(a[k] - along * u[k][j]) * inverse[j];
-        found.slope[k][j] = across[k];
-      }
+      slope_of(a, along, j, across);
+      for (int k = 0; k < D; ++k) found.slope[k][j] = across[k];
       for (int i = 0, entry = 0; i < D; ++i) {
         for (int k = 0; k <= i; ++k, ++entry) {
           const double flat = (i == k ? 1.0 : 0.0) - u[i][j] * u[k][j];
@@ -331,8 +365,10 @@ class MovingDirection {
     added_.slope[i][j] = along;
     // mu . (w - its value in the middle): its part that is linear in the position is a curve, twice where both
     // components are the same.
+    double across[D];
+    columns_.slope_of(a, along, j, across);
     for (int k = 0; k < D && i < D; ++k) {
-      const double both = -(a[k] - along * columns_.u[k][j]) * columns_.inverse[j];
+      const double both = across[k];
       const int row = std::max(i, k), column = std::min(i, k);
       added_.curve[row * (row + 1) / 2 + column][j] += i == k ? 2 * both : both;
     }

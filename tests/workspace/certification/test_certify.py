@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import tensionlab as tl
 from benchmarks.certify import area_of_two_cables, hole_requirement, planar_platform_with_a_hole, random_positions
+from benchmarks.highs import feasibility_checker, model
 from tensionlab.errors import InputError, RigError, ShapeError
 from tensionlab.workspace.certification import cell_problem
 from tensionlab.workspace.wrench_set import required_margin
@@ -92,6 +95,43 @@ def test_no_pose_contradicts_the_verdict_of_its_cell(case, verdict):
     positions = random_positions(proved, verdict, many(50_000), np.random.default_rng(1))
     margin = required_margin(rig, rig.structure_matrix(positions), required)
     assert (margin * verdict > 0).all()
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.05])
+@pytest.mark.parametrize(
+    ("name", "region", "wrench", "resolution"),
+    [
+        ("bartels2026-validation", TETRAHEDRON, [0.0, 1.0, 0.0], 0.04),
+        ("kntu-planar", [(-0.8, 0.8), (-0.8, 0.8)], [0.0, 49.0, 0.0], 0.04),
+        ("cogiro", [(-7, 7), (-5, 5), (0, 5)], None, 0.5),
+    ],
+)
+def test_linear_programs_agree_with_what_is_proved_over_pulleys(name, region, wrench, resolution, radius):
+    plain = tl.load_rig(name)
+    axes = [plain.upward * np.copysign(1.0, plain.upward @ (plain.home - each.anchor)) for each in plain.modules]
+    modules = [
+        replace(each, pulley_radius=radius, pulley_axis=axis)
+        for each, axis in zip(plain.modules, axes, strict=True)
+    ]
+    rig = replace(plain, modules=tuple(modules), bodies=())
+    required = tl.Requirement(gravity=True) if wrench is None else tl.Requirement(wrench=wrench)
+    proved = certify(rig, region, required, resolution)
+    feasible, needed = feasibility_checker(), -rig.gravity() if wrench is None else np.asarray(wrench)
+    for verdict in (1, -1):
+        positions = random_positions(proved, verdict, many(2000, 500), np.random.default_rng(3))
+        assert len(positions)
+        programs = (
+            model(each, needed, rig.limits.lower, rig.limits.upper) for each in rig.structure_matrix(positions)
+        )
+        assert feasible(programs) == [verdict == 1] * len(positions)
+
+
+def test_clearance_over_pulleys_is_refused():
+    rig = replace(
+        SQUARE, modules=tuple(replace(each, pulley_radius=0.01, pulley_axis=[0.0, 1.0]) for each in SQUARE.modules)
+    )
+    with pytest.raises(InputError, match="the proof of clearance holds for fixed anchors"):
+        certify(rig, [(0.0, 1.0), (0.0, 1.0)], [0.0, 0.0], 0.1, clearance=0.01)
 
 
 def test_wrench_closure_of_a_published_robot():
