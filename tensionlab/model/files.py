@@ -49,7 +49,7 @@ def load_rig(path: str | PathLike[str]) -> Rig:
 def save_rig(rig: Rig, path: str | PathLike[str]) -> None:
     """Write a rig to a TOML file from which `load_rig` makes the very same rig; comments are not kept.
 
-    A file that is there is replaced. WriteError if it cannot be written.
+    A file that is there at the path is replaced. WriteError if it cannot be written.
 
     Examples
     --------
@@ -122,7 +122,7 @@ def bodies_of(tables: Sequence[BodyTable], up: str | None) -> tuple[tuple[Body, 
 def load_requirement(path: str | PathLike[str]) -> Requirement:
     r"""Read a file of required wrenches: the keys of the table ``[required]`` of a rig file, and nothing else.
 
-    RigError names the file and the key.
+    ``path`` is that of the TOML file. RigError names the file and the key.
 
     Examples
     --------

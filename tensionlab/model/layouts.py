@@ -85,8 +85,8 @@ def alternate_corners(size: Sequence[float], limits: tuple[float, float] = LIMIT
     """Return a rig with modules at every other corner of a box, as the first SPIDAR had.
 
     The four corners whose coordinates multiply to a positive number; no two share an edge. Four cables are
-    the fewest that can pull a point in every direction (Ishii & Sato 1994, SPIDAR). Parameters and errors as in
-    `box_corners`.
+    the fewest that can pull a point in every direction (Ishii & Sato 1994, SPIDAR). ``size``, ``limits`` and
+    errors as in `box_corners`.
 
     Examples
     --------
