@@ -10,9 +10,10 @@ import numpy as np
 from pandas import DataFrame
 
 from paper_figures import anchor_count
+from tensionlab.hardware.calibration.gain import Estimate
 from tensionlab.plots.workspace import read_field, share_above
 from tensionlab.validation.data_tables import Published, Recording
-from tensionlab.validation.statistics import Interval, score
+from tensionlab.validation.statistics import score
 from tensionlab.workspace.poses import describe_step
 
 LATEX = (("%", r"\%"), ("°", r"$^\circ$"), ("–", "--"), ("“", "``"), ("”", "''"))
@@ -78,7 +79,7 @@ def shares_of_room(room: Any) -> Table:
     return Table(note, ("modules", *(f"{force:.1f} N" for force in FORCES)), tuple(rows))
 
 
-def _interval(found: Interval, digits: int) -> str:
+def _interval(found: Estimate, digits: int) -> str:
     return f"{found.value:.{digits}f} ({found.lower:.{digits}f} to {found.upper:.{digits}f})"
 
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import tensionlab as tl
 from tensionlab.demand import Demand
-from tensionlab.errors import InputError, RigError
+from tensionlab.errors import RigError
 from tensionlab.hardware import Runner, RunSettings, World, WorldClock
 from tensionlab.hardware.calibration.anchors import Poses, calibrate_anchors
 from tensionlab.hardware.log.scene import SceneEncoder
@@ -324,13 +324,6 @@ def test_what_is_no_pulley_is_refused(keys, message):
 def test_an_attachment_in_a_pulley_is_refused():
     with pytest.raises(RigError, match=r'"one" \(index 0\): the attachment lies in its pulley'):
         one_pulley([0.6, 0.1])
-
-
-def test_proofs_and_searches_say_that_they_take_no_pulleys():
-    rig = over_pulleys(tl.load_rig("bartels2026-validation"))
-    low = rig.home - 0.1
-    with pytest.raises(InputError, match="pulleys"):
-        tl.workspace.certify(rig, np.stack([low, low + 0.2]), 1.0)
 
 
 # As they are drawn

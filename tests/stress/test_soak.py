@@ -26,7 +26,7 @@ def test_seven_modules_behind_bad_links(soaked):
     found, run = soaked
     assert found.problems(TTL + TRANSIT_S, LARGEST_ERROR) == []
     assert found.cycles == 50 * SECONDS
-    assert found.compared > 0.9 * found.cycles
+    assert found.compared > 0.8 * found.cycles  # where no report is late
 
     wrong = run.last_sequence.copy()
     wrong[300] = run.sequences[290]  # as if all had gone back by some set-points
