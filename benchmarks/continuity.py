@@ -47,10 +47,11 @@ def measure(name: str, segments: int = SEGMENTS) -> list[list[object]]:
         wrenches = desired_wrenches(rig, forces[0] + share * (forces[1] - forces[0]))
         paths.append(path_of(rig, start + share * (end - start), None, wrenches))
     rows: list[list[object]] = []
+    samples = np.arange(float(SAMPLES))
     for solver, policy in ENTRIES:
         try:
             allocator = Allocator(rig.limits, solver, policy=policy)  # type: ignore[arg-type]  # it checks them
-            found = np.array([measure_continuity(allocator, path, SAMPLES) for path in paths])
+            found = np.array([measure_continuity(allocator, path, allocator(*path(samples))) for path in paths])
         except InputError:  # it does not serve the rig
             continue
         rows.append([name, solver, policy, int((found[:, 0] > 0.0).sum()), *found.max(axis=0)])

@@ -17,7 +17,7 @@ from tensionlab.errors import DataError, InputError, RigError, ShapeError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.module import GRAVITY_M_S2, MAX_MASS, Platform
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats, require_finite
+from tensionlab.support.arrays import Floats, pad_last_axis, require_finite
 from tensionlab.support.files.reading import as_path, brief, read_toml
 from tensionlab.support.files.tables import read_columns
 from tensionlab.support.formatting import format_count
@@ -124,16 +124,11 @@ class Trajectory:
         share = np.append(np.concatenate([np.arange(count) / count for count in counts]), 1.0)
         way, rate, change = _time_law(timing, share)
         rate, change = rate / spans[part], change / spans[part] ** 2
-        turns = _turns(points.poses)
+        turns = turns_between(points.poses)
         steps = np.hstack([np.diff(points.position, axis=0), turns])[part]
         rotations = points.rotation
         if rotations is not None:
-            turned = way[:, None] * turns[part]
-            rotations = (
-                rotations[part] + turned[:, 0]
-                if points.poses.dimension == 2
-                else kinematics.exponential(turned) @ rotations[part]
-            )
+            rotations = turn_by(rotations[part], way[:, None] * turns[part])
         return cls(
             times=points.times[part] + share * spans[part],
             position=points.position[part] + way[:, None] * steps[:, : points.poses.dimension],
@@ -167,7 +162,7 @@ class Trajectory:
 
     def twist(self, rig: Rig) -> Floats:
         """Return velocity and angular velocity of a rig's platform, (K, n), in m/s and rad/s."""
-        return _padded(self.velocity, rig.n)
+        return pad_last_axis(self.velocity, rig.n)
 
 
 def read_trajectory(path: str | PathLike[str]) -> Trajectory:
@@ -273,7 +268,7 @@ def inverse_dynamics(rig: Rig, trajectory: Trajectory, payload: float = 0.0) -> 
     d, count = rig.dimension, len(trajectory.times)
     wrench = np.broadcast_to(rig.required.middle(rig, trajectory.rotation), (count, rig.n)).copy()
     if trajectory.wrench is not None:
-        wrench += _padded(trajectory.wrench, rig.n)
+        wrench += pad_last_axis(trajectory.wrench, rig.n)
     acceleration = trajectory.acceleration[:, :d]
     wrench[:, :d] += payload * acceleration
     if rig.required.gravity and payload:
@@ -322,7 +317,7 @@ def _time_law(timing: Timing, share: Floats) -> tuple[Floats, Floats, Floats]:
     return way, rate, change
 
 
-def _turns(poses: PoseList) -> Floats:
+def turns_between(poses: PoseList) -> Floats:
     """Return the rotation from each pose to the next, axis times angle, (P - 1, 3); (P - 1, 1) in the plane."""
     if poses.rotation is None:
         return np.zeros((len(poses.position) - 1, 0))
@@ -332,6 +327,11 @@ def _turns(poses: PoseList) -> Floats:
 
     turned = poses.rotation[1:] @ np.swapaxes(poses.rotation[:-1], -1, -2)
     return np.asarray(Rotation.from_matrix(turned).as_rotvec())
+
+
+def turn_by(rotation: Floats, turns: Floats) -> Floats:
+    """Return orientations (K, 3, 3), or angles (K,) in the plane, turned by rows as of `turns_between`."""
+    return rotation + turns[:, 0] if rotation.ndim == 1 else kinematics.exponential(turns) @ rotation
 
 
 def _derivatives(times: Floats, poses: PoseList) -> dict[str, Floats]:
@@ -351,8 +351,3 @@ def _derivatives(times: Floats, poses: PoseList) -> dict[str, Floats]:
         velocity = np.hstack([velocity, rates[..., 0]])
         acceleration = np.hstack([acceleration, changes[..., 0]])
     return {"velocity": velocity, "acceleration": acceleration}
-
-
-def _padded(values: Floats, count: int) -> Floats:
-    """Return rows (K, count), with zeros after what is given."""
-    return np.pad(values, ((0, 0), (0, count - values.shape[1])))

@@ -89,14 +89,9 @@ COLUMNS = {
     "call_p99_s": Column("call p99", format=format_duration, wide=True),
     "batch_s": Column("batch each", format=format_duration),
 }  # columns of tables of solvers, by the field of `Score`
-POSITION_OMITS = (
-    "tension_max",
-    "jump",
-    "jump_beyond",
-    "step_max",
-    "iterations_max",
-)  # columns left out at one position ..
-TRAJECTORY_OMITS = ("angle_mean_deg", "gap_max")  # ... and along a trajectory
+# Columns left out at one position, and along a trajectory.
+POSITION_OMITS = ("tension_max", "jump", "jump_beyond", "step_max", "iterations_max")
+TRAJECTORY_OMITS = ("angle_mean_deg", "gap_max")
 
 
 @dataclass(frozen=True)
@@ -279,7 +274,10 @@ def compare(
         policy: Allocator(rig.limits, "newton", policy=policy)(structure, desired)
         for policy in {run.policy or POLICIES[0] for run in runs}
     }
-    jumps = [path and measure_continuity(each, path, len(place)) for each in allocators]
+    jumps = [
+        path and measure_continuity(allocator, path, found)
+        for allocator, found in zip(allocators, allocations, strict=True)
+    ]
     rows = [
         _score(place, run, desired, found, optima[run.policy or POLICIES[0]], measured, continuity or NO_PATH)
         for run, found, measured, continuity in zip(runs, allocations, times, jumps, strict=True)

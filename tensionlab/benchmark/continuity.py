@@ -7,9 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab.allocation import Allocator
+from tensionlab.allocation import Allocation, Allocator
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
+from tensionlab.trajectory import turn_by, turns_between
+from tensionlab.workspace.poses import PoseList
 
 SEARCHED = 16  # steps that are halved, the largest
 HALVINGS = 17  # to 1e-5 of a step: what changes faster is a jump to any motor
@@ -35,6 +37,7 @@ def path_of(rig: Rig, position: Floats, rotation: Floats | None, wrench: Floats)
 
     Its parameter is 0 at the first sample, K - 1 at the last. Between two orientations it turns about one axis.
     """
+    turns = np.pad(turns_between(PoseList(position, rotation)), ((0, 1), (0, 0)))  # a single sample has none
 
     def at(parameter: Floats) -> tuple[Floats, Floats]:
         first = np.minimum(parameter.astype(int), max(len(position) - 2, 0))
@@ -44,39 +47,32 @@ def path_of(rig: Rig, position: Floats, rotation: Floats | None, wrench: Floats)
         def between(values: Floats) -> Floats:
             return np.asarray(values[first] + share * (values[second] - values[first]))
 
-        turned = rotation
-        if turned is not None and turned.ndim == 3:
-            from scipy.spatial.transform import Rotation
-
-            start = Rotation.from_matrix(turned[first])
-            turn = (start.inv() * Rotation.from_matrix(turned[second])).as_rotvec()
-            turned = (start * Rotation.from_rotvec(share * turn)).as_matrix()
-        elif turned is not None:
-            turned = between(turned[:, None])[:, 0]
+        turned = None if rotation is None else turn_by(rotation[first], share * turns[first])
         return rig.structure_matrix(between(position), turned, rig.at_rest), between(wrench)
 
     return at
 
 
-def measure_continuity(allocator: Allocator, path: PathFunction, samples: int) -> Continuity:
-    """Measure jumps and changes of a solver's tensions along a path, sampled at 0, 1 and so on."""
-    jump, step = _largest(allocator, path, samples, feasible=True)
-    beyond = _largest(allocator, path, samples, feasible=False)[0] if allocator.policy else np.nan
+def measure_continuity(allocator: Allocator, path: PathFunction, found: Allocation) -> Continuity:
+    """Measure jumps and changes of a solver's tensions along a path, given those found at 0, 1 and so on."""
+    jump, step = _largest(allocator, path, found, feasible=True)
+    beyond = _largest(allocator, path, found, feasible=False)[0] if allocator.policy else np.nan
     return Continuity(jump, beyond, step)
 
 
-def _largest(allocator: Allocator, path: PathFunction, samples: int, *, feasible: bool) -> tuple[float, float]:
+def _largest(
+    allocator: Allocator, path: PathFunction, found: Allocation, *, feasible: bool
+) -> tuple[float, float]:
     """Return the largest jump, and the largest step without one, of exact answers or of all.
 
     The largest steps are halved again and again, always keeping the half in which the tensions change more: what
     vanishes was a fast change, what stays is a jump.
     """
 
-    def tensions(parameter: Floats) -> Floats:
-        found = allocator(*path(parameter))
+    def tensions(found: Allocation) -> Floats:
         return np.where(found.exact[:, None], found.tensions, np.nan) if feasible else found.tensions
 
-    grid = tensions(np.arange(float(samples)))
+    grid = tensions(found)
     steps = abs(np.diff(grid, axis=0)).max(axis=1)
     known = np.flatnonzero(np.isfinite(steps))
     if not known.size:
@@ -85,7 +81,7 @@ def _largest(allocator: Allocator, path: PathFunction, samples: int, *, feasible
     low, high, start, end = largest.astype(float), largest + 1.0, grid[largest], grid[largest + 1]
     for _ in range(HALVINGS):
         middle = (low + high) / 2.0
-        between = tensions(middle)
+        between = tensions(allocator(*path(middle)))
         left = abs(between - start).max(axis=1) >= abs(end - between).max(axis=1)
         low, high = np.where(left, low, middle), np.where(left, middle, high)
         start, end = np.where(left[:, None], start, between), np.where(left[:, None], between, end)

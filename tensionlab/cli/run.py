@@ -22,6 +22,7 @@ from tensionlab.hardware.runner.runner import Runner, Tracker
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
+from tensionlab.support.arrays import pad_last_axis
 from tensionlab.support.formatting import format_duration
 from tensionlab.support.table import Column, Table
 
@@ -126,7 +127,7 @@ def _demand(rig: Rig, force: str | None, program: Path | None, rate: float) -> D
     wrench = np.array(options.parse_numbers("--force", force))
     if wrench.size != rig.dimension:
         wrench = np.array(options.parse_components("--force", force, options.wrench_components(rig), rig.name))
-    constant = Demand(np.pad(wrench, (0, rig.n - wrench.size)))
+    constant = Demand(pad_last_axis(wrench, rig.n))
     return lambda state: constant
 
 

@@ -50,9 +50,9 @@ def trajectory(
     names = options.parse_names(solvers)
     options.check_solvers(loaded, names, None)
     planned.check_rig(loaded)
-    findings, winches = check_trajectory(loaded, planned, payload)
-    passed = all(finding.passed is not False for finding in findings)
     wrenches = inverse_dynamics(loaded, planned, payload)
+    findings, winches = check_trajectory(loaded, planned, wrenches)
+    passed = all(finding.passed is not False for finding in findings)
     compared = compare(loaded, wrenches, poses=planned, solvers=names)
     with output.ResultWriter(quiet=json) as writer:
         writer.draw(plot, "comparison", compared)

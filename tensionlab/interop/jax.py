@@ -111,23 +111,17 @@ def _function(policy: Policy | None, weights: tuple[float, ...] | None) -> Any:
         found = solved(arrays).allocation
         return found.tensions.astype(arrays[0].dtype), np.asarray(found.exact)
 
-    def beyond(*arrays: Any) -> Any:
+    def beyond(exact: Any, *arrays: Any) -> Any:
         """Return the derivatives of all tensions by all arrays; zeros where the answer is exact."""
-        found, lead = solved(arrays), arrays[1].ndim - 1
-        if found.allocation.exact.all():
-            return tuple(np.zeros(each.shape, each.dtype) for each in derivatives_of(arrays))
+        infeasible, lead = ~np.asarray(exact), arrays[1].ndim - 1
+        if not infeasible.any():
+            return tuple(np.zeros(each.shape, each.dtype) for each in _derivatives_by(arrays))
+        found = solved(arrays)
         rows = [found.pull_back(unit) for unit in np.eye(arrays[2].shape[-1])]
-        infeasible = ~np.asarray(found.allocation.exact)
         stacked = (np.stack(each, axis=lead) for each in zip(*rows, strict=True))
         return tuple(
             np.where(np.expand_dims(infeasible, tuple(range(lead, each.ndim))), each, 0.0).astype(arrays[0].dtype)
             for each in stacked
-        )
-
-    def derivatives_of(arrays: tuple[Any, ...]) -> tuple[Any, ...]:
-        leading, m = arrays[1].shape[:-1], arrays[2].shape[-1]
-        return tuple(
-            jax.ShapeDtypeStruct((*leading, m, *array.shape[len(leading) :]), array.dtype) for array in arrays
         )
 
     @jax.custom_jvp  # type: ignore[untyped-decorator]
@@ -140,8 +134,8 @@ def _function(policy: Policy | None, weights: tuple[float, ...] | None) -> Any:
     def changes(arrays: Any, tangents: Any) -> Any:
         chosen, exact = allocation(*arrays)
         inside = _change_while_exact(chosen, arrays, tangents)
-        constant = jax.lax.stop_gradient(arrays)
-        by_array = jax.pure_callback(beyond, derivatives_of(arrays), *constant, vmap_method="broadcast_all")
+        given, constant = _derivatives_by(arrays), jax.lax.stop_gradient((exact, *arrays))
+        by_array = jax.pure_callback(beyond, given, *constant, vmap_method="broadcast_all")
         outside = jnp.einsum("...inm,...nm->...i", by_array[0], tangents[0])
         for each, tangent in zip(by_array[1:], tangents[1:], strict=True):
             outside += jnp.einsum("...ik,...k->...i", each, tangent)
@@ -149,6 +143,16 @@ def _function(policy: Policy | None, weights: tuple[float, ...] | None) -> Any:
         return (chosen, exact), (change, np.zeros(exact.shape, jax.dtypes.float0))
 
     return allocation
+
+
+def _derivatives_by(arrays: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the shapes and types of the derivatives of tensions by each of five arrays."""
+    import jax
+
+    leading, m = arrays[1].shape[:-1], arrays[2].shape[-1]
+    return tuple(
+        jax.ShapeDtypeStruct((*leading, m, *array.shape[len(leading) :]), array.dtype) for array in arrays
+    )
 
 
 def _change_while_exact(tensions: jax.Array, arrays: Any, tangents: Any) -> jax.Array:

@@ -16,7 +16,7 @@ from tensionlab.model.directions import circle, fibonacci
 from tensionlab.model.module import (
     MAX_LENGTH,
     WORLD,
-    Record,
+    ArrayRecord,
     require_name,
     require_number,
     require_up,
@@ -34,7 +34,7 @@ ROUND_POINTS = 300  # points of a sphere, or a circle, that stand for its surfac
 
 
 @dataclass(frozen=True, eq=False)
-class Body(Record):
+class Body(ArrayRecord):
     """Sphere, capsule or box that cables must stay clear of. RigError names the body and the wrong key.
 
     A body with a ``size`` is a box, one with an ``end`` a capsule: all points within the radius of a segment. One

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tensionlab.errors import DataError, InputError, ShapeError
-from tensionlab.support.arrays import Floats
+from tensionlab.support.arrays import Floats, pad_last_axis
 from tensionlab.support.files.tables import read_table
 
 MAX_DIRECTIONS = 10_000_000
@@ -92,6 +92,4 @@ def forces(vectors: Floats, components: int, dimension: int) -> Floats:
     if vectors.ndim != 2 or vectors.shape[1] != dimension:
         wanted = "x,y,z; try grid18 or fibonacci:N" if dimension == 3 else "two components; try circle:N"
         raise ShapeError(f"the rig needs directions of {wanted} (they have shape {vectors.shape})")
-    wrenches = np.zeros((len(vectors), components))
-    wrenches[:, :dimension] = vectors
-    return wrenches
+    return pad_last_axis(vectors, components)

@@ -51,7 +51,7 @@ KINDS = {
 """The kinds of rig. A wrench is a force; "planar" adds the torque about z, "platform" three torques."""
 
 
-class Record:
+class ArrayRecord:
     """Base of dataclasses that hold arrays: equal where all entries are."""
 
     def __eq__(self, other: object) -> bool:
@@ -64,7 +64,7 @@ class Record:
 
 
 @dataclass(frozen=True, eq=False)
-class Module(Record):
+class Module(ArrayRecord):
     """Winch module with one cable: its position and tension limits. RigError names the module and the wrong key.
 
     Attributes
@@ -177,7 +177,7 @@ class Module(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class Platform(Record):
+class Platform(ArrayRecord):
     """Platform that the cables hold: mass in kg, centre of mass and inertia. RigError names the wrong key.
 
     Attributes

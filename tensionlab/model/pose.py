@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model import kinematics
-from tensionlab.model.module import WORLD, Module, Record, require_name, vector
+from tensionlab.model.module import WORLD, ArrayRecord, Module, require_name, vector
 from tensionlab.support.arrays import Floats, as_floats, common_axes, readonly_copy, require_finite
 from tensionlab.support.files.reading import brief
 
@@ -47,7 +47,7 @@ MAX_ROTATION_RAD = 100.0  # in a file, about each axis: beyond some turns an ang
 
 
 @dataclass(frozen=True, eq=False)
-class RestPose(Record):
+class RestPose(ArrayRecord):
     """Default pose of a body frame. RigError names the frame and the wrong key.
 
     Attributes

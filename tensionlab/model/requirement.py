@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.errors import RigError, ShapeError
-from tensionlab.model.module import MAX_LENGTH, MAX_TENSION, Platform, Record
+from tensionlab.model.module import MAX_LENGTH, MAX_TENSION, ArrayRecord, Platform
 from tensionlab.support.arrays import Floats, as_floats, readonly_copy
 from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_vector
@@ -39,7 +39,7 @@ class RequiringRig(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Requirement(Record):
+class Requirement(ArrayRecord):
     """Set of wrenches that the cables must exert on the platform, optionally with its weight.
 
     A single wrench, or a box, a ball or a list of wrenches around it; at the reference point and in world axes, in

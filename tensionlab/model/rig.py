@@ -17,10 +17,10 @@ from tensionlab.model.module import (
     GRAVITY_M_S2,
     KINDS,
     WORLD,
+    ArrayRecord,
     Kind,
     Module,
     Platform,
-    Record,
     TensionLimits,
     require_name,
     require_up,
@@ -54,7 +54,7 @@ class Cables(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Rig(Record):
+class Rig(ArrayRecord):
     """Set of modules around a point or a platform.
 
     RigError names the module and the wrong key. Parallel cables (same anchor, same attachment) are legal.

@@ -143,6 +143,11 @@ def broadcast_last_axis(name: str, array: Floats, count: int, what: str) -> Floa
     return (array if own else array[None]).repeat(count, axis=-1)
 
 
+def pad_last_axis(array: Floats, count: int) -> Floats:
+    """Return an array (..., count), with zeros after the entries that are given."""
+    return np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, count - array.shape[-1])])
+
+
 def common_axes(axes: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
     """Return the leading axes that those of the named arrays broadcast to."""
     different = {shape for shape in axes.values() if shape}

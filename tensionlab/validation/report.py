@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from tensionlab.validation.data_tables import Recording
 from tensionlab.validation.protocol import AXIS_FORCES, Measurement
 from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
 from tensionlab.validation.statistics import ALIGNMENTS, ForceScore, rotation_angle, score
-
-if TYPE_CHECKING:
-    pass
 
 SAME_PLACE_M = 1e-3  # distance of anchors below which a rig is the published one
 TILTED_DEG = 1.0  # difference of the two alignments above which the report mentions tilt

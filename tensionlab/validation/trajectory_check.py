@@ -11,14 +11,15 @@ from tensionlab.allocation import Allocation, allocate
 from tensionlab.hardware.protocol.codes import PARAMETERS
 from tensionlab.hardware.simulation.simulated_module import PLANT
 from tensionlab.model.module import Module
+from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.formatting import format_range, format_vector
 from tensionlab.support.table import Column, Finding
-from tensionlab.trajectory import Trajectory, inverse_dynamics
+from tensionlab.trajectory import Trajectory
 from tensionlab.workspace.interference import body_distances, cable_distance
 from tensionlab.workspace.structure_metrics import feasibility_tolerance
-from tensionlab.workspace.wrench_set import capacity_margin
+from tensionlab.workspace.wrench_set import required_margin
 
 WINCH_COLUMNS = {
     "winch": "winch",
@@ -43,10 +44,12 @@ def winding_speed(module: Module, tension: Floats) -> Floats:
     return np.clip(voltage / (2.0 / 3.0 * gain), 0.0, PARAMETERS["speed_limit"].default)
 
 
-def check_trajectory(rig: Rig, path: Trajectory, payload: float = 0.0) -> tuple[list[Finding], list[list[Any]]]:
-    """Check the samples of a trajectory, with the tensions of ``newton``; return also rows of `WINCH_COLUMNS`."""
+def check_trajectory(rig: Rig, path: Trajectory, wrenches: Floats) -> tuple[list[Finding], list[list[Any]]]:
+    """Check the samples of a trajectory, with the tensions of ``newton`` for its wrenches (K, n).
+
+    Return the findings, and rows of `WINCH_COLUMNS`.
+    """
     structure = rig.structure_matrix(path.position, path.rotation, rig.at_rest)
-    wrenches = inverse_dynamics(rig, path, payload)
     found = allocate(structure, wrenches, rig.limits)
     winding = np.einsum("knm,kn->km", structure, path.twist(rig))
     able = np.stack([winding_speed(*each) for each in zip(rig.modules, found.tensions.T, strict=True)], axis=-1)
@@ -76,9 +79,7 @@ def _at(path: Trajectory, sample: int) -> str:
 
 def _feasible(rig: Rig, path: Trajectory, structure: Floats, wrenches: Floats) -> Finding:
     """Check that tensions inside the limits render each wrench, and how far it is from the edge."""
-    unit = np.ones(rig.n)
-    unit[rig.dimension :] /= rig.characteristic_length
-    margin = capacity_margin(structure * unit[:, None], rig.limits, (wrenches * unit)[:, None])
+    margin = required_margin(rig, structure, Requirement(), added=wrenches)
     beyond = margin < -feasibility_tolerance(wrenches)
     worst, count = int(margin.argmin()), len(margin)
     if not beyond.any():

@@ -14,7 +14,7 @@ _, Y, Z = np.eye(3)
 
 
 def checks(rig, path, **options):
-    found, winches = check_trajectory(rig, path, **options)
+    found, winches = check_trajectory(rig, path, tl.inverse_dynamics(rig, path, **options))
     return {each.name: each for each in found}, winches
 
 

@@ -84,9 +84,9 @@ class ArmedModules:
         self._clearance = BodyClearance(rig, note)
         self._friction = FrictionCompensation(rig, group.frictions) if group.frictions else None
         self._minimum = minimum
-        self._compensated: Floats | None = (
-            None  # friction in N that set-points are lower by; none during pretension
-        )
+        # Friction in N by the latest reports, and that by which set-points are lower; not during pretension.
+        self._friction_force: Floats | None = None
+        self._compensated: Floats | None = None
         statistics.derated, statistics.near = self._derating.lowest, self._clearance.closest
         self._releases: dict[int, Release] = {}  # of lost modules
         # At high rates set-points share numbers: which one a module follows depends on how many were sent since.
@@ -122,7 +122,8 @@ class ArmedModules:
         if _native.any_exceeds(seen.ages, self._unknown_ages):  # an old report is no measurement
             seen = seen._replace(tensions=np.where(seen.ages > self._unknown_ages, np.nan, seen.tensions))
         if self._friction is not None:  # a module reports the pull of its motor
-            seen = seen._replace(tensions=seen.tensions + self._friction.force(seen.speeds))
+            self._friction_force = self._friction.force(seen.speeds)
+            seen = seen._replace(tensions=seen.tensions + self._friction_force)
         return seen, delays
 
     def check(self, seen: Observation, delays: Floats, now: float) -> None:
@@ -209,8 +210,7 @@ class ArmedModules:
                 f"{lower[refused]:g} to {upper[refused]:g} N"
             )
         self.tensions = tensions
-        if self._friction is not None and self._seen is not None:
-            self._compensated = self._friction.force(self._seen.speeds)
+        self._compensated = self._friction_force
         return commanded, slew_limited
 
     def send(self, demand: Demand) -> Integers:

@@ -15,7 +15,7 @@ from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
 from tensionlab.model.stiffness import MIN_COSINE, MODULE_STIFFNESS, host_stiffness, module_stiffness
-from tensionlab.support.arrays import Floats, require_finite
+from tensionlab.support.arrays import Floats, pad_last_axis, require_finite
 from tensionlab.support.formatting import format_share, format_vector
 from tensionlab.workspace.poses import Grid, PoseList, describe_step
 from tensionlab.workspace.wrench_set import capacity_margin, facet_distance, half_spaces
@@ -134,8 +134,7 @@ class Objective:
         if self.directions is not None:
             normals, offsets = half_spaces(structure, limits)
             room = offsets - (normals @ required.swapaxes(-1, -2)).max(axis=-1) - ball
-            directions = np.array(self.directions)
-            directions = np.pad(directions, ((0, 0), (0, structure.shape[-2] - directions.shape[1])))
+            directions = pad_last_axis(np.array(self.directions), structure.shape[-2])
             further += [*np.moveaxis(facet_distance(room, normals, directions), -1, 0)]
         if self.walls is not None:
             stiffness = module_stiffness(structure.swapaxes(-1, -2), np.array(self.walls))

@@ -11,7 +11,7 @@ import numpy as np
 from tensionlab.errors import InputError
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats
+from tensionlab.support.arrays import Floats, pad_last_axis
 from tensionlab.workspace.certification import certify as prove
 from tensionlab.workspace.interference import with_bodies
 from tensionlab.workspace.layout.objective import Objective, Target, Targets, as_targets
@@ -208,7 +208,7 @@ def proved_force(rig: Rig, targets: tuple[Target, ...], objective: Objective, mo
             required = replace(rig.required, ball=rig.required.ball + force)
         else:
             pushed = np.array(objective.directions)[:, None] * force
-            pushed = around + np.pad(pushed, ((0, 0), (0, 0), (0, rig.n - rig.dimension)))
+            pushed = around + pad_last_axis(pushed, rig.n)
             wrenches = np.concatenate([around, pushed.reshape(-1, rig.n)])
             required = replace(rig.required, box=None, wrenches=wrenches)
         return all(_holds(rig, each, required) for each in targets)

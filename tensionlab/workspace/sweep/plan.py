@@ -19,7 +19,7 @@ from tensionlab.model import kinematics, layouts, pose
 from tensionlab.model.pose import Frames
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats, as_floats
+from tensionlab.support.arrays import Floats, as_floats, pad_last_axis
 from tensionlab.workspace.metrics import Batch, Metric
 from tensionlab.workspace.poses import Label, PoseList, Poses, label
 
@@ -196,7 +196,7 @@ class ChunkTask:
                 turn, added = (None if each is None else each[part] for each in (rotation, wrench))
                 batch, sound = _batch(rig, position[part], turn, frames, required)
                 if added is not None:
-                    batch = replace(batch, added=np.pad(added[sound], ((0, 0), (0, rig.n - added.shape[1]))))
+                    batch = replace(batch, added=pad_last_axis(added[sound], rig.n))
                 for row, metric in enumerate(self.metrics):
                     values[row, number, part][sound] = metric.evaluate(batch)
         return values.reshape(len(self.metrics), *(part.stop - part.start for part in self.block))
