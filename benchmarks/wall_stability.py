@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects.parameters import Damping, PositiveMass, checked_dataclass
-from tensionlab.model.stiffness import stiffness_bound
+from tensionlab.model.wall_stiffness import stiffness_bound
 from tensionlab.support.arrays import Floats
 
 # Which force (...) acts on a hand at a position (...) with a velocity (...), at a step? As the host sees them.

@@ -17,7 +17,7 @@ from tensionlab.haptics.rendering.field import predict
 from tensionlab.hardware.protocol.codes import EVENTS, State
 from tensionlab.hardware.simulation.simulated_module import TRANSITIONS
 from tensionlab.model.directions import fibonacci
-from tensionlab.model.stiffness import (
+from tensionlab.model.wall_stiffness import (
     MARGIN,
     MIN_COSINE,
     MODULE_STIFFNESS,

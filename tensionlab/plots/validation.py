@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.model.files import rig_from_toml
-from tensionlab.model.stiffness import HAND_DAMPING, stiffness_bound
+from tensionlab.model.wall_stiffness import HAND_DAMPING, stiffness_bound
 from tensionlab.plots.style import Entry, add_legend, legend_beside, new_figure
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED

@@ -17,7 +17,7 @@ from tensionlab.haptics.effects.contact import Plane, Wall
 from tensionlab.haptics.effects.effect import Motion
 from tensionlab.haptics.rendering.fidelity import rms
 from tensionlab.haptics.rendering.stability import cap_stiffness, stiffness_cap
-from tensionlab.model.stiffness import HAND_DAMPING
+from tensionlab.model.wall_stiffness import HAND_DAMPING
 from tensionlab.scenarios.checks import (
     LOCKING_S,
     NOTICEABLE,

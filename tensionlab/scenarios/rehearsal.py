@@ -13,7 +13,7 @@ import numpy as np
 from tensionlab.allocation import Status, allocate
 from tensionlab.haptics.effects.effect import Memory, Motion
 from tensionlab.haptics.rendering.brakes import brake_strengths, choose_locks
-from tensionlab.model.stiffness import MIN_COSINE
+from tensionlab.model.wall_stiffness import MIN_COSINE
 from tensionlab.scenarios.demand_source import body_origin
 from tensionlab.scenarios.person import Person
 from tensionlab.scenarios.scenario import BrakeTarget, Phase, Scenario

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import ConfigDict
 
 from tensionlab.errors import DataError
-from tensionlab.model.stiffness import HAND_DAMPING
+from tensionlab.model.wall_stiffness import HAND_DAMPING
 from tensionlab.support.files.reading import read_toml
 from tensionlab.support.table import Column, Table
 from tensionlab.support.validation import validate

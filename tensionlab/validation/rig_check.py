@@ -9,7 +9,7 @@ from tensionlab.haptics.rendering.brakes import ImpactCap, brake_strengths
 from tensionlab.model import directions
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
-from tensionlab.model.stiffness import (
+from tensionlab.model.wall_stiffness import (
     CYCLE_S,
     LATENCY_S,
     MIN_COSINE,

@@ -12,7 +12,7 @@ from tensionlab.demand import Pose
 from tensionlab.hardware.simulation.serve import TcpPort
 from tensionlab.hardware.simulation.world import GuidedHand, Motion, World
 from tensionlab.model.rig import Rig
-from tensionlab.model.stiffness import HAND_DAMPING
+from tensionlab.model.wall_stiffness import HAND_DAMPING
 from tensionlab.scenarios.person import Person, PersonPlan, Script, Waypoint
 from tensionlab.support.arrays import Floats
 from tensionlab.validation.error_model import PRESETS, draw_errors

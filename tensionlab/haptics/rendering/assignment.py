@@ -30,7 +30,7 @@ from tensionlab.haptics.rendering.field import (
     stable_share,
 )
 from tensionlab.haptics.rendering.stability import cap_stiffness
-from tensionlab.model.stiffness import MIN_COSINE, MODULE_STIFFNESS
+from tensionlab.model.wall_stiffness import MIN_COSINE, MODULE_STIFFNESS
 from tensionlab.support.arrays import Floats
 
 MAX_APPROACH_M = 0.5  # farther from a wall no module renders it: set-points come many times before contact

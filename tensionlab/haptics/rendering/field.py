@@ -20,7 +20,7 @@ import numpy as np
 
 from tensionlab import _native
 from tensionlab.allocation import allocate
-from tensionlab.model.stiffness import HAND_DAMPING, MARGIN, MIN_HAND_MASS_KG
+from tensionlab.model.wall_stiffness import HAND_DAMPING, MARGIN, MIN_HAND_MASS_KG
 from tensionlab.support.arrays import Floats
 
 # Weight of an error where the effect leaves the hand free, such as along a wall: the host corrects part of it.

@@ -34,7 +34,7 @@ from tensionlab.haptics.rendering.assignment import (
 )
 from tensionlab.haptics.rendering.stability import Observed, PassivityController, max_damping, stiffness_cap
 from tensionlab.model.rig import Rig
-from tensionlab.model.stiffness import HAND_DAMPING, MIN_HAND_MASS_KG
+from tensionlab.model.wall_stiffness import HAND_DAMPING, MIN_HAND_MASS_KG
 from tensionlab.support.arrays import Floats
 
 MAX_FORCE_N = 1000.0  # largest force that is desired of any rig

@@ -13,7 +13,7 @@ from pydantic import Field
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects.effect import Motion, dot, is_split
 from tensionlab.haptics.effects.parameters import Number, checked_dataclass
-from tensionlab.model.stiffness import MARGIN, stiffness_bound
+from tensionlab.model.wall_stiffness import MARGIN, stiffness_bound
 from tensionlab.support.arrays import Floats
 
 T = TypeVar("T")

@@ -14,7 +14,7 @@ from tensionlab.errors import InputError, ShapeError
 from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
-from tensionlab.model.stiffness import MIN_COSINE, MODULE_STIFFNESS, host_stiffness, module_stiffness
+from tensionlab.model.wall_stiffness import MIN_COSINE, MODULE_STIFFNESS, host_stiffness, module_stiffness
 from tensionlab.support.arrays import Floats, pad_last_axis, require_finite
 from tensionlab.support.formatting import format_share, format_vector
 from tensionlab.workspace.poses import Grid, PoseList, describe_step
@@ -52,7 +52,7 @@ class Objective:
     The share of the target that has the desired force and stiffness. Without these, the largest force that is
     feasible everywhere in the target or, if there are walls, their largest stiffness. Forces are in addition to
     what the space requires, such as a weight. Walls are as stiff as one module renders them, or the host: see
-    `tensionlab.model.stiffness`.
+    `tensionlab.model.wall_stiffness`.
 
     Attributes
     ----------

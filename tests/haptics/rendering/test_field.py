@@ -11,7 +11,7 @@ from benchmarks.impedance_field import conic_optimum, objective, random_problem
 from tensionlab.haptics.effects import Motion, Plane, Wall
 from tensionlab.haptics.rendering.assignment import CableState, ModuleLimits, assign
 from tensionlab.haptics.rendering.field import CableRanges, allocate_field, optimality_gap, predict, stable_share
-from tensionlab.model.stiffness import HAND_DAMPING, MARGIN, MIN_HAND_MASS_KG
+from tensionlab.model.wall_stiffness import HAND_DAMPING, MARGIN, MIN_HAND_MASS_KG
 
 
 def test_it_is_the_optimum_of_a_conic_solver_and_inside_the_ranges():

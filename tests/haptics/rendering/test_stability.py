@@ -16,7 +16,7 @@ from tensionlab.haptics.rendering.stability import (
     max_damping,
     stiffness_cap,
 )
-from tensionlab.model.stiffness import stiffness_bound
+from tensionlab.model.wall_stiffness import stiffness_bound
 from tests.helpers.motions import Staged
 
 STEP = 0.001

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tensionlab.model.stiffness import host_stiffness, module_stiffness
+from tensionlab.model.wall_stiffness import host_stiffness, module_stiffness
 
 
 def test_a_module_renders_all_of_its_stiffness_along_its_cable_and_none_behind_it():
