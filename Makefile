@@ -10,7 +10,7 @@ BUILD_TOOLS := scikit-build-core nanobind hatch-fancy-pypi-readme $(foreach tool
 export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
 NATIVE := $(wildcard tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo install test test-fast test-lowest coverage check firmware-check sanitize format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner bench-view stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check generated checksums clean
+.PHONY: demo install test test-fast test-lowest coverage check firmware-check sanitize format bench bench-quick bench-readme bench-workspace bench-runner bench-view stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check generated checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -98,12 +98,8 @@ hostile: .venv/dev.stamp
 impacts: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.impacts
 
-bench-brakes: .venv/dev.stamp
-	@$(BIN)/python -m benchmarks.brakes
-
 bench-runner: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.runner
-	@$(BIN)/python -m benchmarks.runner_view
 
 # In a browser; other load on the computer disturbs it.
 bench-view: .venv/dev.stamp

@@ -1,4 +1,4 @@
-"""Tables of results, for terminals, notebooks, Markdown, LaTeX and pandas."""
+"""Tables of results, for terminals, notebooks, Markdown and pandas."""
 
 from __future__ import annotations
 
@@ -23,8 +23,6 @@ WIDE = 120  # characters per line of a terminal that shows all columns
 MAX_HTML_ROWS = 40  # longer tables are shown without their middle
 MAX_HEADING_LINES = 3
 MIN_TEXT_WIDTH, COMFORTABLE_WIDTH = 12, 30  # text columns: never narrower; narrower only with narrow gaps
-LATEX = {"\\": r"\textbackslash{}", "%": r"\%", "&": r"\&", "_": r"\_", "#": r"\#", "°": r"$^\circ$",
-         "|": "$|$", "–": "--", "“": "``", "”": "''"}  # fmt: skip
 
 
 class Mark(NamedTuple):
@@ -184,14 +182,6 @@ class Table:
         rows = [[cell.replace("|", "\\|") for cell in row] for row in rows]
         lines = ["| " + " | ".join(row) + " |" for row in (rows[0], ruler, *rows[1:])]
         return "\n\n".join(["\n".join(lines), *self.notes])
-
-    def to_latex(self) -> str:
-        """Return the table as a tabular of LaTeX's package booktabs, with the notes as comments."""
-        sides = "".join("l" if self._is_text(i) else "r" for i in range(len(self.columns)))
-        rows = [[column.heading for column in self.columns], *self._texts()]
-        head, *body = (" & ".join("".join(LATEX.get(c, c) for c in cell) for cell in row) + r" \\" for row in rows)
-        lines = [rf"\begin{{tabular}}{{{sides}}}", r"\toprule", head, r"\midrule", *body, r"\bottomrule"]
-        return "\n".join([*(f"% {note}" for note in self.notes), *lines, r"\end{tabular}", ""])
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the values as a data frame; MissingDependency if pandas is not installed."""

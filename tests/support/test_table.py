@@ -153,7 +153,7 @@ def test_a_table_in_a_notebook():
     assert "the note" in html
 
 
-def test_a_table_in_markdown_and_latex():
+def test_a_table_in_markdown():
     lines = TABLE.to_markdown().splitlines()
     assert lines[:2] == [
         "| module | what it is | tension (N) | vector | held | p99 |",
@@ -161,9 +161,6 @@ def test_a_table_in_markdown_and_latex():
     ]
     assert lines[3] == "| 100 %\\|2 |  | – | – | ✗ no | 12,345 |"
     assert lines[-1] == "the note"
-    lines = TABLE.to_latex().splitlines()
-    assert lines[:2] == ["% the note", r"\begin{tabular}{llrrlr}"]
-    assert lines[6] == r"100 \%$|$2 &  & -- & -- & ✗ no & 12,345 \\"
 
 
 def test_a_table_as_a_data_frame_keeps_the_numbers():
