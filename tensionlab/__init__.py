@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tensionlab.model.pose import CoordinateFrame, RestPose
     from tensionlab.model.requirement import Requirement
     from tensionlab.model.rig import Rig
+    from tensionlab.model.stiffness import natural_frequencies, stiffness_eigenvalues, stiffness_matrix
     from tensionlab.path_allocation import PathAllocation, RateLimitedAllocator, allocate_path
     from tensionlab.plots import plot
     from tensionlab.solvers import SOLVERS, Solver, Status
@@ -62,6 +63,7 @@ __all__ = [
     "inverse_dynamics",
     "load_requirement",
     "load_rig",
+    "natural_frequencies",
     "person",
     "plot",
     "plots",
@@ -69,6 +71,8 @@ __all__ = [
     "ring_plus_top",
     "save_rig",
     "solvers",
+    "stiffness_eigenvalues",
+    "stiffness_matrix",
     "sweep",
     "view",
     "workspace",
@@ -86,6 +90,7 @@ _NAMES = {
     "tensionlab.model.pose": ("CoordinateFrame", "RestPose"),
     "tensionlab.model.requirement": ("Requirement",),
     "tensionlab.model.rig": ("Rig",),
+    "tensionlab.model.stiffness": ("natural_frequencies", "stiffness_eigenvalues", "stiffness_matrix"),
     "tensionlab.path_allocation": ("PathAllocation", "RateLimitedAllocator", "allocate_path"),
     "tensionlab.solvers": ("SOLVERS", "Solver", "Status"),
     "tensionlab.trajectory": ("Trajectory", "inverse_dynamics", "read_trajectory"),

@@ -137,6 +137,14 @@ def anchor_gradient(
             pull = pull + torque * np.stack([-arms[..., 1], arms[..., 0]], axis=-1)
         else:
             pull = pull + np.cross(torque, arms)
+    return direction_gradient(pull, vectors, pulleys)
+
+
+def direction_gradient(pull: Floats, vectors: Floats, pulleys: Pulleys | None = None) -> Floats:
+    """Return the derivative of a number with respect to the anchors, from that with respect to the directions.
+
+    Both are (..., m, d); vectors and pulleys as in `anchor_gradient`.
+    """
     if pulleys is not None:
         return turn_gradient(pull, vectors, pulleys)
     squares = np.einsum("...i,...i->...", vectors, vectors)[..., None]

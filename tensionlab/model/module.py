@@ -25,6 +25,7 @@ OPTIONAL_NUMBERS = (
     ("brake", MAX_TENSION, "N"), ("newton_per_ampere", MAX_TENSION, "N/A"),
     ("spool_radius", MAX_LENGTH, "m"), ("pulley_radius", MAX_LENGTH, "m"),
     ("friction_coulomb", MAX_TENSION, "N"), ("friction_viscous", MAX_TENSION, "N s/m"),
+    ("cable_stiffness", MAX_TENSION, "N"),
 )  # fmt: skip
 GRAVITY_M_S2 = 9.81  # acceleration by gravity, in m/s²
 STANDARD_GRAVITY_M_S2 = 9.80665  # for weighing; the local value differs by up to 0.4 %
@@ -90,6 +91,8 @@ class Module(ArrayRecord):
         length; only with ``pulley_radius``.
     friction_coulomb, friction_viscous : float or None
         Friction of winch and pulley against the cable's motion, in N, and per speed in N s/m; None if not known.
+    cable_stiffness : float or None
+        Stiffness of the cable per strain, EA, in N: tension over relative stretch; None if not known.
 
     Examples
     --------
@@ -116,6 +119,7 @@ class Module(ArrayRecord):
     pulley_axis: Floats | None = None
     friction_coulomb: float | None = None
     friction_viscous: float | None = None
+    cable_stiffness: float | None = None
 
     def __post_init__(self) -> None:
         require_name(self.name, "module", "name", "give every module a name")

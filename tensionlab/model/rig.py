@@ -180,7 +180,7 @@ class Rig(ArrayRecord):
             [module.name, module.frame if self.frames else None, module.anchor,
              module.attachment if self._kind.has_orientation else None, length, module.lower, module.upper,
              module.brake, module.newton_per_ampere, module.spool_radius, module.pulley_radius, module.pulley_axis,
-             module.friction_coulomb, module.friction_viscous]
+             module.friction_coulomb, module.friction_viscous, module.cable_stiffness]
             for module, length in zip(self.modules, lengths, strict=True)
         ]  # fmt: skip
         columns = [
@@ -188,7 +188,7 @@ class Rig(ArrayRecord):
             Column("cable at home", "m", ".3f"), Column("lower", "N"), Column("upper", "N"), Column("brake", "N"),
             Column("N/A", wide=True), Column("spool radius", "m", wide=True), Column("pulley radius", "m"),
             Column("pulley axis", wide=True), Column("dry friction", "N", wide=True),
-            Column("viscous friction", "N s/m", wide=True),
+            Column("viscous friction", "N s/m", wide=True), Column("cable stiffness", "N", wide=True),
         ]  # fmt: skip
         held = "" if self.platform is None else f", platform of {self.platform.mass:g} kg"
         modules = format_count(self.m, "module")

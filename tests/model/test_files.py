@@ -57,7 +57,14 @@ def rigs(draw):
         lower, upper = sorted(draw(st.tuples(st.floats(0, 1e6), st.floats(0, 1e6))))
         optional = {
             key: draw(st.none() | st.sampled_from([1.5, 2]) | positive)
-            for key in ("brake", "newton_per_ampere", "spool_radius", "friction_coulomb", "friction_viscous")
+            for key in (
+                "brake",
+                "newton_per_ampere",
+                "spool_radius",
+                "friction_coulomb",
+                "friction_viscous",
+                "cable_stiffness",
+            )
         }
         attachment = point() if n > d else None
         frame = draw(st.sampled_from(["world", "hip", "a b"]))
