@@ -174,7 +174,8 @@ class DesignPanel:
     def _add_workspace(self) -> None:
         gui = self._gui
         self._bind_attribute(gui.add_checkbox("show", False), "show_workspace")
-        names = [name for name in METRICS if name != "body-distance"]  # needs bodies
+        # A distance of bodies needs some, and numbers of modules have no level.
+        names = [name for name in METRICS if name != "body-distance" and METRICS[name].direction != "none"]
         self._bind_attribute(gui.add_dropdown("metric", names), "metric")
         level = gui.add_slider("level", 0.0, 1.0, 0.01, 0.0)
         on_input(level, lambda: self._queue.edit(edits.set_fields(level=level.value), level, level))

@@ -22,6 +22,7 @@ from tensionlab.workspace.sweep.plan import vary
 from tensionlab.workspace.wrench_set import (
     capacity_margin,
     half_spaces,
+    loss_margins,
     margin_gradient,
     rig_margin_gradient,
     vertices,
@@ -47,6 +48,7 @@ __all__ = [
     "feasible_direction_fraction",
     "half_spaces",
     "isotropic_force",
+    "loss_margins",
     "margin_gradient",
     "metric",
     "read_poses",

@@ -20,7 +20,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.support import registry
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace import interference, structure_metrics
-from tensionlab.workspace.wrench_set import required_margin
+from tensionlab.workspace.wrench_set import loss_margins, required_margin, worst_loss
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +48,13 @@ class Batch:
         """Capacity margin about all required wrenches, (B,), in N."""
         return required_margin(self.rig, self.structure, self.required, self.rotation, self.added)
 
+    @cached_property
+    def loss_margins(self) -> Floats:
+        """Capacity margin about all required wrenches after the loss of each cable, (B, m), in N."""
+        return required_margin(
+            self.rig, self.structure, self.required, self.rotation, self.added, margin=loss_margins
+        )
+
 
 @dataclass(frozen=True)
 class Metric:
@@ -60,8 +67,8 @@ class Metric:
         its docstring describes the metric.
     unit : str
         Unit of the values; "1" for none.
-    direction : "higher" or "lower"
-        Which values are better.
+    direction : "higher", "lower" or "none"
+        Which values are better; none where values are numbers of modules.
     title : str
         Label in figures; empty for the name.
     above_zero : str
@@ -82,7 +89,7 @@ class Metric:
     name: str
     function: Callable[..., Floats]
     unit: str = "1"
-    direction: Literal["higher", "lower"] = "higher"
+    direction: Literal["higher", "lower", "none"] = "higher"
     title: str = ""
     above_zero: str = ""
     parameters: Mapping[str, Any] = field(default_factory=dict)
@@ -105,9 +112,24 @@ class Metric:
 
 def _capacity_margin(batch: Batch, radius: float = 0.0) -> Floats:
     """Force to spare in the worst direction before the rig can no longer render what is required."""
+    return batch.margin - _radius(radius)
+
+
+def _loss_margin(batch: Batch, radius: float = 0.0) -> Floats:
+    """Capacity margin after the loss of any one cable, which then has tension zero: that of the worst."""
+    return np.asarray(batch.loss_margins.min(axis=-1) - _radius(radius))
+
+
+def _radius(radius: float) -> float:
+    """Return the radius of a ball of required wrenches, in N; refuse one below zero."""
     if not (np.isfinite(radius) and radius >= 0):
-        raise InputError(f"capacity-margin: radius is {radius}; give a wrench in N, 0 or more")
-    return batch.margin - radius
+        raise InputError(f"radius is {radius}; give a wrench in N, 0 or more")
+    return radius
+
+
+def _worst_loss(batch: Batch) -> Floats:
+    """Cable whose loss leaves the smallest capacity margin: the number of its module, from 0."""
+    return worst_loss(batch.loss_margins).astype(np.float64)
 
 
 def _wrench_feasible(batch: Batch) -> Floats:
@@ -194,6 +216,9 @@ METRICS: dict[str, Metric] = {
     for metric in (
         Metric("capacity-margin", _capacity_margin, "N", "higher", "capacity margin",
                "all that is required is feasible, and the radius in every direction as well"),
+        Metric("loss-margin", _loss_margin, "N", "higher", "capacity margin after the loss of any one cable",
+               "all that is required is feasible without any one cable"),
+        Metric("worst-loss", _worst_loss, "1", "none", "module whose loss leaves the smallest capacity margin"),
         Metric("wrench-feasible", _wrench_feasible, "1", "higher", "wrench feasibility", "it is feasible"),
         Metric("wrench-closure", _wrench_closure, "1", "higher", "wrench closure", "they do"),
         Metric("tension-factor", _tension_factor, "1", "higher", "tension factor",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import comb
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import (
     Floats,
+    Integers,
     Limits,
     broadcast_last_axis,
     check_size,
@@ -27,6 +29,7 @@ from tensionlab.support.arrays import (
 )
 
 ALONG_FACET = 1e-12  # share of a unit vector along a facet's normal below which it is parallel to the facet
+EQUAL_MARGINS = 1e-9  # relative difference below which margins are equal but for rounding
 
 TensionRange = Limits | tuple[ArrayLike, ArrayLike]  # lower and upper limits in N, each (..., m) or a number
 RequiredWrenches = ArrayLike | tuple[ArrayLike, ArrayLike] | None  # as in `capacity_margin`
@@ -208,24 +211,60 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Requir
     return np.asarray(margin.reshape(batch.shape) - radius)[()]
 
 
+def loss_margins(structure: ArrayLike, limits: TensionRange, required: RequiredWrenches = None) -> Floats:
+    """Return the capacity margin (..., m) that is left after the loss of each cable.
+
+    A lost cable has tension zero, not its minimum; the others keep their limits, and what is required stays. The
+    smallest of the margins survives the loss of any one cable. It may exceed the margin of all cables where the
+    minimum tension of a cable is in the way, as at the border of the workspace of a suspended robot.
+
+    Parameters and errors as in `capacity_margin`; ShapeError also for one cable alone.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("seven-modules")
+    >>> margins = tl.workspace.loss_margins(rig.structure_matrix(rig.home), rig.limits)
+    >>> f"{margins.min():.3f} N after the loss of {rig.modules[margins.argmin()].name}"
+    '1.029 N after the loss of back-floor'
+    """
+    batch, wrenches, radius = _arguments(structure, limits, required)
+    m = batch.structure.shape[-1]
+    if m == 1:
+        raise ShapeError("structure has one cable, and nothing is left after its loss; give two or more")
+    margins = []
+    for lost in range(m):
+        W, lower, upper = (np.delete(each, lost, axis=-1) for each in batch[:3])
+        margins.append(_native.capacity_margin(W, lower, upper, wrenches, RANK_TOLERANCE))
+    return np.asarray(np.stack(margins, axis=-1).reshape(*batch.shape, m) - radius[..., None])
+
+
+def worst_loss(margins: Floats) -> Integers:
+    """Return the cable (...) whose loss leaves the smallest of margins (..., m); the first of equal ones."""
+    rounding = EQUAL_MARGINS * np.abs(margins).max(axis=-1, keepdims=True)
+    return np.asarray(np.argmax(margins <= margins.min(axis=-1, keepdims=True) + rounding, axis=-1))
+
+
 def required_margin(
     rig: Rig,
     structure: Floats,
     required: Requirement,
     rotation: ArrayLike | None = None,
     added: Floats | None = None,
+    margin: Callable[[Floats, Limits, Floats], Floats] = capacity_margin,
 ) -> Floats:
     """Return the capacity margin (...) of a rig about its required wrenches, in N.
 
     Torques are divided by the characteristic length of the requirement. ``structure`` (..., n, m) are the matrices
     of its poses, ``rotation`` is as in `Rig.structure_matrix`, and ``added`` (..., n) is required in addition.
+    With `loss_margins` as the ``margin`` it is that after the loss of each cable, (..., m).
     """
     corners = required.at(rig, rotation) + (0.0 if added is None else added[..., None, :])
     if rig.n > rig.dimension:
         unit = np.ones(rig.n)
         unit[rig.dimension :] /= required.length_for(rig)
         structure, corners = structure * unit[:, None], corners * unit
-    return capacity_margin(structure, rig.limits, corners) - required.ball
+    return margin(structure, rig.limits, corners) - required.ball
 
 
 def margin_gradient(
