@@ -27,7 +27,7 @@ from tensionlab.workspace import tension_factor
 from tools.sanitize import PRELOADED, build
 
 FOLDER = Path("build", "ablation").absolute()
-# In the order of `Route` in native/simd/batch.hpp.
+# In the order of `Route` in include/tensionlab/simd/batch.hpp.
 ROUTES = ("sweep", "guess", "separation in it", "nearest face", "proof in it", "null plane", "Gram-Schmidt")
 SHAPES = ((3, 4), (3, 8), (6, 8))  # components and cables
 PROBLEMS, POSES = 20_000, 4_000

@@ -262,6 +262,7 @@ def test_it_has_the_package_with_its_data_and_nothing_else(wheel: Path) -> None:
     package = [path for path in package if "__pycache__" not in path.parts and path.suffix != ".so"]
     data = [path.relative_to(ROOT) for path in (ROOT / "datasets").rglob("*") if path.is_file()]
     expected = {path.as_posix() for path in package if path.parts[1] != "native"}
+    expected |= {f"tensionlab/{path.relative_to(ROOT).as_posix()}" for path in (ROOT / "include").rglob("*.*")}
     expected |= {f"tensionlab/{path.as_posix()}" for path in data if path.suffix not in {".py", ".pyc"}}
     assert {name for name in names if ".dist-info/" not in name} == expected
     assert {"tensionlab/py.typed", "tensionlab/_native.pyi"} <= expected

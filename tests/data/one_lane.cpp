@@ -1,7 +1,7 @@
 // The exact solver as a module's own processor would run it: float, one lane, one translation unit, no heap.
 #include <cstdio>
 
-#include "solvers/newton.hpp"
+#include "tensionlab/solvers/newton.hpp"
 
 using Solver = tensionlab::Newton<float, 1, 2, 8>;
 

@@ -22,7 +22,7 @@ def answers(tmp_path_factory):
         pytest.fail("no C++ compiler 'c++' was found; the package itself needs one to build")
     program = tmp_path_factory.mktemp("one_lane") / "program"
     source = ROOT / "tests" / "data" / "one_lane.cpp"
-    include = ROOT / "tensionlab" / "native"
+    include = ROOT / "include"
     subprocess.run([compiler, *STRICT, f"-I{include}", str(source), "-o", str(program)], check=True)
     symbols = subprocess.run(["nm", "-C", "-u", str(program)], check=True, capture_output=True, text=True).stdout
     lines = subprocess.run([str(program)], check=True, capture_output=True, text=True).stdout.split("\n")

@@ -11,7 +11,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "simd/batch.hpp"
+#include "tensionlab/simd/batch.hpp"
 
 namespace nb = nanobind;
 

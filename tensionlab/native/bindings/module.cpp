@@ -1,7 +1,7 @@
 // The Python module tensionlab._native: arrays in, arrays out.
 #include "bindings/bindings.hpp"
-#include "simd/batch.hpp"
 #include "simd/instruction_set.hpp"
+#include "tensionlab/simd/batch.hpp"
 
 NB_MODULE(_native, module) {
   using namespace tensionlab;

@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "bindings/bindings.hpp"
-#include "simd/batch.hpp"
+#include "tensionlab/simd/batch.hpp"
 
 #if !defined(_WIN32)
 #include <unistd.h>

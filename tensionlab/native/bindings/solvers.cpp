@@ -8,7 +8,7 @@
 #include "solvers/kernels.hpp"
 #include "solvers/linear_program.hpp"
 #include "solvers/polygon.hpp"
-#include "solvers/scale_search.hpp"
+#include "tensionlab/solvers/scale_search.hpp"
 #include "verification/kernels.hpp"
 
 namespace tensionlab {

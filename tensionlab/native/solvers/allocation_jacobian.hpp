@@ -30,8 +30,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "simd/lane_problem.hpp"
-#include "simd/linear.hpp"
+#include "tensionlab/simd/lane_problem.hpp"
+#include "tensionlab/simd/linear.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

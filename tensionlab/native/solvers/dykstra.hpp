@@ -16,8 +16,8 @@
 
 #include <cmath>
 
-#include "simd/batch.hpp"
 #include "solvers/pseudoinverse.hpp"
+#include "tensionlab/simd/batch.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

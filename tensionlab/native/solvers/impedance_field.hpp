@@ -8,7 +8,7 @@
 #include <cmath>
 #include <limits>
 
-#include "simd/batch.hpp"
+#include "tensionlab/simd/batch.hpp"
 
 namespace tensionlab {
 

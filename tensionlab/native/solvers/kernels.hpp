@@ -5,9 +5,9 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "simd/batch.hpp"
 #include "simd/instruction_set.hpp"
 #include "solvers/dual_laws.hpp"
+#include "tensionlab/simd/batch.hpp"
 
 namespace tensionlab {
 

@@ -11,8 +11,8 @@
 #include <cmath>
 #include <limits>
 
-#include "simd/batch.hpp"
 #include "solvers/simplex_basis.hpp"
+#include "tensionlab/simd/batch.hpp"
 
 namespace tensionlab {
 

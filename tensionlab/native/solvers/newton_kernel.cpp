@@ -4,8 +4,8 @@
 #include <limits>
 
 #include "solvers/kernels.hpp"
-#include "solvers/nearest_face.hpp"
-#include "solvers/newton.hpp"
+#include "tensionlab/solvers/nearest_face.hpp"
+#include "tensionlab/solvers/newton.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

@@ -8,8 +8,8 @@
 // Rounding, or a W that lacks a rank, may spoil the guess; the caller checks it.
 #pragma once
 
-#include "simd/lanes.hpp"
-#include "simd/linear.hpp"
+#include "tensionlab/simd/lanes.hpp"
+#include "tensionlab/simd/linear.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "simd/batch.hpp"
-#include "simd/linear.hpp"
+#include "tensionlab/simd/batch.hpp"
+#include "tensionlab/simd/linear.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

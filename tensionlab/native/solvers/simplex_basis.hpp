@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "simd/linear.hpp"
+#include "tensionlab/simd/linear.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

@@ -12,9 +12,9 @@
 #include <limits>
 #include <utility>
 
-#include "simd/linear.hpp"
 #include "solvers/kernels.hpp"
 #include "solvers/null_space.hpp"
+#include "tensionlab/simd/linear.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

@@ -4,12 +4,11 @@
 #include <atomic>
 #include <cstdint>
 
-#include "simd/batch.hpp"
 #include "simd/instruction_set.hpp"
+#include "tensionlab/simd/batch.hpp"
+#include "tensionlab/verification/certificates.hpp"
 
 namespace tensionlab {
-
-enum class Rule { none, force, tension, direction };
 
 struct VerificationSettings {
   Rule rule;

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "simd/lanes.hpp"
+#include "tensionlab/simd/lanes.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

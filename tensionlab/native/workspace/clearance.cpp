@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "simd/lanes.hpp"
+#include "tensionlab/simd/lanes.hpp"
 #include "workspace/kernels.hpp"
 
 namespace tensionlab {

@@ -13,9 +13,9 @@
 #include <limits>
 #include <vector>
 
-#include "simd/batch.hpp"
-#include "simd/lanes.hpp"
-#include "simd/linear.hpp"
+#include "tensionlab/simd/batch.hpp"
+#include "tensionlab/simd/lanes.hpp"
+#include "tensionlab/simd/linear.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "simd/batch.hpp"
 #include "simd/instruction_set.hpp"
+#include "tensionlab/simd/batch.hpp"
 
 namespace tensionlab {
 

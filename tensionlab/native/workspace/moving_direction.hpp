@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "simd/linear.hpp"
+#include "tensionlab/simd/linear.hpp"
 #include "workspace/kernels.hpp"
 #include "workspace/pulley_bend.hpp"
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "simd/lanes.hpp"
+#include "tensionlab/simd/lanes.hpp"
 #include "workspace/kernels.hpp"
 #include "workspace/pulley.hpp"
 

@@ -1,11 +1,11 @@
 // The cables of a bounded least squares problem that are at no limit, in every lane at once
-// (solvers/nearest_face.hpp).
+// (tensionlab/solvers/nearest_face.hpp).
 #pragma once
 
 #include <limits>
 
-#include "simd/lane_problem.hpp"
-#include "simd/linear.hpp"
+#include "tensionlab/simd/lane_problem.hpp"
+#include "tensionlab/simd/linear.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

@@ -16,8 +16,8 @@
 
 #include <limits>
 
-#include "simd/lane_problem.hpp"
-#include "solvers/free_cables.hpp"
+#include "tensionlab/simd/lane_problem.hpp"
+#include "tensionlab/solvers/free_cables.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

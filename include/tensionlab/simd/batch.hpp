@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <type_traits>
 
-#include "simd/lanes.hpp"
+#include "tensionlab/simd/lanes.hpp"
 
 namespace tensionlab {
 

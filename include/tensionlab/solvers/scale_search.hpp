@@ -13,9 +13,9 @@
 #include <cmath>
 #include <limits>
 
-#include "simd/lane_problem.hpp"
-#include "simd/lanes.hpp"
-#include "simd/linear.hpp"
+#include "tensionlab/simd/lane_problem.hpp"
+#include "tensionlab/simd/lanes.hpp"
+#include "tensionlab/simd/linear.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

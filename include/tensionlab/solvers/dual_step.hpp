@@ -12,8 +12,8 @@
 
 #include <limits>
 
-#include "simd/lane_problem.hpp"
-#include "simd/linear.hpp"
+#include "tensionlab/simd/lane_problem.hpp"
+#include "tensionlab/simd/linear.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "simd/batch.hpp"
+#include "tensionlab/simd/batch.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

@@ -2,13 +2,14 @@
 //
 //   minimise |t - t0|^2 / 2   subject to   W t = w,  a <= t <= b
 //
-// Newton steps (solvers/dual_step.hpp) render w, or find a p with p'w > h(p) = sum_i max(p'W_i a_i, p'W_i b_i):
-// then p separates w from all feasible wrenches, and the policy applies:
+// Newton steps (tensionlab/solvers/dual_step.hpp) render w, or find a p with p'w > h(p) = sum_i max(p'W_i a_i,
+// p'W_i b_i): then p separates w from all feasible wrenches, and the policy applies:
 //   force      proximal steps converge to the nearest feasible wrench and, among its tensions, to those closest to
 //   t0
 //              (Chiche & Gilbert 2016);
 //   tension    the same on B W, B w, with B from the singular values of W;
-//   direction  the largest s for which s w is feasible (solvers/scale_search.hpp), and all of w within tolerance.
+//   direction  the largest s for which s w is feasible (tensionlab/solvers/scale_search.hpp), and all of w within
+//   tolerance.
 //
 // Sources: Qi & Sun (1993) for the semismooth method; Kunisch & Rendl (2003) for programs with bounds only.
 // No heap, no exceptions; Real may be float, and L may be 1, as on a microcontroller.
@@ -17,9 +18,9 @@
 #include <cmath>
 #include <limits>
 
-#include "simd/linear.hpp"
-#include "solvers/dual_step.hpp"
-#include "solvers/scale_search.hpp"
+#include "tensionlab/simd/linear.hpp"
+#include "tensionlab/solvers/dual_step.hpp"
+#include "tensionlab/solvers/scale_search.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {

@@ -3,7 +3,7 @@
 
 #include <limits>
 
-#include "simd/batch.hpp"
+#include "tensionlab/simd/batch.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
