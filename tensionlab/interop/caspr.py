@@ -5,12 +5,10 @@ A model of CASPR is a file of bodies and a file of cables; the latter holds one 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple, NoReturn
-from xml.parsers import expat
+from typing import NamedTuple, NoReturn, cast
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -23,35 +21,29 @@ from tensionlab.support.files.reading import brief, read_bytes
 from tensionlab.support.formatting import format_count
 
 
-@dataclass
-class Element:
-    """Element of an XML file; ``where`` has file and line, for errors."""
+class Element(ElementTree.Element):
+    """Element of an XML file; ``source`` names the file in errors."""
 
-    tag: str
-    attributes: dict[str, str]
-    where: str
-    text: str = ""
-    """Between its tags, without that of its children."""
-    children: list[Element] = field(default_factory=list)
+    source: str
 
     def fail(self, problem: str) -> NoReturn:
         """Raise a RigError about this element."""
-        name = self.attributes.get("name") or self.attributes.get("id")
-        raise RigError(f"{self.where}: <{self.tag:.40}>{f' {brief(name)}' if name else ''}: {problem:.180}")
+        name = self.get("name") or self.get("id")
+        raise RigError(f"{self.source}: <{self.tag:.40}>{f' {brief(name)}' if name else ''}: {problem:.180}")
 
     def attribute(self, name: str) -> str:
         """Read an attribute that must be there."""
-        if not self.attributes.get(name):
+        if not self.get(name):
             self.fail(f'attribute "{name}" is missing; give it a value')
-        return self.attributes[name]
+        return self.attrib[name]
 
-    def all(self, tag: str) -> Iterator[Element]:
-        """Go through the children of one tag."""
-        return (child for child in self.children if child.tag == tag)
+    def all(self, tag: str = "*") -> list[Element]:
+        """Return the children, or those of one tag."""
+        return cast("list[Element]", self.findall(tag))
 
     def only(self, tag: str) -> Element:
         """Get the child of which there must be one."""
-        elements = list(self.all(tag))
+        elements = self.all(tag)
         if len(elements) != 1:
             self.fail(f"has {len(elements) or 'no'} elements <{tag}>; give it one")
         return elements[0]
@@ -62,7 +54,7 @@ class Element:
 
     def numbers(self, count: int, name: str | None = None) -> Floats:
         """Read ``count`` finite numbers from the text, or from an attribute."""
-        text = self.text if name is None else self.attribute(name)
+        text = self.text or "" if name is None else self.attribute(name)
         what = "its text" if name is None else f'attribute "{name}"'
         try:
             values = np.array([float(word) for word in text.split()])
@@ -74,44 +66,18 @@ class Element:
 
 
 def read_xml(path: str | PathLike[str], root: str) -> Element:
-    """Read an XML file as a tree of elements; RigError, naming file and line, if it is not well-formed.
-
-    A DOCTYPE may name a DTD, which is never read. Entities are refused: they could make a file grow without
-    bound, or hold other files.
-    """
-    data = read_bytes(path, "an XML file", RigError)
-    parser = expat.ParserCreate()
-    top = Element("", {}, str(path))
-    open_elements = [top]
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        element = Element(tag, attributes, f"{path}: line {parser.CurrentLineNumber}")
-        open_elements[-1].children.append(element)
-        open_elements.append(element)
-        if len(open_elements) > MAX_NESTING:
-            element.fail(f"is nested in {MAX_NESTING - 1} others; give a flatter file")
-
-    def text(words: str) -> None:
-        open_elements[-1].text += words
-
-    def refuse(name: str, *_: object) -> NoReturn:
-        line = parser.CurrentLineNumber
-        raise RigError(f'{path}: line {line}: entity "{name}"; write its text, entities are not read')
-
-    parser.buffer_text = True
-    parser.StartElementHandler = start
-    parser.EndElementHandler = lambda tag: open_elements.pop()
-    parser.CharacterDataHandler = text
-    parser.EntityDeclHandler = refuse
-    parser.SkippedEntityHandler = refuse
+    """Read an XML file as a tree of elements; RigError if it is not well-formed. No other file is read."""
+    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(Element))
     try:
-        parser.Parse(data, True)
-    except (expat.ExpatError, LookupError, ValueError) as error:  # the last two for encodings
+        parser.feed(read_bytes(path, "an XML file", RigError))
+        top = cast("Element", parser.close())
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the last two for encodings
         raise RigError(f"{path}: not well-formed XML: {error}; correct that line") from None
-    element = top.children[0]  # well-formed XML has just one
-    if element.tag != root:
-        element.fail(f"the root element must be <{root}>; give the file that has it")
-    return element
+    for each in top.iter():
+        cast("Element", each).source = str(path)
+    if top.tag != root:
+        top.fail(f"the root element must be <{root}>; give the file that has it")
+    return top
 
 
 class _Joint(NamedTuple):
@@ -122,7 +88,6 @@ class _Joint(NamedTuple):
     normal: str = ""
 
 
-MAX_NESTING = 32
 JOINTS = {
     "P_XY": _Joint("planar-point", "xy"),
     "P_XZ": _Joint("planar-point", "xz"),
@@ -162,11 +127,11 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
     research of cable-driven parallel robots", 2016; what the elements mean is read off its program.
 
     The files are such as ``IPAnema_2_bodies.xml`` and ``IPAnema_2_cables.xml``; ``cable_set`` is the id of a
-    ``<cable_set>``, the file's own default if left out. RigError names the file, the line, the element and the
+    ``<cable_set>``, the file's own default if left out. RigError names the file, the element and the
     attribute; also for robots that are no rig: several bodies, a body that turns about a fixed point, pulleys on
     screw drives, cables that run past several points.
     """
-    links = read_xml(bodies, "bodies_system").only("links").children
+    links = read_xml(bodies, "bodies_system").only("links").all()
     if len(links) != 1:
         raise RigError(f"{bodies}: {len(links)} bodies; a rig has one, so give a model with one <link_rigid>")
     element = links[0].only("joint")
@@ -178,7 +143,7 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
     physical = links[0].only("physical")
     com = physical.only("com_location").numbers(3)
     chosen = _choose(read_xml(cables, "cables"), cable_set)
-    parts = [_cable(cable, com) for cable in chosen.children if cable.tag != PASSIVE]
+    parts = [_cable(cable, com) for cable in chosen.all() if cable.tag != PASSIVE]
     if not parts:
         chosen.fail("has no cables; give a set that has some")
     parent = links[0].only("parent").only("location").numbers(3)
@@ -233,7 +198,7 @@ def _cable(element: Element, com: Floats) -> _Cable:
     ends = {}
     radius, axis = None, None
     attachments = element.only("attachments")
-    for end in attachments.children:
+    for end in attachments.all():
         if end.tag == PULLEY:
             ends[0.0] = end.only("fixed_location").numbers(3)
             radius, axis = end.number("pulley_radius"), end.only("cable_entry_vector").numbers(3)
@@ -243,7 +208,7 @@ def _cable(element: Element, com: Floats) -> _Cable:
             end.fail(
                 f"no attachment of a rig; only attachment and {PULLEY} are read, so choose another set of cables"
             )
-    if len(attachments.children) != 2 or sorted(ends) != [0, 1]:
+    if len(attachments) != 2 or sorted(ends) != [0, 1]:
         attachments.fail("a cable of a rig has two attachments, to the links 0 and 1; no other is read")
     properties = element.only("properties")
     lower, upper = properties.number("force_min"), properties.number("force_max")
@@ -281,7 +246,7 @@ def _platform(physical: Element, com: Floats, joint: _Joint) -> Platform:
 
 def _describe(link: Element, chosen: Element, joint: _Joint, turned: bool) -> str:
     """Say in a line what the rig is, and what of the model it leaves out."""
-    notes = [f'{link.attributes.get("name") or "A robot"}, cable set "{chosen.attribute("id")}" of CASPR.']
+    notes = [f'{link.get("name") or "A robot"}, cable set "{chosen.attribute("id")}" of CASPR.']
     if len(joint.axes) == 2:
         torque = f"; torques are about {joint.normal}" if joint.normal else ""
         notes.append(f"X and Y are CASPR's {joint.axes[0]} and {joint.axes[1]}{torque}.")
@@ -289,7 +254,7 @@ def _describe(link: Element, chosen: Element, joint: _Joint, turned: bool) -> st
         notes.append("Z is up.")
     if turned:
         notes.append("CASPR's initial pose is turned as well.")
-    if any(cable.tag in ELASTIC for cable in chosen.children):
+    if any(cable.tag in ELASTIC for cable in chosen.all()):
         notes.append("Its elastic cables are stiff here.")
     if left_out := [cable.attribute("name") for cable in chosen.all(PASSIVE)]:
         notes.append(f"Without its passive springs ({', '.join(left_out)}): add their forces to the wrench.")
