@@ -16,10 +16,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict
 
 from tensionlab.allocation import allocate
 from tensionlab.demand import Demand, Pose, RigState
-from tensionlab.errors import HardwareError, InputError, LogError, WriteError
+from tensionlab.errors import HardwareError, InputError, LogError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import PARAMETERS, Limit
 from tensionlab.hardware.runner.records import DEMAND_STOPPED, Statistics
@@ -30,10 +31,11 @@ from tensionlab.model.directions import grid18
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Solver, Status
+from tensionlab.support import validation
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files import writing
-from tensionlab.support.files.reading import brief, parse_json, read_text
-from tensionlab.support.files.tables import MAX_FILE_BYTES, from_mappings
+from tensionlab.support.files.reading import parse_json, read_text
+from tensionlab.support.files.tables import MAX_FILE_BYTES
 from tensionlab.validation.error_model import PRESETS, draw_errors, require_point
 from tensionlab.validation.sensors import ForceSensor, simulated_setup
 
@@ -82,6 +84,8 @@ class Measurement:
     deviation in N along the axis where it is largest, ``rested`` the time in s for which modules cooled before.
     ``limited_modules`` were at a limit of their own.
     """
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
 
     number: int
     desired: tuple[float, ...]
@@ -242,32 +246,28 @@ class Journal:
 
     Measurements are read from the file if it exists; its setup must not differ. Measurements are in the order of
     their numbers, without a gap. `LogError` names a file that is of another validation, is damaged, or can't be
-    read or written.
+    read; `WriteError` one that can't be written.
     """
 
     def __init__(self, path: Path, setup: Mapping[str, Any]) -> None:
         self.path = path
         self.measurements: list[Measurement] = []
-        head, text = {"format": FORMAT, **setup}, ""
-        try:
-            if path.exists():
-                text = read_text(path, "the journal of a validation", LogError, MAX_FILE_BYTES)
-            whole = text[: text.rfind("\n") + 1]  # a process that was killed may have left half a line
-            if whole:
-                found, self.measurements = _parse(path, whole)
-                if other := [key for key in {**head, **found} if found.get(key) != head.get(key)]:
-                    raise LogError(
-                        f"{path} is of a validation with other {', '.join(other):.100}; continue with the same, "
-                        "or name another folder"
-                    )
-            else:
-                whole = json.dumps(head) + "\n"
-            if whole != text:
-                writing.write_text(path, whole)
-        except WriteError as error:
-            raise LogError(str(error)) from None
-        except OSError as error:
-            raise LogError(f"{path}: cannot be used ({error}); name another folder") from None
+        head: dict[str, Any] = {"format": FORMAT, **setup}
+        text = read_text(path, "the journal of a validation", LogError, MAX_FILE_BYTES) if path.exists() else ""
+        whole = text[: text.rfind("\n") + 1]  # a process that was killed may have left half a line
+        first, *lines = whole.splitlines() or [json.dumps(head)]
+        found = validation.validate(dict[str, Any], parse_json(first, f"{path}, line 1", LogError), LogError, path)
+        if other := [key for key in head | found if found.get(key) != head.get(key)]:
+            advice = "continue with the same, or name another folder"
+            raise LogError(f"{path} is of a validation with other {', '.join(other):.100}; {advice}")
+        for number, line in enumerate(lines):
+            here = f"{path}, line {number + 2}"
+            content = parse_json(line, here, LogError)
+            self.measurements.append(validation.validate(Measurement, content, LogError, here))
+            if (given := self.measurements[-1].number) != number:
+                raise LogError(f"{here}: damaged (force {given} where {number} is due); name another folder")
+        if (kept := "\n".join([first, *lines, ""])) != text:
+            writing.write_text(path, kept)
 
     def add(self, measurement: Measurement) -> None:
         """Store a measurement on the disk, unless it is stored already."""
@@ -282,26 +282,6 @@ class Journal:
                 os.fsync(file.fileno())
         except OSError as error:
             raise LogError(f"{self.path}: cannot be written ({error.strerror}); free disk space") from None
-
-
-def _parse(path: Path, text: str) -> tuple[dict[str, Any], list[Measurement]]:
-    """Return the setup and the measurements of a journal."""
-    measurements: list[Measurement] = []
-    head: dict[str, Any] = {}
-    for number, line in enumerate(text.splitlines()):
-        here = f"{path}, line {number + 1}"
-        content = parse_json(line, here, LogError)
-        if not isinstance(content, dict):
-            raise LogError(f"{here}: is {brief(content)}; it is damaged, name another folder")
-        if number == 0:
-            head = content
-            continue
-        values = {key: tuple(value) if isinstance(value, list) else value for key, value in content.items()}
-        measurements += from_mappings([values], Measurement, here, LogError)
-        if measurements[-1].number != number - 1:
-            due = f"force {measurements[-1].number} where {number - 1} is due"
-            raise LogError(f"{here}: damaged ({due}); name another folder")
-    return head, measurements
 
 
 def validate(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
 import io
 import math
 import zipfile
@@ -11,15 +10,13 @@ from array import array
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from os import PathLike
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tensionlab.errors import TensionlabError, optional_import
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files.reading import as_path, brief, parse_json, read_bytes, read_text, require_unpackable
-
-Row = TypeVar("Row")
 
 MAX_FILE_BYTES = 500_000_000
 
@@ -160,21 +157,6 @@ class ParquetTable(NamedTuple):
     def _missing(self, name: str, error: type[TensionlabError]) -> TensionlabError:
         there = ", ".join(self.columns.column_names[:20]) or "none"
         return error(f'{self.source}: column "{name:.40}" is missing; there are {there:.100}')
-
-
-def from_mappings(rows: Sequence[Any], kind: type[Row], source: str, error: type[TensionlabError]) -> list[Row]:
-    """Return mappings, such as the rows of a table, as instances of a dataclass, checked by its annotations."""
-    from tensionlab.support.validation import validate
-
-    known = {field.name for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
-    instances = []
-    for number, values in enumerate(rows, start=1):
-        here = f"{source}: row {number}"
-        for name in values if isinstance(values, Mapping) else ():
-            if name not in known:
-                raise error(f'{here}: unknown key "{name:.40}"')
-        instances.append(validate(kind, values, error, here))
-    return instances
 
 
 def read_parquet(path: str | PathLike[str], what: str, error: type[TensionlabError]) -> ParquetTable:

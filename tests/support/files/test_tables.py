@@ -2,7 +2,6 @@
 
 import io
 import zipfile
-from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
@@ -11,7 +10,7 @@ import pytest
 
 from tensionlab.errors import ShapeError
 from tensionlab.support.files import reading
-from tensionlab.support.files.tables import from_mappings, read_npz, read_parquet, read_table
+from tensionlab.support.files.tables import read_npz, read_parquet, read_table
 
 
 def npy(header, content=b""):
@@ -145,30 +144,6 @@ def test_columns_of_one_name_are_refused(tmp_path):
     pq.write_table(pa.Table.from_arrays([pa.array([1]), pa.array([2])], names=["a", "a"]), path)
     with pytest.raises(ShapeError, match='column "a" is there twice'):
         read_parquet(path, "a table", ShapeError)
-
-
-@dataclass(frozen=True)
-class Fact:
-    name: str
-    value: float | None
-    parts: tuple[float, ...] = ()
-
-
-@pytest.mark.parametrize(
-    ("row", "said"),
-    [
-        ({"name": "a"}, "row 2: value is missing"),
-        ({"name": "a", "value": 1, "x": 2}, 'row 2: unknown key "x"'),
-        ({"name": 3, "value": 1}, "row 2: name is 3; give a text"),
-        ({"name": "a", "value": 1, "parts": (1.0, "x")}, r"row 2: parts\[1\] is 'x'; give a number"),
-        ([], "row 2: it is \\[\\]"),
-    ],
-)
-def test_rows_are_checked_against_the_fields(row, said):
-    good = {"name": "a", "value": None, "parts": (1, 2.0)}
-    with pytest.raises(ShapeError, match=f"x: {said}"):
-        from_mappings([good, row], Fact, "x", ShapeError)
-    assert from_mappings([good], Fact, "x", ShapeError) == [Fact("a", None, (1, 2.0))]
 
 
 def test_lines_are_counted_as_an_editor_counts_them(tmp_path):
