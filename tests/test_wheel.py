@@ -64,7 +64,6 @@ WORK = [
     "datasets",
     "solvers",
     "datasets problems",
-    "problems show robots --count 4",
     "layout search space.toml --out found.toml",
     "run RIG --seconds 0.1",
     "module info sim:",
@@ -84,7 +83,7 @@ REFUSED = {
     "compare RIG --solvers qp:daqp": "solvers",
     "compare RIG --solvers cvxpy": "reference",
     "compare RIG --directions fibonacci:2 --out compare.parquet": "data",
-    "problems export --set edge --count 6 --out edge.parquet": "data",
+    "problems edge --count 6 --out edge.parquet": "data",
     "bench --quick --set published --solvers newton --count 1 --out bench": "data",
     "allocate RIG --wrench 0 0 1.5 --solver qp:daqp": "solvers",
 }  # what needs one, and which

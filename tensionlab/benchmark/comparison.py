@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,52 +42,35 @@ PUBLISHED_FORCE_N = 1.5  # magnitude of the forces of the published validation
 
 @dataclass(frozen=True)
 class Score:
-    """Statistics of the answers of one solver with one policy; NaN where there is no value."""
+    """Statistics of the answers of one solver with one policy, with their columns; NaN where there is no value."""
 
-    solver: str
-    policy: Policy | None
-    exact: int  # number of wrenches by verified status
-    nearest_count: int
-    unproven: int
-    failed: int
-    residual_mean: float  # norm of desired minus rendered wrench, in N
-    residual_max: float
-    angle_mean_deg: float  # between desired and rendered force
-    angle_max_deg: float
-    tension_sq_mean: float  # in N²
-    tension_max: float
-    jump: float  # along a trajectory, in N, as in `Continuity`
-    jump_beyond: float
-    step_max: float
-    iterations_max: float
-    gap_max: float  # largest difference of a tension to the exact optimum, in N; without a policy, where feasible
-    call_median_s: float  # of an `Allocator` call for one wrench, verification included
-    call_p99_s: float
-    batch_s: float  # per wrench in one call for all
+    solver: Annotated[str, Column("solver")]
+    policy: Annotated[Policy | None, Column("policy")]
+    # Number of wrenches by verified status.
+    exact: Annotated[int, Column("exact")]
+    nearest_count: Annotated[int, Column("near")]
+    unproven: Annotated[int, Column("unproven")]
+    failed: Annotated[int, Column("fail", wide=True)]
+    # Norm of desired minus rendered wrench, and angle between desired and rendered force.
+    residual_mean: Annotated[float, Column("error mean", "N", format_number, wide=True)]
+    residual_max: Annotated[float, Column("error max", "N", format_number)]
+    angle_mean_deg: Annotated[float, Column("angle mean", "°", format_number, wide=True)]
+    angle_max_deg: Annotated[float, Column("angle max", "°", format_number)]
+    tension_sq_mean: Annotated[float, Column("mean t²", "N²", format_number, wide=True)]
+    tension_max: Annotated[float, Column("t max", "N", format_number, wide=True)]
+    # Along a trajectory, as in `Continuity`.
+    jump: Annotated[float, Column("jump", "N", format_number)]
+    jump_beyond: Annotated[float, Column("jump beyond", "N", format_number)]
+    step_max: Annotated[float, Column("step max", "N", format_number)]
+    iterations_max: Annotated[float, Column("iter max", wide=True)]
+    # Largest difference of a tension to the exact optimum; without a policy, where feasible.
+    gap_max: Annotated[float, Column("gap max", "N", format_number, wide=True)]
+    # Of an `Allocator` call for one wrench, verification included; and per wrench in one call for all.
+    call_median_s: Annotated[float, Column("call median", format=format_duration)]
+    call_p99_s: Annotated[float, Column("call p99", format=format_duration, wide=True)]
+    batch_s: Annotated[float, Column("batch each", format=format_duration)]
 
 
-COLUMNS = {
-    "solver": Column("solver"),
-    "policy": Column("policy"),
-    "exact": Column("exact"),
-    "nearest_count": Column("near"),
-    "unproven": Column("unproven"),
-    "failed": Column("fail", wide=True),
-    "residual_mean": Column("error mean", "N", format_number, wide=True),
-    "residual_max": Column("error max", "N", format_number),
-    "angle_mean_deg": Column("angle mean", "°", format_number, wide=True),
-    "angle_max_deg": Column("angle max", "°", format_number),
-    "tension_sq_mean": Column("mean t²", "N²", format_number, wide=True),
-    "tension_max": Column("t max", "N", format_number, wide=True),
-    "jump": Column("jump", "N", format_number),
-    "jump_beyond": Column("jump beyond", "N", format_number),
-    "step_max": Column("step max", "N", format_number),
-    "iterations_max": Column("iter max", wide=True),
-    "gap_max": Column("gap max", "N", format_number, wide=True),
-    "call_median_s": Column("call median", format=format_duration),
-    "call_p99_s": Column("call p99", format=format_duration, wide=True),
-    "batch_s": Column("batch each", format=format_duration),
-}  # columns of tables of solvers, by the field of `Score`
 # Columns left out at one position, and along a trajectory.
 POSITION_OMITS = ("tension_max", "jump", "jump_beyond", "step_max", "iterations_max")
 TRAJECTORY_OMITS = ("angle_mean_deg", "gap_max")
@@ -142,7 +124,8 @@ class Comparison:
     def table(self) -> Table:
         """Return a row for each solver and policy; notes say why some solvers are left out or failed."""
         omitted = TRAJECTORY_OMITS if self.along_trajectory else POSITION_OMITS
-        columns = {name: column for name, column in COLUMNS.items() if name not in omitted}
+        hints = get_type_hints(Score, include_extras=True)
+        columns = {name: hint.__metadata__[0] for name, hint in hints.items() if name not in omitted}
         cells = ([getattr(row, name) for name in columns] for row in merge_policies(self.rows))
         notes = [f"left out: {name}, {reason}" for name, reason in self.missing.items()]
         notes += [f"failed: {name}, {one_line(reason)}" for name, reason in self.failures.items()]
@@ -184,7 +167,7 @@ def merge_policies(rows: Sequence[Score]) -> list[Score]:
     for _, group in itertools.groupby(rows, key=lambda row: row.solver):
         same = list(group)
         if len(same) > 1 and all(row.nearest_count + row.unproven + row.failed == 0 for row in same):
-            same = [dataclasses.replace(same[0], policy="any")]  # type: ignore[arg-type]  # to be shown
+            same = [replace(same[0], policy="any")]  # type: ignore[arg-type]  # to be shown
         merged += same
     return merged
 

@@ -39,7 +39,6 @@ NUMBER_OPTIONS = (
     "--facing",
     "--force",
     "--wrench",
-    "--reference",
     "--rotation",
     "--box",
     "--step",
@@ -66,9 +65,9 @@ PANELS = {
     "Try": {
         "allocate": ("allocate", "Choose the cable tensions that render one wrench."),
         "compare": ("compare", "Compare solvers on one set of forces."),
-        "solvers": ("catalogue", "List the solvers, with what each minimises, its policies, and its source."),
+        "solvers": ("catalogue", "List the solvers, with what each minimises, and its policies."),
         "bench": ("bench", "Benchmark all solvers and baselines."),
-        "problems": ("bench", "Show and export the benchmark's problem sets."),
+        "problems": ("bench", "Write one of the benchmark's problem sets as quadratic programs."),
     },
     "Design": {
         "new": ("catalogue", "Write a rig, a space, a scenario or a program to start from."),

@@ -22,7 +22,6 @@ STATUS_TEXTS = {
     Status.UNPROVEN: "unproven: neither exact nor certified infeasible; try --solver newton",
     Status.FAILED: "failed: the solver broke",
 }
-REFERENCES = ("lower", "middle")
 LIMIT_TOLERANCE_N = 1e-9  # within which a tension counts as at its limit
 
 
@@ -35,9 +34,6 @@ def allocate(
     rotation: options.Rotation = None,
     solver: options.Solver = "newton",
     policy: options.Policy = None,
-    reference: Annotated[
-        str | None, option("T1 T2 ...", "Tensions in N to stay close to, or: lower, middle. Left out: 0 for each.")
-    ] = None,
     json: Json = False,
 ) -> None:
     """Choose the cable tensions that render one wrench. Exit status 1 where they do not render it exactly.
@@ -48,7 +44,7 @@ def allocate(
     options.check_solvers(loaded, [solver], policy)
     position, turn = options.parse_position(at, loaded), options.parse_rotation(rotation, loaded)
     desired = loaded.required.middle(loaded, turn)
-    allocator = Allocator(loaded.limits, solver, _reference(loaded, reference), policy)  # type: ignore[arg-type]  # checked
+    allocator = Allocator(loaded.limits, solver, policy=policy)  # type: ignore[arg-type]  # checked
     result = allocator(loaded.structure_matrix(position, turn, loaded.at_rest), desired)
     status, reason = Status(int(result.status)), result.failures.get(0)
     if json:
@@ -81,16 +77,6 @@ def allocate(
         output.print_line()
         output.print_table(_wrenches(loaded, desired, result.wrench, notes))
     raise typer.Exit(0 if status is Status.EXACT else 1)
-
-
-def _reference(rig: Rig, text: str | None) -> str | list[float] | None:
-    """Return what ``--reference`` says: a name, or a tension for each module."""
-    if text is None or text in REFERENCES:
-        return text
-    if not any(each.isdigit() for each in text):
-        names = " or ".join(REFERENCES)
-        raise typer.BadParameter(f"--reference is {text!r}; give {names}, or {rig.m} tensions in N")
-    return options.parse_components("--reference", text, [module.name for module in rig.modules], rig.name)
 
 
 def _tensions(rig: Rig, position: Floats, rotation: str | None, result: Allocation) -> Table:

@@ -8,26 +8,17 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
-from tensionlab.allocation import allocate
 from tensionlab.benchmark import experiment, report
 from tensionlab.benchmark.problem_files import find_problem_set, qp_rows
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 from tensionlab.benchmark.results import Results
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.verbs import Json, Verbs, flag, option
+from tensionlab.cli.common.verbs import Json, flag, option
 from tensionlab.errors import InputError
-from tensionlab.solvers.base import Status
 from tensionlab.support import provenance
 from tensionlab.support.files.writing import make_folder, write_text
-from tensionlab.support.formatting import format_number
-from tensionlab.support.table import Column, Table
-
-problems = Verbs("Show and export the benchmark's problem sets. `tensionlab datasets problems` lists them.")
-Count = Annotated[int, option("N", "Approximate number of problems in the set.", min=1)]
-COMPLETE_SETS = options.complete(lambda: PROBLEM_SETS)
 
 
 def bench(
@@ -83,44 +74,23 @@ def _write(results: Results, out: Path, writer: output.ResultWriter) -> None:
     writer.write("report", out / "report.md", lambda path: write_text(path, report.report(results, drawn)))
 
 
-@problems.command()
-def show(
-    name: Annotated[str, typer.Argument(metavar="SET", help="Name of a set.", autocompletion=COMPLETE_SETS)],
-    count: Count = 1000,
-    seed: options.Seed = 0,
-    json: Json = False,
-) -> None:
-    """Show the groups of a set: their size, how many problems are feasible, how near to singular they are."""
-    found = find_problem_set(name, count, seed)
-    groups = [
-        {
-            "group": group.label,
-            "problems": len(group.wrench),
-            "components": group.structure.shape[1],
-            "cables": group.structure.shape[2],
-            "feasible": allocate(group.structure, group.wrench, (group.lower, group.upper)).counts()[Status.EXACT],
-            "condition_median": float(np.median(np.linalg.cond(group.structure))),
-            "wrench_median": float(np.median(np.linalg.norm(group.wrench, axis=1))),
-        }
-        for group in found.groups
-    ]
-    if json:
-        output.print_json(set=found.name, title=found.title, reachable=found.reachable, groups=groups)
-    else:
-        columns = ["group", "problems", "components", "cables", "feasible",
-                   Column("condition median", format=format_number),
-                   Column("wrench median", "N", format_number)]  # fmt: skip
-        output.print_table(Table(columns, [[*group.values()] for group in groups], f"{found.name}: {found.title}"))
-
-
-@problems.command()
-def export(
-    name: Annotated[str, option("SET", "Name of a set.", "--set", autocompletion=COMPLETE_SETS)],
+def problems(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="SET",
+            help="Name of a set, as `tensionlab datasets problems` lists them.",
+            autocompletion=options.complete(lambda: PROBLEM_SETS),
+        ),
+    ],
     out: Annotated[Path, options.writes("The Parquet file to write.", ".parquet")],
-    count: Count = 1000,
+    count: Annotated[int, option("N", "Approximate number of problems in the set.", min=1)] = 1000,
     seed: options.Seed = 0,
 ) -> None:
-    """Write a set as quadratic programs to a Parquet file, as qpbenchmark's ParquetTestSet reads them."""
+    """Write one of the benchmark's problem sets as quadratic programs.
+
+    The Parquet file is one that qpbenchmark's ParquetTestSet reads.
+    """
     found = find_problem_set(name, count, seed)
     rows = qp_rows(found)
     about = {"set": found.name, "title": found.title, "reachable": found.reachable, "count": count}

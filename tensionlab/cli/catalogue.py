@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,8 +19,6 @@ from tensionlab.support.files.named import SUFFIXES
 from tensionlab.support.files.reading import read_toml
 from tensionlab.support.table import Table
 
-# How the docstrings of solvers name their publications: "Source: ...", or a section "References".
-SOURCE = re.compile(r"(?:Sources?:\s|References\n-+\n)(.+?)(?:\n\s*\n|\Z)", re.DOTALL)
 PARQUET_TITLES = {
     "vectors": "directions of the published validation",
     "recordings": "desired, rendered and measured forces of a validation",
@@ -37,24 +33,17 @@ TEMPLATE_KINDS = ("rig", "space", "scenario", "program")
 
 
 def solvers(json: Json = False) -> None:
-    """List the solvers, with what each minimises, its policies, and its source.
+    """List the solvers, with what each minimises, and its policies.
 
     A policy says which tensions replace those of an infeasible wrench.
     """
     broken = {name: str(found) for name, found in find_plugins().items() if not isinstance(found, type)}
     entries: list[dict[str, Any]] = []
-    sources: dict[str, str] = {}
     for name, installed in every_solver().items():
-        if name in broken:
-            continue
-        solver = make(name)
-        found = SOURCE.search(inspect.getdoc(type(solver)) or "")
-        source = " ".join(found[1].split()) if found else ""
-        if source:
-            sources.setdefault(name.partition(":")[0], source)
-        policies = list(solver.policies)
-        entries.append({"solver": name, "installed": installed, "policy": policies, "objective": solver.objective,
-                        "source": source})  # fmt: skip
+        if name not in broken:
+            solver = make(name)
+            about = {"policy": list(solver.policies), "objective": solver.objective}
+            entries.append({"solver": name, "installed": installed, **about})
     if json:
         output.print_json(solvers=entries, broken=broken)
         return
@@ -68,9 +57,8 @@ def solvers(json: Json = False) -> None:
         [each["solver"], each["installed"], ", ".join(each["policy"]) or None, each["objective"]]
         for each in entries
     ]
-    notes = [*(f"{family}: {source}" for family, source in sources.items()),
-             'To install all of them: pip install "tensionlab[solvers,reference]"',
-             *(f"Left out: {problem}" for problem in broken.values())]  # fmt: skip
+    notes = ['To install all of them: pip install "tensionlab[solvers,reference]"']
+    notes += [f"Left out: {problem}" for problem in broken.values()]
     output.print_table(Table(headings, rows, notes=notes))
 
 

@@ -91,7 +91,7 @@ class DesignPage:
         self.server.viser.flush()
         self._workspace.submit(state, fine=not self._dragging)
         if state.compared or self._compared is not None:
-            self._solvers.submit(state)
+            self._solvers.put(state)
 
     def _compare(self, state: DesignState, wanted: Callable[[], bool]) -> None:
         """Compare solvers, unless that was done for a state that is the same in it."""

@@ -87,11 +87,14 @@ class EditQueue:
 
     def put(self, act: Callable[[], object], key: object = None) -> None:
         """Queue a function; one whose key, if not None, equals that of the function queued next is dropped."""
-        self._worker.put((key, act), replaces=lambda last: key is not None and last[0] == key)
+        self._worker.put((key, act))
 
     def _work(self, waiting: list[Queued]) -> None:
         before, problem = self.history.present, ""
-        for _, act in waiting:
+        following = [*(key for key, _ in waiting[1:]), None]
+        for (key, act), next_key in zip(waiting, following, strict=True):
+            if key is not None and key == next_key:
+                continue
             try:
                 act()
             except Exception as error:  # whatever it is, the page must survive it

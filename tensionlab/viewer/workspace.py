@@ -106,7 +106,7 @@ class WorkspaceWorker:
     def submit(self, state: DesignState, *, fine: bool) -> None:
         """Have the workspace of a state evaluated; a fine one only where ``fine``."""
         self._newest = state
-        self._worker.submit((state, fine))
+        self._worker.put((state, fine))
 
     def _work(self, item: tuple[DesignState, bool], _: Callable[[], bool]) -> None:
         state, fine = item

@@ -26,9 +26,7 @@ def folder(tmp_path, monkeypatch):
     """A folder with the exported set `edge`, and the class of the README that reads it."""
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as left:
-        main(
-            ["problems", "export", "--set", "edge", "--count", str(COUNT), "--seed", "3", "--out", "edge.parquet"]
-        )
+        main(["problems", "edge", "--count", str(COUNT), "--seed", "3", "--out", "edge.parquet"])
     assert not left.value.code
     (text,) = re.findall(r"^```python\n(.*?)^```$", README.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
     Path("edge.py").write_text(text, encoding="utf-8")

@@ -73,20 +73,9 @@ def test_json_is_for_programs(bench, tmp_path):
     assert all((tmp_path / name).is_file() for name in linked)
 
 
-def test_the_groups_of_a_set_are_shown_with_what_is_in_reach(run):
-    _, out, _ = run("problems", "show", "published", "--json")
-    groups = json.loads(out)["groups"]
-    assert [group["feasible"] for group in groups] == [182, 153]
-    assert [(group["problems"], group["components"], group["cables"]) for group in groups] == [(182, 3, 4)] * 2
-    assert groups[0]["wrench_median"] == pytest.approx(1.5)
-    code, out, _ = run("problems", "show", "near-singular", "--count", 400, "--seed", 2)
-    assert code == 0
-    assert "n = 6, m = 8" in out
-
-
 def test_a_set_is_written_with_as_many_rows_as_asked_for(run, tmp_path):
     file = tmp_path / "point.parquet"
-    code, out, _ = run("problems", "export", "--set", "point", "--out", file, "--count", 30)
+    code, out, _ = run("problems", "point", "--out", file, "--count", 30)
     assert code == 0
     assert "30 problems" in out
     assert pq.read_table(file).num_rows == 30

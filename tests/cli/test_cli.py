@@ -144,14 +144,6 @@ def test_allocate_exits_with_1_where_the_wrench_is_not_rendered(run):
     np.testing.assert_allclose(report["wrench_rendered"], report["scale"] * np.array([-1.5, 0, 0]), atol=1e-6)
 
 
-@pytest.mark.parametrize("reference", [["middle"], ["3.25", "3.25", "3.25", "3.25"], ["3.25,3.25,3.25,3.25"]])
-def test_allocate_stays_close_to_a_reference(run, reference):
-    _, out, _ = run("allocate", PUBLISHED, "--wrench", "0", "0", "0.1", "--reference", *reference, "--json")
-    rig = tl.load_rig(PUBLISHED)
-    expected = tl.allocate(rig.structure_matrix(rig.home), [0.0, 0.0, 0.1], rig.limits, reference="middle")
-    np.testing.assert_allclose(json.loads(out)["tensions"], expected.tensions, atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("words", "joined"),
     [

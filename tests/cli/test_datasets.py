@@ -30,7 +30,7 @@ def test_every_data_set_is_listed_with_what_it_is(run):
         ("tensionlab layout search four", ["four-in-a-room"]),
         ("tensionlab scenario b", ["bow"]),
         ("tensionlab serve --scenario w", ["weight"]),
-        ("tensionlab problems show e", ["edge"]),
+        ("tensionlab problems e", ["edge"]),
         ("tensionlab datasets r", ["rigs", "recordings"]),
         ("tensionlab allocate cube-8 --solver ne", ["newton"]),
         ("tensionlab compare ./ipa", []),  # the shell itself knows files

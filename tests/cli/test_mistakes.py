@@ -29,7 +29,7 @@ MISTAKES = {
     # Names.
     "compare cube8": "no rig is called 'cube8'; did you mean 'cube-8'? A path ends in .toml",
     "scenario bw": "no scenario is called 'bw'; did you mean 'bow'?",
-    "problems show edg": "no problem set is called 'edg'; choose one of published, point, edge",
+    "problems edg --out e.parquet": "no problem set is called 'edg'; choose one of published, point, edge",
     "datasets rig": "no data sets are called 'rig'; did you mean 'rigs'?",
     "compare cube-8 --solvers newtn": "no solver is called 'newtn'; did you mean 'newton'?",
     "compare cube-8 --policy forces": "policy='forces' is unknown; choose one of force, tension, direction",
@@ -53,8 +53,6 @@ MISTAKES = {
     "allocate cube-8 --wrench one 0 0": "--wrench: 'one' is not a number; write --wrench 1 2 3 (in N)",
     "allocate cube-8 --wrench 1N 2N 3N": "--wrench: '1N' is not a number; write --wrench 1 2 3 (in N)",
     "workspace cube-8 --metric body-distance": 'body-distance: rig "cube-8" has no bodies; list them in its file',
-    "allocate cube-8 --wrench 0 0 1 --reference 1 2": "--reference has 2 components; cube-8 needs 8",
-    "allocate cube-8 --wrench 0 0 1 --reference low": "--reference is 'low'; give lower or middle, or 8 tensions",
     "workspace cube-8 --box 1 2 3": "--box has 3 numbers; cube-8 needs 6: x0 x1 y0 y1 z0 z1",
     "workspace cube-8 --box 1 0 0 1 0 1": "x goes from 1 to 0 m; give the lower end first",
     "workspace cube-8 --step 0": "step is 0.0; give one length in m, or one for each axis, above zero",

@@ -68,7 +68,7 @@ RECIPES = {
     "log plot": "log plot run.mcap --plot l.png",
     "log export": "log export run.mcap --out l.csv",
     "log view": "log view run.mcap --no-browser",
-    "problems show": "problems show edge",
+    "problems": "problems edge --count 6 --out edge.parquet",
 }  # what makes a verb do its work; of all others, each required argument is a word
 ENDLESS = {"simulate", "view", "log view"}
 

@@ -66,7 +66,7 @@ RECIPES = {
     ("new", "--out"): ("new rig", ".toml"),
     ("log export", "--out"): ("log export run.mcap", ".nc"),
     ("log plot", "--plot"): ("log plot run.mcap", ".png"),
-    ("problems export", "--out"): ("problems export --set edge --count 2", ".parquet"),
+    ("problems", "--out"): ("problems edge --count 2", ".parquet"),
 }
 """What makes each option write something, and the suffix of its file; none for a folder."""
 # What is written bit by bit under its own name, so that it outlives the process.

@@ -122,10 +122,10 @@ def test_a_worker_drops_an_item_for_a_newer_one_and_survives_errors(caplog):
             raise ValueError("shapes differ")
 
     worker = Latest("example", work)
-    worker.submit("first")
+    worker.put("first")
     assert begun.wait(HANGS_S)
     for item in ("impossible", "possible"):
-        worker.submit(item)
+        worker.put(item)
         while done.get(timeout=HANGS_S) != item:
             pass
     worker.close()

@@ -28,7 +28,6 @@ from tensionlab.workspace.orientations import parse_rotations
 EXAMPLES = {
     "--wrench": "1 2 3 (in N)",
     "--force": "1 2 3 (in N)",
-    "--reference": "1 1 2 2 (in N)",
     "--at": "0 -0.1 0.3 (in m)",
     "--rotation": "0 0 0.3 (in rad)",
     "--facing": "1 0 0",
