@@ -185,6 +185,12 @@ def certify(
     gravity: options.Gravity = None,
     required: options.Required = None,
     frames: options.BodyFrames = None,
+    loss: Annotated[
+        int,
+        option(
+            "0|1", "1: prove what survives the loss of any one cable, which then has no tension.", min=0, max=1
+        ),
+    ] = 0,
     out: Annotated[Path | None, options.writes("Write the cells to this file.", ".npz")] = None,
     scheduler: options.Scheduler = None,
     plot: options.Plot = None,
@@ -202,8 +208,8 @@ def certify(
     began = time.perf_counter()
     with output.ResultWriter(quiet=json) as writer:
         with output.progress("Cells") as progress:
-            proved = prove(loaded, region, required_wrenches, steps, rotations=turned, frames=loaded.at_rest,
-                           scheduler=scheduler, progress=progress)  # fmt: skip
+            proved = prove(loaded, region, required_wrenches, steps, rotations=turned, losses=loss,
+                           frames=loaded.at_rest, scheduler=scheduler, progress=progress)  # fmt: skip
         duration_s = time.perf_counter() - began
         if out is not None:
             writer.write("cells", out, lambda path: _write_cells(path, proved))
@@ -213,12 +219,16 @@ def certify(
                 rig=loaded.name,
                 **output.fields(proved, "required", "unit", "region_volume", "volume", "share", "evaluations"),
                 cells={VERDICTS[verdict]: cells for verdict, (cells, _) in proved.tally().items()},
+                losses={name: output.fields(proof, "volume", "share") for name, proof in proved.losses.items()},
                 duration_s=duration_s,
                 out=out,
                 manifest=output.manifest(),
             )
         else:
             output.print_table(_proof_table(proved, duration_s))
+            if proved.losses:
+                output.print_line()
+                output.print_table(proved.losses_table())
 
 
 def _write_cells(path: Path, proved: CertifiedWorkspace) -> None:

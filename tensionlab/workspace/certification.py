@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,7 @@ from tensionlab.model.pose import Frames, frame_of
 from tensionlab.model.requirement import Requirement, as_requirement
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers, check_size
-from tensionlab.workspace.certified import CertifiedWorkspace, Subdivision, subdivide
+from tensionlab.workspace.certified import CertifiedWorkspace, Subdivision, intersection, subdivide
 from tensionlab.workspace.interference import cable_pairs, closest, distances_to_placed, with_bodies
 from tensionlab.workspace.sweep.executors import evaluate_on_cluster
 
@@ -41,6 +41,7 @@ def certify(
     angle: float = 0.0,
     clearance: float | None = None,
     bodies: Sequence[Body] | None = None,
+    losses: int = 0,
     frames: Frames | None = None,
     scheduler: str | None = None,
     progress: Callable[[float], None] | None = None,
@@ -80,6 +81,9 @@ def certify(
     bodies : sequence of Body, optional
         In place of `Rig.bodies`: cables keep the margin of each, however it sways; () for none. This part of the
         border, and that of the clearance, are bounded to first order only.
+    losses : 0 or 1
+        1: what is proved holds after the loss of any one cable, which then has tension zero, and not its minimum.
+        `CertifiedWorkspace.losses` has the proof for each.
     frames, scheduler, progress
         As in `tensionlab.sweep`; progress is the share of the region that is settled.
 
@@ -96,6 +100,37 @@ def certify(
         rig = with_bodies(rig, bodies)
     problem = cell_problem(rig, required, rotations, angle, frames, clearance)
     cells = subdivide(region, resolution, rig.dimension)
+    if isinstance(required, str):
+        words = "wrench closure"
+    else:
+        words = (rig.required if required is None else as_requirement(required)).describe(rig)
+    if clearance is not None:
+        words += f", cables {clearance:g} m apart"
+    if rig.bodies:
+        words += f", cables clear of {', '.join(body.name for body in rig.bodies)}"
+    if not losses:
+        return _prove_cells(rig, problem, words, cells, scheduler, progress)
+    proofs: dict[str, CertifiedWorkspace] = {}
+    for lost, remaining in _after_losses(rig, problem, losses).items():
+        begun = len(proofs)
+
+        def report(settled: float, begun: int = begun) -> None:
+            if progress is not None:
+                progress((begun + settled) / rig.m)
+
+        proofs[lost] = _prove_cells(rig, remaining, f"{words}, {lost} lost", cells, scheduler, report)
+    return intersection(proofs, f"{words}, any one cable lost")
+
+
+def _prove_cells(
+    rig: Rig,
+    problem: CellProblem,
+    words: str,
+    cells: Subdivision,
+    scheduler: str | None,
+    progress: Callable[[float], None] | None,
+) -> CertifiedWorkspace:
+    """Prove a statement, in these words, of cells of the first level and down to the last."""
     found: list[tuple[NDArray[np.int8], Integers, NDArray[np.int8], Floats]] = []
     settled, places = 0.0, cells.first()  # volume that is settled, and cells of the level to examine
     evaluations = 0
@@ -119,16 +154,21 @@ def certify(
             if progress is not None:
                 progress(settled / cells.volume)
         places = cells.children(np.concatenate(undecided))
-    if isinstance(required, str):
-        words = "wrench closure"
-    else:
-        words = (rig.required if required is None else as_requirement(required)).describe(rig)
-    if clearance is not None:
-        words += f", cables {clearance:g} m apart"
-    if rig.bodies:
-        words += f", cables clear of {', '.join(body.name for body in rig.bodies)}"
     level_of, place, verdict, shares = map(np.concatenate, zip(*found, strict=True))
     return CertifiedWorkspace(rig, problem.anchors[0], words, cells, level_of, place, verdict, shares, evaluations)
+
+
+def _after_losses(rig: Rig, problem: CellProblem, losses: int) -> dict[str, CellProblem]:
+    """Return the statement after the loss of each module, by its name; InputError where nothing can survive."""
+    if losses != 1:
+        raise InputError(f"losses is {losses}; give 0, or 1 for the loss of any one cable")
+    free = int((problem.lower < problem.upper).sum())
+    if free <= rig.n:
+        raise InputError(
+            f'rig "{rig.name}" has {rig.n} wrench components and {free} cables whose tension can change, so '
+            f"nothing survives the loss of one; give it {rig.n + 1} or more"
+        )
+    return {module.name: problem.without(lost) for lost, module in enumerate(rig.modules)}
 
 
 class CellTask(NamedTuple):
@@ -238,6 +278,20 @@ class CellProblem(NamedTuple):
     radii: Floats | None = None
     axes: Floats | None = None
     clearance: ClearanceProblem | None = None
+
+    def without(self, lost: int) -> CellProblem:
+        """Return the statement after the loss of a cable, of which no clearance is required either."""
+        cable_axis = {"anchors": 1, "arms": 1, "lower": 0, "upper": 0, "radii": 0, "axes": 0}
+        kept: dict[str, Any] = {
+            name: np.delete(array, lost, axis)
+            for name, axis in cable_axis.items()
+            if (array := getattr(self, name)) is not None
+        }
+        if self.clearance is not None:
+            pairs = self.clearance.pairs
+            pairs = pairs[(pairs != lost).all(axis=1)]
+            kept["clearance"] = self.clearance._replace(pairs=pairs - (pairs > lost))
+        return self._replace(**kept)
 
     def prove(self, centres: Floats, half_edges: Floats, shares: bool) -> Verdicts:
         """Return what is proved of cells with these centres (k, d) and half edges (d,), in m.

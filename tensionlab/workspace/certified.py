@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -146,6 +146,8 @@ class CertifiedWorkspace:
         Lower bounds of the share of a cell that is inside, and that is outside.
     evaluations : int
         Number of cells that were examined, each once for all rotations.
+    losses : dict
+        Where what is proved survives the loss of any one cable: the proof without each module, by its name.
 
     Examples
     --------
@@ -165,6 +167,7 @@ class CertifiedWorkspace:
     verdict: NDArray[np.int8]
     shares: Floats
     evaluations: int
+    losses: Mapping[str, CertifiedWorkspace] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<CertifiedWorkspace of {self._title}>"
@@ -175,7 +178,11 @@ class CertifiedWorkspace:
     def table(self) -> Table:
         """Return the table of what is proved inside and outside, and what is undecided."""
         whole = self.region_volume
-        rows = [[MARKS[key], cells, volume, volume / whole] for key, (cells, volume) in self.tally().items()]
+        every = len(self.verdict)  # all cells are the whole region, whatever the rounding of their sum
+        rows = [
+            [MARKS[key], cells, volume, 1.0 if cells == every else volume / whole]
+            for key, (cells, volume) in self.tally().items()
+        ]
         share = Column("share of the region", format=format_share)
         columns = ["proved", "cells", Column("volume", self.unit), share]
         return Table(columns, rows, self._title, [f"required: {self.required}"])
@@ -218,6 +225,20 @@ class CertifiedWorkspace:
         low, high = self.volume
         return Bounds(low / self.region_volume * (1 - SUM_ROUNDING), min(1.0, high / self.region_volume))
 
+    @property
+    def worst_loss(self) -> str:
+        """Name of the module whose loss leaves the least, by the upper bounds of the volumes."""
+        return min(self.losses, key=lambda name: round(self.losses[name].volume.upper, 9), default="")
+
+    def losses_table(self) -> Table:
+        """Return the bounds of what is left after the loss of each module."""
+        columns = ["lost module", Column("volume inside", self.unit), Column("share of the region", "%")]
+        rows = [
+            [name, proof.volume.describe(), Bounds(*(100 * each for each in proof.share)).describe()]
+            for name, proof in self.losses.items()
+        ]
+        return Table(columns, rows, f"After the loss of one module; the worst is {self.worst_loss}")
+
     def tally(self) -> dict[int, tuple[int, float]]:
         """Return the number and the volume of the cells of each verdict: 1 inside, -1 outside, 0 undecided."""
         chosen = {verdict: self.verdict == verdict for verdict in MARKS}
@@ -236,8 +257,12 @@ class CertifiedWorkspace:
     def at(self, position: ArrayLike) -> NDArray[np.int8]:
         """Return what is proved at positions (..., d), in m: 1 inside, -1 outside, 0 undecided or elsewhere."""
         given = pose.points(position, self.rig.dimension, "position")
-        points, cells = given.reshape(-1, self.rig.dimension), self.subdivision
-        found = np.zeros(len(points), np.int8)
+        cell = self._cell_of(given.reshape(-1, self.rig.dimension))
+        return np.where(cell < 0, 0, self.verdict[cell]).astype(np.int8).reshape(given.shape[:-1])[()]
+
+    def _cell_of(self, points: Floats) -> Integers:
+        """Return the numbers (k,) of the cells that hold points (k, d); -1 for points outside the region."""
+        cells, found = self.subdivision, np.full(len(points), -1)
         within = np.flatnonzero(((points >= cells.low) & (points <= cells.low + cells.extent)).all(axis=1))
         for level in map(int, np.unique(self.level)):
             own = np.flatnonzero(self.level == level)
@@ -247,8 +272,8 @@ class CertifiedWorkspace:
             order = np.argsort(keys)
             where = order[np.searchsorted(keys, wanted, sorter=order).clip(max=len(own) - 1)]
             there = keys[where] == wanted
-            found[within[there]] = self.verdict[own[where[there]]]
-        return found.reshape(given.shape[:-1])[()]
+            found[within[there]] = own[where[there]]
+        return found
 
     def to_xarray(self) -> xarray.Dataset:
         """Return a row for each cell: its verdict, the shares proved inside and outside, its centre and edges."""
@@ -272,3 +297,31 @@ class CertifiedWorkspace:
             },
         )
         return data
+
+
+def intersection(losses: Mapping[str, CertifiedWorkspace], required: str) -> CertifiedWorkspace:
+    """Return what is proved of all losses together, from the proof of one region after each.
+
+    Its cells are the smallest of all: inside if they are so after every loss, outside if they are so after one.
+    What is not proved inside of a cell is at most the sum of what is not after each loss.
+    """
+    proofs = list(losses.values())
+    cells = proofs[0].subdivision
+    every = np.unique(np.vstack([np.column_stack([proof.level, proof.place]) for proof in proofs]), axis=0)
+    level, place = every[:, 0], every[:, 1:]
+    centres = cells.low + (place + 0.5) * cells.edges(level)
+    own = [proof._cell_of(centres) for proof in proofs]
+    smallest = np.all([proof.level[cell] <= level for proof, cell in zip(proofs, own, strict=True)], axis=0)
+    verdicts = [proof.verdict[cell[smallest]] for proof, cell in zip(proofs, own, strict=True)]
+    shares = np.stack([proof.shares[cell[smallest]] for proof, cell in zip(proofs, own, strict=True)])
+    inside = np.maximum(1 - (1 - shares[..., 0]).sum(axis=0), 0.0)
+    return replace(
+        proofs[0],
+        required=required,
+        level=level[smallest].astype(np.int8),
+        place=place[smallest],
+        verdict=np.min(verdicts, axis=0),
+        shares=np.column_stack([inside, shares[..., 1].max(axis=0)]),
+        evaluations=sum(proof.evaluations for proof in proofs),
+        losses=losses,
+    )

@@ -42,3 +42,16 @@ def test_without_a_requirement_wrench_closure_is_proved_in_all_rotations(run):
     still, turned = (json.loads(run(*words, *more)[1]) for more in ([], ["--rotations", "angle:-10..10:10"]))
     assert still["required"] == turned["required"] == "wrench closure"
     assert turned["volume"]["upper"] < still["volume"]["lower"]
+
+
+def test_what_survives_the_loss_of_any_one_cable_is_proved(run, tmp_path):
+    (tmp_path / "half.toml").write_text("ball = 0.5\n")
+    words = ["seven-modules", "--required", tmp_path / "half.toml", "--step", 0.3, "--loss", 1]
+    code, out, err = run(*words)
+    assert (code, err) == (0, "")
+    assert "a ball of 0.5 N, any one cable lost" in out
+    report = json.loads(run(*words, "--json")[1])
+    worst = min(report["losses"], key=lambda name: report["losses"][name]["volume"]["upper"])
+    assert f"After the loss of one module; the worst is {worst}" in out
+    assert report["volume"]["upper"] < report["losses"][worst]["volume"]["upper"]
+    assert "nothing survives the loss of one" in run("floor-3", "--loss", 1)[2]
