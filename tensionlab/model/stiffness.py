@@ -25,7 +25,8 @@ from tensionlab.model import kinematics, pose
 from tensionlab.model.module import GRAVITY_M_S2
 from tensionlab.model.pose import Frames
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats, require_finite
+from tensionlab.support.arrays import Floats, pad_last_axis, require_finite
+from tensionlab.support.files.reading import brief
 
 
 class StiffnessTerms(NamedTuple):
@@ -179,6 +180,28 @@ def natural_frequencies(rig: Rig, stiffness: ArrayLike, rotation: ArrayLike | No
     root = np.linalg.inv(np.linalg.cholesky(_mass_matrix(rig, rotation)))
     squares = np.linalg.eigvalsh(root @ matrix @ np.swapaxes(root, -1, -2))
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * np.pi))
+
+
+def displacement(rig: Rig, direction: str | ArrayLike) -> Floats:
+    """Return the twist (n,) of a unit displacement: "up", along an axis "x", "y" or "z", or along a vector.
+
+    A vector has d numbers, or n with the rotation, which counts with `Rig.characteristic_length`.
+    """
+    d = rig.dimension
+    axes = dict(zip("xyz", np.eye(d), strict=False))
+    if isinstance(direction, str):
+        if direction != "up" and direction not in axes:
+            known = ", ".join(("up", *axes))
+            raise InputError(f"direction is {brief(direction)}; give one of {known}, or {d} numbers")
+        direction = rig.upward if direction == "up" else axes[direction]
+    twist = require_finite("direction", direction, 1)
+    if twist.shape not in ((d,), (rig.n,)) or not twist.any():
+        count = f"{d} numbers" if rig.n == d else f"{d} numbers, or {rig.n} with the rotation"
+        raise InputError(f"direction is {brief(twist.tolist())}; give {count}, not all zero")
+    twist = pad_last_axis(twist, rig.n)
+    scale = np.ones(rig.n)
+    scale[d:] = rig.characteristic_length
+    return np.asarray(twist / np.linalg.norm(scale * twist))
 
 
 def _symmetric(rig: Rig, stiffness: ArrayLike) -> Floats:

@@ -29,9 +29,9 @@ from tensionlab.viewer.scene import force_scale
 from tensionlab.viewer.server import on_input, on_press
 from tensionlab.viewer.solver_comparison import SolverPanel
 from tensionlab.viewer.state import DesignState, selected_module
-from tensionlab.viewer.workspace import COARSE, Volume
+from tensionlab.viewer.workspace import COARSE, Volume, usable_metrics
 from tensionlab.workspace.layout.task import LayoutTask, load_task
-from tensionlab.workspace.metrics import METRICS, metric
+from tensionlab.workspace.metrics import metric
 from tensionlab.workspace.orientations import roll_pitch_yaw, roll_pitch_yaw_of
 from tensionlab.workspace.poses import describe_step
 
@@ -174,9 +174,7 @@ class DesignPanel:
     def _add_workspace(self) -> None:
         gui = self._gui
         self._bind_attribute(gui.add_checkbox("show", False), "show_workspace")
-        # A distance of bodies needs some, and numbers of modules have no level.
-        names = [name for name in METRICS if name != "body-distance" and METRICS[name].direction != "none"]
-        self._bind_attribute(gui.add_dropdown("metric", names), "metric")
+        self._bind_attribute(gui.add_dropdown("metric", usable_metrics(self._rig)), "metric")
         level = gui.add_slider("level", 0.0, 1.0, 0.01, 0.0)
         on_input(level, lambda: self._queue.edit(edits.set_fields(level=level.value), level, level))
         self._level, self._share = level, gui.add_html("")

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from tensionlab.errors import TensionlabError
+from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.surfaces import level_surface
 from tensionlab.viewer.scene import Mesh, bounds
 from tensionlab.viewer.state import DesignState, ghost_state
 from tensionlab.viewer.worker import Latest
-from tensionlab.workspace.metrics import metric
-from tensionlab.workspace.poses import Grid, node_weights, weighted_share
+from tensionlab.workspace.metrics import METRICS, metric
+from tensionlab.workspace.poses import Grid, PoseList, node_weights, weighted_share
 from tensionlab.workspace.sweep.executors import evaluate_on_threads
 from tensionlab.workspace.sweep.plan import Plan, vary
 
@@ -44,6 +46,16 @@ class Volume:
 
 
 Volumes = tuple[Volume, Volume | None]  # workspace of a rig, and that of the other rig over the same box
+
+
+def usable_metrics(rig: Rig) -> list[str]:
+    """Return the names of the metrics with a level that a rig has all the numbers for."""
+    found = []
+    for name, each in METRICS.items():
+        with suppress(TensionlabError):
+            Plan(vary(rig), PoseList(rig.home[None]), (each,), rig.at_rest, CHUNK).check(rig)
+            found += [name] if each.direction != "none" else []
+    return found
 
 
 def sweep(

@@ -10,13 +10,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tensionlab.allocation import RANK_TOLERANCE
+from tensionlab.allocation import RANK_TOLERANCE, Allocation, Allocator, Status
 from tensionlab.errors import InputError, SweepError
 from tensionlab.model.bodies import Body
 from tensionlab.model.directions import circle, fibonacci
 from tensionlab.model.pose import Frames
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
+from tensionlab.model.stiffness import displacement, natural_frequencies, stiffness_eigenvalues, stiffness_matrix
 from tensionlab.support import registry
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace import interference, structure_metrics
@@ -54,6 +55,17 @@ class Batch:
         return required_margin(
             self.rig, self.structure, self.required, self.rotation, self.added, margin=loss_margins
         )
+
+    @cached_property
+    def allocation(self) -> Allocation:
+        """Tensions of the solver ``newton`` for `wrench`."""
+        return Allocator(self.rig.limits)(self.structure, self.wrench)
+
+    @cached_property
+    def stiffness(self) -> Floats:
+        """Stiffness matrices (B, n, n) at the tensions of `allocation`."""
+        rig = replace(self.rig, required=self.required)
+        return stiffness_matrix(rig, self.allocation.tensions, self.position, self.rotation, self.frames)
 
 
 @dataclass(frozen=True)
@@ -211,6 +223,33 @@ def _body_distance(batch: Batch, *, bodies: tuple[Body, ...] | None = None) -> F
     return interference.body_distance(batch.rig, batch.position, batch.rotation, batch.frames, bodies).distance
 
 
+def _least_stiffness(batch: Batch) -> Floats:
+    """Stiffness in the weakest direction, with the tensions of ``newton`` for what is required.
+
+    Rotations count with the characteristic length. NaN where what is required is infeasible.
+    """
+    return _where_exact(batch, stiffness_eigenvalues(batch.rig, batch.stiffness)[:, 0])
+
+
+def _stiffness_along(batch: Batch, direction: str | tuple[float, ...] = "up") -> Floats:
+    """Stiffness against a displacement up, along x, y, z or a vector; tensions as of least-stiffness.
+
+    The force along the direction per displacement along it, where nothing else moves.
+    """
+    along = displacement(batch.rig, direction)
+    return _where_exact(batch, np.einsum("i,bij,j->b", along, batch.stiffness, along))
+
+
+def _first_natural_frequency(batch: Batch) -> Floats:
+    """Lowest natural frequency of the platform on its cables, with the tensions of least-stiffness."""
+    return _where_exact(batch, natural_frequencies(batch.rig, batch.stiffness, batch.rotation)[:, 0])
+
+
+def _where_exact(batch: Batch, values: Floats) -> Floats:
+    """Return values (B,), NaN where what is required is infeasible."""
+    return np.where(batch.allocation.status == Status.EXACT, values, np.nan)
+
+
 METRICS: dict[str, Metric] = {
     metric.name: metric
     for metric in (
@@ -230,6 +269,12 @@ METRICS: dict[str, Metric] = {
                "minimum singular value of the structure matrix", "no direction is lost"),
         Metric("condition-number", _condition_number, "1", "lower", "condition number of the structure matrix"),
         Metric("squared-tension", _squared_tension, "N²", "lower", "squared tension for a force"),
+        Metric("least-stiffness", _least_stiffness, "N/m", "higher", "stiffness in the weakest direction",
+               "the pose is stable"),
+        Metric("stiffness-along", _stiffness_along, "N/m", "higher", "stiffness along a direction",
+               "it returns the platform"),
+        Metric("first-natural-frequency", _first_natural_frequency, "Hz", "higher", "first natural frequency",
+               "the pose is stable"),
         Metric("cable-distance", _cable_distance, "m", "higher", "distance between cables", "none touch"),
         Metric("body-distance", _body_distance, "m", "higher", "distance between cables and bodies",
                "no cable touches a body"),

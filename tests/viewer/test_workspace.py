@@ -2,6 +2,7 @@
 
 import queue
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from tensionlab.viewer import state as edits
 from tensionlab.viewer.scene import bounds
 from tensionlab.viewer.state import begin
 from tensionlab.viewer.worker import Latest
-from tensionlab.viewer.workspace import COARSE, FINE, Volume, WorkspaceWorker, surface, sweep
+from tensionlab.viewer.workspace import COARSE, FINE, Volume, WorkspaceWorker, surface, sweep, usable_metrics
+from tensionlab.workspace.metrics import METRICS
 
 HANGS_S = 600.0
 
@@ -130,3 +132,11 @@ def test_a_worker_drops_an_item_for_a_newer_one_and_survives_errors(caplog):
             pass
     worker.close()
     assert caplog.messages == ["view example: ValueError: shapes differ"]
+
+
+def test_the_page_offers_the_metrics_that_the_rig_has_the_numbers_for():
+    rig = tl.load_rig("kntu-planar")
+    stiff = replace(rig, modules=tuple(replace(module, cable_stiffness=1e4) for module in rig.modules))
+    further = {"least-stiffness", "stiffness-along", "first-natural-frequency"}
+    assert further | {"body-distance"} <= set(METRICS) - set(usable_metrics(rig))
+    assert set(usable_metrics(stiff)) - set(usable_metrics(rig)) == further

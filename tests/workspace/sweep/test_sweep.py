@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -134,13 +135,40 @@ def test_anchors_that_ride_on_a_body_are_where_it_is():
 
 def test_where_a_cable_has_no_length_there_is_no_value():
     poses = np.array([[0.0, 0.0, 0.0], [1.0, 0.5, 1.5], [0.1, 0.0, 0.0]])
-    data = tl.sweep(CUBE, poses, list({*METRICS} - {"body-distance"}))
+    cords = tuple(replace(module, cable_stiffness=1e4) for module in CUBE.modules)
+    rig = replace(CUBE, modules=cords, platform=tl.Platform(0.2))
+    data = tl.sweep(rig, poses, list({*METRICS} - {"body-distance"}))
     for name, values in data.items():
         assert np.isnan(values.values).tolist() == [[False, True, False]], name
     rig, turn = held("platform", 3), exponential(np.array([0.0, 0.0, 0.4]))
     corner = np.array([2.0, 3.0, 1.0]) - turn @ [0.1, 0.2, -0.1]
     found = tl.sweep(rig, PoseList([corner, corner], [turn, np.eye(3)]), "cable-distance")["cable-distance"]
     assert np.isnan(found.values).tolist() == [[True, False]]
+
+
+def test_stiffness_is_that_with_the_tensions_of_newton():
+    rig = tl.load_rig("cogiro")
+    rig = replace(rig, modules=tuple(replace(module, cable_stiffness=1e5) for module in rig.modules))
+    grid = box([-3.0, 0.0], [0.0, 6.0], 2.0, step=3.0)  # the last row is beyond the anchors
+    data = tl.sweep(
+        rig, grid, ["least-stiffness", "stiffness-along:x", "stiffness-along", "first-natural-frequency"]
+    )
+    positions, _ = grid.arrays()
+    held = rig.allocate(np.zeros(6), positions)
+    stiffness = tl.stiffness_matrix(rig, held.tensions, positions)
+    expected = {
+        "least-stiffness": tl.stiffness_eigenvalues(rig, stiffness)[:, 0],
+        "stiffness-along:x": stiffness[:, 0, 0],
+        "stiffness-along": stiffness[:, 2, 2],
+        "first-natural-frequency": tl.natural_frequencies(rig, stiffness)[:, 0],
+    }
+    assert 0 < held.exact.sum() < len(positions)
+    for name, values in expected.items():
+        np.testing.assert_allclose(data[name].values.ravel(), np.where(held.exact, values, np.nan), rtol=1e-9)
+    tilted = metric("stiffness-along", direction=(3.0, 0.0, 4.0))
+    found = tl.sweep(rig, [rig.home], tilted)[tilted.name].item()
+    matrix = tl.stiffness_matrix(rig, rig.allocate(np.zeros(6)).tensions, rig.home)[:3, :3]
+    assert found == pytest.approx([0.6, 0.0, 0.8] @ matrix @ [0.6, 0.0, 0.8])
 
 
 def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tmp_path):
@@ -172,6 +200,7 @@ CLASHING = vary(lambda x: CUBE, x=[1.0])
         ({"metrics": ["tension-factor", "tension-factor"]}, SweepError, 'called "tension-factor"'),
         ({"metrics": "capacity-margin:-1"}, InputError, "radius is -1.0"),
         ({"metrics": "body-distance"}, InputError, "has no bodies; list them"),
+        ({"metrics": "least-stiffness"}, RigError, 'key "cable_stiffness" is missing'),
         ({"rigs": "cube.toml"}, SweepError, "rigs holds 'c'"),
         ({"rigs": vary(CUBE, limits=[(6, 1)])}, RigError, '"lower" is 6.0'),
         ({"rigs": [CUBE, tl.load_rig("kntu-planar")]}, SweepError, 'rig "kntu-planar" .* needs 2'),
