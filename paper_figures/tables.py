@@ -12,7 +12,7 @@ from pandas import DataFrame
 from paper_figures import anchor_count
 from tensionlab.hardware.calibration.gain import Estimate
 from tensionlab.plots.workspace import read_field, share_above
-from tensionlab.validation.data_tables import Published, Recording
+from tensionlab.validation.data_tables import Recording
 from tensionlab.validation.statistics import score
 from tensionlab.workspace.poses import describe_step
 
@@ -42,7 +42,7 @@ def write_table(table: Table, path: Path) -> None:
     path.write_text(text, encoding="utf-8", newline="\n")
 
 
-def published_and_simulated(published: Published, recording: Recording, rigs: DataFrame) -> Table:
+def published_and_simulated(published: DataFrame, recording: Recording, rigs: DataFrame) -> Table:
     """Return the table of what the publication measured, beside one simulated rig and many."""
     if not recording.simulated:
         raise ValueError("the table is of simulated rigs; the recording is real")
@@ -50,7 +50,7 @@ def published_and_simulated(published: Published, recording: Recording, rigs: Da
     rows = [
         (
             name,
-            f"{published.results[key].value:.{digits}f}",
+            f"{published['value'][key]:.{digits}f}",
             _interval(getattr(one, part).mean, digits),
             _quantiles(rigs[part], digits),
         )
@@ -63,7 +63,7 @@ def published_and_simulated(published: Published, recording: Recording, rigs: Da
     note = (
         f"Simulated rigs have errors drawn from the preset paper-like. One rig: seed {seed}, with 95 % bootstrap "
         f"intervals over its {count} forces. {len(rigs)} rigs: median, 10 to 90 %. "
-        f"Published: {published.source}."
+        f"Published: {published.attrs['source']}."
     )
     return Table(note, ("", "published", "one simulated rig", f"{len(rigs)} simulated rigs"), tuple(rows))
 

@@ -12,7 +12,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.plots.style import HALO, add_legend, new_figure
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
-from tensionlab.validation.data_tables import Published, Recording
+from tensionlab.validation.data_tables import Recording
 from tensionlab.validation.statistics import deviations
 
 
@@ -109,7 +109,7 @@ TAILS = (0.1, 0.9)  # quantiles over the rigs, between which a line is drawn
 MAX_NAMED = 3  # of more choices that come out the same, only the first is named
 
 
-def plot_what_if(trials: DataFrame, published: Published) -> Any:
+def plot_what_if(trials: DataFrame, published: DataFrame) -> Any:
     """Draw the errors of rigs of which one thing is different: the median and 10 to 90 % over the rigs.
 
     A line each choice, in groups of what differs; choices that come out the same share one. Dotted: what the
@@ -119,7 +119,7 @@ def plot_what_if(trials: DataFrame, published: Published) -> Any:
     ----------
     trials : DataFrame
         Data set ``what-if/paper-like-simulated``: a row for each question, choice and simulated rig.
-    published : Published
+    published : DataFrame
         What the publication measured.
     """
     choices = {question: choices_of(trials, question) for question in (*QUESTIONS, IDEAL)}
@@ -135,7 +135,7 @@ def plot_what_if(trials: DataFrame, published: Published) -> Any:
     with new_figure((11.0, 1.3 + 0.2 * height)) as figure:
         panels: Any = figure.subplots(1, len(PANELS), sharey=True)
         for axes, (column, name, label, span, _) in zip(panels, PANELS, strict=True):
-            axes.axvline(published.results[name].value, color=GREY, linewidth=1.2, linestyle=":", zorder=1)
+            axes.axvline(published["value"][name], color=GREY, linewidth=1.2, linestyle=":", zorder=1)
             axes.set(xlabel=label, xlim=span, ylim=(height - 1.0, -0.8))
             axes.tick_params(axis="y", length=0, pad=7)
             axes.spines["left"].set_visible(False)

@@ -23,7 +23,6 @@ from tensionlab.support.registry import suggest
 __all__ = ["folder", "load", "names"]
 PROBLEMS = "problems"
 KINDS = (*SUFFIXES, PROBLEMS)
-DEVICES = "haptic-devices"  # published figures of devices; the other files are of a validation
 PROBLEM_COUNT = 1000  # problems that a problem set has
 
 
@@ -70,7 +69,7 @@ def load(name: str, folder: str | Path | None = None) -> Any:
     -------
     object
         By folder: ``rigs`` a `tensionlab.Rig`; ``spaces`` a `LayoutTask`; ``vectors`` a (K, 3) array;
-        ``published`` a `Published`, or a list of `Device`; ``recordings`` a `Recording`; ``what-if`` a DataFrame;
+        ``published`` and ``what-if`` a DataFrame; ``recordings`` a `Recording`;
         ``benchmarks`` the `Results`; ``problems`` a `ProblemSet` of 1000 problems, drawn with seed 0.
 
     Raises
@@ -126,8 +125,6 @@ def _read(kind: str, path: Path) -> Any:
         from tensionlab.workspace.layout.task import load_task as read
     elif kind == "vectors":
         from tensionlab.validation.data_tables import read_vectors as read
-    elif kind == "published" and path.stem == DEVICES:
-        from tensionlab.validation.characterisation_report import read_devices as read
     elif kind == "published":
         from tensionlab.validation.data_tables import read_published as read
     elif kind == "recordings":

@@ -14,7 +14,7 @@ import tensionlab as tl
 from tensionlab.errors import DataError, InputError
 from tensionlab.model.directions import grid18
 from tensionlab.support.files import reading
-from tensionlab.validation.data_tables import Published, write_recording
+from tensionlab.validation.data_tables import write_recording
 from tests.helpers.recorded import made_up
 
 DATASETS = Path(__file__).parents[1] / "datasets"
@@ -74,18 +74,23 @@ def test_the_vectors_are_the_grid():
 
 def test_what_the_publication_found():
     published = tl.datasets.load("published/bartels2026-validation")
-    assert isinstance(published, Published)
-    assert "arXiv 2603.08054" in published.source
-    results = {name: (each.value, each.unit) for name, each in published.results.items()}
-    assert results == {
+    assert "arXiv 2603.08054" in published.attrs["source"]
+    values = {name: (row["value"], row["unit"]) for name, row in published.iterrows()}
+    assert values == {
+        "force": (1.5, "N"),
+        "vectors": (182, ""),
+        "hold": (1.0, "s"),
+        "rate": (1000.0, "Hz"),
         "angle_mean": (14.0, "°"),
         "angle_bound": (45.0, "°"),
         "magnitude_mean": (1.84, "N"),
         "magnitude_error_mean": (0.58, "N"),
     }
-    protocol = {name: each.value for name, each in published.protocol.items()}
-    assert protocol == {"magnitude": 1.5, "vectors": 182, "hold": 1.0, "rate": 1000.0}
-    assert "error vector" in published.results["magnitude_error_mean"].reading
+    assert "error vector" in published["reading"]["magnitude_error_mean"]
+    devices = tl.datasets.load("published/haptic-devices")
+    assert {"STRIVE", "SPIDAR-G", "Reel Feel", "Haply Inverse3", "Phantom Omni"} <= set(devices.index)
+    assert (devices["source"].str.len() > 20).all()
+    assert devices["force"]["Novint Falcon"] == 8.0
 
 
 def test_a_recording_of_ones_own_loads_the_same_way(tmp_path):

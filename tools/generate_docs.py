@@ -59,15 +59,15 @@ def without_times(printed: str) -> str:
 def what_if() -> str:
     """Return a table of what makes the published error, over many simulated rigs."""
     trials = datasets.load("what-if/paper-like-simulated")
-    published = datasets.load("published/bartels2026-validation").results
+    published = datasets.load("published/bartels2026-validation")["value"]
     study = {question: dict(list(rows.groupby("choice"))) for question, rows in trials.groupby("question")}
     sizes = {len(rows) for question in ("solver", "side", "calibration") for rows in study[question].values()}
     stopped = [study["solver alone"][f"dykstra, {count} iterations"] for count in (10, 30, 100)]
     solvers, sides, parts = study["solver"], study["side"], study["calibration"]
     middle = [solvers[name] for name in MID_RANGE]
     rows = [
-        ("published", f"{published['angle_mean'].value:.1f}°",
-         f"{published['magnitude_error_mean'].value:.2f} N (by our reading)"),
+        ("published", f"{published['angle_mean']:.1f}°",
+         f"{published['magnitude_error_mean']:.2f} N (by our reading)"),
         ("simulated, like the published rig", _angle(solvers["newton"]), _vector(solvers["newton"])),
         ("the solver's part: exact solvers", *_pair(study["solver alone"]["newton"])),
         ("the solver's part: Dykstra stopped after 10, 30, 100 iterations",

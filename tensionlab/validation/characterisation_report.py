@@ -4,52 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from pydantic import ConfigDict
 
-from tensionlab.errors import DataError
 from tensionlab.model.wall_stiffness import HAND_DAMPING
-from tensionlab.support.files.reading import read_toml
 from tensionlab.support.table import Column, Table
-from tensionlab.support.validation import validate
 from tensionlab.validation.characterisation import Characterisation
 from tensionlab.validation.measurements import StaticForce, WallTrial
 from tensionlab.validation.simulated_hand import HAND_MASS_KG
 from tensionlab.validation.statistics import deviations
 
+if TYPE_CHECKING:
+    import pandas
+
 WHOLE = "rig"  # column of what is not of an axis
-
-
-@dataclass(frozen=True)
-class Device:
-    """Published device: largest force in N, friction in N, inertia in kg, stiffness in N/m; None if not known."""
-
-    __pydantic_config__ = ConfigDict(extra="forbid")
-
-    name: str
-    source: str
-    force: float | None = None
-    friction: float | None = None
-    inertia: float | None = None
-    stiffness: float | None = None
-
-
-@dataclass(frozen=True)
-class _Devices:
-    __pydantic_config__ = ConfigDict(extra="forbid")
-
-    description: str
-    devices: list[Device]
-
-
-def read_devices(path: str | Path) -> list[Device]:
-    """Read published devices (TOML); raise `DataError`, which says what is missing or unknown."""
-    return validate(_Devices, read_toml(path, "published devices (*.toml)", DataError), DataError, path).devices
+FIGURES = {"force": "N", "friction": "N", "inertia": "kg", "stiffness": "N/m"}  # of published devices
 
 
 def wall_limits(trials: list[WallTrial]) -> tuple[float, float]:
@@ -125,15 +96,13 @@ def table(result: Characterisation) -> Table:
     return Table(["", *(Column(name, format=".3g") for name in columns), ""], rows, result.title, notes)
 
 
-def devices_table(result: Characterisation, devices: list[Device]) -> Table:
+def devices_table(result: Characterisation, devices: pandas.DataFrame) -> Table:
     """Return the figures of this rig, and those of published devices below."""
     friction, _, inertia = np.max([*result.felt_along.values()], axis=0).tolist()
     stiffest = max(wall_limits(trials)[0] for trials in result.walls.values())
-    here = Device(f"{result.plan.rig.name} (here)", "", result.plan.force, friction, inertia, stiffest)
-    rows = [[each.name, each.force, each.friction, each.inertia, each.stiffness, each.source]
-            for each in (here, *devices)]  # fmt: skip
-    columns = ["device", *(Column(*head, ".3g") for head in (
-        ("force", "N"), ("friction", "N"), ("inertia", "kg"), ("stiffness", "N/m"))), "source"]  # fmt: skip
+    rows = [[f"{result.plan.rig.name} (here)", result.plan.force, friction, inertia, stiffest, ""]]
+    rows += devices.reindex(columns=[*FIGURES, "source"]).reset_index().to_numpy().tolist()
+    columns = ["device", *(Column(name, unit, ".3g") for name, unit in FIGURES.items()), "source"]
     note = (
         "Other protocols: compare orders of magnitude. Here, force is the one held, and stiffness that of the "
         "stiffest stable wall by the host. A dash is a figure that its source does not give, or was not checked."
@@ -168,13 +137,13 @@ def rows(result: Characterisation) -> list[dict[str, Any]]:
     return found
 
 
-def as_json(result: Characterisation, devices: list[Device], manifest: Mapping[str, Any]) -> dict[str, Any]:
+def as_json(result: Characterisation, devices: pandas.DataFrame, manifest: Mapping[str, Any]) -> dict[str, Any]:
     """Return the whole report, for programs."""
     return {"manifest": manifest, "rig": result.plan.rig.name, "simulated": result.simulated,
-            "figures": quantities(result), "walls": result.walls, "devices": devices}  # fmt: skip
+            "figures": quantities(result), "walls": result.walls, "devices": devices.to_dict("index")}  # fmt: skip
 
 
-def as_markdown(result: Characterisation, devices: list[Device]) -> str:
+def as_markdown(result: Characterisation, devices: pandas.DataFrame) -> str:
     """Return the report as Markdown."""
     shown = table(result).to_markdown(), devices_table(result, devices).to_markdown()
     return f"# Characterisation of {result.title}\n\n{shown[0]}\n\n## Published devices\n\n{shown[1]}\n"

@@ -20,7 +20,6 @@ from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats, Integers
 from tensionlab.support.files.reading import as_path, brief, read_toml
 from tensionlab.support.files.tables import read_parquet
-from tensionlab.support.table import Table
 from tensionlab.support.validation import validate
 
 if TYPE_CHECKING:
@@ -163,39 +162,19 @@ def read_vectors(path: str | Path) -> Floats:
 
 
 @dataclass(frozen=True)
-class Value:
-    """Published number, with its unit (empty for a count) and meaning.
-
-    ``reading`` is how we read it where the publication leaves room.
-    """
-
-    __pydantic_config__ = ConfigDict(extra="forbid")
-
-    value: float
-    unit: str
-    meaning: str
-    reading: str = ""
-
-
-@dataclass(frozen=True)
-class Published:
-    """Protocol and results of a publication: values by name, and the source of them all."""
-
+class _Published:
     __pydantic_config__ = ConfigDict(extra="forbid")
 
     source: str
-    protocol: dict[str, Value]
-    results: dict[str, Value]
-
-    def __repr__(self) -> str:
-        return f"<Published: {len(self.protocol)} values of the protocol, {len(self.results)} results>"
-
-    def _repr_html_(self) -> str:
-        values = self.protocol | self.results
-        rows = [[name, each.value, each.unit, each.meaning] for name, each in values.items()]
-        return Table(["name", "value", "unit", "meaning"], rows, self.source)._repr_html_()
+    values: dict[str, dict[str, FiniteFloat | str]]
 
 
-def read_published(path: str | Path) -> Published:
-    """Read published values; raise `DataError`, which says what is missing or unknown, if there are none."""
-    return validate(Published, read_toml(path, "published values (*.toml)", DataError), DataError, path)
+def read_published(path: str | Path) -> pandas.DataFrame:
+    """Read published values (TOML): a row for each name, the source of them all in ``attrs["source"]``.
+
+    `DataError` says what is missing or unknown.
+    """
+    file = validate(_Published, read_toml(path, "published values (*.toml)", DataError), DataError, path)
+    table = provenance.data_frame([*file.values.values()], [*file.values])
+    table.attrs["source"] = file.source
+    return table

@@ -160,12 +160,7 @@ def _read_parameters(place: Path) -> object:
 
 
 def _published() -> dict[str, Any]:
-    value = {"value": 182, "unit": "", "meaning": "directions"}
-    return {
-        "source": "an author",
-        "protocol": {"vectors": value},
-        "results": {"angle": {**value, "reading": "mean"}},
-    }
+    return {"source": "an author", "values": {"vectors": {"value": 182, "unit": "", "meaning": "directions"}}}
 
 
 def _read_poses(place: Path) -> object:

@@ -254,7 +254,6 @@ RESULTS = {
     "platform": lambda: tl.Platform(2.0, [0, 0, 0.1], np.eye(3)),
     "search": front,
     "recording": lambda: tl.datasets.load("recordings/ideal-simulated"),
-    "published": lambda: tl.datasets.load("published/bartels2026-validation"),
     "benchmark": lambda: tl.datasets.load("benchmarks/results"),
     "problems": lambda: problem_set("point", 10),
     "scenario": lambda: load_scenario("bow"),

@@ -8,13 +8,13 @@ from scipy.optimize import brentq
 
 import tensionlab as tl
 from tensionlab.demand import Demand
-from tensionlab.errors import DataError, RigError
+from tensionlab.errors import RigError
 from tensionlab.haptics.rendering.stability import stiffness_bound
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.model.module import Module
 from tensionlab.validation import characterisation, measurements, simulated_hand
 from tensionlab.validation.characterisation import CharacterisationPlan
-from tensionlab.validation.characterisation_report import read_devices, wall_limits
+from tensionlab.validation.characterisation_report import wall_limits
 from tensionlab.validation.measurements import FrequencyResponse, Recorder, WallTrial
 from tensionlab.validation.protocol import read_zero
 from tensionlab.validation.simulated_hand import HandRequest
@@ -143,16 +143,6 @@ def test_what_cannot_be_characterised_is_refused():
     down = tl.Rig("down", "point", modules, home=[0.5, 0.0, 0.5])
     with pytest.raises(RigError, match="both ways along any axis"):
         characterisation.characterise(CharacterisationPlan(down))
-
-
-def test_published_devices_have_a_source(tmp_path):
-    devices = tl.datasets.load("published/haptic-devices")
-    assert {"STRIVE", "SPIDAR-G", "Reel Feel", "Haply Inverse3", "Phantom Omni"} <= {each.name for each in devices}
-    assert all(len(each.source) > 20 for each in devices)
-    bad = tmp_path / "devices.toml"
-    bad.write_text('description = "d"\n[[devices]]\nname = "x"\nsource = "y"\nforces = 3\n')
-    with pytest.raises(DataError, match=r"devices\.toml.*forces"):
-        read_devices(bad)
 
 
 def test_a_demand_is_rendered_for_its_time():
