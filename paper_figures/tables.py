@@ -14,7 +14,7 @@ from tensionlab.hardware.calibration.gain import Estimate
 from tensionlab.plots.workspace import read_field, share_above
 from tensionlab.validation.data_tables import Recording
 from tensionlab.validation.statistics import score
-from tensionlab.workspace.poses import describe_step
+from tensionlab.workspace.shares import describe_step
 
 LATEX = (("%", r"\%"), ("°", r"$^\circ$"), ("–", "--"), ("“", "``"), ("”", "''"))
 TAILS = (0.1, 0.5, 0.9)

@@ -63,8 +63,8 @@ def plan(
     names = tuple(PROBLEM_SETS) if sets is None else tuple(dict.fromkeys(sets))
     chosen = None if solvers is None else tuple(solvers) if name_solvers(solvers) else ()
     if quick:
-        return BenchmarkPlan(names, chosen, count or 60, seed, seconds=0.1, repeats=2)
-    return BenchmarkPlan(names, chosen, count or 1000, seed)
+        return BenchmarkPlan(names, chosen, 60 if count is None else count, seed, seconds=0.1, repeats=2)
+    return BenchmarkPlan(names, chosen, 1000 if count is None else count, seed)
 
 
 def run(

@@ -129,6 +129,8 @@ class Results:
     def summary(self) -> pandas.DataFrame:
         """Return each entry over all sets, each set counting the same: by speed, those that did not run last.
 
+        The settings of a solver stay together, in the order they ran, where its fastest belongs.
+
         The columns are those of `rows`, of the feasible sets: means of shares, geometric means of ``sgm_s``,
         ``prebuilt_s`` and ``batch_s``, largest values of the others. ``elsewhere`` is the mean share solved to
         1e-6 N in the other sets; ``absent`` tells whether it did not take part.
@@ -145,11 +147,12 @@ class Results:
             feasible[largest].max(),
             rows[~inside].groupby("label")["solved_1e6"].mean().rename("elsewhere"),
         ]
-        summary = by_label[["setting", "comparable"]].first().join(parts)
+        summary = by_label[["solver", "setting", "comparable"]].first().join(parts)
         summary["note"] = by_label["note"].agg(lambda notes: next(filter(None, notes), ""))
         summary["iterations_max"] = by_label["iterations_max"].max()
         summary["absent"] = (summary["note"] != "") & summary["sgm_s"].isna()
-        return summary.sort_values("sgm_s", kind="stable", na_position="last").reset_index()
+        fastest = summary.groupby("solver")["sgm_s"].transform("min")
+        return summary.iloc[np.lexsort((summary["solver"], fastest))].reset_index()
 
     @property
     def sets(self) -> dict[str, Any]:

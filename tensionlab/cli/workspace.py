@@ -21,8 +21,9 @@ from tensionlab.workspace.certification import WRENCH_CLOSURE
 from tensionlab.workspace.certification import certify as prove
 from tensionlab.workspace.certified import Bounds, CertifiedWorkspace
 from tensionlab.workspace.metrics import metric
-from tensionlab.workspace.poses import Grid, PoseList, describe_step, read_poses
+from tensionlab.workspace.poses import Grid, PoseList, read_poses
 from tensionlab.workspace.poses import box as box_of_poses
+from tensionlab.workspace.shares import describe_step
 from tensionlab.workspace.sweep import sweep
 from tensionlab.workspace.sweep.dataset import MEDIAN_SAMPLE, summary
 

@@ -152,7 +152,7 @@ def surface_points(body: Body, placed: PlacedBody) -> Floats:
 
 # Heights of a standing person as shares of the stature: Drillis and Contini, "Body segment parameters", 1966, in
 # Winter, "Biomechanics and Motor Control of Human Movement", 2009, figure 4.1.
-ANKLE, KNEE, HIP, SHOULDER, CHIN = 0.039, 0.285, 0.530, 0.818, 0.870
+KNEE, HIP, SHOULDER, CHIN = 0.285, 0.530, 0.818, 0.870
 # Half of breadths and depths, in m, at the 95th percentile of men or of women, whichever is larger: Gordon et al.,
 # "2012 Anthropometric survey of U.S. Army personnel" (ANSUR II), 2014. Head length, neck circumference,
 # bideltoid breadth, chest and waist depth, hip breadth, thigh circumference.
@@ -212,11 +212,11 @@ def person(
     x, y, _ = level = axes @ towards if towards.size == place.size == 3 else np.zeros(3)
     if np.hypot(x, y) <= 1e-6 * np.linalg.norm(level):
         raise RigError('person: give three coordinates in "at", and in "facing" a direction that is not upright')
-    hip, thigh, ankle = height * (KNEE if posture == "seated" else HIP), height * (HIP - KNEE), height * ANKLE
+    hip, thigh = height * (KNEE if posture == "seated" else HIP), height * (HIP - KNEE)
     shoulder, chin, top = (hip + height * (share - HIP) for share in (SHOULDER, CHIN, 1.0))
-    legs = {"leg": ((0.0, hip), (0.0, ankle))}  # ahead and up, of both ends
+    legs = {"leg": ((0.0, hip), (0.0, THIGH_M))}  # ahead and up, of both ends: the sole is on the floor
     if posture == "seated":
-        legs = {"thigh": ((0.0, hip), (thigh, hip)), "shank": ((thigh, hip), (thigh, ankle))}
+        legs = {"thigh": ((0.0, hip), (thigh, hip)), "shank": ((thigh, hip), (thigh, THIGH_M))}
     parts = [
         ("head", (0.0, 0.0, chin + HEAD_M), (0.0, 0.0, top - HEAD_M), HEAD_M),
         ("neck", (0.0, 0.0, shoulder), (0.0, 0.0, chin), NECK_M),

@@ -153,6 +153,10 @@ class Requirement(ArrayRecord):
         """Return the length, in m, by which torques are divided."""
         return rig.characteristic_length if self.length is None else self.length
 
+    def divisors(self, rig: RequiringRig) -> Floats:
+        """Return what the components of wrenches are divided by, (n,): forces by 1, torques by the length."""
+        return np.repeat([1.0, self.length_for(rig)], [rig.dimension, rig.n - rig.dimension])
+
     def describe(self, rig: RequiringRig) -> str:
         """Return in a few words what is required of a rig."""
         unit = "N" if rig.n == rig.dimension else "N and N·m"

@@ -12,7 +12,7 @@ from tensionlab.model.bodies import place_bodies, surface_points
 from tensionlab.model.pose import place_anchors
 from tensionlab.model.pulleys import ways
 from tensionlab.plots.style import HALO, add_legend, one_panel
-from tensionlab.support.colours import BLUE, GREY, ORANGE, RED
+from tensionlab.support.colours import BLUE, BODY, GREY, ORANGE, RED
 from tensionlab.support.table import STATUS_MARKS
 
 if TYPE_CHECKING:
@@ -34,7 +34,6 @@ MARKERS: list[dict[str, Any]] = [
 FEW = 50  # fewer wrenches are drawn as larger dots
 MAX_DOTS = 2000  # largest number of wrenches drawn for each status, evenly spread
 SPREAD = 0.12  # half the height of a row's dots, as a share of the row: spread out, many of the same tension show
-BODY_COLOUR = "#D9C7B4"
 LIGHT = np.array([0.6, -0.6, 0.5])  # direction that light comes from
 MARGIN_INCHES = 0.5  # above and below a rig in space, for the title and the legend
 
@@ -89,7 +88,7 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
             ("module", {"color": BLUE, "marker": "s", "ls": ""}),
             *([("module on a body", {"color": ORANGE, "marker": "s", "ls": ""})] if on_body.any() else []),
             ("cable", {"color": GREY, "linewidth": 1.1}),
-            *([("body", {"color": BODY_COLOUR, "marker": "o", "ls": "", "markersize": 9})] if outlines else []),
+            *([("body", {"color": BODY, "marker": "o", "ls": "", "markersize": 9})] if outlines else []),
             ("platform, home" if rig.attachments.any() else "home", {"color": RED, "marker": "o", "ls": ""}),
         ], ax)  # fmt: skip
     if spatial and ax is None:
@@ -113,10 +112,10 @@ def draw_bodies(axes: Any, outlines: Sequence[Floats]) -> None:
     for points in outlines:
         hull = ConvexHull(points)
         if points.shape[1] == 2:
-            axes.add_patch(Polygon(points[hull.vertices], facecolor=BODY_COLOUR, edgecolor=GREY, alpha=0.6))
+            axes.add_patch(Polygon(points[hull.vertices], facecolor=BODY, edgecolor=GREY, alpha=0.6))
         else:  # faces are lighter the more they are turned to the light
             light = 0.8 + 0.2 * hull.equations[:, :3] @ LIGHT
-            colours = light[:, None] * to_rgb(BODY_COLOUR)
+            colours = light[:, None] * to_rgb(BODY)
             axes.add_collection3d(Poly3DCollection(points[hull.simplices], facecolors=colours, alpha=0.6))
 
 

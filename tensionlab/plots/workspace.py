@@ -15,7 +15,7 @@ from tensionlab.plots.style import Entry, add_legend, new_figure, one_panel
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.support.surfaces import level_surface
-from tensionlab.workspace.poses import node_weights, weighted_share
+from tensionlab.workspace.shares import node_weights, weighted_share
 from tensionlab.workspace.sweep.dataset import configuration_names
 
 if TYPE_CHECKING:
@@ -106,7 +106,8 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
     picture = field.values[number]
     if cut is not None:
         picture = picture.take(_cut_index(field, cut), axis=names.index(cut))
-    picture = np.nan_to_num(picture if names.index(along) < names.index(across) else picture.T, nan=0.0)
+    picture = picture if names.index(along) < names.index(across) else picture.T
+    picture = np.nan_to_num(picture, nan=0.0, posinf=2.0 * levels[-1], neginf=0.0)  # infinite: above all shades
     x, y = field.axes[across], field.axes[along]
     if min(len(x), len(y)) < 2:
         raise InputError(f"a slice needs two positions or more along {across} and {along}; give a smaller step")
@@ -139,11 +140,16 @@ def _cut_index(field: Field, cut: str) -> int:
     return int(np.abs(field.axes[cut] - field.home[list(field.axes).index(cut)]).argmin())
 
 
+def largest_value(field: Field) -> float:
+    """Return the largest finite value, or 1 if none is above zero."""
+    return float(field.values[np.isfinite(field.values)].max(initial=0.0)) or 1.0
+
+
 def shade_levels(fields: list[Field]) -> Floats:
     """Return round steps from nothing to the largest value of all."""
     from matplotlib.ticker import MaxNLocator
 
-    top = max(float(np.nanmax(field.values, initial=0.0)) for field in fields) or 1.0
+    top = max(map(largest_value, fields))
     steps = np.asarray(MaxNLocator(nbins=9, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, top))
     return np.asarray([1e-9 * top, *steps[steps > 1e-6 * top]])
 
@@ -175,8 +181,7 @@ def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
 
 def draw_shares(axes: Any, field: Field) -> None:
     """Draw one curve for each rig: the share of its poses against the minimum value there."""
-    top = float(np.nanmax(field.values, initial=0.0))
-    levels = np.linspace(0.0, top if top > 0 else 1.0, 400)
+    levels = np.linspace(0.0, largest_value(field), 400)
     for number, name in enumerate(field.names):
         share = 100 * share_above(field, number, levels)
         axes.plot(levels, share, label=name, linewidth=1.8, **curve_look(number))
@@ -193,7 +198,7 @@ def share_above(field: Field, number: int, levels: ArrayLike) -> Floats:
     return np.array([weighted_share((values >= level) & (values > 0), weights) for level in np.atleast_1d(levels)])
 
 
-def plot_volume(swept: xarray.Dataset, level: float = 0.0, metric: str | None = None) -> Figure:
+def plot_volume(swept: xarray.Dataset, metric: str | None = None, level: float = 0.0) -> Figure:
     """Draw, for each rig, the volume in which a metric is above a level, in its unit, of a sweep over x, y and z.
 
     Other parameters and errors as in `plot_shares`.

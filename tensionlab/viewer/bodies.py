@@ -14,12 +14,12 @@ from tensionlab.model.module import WORLD
 from tensionlab.model.pose import Frames, frame_matrix
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
-from tensionlab.support.colours import GREY, RED, rgb
+from tensionlab.support.colours import BODY, GREY, RED, rgb
 from tensionlab.viewer.evaluation import polytope
 from tensionlab.viewer.scene import CABLE_PIXELS, NO_LINES, Lines, Mesh, add_lines, plain_lines, set_lines
 from tensionlab.workspace.interference import body_distances
 
-BODY_COLOUR, BODY_OPACITY = "#B8B8B8", 0.55
+BODY_OPACITY = 0.55
 LABEL_AT = (0.7, 0.3)  # shares of the ends of a cable in the place of its label: clear of those of modules
 
 
@@ -107,7 +107,7 @@ class BodyDrawing:
         for node, pose, near in zip(self._nodes, drawn.poses, near_any, strict=True):
             node.position = pose[:3, 3]
             node.wxyz = Rotation.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)
-            node.color = tuple(rgb(RED if near else BODY_COLOUR).tolist())
+            node.color = tuple(rgb(RED if near else BODY).tolist())
         set_lines(self._cable, drawn.cable)
         self._label.visible = bool(drawn.label)
         if drawn.label:

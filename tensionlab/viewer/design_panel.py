@@ -33,7 +33,7 @@ from tensionlab.viewer.workspace import COARSE, Volume, usable_metrics
 from tensionlab.workspace.layout.task import LayoutTask, load_task
 from tensionlab.workspace.metrics import metric
 from tensionlab.workspace.orientations import roll_pitch_yaw, roll_pitch_yaw_of
-from tensionlab.workspace.poses import describe_step
+from tensionlab.workspace.shares import describe_step
 
 if TYPE_CHECKING:
     import viser

@@ -17,7 +17,8 @@ from tensionlab.viewer.scene import Mesh, bounds
 from tensionlab.viewer.state import DesignState, ghost_state
 from tensionlab.viewer.worker import Latest
 from tensionlab.workspace.metrics import METRICS, metric
-from tensionlab.workspace.poses import Grid, PoseList, node_weights, weighted_share
+from tensionlab.workspace.poses import Grid, PoseList
+from tensionlab.workspace.shares import node_weights, weighted_share
 from tensionlab.workspace.sweep.executors import evaluate_on_threads
 from tensionlab.workspace.sweep.plan import Plan, vary
 

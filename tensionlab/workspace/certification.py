@@ -364,7 +364,7 @@ def cell_problem(
         wanted = rig.required if required is None else as_requirement(required)
         wanted.check_rig(rig)
         length = wanted.length_for(rig) if n > d else 1.0
-        corners = wanted.at(rig, turns) / np.where(np.arange(n) < d, 1.0, length)
+        corners = wanted.at(rig, turns) / wanted.divisors(rig)
         wrenches = np.broadcast_to(corners, (len(arms), *corners.shape[-2:]))
         radius = wanted.ball
         if wanted.gravity and angle and rig.platform is not None and rig.platform.com is not None:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -9,23 +13,49 @@ from tensionlab.errors import DataError, InputError
 from tensionlab.model import kinematics
 from tensionlab.support.arrays import Floats, require_finite
 from tensionlab.support.files.tables import read_table
+from tensionlab.workspace.shares import node_weights
 
 MAX_ORIENTATIONS = 100_000  # more are taken for a mistaken step
 
 
-def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> Floats:
+@dataclass(frozen=True, eq=False)
+class Orientations:
+    """Orientations that cover a set of them, and the share of the set that each stands for; an array for NumPy.
+
+    Attributes
+    ----------
+    rotations : (k, 3, 3) array
+    weights : (k,) array
+        Their sum is 1.
+    """
+
+    rotations: Floats
+    weights: Floats
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Floats:
+        return np.array(self.rotations, dtype, copy=copy)
+
+    def __len__(self) -> int:
+        return len(self.rotations)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.rotations[index]
+
+
+def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> Orientations:
     """Return the orientations (k, 3, 3) that tilt an axis by up to ``half_angle``, in every direction.
 
     The first is the identity; then come rings, one every ``step``, with neighbours about as far apart, none of
-    them turned about the axis. Angles are in rad. InputError for angles of no use, or an axis without a direction.
+    them turned about the axis. Each has the weight of the solid angle in which the axis is nearest to its own.
+    Angles are in rad. InputError for angles of no use, or an axis without a direction.
 
     Examples
     --------
     >>> import numpy as np
     >>> import tensionlab as tl
     >>> turns = tl.workspace.cone(np.radians(10.0), np.radians(5.0))
-    >>> turns.shape, f"{np.degrees(np.arccos(turns[-1, 2, 2])):.1f} degrees"
-    ((19, 3, 3), '10.0 degrees')
+    >>> len(turns), f"{np.degrees(np.arccos(turns[-1, 2, 2])):.1f} degrees"
+    (19, '10.0 degrees')
     """
     upward = require_finite("axis", axis, 1)
     if upward.shape != (3,) or not upward.any():
@@ -37,19 +67,20 @@ def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> F
         )
     upward = upward / np.linalg.norm(upward)
     across = np.linalg.svd(upward[None])[2][1:]
-    turns = [np.zeros((1, 3))]
     rings = max(1, round(half_angle / step))
-    for number in range(1, rings + 1):
-        count = 6 * number
-        around = 2 * np.pi * np.arange(count) / count
-        turns.append(half_angle * number / rings * (np.stack([np.cos(around), np.sin(around)], axis=1) @ across))
-    return kinematics.exponential(np.concatenate(turns))
+    tilts = half_angle * np.arange(rings + 1) / rings
+    counts = np.maximum(6 * np.arange(rings + 1), 1)
+    around = np.concatenate([2 * np.pi * np.arange(count) / count for count in counts])
+    turns = np.repeat(tilts, counts)[:, None] * (np.stack([np.cos(around), np.sin(around)], axis=1) @ across)
+    caps = node_weights(tilts, lambda tilt: np.square(np.sin(tilt / 2)))
+    return Orientations(kinematics.exponential(turns), np.repeat(caps / counts, counts))
 
 
-def roll_pitch_yaw(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Floats:
+def roll_pitch_yaw(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Orientations:
     """Return the orientations (k, 3, 3) of every combination of angles, in rad; the yaw changes fastest.
 
     Angles are numbers, or arrays of one axis, about the fixed axes x, y and z: ``Rz(yaw) Ry(pitch) Rx(roll)``.
+    Weights are those of the invariant (Haar) measure of rotations, which goes as the cosine of the pitch.
     ShapeError or InputError for angles that are not finite, or too many combinations.
 
     Examples
@@ -69,7 +100,14 @@ def roll_pitch_yaw(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Floats:
     x, y, z = (
         kinematics.exponential(np.outer(column, axis)) for column, axis in zip(grid.T, np.eye(3), strict=True)
     )
-    return np.asarray(z @ y @ x)
+    weights = [node_weights(angles[0]), node_weights(angles[1], _integrate_cosine), node_weights(angles[2])]
+    return Orientations(z @ y @ x, reduce(np.multiply.outer, weights).ravel())
+
+
+def _integrate_cosine(angle: Floats) -> Floats:
+    """Return the integral of the cosine's magnitude from 0 to an angle, in rad."""
+    half_turns = np.round(angle / np.pi)
+    return np.asarray(2 * half_turns + np.sin(angle - np.pi * half_turns))
 
 
 def roll_pitch_yaw_of(rotations: Floats) -> Floats:
@@ -84,7 +122,7 @@ def roll_pitch_yaw_of(rotations: Floats) -> Floats:
     return np.stack([roll, pitch, yaw], axis=1)
 
 
-def parse_rotations(text: str, dimension: int, axis: ArrayLike) -> Floats:
+def parse_rotations(text: str, dimension: int, axis: ArrayLike) -> Orientations | Floats:
     """Parse the text of ``--rotations`` into orientations: (k, 3, 3), or (k,) in the plane.
 
     Angles are in degrees: ``cone:ANGLE[:STEP]`` about the axis, ``rpy:ROLL,PITCH,YAW[:STEP]`` with a number or

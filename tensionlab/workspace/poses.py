@@ -1,4 +1,4 @@
-"""Sets of poses: a grid or a list, from a box or a file; and shares of a grid.
+"""Sets of poses: a grid or a list, from a box or a file.
 
 A set of poses has labelled axes and is cut into blocks along them; coordinates of a grid are made for one
 block at a time, so that a grid of any size takes no memory.
@@ -6,8 +6,8 @@ block at a time, so that a grid of any size takes no memory.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,8 @@ from tensionlab.support.arrays import Floats, as_floats, require_finite
 from tensionlab.support.files.reading import brief
 from tensionlab.support.files.tables import read_columns
 from tensionlab.support.formatting import format_count, format_range
-from tensionlab.workspace.orientations import roll_pitch_yaw_of
+from tensionlab.workspace.orientations import Orientations, roll_pitch_yaw_of
+from tensionlab.workspace.shares import node_weights
 
 ROTATION_COLUMNS = ["rx", "ry", "rz"]  # axis times angle of an orientation in space, in rad
 MAX_ANGLE_RAD = 1000.0  # a larger angle is taken for another unit
@@ -45,7 +46,9 @@ class Grid:
     x, y, z : arrays of one axis, or numbers
         Coordinates of the reference point, in m. No z in the plane.
     rotations : (k, 3, 3) array, (k,) array or None
-        Orientations, as in `Rig.structure_matrix`: matrices in space, angles in rad in the plane.
+        Orientations, as in `Rig.structure_matrix`: matrices in space, angles in rad in the plane. In shares of a
+        workspace those of `cone` and `roll_pitch_yaw` have their weights, angles count as coordinates do, and
+        other matrices count the same.
 
     Examples
     --------
@@ -59,6 +62,7 @@ class Grid:
     y: Floats
     z: Floats | None = None
     rotations: Floats | None = None
+    rotation_weights: Floats | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         for name in self.dims[: self.dimension]:
@@ -71,7 +75,13 @@ class Grid:
             rotations = as_floats("rotations", self.rotations)
             if rotations.ndim != (1 if self.dimension == 2 else 3) or not len(rotations):
                 raise ShapeError(f"rotations has shape {rotations.shape}; give one or more orientations in a row")
+            weights = np.full(len(rotations), 1.0 / len(rotations))
+            if self.dimension == 2:
+                weights = node_weights(rotations)
+            elif isinstance(self.rotations, Orientations):
+                weights = self.rotations.weights
             object.__setattr__(self, "rotations", rotations)
+            object.__setattr__(self, "rotation_weights", weights)
 
     def __repr__(self) -> str:
         edges = ", ".join(f"{name} {format_range(axis)} m" for name, axis in self._axes().items() if name in "xyz")
@@ -104,15 +114,17 @@ class Grid:
         return np.stack(parts[: self.dimension], axis=-1), None if self.rotations is None else parts[-1]
 
     def weights(self) -> list[Floats]:
-        """Return the share of the box that belongs to each pose, along each axis: `axis_weights`."""
-        return [axis_weights(name, axis) for name, axis in self._axes().items()]
+        """Return the share of the grid that belongs to each pose, along each axis."""
+        places = [node_weights(axis) for name, axis in self._axes().items() if name in "xyz"]
+        return places if self.rotation_weights is None else [*places, self.rotation_weights]
 
     def labels(self) -> dict[str, Label]:
         """Return the labels of the axes."""
         labels = {name: _length(name, axis, name) for name, axis in self._axes().items() if name in "xyz"}
-        if self.rotations is None:
+        if self.rotations is None or self.rotation_weights is None:
             return labels
         dim = self.dims[-1]
+        labels[f"{dim}_weight"] = label((dim,), self.rotation_weights, "1", "share of the orientations")
         if self.dimension == 3:
             labels[dim] = label((dim,), np.arange(len(self.rotations)), "1", "number of the orientation")
             for name, angle in zip(("roll", "pitch", "yaw"), roll_pitch_yaw_of(self.rotations).T, strict=True):
@@ -334,33 +346,3 @@ def _require_below(most: float, rows: Floats, what: str, expected: str) -> None:
     """Refuse numbers that are too large to be meant, as of a file in other units."""
     if len(far := np.flatnonzero(np.abs(rows).max(axis=1) > most)):
         raise DataError(f"pose {far[0] + 1} {what} {brief(rows[far[0]].tolist())}; give {expected}")
-
-
-def node_weights(axis: Floats) -> Floats:
-    """Return the share of an interval that is nearest to each node, in any order (the trapezoidal rule)."""
-    order = np.argsort(axis)
-    nodes = axis[order]
-    lengths = np.diff(np.concatenate([nodes[:1], (nodes[1:] + nodes[:-1]) / 2, nodes[-1:]]))
-    weights = np.empty(len(axis))
-    weights[order] = lengths / lengths.sum() if lengths.any() else 1.0 / len(axis)
-    return weights
-
-
-def axis_weights(name: str, axis: NDArray[Any]) -> Floats:
-    """Return `node_weights` of an axis of space, equal weights of one of poses or orientations."""
-    return node_weights(axis) if name in ("x", "y", "z") else np.full(len(axis), 1.0 / len(axis))
-
-
-def weighted_share(holds: ArrayLike, weights: Sequence[Floats]) -> Floats:
-    """Return the share (...) of a grid where something holds, (..., *grid), from the weights along each axis."""
-    share = np.asarray(holds, float)
-    for along in reversed(weights):
-        share = share @ along
-    return share
-
-
-def describe_step(axes: Iterable[Floats | None]) -> str:
-    """Return the step of a grid in words, such as "0.1 m apart" or "0.1 x 0.2 m apart"."""
-    steps = [float(np.ptp(axis)) / (len(axis) - 1) for axis in axes if axis is not None and len(axis) > 1]
-    texts = [f"{step:.3g}" for step in steps]
-    return f"{' x '.join(texts if len(set(texts)) > 1 else texts[:1])} m apart" if texts else ""

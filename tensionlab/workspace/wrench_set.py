@@ -260,11 +260,8 @@ def required_margin(
     With `loss_margins` as the ``margin`` it is that after the loss of each cable, (..., m).
     """
     corners = required.at(rig, rotation) + (0.0 if added is None else added[..., None, :])
-    if rig.n > rig.dimension:
-        unit = np.ones(rig.n)
-        unit[rig.dimension :] /= required.length_for(rig)
-        structure, corners = structure * unit[:, None], corners * unit
-    return margin(structure, rig.limits, corners) - required.ball
+    divisors = required.divisors(rig)
+    return margin(structure / divisors[:, None], rig.limits, corners / divisors) - required.ball
 
 
 def margin_gradient(

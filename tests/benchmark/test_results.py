@@ -46,9 +46,12 @@ def test_a_summary_counts_each_set_once_and_only_the_own_policy():
 
 def test_summaries_come_fastest_first_and_absent_ones_last():
     gone = row(solver="qpsolvers:highs", setting="default", note="not installed", tried=0, sgm_s=np.nan)
-    found = made(gone, row(solver="dykstra", sgm_s=1.0), row(solver="newton", sgm_s=1e-6), a="all")
-    assert list(found.summary()["label"]) == ["newton", "dykstra", "qpsolvers:highs, default"]
-    assert [line[0] for line in found.table().rows] == ["newton", "dykstra"]
+    daqp = [row(solver="daqp", setting=word, sgm_s=time) for word, time in (("default", 3.0), ("tight", 0.5))]
+    found = made(gone, row(solver="dykstra", sgm_s=1.0), *daqp, row(solver="newton", sgm_s=1e-6), a="all")
+    assert list(found.summary()["label"]) == [
+        "newton", "daqp, default", "daqp, tight", "dykstra", "qpsolvers:highs, default",
+    ]  # fmt: skip
+    assert [line[0] for line in found.table().rows] == ["newton", "daqp, default", "daqp, tight", "dykstra"]
     assert found.table().notes[-1] == "qpsolvers:highs, default: not installed"
 
 

@@ -105,6 +105,15 @@ def test_a_panel_of_nothing_is_grey_beside_one_of_something():
         assert pixels[len(pixels) - row, column].tolist() == [0xE4] * 3
 
 
+@pytest.mark.parametrize("value", [-1.0, 0.0, 3.0, np.inf, np.nan])
+def test_a_metric_with_one_value_everywhere_is_drawn(swept, value):
+    margin = swept["capacity-margin"]
+    found = swept.assign({"capacity-margin": (margin.dims, np.full(margin.shape, value), margin.attrs)})
+    for draw in (plot_slices, plot_shares, plot_volume):
+        words = words_in(content_of(draw(found, "capacity-margin")))
+        assert any("capacity margin (N)" in each for each in words)
+
+
 def test_what_cannot_be_drawn_is_refused(swept):
     with pytest.raises(InputError, match='no metric "margin"; it has capacity-margin, condition-number'):
         plot_slices(swept, "margin")

@@ -12,10 +12,39 @@ def test_a_cone_tilts_its_axis_by_up_to_the_angle_and_turns_nothing_about_it():
     axis = np.array([1.0, 2.0, -1.0])
     turns = tl.workspace.cone(np.radians(20.0), np.radians(5.0), axis)
     unit = axis / np.linalg.norm(axis)
-    tilt = np.degrees(np.arccos(np.clip(turns @ unit @ unit, -1, 1)))
+    tilt = np.degrees(np.arccos(np.clip(np.asarray(turns) @ unit @ unit, -1, 1)))
     assert tilt[0] == 0.0
     assert np.unique(tilt.round(6)).tolist() == [0.0, 5.0, 10.0, 15.0, 20.0]
-    assert np.abs(Rotation.from_matrix(turns).as_rotvec() @ unit).max() < 1e-12
+    assert np.abs(Rotation.from_matrix(turns[:]).as_rotvec() @ unit).max() < 1e-12
+
+
+def test_orientations_have_the_weight_of_what_they_stand_for():
+    """Caps of the sphere, and balls in the space of all rotations, whose measure is (angle - sin(angle)) / pi."""
+    tilts = tl.workspace.cone(np.radians(120.0), np.radians(1.0))
+    within = tilts[:, 2, 2] > np.cos(np.radians(40.5))
+    assert tilts.weights @ within == pytest.approx((1 - np.cos(np.radians(40.5))) / 1.5, rel=1e-6)
+    turn = np.linspace(-np.pi, np.pi, 49)
+    every = tl.workspace.roll_pitch_yaw(turn, turn[12:37], turn)
+    angle = Rotation.from_matrix(every[:]).magnitude()
+    for limit in (1.0, 2.0, 3.0):
+        assert every.weights @ (angle < limit) == pytest.approx((limit - np.sin(limit)) / np.pi, abs=0.003)
+
+
+def test_a_share_of_orientations_is_weighted_and_everything_is_all():
+    """A planar arm: the angle counts as a coordinate does; a list of matrices counts each the same."""
+    rig = tl.load_rig("kntu-planar")
+    angles = np.radians([-30.0, 0.0, 10.0, 30.0])
+    left = tl.workspace.Metric("turned-left", lambda batch: (batch.rotation < 0.1).astype(float))
+    swept = tl.sweep(rig, tl.workspace.Grid(*rig.home, rotations=angles), left)
+    assert tl.workspace.summary(swept)["above_zero"].item() == pytest.approx(35 / 60)
+    spatial, turns = tl.load_rig("cogiro"), tl.workspace.cone(0.1, 0.05)
+    tilted = tl.workspace.Metric("tilted", lambda batch: (batch.rotation[:, 2, 2] < 1 - 1e-9).astype(float))
+    for rotations, share in ((turns, 1 - turns.weights[0]), (turns[:], 1 - 1 / len(turns))):
+        swept = tl.sweep(spatial, tl.workspace.Grid(0.0, 0.0, 2.0, rotations), tilted)
+        assert tl.workspace.summary(swept)["above_zero"].item() == pytest.approx(share)
+    everything = tl.workspace.Metric("one", lambda batch: np.ones(len(batch.position)))
+    swept = tl.sweep(spatial, tl.workspace.box([0, 1], [0, 1], [0, 1], step=0.1, rotations=turns), everything)
+    assert tl.workspace.summary(swept)["above_zero"].item() == 1.0
 
 
 def test_a_cone_may_be_fine_but_not_of_more_orientations_than_fit():
@@ -39,7 +68,7 @@ def test_roll_pitch_and_yaw_are_turns_about_fixed_axes_and_read_back():
 
 def test_texts_are_sets_of_orientations(tmp_path):
     assert len(parse_rotations("cone:10", 3, UP)) == 1 + 6 + 12
-    assert parse_rotations("rpy:-10..10,0,-30..30:10", 3, UP).shape == (3 * 7, 3, 3)
+    assert np.shape(parse_rotations("rpy:-10..10,0,-30..30:10", 3, UP)) == (3 * 7, 3, 3)
     np.testing.assert_allclose(np.degrees(parse_rotations("angle:-10..10", 2, UP)), [-10, -5, 0, 5, 10], atol=1e-9)
     path = tmp_path / "turns.csv"
     path.write_text("rx,ry,rz\n0,0,0\n0.1,0,0\n")

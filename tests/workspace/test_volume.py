@@ -4,7 +4,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.viewer.workspace import Volume
 from tensionlab.workspace import Objective
-from tensionlab.workspace.poses import describe_step, node_weights, weighted_share
+from tensionlab.workspace.shares import describe_step, node_weights, weighted_share
 
 
 @pytest.mark.parametrize(("nodes", "within"), [(9, 0.04), (17, 0.012), (33, 0.004)])

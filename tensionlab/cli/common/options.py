@@ -23,7 +23,7 @@ from tensionlab.support.files.named import list_names
 from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_count
 from tensionlab.support.provenance import TABLE_SUFFIXES
-from tensionlab.workspace.orientations import parse_rotations
+from tensionlab.workspace.orientations import Orientations, parse_rotations
 
 EXAMPLES = {
     "--wrench": "1 2 3 (in N)",
@@ -152,7 +152,7 @@ def parse_region(rigs: list[Rig], box: str | None, step: str | None) -> tuple[Fl
     return ends, steps[0] if len(steps) == 1 else steps
 
 
-def parse_orientations(rig: Rig, rotations: str | None) -> Floats | None:
+def parse_orientations(rig: Rig, rotations: str | None) -> Orientations | Floats | None:
     """Return the orientations at every position, if there are any."""
     up = rig.upward if rig.up else np.eye(rig.dimension)[-1]
     return None if rotations is None else parse_rotations(rotations, rig.dimension, up)

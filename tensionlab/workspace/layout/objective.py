@@ -17,7 +17,8 @@ from tensionlab.model.rig import Rig
 from tensionlab.model.wall_stiffness import MIN_COSINE, MODULE_STIFFNESS, host_stiffness, module_stiffness
 from tensionlab.support.arrays import Floats, pad_last_axis, require_finite
 from tensionlab.support.formatting import format_share, format_vector
-from tensionlab.workspace.poses import Grid, PoseList, describe_step
+from tensionlab.workspace.poses import Grid, PoseList
+from tensionlab.workspace.shares import describe_step
 from tensionlab.workspace.wrench_set import capacity_margin, facet_distance, half_spaces
 
 TIE_WEIGHT = 0.1  # of missing or spare force, relative to the share: enough to lead a search among equals

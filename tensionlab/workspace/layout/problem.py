@@ -95,7 +95,7 @@ class LayoutProblem(NamedTuple):
                 for each, turn in arrays
             ])  # fmt: skip
         angles = np.arctan2(turns[:, 1, 0], turns[:, 0, 0]) if turns is not None and d == 2 else turns
-        required = space.required.at(space.one_module, angles) / _unit(space)
+        required = space.required.at(space.one_module, angles) / space.divisors
         return cls(
             space,
             tuple(targets),
@@ -114,7 +114,7 @@ class LayoutProblem(NamedTuple):
         rows = max(1, MAX_CHUNK_POINTS // len(poses.points))
         for start in range(0, len(flat), rows):
             _, directions, arms = _route(flat[start : start + rows, None], poses)
-            structure = kinematics.structure_matrix(directions, arms) / _unit(self.space)[:, None]
+            structure = kinematics.structure_matrix(directions, arms) / self.space.divisors[:, None]
             found.append(self.objective.values(structure, limits, poses.required, self.space.required.ball))
         values = np.moveaxis(np.concatenate(found, axis=1), 0, 1)
         return values.reshape(*cables.shape[:-3], *values.shape[1:])
@@ -126,10 +126,10 @@ class LayoutProblem(NamedTuple):
         cables, edges = space.cables(places), space.placed.edges[places.surfaces]
         if self.objective.directions is None and self.objective.walls is None:
             vectors, directions, arms = _route(cables[None], poses)
-            unit = _unit(space)[:, None]
-            structure = kinematics.structure_matrix(directions, arms) / unit
+            divisors = space.divisors[:, None]
+            structure = kinematics.structure_matrix(directions, arms) / divisors
             found = margin_gradient(structure, space.tension_limits(k * len(images)), poses.required)
-            by_structure = found.structure / unit
+            by_structure = found.structure / divisors
             by_end = [kinematics.anchor_gradient(by_structure, vectors, arms)]
             if poses.turns is not None:
                 by_arm = kinematics.attachment_gradient(by_structure, directions, by_end[0])
@@ -195,12 +195,6 @@ class LayoutProblem(NamedTuple):
         module, body = divmod(int(np.argmin(distance - self.obstacles.margin)), distance.shape[1])
         margin = float(self.obstacles.margin[body])
         return Nearest(modules[module].name, self.obstacles.names[body], float(distance[module, body]), margin)
-
-
-def _unit(space: Space) -> Floats:
-    """Return what components of wrenches are divided by, (n,): torques by the length of the space."""
-    d = space.dimension
-    return np.repeat([1.0, space.length], [d, 3 * (d - 1) - d]) if space.attachments else np.ones(d)
 
 
 def _route(cables: Floats, poses: TargetPoses) -> tuple[Floats, Floats, Floats | None]:

@@ -269,6 +269,11 @@ class Space:
         vertices = corners[:, None] + np.einsum("ck,skd->scd", shares, edges)
         return float(np.sqrt(np.square(vertices).sum(axis=-1).mean())) or 1.0
 
+    @property
+    def divisors(self) -> Floats:
+        """What components of wrenches are divided by, (n,)."""
+        return self.one_module.required.divisors(self.one_module)
+
     @cached_property
     def one_module(self) -> Rig:
         """Rig with one module at the origin: what is true of all rigs of this space."""

@@ -20,7 +20,8 @@ from tensionlab.model.rig import Rig
 from tensionlab.support import provenance
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace.metrics import Metric
-from tensionlab.workspace.poses import Label, axis_weights, label, weighted_share
+from tensionlab.workspace.poses import Label, label
+from tensionlab.workspace.shares import node_weights, weighted_share
 from tensionlab.workspace.sweep.plan import Plan, own_frames
 
 if TYPE_CHECKING:
@@ -186,7 +187,7 @@ def configuration_names(swept: xarray.Dataset) -> list[str]:
 
 def _statistics(values: xarray.DataArray) -> dict[str, float]:
     """Return a variable's columns of the summary, a slab along the first axis at a time. NaN is not above zero."""
-    weights = [axis_weights(str(dim), values[dim].to_numpy()) for dim in values.dims]
+    weights = [_axis_weights(values, str(dim)) for dim in values.dims]
     first = values.encoding.get("chunks", values.shape)[-values.ndim]
     stride = -(-values.size // MEDIAN_SAMPLE)
     above, lows, highs, sample, count = 0.0, [], [], [], 0
@@ -201,6 +202,14 @@ def _statistics(values: xarray.DataArray) -> dict[str, float]:
     statistics = [min(lows), np.median(np.concatenate(sample)), max(highs), above] if count else [np.nan] * 4
     named = dict(zip(("min", "median", "max", "above_zero"), map(float, statistics), strict=True))
     return {"poses": values.size, "missing": values.size - count, **named}
+
+
+def _axis_weights(values: xarray.DataArray, dim: str) -> Floats:
+    """Return the share of the whole that belongs to each value along an axis; poses of a list share it evenly."""
+    if dim in ("x", "y", "z"):
+        return node_weights(values[dim].to_numpy())
+    count = values.sizes[dim]
+    return np.asarray(values.coords.get(f"{dim}_weight", np.full(count, 1.0 / count)))
 
 
 def _read(values: xarray.DataArray) -> Floats:

@@ -4,7 +4,7 @@ import xarray as xr
 
 import tensionlab as tl
 from tensionlab.workspace import Grid
-from tensionlab.workspace.poses import weighted_share
+from tensionlab.workspace.shares import weighted_share
 from tensionlab.workspace.sweep import dataset
 
 RIGS = [tl.box_corners([2, 2, 2]), tl.alternate_corners([2, 2, 2])]
