@@ -10,7 +10,7 @@ BUILD_TOOLS := scikit-build-core nanobind hatch-fancy-pypi-readme $(foreach tool
 export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
 NATIVE := $(wildcard include/*/*.hpp include/*/*/*.hpp tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo install test test-fast test-lowest coverage check firmware-check sanitize format bench bench-quick bench-readme bench-workspace bench-runner bench-view stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check generated checksums clean
+.PHONY: demo install test test-fast test-lowest coverage check firmware-check sanitize format bench bench-quick bench-readme bench-workspace bench-runner bench-view stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check playground generated checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -112,9 +112,10 @@ figures: .venv/dev.stamp
 	@$(BIN)/python paper_figures/make.py
 
 # The site: out/site/index.html. Notebooks are run again where they have changed; a warning is an error.
-docs: .venv/docs.stamp
+docs: .venv/docs.stamp playground
 	@rm -rf docs/reference/generated out/site
 	@$(BIN)/sphinx-build --jobs 2 --keep-going --fail-on-warning --quiet -c docs -d build/site/doctrees . out/site
+	@cp out/playground.html out/site/
 	@echo "out/site/index.html"
 
 # The same in a browser: every page, link and anchor, the search, equations and pictures; screenshots in out/site-check.
@@ -139,6 +140,15 @@ sanitize: .venv/dev.stamp
 .venv/docs.stamp: .venv/user.stamp
 	@echo "Fetching what builds the site ..."
 	@$(INSTALL) --no-build-isolation -e '.[docs]'
+	@touch $@
+
+# One page for any browser, without a network: the exact solver, compiled to WebAssembly, and every committed rig.
+playground: .venv/playground.stamp
+	@$(BIN)/python playground/build.py
+
+.venv/playground.stamp: .venv/user.stamp
+	@echo "Fetching a compiler for WebAssembly ..."
+	@$(INSTALL) ziglang
 	@touch $@
 
 clean:

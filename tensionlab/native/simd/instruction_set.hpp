@@ -92,9 +92,13 @@ inline InstructionSet choose_instruction_set() {
     if (requested == nullptr || std::strcmp(requested, kInstructionSetNames[set]) == 0) break;
   }
   if (chosen < 0) {
+#if defined(__wasm__)  // without exceptions; a page has the one build that it was made with
+    std::abort();
+#else
     throw std::runtime_error(
         "tensionlab was compiled for instruction sets that this processor lacks; build it "
         "here, or with TENSIONLAB_BUILDS=all");
+#endif
   }
   return static_cast<InstructionSet>(chosen);
 }

@@ -1,0 +1,128 @@
+// Kernels of the playground as one WebAssembly module: structure matrices, allocation with its proof, capacity
+// margins and the half-spaces of the wrench set. The page writes its input into the arrays of `Page`, calls a
+// function, and reads the answer from the same arrays.
+#define TENSIONLAB_BASELINE
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+
+#include "solvers/kernels.hpp"
+#include "verification/kernels.hpp"
+#include "workspace/kernels.hpp"
+
+#define EXPORT(name) extern "C" __attribute__((export_name(#name)))
+
+namespace tensionlab {
+
+void checkpoint() {}  // a page has no signals to handle
+
+namespace {
+
+constexpr double kTolerance = 1e-6, kRankTolerance = 1e-8, kLargest = 1e100, kLeastShare = 1e-12;
+constexpr std::size_t kPoses = 65'536, kBlock = 512, kHalfSpaces = 4096, kWrenches = 64;
+constexpr std::int8_t kUnverified = -1;
+
+struct Page {
+  double anchors[3 * kMaxCables], attachments[3 * kMaxCables];
+  double lower[kMaxCables], upper[kMaxCables], reference[kMaxCables], weights[kMaxComponents];
+  double rotation[9], wrench[kMaxComponents], required[kWrenches * kMaxComponents];
+  double structure[kMaxComponents * kMaxCables], tensions[kMaxCables];
+  double rendered[kMaxComponents], separation[kMaxComponents], residual, scale;
+  double normals[kHalfSpaces * kMaxComponents], offsets[kHalfSpaces];
+  double positions[3 * kPoses], margins[kPoses];
+} page;
+
+int n, d, m;
+bool turns;
+
+double matrices[kBlock * kMaxComponents * kMaxCables];
+
+// Writes the structure matrices of positions [first, first + count); `valid` tells where every cable has a length.
+void find_structures(std::size_t first, std::size_t count, double* structures, bool* valid) {
+  const Rows rotation{page.rotation, 0};
+  baseline::structure_matrices({d, m, page.anchors, turns ? page.attachments : nullptr, nullptr, nullptr},
+                               {{page.positions + first * d, d}, turns ? &rotation : nullptr}, kLeastShare, 0, count,
+                               {structures, valid});
+}
+
+}  // namespace
+
+// Address of the first of the arrays; the page knows their order and sizes.
+EXPORT(page_address) double* page_address() { return page.anchors; }
+
+EXPORT(set_rig) void set_rig(int components, int dimension, int cables) {
+  n = components;
+  d = dimension;
+  m = cables;
+  turns = n > d;
+  std::fill(page.weights, page.weights + n, 1.0);
+  std::fill(page.reference, page.reference + m, 0.0);
+}
+
+// Solves and verifies the wrench at the first position; returns the status, or -2 where a cable has no length.
+EXPORT(allocate) int allocate(int policy_index) {
+  bool valid = false;
+  find_structures(0, 1, page.structure, &valid);
+  if (!valid) return -2;
+  const Batch batch{1,
+                    n,
+                    m,
+                    {page.structure, 0},
+                    {page.wrench, 0},
+                    {page.lower, 0},
+                    {page.upper, 0},
+                    {page.reference, 0},
+                    page.weights};
+  const auto policy = static_cast<Policy>(policy_index);
+  std::int8_t status = kUnverified;
+  std::int64_t iterations = 0;
+  std::size_t separated = 0, unsolved = 0;
+  SweepRemainder remainder{&separated, &unsolved};
+  baseline::sweep(batch, {kLargest, kTolerance}, 0, 1,
+                  {page.tensions, page.separation, page.rendered, &page.residual, &page.scale, &status, &iterations},
+                  remainder);
+  if (remainder.separated_count + remainder.unsolved_count == 0) return status;
+  status = kUnverified;
+  baseline::newton(batch, policy, kRankTolerance, kTolerance, {0, 1}, remainder.separated_count,
+                   {page.tensions, page.separation, &iterations, &status, page.rendered, &page.residual, &page.scale});
+  if (status != kUnverified) return status;
+  const Rule rule = policy == Policy::force     ? Rule::force
+                    : policy == Policy::tension ? Rule::tension
+                                                : Rule::direction;
+  std::atomic<bool> flawed{false};
+  baseline::verify(batch, {rule, kTolerance, kRankTolerance}, {0, 1},
+                   {page.tensions, page.separation, page.rendered, &page.residual, &page.scale, &status, &flawed});
+  return status;
+}
+
+// Writes the half-spaces of the wrench set at the pose of the last allocation; returns their number.
+EXPORT(find_half_spaces) int find_half_spaces() {
+  double count = 0;
+  baseline::half_spaces({1, n, m, {page.structure, 0}, {page.lower, 0}, {page.upper, 0}, kRankTolerance},
+                        kHalfSpaces, 0, 1, {&count, page.normals, page.offsets});
+  return static_cast<int>(std::min(count, static_cast<double>(kHalfSpaces)));
+}
+
+// Writes the capacity margin about `wrenches` required ones at the first `count` positions, torques divided by
+// `length`; -infinity where a cable has no length.
+EXPORT(find_margins) void find_margins(int count, int wrenches, double length) {
+  static bool valid[kBlock];
+  static double scaled[kWrenches * kMaxComponents];
+  for (int i = 0; i < wrenches * n; ++i) scaled[i] = page.required[i] / (i % n < d ? 1.0 : length);
+  const auto entries = static_cast<std::size_t>(n * m);
+  for (std::size_t first = 0; first < static_cast<std::size_t>(count); first += kBlock) {
+    const std::size_t size = std::min(kBlock, static_cast<std::size_t>(count) - first);
+    find_structures(first, size, matrices, valid);
+    for (std::size_t row = 0; row < size; ++row) {
+      for (std::size_t i = static_cast<std::size_t>(d * m); i < entries; ++i) matrices[row * entries + i] /= length;
+    }
+    baseline::capacity_margin({size, n, m, {matrices, n * m}, {page.lower, 0}, {page.upper, 0}, kRankTolerance},
+                              {{scaled, 0}, wrenches}, 0, size, page.margins + first);
+    for (std::size_t row = 0; row < size; ++row) {
+      if (!valid[row]) page.margins[first + row] = -1e300;
+    }
+  }
+}
+
+}  // namespace tensionlab
