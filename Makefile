@@ -54,12 +54,12 @@ check: .venv/dev.stamp
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/mypy --platform win32 --cache-dir .mypy_cache/win32 -p tensionlab
-	@$(BIN)/clang-format --dry-run --Werror $(NATIVE)
+	@$(BIN)/clang-format --dry-run --Werror $(NATIVE) playground/kernels.cpp
 
 format: .venv/dev.stamp
 	@$(BIN)/ruff check --fix .
 	@$(BIN)/ruff format .
-	@$(BIN)/clang-format -i $(NATIVE)
+	@$(BIN)/clang-format -i $(NATIVE) playground/kernels.cpp
 
 bench: .venv/dev.stamp
 	@$(BIN)/tensionlab bench --out out/bench

@@ -220,8 +220,9 @@ class App {
   resize() {
     const pixels = devicePixelRatio || 1;
     Object.assign(this.canvas, { width: innerWidth * pixels, height: innerHeight * pixels });
-    const narrow = innerWidth <= 700, panel = this.show.embed ? 0 : narrow ? 0.44 * innerHeight : 344;
-    const width = innerWidth - (narrow ? 0 : panel), height = innerHeight - (narrow ? panel : 0);
+    const { offsetWidth, offsetHeight } = document.getElementById("panel");
+    const below = offsetWidth > 0.9 * innerWidth; // on a phone and in a scene of the documentation
+    const width = innerWidth - (below ? 0 : offsetWidth), height = innerHeight - (below ? offsetHeight : 0);
     this.camera.resize(width, height, width / 2, height / 2);
     this.refresh();
   }

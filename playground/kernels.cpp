@@ -2,12 +2,13 @@
 // margins and the half-spaces of the wrench set. The page writes its input into the arrays of `Page`, calls a
 // function, and reads the answer from the same arrays.
 #define TENSIONLAB_BASELINE
+#include "solvers/kernels.hpp"
+
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
 
-#include "solvers/kernels.hpp"
 #include "verification/kernels.hpp"
 #include "workspace/kernels.hpp"
 
@@ -42,8 +43,8 @@ double matrices[kBlock * kMaxComponents * kMaxCables];
 void find_structures(std::size_t first, std::size_t count, double* structures, bool* valid) {
   const Rows rotation{page.rotation, 0};
   baseline::structure_matrices({d, m, page.anchors, turns ? page.attachments : nullptr, nullptr, nullptr},
-                               {{page.positions + first * d, d}, turns ? &rotation : nullptr}, kLeastShare, 0, count,
-                               {structures, valid});
+                               {{page.positions + first * d, d}, turns ? &rotation : nullptr}, kLeastShare, 0,
+                               count, {structures, valid});
 }
 
 }  // namespace
@@ -79,13 +80,15 @@ EXPORT(allocate) int allocate(int policy_index) {
   std::int64_t iterations = 0;
   std::size_t separated = 0, unsolved = 0;
   SweepRemainder remainder{&separated, &unsolved};
-  baseline::sweep(batch, {kLargest, kTolerance}, 0, 1,
-                  {page.tensions, page.separation, page.rendered, &page.residual, &page.scale, &status, &iterations},
-                  remainder);
+  baseline::sweep(
+      batch, {kLargest, kTolerance}, 0, 1,
+      {page.tensions, page.separation, page.rendered, &page.residual, &page.scale, &status, &iterations},
+      remainder);
   if (remainder.separated_count + remainder.unsolved_count == 0) return status;
   status = kUnverified;
-  baseline::newton(batch, policy, kRankTolerance, kTolerance, {0, 1}, remainder.separated_count,
-                   {page.tensions, page.separation, &iterations, &status, page.rendered, &page.residual, &page.scale});
+  baseline::newton(
+      batch, policy, kRankTolerance, kTolerance, {0, 1}, remainder.separated_count,
+      {page.tensions, page.separation, &iterations, &status, page.rendered, &page.residual, &page.scale});
   if (status != kUnverified) return status;
   const Rule rule = policy == Policy::force     ? Rule::force
                     : policy == Policy::tension ? Rule::tension
@@ -115,7 +118,8 @@ EXPORT(find_margins) void find_margins(int count, int wrenches, double length) {
     const std::size_t size = std::min(kBlock, static_cast<std::size_t>(count) - first);
     find_structures(first, size, matrices, valid);
     for (std::size_t row = 0; row < size; ++row) {
-      for (std::size_t i = static_cast<std::size_t>(d * m); i < entries; ++i) matrices[row * entries + i] /= length;
+      for (std::size_t i = static_cast<std::size_t>(d * m); i < entries; ++i)
+        matrices[row * entries + i] /= length;
     }
     baseline::capacity_margin({size, n, m, {matrices, n * m}, {page.lower, 0}, {page.upper, 0}, kRankTolerance},
                               {{scaled, 0}, wrenches}, 0, size, page.margins + first);
