@@ -17,7 +17,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 from tensionlab.support.files import writing
 from tensionlab.support.table import Column, Table, findings_table
-from tensionlab.validation.rig_check import check_rig
+from tensionlab.validation.rig_check import check_losses, check_rig, losses_table
 from tensionlab.workspace.interference import body_distances
 
 rig = Verbs("Show, check, import and export rigs.")
@@ -87,23 +87,28 @@ def check(
     plot: options.Plot = None,
     json: Json = False,
 ) -> None:
-    """Check that a rig can work at its home.
+    """Check that a rig can work at its home, and what is left after the loss of a module.
 
     Checks rank, limits, what is required, balance, strength and the clearance of bodies; exit status 1 where it
-    cannot.
+    cannot. A loss does not count for that.
     """
     loaded = options.load(path, frames, wrench, gravity, required)
-    findings = check_rig(loaded)
+    findings, losses = check_rig(loaded), check_losses(loaded)
     passed = all(finding.passed is not False for finding in findings)
     with output.ResultWriter(quiet=json) as writer:
         writer.draw(plot, "rig", loaded)
         if json:
             checks = [{"check": each.name, "passed": each.passed, "finding": each.text} for each in findings]
-            output.print_json(rig=loaded.name, passed=passed, checks=checks)
+            output.print_json(
+                rig=loaded.name, passed=passed, checks=checks, losses=[loss._asdict() for loss in losses]
+            )
         else:
             where = "home, with its body frames at rest" if loaded.frames else "home"
             title = f"{loaded.name} {'can' if passed else 'cannot'} work at {where}"
             output.print_table(findings_table(title, findings))
+            if losses:
+                output.print_line()
+                output.print_table(losses_table(loaded, losses))
     raise typer.Exit(0 if passed else 1)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, overload
@@ -88,12 +89,12 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
                 if several:
                     axes.label_outer()
             bar = figure.colorbar(shades, ax=panels, shrink=0.85, label=each.label)
-            if each.yes_or_no:
-                bar.set_ticks([0.25, 0.75], labels=["no", "yes"])
+            if each.classes:
+                bar.set_ticks(range(len(each.classes)), labels=[name for name, _ in each.classes])
                 bar.ax.tick_params(length=0)
         if title := cut_title(field):
             figure.suptitle(title, fontsize="medium")
-        add_legend(figure, 3, SLICE_LEGEND[: 2 if field.yes_or_no and not several else 3])
+        add_legend(figure, 3, SLICE_LEGEND[: 2 if field.classes and not several else 3])
     return figure
 
 
@@ -107,14 +108,18 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
     if cut is not None:
         picture = picture.take(_cut_index(field, cut), axis=names.index(cut))
     picture = picture if names.index(along) < names.index(across) else picture.T
-    picture = np.nan_to_num(picture, nan=0.0, posinf=2.0 * levels[-1], neginf=0.0)  # infinite: above all shades
     x, y = field.axes[across], field.axes[along]
     if min(len(x), len(y)) < 2:
         raise InputError(f"a slice needs two positions or more along {across} and {along}; give a smaller step")
     axes.fill_between([x[0], x[-1]], y[0], y[-1], color=NONE_COLOUR, linewidth=0)
-    if field.yes_or_no:  # each pose its own cell: nothing is known of the space between them
-        shades = axes.pcolormesh(x, y, picture, shading="nearest", cmap=ListedColormap(NO_YES), vmin=0, vmax=1)
+    if field.classes:  # each pose its own cell: nothing is known of the space between them
+        colours = ListedColormap([colour for _, colour in field.classes])
+        ends = {"vmin": -0.5, "vmax": len(field.classes) - 0.5}
+        shades = axes.pcolormesh(x, y, picture, shading="nearest", cmap=colours, **ends)
     else:
+        picture = np.nan_to_num(
+            picture, nan=0.0, posinf=2.0 * levels[-1], neginf=0.0
+        )  # infinite: above all shades
         shades = axes.contourf(x, y, picture, levels=levels, cmap="viridis", extend="max")
         if (picture > 0).any():
             axes.contour(x, y, picture, levels=levels[:1], colors="black", linewidths=0.8)
@@ -272,6 +277,14 @@ class Field:
     home: Floats  # of the first rig, (d,), in m
     label: str  # metric, with its unit
     up: str  # axis that points up
+    modules: Sequence[str] = ()  # names of the modules whose numbers the values are; none for other metrics
+
+    @property
+    def classes(self) -> list[tuple[str, str]]:
+        """Name and colour of each value, where there are few: modules, or no and yes."""
+        if self.modules:
+            return [(name, CURVES[number % len(CURVES)]) for number, name in enumerate(self.modules)]
+        return list(zip(("no", "yes"), NO_YES, strict=True)) if self.yes_or_no else []
 
     @property
     def yes_or_no(self) -> bool:
@@ -299,6 +312,10 @@ def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:
     there = ~np.isnan(anchors).any(axis=-1)
     ups = {str(up) for up in np.atleast_1d(swept["up"].to_numpy()).ravel()}
     attributes = values.attrs
+    modules: Sequence[str] = ()
+    if attributes.get("better") == "none":
+        rows = swept["module_name"].transpose(*configurations, "module").to_numpy().reshape(-1, len(there[0]))
+        modules = [str(name) for name in (rows[0] if (rows == rows[0]).all() else range(len(rows[0])))]
     unit = "" if attributes["units"] == "1" else f" ({attributes['units']})"
     return Field(
         values=values.transpose(*configurations, *axes).to_numpy().reshape(-1, *(len(a) for a in axes.values())),
@@ -309,6 +326,7 @@ def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:
         home=swept["home"].transpose(*configurations, "axis").to_numpy().reshape(-1, len(swept["axis"]))[0],
         label=f"{attributes['long_name']}{unit}",
         up=(ups.pop().strip("-") or "y") if len(ups) == 1 else list(axes)[-1],
+        modules=modules,
     )
 
 

@@ -1,6 +1,8 @@
-"""Checks of a rig before anything is built: rank, limits, balance and strength at home."""
+"""Checks of a rig before anything is built: rank, limits, balance and strength at home, and after a loss."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,14 +21,16 @@ from tensionlab.model.wall_stiffness import (
 )
 from tensionlab.solvers.base import RANK_TOLERANCE, Status
 from tensionlab.support.arrays import Floats
-from tensionlab.support.table import Finding
+from tensionlab.support.formatting import format_share
+from tensionlab.support.table import Column, Finding, Table
 from tensionlab.workspace.interference import body_distances
-from tensionlab.workspace.structure_metrics import feasibility_tolerance
-from tensionlab.workspace.wrench_set import facet_distance, half_spaces, required_margin
+from tensionlab.workspace.structure_metrics import feasibility_tolerance, feasible_direction_fraction
+from tensionlab.workspace.wrench_set import facet_distance, half_spaces, loss_margins, required_margin
 
 MAX_TENSION_RATIO = 1e4  # tensions that balance only with a larger ratio between cables do not count
 LIKELY_LENGTHS_M = (0.01, 100.0)  # of the longest cable; only stadium cameras and telescopes have longer ones
 HEAD_FORCE_N = ImpactCap().force  # largest force of all cables together on a head
+LOSS_DIRECTIONS = 200  # directions of the force of 1 N that is tried after a loss
 
 
 def check_rig(rig: Rig) -> list[Finding]:
@@ -47,11 +51,10 @@ def check_rig(rig: Rig) -> list[Finding]:
     if rig.required:
         findings.append(_required(rig, structure))
         met = findings[-1].passed is True
-    balanced = bool(allocate(structure, np.zeros(rig.n), rig.limits).status == Status.EXACT)
+    balanced = _is_balanced(rig, structure)
     findings.append(_balance(structure, balanced, held or (met and bool(rig.required))))
     if met and (balanced or held or rig.required):
-        offset = rig.required if rig.required or balanced else Requirement(gravity=True)
-        findings.append(_strength(rig, structure, offset))
+        findings.append(_strength(rig, structure, _load(rig, balanced)))
     if rig.n == rig.dimension:
         findings.append(_walls(rig, structure))
     if rig.bodies:
@@ -60,6 +63,66 @@ def check_rig(rig: Rig) -> list[Finding]:
         names = ", ".join(rig.frames)
         findings.append(Finding("frames", None, f"{names}: must be given at run time; at rest for this check"))
     return findings
+
+
+class ModuleLoss(NamedTuple):
+    """What is left at home after the loss of a module."""
+
+    module: str
+    margin: float  # capacity margin about the load, in N
+    holds: bool  # whether the others render the load within their limits
+    directions: float  # share of directions in which 1 N is feasible in addition
+
+
+def check_losses(rig: Rig) -> list[ModuleLoss]:
+    """Return what the others render after the loss of each module, whose cable then has no tension.
+
+    At home, with body frames at rest, of what is required of the rig, or of its weight where that closes the
+    wrench set. Nothing for one module alone.
+    """
+    if rig.m == 1:
+        return []
+    structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
+    load = _load(rig, _is_balanced(rig, structure))
+    margins = required_margin(rig, structure, load, margin=loss_margins)
+    forces = directions.fibonacci(LOSS_DIRECTIONS) if rig.dimension == 3 else directions.circle(LOSS_DIRECTIONS)
+    remaining = ~np.eye(rig.m, dtype=bool)
+    left = (rig.limits.lower * remaining, rig.limits.upper * remaining)
+    shares = feasible_direction_fraction(structure, left, forces, 1.0, load.middle(rig))
+    holds = margins >= -feasibility_tolerance(load.at(rig))
+    names = (module.name for module in rig.modules)
+    return list(map(ModuleLoss, names, margins.tolist(), holds.tolist(), shares.tolist()))
+
+
+def losses_table(rig: Rig, losses: list[ModuleLoss]) -> Table:
+    """Return the table of what is left after each loss, and what a run does then."""
+    columns = ["lost module", Column("margin left", "N", ".3g"), "holds",
+               Column("directions with 1 N", format=format_share), "run --on-loss continue"]  # fmt: skip
+    rows = [
+        [loss.module, loss.margin, loss.holds, loss.directions,
+         "holds with the others" if loss.holds else f"falls short by {-loss.margin:.3g} N or more"]
+        for loss in losses
+    ]  # fmt: skip
+    load = _load(rig, _is_balanced(rig, rig.structure_matrix(rig.home, frames=rig.at_rest)))
+    held = f"render {load.describe(rig)}" if load else "hold each other"
+    notes = [
+        f"holds: the other cables {held} within their limits; the lost one has no tension",
+        f"directions with 1 N: share of {LOSS_DIRECTIONS} directions in which they render 1 N in addition",
+        "run --on-loss stop, the default, stops all modules and releases their cables: support what hangs",
+    ]
+    if rig.n > rig.dimension:
+        notes.append(f"margins: torques count as forces at {rig.required.length_for(rig):.3g} m")
+    return Table(columns, rows, f"{rig.name} at home after the loss of a module", notes)
+
+
+def _is_balanced(rig: Rig, structure: Floats) -> bool:
+    """Whether tensions within the limits hold each other."""
+    return bool(allocate(structure, np.zeros(rig.n), rig.limits).status == Status.EXACT)
+
+
+def _load(rig: Rig, balanced: bool) -> Requirement:
+    """Return what is required of a rig or, where only weight can close the wrench set, its weight."""
+    return rig.required if rig.required or balanced or rig.weight is None else Requirement(gravity=True)
 
 
 def _rank(structure: Floats) -> Finding:

@@ -255,9 +255,9 @@ METRICS: dict[str, Metric] = {
     for metric in (
         Metric("capacity-margin", _capacity_margin, "N", "higher", "capacity margin",
                "all that is required is feasible, and the radius in every direction as well"),
-        Metric("loss-margin", _loss_margin, "N", "higher", "capacity margin after the loss of any one cable",
+        Metric("loss-margin", _loss_margin, "N", "higher", "capacity margin after the worst loss",
                "all that is required is feasible without any one cable"),
-        Metric("worst-loss", _worst_loss, "1", "none", "module whose loss leaves the smallest capacity margin"),
+        Metric("worst-loss", _worst_loss, "1", "none", "worst module to lose"),
         Metric("wrench-feasible", _wrench_feasible, "1", "higher", "wrench feasibility", "it is feasible"),
         Metric("wrench-closure", _wrench_closure, "1", "higher", "wrench closure", "they do"),
         Metric("tension-factor", _tension_factor, "1", "higher", "tension factor",

@@ -87,3 +87,14 @@ def test_bodies_are_listed_and_checked_against_their_margins(run, tmp_path):
         (body,) = json.loads(run("show", tmp_path / "user.toml", "--json")[1])["bodies"]
         assert (body["shape"], body["margin"], round(body["distance_at_home"], 3)) == ("sphere", 0.05, float(word))
         assert run("check", tmp_path / "user.toml")[0] == code
+
+
+def test_check_says_what_is_left_after_the_loss_of_a_module(run):
+    for name, holds in (("seven-modules", True), ("bartels2026-validation", False)):
+        code, out, _ = run("check", RIGS / f"{name}.toml")
+        losses = json.loads(run("check", RIGS / f"{name}.toml", "--json")[1])["losses"]
+        assert code == 0
+        assert f"{name} at home after the loss of a module" in out
+        assert {loss["holds"] for loss in losses} == {holds}
+        words = "holds with the others" if holds else "falls short by"
+        assert out.count(words) == len(losses)

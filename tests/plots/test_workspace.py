@@ -44,6 +44,16 @@ def test_metrics_are_rows_and_rigs_columns(contents):
     assert words.count("z = 0 m") == 1
 
 
+def test_where_values_are_modules_each_has_its_name_and_colour():
+    rig, other = tl.load_rig("seven-modules"), tl.load_rig("cube-8")
+    grid = Grid(AXIS, 1.2 + AXIS, 0.0)
+    words = words_in(content_of(plot_slices(tl.sweep(rig, grid, "worst-loss"))))
+    assert {module.name for module in rig.modules} <= set(words)
+    assert "zero or less" not in words
+    both = read_field(tl.sweep([rig, other], grid, "worst-loss"))
+    assert list(both.modules) == [*"01234567"]  # not all rigs have the same modules
+
+
 def test_a_slice_shows_the_values_of_its_plane(swept):
     field = read_field(swept)
     assert field.axes.keys() == {"x", "y", "z"}

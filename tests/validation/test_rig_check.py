@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.model.directions import grid18
-from tensionlab.validation.rig_check import check_rig
+from tensionlab.model.directions import circle, fibonacci, grid18
+from tensionlab.validation.rig_check import check_losses, check_rig
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 
@@ -198,3 +198,30 @@ def test_bodies_that_are_closer_than_their_margins_are_found(margin, sway, passe
     finding = findings(dataclasses.replace(published(), bodies=(head,)))["bodies"]
     assert finding.passed is passed
     assert f"the cable of top is {0.18 - sway:.3f} m from head" in finding.text
+
+
+@pytest.mark.parametrize("name", ["seven-modules", "body-mounted", "cogiro", "kntu-planar", "floor-3"])
+def test_after_a_loss_the_others_render_what_is_said(name):
+    """By the allocations of a run that continues without the module."""
+    rig = tl.load_rig(name)
+    structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
+    load = -rig.weight if name in ("cogiro", "floor-3") and rig.weight is not None else np.zeros(rig.n)
+    forces = np.zeros((200, rig.n))
+    forces[:, : rig.dimension] = circle(200) if rig.dimension == 2 else fibonacci(200)
+    losses = check_losses(rig)
+    assert [loss.module for loss in losses] == [module.name for module in rig.modules]
+    for lost, loss in enumerate(losses):
+        left = rig.limits.only(np.arange(rig.m) != lost)
+        assert loss.holds == (tl.allocate(structure, load, left).status == tl.Status.EXACT)
+        assert loss.holds == (loss.margin > -1e-6)
+        exact = tl.allocate(structure, load + forces, left).status == tl.Status.EXACT
+        assert loss.directions == pytest.approx(exact.mean(), abs=0.01)
+        if not loss.holds:
+            missing = tl.allocate(structure, load, left).wrench - load
+            missing[rig.dimension :] /= rig.characteristic_length
+            assert np.linalg.norm(missing) >= 0.999 * -loss.margin
+
+
+def test_one_module_alone_has_nothing_to_lose():
+    one = dataclasses.replace(published(), modules=published().modules[:1])
+    assert check_losses(one) == []
