@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from pathlib import Path
 
 from tensionlab.benchmark.results import COUNTS, NUMBERS, Results, entry_names, summary_table
 from tensionlab.support.formatting import format_share
@@ -27,31 +28,7 @@ SET_COLUMNS = {
     "iterations_max": COUNTS["iterations_max"],
 }  # columns of the table of a problem set
 
-HOW_TO_READ = """\
-- **Every problem** is to find the tensions of least `|t|²` that render a wrench inside their limits. A solver
-  with another objective (†) is compared by feasibility, speed and continuity; its gap is a difference of
-  objectives.
-- **Built-in solvers** run through the interface: a prepared `tl.Allocator`, the time of clipping and verifying
-  included. **Baselines** solve the plain program, *default* with their own settings and *tight* with the
-  strictest that make sense; nothing is verified in their time.
-  `daqp` is its own Python module; `qpsolvers:…` goes through qpsolvers; `cvxpy` fills numbers into a
-  program that it compiled once.
-- **solved (1e-3, 1e-6, 1e-9 N)**: the share of the problems solved so accurately: the wrench (of the tensions
-  clipped into their limits) as near as it can be, and the raw tensions outside their limits by no more;
-  times the norm of the wrench where that is above 1 N. For an infeasible wrench, "near" is as the policy
-  defines it (the closest wrench for a solver without one), and the least possible error is subtracted.
-  Refused problems are not solved.
-- **gap**: largest difference of a tension to the optimum. The optimum comes from the exact solver and is
-  verified by its duality gap; problems where that proof fails are left out of the gap.
-- **error** and **limits**: the largest error above the least possible, and the largest violation of a limit
-  by a raw answer.
-- **Times** are of one call from arrays to tensions, each problem the best of {repeats} in random order, in
-  blocks in which the entries take turns, so that interruptions hardly count. *call* is the shifted
-  geometric mean (shift 1 µs). *build* is the part that brings the arrays into the baseline's form,
-  such as the identity matrix of its cost; *prebuilt* is the call without it, as in a loop that keeps
-  them. *batch each*: a problem in one large batch.
-- **tried**: each entry has {seconds:g} s for each set; one that needs longer gets fewer of the
-  problems, drawn at random."""
+HOW_TO_READ = Path(__file__).with_name("how_to_read.md")
 
 
 def report(results: Results, figures: Collection[str] = tuple(FIGURES)) -> str:
@@ -71,7 +48,7 @@ def report(results: Results, figures: Collection[str] = tuple(FIGURES)) -> str:
         summary_table(results.summary(), SUMMARY, bold=True).to_markdown(),
         *(f"![{name}](figures/{name}.png)\n\n*{caption}*" for name, caption in FIGURES.items() if name in figures),
         "## How to read it",
-        HOW_TO_READ.format(repeats=plan["repeats"], seconds=plan["seconds"]),
+        HOW_TO_READ.read_text(encoding="utf-8").strip().format(repeats=plan["repeats"], seconds=plan["seconds"]),
         *(_set(results, name) for name in results.sets),
         "## Machine and versions",
         f"- Processor: {about['processor']}; instruction set used: {bench['instruction_set']}; one thread.\n"

@@ -42,15 +42,11 @@ def show(
                 home=loaded.home,
                 frames=loaded.frames,
                 modules=[
-                    output.fields(module, "name", "frame", "anchor", "attachment")
-                    | {"length_at_home": length}
-                    | output.fields(module, "lower", "upper", "brake", "pulley_radius", "pulley_axis")
+                    vars(module) | {"length_at_home": length}
                     for module, length in zip(loaded.modules, lengths, strict=True)
                 ],
                 bodies=[
-                    output.fields(body, "name", "shape", "start", "end", "radius", "size", "frame")
-                    | output.fields(body, "margin", "sway")
-                    | {"distance_at_home": distance}
+                    vars(body) | {"distance_at_home": distance}
                     for body, distance in zip(loaded.bodies, least, strict=True)
                 ],
             )

@@ -23,7 +23,7 @@ from tensionlab.hardware.sharing import SharedRun
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.rig import Rig
-from tensionlab.scenarios.demand_source import Notify, ScenarioDemand
+from tensionlab.scenarios.demand_source import ScenarioDemand
 from tensionlab.scenarios.person import Person, PersonRecord
 from tensionlab.scenarios.scenario import Scenario
 from tensionlab.scenarios.scenery import as_mapping
@@ -95,37 +95,15 @@ def play(
     left out, and ``call`` the call in its manifest. ``progress`` is called with the share that has been played;
     ``sinks`` get the run besides the log. `HardwareError` if a module failed; all have been stopped.
     """
-    with tempfile.TemporaryDirectory() as folder, temporary_slew(modules.group, scenario.slew):
-        path = Path(folder) / "scenario.mcap" if log is None else Path(log)
-        scenery = as_mapping(scenario)
-        record = RunLog(path, scenario.rig, manifest(call), solver, _settings(scenario), modules.links, scenery)
-        statistics = perform(scenario, modules, None, solver, seconds, [record, *sinks], progress)
-        person = None if modules.person is None else modules.person.record
-        return ScenarioResult(scenario, read_run(path), statistics, person)
-
-
-def perform(
-    scenario: Scenario,
-    modules: ScenarioModules,
-    notify: Notify | None = None,
-    solver: str = "newton",
-    seconds: float | None = None,
-    sinks: Sequence[RunSink] = (),
-    progress: Callable[[float], None] | None = None,
-) -> Statistics:
-    """Play a scenario on modules inside `temporary_slew`, without a log.
-
-    Parameters are those of `play` and, for ``notify``, of `ScenarioDemand`; the sinks get its events as well.
-    """
     length = scenario.seconds if seconds is None else seconds
+    rig, group, scenery = scenario.rig, modules.group, as_mapping(scenario)
+    settings = RunSettings(rate=scenario.rate, policy=scenario.policy)
 
     def note(kind: str, text: str) -> None:
         runner.note(kind, text)
-        if notify is not None:
-            notify(kind, text)
 
     inner = ScenarioDemand(scenario, note)
-    inner.renderer.limits = module_limits(scenario.rig, modules.group)
+    inner.renderer.limits = module_limits(rig, group)
     source: DemandSource = inner if modules.client is None else BridgedDemand(modules.client, inner)
 
     def demand(state: RigState) -> Demand:
@@ -135,15 +113,15 @@ def perform(
             progress(state.time / length)
         return source(state)
 
-    rig, group, settings = scenario.rig, modules.group, _settings(scenario)
-    sinks = [SharedRun(rig, solver, settings, group.clients, as_mapping(scenario)), *sinks]
-    clock, tracker = modules.clock, modules.tracker
-    runner = Runner(rig, group, solver, demand, settings, sinks=sinks, clock=clock, tracker=tracker)
-    return runner.run(length)
-
-
-def _settings(scenario: Scenario) -> RunSettings:
-    return RunSettings(rate=scenario.rate, policy=scenario.policy)
+    with tempfile.TemporaryDirectory() as folder, temporary_slew(group, scenario.slew):
+        path = Path(folder) / "scenario.mcap" if log is None else Path(log)
+        record = RunLog(path, rig, manifest(call), solver, settings, modules.links, scenery)
+        sinks = [SharedRun(rig, solver, settings, group.clients, scenery), record, *sinks]
+        clock, tracker = modules.clock, modules.tracker
+        runner = Runner(rig, group, solver, demand, settings, sinks=sinks, clock=clock, tracker=tracker)
+        statistics = runner.run(length)
+        person = None if modules.person is None else modules.person.record
+        return ScenarioResult(scenario, read_run(path), statistics, person)
 
 
 def module_limits(rig: Rig, group: ModuleGroup) -> ModuleLimits:

@@ -39,12 +39,9 @@ def test_arrays_come_back(tmp_path):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (
-            npy("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,)}"),
-            "is cut off: its header tells",
-        ),
-        (npy("{'descr': '<f8', 'fortran_order': False, 'shape': (-1, -1)}", bytes(8)), "is cut off"),
-        (npy("{'descr': '|O', 'fortran_order': False, 'shape': (1,)}", b"cos\nsystem\n"), "an array of object"),
+        (npy("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,)}"), "a damaged file"),
+        (npy("{'descr': '<f8', 'fortran_order': False, 'shape': (-1, -1)}", bytes(8)), "a damaged file"),
+        (npy("{'descr': '|O', 'fortran_order': False, 'shape': (1,)}", b"cos\nsystem\n"), "a damaged file"),
         (npy("{'descr': '<U9', 'fortran_order': False, 'shape': (0,)}"), "an array of <U9"),
         (npy("{'descr': " + "(" * 100), "a damaged file"),
         (b"no array at all", "a damaged file"),
