@@ -21,7 +21,7 @@ from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios import PersonPlan, Scenario, Script, Waypoint, load_scenario
 from tensionlab.scenarios.expected import find_brake_wall
-from tensionlab.scenarios.play import perform, simulate_modules, temporary_slew
+from tensionlab.scenarios.play import play, simulate_modules
 from tensionlab.support.arrays import Floats
 
 MAX_FORCE_N = 60.0  # allowed on a head
@@ -152,11 +152,10 @@ def outcome(impact: Impact, scenario: Scenario) -> Outcome:
     modules = simulate_modules(played, Conditions(impact.latency), impact.seed)
     decisions: list[str] = []
     fault = ""
-    with temporary_slew(modules.group, played.slew):
-        try:
-            perform(played, modules, lambda kind, text: decisions.append(text) if kind == "brake" else None)
-        except HardwareError as error:
-            fault = str(error)
+    try:
+        decisions = [event.text for event in play(played, modules).run.events if event.kind == "brake"]
+    except HardwareError as error:
+        fault = str(error)
     assert modules.person is not None
     record = modules.person.record
     inside = -wall.height(record.position)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from tensionlab.hardware.log.reader import Run
 
-BINS = 1500  # number of bins of a longer run: lines show their minimum and maximum, the others the worst
+BINS = 1500  # number of bins of a longer run, each with the worst of its cycles
 COLOURS = (BLUE, ORANGE, GREEN)  # colours of the axes x, y and z
 LIMITER_LOOKS = [
     ("free", "#EDEDED", {Limit.NONE}),
@@ -115,19 +115,6 @@ def bins_of(count: int) -> NDArray[np.int64]:
     return np.linspace(0, count, min(count, BINS), endpoint=False).astype(np.int64)
 
 
-def thinned(time: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return a line that looks the same with two points a bin; NaN only where there is nothing else."""
-    if len(time) <= 2 * BINS:
-        return time, values
-    begins = bins_of(len(time))
-    extremes = np.stack([np.fmin.reduceat(values, begins), np.fmax.reduceat(values, begins)], axis=1)
-    return np.repeat(time[begins], 2), extremes.ravel()
-
-
-def _line(axes: Axes, run: Run, values: Floats, **look: Any) -> None:
-    axes.plot(*thinned(run.time, values), **look)
-
-
 def _draw_wrench(axes: Axes, run: Run, measured: Floats, part: slice) -> None:
     local = np.nan_to_num(run.demanded - run.solver_wrench)  # what modules with an impedance, and lost ones, pull
     lines = {"desired": run.desired, "commanded": run.rendered + local, "measured": measured}
@@ -135,7 +122,7 @@ def _draw_wrench(axes: Axes, run: Run, measured: Floats, part: slice) -> None:
     # Where there is one torque only, it is that about z.
     for index, colour in enumerate(COLOURS[:count] if count > 1 else COLOURS[2:]):
         for name, wrench in lines.items():
-            _line(axes, run, wrench[:, part][:, index], color=colour, **WRENCH_LOOKS[name])
+            axes.plot(run.time, wrench[:, part][:, index], color=colour, **WRENCH_LOOKS[name])
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, -MIN_RANGE), max(high, MIN_RANGE))  # rounding errors are not worth a panel
 
@@ -144,7 +131,7 @@ def _draw_error(axes: Axes, run: Run, desired: Floats, measured: Floats) -> None
     """Draw the size of the force error, and the just noticeable difference of the desired force."""
     noticed = [just_noticeable(size) for size in np.linalg.norm(np.nan_to_num(desired), axis=1)]
     axes.fill_between(run.time, 0.0, noticed, color="#EDEDED", linewidth=0.0)
-    _line(axes, run, np.linalg.norm(measured - desired, axis=1), color=RED, linewidth=1.0)
+    axes.plot(run.time, np.linalg.norm(measured - desired, axis=1), color=RED, linewidth=1.0)
     axes.set(ylabel="error (N)", ylim=(0.0, None))
     shade = {"color": "#EDEDED", "linewidth": 6}
     legend_beside(axes, [("|measured - desired|", {"color": RED}), ("not noticeable", shade)])
@@ -193,8 +180,8 @@ def _draw_tension(axes: Axes, run: Run, index: int, top: float) -> None:
     lower, upper = run.setup.lower[index], run.setup.upper[index]
     for limit in (lower, upper):
         axes.axhline(limit, color=GREY, linestyle="--", linewidth=0.9)
-    _line(axes, run, run.measured[:, index], color=ORANGE, linewidth=1.2)
-    _line(axes, run, run.commanded[:, index], color=BLUE, linewidth=1.2)
+    axes.plot(run.time, run.measured[:, index], color=ORANGE, linewidth=1.2)
+    axes.plot(run.time, run.commanded[:, index], color=BLUE, linewidth=1.2)
     axes.set_ylim(0.0, top)
     axes.set_ylabel("N")
     name = f"{run.rig.modules[index].name}, {lower:g} to {upper:g} N"

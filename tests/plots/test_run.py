@@ -10,7 +10,7 @@ from tensionlab.hardware.protocol.codes import Limit, State
 from tensionlab.hardware.runner.cycle_table import COLUMNS
 from tensionlab.hardware.runner.records import RunEvent
 from tensionlab.plots import plot_run
-from tensionlab.plots.run import BINS, LIMITER_LOOKS, severity, thinned
+from tensionlab.plots.run import LIMITER_LOOKS, severity
 from tests.helpers import runs
 from tests.helpers.figures import content_of, words_in
 
@@ -52,14 +52,6 @@ def test_torques_have_a_panel_of_their_own_and_a_log_that_was_cut_off_says_so(tm
 
 
 def test_in_a_long_run_nothing_is_overlooked(tmp_path):
-    count = 40_000
-    time, values = np.arange(count) / 100.0, np.zeros(count)
-    values[12_345], values[23_456], values[30_000:30_010] = 7.0, -3.0, np.nan
-    at, line = thinned(time, values)
-    assert len(line) == 2 * BINS
-    assert (line.max(), line.min()) == (7.0, -3.0)
-    assert at[line.argmax()] == pytest.approx(123.45, abs=0.3)
-    assert np.isfinite(line).all()
     runs.logged(tmp_path / "run.mcap", runs.four(), 50)
     short = read_run(tmp_path / "run.mcap")
     many = {name: np.concatenate([getattr(short, name)] * 100) for name in COLUMNS}
