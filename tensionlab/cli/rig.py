@@ -46,7 +46,7 @@ def show(
                     for module, length in zip(loaded.modules, lengths, strict=True)
                 ],
                 bodies=[
-                    vars(body) | {"distance_at_home": distance}
+                    vars(body) | {"shape": body.shape, "distance_at_home": distance}
                     for body, distance in zip(loaded.bodies, least, strict=True)
                 ],
             )

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensionlab.errors import InputError
 from tensionlab.plots import scene, style
@@ -16,7 +15,7 @@ from tensionlab.plots.style import COARSE_SHADE, Entry
 from tensionlab.scenarios.checks import ForceRecord, desired_force, rendered_force
 from tensionlab.scenarios.scenery import scenery
 from tensionlab.support.arrays import Floats
-from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
+from tensionlab.support.colours import BLUE, GREY, ORANGE, RED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,11 +31,8 @@ MIN_FORCE_SHARE = 0.1  # an axis is drawn if its force gets to this share of the
 KNEE = 1.3  # multiple of the motors' largest tension beyond which forces are drawn on a logarithmic scale
 SETTLING_S = 0.3  # after a phase's begin: forces of modules that start, or of what was before
 NEAR_M = 0.12  # largest distance from a surface at which its force is drawn
-PAWL_FORCE_N = 1.0  # a pawl holds where the cable pulls this much harder than its motor ..
-PAWL_RELEASE_S = 0.3  # ... within this time after its brake was commanded
 SHADES = {
     "brake commanded": ("#A8D8C8", 0.0, 1.0),
-    "pawl holds the cable": (GREEN, 0.9, 1.0),
     "module-local spring or vibration": ("#CC79A7", 0.0, 0.06),
 }  # colours of what a module did besides pulling, and the heights of their shades as shares of the panel
 WIDE: dict[str, Any] = {"linewidth": 5.0, "alpha": 0.3}
@@ -160,7 +156,7 @@ def draw_force(axes: Axes, played: ScenarioResult) -> None:
 def draw_tension(axes: Axes, played: ScenarioResult, index: int) -> None:
     """Draw the commanded and measured tension of a module and, with a simulated person, the cable's actual one.
 
-    Shades show when its brake was commanded, when the pawl held, and when the module rendered an effect itself.
+    Shades show when its brake was commanded, and when the module rendered an effect itself.
     """
     run, person = played.run, played.person
     lower, upper = run.setup.lower[index], run.setup.upper[index]
@@ -183,7 +179,7 @@ def draw_tension(axes: Axes, played: ScenarioResult, index: int) -> None:
     entries.append(("motor limits", {"color": GREY, "linestyle": "--", "linewidth": 0.9}))
     across = axes.get_xaxis_transform()  # heights as shares of the panel
     local = np.isfinite(run.impedances[:, index]).any(axis=1)
-    states = (run.commanded_brakes[:, index], pawl_engaged(played, index), local)
+    states = (run.commanded_brakes[:, index], local)
     for (name, (colour, low, high)), on in zip(SHADES.items(), states, strict=True):
         if on.any():
             axes.fill_between(
@@ -237,15 +233,3 @@ def force_distance(played: ScenarioResult) -> list[ForceDistance]:
                 curves.append(np.stack([1e3 * height[near], part.force[near] @ plane.n]))
         found.append(ForceDistance(phase.name, name, *curves))
     return found
-
-
-def pawl_engaged(played: ScenarioResult, index: int) -> NDArray[np.bool_]:
-    """Return in which cycles (K,) a module's pawl carried its cable; known with a simulated person only."""
-    run, person = played.run, played.person
-    commanded = run.time[run.commanded_brakes[:, index]]
-    if person is None or not commanded.size:
-        return np.zeros(len(run), dtype=bool)
-    actual = np.interp(run.time, person.time, person.tensions[:, index])
-    latest = np.searchsorted(commanded, run.time, side="right") - 1
-    soon = (latest >= 0) & (run.time - commanded[np.maximum(latest, 0)] <= PAWL_RELEASE_S)
-    return np.asarray(soon & (actual > np.nan_to_num(run.measured[:, index]) + PAWL_FORCE_N))

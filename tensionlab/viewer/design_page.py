@@ -129,7 +129,7 @@ class DesignPage:
         if grab.phase == "start":
             self._step = object()
         self._dragging = grab.phase != "end"
-        self.edit(lambda state: dragged(state, grab), self._step, ("drag", grab.what))
+        self.edit(lambda state: dragged(state, grab), self._step)
 
 
 def view(rig: Rig) -> DesignPage:

@@ -83,7 +83,7 @@ class DesignPanel:
 
         def edit() -> None:
             value = field.value
-            self._queue.edit(lambda state: change(state, value), field, field)
+            self._queue.edit(lambda state: change(state, value), field)
 
         return on_input(field, edit)
 
@@ -176,7 +176,7 @@ class DesignPanel:
         self._bind_attribute(gui.add_checkbox("show", False), "show_workspace")
         self._bind_attribute(gui.add_dropdown("metric", usable_metrics(self._rig)), "metric")
         level = gui.add_slider("level", 0.0, 1.0, 0.01, 0.0)
-        on_input(level, lambda: self._queue.edit(edits.set_fields(level=level.value), level, level))
+        on_input(level, lambda: self._queue.edit(edits.set_fields(level=level.value), level))
         self._level, self._share = level, gui.add_html("")
 
     def _add_file(self, file: str) -> None:

@@ -11,7 +11,6 @@ from tensionlab.viewer.worker import Worker
 
 UNDOABLE = ("rig", "position", "rotation", "wrench")  # attributes of a state that undo restores
 MAX_STEPS = 500
-Queued = tuple[object, Callable[[], object]]  # key of an edit, and the function that makes it
 
 
 class History:
@@ -64,18 +63,17 @@ class EditQueue:
     def __init__(self, state: DesignState, show: Callable[[str], None]) -> None:
         self.history = History(state)
         self._show = show
-        self._worker: Worker[Queued] = Worker("view", self._work)
-        self.close = self._worker.close
+        self._worker = Worker("view", self._work)
+        self.put, self.close = self._worker.put, self._worker.close  # `put` queues a function
 
     def start(self) -> None:
         """Show the state, and begin to make edits."""
         self._show("")
         self._worker.start()
 
-    def edit(self, change: Edit, step: object = None, key: object = None) -> None:
-        """Queue an edit; one that is followed by another with its step and key before it is made is dropped."""
-        known = None if key is None else (key, step)
-        self.put(lambda: self.history.record(change(self.history.present), step), known)
+    def edit(self, change: Edit, step: object = None) -> None:
+        """Queue an edit; those of one step are undone together."""
+        self.put(lambda: self.history.record(change(self.history.present), step))
 
     def undo(self) -> None:
         """Queue the undoing of the last step."""
@@ -85,16 +83,9 @@ class EditQueue:
         """Queue the redoing of the step undone last."""
         self.put(self.history.redo)
 
-    def put(self, act: Callable[[], object], key: object = None) -> None:
-        """Queue a function; one whose key, if not None, equals that of the function queued next is dropped."""
-        self._worker.put((key, act))
-
-    def _work(self, waiting: list[Queued]) -> None:
+    def _work(self, waiting: list[Callable[[], object]]) -> None:
         before, problem = self.history.present, ""
-        following = [*(key for key, _ in waiting[1:]), None]
-        for (key, act), next_key in zip(waiting, following, strict=True):
-            if key is not None and key == next_key:
-                continue
+        for act in waiting:
             try:
                 act()
             except Exception as error:  # whatever it is, the page must survive it

@@ -10,7 +10,6 @@ from tensionlab.plots.scenario import (
     draw_tension,
     force_distance,
     moment_of,
-    pawl_engaged,
     plot_scenario,
 )
 from tensionlab.plots.scene import view_of
@@ -32,7 +31,7 @@ def test_the_figure_names_what_is_in_it(bow):
         *(phase.name for phase in bow.scenario.phases),
         *("Force on the draw hand", "along x", "desired", "rendered (simulated)", "logarithmic scale"),
         *("Tension of bow-hand", "cable, simulated", "motor limits", "time (s)"),
-        *("brake commanded", "pawl holds the cable", "module-local spring or vibration"),
+        *("brake commanded", "module-local spring or vibration"),
         *("module on the body", "where brakes hold", "draw hand", "bow-hand"),
         *("Force against distance", "from bow hand to draw hand (m)"),
     ):
@@ -47,7 +46,7 @@ def test_the_same_play_makes_the_same_figure_also_without_the_person(bow):
     assert content == content_of(plot_scenario(real))
     words = words_in(content)
     assert "measured by the modules" in words
-    for word in ("rendered (simulated)", "cable, simulated", "pawl holds the cable"):
+    for word in ("rendered (simulated)", "cable, simulated"):
         assert word not in words, word
 
 
@@ -78,15 +77,6 @@ def test_a_shade_lasts_as_long_as_the_brake_was_commanded(bow):
     begin, end = axes.collections[0].get_paths()[0].get_extents().intervalx
     assert end - begin == pytest.approx(bow.run.commanded_brakes.sum() / bow.run.setup.rate, abs=0.006)  # a cycle
     assert begin == bow.run.time[bow.run.commanded_brakes[:, 0]][0]
-
-
-def test_a_pawl_is_in_where_the_cable_pulls_harder_than_the_motor_could(bow):
-    carried = pawl_engaged(bow, 0)
-    assert not carried[bow.run.time < bow.run.time[bow.run.commanded_brakes[:, 0]][0]].any()
-    really = np.interp(bow.run.time, bow.person.time, bow.person.tensions[:, 0])
-    assert carried[really > 8.0].all()
-    assert not carried[really < bow.run.measured[:, 0] + 0.5].any()
-    assert (really > 8.0).sum() > 50
 
 
 def test_where_things_are_is_read_off_the_cables(bow):
