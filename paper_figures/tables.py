@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pandas import DataFrame
+from pandas import DataFrame, Series
 
 from paper_figures import anchor_count
-from tensionlab.hardware.calibration.gain import Estimate
 from tensionlab.plots.workspace import read_field, share_above
 from tensionlab.validation.data_tables import Recording
 from tensionlab.validation.statistics import score
@@ -51,13 +50,14 @@ def published_and_simulated(published: DataFrame, recording: Recording, rigs: Da
         (
             name,
             f"{published['value'][key]:.{digits}f}",
-            _interval(getattr(one, part).mean, digits),
+            _interval(one.loc[part], digits),
             _quantiles(rigs[part], digits),
         )
         for name, key, part, digits in LINES
     ]
     all_within = 100.0 * np.mean(rigs["within"] == 1.0)
-    one_within = "yes" if one.within == 1.0 else f"no, {100.0 * one.within:.1f} %"
+    within = one["mean"]["within"]
+    one_within = "yes" if within == 100.0 else f"no, {within:.1f} %"
     rows.insert(1, ("every force within 45°", "yes", one_within, f"{all_within:.1f} % of the rigs"))
     seed, count = recording.manifest["seed"], len(recording.desired)
     note = (
@@ -79,8 +79,8 @@ def shares_of_room(room: Any) -> Table:
     return Table(note, ("modules", *(f"{force:.1f} N" for force in FORCES)), tuple(rows))
 
 
-def _interval(found: Estimate, digits: int) -> str:
-    return f"{found.value:.{digits}f} ({found.lower:.{digits}f} to {found.upper:.{digits}f})"
+def _interval(found: Series, digits: int) -> str:
+    return f"{found['mean']:.{digits}f} ({found['mean_lower']:.{digits}f} to {found['mean_upper']:.{digits}f})"
 
 
 def _quantiles(values: Any, digits: int) -> str:

@@ -83,7 +83,7 @@ honey = run("newton")
 assert 0.8 < np.linalg.norm(honey.desired[-1]) < 1.2  # at 5 cm/s
 """,
     "06_validation": """
-means = [measure("paper-like", 14, seed=seed).aligned["paper"].score.angle.mean.value for seed in (0, 2)]
+means = [measure("paper-like", 14, seed=seed).aligned["paper"].score["mean"]["angle"] for seed in (0, 2)]
 assert means[1] > 1.3 * means[0]
 errors = trials.query("question == 'error'")
 assert errors.groupby("choice")["vector"].median().idxmax() == "gain"

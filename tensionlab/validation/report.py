@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.hardware.calibration.gain import Estimate
 from tensionlab.model.files import rig_from_toml
 from tensionlab.model.layouts import ring_plus_top
 from tensionlab.model.rig import Rig
@@ -19,11 +18,22 @@ from tensionlab.support.table import Column, Table
 from tensionlab.validation.data_tables import Recording
 from tensionlab.validation.protocol import AXIS_FORCES, Measurement
 from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
-from tensionlab.validation.statistics import ALIGNMENTS, ForceScore, rotation_angle, score
+from tensionlab.validation.statistics import ALIGNMENTS, rotation_angle, score
+
+if TYPE_CHECKING:
+    import pandas
 
 SAME_PLACE_M = 1e-3  # distance of anchors below which a rig is the published one
 TILTED_DEG = 1.0  # difference of the two alignments above which the report mentions tilt
 SOURCE = "Bartels et al. 2026, arXiv 2603.08054"
+# Name, unit, row of the statistics and published number of each line.
+LINES = (
+    ("mean angle error", "degrees", "angle", 14.0),
+    ("vectors within 45 degrees", "%", "within", 100.0),
+    ("mean magnitude", "N", "magnitude", 1.84),
+    ('"magnitude error", as | |F| - |F0| |', "N", "magnitude_error", 0.58),
+    ('"magnitude error", as |F - F0|', "N", "vector", 0.58),
+)
 READING = (
     '"Magnitude error" is not defined in the publication. Read as the length of the error vector, |F - F0|, its '
     "0.58 N fit its other numbers; read as the difference of the magnitudes, they do not. That the first is meant "
@@ -43,7 +53,7 @@ class AlignedForces:
     rotation: Floats  # (3, 3)
     angle: float  # of the rotation, in degrees
     forces: Floats  # (K, 3), in N
-    score: ForceScore
+    score: pandas.DataFrame  # of `tensionlab.validation.statistics.score`
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +81,8 @@ class ValidationResult:
         return "simulated" if self.setup["simulated"] else "measured"
 
     def __repr__(self) -> str:
-        found = self.aligned["paper"].score
-        errors = f"mean angle error {found.angle.mean.value:.1f}°, error vector {found.vector.mean.value:.2f} N"
+        mean = self.aligned["paper"].score["mean"]
+        errors = f"mean angle error {mean['angle']:.1f}°, error vector {mean['vector']:.2f} N"
         return f"<ValidationResult of {self.title}: {errors}>"
 
     def _repr_html_(self) -> str:
@@ -81,11 +91,14 @@ class ValidationResult:
     def table(self) -> Table:
         """Return the published numbers and those of this rig, line by line."""
         rows = []
-        for line in comparison_lines(self):
-            measured, weighted = line.measured, line.weighted and line.weighted.value
-            interval = "" if line.weighted is None else f" ({measured.lower:.3g} to {measured.upper:.3g})"
-            name = f"{line.name} ({line.unit})"
-            rows.append([name, line.published, f"{measured.value:.3g}{interval}", weighted, line.maximum])
+        for name, row in comparison(self).items():
+            interval, rest = (
+                f" ({row['mean_lower']:.3g} to {row['mean_upper']:.3g})",
+                (row["weighted"], row["maximum"]),
+            )
+            if row["quantity"] == "within":
+                interval, rest = "", (None, None)
+            rows.append([f"{name} ({row['unit']})", row["published"], f"{row['mean']:.3g}{interval}", *rest])
         columns = ["", Column("published", format=".3g"), Column(self.kind, "95 %"),
                    Column("sin-weighted", format=".3g"), Column("maximum", format=".3g")]  # fmt: skip
         return Table(columns, rows, self.title, remarks(self))
@@ -149,28 +162,13 @@ def make_recording(result: ValidationResult, rig: Rig, sensor: str, manifest: Ma
     )
 
 
-class ComparisonLine(NamedTuple):
-    """Published and measured number; `weighted` and `maximum` may be missing."""
-
-    name: str
-    unit: str
-    published: float
-    measured: Estimate
-    weighted: Estimate | None = None
-    maximum: float | None = None
-
-
-def comparison_lines(result: ValidationResult) -> list[ComparisonLine]:
-    """Return the numbers that are compared, of forces aligned as published."""
+def comparison(result: ValidationResult) -> dict[str, dict[str, Any]]:
+    """Return the numbers that are compared, of forces aligned as published, by their names."""
     found = result.aligned["paper"].score
-    within = Estimate(100.0 * found.within, float("nan"), float("nan"))
-    return [
-        ComparisonLine("mean angle error", "degrees", 14.0, *found.angle),
-        ComparisonLine("vectors within 45 degrees", "%", 100.0, within),
-        ComparisonLine("mean magnitude", "N", 1.84, *found.magnitude),
-        ComparisonLine('"magnitude error", as | |F| - |F0| |', "N", 0.58, *found.magnitude_error),
-        ComparisonLine('"magnitude error", as |F - F0|', "N", 0.58, *found.vector),
-    ]
+    return {
+        name: {"quantity": quantity, "unit": unit, "published": published, **found.loc[quantity]}
+        for name, unit, quantity, published in LINES
+    }
 
 
 def remarks(result: ValidationResult) -> list[str]:
@@ -218,9 +216,9 @@ def as_json(result: ValidationResult, manifest: Mapping[str, Any]) -> dict[str, 
         "fallback_used": result.fallback_used,
         "rested": result.rested,
         "source": SOURCE,
-        "comparison": comparison_lines(result),
+        "comparison": comparison(result),
         "alignments": {
-            name: {"rotation": each.rotation, "degrees": each.angle, "score": each.score}
+            name: {"rotation": each.rotation, "degrees": each.angle, "score": each.score.to_dict("index")}
             for name, each in result.aligned.items()
         },
         "remarks": remarks(result),
@@ -230,11 +228,10 @@ def as_json(result: ValidationResult, manifest: Mapping[str, Any]) -> dict[str, 
 def as_markdown(result: ValidationResult) -> str:
     """Return the report as Markdown."""
     title = "Technical validation, simulated" if result.setup["simulated"] else "Technical validation"
-    kabsch = result.aligned["kabsch"].score
+    kabsch = result.aligned["kabsch"].score["mean"]
     table = result.table()
     table.notes = [
-        f"Aligned by Kabsch instead: {kabsch.angle.mean.value:.1f} degrees, "
-        f"{kabsch.vector.mean.value:.2f} N of error vector.",
+        f"Aligned by Kabsch instead: {kabsch['angle']:.1f} degrees, {kabsch['vector']:.2f} N of error vector.",
         "\n".join(f"- {remark}" for remark in remarks(result)),
     ]
     return (

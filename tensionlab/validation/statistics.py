@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from tensionlab.errors import ShapeError
 from tensionlab.hardware.calibration.gain import Estimate, LinearFit, around, fit
 from tensionlab.model import kinematics
-from tensionlab.support.arrays import Floats, Integers
+from tensionlab.support.arrays import Floats
+from tensionlab.support.provenance import data_frame
+
+if TYPE_CHECKING:
+    import pandas
 
 MAX_ANGLE_DEG = 45.0  # every vector of the publication was within
-RESAMPLES, CONFIDENCE = 2000, 0.95
+RESAMPLES, TAILS = 2000, (0.025, 0.975)
 
 
 def fit_yaw(desired: Floats, measured: Floats) -> Floats:
@@ -62,29 +66,6 @@ class Deviations(NamedTuple):
     vector: Floats
 
 
-class DeviationSummary(NamedTuple):
-    """Summary of one deviation over all forces.
-
-    ``weighted`` is the mean with weights sin(theta), theta from the vertical: over a grid of latitudes and
-    longitudes it is the mean over the sphere, while the plain ``mean`` counts the poles too much.
-    """
-
-    mean: Estimate
-    weighted: Estimate
-    maximum: float
-
-
-@dataclass(frozen=True)
-class ForceScore:
-    """Summaries of the fields of `Deviations`, and the share of angles up to 45 degrees."""
-
-    angle: DeviationSummary
-    magnitude: DeviationSummary
-    magnitude_error: DeviationSummary
-    vector: DeviationSummary
-    within: float
-
-
 def deviations(desired: Floats, measured: Floats) -> Deviations:
     """Return the deviations of measured forces, (..., K, 3) in N, from desired ones, none of which is zero."""
     size, wanted = np.linalg.norm(measured, axis=-1), np.linalg.norm(desired, axis=-1)
@@ -94,8 +75,13 @@ def deviations(desired: Floats, measured: Floats) -> Deviations:
     return Deviations(angle, size, np.abs(size - wanted), np.linalg.norm(measured - desired, axis=-1))
 
 
-def score(desired: Floats, measured: Floats, seed: int = 0) -> ForceScore:
+def score(desired: Floats, measured: Floats, seed: int = 0) -> pandas.DataFrame:
     """Return the statistics of measured forces (K, 3) in N; raise `ShapeError` if there is none.
+
+    A row for each field of `Deviations`, and "within", the forces in % whose angle is at most 45 degrees. Columns
+    are ``mean`` and ``weighted``, the ends of their 95 % intervals (``mean_lower`` and so on), and ``maximum``.
+    Weights are sin(theta), theta from the vertical: over a grid of latitudes and longitudes this is the mean over
+    the sphere, while the plain one counts the poles too much.
 
     In the bootstrap, whole vectors are drawn again with replacement, 2000 times (Efron 1979, Annals of Statistics
     7(1); percentiles). It shows how much the choice of vectors matters, on this rig.
@@ -103,28 +89,16 @@ def score(desired: Floats, measured: Floats, seed: int = 0) -> ForceScore:
     if not len(desired):
         raise ShapeError("no forces were measured; there is nothing to compare")
     found = deviations(desired, measured)
-    weights = np.linalg.norm(desired[:, [0, 2]], axis=-1) / np.linalg.norm(desired, axis=-1)
+    values = np.array([*found, 100.0 * (found.angle <= MAX_ANGLE_DEG)])
     drawn = np.random.default_rng(seed).integers(0, len(desired), (RESAMPLES, len(desired)))
-    angle, magnitude, magnitude_error, vector = (_summary(column, weights, drawn) for column in found)
-    return ForceScore(angle, magnitude, magnitude_error, vector, float(np.mean(found.angle <= MAX_ANGLE_DEG)))
-
-
-def _summary(column: Floats, weights: Floats, drawn: Integers) -> DeviationSummary:
-    mean, weighted = (_bootstrap(column, each, drawn) for each in (np.ones_like(weights), weights))
-    return DeviationSummary(mean, weighted, float(np.max(column)))
-
-
-def _bootstrap(values: Floats, weights: Floats, drawn: Integers) -> Estimate:
-    """Return a weighted mean with its interval."""
-    tails = (0.5 - CONFIDENCE / 2.0, 0.5 + CONFIDENCE / 2.0)
-    lower, upper = np.quantile(_mean(values[drawn], weights[drawn]), tails).tolist()
-    return Estimate(float(_mean(values, weights)), lower, upper)
-
-
-def _mean(values: Floats, weights: Floats) -> Floats:
-    """Return the weighted mean over the last axis; NaN where all weights are zero."""
-    total = weights.sum(axis=-1)
-    return np.where(total > 0.0, (values * weights).sum(axis=-1) / np.where(total > 0.0, total, 1.0), np.nan)
+    sines = np.linalg.norm(desired[:, [0, 2]], axis=-1) / np.linalg.norm(desired, axis=-1)
+    table: dict[str, Floats] = {}
+    for name, weights in (("mean", np.ones(len(desired))), ("weighted", sines)):
+        with np.errstate(invalid="ignore"):  # all forces may be along the vertical: NaN
+            table[name] = (values * weights).sum(axis=-1) / weights.sum()
+            means = (values[:, drawn] * weights[drawn]).sum(axis=-1) / weights[drawn].sum(axis=-1)
+        table[f"{name}_lower"], table[f"{name}_upper"] = np.quantile(means, TAILS, axis=-1)
+    return data_frame(table | {"maximum": values.max(axis=-1)}, [*Deviations._fields, "within"])
 
 
 @dataclass(frozen=True, eq=False)

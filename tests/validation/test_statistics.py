@@ -78,24 +78,24 @@ def test_weights_take_the_poles_for_what_they_are():
     wrong = (
         np.where(np.abs(DESIRED[:, [1]]) > 1.4, 2.0, 1.0) * DESIRED
     )  # 42 vectors about the poles are twice too long
-    found = score(DESIRED, wrong).vector
-    assert found.mean.value == pytest.approx(1.5 * 42 / 182)
-    assert found.weighted.value == pytest.approx(1.5 * 0.0979, abs=2e-3)  # sin 18° of the sum of sines, twice
-    assert found.mean.lower < found.mean.value < found.mean.upper
+    found = score(DESIRED, wrong).loc["vector"]
+    assert found["mean"] == pytest.approx(1.5 * 42 / 182)
+    assert found["weighted"] == pytest.approx(1.5 * 0.0979, abs=2e-3)  # sin 18° of the sum of sines, twice
+    assert found["mean_lower"] < found["mean"] < found["mean_upper"]
 
 
 def test_bootstrap_intervals_are_as_wide_as_theory_says():
     random = np.random.default_rng(1)
     long = DESIRED * (1.0 + 0.1 * random.standard_normal((182, 1)))
-    found = score(DESIRED, long).magnitude.mean
+    found = score(DESIRED, long).loc["magnitude"]
     sd = np.linalg.norm(long, axis=1).std() / np.sqrt(182)
-    assert found.upper - found.lower == pytest.approx(2 * 1.96 * sd, rel=0.1)
+    assert found["mean_upper"] - found["mean_lower"] == pytest.approx(2 * 1.96 * sd, rel=0.1)
 
 
 def test_share_within_45_degrees():
     c = np.cos(np.radians(46.0))
     measured = np.array([[1.0, 0, 0], [c, np.sqrt(1 - c * c), 0]])
-    assert score(np.array([[1.0, 0, 0]] * 2), measured).within == 0.5
+    assert score(np.array([[1.0, 0, 0]] * 2), measured)["mean"]["within"] == 50.0
     with pytest.raises(ShapeError, match="no forces"):
         score(np.empty((0, 3)), np.empty((0, 3)))
 
