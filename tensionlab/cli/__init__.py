@@ -41,6 +41,7 @@ NUMBER_OPTIONS = (
     "--wrench",
     "--rotation",
     "--box",
+    "--acceleration",
     "--step",
     "--frame",
 )

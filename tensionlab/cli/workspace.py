@@ -63,6 +63,7 @@ def workspace(
     ] = None,
     wrench: options.Wrench = None,
     gravity: options.Gravity = None,
+    acceleration: options.Acceleration = None,
     required: options.Required = None,
     frames: options.BodyFrames = None,
     out: Annotated[
@@ -80,7 +81,7 @@ def workspace(
     there are rotations: then the table also says how much of the box is feasible in all of them, the total
     orientation workspace, which is drawn, and in one at least, the inclusive one.
     """
-    loaded = [options.load(rig, frames, wrench, gravity, required) for rig in rigs]
+    loaded = [options.load(rig, frames, wrench, gravity, required, acceleration) for rig in rigs]
     if poses is not None and (box or step or rotations):
         raise typer.BadParameter("--poses takes the place of --box, --step and --rotations; leave one out")
     if poses is not None and plot is not None:
@@ -184,6 +185,7 @@ def certify(
     rotations: options.Rotations = None,
     wrench: options.Wrench = None,
     gravity: options.Gravity = None,
+    acceleration: options.Acceleration = None,
     required: options.Required = None,
     frames: options.BodyFrames = None,
     loss: Annotated[
@@ -202,7 +204,7 @@ def certify(
     The box is divided into cells, each of which is proved inside, in all orientations, proved outside, or left
     undecided. If nothing is required, wrench closure is proved.
     """
-    loaded = options.load(rig, frames, wrench, gravity, required)
+    loaded = options.load(rig, frames, wrench, gravity, required, acceleration)
     region, steps = options.parse_region([loaded], box, step)
     turned = options.parse_orientations(loaded, rotations)
     required_wrenches = loaded.required if loaded.required else WRENCH_CLOSURE

@@ -169,7 +169,7 @@ def rig_to_toml(rig: Rig) -> str:
     if rig.platform is not None:
         document["platform"] = _given(rig.platform, ["mass", "com", "inertia"])
     if rig.required != Requirement():
-        document["required"] = _given(rig.required, ["wrench", "box", "wrenches", "length"])
+        document["required"] = _given(rig.required, ["wrench", "box", "wrenches", "acceleration", "length"])
         document["required"] |= {"ball": rig.required.ball} if rig.required.ball else {}
         document["required"] |= {"gravity": True} if rig.required.gravity else {}
     if rig.rest:

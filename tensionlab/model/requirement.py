@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
-from itertools import product
+from functools import cache
+from itertools import combinations, product
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.errors import RigError, ShapeError
+from tensionlab.model import kinematics, pose
 from tensionlab.model.module import MAX_LENGTH, MAX_TENSION, ArrayRecord, Platform
 from tensionlab.support.arrays import Floats, as_floats, readonly_copy
 from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_vector
 
 MAX_WRENCHES = 100_000  # wrenches of a list: each of them is looked at in every pose
+MAX_ACCELERATION = 1e6  # along an axis, in m/s² or rad/s²
 
 
 class RequiringRig(Protocol):
@@ -35,6 +39,8 @@ class RequiringRig(Protocol):
     def weight(self) -> Floats | None: ...  # noqa: D102
     @property
     def characteristic_length(self) -> float: ...  # noqa: D102
+    @property
+    def home_matrix(self) -> Floats: ...  # noqa: D102
     def gravity(self, rotation: ArrayLike | None = None) -> Floats: ...  # noqa: D102
 
 
@@ -58,6 +64,10 @@ class Requirement(ArrayRecord):
         Radius in N of a ball that is added to the set. Torques are divided by the length.
     gravity : bool
         Whether the cables also hold the weight of the platform, in any orientation.
+    acceleration : (d,) or (n,) read-only array, float or None
+        Accelerations that the cables also give to the platform from rest, in world axes: those of its centre of
+        mass in m/s², and angular ones in rad/s². Half of the edges of a box, or one number for all linear
+        accelerations up to that. These count as a polytope around their ball, up to 2 % (in space 7 %) further.
     length : float or None
         Characteristic length in m by which margins and balls divide torques; None for that of the rig,
         `Rig.characteristic_length`.
@@ -78,9 +88,12 @@ class Requirement(ArrayRecord):
     wrenches: Floats | None = None
     ball: float = 0.0
     gravity: bool = False
+    acceleration: Floats | None = None
     length: float | None = None
 
     def __post_init__(self) -> None:
+        if self.acceleration is not None:
+            object.__setattr__(self, "acceleration", _acceleration(self.acceleration))
         for key, axes in (("wrench", 1), ("box", 1), ("wrenches", 2)):
             if (values := getattr(self, key)) is not None:
                 object.__setattr__(self, key, _wrenches(key, values, axes))
@@ -107,7 +120,8 @@ class Requirement(ArrayRecord):
 
     def __bool__(self) -> bool:
         """Tell whether anything is required but to hold still without a load."""
-        return self.gravity or self.ball > 0 or any(array.any() for array in self._arrays().values())
+        moves = self.acceleration is not None and self.acceleration.any()
+        return bool(self.gravity or self.ball > 0 or moves or any(each.any() for each in self._arrays().values()))
 
     def _arrays(self) -> dict[str, Floats]:
         given = {key: getattr(self, key) for key in ("wrench", "box", "wrenches")}
@@ -127,6 +141,24 @@ class Requirement(ArrayRecord):
                 f'required: key "gravity" is true, but {rig.name} does not know its weight; its file needs '
                 f"{missing}, or give the wrench that holds it"
             )
+        if self.acceleration is not None:
+            self._check_platform(rig, self.acceleration)
+
+    def _check_platform(self, rig: RequiringRig, acceleration: Floats) -> None:
+        """Refuse accelerations of another size than the rig's, or of a platform whose inertia is not known."""
+        d, size = rig.dimension, acceleration.size
+        if acceleration.ndim and size not in (d, rig.n):
+            sizes = f"{d}" if rig.n == d else f"{d} or {rig.n}"
+            raise RigError(
+                f'required: key "acceleration" has {size} components; {rig.name}, a {rig.kind} rig, needs {sizes}'
+            )
+        turns = size > d and acceleration[d:].any()
+        if rig.platform is None or (turns and rig.platform.inertia is None):
+            missing = "inertia" if rig.platform else "mass"
+            raise RigError(
+                f'required: key "acceleration" is there, but {rig.name} has no {missing}; its file needs '
+                f'[platform] with "{missing}"'
+            )
 
     def middle(self, rig: RequiringRig, rotation: ArrayLike | None = None) -> Floats:
         """Return the wrench in the middle of the set, (n,).
@@ -145,9 +177,50 @@ class Requirement(ArrayRecord):
         """
         around = np.zeros((1, rig.n)) if self.wrenches is None else self.wrenches
         if self.box is not None:
-            ends = [(-half, half) if half else (0.0,) for half in self.box]
-            around = np.array(list(product(*ends)))
-        return self.middle(rig, rotation)[..., None, :] + around
+            around = _corners(self.box)
+        found = self.middle(rig, rotation)[..., None, :] + around
+        if self.acceleration is None:
+            return found
+        moving = self._inertial(rig, rotation)
+        return np.asarray(found[..., None, :] + moving[..., None, :, :]).reshape(*moving.shape[:-2], -1, rig.n)
+
+    def _inertial(self, rig: RequiringRig, rotation: ArrayLike | None) -> Floats:
+        """Return the wrenches (..., k, n) that accelerate the platform, by Newton and Euler for a body at rest."""
+        d, platform, given = rig.dimension, rig.platform, self.acceleration
+        assert platform is not None
+        assert given is not None
+        corners = given * around_ball(d) if given.ndim == 0 else _corners(given)
+        force = platform.mass * corners[:, :d]
+        if rig.n == d:
+            return force
+        turn = rig.home_matrix if rotation is None else pose.rotations(rotation, d, "rotation")
+        com = np.zeros(d) if platform.com is None else platform.com
+        arms = np.broadcast_to((turn @ com)[..., None, :], (*turn.shape[:-2], *force.shape))
+        wrench = np.swapaxes(kinematics.structure_matrix(np.broadcast_to(force, arms.shape), arms), -1, -2)
+        if corners.shape[-1] > d and platform.inertia is not None:
+            own = platform.inertia if d == 2 else turn @ platform.inertia @ np.swapaxes(turn, -1, -2)
+            wrench[..., d:] += corners[:, d:] @ np.swapaxes(own, -1, -2)
+        return wrench
+
+    def turned_torque(self, rig: RequiringRig, angle: float) -> float:
+        """Return the largest change of the torques of `at` when the platform turns by an angle, in N·m."""
+        platform, force, torque = rig.platform, 0.0, 0.0
+        if platform is None:
+            return 0.0
+        if self.gravity:
+            force = float(np.linalg.norm(rig.gravity()[: rig.dimension]))
+        if self.acceleration is not None:
+            corners = (
+                self.acceleration * around_ball(rig.dimension)[0]
+                if self.acceleration.ndim == 0
+                else self.acceleration
+            )
+            force += platform.mass * float(np.linalg.norm(corners[: rig.dimension]))
+            if platform.inertia is not None:
+                moment = float(np.linalg.norm(platform.inertia, 2))
+                torque = 2 * moment * float(np.linalg.norm(corners[rig.dimension :]))
+        arm = 0.0 if platform.com is None else float(np.linalg.norm(platform.com))
+        return 2 * math.sin(angle / 2) * (force * arm + torque)
 
     def length_for(self, rig: RequiringRig) -> float:
         """Return the length, in m, by which torques are divided."""
@@ -163,6 +236,8 @@ class Requirement(ArrayRecord):
         parts = []
         if self.gravity and rig.platform is not None:
             parts.append(f"its weight of {rig.platform.mass:g} kg")
+        if self.acceleration is not None:
+            parts.append(self._describe_acceleration(rig.dimension))
         if self.wrench is not None and (self.wrench.any() or not parts):
             parts.append(f"the wrench {format_vector(self.wrench)} {unit}")
         if self.box is not None:
@@ -172,6 +247,13 @@ class Requirement(ArrayRecord):
         if self.ball:
             parts.append(f"a ball of {self.ball:g} N")
         return " and ".join(parts) or "no load"
+
+    def _describe_acceleration(self, dimension: int) -> str:
+        given = np.asarray(self.acceleration)
+        if given.ndim == 0:
+            return f"accelerations up to {given:g} m/s²"
+        words = f"accelerations of ± {format_vector(given[:dimension])} m/s²"
+        return words + (f" and ± {format_vector(given[dimension:])} rad/s²" if given.size > dimension else "")
 
 
 def as_requirement(required: Requirement | ArrayLike | tuple[ArrayLike, float]) -> Requirement:
@@ -186,6 +268,49 @@ def as_requirement(required: Requirement | ArrayLike | tuple[ArrayLike, float]) 
         return Requirement(wrench=required[0], ball=float(required[1]))
     values = as_floats("required", required)  # type: ignore[arg-type]  # a tuple of two lists, too
     return Requirement(wrench=values) if values.ndim == 1 else Requirement(wrenches=values)
+
+
+@cache
+def around_ball(dimension: int) -> Floats:
+    """Return the corners (k, d) of a polytope around the unit ball, all at one distance from its centre.
+
+    In the plane 16; in space 42, those of an icosahedron and the middles of its edges, moved outwards.
+    """
+    if dimension == 2:
+        angle = 2 * np.pi * np.arange(16) / 16
+        return readonly_copy(np.stack([np.cos(angle), np.sin(angle)], axis=1) / math.cos(np.pi / 16))
+    golden = (1 + math.sqrt(5)) / 2
+    signs = np.array(list(product((-1.0, 1.0), repeat=2)))
+    thirds = np.column_stack([np.zeros(4), signs * [1.0, golden]])
+    icosahedron = np.concatenate([np.roll(thirds, shift, axis=1) for shift in range(3)])
+    edges = [
+        one + other
+        for one, other in combinations(icosahedron, 2)
+        if np.isclose(np.dot(one - other, one - other), 4)
+    ]
+    unit = np.concatenate([icosahedron, edges])
+    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    # The widest faces join the middles of three edges, which are 36 degrees apart.
+    return readonly_copy(unit / math.sqrt(1 - 4 / 3 * math.sin(np.pi / 10) ** 2))
+
+
+def _corners(half: Floats) -> Floats:
+    """Return the corners (k, n) of a box with half of its edges (n,)."""
+    return np.array(list(product(*((-each, each) if each else (0.0,) for each in half))))
+
+
+def _acceleration(values: Any) -> Floats:
+    """Return a read-only array of accelerations, or a number, or say what is wrong with it."""
+    try:
+        array = readonly_copy(as_floats("acceleration", values))
+    except ShapeError:
+        array = np.array(np.nan)
+    if array.ndim > 1 or not array.size or not ((array >= 0) & (array <= MAX_ACCELERATION)).all():
+        raise RigError(
+            f'key "acceleration" is {brief(values)}; give half of each edge of a box, or one number, in m/s² (and '
+            f"rad/s²), 0 to {MAX_ACCELERATION:g}"
+        )
+    return array
 
 
 def _wrenches(key: str, values: Any, axes: int) -> Floats:

@@ -69,6 +69,9 @@ class RequiredTable(SchemaTable):
     wrenches: list[list[float]] | None = Field(None, description="a list of wrenches in N (and N·m)")
     ball: float = Field(0.0, description="a radius in N, a number")
     gravity: bool = Field(False, description="true if the cables hold the platform's weight, or false")
+    acceleration: float | list[float] | None = Field(
+        None, description="half of each edge of a box in m/s² (and rad/s²), or one number for all directions"
+    )
     length: float | None = Field(None, description="the characteristic length in m, a number")
 
 

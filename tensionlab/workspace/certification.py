@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple
 
@@ -367,9 +366,7 @@ def cell_problem(
         corners = wanted.at(rig, turns) / wanted.divisors(rig)
         wrenches = np.broadcast_to(corners, (len(arms), *corners.shape[-2:]))
         radius = wanted.ball
-        if wanted.gravity and angle and rig.platform is not None and rig.platform.com is not None:
-            weight = float(np.linalg.norm(rig.gravity()[:d]))
-            slack = 2 * math.sin(angle / 2) * weight * float(np.linalg.norm(rig.platform.com)) / length
+        slack = wanted.turned_torque(rig, angle) / length
     free = int((lower < upper).sum())
     if free < n:
         raise InputError(

@@ -33,6 +33,7 @@ EXAMPLES = {
     "--facing": "1 0 0",
     "--box": "-1 1 0 2 -1 1 (in m)",
     "--step": "0.1 (in m)",
+    "--acceleration": "2 2 1 (in m/s²)",
 }  # how the numbers of an option are written
 STEPS = 40  # number of steps along the longest edge of a box, if no step is given
 
@@ -99,6 +100,7 @@ def load(
     wrench: str | None = None,
     gravity: bool | None = None,
     required: Path | None = None,
+    acceleration: str | None = None,
 ) -> Rig:
     """Load a rig, and place its body frames and have it require what the options say."""
     rig = load_rig(name)
@@ -113,15 +115,24 @@ def load(
                 f"in m, and {turn} more for a rotation in rad, if it is turned"
             )
         rest[body] = RestPose(body, np.array(values[:d]), np.array(values[d:]) if values[d:] else None)
-    return with_requirement(replace(rig, rest=tuple(rest.values())), wrench, gravity, required)
+    return with_requirement(replace(rig, rest=tuple(rest.values())), wrench, gravity, required, acceleration)
 
 
-def with_requirement(rig: Rig, wrench: str | None, gravity: bool | None, required: Path | None = None) -> Rig:
+def with_requirement(
+    rig: Rig,
+    wrench: str | None,
+    gravity: bool | None,
+    required: Path | None = None,
+    acceleration: str | None = None,
+) -> Rig:
     """Return the rig with what the options require of it; refuse what does not suit it."""
     found = rig.required if required is None else load_requirement(required)
     if wrench is not None:
         numbers = parse_components("--wrench", wrench, wrench_components(rig), rig.name)
         found = replace(found, wrench=np.array(numbers))
+    if acceleration is not None:
+        given = parse_numbers("--acceleration", acceleration)
+        found = replace(found, acceleration=np.array(given if len(given) > 1 else given[0]))
     return replace(rig, required=found if gravity is None else replace(found, gravity=gravity))
 
 
@@ -329,6 +340,14 @@ Gravity = Annotated[
     bool | None,
     flag(
         "--gravity/--no-gravity", "Whether the cables hold the platform's weight, too. Left out: as the file says."
+    ),
+]
+Acceleration = Annotated[
+    str | None,
+    option(
+        "AX AY ...",
+        "Accelerations that the cables also give to the platform: up to so much along each axis in m/s² (and "
+        "rad/s²), or one number for all directions.",
     ),
 ]
 Required = Annotated[

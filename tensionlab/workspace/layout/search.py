@@ -210,7 +210,7 @@ def proved_force(rig: Rig, targets: tuple[Target, ...], objective: Objective, mo
             pushed = np.array(objective.directions)[:, None] * force
             pushed = around + pad_last_axis(pushed, rig.n)
             wrenches = np.concatenate([around, pushed.reshape(-1, rig.n)])
-            required = replace(rig.required, box=None, wrenches=wrenches)
+            required = replace(rig.required, box=None, acceleration=None, wrenches=wrenches)
         return all(_holds(rig, each, required) for each in targets)
 
     if not most >= 0 or not proved(0.0):
