@@ -192,6 +192,9 @@ def certify_cells(
     half_edges: NDArray[float64],
     with_shares: bool,
 ) -> tuple[NDArray[int8], NDArray[float64] | None]: ...
+def pulley_bends(
+    vectors: NDArray[float64], radii: NDArray[float64], axes: NDArray[float64], moved: NDArray[float64]
+) -> NDArray[float64]: ...
 def body_distances(
     structure: NDArray[float64],
     ends: NDArray[float64],

@@ -241,6 +241,19 @@ nb::tuple cells(const In<3>& anchors, const In<3>& arms, const In<1>& lower, con
   return nb::make_tuple(verdict, with_shares ? nb::cast(shares) : nb::none());
 }
 
+// Vectors and axes (B, d), radii and distances (B): see `MovingCables`. Returns (B, d + d² + 3).
+Out<double, 2> bends(const In<2>& vectors, const In<1>& radii, const In<2>& axes, const In<1>& moved) {
+  const std::size_t size = vectors.shape(0), d = vectors.shape(1);
+  require((d == 2 || d == 3) && has_shape(axes, size, d) && has_shape(radii, size) && has_shape(moved, size),
+          "axes, radii and distances do not fit the vectors");
+  const MovingCables cables{static_cast<int>(d), whole(vectors), contiguous(radii), whole(axes),
+                            contiguous(moved)};
+  const auto found = make_array<double>(size, d + d * d + 3);
+  const auto kernel = pulley_bends_for_this_processor();
+  share_out(size, [&](std::size_t begin, std::size_t end) { kernel(cables, begin, end, found.data()); });
+  return found;
+}
+
 }  // namespace
 
 void bind_workspace(nb::module_& module) {
@@ -261,6 +274,7 @@ void bind_workspace(nb::module_& module) {
              nb::arg("required"), nb::arg("radius"), nb::arg("slack"), nb::arg("angle"), nb::arg("length"),
              nb::arg("closure"), nb::arg("radii").none(), nb::arg("axes").none(), nb::arg("centres"),
              nb::arg("half_edges"), nb::arg("with_shares"));
+  module.def("pulley_bends", &bends);
 }
 
 }  // namespace tensionlab

@@ -398,5 +398,23 @@ void certify_cells(const CertifiedRig& rig, const double* centres, const double*
   }
 }
 
+template <int D>
+void write_bends(const MovingCables& cables, std::size_t begin, std::size_t end, double* found) {
+  constexpr int kNumbers = D + D * D + 3;
+  for (std::size_t row = begin; row < end; ++row) {
+    const PulleyBend<D> bend(cables.vectors + row * D, cables.radii[row], cables.axes + row * D,
+                             cables.moved[row]);
+    double* next = std::copy(bend.u, bend.u + D, found + row * kNumbers);
+    next = std::copy(&bend.gradient[0][0], &bend.gradient[0][0] + D * D, next);
+    *next++ = bend.smooth ? 1 : 0;
+    *next++ = bend.smooth ? bend.steepest : 0;
+    *next = bend.smooth ? bend.second : 0;
+  }
+}
+
+void pulley_bends(const MovingCables& cables, std::size_t begin, std::size_t end, double* found) {
+  (cables.d == 2 ? write_bends<2> : write_bends<3>)(cables, begin, end, found);
+}
+
 }  // namespace TENSIONLAB_BUILD
 }  // namespace tensionlab

@@ -126,6 +126,42 @@ def test_linear_programs_agree_with_what_is_proved_over_pulleys(name, region, wr
         assert feasible(programs) == [verdict == 1] * len(positions)
 
 
+def test_closure_over_pulleys_is_that_of_single_poses():
+    plain = tl.load_rig("cube-8")
+    for radius in (0.02, 0.1):
+        modules = (replace(each, pulley_radius=radius, pulley_axis=[0.3, 1.0, 0.2]) for each in plain.modules)
+        rig = replace(plain, modules=tuple(modules), bodies=())
+        proved = certify(rig, [(-1.2, 1.2)] * 3, "wrench-closure", 0.1)
+        for verdict in (1, -1):
+            positions = random_positions(proved, verdict, many(20_000), np.random.default_rng(4))
+            assert len(positions)
+            assert (tl.workspace.wrench_closure(rig.structure_matrix(positions)) == (verdict == 1)).all()
+
+
+def test_pulleys_turn_with_the_frames_of_their_modules():
+    """A rig on a turned frame is the rig with turned anchors and axes."""
+    rng = np.random.default_rng(5)
+    turn, shift = tl.model.kinematics.exponential(np.array([0.3, -0.5, 0.2])), np.array([0.1, -0.2, 0.05])
+    anchors, axes = rng.uniform(-1, 1, (7, 3)), rng.normal(size=(7, 3))
+    there = [
+        tl.Module(str(i), anchor, 0.2, 4.0, pulley_radius=0.05, pulley_axis=axis, frame="stand")
+        for i, (anchor, axis) in enumerate(zip(anchors, axes, strict=True))
+    ]
+    here = [
+        replace(each, anchor=shift + turn @ each.anchor, pulley_axis=turn @ each.pulley_axis, frame="world")
+        for each in there
+    ]
+    carried, plain = (tl.Rig("test", "point", tuple(modules), home=[0.0, 0.0, 0.0]) for modules in (there, here))
+    region, required = [(-0.5, 0.5)] * 3, tl.Requirement(ball=1.0)
+    one = certify(carried, region, required, 0.1, frames={"stand": (shift, turn)})
+    other = certify(plain, region, required, 0.1)
+    assert set(one.verdict) == {1, -1, 0}
+    at = np.random.default_rng(6).uniform(-0.5, 0.5, (5000, 3))
+    found, expected = one.at(at), other.at(at)
+    assert (found * expected >= 0).all()
+    assert (found == expected).mean() > 0.99  # but for cells on the edge of rounding
+
+
 def test_clearance_over_pulleys_is_refused():
     rig = replace(
         SQUARE, modules=tuple(replace(each, pulley_radius=0.01, pulley_axis=[0.0, 1.0]) for each in SQUARE.modules)
