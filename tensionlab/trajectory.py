@@ -152,6 +152,7 @@ class Trajectory:
 
     def check_rig(self, rig: Rig) -> None:
         """Refuse a rig of another dimension, or that cannot turn as the trajectory does."""
+        rig.require_position("trajectories")
         d = self.poses.dimension
         if d != rig.dimension:
             raise ShapeError(f"the trajectory has {d} coordinates; {rig.name} needs {rig.dimension}")

@@ -71,7 +71,7 @@ def allocate(
                 if math.isnan(scale)
                 else f", {100 * scale:.4g} % of it"
             )
-        unit = "N" if loaded.n == loaded.dimension else "(N and N·m together)"
+        unit = "(N and N·m together)" if loaded.n > loaded.dimension else "N" if loaded.has_position else "N·m"
         notes = [f"error {format_number(float(result.residual))} {unit}, {text}", *([reason] if reason else [])]
         output.print_table(_tensions(loaded, position, rotation, result))
         output.print_line()

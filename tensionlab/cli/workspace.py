@@ -166,7 +166,9 @@ def _metrics_table(found: pandas.DataFrame, where: Grid | PoseList, rigs: list[R
     for rig in rigs:
         if rig.required:
             notes.append(f"required of {rig.name}: {rig.required.describe(rig)}")
-        if rig.n > rig.dimension:
+        if not rig.has_position:
+            notes.append(f"forces and margins of {rig.name} are torques, in N·m")
+        elif rig.n > rig.dimension:
             own = (
                 "as required"
                 if rig.required.length is not None

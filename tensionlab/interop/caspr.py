@@ -96,6 +96,7 @@ JOINTS = {
     "PLANAR_YZ": _Joint("planar", "yz", "+x"),
     "PLANAR_XZ": _Joint("planar", "xz", "-y"),
     "SPATIAL_EULER_XYZ": _Joint("platform", "xyz"),
+    "S_EULER_XYZ": _Joint("spherical", "xyz"),
 }  # the joints of CASPR whose bodies are rigs
 
 STIFF = "cable_ideal"
@@ -118,18 +119,17 @@ class _Cable(NamedTuple):
 def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_set: str | None = None) -> Rig:
     """Read a rig from two XML files of CASPR.
 
-    A robot with one body, which moves in a plane or in space. The reference point is CASPR's, the origin of the
-    body's joint; home is its initial position. The cables must hold its weight, as in CASPR, where its z is an
-    axis of the rig. Elastic cables become stiff, and passive springs are left out: the description of the rig says
-    so.
+    A robot with one body, which moves in a plane or in space, or turns about a fixed point. The reference point is
+    CASPR's, the origin of the body's joint; home is its initial position. The cables must hold its weight, as in
+    CASPR, where its z is an axis of the rig. Elastic cables become stiff, and passive springs are left out: the
+    description of the rig says so.
 
     Source: Lau, Eden, Tan and Oetomo, "CASPR: a comprehensive cable-robot analysis and simulation platform for the
     research of cable-driven parallel robots", 2016; what the elements mean is read off its program.
 
     The files are such as ``IPAnema_2_bodies.xml`` and ``IPAnema_2_cables.xml``; ``cable_set`` is the id of a
-    ``<cable_set>``, the file's own default if left out. RigError names the file, the element and the
-    attribute; also for robots that are no rig: several bodies, a body that turns about a fixed point, pulleys on
-    screw drives, cables that run past several points.
+    ``<cable_set>``, the file's own default if left out. RigError names the file, the element and the attribute;
+    also for robots that are no rig: several bodies, pulleys on screw drives, cables that run past several points.
     """
     links = read_xml(bodies, "bodies_system").only("links").all()
     if len(links) != 1:
@@ -138,8 +138,11 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
     joint = JOINTS.get(element.attribute("type"))
     if joint is None:
         element.fail(f'attribute "type" is {element.attribute("type")!r}; only {", ".join(JOINTS)} make a rig')
+    from scipy.spatial.transform import Rotation
+
     kind, axes = KINDS[joint.kind], ["xyz".index(axis) for axis in joint.axes]
     initial = element.numbers(kind.dof, "q_initial")  # coordinates, then angles if it turns
+    moved, angles = np.split(initial, [kind.dof - kind.turns])
     physical = links[0].only("physical")
     com = physical.only("com_location").numbers(3)
     chosen = _choose(read_xml(cables, "cables"), cable_set)
@@ -170,9 +173,10 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
             )
             for name, part in zip(_names(parts), parts, strict=True)
         ),
-        home=(parent + point)[axes] + initial[: kind.dimension],
+        home=(parent + point)[axes] + (moved if kind.has_position else 0.0),
+        home_rotation=None if kind.has_position else Rotation.from_euler("XYZ", angles).as_rotvec(),
         platform=_platform(physical, com, joint),
-        description=_describe(links[0], chosen, joint, bool(initial[kind.dimension :].any())),
+        description=_describe(links[0], chosen, joint, kind.has_position and bool(angles.any())),
         up=up,
         required=Requirement(gravity=up is not None),
         source=f"CASPR (github.com/darwinlau/CASPR), {Path(bodies).name} and {Path(cables).name}",

@@ -41,6 +41,7 @@ def rig_to_mjcf(rig: Rig) -> str:
     Source: Todorov, Erez and Tassa, "MuJoCo: A physics engine for model-based control", 2012, and the reference of
     its XML. RigError for a module whose limits are equal, or an inertia that no body has: MuJoCo takes neither.
     """
+    rig.require_position("MuJoCo models")
     size = 0.005 * float(np.ptp(np.concatenate([rig.anchors, [rig.home]]), axis=0).max()) or 0.005
     root = Xml.Element("mujoco", model=rig.name)
     weightless = "" if rig.up else "No gravity: the rig does not say which axis is up."

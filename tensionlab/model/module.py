@@ -36,11 +36,17 @@ class Kind(NamedTuple):
 
     dimension: int
     dof: int
+    has_position: bool = True  # or it turns about a fixed point
+
+    @property
+    def turns(self) -> int:
+        """Number of components of a torque."""
+        return self.dof - self.dimension * self.has_position
 
     @property
     def has_orientation(self) -> bool:
         """Whether the cables hold a body that can turn, rather than a point."""
-        return self.dof > self.dimension
+        return self.turns > 0
 
 
 KINDS = {
@@ -48,8 +54,10 @@ KINDS = {
     "point": Kind(dimension=3, dof=3),
     "planar": Kind(dimension=2, dof=3),
     "platform": Kind(dimension=3, dof=6),
+    "spherical": Kind(dimension=3, dof=3, has_position=False),
 }
-"""The kinds of rig. A wrench is a force; "planar" adds the torque about z, "platform" three torques."""
+"""The kinds of rig. A wrench is a force; "planar" adds the torque about z, "platform" three torques. "spherical"
+has these alone, since its platform turns about a fixed point, which takes any force."""
 
 
 class ArrayRecord:
@@ -229,12 +237,11 @@ class Platform(ArrayRecord):
 
     def check_kind(self, kind: str) -> None:
         """Refuse a centre of mass or an inertia that does not suit a kind of rig."""
-        dimension, dof = KINDS[kind]
+        dimension, k = KINDS[kind].dimension, KINDS[kind].turns
         if self.com is not None and (not KINDS[kind].has_orientation or self.com.size != dimension):
             raise RigError(
                 f'[platform]: key "com" does not suit a {kind} rig; leave it out or give {dimension} numbers'
             )
-        k = dof - dimension
         if self.inertia is not None and self.inertia.shape != (k, k):
             needs = f"needs ({k}, {k})" if k else "has none, so leave it out"
             raise RigError(f'[platform]: key "inertia" has shape {self.inertia.shape}; a {kind} rig {needs}')

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model import kinematics, pose
-from tensionlab.model.module import MAX_LENGTH, MAX_TENSION, ArrayRecord, Platform
+from tensionlab.model.module import KINDS, MAX_LENGTH, MAX_TENSION, ArrayRecord, Platform
 from tensionlab.support.arrays import Floats, as_floats, readonly_copy
 from tensionlab.support.files.reading import brief
 from tensionlab.support.formatting import format_vector
@@ -147,6 +147,8 @@ class Requirement(ArrayRecord):
     def _check_platform(self, rig: RequiringRig, acceleration: Floats) -> None:
         """Refuse accelerations of another size than the rig's, or of a platform whose inertia is not known."""
         d, size = rig.dimension, acceleration.size
+        if not KINDS[rig.kind].has_position:
+            raise RigError(f'required: key "acceleration": {rig.name} is spherical; give its torques as a box')
         if acceleration.ndim and size not in (d, rig.n):
             sizes = f"{d}" if rig.n == d else f"{d} or {rig.n}"
             raise RigError(
@@ -232,7 +234,7 @@ class Requirement(ArrayRecord):
 
     def describe(self, rig: RequiringRig) -> str:
         """Return in a few words what is required of a rig."""
-        unit = "N" if rig.n == rig.dimension else "N and N·m"
+        unit = "N and N·m" if rig.n > rig.dimension else "N" if KINDS[rig.kind].has_position else "N·m"
         parts = []
         if self.gravity and rig.platform is not None:
             parts.append(f"its weight of {rig.platform.mass:g} kg")
@@ -245,7 +247,7 @@ class Requirement(ArrayRecord):
         if self.wrenches is not None:
             parts.append(f"{len(self.wrenches)} wrenches")
         if self.ball:
-            parts.append(f"a ball of {self.ball:g} N")
+            parts.append(f"a ball of {self.ball:g} {unit.partition(' ')[0]}")
         return " and ".join(parts) or "no load"
 
     def _describe_acceleration(self, dimension: int) -> str:

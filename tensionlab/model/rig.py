@@ -62,10 +62,10 @@ class Rig(ArrayRecord):
     Attributes
     ----------
     kind : str
-        A key of `KINDS`: "planar-point", "point", "planar" or "platform".
+        A key of `KINDS`: "planar-point", "point", "planar", "platform" or "spherical".
     home : (d,) read-only array
         Nominal position of the point or of the platform's reference point, in m, and the default guess of the
-        forward kinematics.
+        forward kinematics; of a spherical rig the fixed point about which its platform turns.
     platform : Platform or None
         Mass and inertia of what the cables hold, if known.
     description, source : str
@@ -206,6 +206,11 @@ class Rig(ArrayRecord):
         return self._kind.dimension
 
     @property
+    def has_position(self) -> bool:
+        """Whether the platform moves, rather than turning about a fixed point alone."""
+        return self._kind.has_position
+
+    @property
     def n(self) -> int:
         """Number of wrench components."""
         return self._kind.dof
@@ -239,7 +244,18 @@ class Rig(ArrayRecord):
         arm = np.zeros((1, self.dimension)) if self.platform.com is None else self.platform.com[None]
         turn = self.home_matrix if rotation is None else pose.rotations(rotation, self.dimension, "rotation")
         arm = kinematics.rotate(turn, arm)
-        return kinematics.structure_matrix(np.broadcast_to(force, arm.shape), arm)[..., 0]
+        return self._own(kinematics.structure_matrix(np.broadcast_to(force, arm.shape), arm))[..., 0]
+
+    def _own(self, structure: Floats) -> Floats:
+        """Return the rows of structure matrices that are components of the rig's wrenches."""
+        return structure if self.has_position else structure[..., self.dimension :, :]
+
+    def require_position(self, what: str) -> None:
+        """Refuse a spherical rig; ``what`` is what needs one whose platform moves, in the plural."""
+        if not self.has_position:
+            raise RigError(
+                f'rig "{self.name}" is spherical, its platform turns about a fixed point: {what} need another kind'
+            )
 
     @cached_property
     def home_orientation(self) -> Floats | None:
@@ -371,7 +387,7 @@ class Rig(ArrayRecord):
         Parameters
         ----------
         position : (..., d) array
-            Position of the reference point in the world, in m.
+            Position of the reference point in the world, in m; of a spherical rig always its home.
         rotation : (..., 3, 3) array, (...) array or None
             Rotation from platform to world: matrices for a platform rig, angles in rad for a planar one. None is
             the orientation at home. A point rig has no rotation.
@@ -381,8 +397,9 @@ class Rig(ArrayRecord):
         Returns
         -------
         (..., n, m) array
-            W with the columns ``[u; r x u]``: ``W @ tensions`` is the wrench on the platform, at its reference
-            point and in world axes, and ``-W.T`` is the derivative of the lengths with respect to the twist.
+            W with the columns ``[u; r x u]``, of a spherical rig ``r x u``: ``W @ tensions`` is the wrench on the
+            platform, at its reference point and in world axes, and ``-W.T`` is the derivative of the lengths with
+            respect to the twist.
 
         Raises
         ------
@@ -393,7 +410,7 @@ class Rig(ArrayRecord):
             If a body frame is missing or unknown, or an attachment lies on its anchor.
         """
         cables = self.cables(position, rotation, frames)
-        return kinematics.structure_matrix(cables.directions, cables.arms)
+        return self._own(kinematics.structure_matrix(cables.directions, cables.arms))
 
     def allocate(
         self,
@@ -462,6 +479,7 @@ class Rig(ArrayRecord):
             The guess; the pose at home if left out. Errors as in `structure_matrix`; and with fewer cables than
             unknowns, or a length of zero or less.
         """
+        self.require_position("forward kinematics")
         if self.m < self.n:
             raise RigError(f'rig "{self.name}": {self.m} cable lengths cannot fix {self.n} unknowns; add modules')
         measured = pose.points(lengths, self.m, "lengths")
@@ -482,6 +500,8 @@ class Rig(ArrayRecord):
     ) -> tuple[Floats, Floats | None, Floats]:
         """Return the position, the rotation matrix (None for a point) and the anchors in the world."""
         p = pose.points(position, self.dimension, "position")
+        if not (self.has_position or np.array_equal(p, np.broadcast_to(self.home, p.shape))):
+            raise ShapeError(f'rig "{self.name}" is spherical and turns about its home; give that as position')
         if rotation is not None and not self._kind.has_orientation:
             raise ShapeError(f'rig "{self.name}" is a {self.kind} rig and cannot turn; leave rotation out')
         R = None if not self._kind.has_orientation else self.home_matrix

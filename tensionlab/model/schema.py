@@ -116,7 +116,7 @@ class RigFile(SchemaTable):
     """Rig file."""
 
     name: str = Field(min_length=1, description="a name in quotes")
-    kind: str = Field(description='"planar-point", "point", "planar" or "platform"')
+    kind: str = Field(description='"planar-point", "point", "planar", "platform" or "spherical"')
     home: list[float] = Field(description="the nominal position, a list of coordinates in m")
     home_rotation: list[float] | None = Field(
         None, description="axis times angle at home in rad, a list of numbers"

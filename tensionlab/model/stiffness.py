@@ -43,6 +43,7 @@ def stiffness_terms(
     rig: Rig, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
 ) -> StiffnessTerms:
     """Return the stiffness matrix as a function of the tensions; see `stiffness_matrix`."""
+    rig.require_position("stiffness matrices")
     cables, d = rig.cables(position, rotation, frames), rig.dimension
     elasticity = np.array([module.cable_stiffness or np.nan for module in rig.modules])
     if (unknown := np.isnan(elasticity)).any():

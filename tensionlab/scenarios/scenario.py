@@ -124,6 +124,7 @@ class Scenario:
 
     def __post_init__(self) -> None:
         rig, frames = self.rig, brief(sorted(self.rig.frames))
+        rig.require_position("scenarios")
         if rig.n != rig.dimension:
             raise self._error(f'rig "{rig.name}" turns; give one of a point')
         if self.up is not None and self.up != rig.up:

@@ -9,6 +9,7 @@ import numpy as np
 from tensionlab.allocation import allocate
 from tensionlab.haptics.rendering.brakes import ImpactCap, brake_strengths
 from tensionlab.model import directions
+from tensionlab.model.module import KINDS
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.model.wall_stiffness import (
@@ -55,7 +56,7 @@ def check_rig(rig: Rig) -> list[Finding]:
     findings.append(_balance(structure, balanced, held or (met and bool(rig.required))))
     if met and (balanced or held or rig.required):
         findings.append(_strength(rig, structure, _load(rig, balanced)))
-    if rig.n == rig.dimension:
+    if not KINDS[rig.kind].has_orientation:
         findings.append(_walls(rig, structure))
     if rig.bodies:
         findings.append(_bodies(rig))
@@ -178,10 +179,10 @@ def _required(rig: Rig, structure: Floats) -> Finding:
     """Check that the cables can exert all that is required of the rig at home."""
     margin = float(required_margin(rig, structure, rig.required))
     arm = f" (torques at {rig.characteristic_length:.3g} m)" if rig.n > rig.dimension else ""
-    what = rig.required.describe(rig)
+    what, unit = rig.required.describe(rig), "N" if rig.has_position else "N·m"
     if margin >= -feasibility_tolerance(rig.required.at(rig)):
-        return Finding("required", True, f"{what}: feasible, {max(margin, 0.0):.3g} N from the edge{arm}")
-    text = f"{what}: infeasible by {-margin:.3g} N{arm}: move modules, widen the limits or require less"
+        return Finding("required", True, f"{what}: feasible, {max(margin, 0.0):.3g} {unit} from the edge{arm}")
+    text = f"{what}: infeasible by {-margin:.3g} {unit}{arm}: move modules, widen the limits or require less"
     return Finding("required", False, text)
 
 
@@ -206,8 +207,9 @@ def _strength(rig: Rig, structure: Floats, offset: Requirement) -> Finding:
     strength = facet_distance(room, normals[:, : rig.dimension], forces).clip(min=0.0)
     weakest = int(np.argmax(strength <= strength.min() * (1 + 1e-9)))  # the first of those equal but for rounding
     where = ", ".join(f"{part:.2f}" for part in forces[weakest].round(2) + 0.0)
-    text = f"{strength[weakest]:.3g} N in its weakest of {len(forces)} directions, ({where})"
-    text += f"; {strength.max():.3g} N in its strongest"
+    unit = "N" if rig.has_position else "N·m"
+    text = f"{strength[weakest]:.3g} {unit} in its weakest of {len(forces)} directions, ({where})"
+    text += f"; {strength.max():.3g} {unit} in its strongest"
     if rig.n > rig.dimension:
         torques = directions.grid18() if rig.dimension == 3 else np.array([[1.0], [-1.0]])
         twist = facet_distance(room, normals[:, rig.dimension :], torques).clip(min=0.0)

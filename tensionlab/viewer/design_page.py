@@ -36,6 +36,7 @@ class DesignPage:
 
     def __init__(self, rig: Rig, server: PageServer, source: str = "") -> None:
         """``source`` is the name or the file that the rig is from; it is saved there by default."""
+        rig.require_position("pages")
         self.server = server
         self._step: object = None
         self._dragging = False

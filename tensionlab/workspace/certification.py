@@ -327,6 +327,7 @@ def cell_problem(
     clearance: float | None,
 ) -> CellProblem:
     """Return the statement to prove; parameters and errors as in `certify`."""
+    rig.require_position("proofs of a workspace")
     d, n, m = rig.dimension, rig.n, rig.m
     check_size(n, m)
     if not (np.isfinite(angle) and 0 <= angle <= MAX_ANGLE_RAD):

@@ -310,6 +310,7 @@ def rig_margin_gradient(
     >>> f"{higher:.2f} N/m, if the hand is raised"
     '-7.63 N/m, if the hand is raised'
     """
+    rig.require_position("gradients of margins")
     cables = rig.cables(position, rotation, frames)
     W = kinematics.structure_matrix(cables.directions, cables.arms)
     margin, by_structure = margin_gradient(W, rig.limits, required)

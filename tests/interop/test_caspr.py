@@ -211,6 +211,24 @@ def test_a_body_that_cannot_turn_is_a_point_where_its_cables_end(write):
         load_caspr(*model(write, body, CABLE, elsewhere))
 
 
+def test_a_body_that_turns_about_a_fixed_point_is_spherical(write):
+    angles = [0.3, -0.2, 0.5]
+    body = {"joint": {"type": "S_EULER_XYZ", "q_initial": "0.3 -0.2 0.5"}, "parent": "0 0 1"}
+    other = {**CABLE, "name": "b", "ref": "com", "att": [["0", [0, 4, 3]], ["1", [0.1, 0.2, 0]]]}
+    rig = load_caspr(*model(write, body, CABLE, other))
+    assert (rig.kind, rig.n) == ("spherical", 3)
+    assert rig.home.tolist() == [0, 0, 1]
+    x, y, z = (Rotation.from_euler(axis, angle).as_matrix() for axis, angle in zip("xyz", angles, strict=True))
+    R = x @ y @ z
+    np.testing.assert_allclose(rig.home_matrix, R, atol=1e-14)
+    for column, (anchor, arm) in enumerate([([4, 0, 5], [0.5, 0, 0]), ([0, 4, 3], [0.2, 0.4, 0.3])]):
+        pull = anchor - (np.array([0, 0, 1]) + R @ arm)
+        moment = np.cross(R @ arm, pull / np.linalg.norm(pull))
+        np.testing.assert_allclose(rig.structure_matrix(rig.home)[:, column], moment, atol=1e-14)
+    weight = np.cross(R @ [0.1, 0.2, 0.3], [0, 0, -2 * 9.81])
+    np.testing.assert_allclose(rig.weight, weight, atol=1e-13)
+
+
 def test_elastic_cables_and_passive_springs_are_told_of(write):
     bodies, cables = model(write, (), CABLE, {**CABLE, "name": "soft"}, {**CABLE, "name": "spring 0"})
     text = cables.read_text()
@@ -225,7 +243,7 @@ def test_elastic_cables_and_passive_springs_are_told_of(write):
 
 
 REFUSED = {
-    "another joint": ("bodies", "SPATIAL_EULER_XYZ", "S_EULER_XYZ", r'<joint>: .* "type" is'),
+    "another joint": ("bodies", "SPATIAL_EULER_XYZ", "U_XY", r'<joint>: .* "type" is'),
     "no joint": ("bodies", "<joint type", "<hinge type", r"<link_rigid> 'plate': has no elements <joint>"),
     "no coordinates": ("bodies", "q_initial", "q_start", r'attribute "q_initial" is missing'),
     "no mass": ("bodies", "<mass>2", "<mass>heavy", r"<mass>: its text is 'heavy'; give 1 finite number"),

@@ -47,7 +47,7 @@ texts = st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1, max_si
 @st.composite
 def rigs(draw):
     kind = draw(st.sampled_from(list(KINDS)))
-    d, n = KINDS[kind]
+    d, turns = KINDS[kind].dimension, KINDS[kind].turns
 
     def point():
         return draw(st.lists(finite, min_size=d, max_size=d))
@@ -66,12 +66,12 @@ def rigs(draw):
                 "cable_stiffness",
             )
         }
-        attachment = point() if n > d else None
+        attachment = point() if turns else None
         frame = draw(st.sampled_from(["world", "hip", "a b"]))
         modules.append(Module(name, point(), lower, upper, attachment=attachment, frame=frame, **optional))
     platform = None
-    if n > d and draw(st.booleans()):
-        platform = Platform(draw(positive), com=point(), inertia=np.eye(n - d) * draw(st.floats(1e-3, 1e3)))
+    if turns and draw(st.booleans()):
+        platform = Platform(draw(positive), com=point(), inertia=np.eye(turns) * draw(st.floats(1e-3, 1e3)))
     elif draw(st.booleans()):
         platform = Platform(draw(positive))
     return Rig(

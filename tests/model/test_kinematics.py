@@ -26,7 +26,7 @@ FREEDOMS = {"planar-point": 2, "point": 3, "planar": 3, "platform": 6}
 @st.composite
 def scenes(draw):
     """A rig of any kind with modules in the world and on a body, a pose of both, and a batch shape."""
-    kind = draw(st.sampled_from(list(KINDS)))
+    kind = draw(st.sampled_from(list(FREEDOMS)))
     m = draw(st.integers(1, 9))
     batch = draw(st.sampled_from([(), (3,), (2, 2)]))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))

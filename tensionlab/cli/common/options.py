@@ -14,6 +14,7 @@ import typer
 from tensionlab.cli.common.verbs import flag, option, port_option
 from tensionlab.errors import WriteError
 from tensionlab.model.files import load_requirement, load_rig
+from tensionlab.model.module import KINDS
 from tensionlab.model.pose import RestPose
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import every_solver, select_solvers
@@ -73,7 +74,7 @@ def parse_rotation(text: str | None, rig: Rig) -> Floats | None:
     """Return the orientation that ``--rotation`` gives, as `Rig.structure_matrix` takes it; None if left out."""
     if text is None:
         return None
-    if rig.n == rig.dimension:
+    if not KINDS[rig.kind].has_orientation:
         raise typer.BadParameter(f"--rotation: {rig.name} is a {rig.kind} rig and cannot turn; leave it out")
     axes = [f"r{axis} (rad)" for axis in ("xyz" if rig.dimension == 3 else "z")]
     turn = np.array(parse_components("--rotation", text, axes, rig.name))
@@ -138,15 +139,17 @@ def with_requirement(
 
 def wrench_components(rig: Rig) -> list[str]:
     """Return names and units of the components of a rig's wrench."""
-    axes = "xyz"[: rig.dimension]
-    torques = axes if rig.n == 6 else "z" if rig.n > rig.dimension else ""
-    return [f"F{axis} (N)" for axis in axes] + [f"M{axis} (N·m)" for axis in torques]
+    axes, kind = "xyz"[: rig.dimension], KINDS[rig.kind]
+    torques = axes[-kind.turns :] if rig.dimension == 3 and kind.turns else "z" * kind.turns
+    return [f"F{axis} (N)" for axis in axes if kind.has_position] + [f"M{axis} (N·m)" for axis in torques]
 
 
 def parse_region(rigs: list[Rig], box: str | None, step: str | None) -> tuple[Floats, Floats]:
     """Return where the box starts and ends along each axis, (d, 2), and its step: one, or one for each axis."""
     dimension = rigs[0].dimension
-    if box is None:
+    if box is None and not KINDS[rigs[0].kind].has_position:
+        ends = np.stack([rigs[0].home, rigs[0].home], axis=-1)
+    elif box is None:
         points = np.concatenate([[rig.home, *rig.anchors] for rig in rigs if rig.dimension == dimension])
         ends = np.stack([points.min(axis=0), points.max(axis=0)], axis=-1)
     else:

@@ -97,6 +97,7 @@ class Runner:
         clock: Clock | None = None,
         tracker: Tracker | None = None,
     ) -> None:
+        rig.require_position("runs")
         names = [client.name for client in modules.clients]
         if names != [module.name for module in rig.modules]:
             raise HardwareError(f'rig "{rig.name}" has other modules than {", ".join(names)}')

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tensionlab import _native
 from tensionlab.errors import SweepError
 from tensionlab.model import kinematics, layouts, pose
+from tensionlab.model.module import KINDS
 from tensionlab.model.pose import Frames
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
@@ -265,7 +266,7 @@ class Plan:
     def check(self, rig: Rig) -> None:
         """Refuse a rig that cannot turn as the poses do, lacks a body frame, or that a metric refuses."""
         position, rotation = self.poses.block(tuple(slice(0, 1) for _ in self.poses.shape)).arrays()
-        if rotation is not None and rig.n == rig.dimension:
+        if rotation is not None and not KINDS[rig.kind].has_orientation:
             raise SweepError(
                 f'the poses have orientations, and rig "{rig.name}" ({rig.kind}) cannot turn; leave them out'
             )
@@ -294,7 +295,10 @@ def _batch(
 ) -> tuple[Batch, NDArray[np.bool_]]:
     """Return the poses of a rig whose cables have a length, and which of those given they are."""
     anchors = pose.place_anchors(rig.modules, rig.anchors, frames)
-    attachments = rig.attachments if rig.n > rig.dimension else None
+    kind = KINDS[rig.kind]
+    attachments = rig.attachments if kind.has_orientation else None
+    if not kind.has_position and (position != rig.home).any():
+        raise SweepError(f'rig "{rig.name}" is spherical and turns about its home; give that as every position')
     turn = kinematics.planar_rotation(rotation) if rotation is not None and rig.dimension == 2 else rotation
     if rotation is None and rig.home_rotation is not None:
         turn = np.tile(rig.home_matrix, (len(position), 1, 1))
@@ -302,6 +306,8 @@ def _batch(
     structure, sound = _native.structure_matrices(
         anchors, attachments, position, turn, radii, axes, MIN_LENGTH_RATIO
     )
+    if not kind.has_position:
+        structure = np.ascontiguousarray(structure[:, rig.dimension :])
     if not sound.all():
         position, structure = position[sound], structure[sound]
         rotation = None if rotation is None else rotation[sound]
