@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks import highs
 from benchmarks.certify import random_positions
@@ -47,7 +48,7 @@ class Proof:
     proved: CertifiedWorkspace
     processor_s: float
 
-    def holds(self, positions: Floats) -> tuple[Floats, int]:
+    def holds(self, positions: Floats) -> tuple[NDArray[np.bool_], int]:
         """Return whether linear programs find tensions at the positions (k, d), and how many HiGHS decided.
 
         Positions with an attachment inside its pulley are left out.
@@ -71,7 +72,7 @@ class Proof:
             if which is drawn and (answer != feasible[which]).any():
                 raise AssertionError(f"{rig.name}: HiGHS and the vertices disagree")
             feasible[which] = answer
-        return feasible.all(axis=1), int(unsure.sum() + drawn.sum())
+        return np.asarray(feasible.all(axis=1)), int(unsure.sum() + drawn.sum())
 
     def contradictions(self, count: int, seed: int) -> tuple[int, int, int]:
         """Return how many poses were looked at, half of them inside, contradict, and HiGHS decided."""
