@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 import tensionlab as tl
 from tensionlab import datasets
 from tensionlab.workspace.wrench_set import required_margin
-from tests.helpers.browsers import chromium, needs_browser
+from tests.helpers.browsers import HANGS_S, chromium, needs_browser
 from tests.stress import SHARE
 
 pytestmark = [
@@ -42,6 +42,7 @@ def browser(page_file):
 @pytest.fixture
 def page(browser, page_file):
     page = browser.new_page(viewport={"width": 1280, "height": 800}, has_touch=True)
+    page.set_default_timeout(1000 * HANGS_S)
     page.errors, page.requests = [], []
     page.on("pageerror", lambda error: page.errors.append(error))  # noqa: PLW0108 - it takes functions only
     page.on("request", lambda request: page.requests.append(request.url))
@@ -199,7 +200,7 @@ def test_a_changed_rig_gives_the_same_answer_in_python(page, name, tmp_path, mon
 
 
 def test_a_link_brings_the_state_back(page):
-    opened(page, "#rig=spidar-g6x4&force=1,2,3,0.1,0,0&turn=0.1,0,0.2&policy=tension&show=workspace&level=2")
+    opened(page, "#rig=spidar-g6x4&force=1,2,3,0.1,0,0&turn=0.1,0,0.2&policy=tension&show=polytope&level=2")
     page.evaluate("tensionlab.app.addModule()")
     state = state_of(page)
     page.wait_for_function("location.hash.includes('modules')")
