@@ -108,8 +108,9 @@ bench-view: .venv/dev.stamp
 what-if: .venv/dev.stamp
 	@$(BIN)/python paper_figures/what_if.py --out datasets/what-if/paper-like-simulated.parquet
 
-figures: .venv/dev.stamp
+figures: .venv/dev.stamp playground
 	@$(BIN)/python paper_figures/make.py
+	@PYTHONPATH=. $(BIN)/python playground/animate.py
 
 # The site: out/site/index.html. Notebooks are run again where they have changed; a warning is an error.
 docs: .venv/docs.stamp playground

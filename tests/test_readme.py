@@ -5,21 +5,19 @@ from pathlib import Path
 
 import pytest
 
-import tensionlab as tl
-
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 
 
-def test_its_example_renders_the_force(
+def test_its_example_prints_what_it_says(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(ROOT)
-    names: dict[str, object] = {}
-    (code,) = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
-    exec(code, names)
-    assert names["result"].status == tl.Status.EXACT  # type: ignore[attr-defined]
-    assert capsys.readouterr().out.startswith("EXACT: tensions [")
+    code, *_ = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+    (shown,) = re.findall(r"```text\n(.*?)```", README, flags=re.DOTALL)
+    exec(code, {})
+    without_rounding = [re.sub(r"[\d.]+e-1\d$", "0", line) for line in capsys.readouterr().out.splitlines()]
+    assert without_rounding == [re.sub(r"[\d.]+e-1\d$", "0", line) for line in shown.splitlines()]
 
 
 PAGES = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "generated" not in path.parts]
@@ -36,6 +34,6 @@ def test_files_that_are_named_exist(path: Path) -> None:
         assert any(each.exists() for each in there) or name.startswith("out/") or "dual_ascent" in name, name
 
 
-@pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md"])
-def test_the_way_in_is_short(name: str) -> None:
-    assert len((ROOT / name).read_text()) <= 6000
+@pytest.mark.parametrize(("name", "most"), [("README.md", 4000), ("CONTRIBUTING.md", 6000)])
+def test_the_way_in_is_short(name: str, most: int) -> None:
+    assert len((ROOT / name).read_text()) <= most
