@@ -18,7 +18,7 @@ from tools.site.browser import installed
 
 PICTURE = ROOT / "docs" / "images" / "playground.webp"
 MAX_BYTES = 700_000
-SIZE = {"width": 720, "height": 405}
+WIDTH, HEIGHT = 720, 405
 FRAMES, FRAME_MS, QUALITY = 48, 90, 45
 TURN = 0.5  # rad by which the camera swings
 SHOW = """([wrench, yaw]) => new Promise(done => {
@@ -50,7 +50,7 @@ def main() -> None:
     """Write the animation, and print its size."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=installed(), args=["--no-sandbox"])
-        page = browser.new_page(viewport=SIZE, color_scheme="light")
+        page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light")
         page.set_default_timeout(600_000)
         page.goto(f"{PAGE.as_uri()}#rig=seven-modules&show=polytope&embed")
         page.wait_for_function("globalThis.tensionlab?.app.answer")
