@@ -20,7 +20,6 @@ from tensionlab.haptics.effects.contact import Plane
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios import PersonPlan, Scenario, Script, Waypoint, load_scenario
-from tensionlab.scenarios.expected import find_brake_wall
 from tensionlab.scenarios.play import play, simulate_modules
 from tensionlab.support.arrays import Floats
 
@@ -145,9 +144,16 @@ def scenario_of(impact: Impact, scenario: Scenario) -> Scenario:
     return replace(scenario, person=person, seconds=STILL_S + impact.duration + PUSHING_S)
 
 
+def brake_wall(scenario: Scenario) -> Plane:
+    """Return the plane of the first brake target with one."""
+    return next(
+        each.hold.plane for each in scenario.phases if each.hold is not None and each.hold.plane is not None
+    )
+
+
 def outcome(impact: Impact, scenario: Scenario) -> Outcome:
     """Return the outcome of an impact on simulated modules."""
-    _, wall = find_brake_wall(scenario)
+    wall = brake_wall(scenario)
     played = scenario_of(impact, scenario)
     modules = simulate_modules(played, Conditions(impact.latency), impact.seed)
     decisions: list[str] = []
@@ -193,7 +199,7 @@ def impacts(scenario: Scenario, count: int, seed: int = 0, processes: int = 2) -
 
     The scenario has a torso, a rig of a head, and a brake target with a plane.
     """
-    rng, (_, wall) = np.random.default_rng(seed), find_brake_wall(scenario)
+    rng, wall = np.random.default_rng(seed), brake_wall(scenario)
     drawn = [draw_impact(rng, wall) for _ in range(count)]
     if processes == 1:
         yield from (outcome(each, scenario) for each in drawn)

@@ -22,7 +22,7 @@ log = Verbs("Show, export, draw and play logs of runs.")
 def info(path: options.RunFile, json: Json = False) -> None:
     """Show how a run went: answers, timing, limits, events, and the fidelity of its effects."""
     from tensionlab.haptics.rendering.effect_fidelity import fidelity_table
-    from tensionlab.scenarios.checks import run_fidelity
+    from tensionlab.scenarios.fidelity import run_fidelity
 
     run = _read(path)
     found = run_fidelity(run)

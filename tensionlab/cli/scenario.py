@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from typing import Annotated
 
@@ -26,13 +25,7 @@ from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.source import tracked_pose
 from tensionlab.hardware import RealClock, connect
 from tensionlab.scenarios import SCENARIOS, Scenario, check_needs, load_scenario
-from tensionlab.scenarios.checks import (
-    Check,
-    checks_table,
-    loop_delay,
-    scenario_fidelity,
-)
-from tensionlab.scenarios.expected import EXPECTED, check_scenario
+from tensionlab.scenarios.fidelity import loop_delay, scenario_fidelity
 from tensionlab.scenarios.play import ScenarioModules, ScenarioResult, needs_tracker, play, simulate_modules
 from tensionlab.support.files.named import list_names
 from tensionlab.support.table import Column, Table, findings_table
@@ -80,13 +73,13 @@ def scenario(
     view: options.View = False,
     json: Json = False,
 ) -> None:
-    """Play a haptic scenario and check its forces.
+    """Play a haptic scenario and judge its forces.
 
     Before it plays, it says whether the rig reaches where the hand goes, and can do what is desired there. Then
     it compares the rendered forces with what a person should feel. On simulated modules, a simulated person acts,
     as fast as this computer can, or with --view or --lsl in real time. Exit status 1 where a person would notice
-    that a feasible force is not as desired, a measured value is not as expected, something went wrong with a
-    module, or the rig can do nothing of the scenario.
+    that a feasible force is not as desired, something went wrong with a module, or the rig can do nothing of the
+    scenario.
 
     With --at or --facing the scenario moves to where the hand is, and is scaled to what the rig reaches there.
     """
@@ -119,8 +112,6 @@ def scenario(
         except HardwareError as error:
             output.print_error(str(error))
             raise typer.Exit(1) from None
-    complete = seconds in (None, loaded.seconds) and not played.statistics.ended.startswith("signal")
-    checks = check_scenario(played) if complete and at is None and facing is None else ()
     fidelity = scenario_fidelity(played)
     with output.ResultWriter(quiet=json) as writer:
         writer.draw(plot, "scenario", played)
@@ -130,24 +121,16 @@ def scenario(
                 rig=loaded.rig.name,
                 placement=loaded.placement or None,
                 needs=needs,
-                checks=[{**check._asdict(), "met": check.met} for check in checks],
                 fidelity={name: each.summary() for name, each in fidelity.items()},
                 delay=loop_delay(played),
                 run=played.statistics.summary(),
                 events=played.run.events,
             )
         else:
-            table = _table(played, checks)
-            if loaded.name in EXPECTED and not checks:
-                table.notes.append(
-                    "Expected values are only compared when a scenario is played whole, and not moved."
-                )
-            if checks:
-                output.print_line()
-            output.print_table(table)
+            output.print_table(_summary(played))
             print_fidelity(fidelity)
     end_run(played.statistics, streams, log)
-    if any(each.passed is False for each in fidelity.values()) or not all(check.met for check in checks):
+    if any(each.passed is False for each in fidelity.values()):
         raise typer.Exit(1)
 
 
@@ -207,18 +190,13 @@ def _reach(
     return ScenarioModules(group, RealClock(group.clients), links, tracker, client=client)
 
 
-def _table(played: ScenarioResult, checks: Sequence[Check]) -> Table:
-    """Return measured and expected values; notes say what was late."""
-    title = f"{played.scenario.title}: {played.scenario.about}"
-    table = checks_table(checks, title) if checks else Table([], [])
+def _summary(played: ScenarioResult) -> Table:
+    """Return notes on what was played: its latency and answers, and what was late."""
     statistics = played.statistics
-    table.notes = [
-        f"Loop latency {1e3 * loop_delay(played):.0f} ms.",
-        f"Answers: {statistics.explained}.",
-    ]
+    notes = [f"Loop latency {1e3 * loop_delay(played):.0f} ms.", f"Answers: {statistics.explained}."]
     if statistics.missed:
-        table.notes.append(
+        notes.append(
             f"{statistics.missed} of {statistics.missed + statistics.cycles} deadlines missed: forces came late, "
             "or from an older position. Is the computer busy?"
         )
-    return table
+    return Table([], [], notes=notes)

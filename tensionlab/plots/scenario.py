@@ -12,7 +12,7 @@ from tensionlab.plots import scene, style
 from tensionlab.plots.run import COLOURS
 from tensionlab.plots.scene import TILE_M, Moment
 from tensionlab.plots.style import COARSE_SHADE, Entry
-from tensionlab.scenarios.checks import ForceRecord, desired_force, rendered_force
+from tensionlab.scenarios.fidelity import ForceRecord, desired_force, rendered_force
 from tensionlab.scenarios.scenery import scenery
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import BLUE, GREY, ORANGE, RED

@@ -12,6 +12,7 @@ from benchmarks.impacts import (
     MAX_FORCE_N,
     STILL_S,
     Impact,
+    brake_wall,
     draw_impact,
     impacts,
     outcome,
@@ -21,7 +22,6 @@ from benchmarks.impacts import (
 )
 from tensionlab.errors import ScenarioError
 from tensionlab.scenarios import load_scenario
-from tensionlab.scenarios.expected import find_brake_wall
 from tests.helpers.examples import many
 
 COUNT = many(20, least=4)  # `make impacts` plays 1,000
@@ -73,7 +73,7 @@ def test_a_head_on_brakes_without_breakaway_links_is_refused():
 
 
 def test_impacts_are_drawn_as_said():
-    rng, (_, wall) = np.random.default_rng(1), find_brake_wall(COLLISION)
+    rng, wall = np.random.default_rng(1), brake_wall(COLLISION)
     drawn = [draw_impact(rng, wall) for _ in range(2000)]
     cosines = np.array([each.direction @ -wall.n for each in drawn])
     assert cosines.min() >= math.cos(math.radians(40.0))

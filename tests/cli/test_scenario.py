@@ -27,7 +27,7 @@ def test_the_bow_ends_with_a_verdict(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     status, out, err = run("scenario", "bow", "--log", "bow.mcap")
     assert status == 0, err
-    assert "work of the draw" in out
+    assert "Fidelity: rendered / desired" in out
     assert [file.name for file in tmp_path.iterdir()] == ["bow.mcap"], "nobody asked for another file"
     log = read_run("bow.mcap")
     assert len(log) == 1000
@@ -116,4 +116,4 @@ def test_it_says_no_where_it_feels_otherwise(run, tmp_path, monkeypatch):
     words = [str(tmp_path / "recoil.toml"), "--plot", str(tmp_path / "recoil.png")]
     status, out, _err = run("scenario", *words)
     assert status == 1
-    assert "not met" in out
+    assert "✗" in out[out.index("Fidelity") :]

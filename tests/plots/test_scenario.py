@@ -14,7 +14,7 @@ from tensionlab.plots.scenario import (
 )
 from tensionlab.plots.scene import view_of
 from tensionlab.scenarios import load_scenario
-from tensionlab.scenarios.checks import rendered_force
+from tensionlab.scenarios.fidelity import rendered_force
 from tensionlab.scenarios.play import play, simulate_modules
 from tests.helpers.figures import content_of, words_in
 

@@ -12,7 +12,7 @@ from tensionlab.haptics.effects import Plane, Ripples, Spring, Texture, Vibratio
 from tensionlab.haptics.rendering import assignment
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.scenarios import PersonPlan, Phase, Script, Waypoint, load_scenario
-from tensionlab.scenarios.checks import run_fidelity, scenario_fidelity
+from tensionlab.scenarios.fidelity import run_fidelity, scenario_fidelity
 from tensionlab.scenarios.play import play, simulate_modules
 from tensionlab.solvers.base import Status
 

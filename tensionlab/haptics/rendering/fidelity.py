@@ -101,6 +101,7 @@ class Fidelity:
     def failures(self) -> tuple[str, ...]:
         """Return what a person would notice as wrong, in words with numbers."""
         stiffness, amplitude, hertz = self.stiffness_desired, self.amplitude_desired, self.oscillation_frequency
+        missing = abs(self.force_rendered - self.force)  # a short force hardly counts in the error over all time
         force = f"{self.force_rendered:.2f} of {self.force:.2f} N, error {self.error:.2f} N"
         tests = [
             (abs(self.stiffness - stiffness) > STIFFNESS_JND * stiffness,
@@ -109,7 +110,8 @@ class Fidelity:
              f"stiffness between {self.share_low * stiffness:.0f} and {self.share_high * stiffness:.0f} N/m"),
             (self.amplitude < MIN_AMPLITUDE * amplitude,
              f"vibrates with {self.amplitude:.2f} of {amplitude:.2f} N"),
-            (self.error_jnd > MAX_ERROR_JND, f"{force} ({self.error_jnd:.0f} JND)"),
+            (max(self.error_jnd, missing / just_noticeable(self.force)) > MAX_ERROR_JND,
+             f"{force} ({self.error_jnd:.0f} JND)"),
             (self.direction > MAX_ANGLE_DEG, f"{self.direction:.0f} degrees off"),
             (self.free_force > MIN_FORCE_N, f"{self.free_force:.2f} N where none is desired"),
             (self.oscillation > 0.0, f"oscillates at {hertz:.0f} Hz, {self.oscillation:.2f} N"),

@@ -7,7 +7,7 @@ import pytest
 
 from tensionlab.hardware.log.reader import flat_columns, read_run
 from tensionlab.scenarios import load_scenario
-from tensionlab.scenarios.checks import run_fidelity
+from tensionlab.scenarios.fidelity import run_fidelity
 from tensionlab.scenarios.play import play, simulate_modules
 from tensionlab.solvers.base import Status
 from tests.helpers.runs import logged, seven

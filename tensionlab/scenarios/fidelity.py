@@ -1,53 +1,21 @@
-"""Checks of a played scenario: the rendered force over time, its fidelity, and numbers between bounds."""
+"""Rendered force of a played scenario over time, and the fidelity of its effects and brakes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Status
 from tensionlab.demand import EffectTable, measured_wrench
-from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.rendering.effect_fidelity import effects_fidelity
 from tensionlab.haptics.rendering.fidelity import Fidelity, force_fidelity
 from tensionlab.hardware.log.reader import Run
 from tensionlab.scenarios.play import ScenarioResult
 from tensionlab.support.arrays import Floats
-from tensionlab.support.formatting import format_number
-from tensionlab.support.table import Column, Table, met_mark
 
-Kind = TypeVar("Kind", bound=Effect)
-NOTICEABLE = 0.07  # just noticeable difference of forces, as a share
 LOCKING_S, RELEASE_S = 0.1, 0.35  # times in which a brake locks, and its force is gone
-
-
-class Check(NamedTuple):
-    """Measured number, and its expected bounds."""
-
-    name: str
-    unit: str
-    low: float
-    high: float
-    measured: float
-
-    @property
-    def met(self) -> bool:
-        """Whether the number is within the bounds."""
-        return bool(self.low <= self.measured <= self.high)
-
-
-def checks_table(checks: Sequence[Check], title: str = "") -> Table:
-    """Return a row for each check."""
-    rows = [
-        [met_mark(each.met, ("as expected", "not met")), each.name, each.measured,
-         f"{format_number(each.low)} to {format_number(each.high)}", each.unit.removeprefix("1")]
-        for each in checks
-    ]  # fmt: skip
-    return Table(["", "check", Column("measured", format=format_number), "expected", "unit"], rows, title)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +30,6 @@ class ForceRecord:
         """Return the part from one time to another."""
         part = between(self.time, begin, end)
         return ForceRecord(self.time[part], self.position[part], self.force[part])
-
-    @property
-    def velocity(self) -> Floats:
-        """Velocity (K, d), in m/s."""
-        return np.asarray(np.gradient(self.position, self.time, axis=0))
 
 
 def rendered_force(result: ScenarioResult) -> ForceRecord:
@@ -87,21 +50,6 @@ def rendered_force(result: ScenarioResult) -> ForceRecord:
     return ForceRecord(run.time[known], position[known], force[known])
 
 
-def find_effect(result: ScenarioResult, kind: type[Kind], settling: float = 0.0) -> tuple[Kind, ForceRecord]:
-    """Return the first effect of a kind, and the force in its phase after a time in s."""
-    for phase in result.scenario.phases:
-        for each in phase.effects.values():
-            if isinstance(each, kind):
-                return each, rendered_force(result).during(phase.begin + settling, phase.end)
-    raise LookupError(f"{result.scenario.name} has no {kind.__name__}")
-
-
-def check_near(name: str, unit: str, expected: float, measured: float, share: float = NOTICEABLE) -> Check:
-    """Return a check of a number that may differ from the expected one by a share."""
-    slack = share * abs(expected)
-    return Check(name, unit, expected - slack, expected + slack, measured)
-
-
 def between(time: Floats, begin: float, end: float) -> NDArray[np.bool_]:
     """Return which times are from one to another."""
     return np.asarray((time >= begin) & (time < end))
@@ -112,30 +60,13 @@ def loop_delay(result: ScenarioResult) -> float:
     return float(np.nanmax(result.run.delays, initial=0.0))
 
 
-def maximum(values: Floats) -> float:
-    """Return the largest value; NaN of nothing."""
-    return float(values.max()) if values.size else float("nan")
-
-
-def dominant_frequency(time: Floats, values: Floats) -> float:
-    """Return the strongest frequency in Hz; NaN of fewer than eight values."""
-    if len(time) < 8:
-        return float("nan")
-    step = float(np.median(np.diff(time)))
-    level = values - np.polyval(np.polyfit(time, values, 2), time)
-    padded = 8 * len(time)
-    spectrum = np.abs(np.fft.rfft(level * np.hanning(len(level)), padded))
-    frequencies = np.fft.rfftfreq(padded, step)
-    return float(frequencies[int(np.argmax(spectrum))])
-
-
 def run_fidelity(run: Run) -> dict[str, Fidelity]:
     """Return the fidelity of each effect of a run, by the reported tensions; of its force where it has no effects.
 
     Examples
     --------
     >>> from tensionlab.scenarios import load_scenario
-    >>> from tensionlab.scenarios.checks import run_fidelity
+    >>> from tensionlab.scenarios.fidelity import run_fidelity
     >>> from tensionlab.scenarios.play import play, simulate_modules
     >>> weight = load_scenario("weight")
     >>> found = run_fidelity(play(weight, simulate_modules(weight), seconds=2.0).run)
