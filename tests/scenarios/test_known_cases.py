@@ -143,13 +143,13 @@ def test_a_pull_above_a_rough_surface_which_the_hand_leaves_fast():
 
 
 def test_a_spring_off_the_axis_of_its_module_is_said_to_be_softened(one_cable):
-    """0.57 N of error, with nothing in `softened`: links 20 ms late have 0.54 N of it, those of 30 ms 0.9 N."""
+    """0.57 N of error, with nothing in `softened`: links 30 ms late have 0.2 N of it, those of 80 ms 1.1 N."""
     one_cable()
     spring = Spring((0.03, 0.0, 1.2), 60.0)
     way = [(1.0, (0.0, 0.0, 1.15)), (2.0, (0.01, 0.01, 1.15)), (3.0, (0.0, 0.0, 1.15))]
-    result = played(spring, way, rig=MATERIALS.rig, rate=100.0, link=Conditions(0.03))
+    result = played(spring, way, rig=MATERIALS.rig, rate=100.0, link=Conditions(0.08))
     found = failed(result)
-    assert 0.5 < found.error < 1.2
+    assert 0.5 < found.error < 1.5
     assert softened(result)[0].startswith('"it": stiffness across is 0 N/m, ')
 
 

@@ -59,8 +59,8 @@ class Effect(Protocol):
 class AxisImpedance:
     """Module-side part of an effect: an impedance along an axis.
 
-    A push along the axis of ``feed_forward + stiffness max(compression, 0) + damping max(its rate, 0)
-    + amplitude sin(2 pi frequency t)`` N.
+    A push along the axis of ``feed_forward + max(stiffness compression + damping its rate, 0) + amplitude
+    sin(2 pi frequency t)`` N, spring and damper in contact only.
     """
 
     axis: Floats  # unit vector along which it pushes the hand, (d,)
@@ -76,7 +76,7 @@ class AxisImpedance:
         """Return this force (d,) in N without the vibration, for a hand with a velocity (d,)."""
         size = self.feed_forward
         if self.compression > 0.0:
-            size += self.stiffness * self.compression + self.damping * max(-float(self.axis @ velocity), 0.0)
+            size += max(self.stiffness * self.compression - self.damping * float(self.axis @ velocity), 0.0)
         return size * self.axis
 
 

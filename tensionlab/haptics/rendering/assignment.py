@@ -30,10 +30,12 @@ from tensionlab.haptics.rendering.field import (
     stable_share,
 )
 from tensionlab.haptics.rendering.stability import cap_stiffness
-from tensionlab.model.wall_stiffness import MIN_COSINE, MODULE_STIFFNESS
+from tensionlab.model.wall_stiffness import HAND_DAMPING, MARGIN, MIN_COSINE, MODULE_STIFFNESS
 from tensionlab.support.arrays import Floats
 
 MAX_APPROACH_M = 0.5  # farther from a wall no module renders it: set-points come many times before contact
+# Share of the host's largest lag by which it looks ahead: looking further than it is late drives a hand.
+LEAD = 0.5
 MIN_FIELD_COSINE = 0.05  # of a cable of a field: one across the axis adds stiffness across it only
 
 
@@ -266,10 +268,9 @@ def along_cable(
 
 
 class ModuleSprings(NamedTuple):
-    """Impedances of modules for a part, by the number of the cable.
+    """Impedances of modules for a part, by the number of the cable, and what a hand feels of their stiffness.
 
-    ``force`` (d,) is theirs on the hand in N, without vibration, with what the host takes back across the axis and
-    adds along it, as predicted.
+    ``force`` (d,) is theirs on the hand in N, without vibration, with the host's corrections.
     """
 
     impedances: dict[int, Impedance]
@@ -285,7 +286,7 @@ def _module_springs(
     free: NDArray[np.bool_],
     limits: ModuleLimits,
     host_stiffness: float,
-    by_field: bool,
+    was_field: bool,
 ) -> ModuleSprings | None:
     """Return what modules render of a part, by one cable or a field; None if the host alone is better.
 
@@ -293,22 +294,27 @@ def _module_springs(
     """
     if part is None:
         return None
-    best = None
-    cable = _best_cable(part, cables.directions, free)
-    if cable is not None:
-        one = {cable: along_cable(part, float(cables.lengths[cable]), cables.directions[cable], limits)}
+    late = LEAD * MARGIN * HAND_DAMPING / host_stiffness if host_stiffness else 0.0
+    way = late * (velocity - float(part.axis @ velocity) * part.axis)  # along the surface, until set-points act
+    later = cables._replace(lengths=cables.lengths - cables.directions @ way)
+    best, by_field = None, False
+    if (cable := _best_cable(part, cables.directions, free)) is not None:
+        one = {cable: along_cable(part, float(later.lengths[cable]), cables.directions[cable], limits)}
         best = one, _predict(part, one, cables, host_stiffness)
     # Not for a spring that ends before a late host can end it.
     if part.stiffness > 0.0 and part.amplitude == part.feed_forward == 0.0 and math.isinf(part.reach):
-        by_host = 1.0 - min(host_stiffness / part.stiffness, 1.0)
-        field = along_field(part, velocity, cables, free, limits, host_stiffness)
-        predicted = _predict(part, field, cables, host_stiffness)
-        error = by_host if best is None else best[1].error
-        if predicted.error < error * (1.0 + WEAK_JND if by_field else 1.0 - WEAK_JND):
-            return ModuleSprings(field, _expected(part, velocity, cables, field, predicted), predicted, True)
+        error = 1.0 - min(host_stiffness / part.stiffness, 1.0) if best is None else best[1].error
+        error *= 1.0 + WEAK_JND if was_field else 1.0 - WEAK_JND
+        if error > WEAK_JND:  # nobody feels a smaller one
+            field = along_field(part, velocity, later, free, limits, host_stiffness)
+            predicted = _predict(part, field, cables, host_stiffness)
+            if by_field := bool(field) and predicted.error < error:
+                best = field, predicted
     if best is None:
         return None
-    return ModuleSprings(best[0], _expected(part, velocity, cables, *best), best[1], False)
+    return ModuleSprings(
+        best[0], _expected(part, velocity, cables.directions, *best, way, late), best[1], by_field
+    )
 
 
 def _predict(
@@ -316,31 +322,39 @@ def _predict(
 ) -> Prediction:
     directions = cables.directions[list(impedances)]
     stiffness = np.array([each.stiffness for each in impedances.values()])
-    return predict((directions.T * stiffness) @ directions, part.axis, part.stiffness, host_stiffness)
+    matrix = (directions.T * stiffness) @ directions
+    return predict(matrix, part.axis, part.stiffness, host_stiffness / (1.0 - LEAD))
 
 
 def _expected(
     part: AxisImpedance,
     velocity: Floats,
-    cables: CableState,
+    directions: Floats,
     impedances: dict[int, Impedance],
     predicted: Prediction,
+    way: Floats,
+    late: float,
 ) -> Floats:
-    """Return the force of impedances on the hand, corrected as predicted."""
-    depth = max(part.compression, 0.0)
-    rate = max(-float(part.axis @ velocity), 0.0)
-    force = np.zeros_like(part.axis)
-    for cable, each in impedances.items():
-        direction = cables.directions[cable]
-        cosine = float(part.axis @ direction)
-        # Without the tension that only keeps a vibrating cable taut.
-        force = (
-            force
-            + ((each.stiffness * depth + each.damping * rate) * cosine + part.feed_forward / cosine) * direction
-        )
-    along = float(force @ part.axis)
-    across = (1.0 - predicted.share) * (force - along * part.axis)
-    return (along + predicted.added * depth) * part.axis + across
+    """Return the force of impedances on the hand, corrected as predicted.
+
+    What the host corrects is ``late`` s old when it acts, so it is for a hand that has moved on: along the surface
+    by ``way``, and against the axis. The host damps the way out, where modules do not.
+    """
+    rate, used = -float(part.axis @ velocity), directions[list(impedances)]
+    touching = part.compression > 0.0
+    then = max(part.compression + late * rate, 0.0) if touching else 0.0  # compression
+    cosines = used @ part.axis
+    stiffness, damping = np.array([(each.stiffness, each.damping) for each in impedances.values()]).T
+    # Without the tension that only keeps a vibrating cable taut.
+    pulls = part.feed_forward / cosines
+    force = (stiffness * np.maximum(cosines * part.compression + used @ way, 0.0) + pulls) @ used
+    dampers = (damping * (max(rate, 0.0) * cosines)) @ used
+    coupling = (stiffness * (then * cosines) + pulls) @ used + dampers
+    across = dampers - predicted.share * coupling
+    added = predicted.added * then + part.damping * rate * touching
+    added = max(added, -float(force @ part.axis)) - float(across @ part.axis)
+    total: Floats = force + across + added * part.axis
+    return total
 
 
 def along_field(
@@ -355,7 +369,7 @@ def along_field(
 
     They pull along its axis, and their springs end at its surface, so that a hand that withdraws before the host
     knows is not held. Tensions are inside the limits from there to the hand's depth; beyond, a module holds its
-    largest tension. A spring softer than a thousandth of the stiffest is left out.
+    largest tension. A spring softer than a thousandth of a module's largest is left out.
     """
     cosines = cables.directions @ part.axis
     usable = free & (cosines > MIN_FIELD_COSINE)
@@ -369,7 +383,9 @@ def along_field(
         fall,
         rise=np.zeros_like(fall),
     )
-    outer, push = np.outer(part.axis, part.axis), part.push(velocity)
+    rate = max(-float(part.axis @ velocity), 0.0)  # on the way out the springs still need their tensions
+    push = max(part.stiffness * part.compression + part.damping * rate, 0.0) * part.axis
+    outer = np.outer(part.axis, part.axis)
     found = allocate_field(cables.directions.T, push, part.stiffness * outer, part.damping * outer, ranges)
     if not found.gap <= MAX_GAP:
         return {}
@@ -382,5 +398,5 @@ def along_field(
             stiffness=float(stiffness[cable]),
             damping=float(found.damping[cable]) if touching else 0.0,
         )
-        for cable in np.flatnonzero(found.stiffness > 1e-3 * found.stiffness.max())
+        for cable in np.flatnonzero(found.stiffness > 1e-3 * limits.stiffness)
     }

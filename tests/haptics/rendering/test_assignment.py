@@ -95,7 +95,7 @@ def test_what_is_desired_is_the_effects_own_force_however_soft_and_aslant_it_is_
     plan = assign((wall,), motion, aslant, host_stiffness=10.0)
     assert plan.desired == pytest.approx(wall.render(motion).force)
     assert plan.expected[0] > 0.5 * plan.expected[2], "it is rendered along the cable"
-    across = 0.94 * 0.6 / 0.8 * 500.0 * 0.8**2  # of what the module renders; the host takes 6 % back
+    across = 0.88 * 0.6 / 0.8 * 500.0 * 0.8**2  # of what the module renders; the host takes 12 % back
     cut = {"stiffness": (5000.0, 500.0 * 0.8**2), "stiffness across": (0.0, across)}
     assert {name: plan.cut[0][name] for name in cut} == {
         name: pytest.approx(each, rel=0.02) for name, each in cut.items()
