@@ -19,7 +19,7 @@ from tensionlab.haptics.bridge.messages import Welcome
 from tensionlab.haptics.bridge.server import Bridge
 from tensionlab.hardware.client import shared_telemetry
 from tensionlab.hardware.client.locks import LinkLock, holder
-from tensionlab.hardware.client.shared_telemetry import Publisher, Report, Watcher
+from tensionlab.hardware.client.shared_telemetry import Publisher, Watcher
 from tests.helpers.runs import four
 
 pytestmark = [
@@ -97,7 +97,7 @@ print(json.dumps({
 
 
 def test_a_publisher_answers_nobody_without_its_token_and_its_watcher_all_the_same(published: Publisher) -> None:
-    published.topics["module COM1"] = Report("COM1", "left", None, 0.0, 0).pack
+    published.topics["run"] = lambda: b"goes on"
     found = by_nobody(
         """
 ends = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(4)]
@@ -112,8 +112,8 @@ print(json.dumps({str(number): tried(lambda: end.recv(1 << 16)) for number, end 
     assert set(found.values()) == {"TimeoutError"}, found
     watcher = Watcher(published.port, published.token)
     watcher._socket.settimeout(60.0)
-    watcher.ask()
-    assert next(watcher.reports()).name == "left"
+    watcher.ask("run")
+    assert next(watcher.answers()) == b"goes on"
     watcher.close()
 
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, nullcontext
-from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -20,16 +18,16 @@ from tensionlab.hardware.client.diagnostics import is_bluetooth, measure, safe_r
 from tensionlab.hardware.client.links import OPENERS
 from tensionlab.hardware.client.locks import Holder, holder, locked_links
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.client.shared_telemetry import Report, Watcher
 from tensionlab.hardware.protocol.codes import Fault, Limit
-from tensionlab.hardware.protocol.messages import ConfigureTelemetry
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Telemetry
 from tensionlab.hardware.runner.settings import RealClock
+from tensionlab.hardware.sharing import RunWatcher
 from tensionlab.support.formatting import format_number
 from tensionlab.support.table import Column, Table
 
 TELEMETRY_PERIOD_MS = 50
 REFRESH_PERIOD_S = 0.2  # period of the live table
-SILENCE_S = 1.0  # how long another process may send no report before it is looked for
+SILENCE_S = 1.0  # age of a run's latest cycle from which on its process is looked for
 # Columns of `monitor`.
 TELEMETRY = ("module", "state", Column("tension", "N", ".2f"), Column("current", "A", ".2f"),
              Column("length", "m", ".3f"), Column("speed", "m/s", "+.2f"), "limit", "faults",
@@ -41,26 +39,42 @@ TRIPS = ("module", "pings", "lost", *(Column(name, "ms", format_number) for name
          Column("TTL", "ms", ".0f"), Column("safe rate", "Hz"))  # fmt: skip
 
 
+class Report(NamedTuple):
+    """Latest telemetry of a module, if any, its age in s, and the number of damaged frames."""
+
+    telemetry: Telemetry | None = None
+    age: float = math.inf
+    bad_frames: int = 0
+
+
 class WatchedModule:
-    """Module that another process has, as that one publishes it; `monitor` uses it like a client."""
+    """Module that another process has, as its run publishes it; `monitor` uses it like a client."""
 
-    def __init__(self, url: str, process: Holder) -> None:
-        self.url, self.name, self.process = url, url, process
-        self._report = Report(url, url, None, math.inf, 0)
-        self._came = time.perf_counter()
-
-    def take(self, report: Report) -> None:
-        """Take the latest report of the process on the module."""
-        self.name, self._report, self._came = report.name, report, time.perf_counter()
+    def __init__(self, url: str, process: Holder, run: RunWatcher) -> None:
+        self.url, self.name, self.process, self._run = url, url, process, run
 
     def check(self) -> None:
         """Raise a `LinkError` where the process has ended, or released the module."""
-        if time.perf_counter() - self._came > SILENCE_S and holder(self.url) != self.process:
+        if self._run.age > SILENCE_S and holder(self.url) != self.process:
             raise LinkError(f"{self.process} has ended or released it; start the monitor again to reach it")
 
     def report(self) -> Report:
-        """Return the latest report; its age is that of now."""
-        return replace(self._report, age=self._report.age + time.perf_counter() - self._came)
+        """Return what the run tells of the module, if it has one."""
+        info, report = self._run.info, self._run.report
+        if info is None or report is None or self.url not in (urls := [*info.links.values()]):
+            return Report()
+        index = urls.index(self.url)
+        self.name = [*info.links][index]
+        age = 0.0 if report.cycle is None else float(report.cycle["ages"][index])
+        return Report(report.telemetry[index], age + self._run.age, int(report.bad_frames[index]))
+
+
+def _report(module: ModuleClient | WatchedModule) -> Report:
+    if isinstance(module, WatchedModule):
+        return module.report()
+    if (latest := module.telemetry) is None:
+        return Report(bad_frames=module.bad_frames)
+    return Report(latest.message, module.link.clock() - latest.time, module.bad_frames)
 
 
 Monitored = dict[str, ModuleClient | WatchedModule]
@@ -74,8 +88,8 @@ def monitor(
 ) -> None:
     """Show the telemetry of modules in a live table, also of those in a run.
 
-    Nothing is changed, nothing pulls. Modules that another process uses, such as ``tensionlab run``, are shown as
-    that one receives them, which does not slow it down. Without links and file: all modules that your processes
+    Nothing is changed, nothing pulls. Modules in a run of another process are shown as that one receives them,
+    which does not slow it down; those that it uses otherwise, such as to calibrate them, are silent. Without links and file: all modules that your processes
     use on this computer. In a file or a pipe only the last table is printed. Exit status 1 where a link broke or
     could not be opened, or the other process has ended.
     """
@@ -86,12 +100,15 @@ def monitor(
         output.print_error("None of your tensionlab processes holds a module; name the modules to watch.")
         raise typer.Exit(1)
     with ExitStack() as stack:
-        found, failed = _connect(urls)
-        clients = [each for each in found.values() if isinstance(each, ModuleClient)]
-        watched = {each.url: each for each in found.values() if isinstance(each, WatchedModule)}
-        processes = {each.process for each in watched.values()}
-        watchers = [Watcher(process.port, process.token) for process in processes if process.port is not None]
-        for close in (*(client.close for client in clients), *(watcher.close for watcher in watchers)):
+        reached, failed = _connect(urls)
+        clients = [each for each in reached.values() if isinstance(each, ModuleClient)]
+        holders = {each for each in reached.values() if isinstance(each, Holder)}
+        runs = {each: RunWatcher(each.port or 0, each.token) for each in holders}
+        found: Monitored = {
+            name: WatchedModule(urls[name], each, runs[each]) if isinstance(each, Holder) else each
+            for name, each in reached.items()
+        }
+        for close in (*(client.close for client in clients), *(run.close for run in runs.values())):
             stack.callback(close)
         clock = RealClock(clients)
         end = clock.now() + seconds
@@ -101,12 +118,9 @@ def monitor(
         interrupted = stack.enter_context(output.until_interrupted(kept))
         with live if shown else nullcontext():
             while found.keys() - failed.keys() and not interrupted() and clock.now() < end:
-                for watcher in watchers:
-                    watcher.ask()
                 clock.wait_until(clock.now() + REFRESH_PERIOD_S)
-                for report in (report for watcher in watchers for report in watcher.reports()):
-                    if report.url in watched:
-                        watched[report.url].take(report)
+                for run in runs.values():
+                    run.poll()
                 for name, module in found.items():
                     try:
                         module.check()
@@ -122,16 +136,16 @@ def monitor(
         exit_if_failed(failed)
 
 
-def _connect(links: dict[str, str]) -> tuple[Monitored, dict[str, HardwareError]]:
-    """Open all modules that no other process has, and have them report; return them and all errors."""
+def _connect(links: dict[str, str]) -> tuple[dict[str, ModuleClient | Holder], dict[str, HardwareError]]:
+    """Open the modules that no other process has; return them, or the process that has one, and the errors."""
     failed: dict[str, HardwareError] = {}
 
-    def connect(name: str) -> ModuleClient | WatchedModule | None:
+    def connect(name: str) -> ModuleClient | Holder | None:
         client, url = None, links[name]
         try:
             user = None if url in OPENERS else holder(url)
             if user is not None and user.port is not None:
-                return WatchedModule(url, user)
+                return user
             client = ModuleClient(name, url)
             client.command(ConfigureTelemetry(TELEMETRY_PERIOD_MS))
         except HardwareError as error:
@@ -150,12 +164,12 @@ def _telemetry_table(found: Monitored, failed: dict[str, HardwareError]) -> Tabl
     limits: set[Limit] = set()
     users: dict[str, list[str]] = {}
     for name, each in found.items():
-        report = each.report()
+        report = _report(each)
         message = report.telemetry
         if isinstance(each, WatchedModule):
             users.setdefault(str(each.process), []).append(each.name)
         if name in failed or message is None:
-            rows.append([report.name, "lost" if name in failed else "silent", *[None] * (len(TELEMETRY) - 2)])
+            rows.append([each.name, "lost" if name in failed else "silent", *[None] * (len(TELEMETRY) - 2)])
             continue
         limits.add(message.limit)
         faults |= message.faults
@@ -163,7 +177,7 @@ def _telemetry_table(found: Monitored, failed: dict[str, HardwareError]) -> Tabl
         named = ", ".join(fault.name.lower() for fault in message.faults if fault.name)
         damaged = report.bad_frames + message.bad_frames
         rows.append(
-            [report.name, message.state.name.lower(), message.tension, message.current, message.length,
+            [each.name, message.state.name.lower(), message.tension, message.current, message.length,
              message.speed, limit, named or "–", 100.0 * message.thermal, message.supply, 1e3 * report.age,
              damaged, message.lost_frames]
         )  # fmt: skip
@@ -174,9 +188,9 @@ def _telemetry_table(found: Monitored, failed: dict[str, HardwareError]) -> Tabl
 
 
 def _telemetry_json(url: str, each: ModuleClient | WatchedModule) -> dict[str, Any]:
-    report = each.report()
+    report = _report(each)
     return {
-        "module": report.name,
+        "module": each.name,
         "url": url,
         "process": each.process.pid if isinstance(each, WatchedModule) else None,
         "age": None if report.telemetry is None else report.age,

@@ -25,7 +25,7 @@ from tensionlab.hardware.client import shared_telemetry
 from tensionlab.hardware.client.locks import locked_links, program
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.shared_telemetry import Watcher
-from tensionlab.hardware.protocol.messages import Info
+from tensionlab.hardware.protocol.messages import Decoder, Info, Telemetry
 from tensionlab.hardware.runner.cycle_table import decode, encode
 from tensionlab.hardware.runner.records import Cycle, RunEvent, Statistics
 from tensionlab.hardware.runner.settings import RunSettings
@@ -120,8 +120,7 @@ class SharedRun:
             "number": self._number,
             "over": over,
             "bad_frames": [client.bad_frames for client in self._clients],
-            "currents": [None if each is None else each.message.current for each in telemetry],
-            "supplies": [None if each is None else each.message.supply for each in telemetry],
+            "telemetry": ["" if each is None else each.message.frame(0).pack().hex() for each in telemetry],
             **{
                 name: list(islice(reversed(getattr(statistics, name)), MAX_TIMES))[::-1]
                 for name in ("start_delays", "compute_times")
@@ -140,8 +139,7 @@ class RunSnapshot:
     over: bool  # whether its modules have been commanded to stop; `ended` says why
     cycle: Mapping[str, NDArray[Any]] | None  # the latest, by the names of `CycleTable`; None before the first
     bad_frames: Integers  # (m,) damaged frames of the modules
-    currents: Floats  # (m,) in A
-    supplies: Floats  # (m,) in V
+    telemetry: tuple[Telemetry | None, ...]  # latest of each module; None before the first, and of an old one
     start_delays: Floats  # (k,) of the latest cycles, in s, the latest last
     compute_times: Floats  # (k,)
     cycles: int
@@ -161,9 +159,11 @@ class RunSnapshot:
         if values["cycle"] is not None:
             columns = decode([json.dumps(values["cycle"]).encode()], rig)
             values["cycle"] = {name: column[0] for name, column in columns.items()}
-        for name in ("currents", "supplies", "start_delays", "compute_times"):
+        for name in ("start_delays", "compute_times"):
             values[name] = np.array(values[name], np.float64)
         values["bad_frames"] = np.array(values["bad_frames"], np.int64)
+        frames = [Decoder().feed(bytes.fromhex(each)) for each in values["telemetry"]]
+        values["telemetry"] = tuple(Telemetry.unpack(each[0].payload) if each else None for each in frames)
         values["events"] = tuple(RunEvent(**event) for event in values["events"])
         return cls(**values)
 

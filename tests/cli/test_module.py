@@ -2,21 +2,24 @@
 
 import json
 import os
+import select
 import signal
-from itertools import islice
 from pathlib import Path
 
 import pytest
 
 from tensionlab.errors import LinkError
 from tensionlab.hardware.client import diagnostics as discover
+from tensionlab.hardware.client import shared_telemetry
 from tensionlab.hardware.client.links import modules_to_toml
 from tensionlab.hardware.client.locks import Holder, LinkLock
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.client.shared_telemetry import Publisher, Report, Watcher
-from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
-from tensionlab.hardware.protocol.messages import Telemetry
+from tensionlab.hardware.client.shared_telemetry import Publisher
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry
+from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.sharing import RunWatcher, SharedRun
 from tensionlab.hardware.simulation.links import Conditions
+from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
 from tests.helpers.modules import serial_port
 from tests.helpers.reachable import ReachableRig
@@ -221,55 +224,55 @@ def test_parameters_from_one_module_to_a_file_and_back(call, tmp_path, urls):
     ]
 
 
-class Elsewhere:
-    """Process that has some modules, as this one sees it by its notes. What it is asked for comes at once."""
-
-    def __init__(self, monkeypatch, urls):
-        monkeypatch.setattr("tensionlab.hardware.client.shared_telemetry.MIN_PERIOD_S", 0.0)
-        publisher = Publisher()
-        process = Holder(4711, 1, "tensionlab run floor", "left", publisher.port, publisher.token)
-        for name, url in urls.items():
-            publisher.topics[f"module {url}"] = Report(url, f"my {name}", TELEMETRY, 0.01, 7).pack
-        self.holders = dict.fromkeys(urls.values(), process)
-
-        class Patient(Watcher):
-            def reports(self):
-                self._socket.settimeout(60.0)
-                return islice(super().reports(), len(publisher.topics))
-
-        verb = "tensionlab.cli.module_monitor"
-        monkeypatch.setattr(f"{verb}.Watcher", Patient)
-        monkeypatch.setattr(f"{verb}.holder", self.holders.get)
-        monkeypatch.setattr(f"{verb}.locked_links", lambda: self.holders)
+OTHERS = {"floor-1": "socket://127.0.0.1:50001", "floor-2": "socket://127.0.0.1:50002", "floor-3": "COM7"}
 
 
-TELEMETRY = Telemetry(
-    1, State.RUNNING, Fault(0), Limit.SLEW, 17, 2.5, 0.75, 1.25, -0.5, 12.0, 0.25, BrakeState.OPEN, 3, 4, 250
-)
-OTHERS = {"left": "socket://127.0.0.1:50001", "right": "socket://127.0.0.1:50002"}
+@pytest.fixture
+def elsewhere(monkeypatch):
+    """Have a run in another process, as this one sees it by its notes; return who holds the modules, by URL."""
+    monkeypatch.setattr(shared_telemetry, "MIN_PERIOD_S", 0.0)
+    publisher = Publisher()
+    monkeypatch.setattr(shared_telemetry, "_publisher", publisher)
+    rig = load_rig("floor-3")
+    clients = World(rig).group().clients
+    for client, url in zip(clients, OTHERS.values(), strict=True):
+        client.link.url = url
+        client.command(ConfigureTelemetry(20))
+        client.listen(0.1)
+    SharedRun(rig, "newton", RunSettings(), clients)
+    holders = dict.fromkeys(
+        OTHERS.values(), Holder(4711, 1, "tensionlab run floor", "", publisher.port, publisher.token)
+    )
+
+    class Patient(RunWatcher):
+        def poll(self):
+            super().poll()
+            select.select([self._watcher._socket], [], [], 60.0)
+
+    verb = "tensionlab.cli.module_monitor"
+    monkeypatch.setattr(f"{verb}.RunWatcher", Patient)
+    monkeypatch.setattr(f"{verb}.holder", holders.get)
+    monkeypatch.setattr(f"{verb}.locked_links", lambda: holders)
+    return holders
 
 
-def test_monitor_shows_modules_of_another_process_as_that_one_hears_them(run, monkeypatch, simulated_time):
-    Elsewhere(monkeypatch, OTHERS)
+@pytest.mark.usefixtures("elsewhere")
+def test_monitor_shows_the_modules_of_a_run_as_that_one_hears_them(run, simulated_time):
     status, out, err = run("module", "monitor", "--seconds", "0.6")
     assert (status, err) == (0, "")
     lines = out.splitlines()
-    assert [line.split()[:7] for line in lines[3:5]] == [
-        ["my", name, "running", "2.50", "0.75", "1.250", "-0.50"] for name in OTHERS
-    ]
-    assert lines[3].split()[-2:] == ["10", "4"]
-    assert lines[-1] == "as process 4711 (tensionlab run floor) receives them: my left, my right"
-    status, out, _ = run("module", "monitor", "--seconds", "0.6", "--json", OTHERS["right"])
+    assert [line.split()[:3] for line in lines[3:6]] == [[name, "idle", "0.00"] for name in OTHERS]
+    assert lines[-1] == f"as process 4711 (tensionlab run floor) receives them: {', '.join(OTHERS)}"
+    status, out, _ = run("module", "monitor", "--seconds", "0.6", "--json", OTHERS["floor-2"])
     [found] = json.loads(out)
-    assert (found["module"], found["url"], found["process"]) == ("my right", OTHERS["right"], 4711)
-    assert found["telemetry"]["state"] == "RUNNING"
-    assert found["age"] >= 0.01
+    assert (found["module"], found["url"], found["process"]) == ("floor-2", OTHERS["floor-2"], 4711)
+    assert found["telemetry"]["state"] == "IDLE"
+    assert found["age"] >= 0.0
 
 
-def test_monitor_says_that_the_other_process_has_ended(run, monkeypatch, simulated_time):
-    other = Elsewhere(monkeypatch, OTHERS)
-    monkeypatch.setattr("tensionlab.cli.module_monitor.SILENCE_S", 0.0)
-    after_a_second(simulated_time, other.holders.clear)
+def test_monitor_says_that_the_other_process_has_ended(run, elsewhere, monkeypatch, simulated_time):
+    monkeypatch.setattr("tensionlab.cli.module_monitor.SILENCE_S", -1.0)
+    after_a_second(simulated_time, elsewhere.clear)
     status, _, err = run("module", "monitor", "--seconds", "20", *OTHERS.values())
     assert status == 1
     assert "process 4711 (tensionlab run floor) has ended or released it; start the monitor again" in err

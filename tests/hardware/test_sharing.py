@@ -12,7 +12,7 @@ from tensionlab.hardware import sharing
 from tensionlab.hardware.client import shared_telemetry
 from tensionlab.hardware.client.locks import LinkLock
 from tensionlab.hardware.client.shared_telemetry import Publisher
-from tensionlab.hardware.protocol.codes import BrakeState
+from tensionlab.hardware.protocol.codes import BrakeState, State
 from tensionlab.hardware.runner.cycle_table import COLUMNS
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
@@ -86,7 +86,8 @@ def test_the_newest_cycle_is_told_with_all_its_columns_and_what_is_not_logged(wa
         np.testing.assert_array_equal(report.cycle[name], COLUMNS[name].value(latest, runner.rig), err_msg=name)
     np.testing.assert_allclose(report.cycle["anchors"], runner.rig.anchors)
     assert report.cycle["brake_states"].tolist() == [BrakeState.OPEN] * 4
-    assert np.isfinite(report.currents).all()
+    assert [each.state for each in report.telemetry] == [State.RUNNING] * 4
+    assert all(0.0 < each.current < 2.5 for each in report.telemetry)
     assert report.bad_frames.tolist() == [0] * 4
     assert report.start_delays.tolist() == list(runner.statistics.start_delays)[:30]
     assert [event.kind for event in report.events] == ["armed"]

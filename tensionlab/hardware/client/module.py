@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import random
 import threading
 import time
@@ -13,7 +12,6 @@ from typing import NamedTuple, Self, TypeVar
 from tensionlab import _native
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.client.links import Link, link_reader, open_link
-from tensionlab.hardware.client.shared_telemetry import MODULE, Report, publisher
 from tensionlab.hardware.protocol import messages
 from tensionlab.hardware.protocol.codes import (
     FOLLOWING_STATES,
@@ -118,8 +116,6 @@ class ModuleClient:
         else:
             self._reader = threading.Thread(target=self._read_until_closed, name=f"reader of {name}", daemon=True)
             self._reader.start()
-        if (published := publisher()) is not None:
-            published.topics[MODULE + self.link.url] = lambda: self.report().pack()
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -136,8 +132,6 @@ class ModuleClient:
         """Close the link; a module that was pulling notices, and releases its cable."""
         self._closing = True
         self.endpoint.set_file(NO_FILE)
-        if not self.link.lockstep and (published := publisher()) is not None:
-            published.topics.pop(MODULE + self.link.url, None)
         if not self.link.lockstep and self.link.file is not None:
             link_reader().remove(self.link.file, self._read)
         self.link.close()
@@ -347,14 +341,6 @@ class ModuleClient:
     def bad_frames(self) -> int:
         """Number of frames that were damaged or could not be read."""
         return self.endpoint.bad_frames + self._unreadable
-
-    def report(self) -> Report:
-        """Return what other processes may know of the module."""
-        latest = self.telemetry
-        if latest is None:
-            return Report(self.link.url, self.name, None, math.inf, self.bad_frames)
-        age = self.link.clock() - latest.time
-        return Report(self.link.url, self.name, latest.message, age, self.bad_frames)
 
     def _send_set_point(self, message: messages.SetTension | messages.SetImpedance) -> int:
         rounds, sequence = divmod(self.endpoint.next_set_point(), 256)

@@ -1,13 +1,12 @@
-"""State of a process's modules, and of its run, for other processes on this computer.
+"""State of a process's run for other processes on this computer.
 
 A thread waits at a UDP port of 127.0.0.1. A request is the token, which is in the notes of the locks, a space and
-the beginning of topics' names; each of these topics is answered with one datagram of JSON. The thread is apart
-from the loop of a run and from the reader of links, and nothing that comes to its port reaches a module.
+a topic, and is answered with one datagram of JSON. The thread is apart from the loop of a run and the reader of
+links, and nothing that comes to its port reaches a module.
 """
 
 from __future__ import annotations
 
-import json
 import logging
 import secrets
 import socket
@@ -16,46 +15,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
-from tensionlab.errors import ProtocolError
-from tensionlab.hardware.protocol.messages import Decoder, Telemetry, read
-
 HOST = "127.0.0.1"
-MODULE = "module "  # start of the topics that are reports of modules; the URL of the link follows
 MIN_PERIOD_S = 0.05  # between requests; faster ones get lost, so that a flood does not slow down a run
 MAX_REQUEST_BYTES, MAX_REPLY_BYTES = 64, 1 << 16
 MAX_REMEMBERED = 8  # watchers that get an announced topic
-
-
-@dataclass(frozen=True)
-class Report:
-    """State of a module: its link and name, its latest telemetry, if any, and the age of that in s.
-
-    `bad_frames` is the number of frames that arrived damaged.
-    """
-
-    url: str
-    name: str
-    telemetry: Telemetry | None
-    age: float
-    bad_frames: int
-
-    def pack(self) -> bytes:
-        """Return the datagram."""
-        frame = "" if self.telemetry is None else self.telemetry.frame(0).pack().hex()
-        return json.dumps(vars(self) | {"telemetry": frame}).encode()
-
-    @classmethod
-    def unpack(cls, content: bytes) -> Report:
-        """Return the report of a datagram; ValueError, KeyError, TypeError or `ProtocolError` if it is none."""
-        row = json.loads(content)
-        frames = Decoder().feed(bytes.fromhex(row["telemetry"]))
-        telemetry = read(frames[0]) if frames else None
-        if not (telemetry is None or isinstance(telemetry, Telemetry)):
-            raise ProtocolError("no telemetry")
-        return cls(str(row["url"]), str(row["name"]), telemetry, float(row["age"]), int(row["bad_frames"]))
 
 
 class Publisher:
@@ -80,23 +45,22 @@ class Publisher:
         while True:
             with suppress(OSError):  # of a watcher that has ended, or does not read
                 request, watcher = self._socket.recvfrom(MAX_REQUEST_BYTES)
-                token, _, start = request.partition(b" ")
+                token, _, topic = request.partition(b" ")
                 if secrets.compare_digest(token, self.token.encode()):
-                    self._send(start.decode(errors="replace"), watcher)
+                    self._send(topic.decode(errors="replace"), watcher)
                     if watcher not in self._watchers:
                         self._watchers.append(watcher)
             time.sleep(MIN_PERIOD_S)
 
-    def _send(self, start: str, watcher: Any) -> None:
-        """Send each topic that can be packed; the error of another is logged."""
-        for name, pack in dict(self.topics).items():
-            if name.startswith(start):
-                try:
-                    answer = pack()
-                except Exception:
-                    logging.getLogger(__name__).exception("an answer about %s", name)
-                else:
-                    self._socket.sendto(answer, watcher)
+    def _send(self, topic: str, watcher: Any) -> None:
+        """Send a topic, if there is such a one; an error in packing it is logged."""
+        if (pack := self.topics.get(topic)) is not None:
+            try:
+                answer = pack()
+            except Exception:
+                logging.getLogger(__name__).exception("an answer about %s", topic)
+            else:
+                self._socket.sendto(answer, watcher)
 
     def announce(self, topic: str) -> None:
         """Send a topic unasked to the latest watchers, for whom a request may be too late."""
@@ -115,10 +79,10 @@ class Watcher:
         self._socket.connect((HOST, port))
         self._socket.setblocking(False)
 
-    def ask(self, start: str = MODULE) -> None:
-        """Request the topics whose names start so: a report of each module, or another topic."""
+    def ask(self, topic: str) -> None:
+        """Request a topic."""
         try:
-            self._socket.send(f"{self._token} {start}".encode())
+            self._socket.send(f"{self._token} {topic}".encode())
         except (ConnectionRefusedError, ConnectionResetError):
             self.refused = True
         except OSError:
@@ -133,12 +97,6 @@ class Watcher:
             self.refused = True
         except OSError:
             pass
-
-    def reports(self) -> Iterator[Report]:
-        """Yield the reports of modules that have come."""
-        for content in self.answers():
-            with suppress(ValueError, ArithmeticError, LookupError, TypeError, ProtocolError):
-                yield Report.unpack(content)
 
     def close(self) -> None:
         """Close the socket."""

@@ -1,4 +1,3 @@
-import math
 from contextlib import suppress
 
 import pytest
@@ -97,15 +96,6 @@ def test_a_fault_is_named_until_the_module_is_cleared(client):
     client.clear()
     client.check()
     assert client.endpoint.faults == 0
-
-
-def test_the_age_of_a_report_is_counted_from_the_latest_telemetry(client):
-    assert client.report().age == math.inf
-    client.command(ConfigureTelemetry(10))
-    client.listen(0.1)
-    client.command(ConfigureTelemetry(0))
-    client.listen(0.5)
-    assert client.report().age == pytest.approx(0.5, abs=0.05)
 
 
 @pytest.mark.parametrize(("seconds", "slept"), [(0.05, [0.05]), (0.002, [0.002]), (0.0005, [])])
