@@ -33,7 +33,7 @@ POSES = 1_000_000
 CHUNK_POSES = 4_000
 SHARES = (0.0, 0.01, 0.05)  # radii, as shares of the mean distance of the anchors from home; 0 is a fixed anchor
 FORCE_SHARE = 0.05  # of the largest tension: the forces that are required along each axis
-CELLS = {3: 96, 6: 14}  # finest cells along the longest edge of the region, by wrench components
+CELLS = {3: 96, 6: 40}  # finest cells along the longest edge of the region, by wrench components
 CLOSE = 1e-6  # of the largest tension: closer to a limit, HiGHS decides
 EVERY = 50  # HiGHS decides one in so many of the others as well
 

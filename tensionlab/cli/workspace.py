@@ -138,11 +138,12 @@ def _metrics_table(found: pandas.DataFrame, where: Grid | PoseList, rigs: list[R
         },
     }
     columns = {name: column for name, column in columns.items() if name in found}
-    rows = []
+    rows, torques = [], {rig.name for rig in rigs if not rig.has_position}
     for row in found.to_dict("records"):
         if not metrics[row["metric"]].above_zero:
             row |= {name: None for name in row if name.endswith("above_zero")}
-        row |= {"unit": row["unit"].removeprefix("1"), "missing": row["missing"] or None}
+        unit = "N·m" if row["unit"] == "N" and row["rig"] in torques else row["unit"].removeprefix("1")
+        row |= {"unit": unit, "missing": row["missing"] or None}
         rows.append([row[name] for name in columns])
     axes = {name: values for name, (_, values, _) in where.labels().items() if name in "xyz"}
     region = ", ".join(f"{name} {values.min():g} to {values.max():g} m" for name, values in axes.items())
@@ -150,7 +151,8 @@ def _metrics_table(found: pandas.DataFrame, where: Grid | PoseList, rigs: list[R
     title, step = f"{poses:,} poses", ""
     if isinstance(where, Grid):
         places, step = int(np.prod(where.shape[: len(axes)])), describe_step(axes.values())
-        title += f", {places:,} positions in {poses // places} orientations" * (poses > places) + f", {step}"
+        title += f", {places:,} positions in {poses // places} orientations" * (poses > places)
+        title += f", {step}" if step else ""
     notes = [
         f"{name}: {shown.description}" + (f" Above 0: {shown.above_zero}." if shown.above_zero else "")
         for name, shown in metrics.items()
@@ -166,9 +168,7 @@ def _metrics_table(found: pandas.DataFrame, where: Grid | PoseList, rigs: list[R
     for rig in rigs:
         if rig.required:
             notes.append(f"required of {rig.name}: {rig.required.describe(rig)}")
-        if not rig.has_position:
-            notes.append(f"forces and margins of {rig.name} are torques, in N·m")
-        elif rig.n > rig.dimension:
+        if rig.n > rig.dimension:
             own = (
                 "as required"
                 if rig.required.length is not None

@@ -174,7 +174,9 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
             for name, part in zip(_names(parts), parts, strict=True)
         ),
         home=(parent + point)[axes] + (moved if kind.has_position else 0.0),
-        home_rotation=None if kind.has_position else Rotation.from_euler("XYZ", angles).as_rotvec(),
+        home_rotation=None
+        if kind.has_position or not angles.any()
+        else Rotation.from_euler("XYZ", angles).as_rotvec(),
         platform=_platform(physical, com, joint),
         description=_describe(links[0], chosen, joint, kind.has_position and bool(angles.any())),
         up=up,

@@ -138,3 +138,13 @@ def test_metrics_stay_in_their_order_in_a_store_and_orientations_are_counted(run
         assert (code, err) == (0, "")
         assert out.index("wrench-feasible") < out.index("capacity-margin")
         assert out.startswith("126 poses, 18 positions in 7 orientations, 2 m apart: x -2 to 2 m")
+
+
+def test_orientations_of_a_spherical_rig_are_swept_at_home(run, tmp_path):
+    from tests.model.test_spherical import RIG
+
+    tl.save_rig(RIG, tmp_path / "wrist.toml")
+    status, out, _ = run(tmp_path / "wrist.toml", "--rotations", "cone:20:10", "--metric", "capacity-margin")
+    assert status == 0
+    assert "19 poses, 1 positions in 19 orientations: x 0 to 0 m, y 0 to 0 m, z 0.05 to 0.05 m" in out
+    assert " N·m " in out
