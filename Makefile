@@ -10,7 +10,7 @@ BUILD_TOOLS := scikit-build-core nanobind hatch-fancy-pypi-readme $(foreach tool
 export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
 NATIVE := $(wildcard include/*/*.hpp include/*/*/*.hpp tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo install test test-fast test-lowest coverage check firmware-check sanitize format bench bench-quick bench-readme bench-workspace bench-runner bench-view stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check playground generated checksums clean
+.PHONY: demo install test test-fast test-lowest coverage check firmware-check sanitize format bench bench-quick bench-readme bench-workspace bench-runner stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check playground generated checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -100,10 +100,6 @@ impacts: .venv/dev.stamp
 
 bench-runner: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.runner
-
-# In a browser; other load on the computer disturbs it.
-bench-view: .venv/dev.stamp
-	@$(BIN)/python -m benchmarks.view_latency
 
 what-if: .venv/dev.stamp
 	@$(BIN)/python paper_figures/what_if.py --out datasets/what-if/paper-like-simulated.parquet

@@ -19,9 +19,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import unquote, urldefrag
 
-from tools.site.browser import Page, browser
+from playwright.sync_api import Page, ViewportSize
 
-DESKTOP_PX, PHONE_PX = 1280, 390
+from tools.site.browser import Seen, browser
+
+DESKTOP, PHONE = (ViewportSize(width=width, height=900) for width in (1280, 390))
 SHOTS = {
     "landing": "docs/index.html",
     "get-started": "docs/get-started/index.html",
@@ -90,7 +92,7 @@ def serve(folder: Path) -> Iterator[str]:
         server.shutdown()
 
 
-def check_pages(page: Page, site: Path, base: str) -> Findings:
+def check_pages(page: Page, seen: Seen, site: Path, base: str) -> Findings:
     """Open every page of a site, and then look whether there is what they link to."""
     found = Findings()
     ids: dict[str, set[str]] = {}
@@ -99,29 +101,31 @@ def check_pages(page: Page, site: Path, base: str) -> Findings:
         name = path.relative_to(site).as_posix()
         if name == "index.html" or name.startswith("_static/"):  # leads to docs/index.html; parts of the theme
             continue
-        page.width(DESKTOP_PX)
-        page.open(base + name)
-        page.ask(LAZY)
-        page.wait(COMPLETE)
-        seen = page.ask(LOOK)
-        page.width(PHONE_PX)
-        wide = page.ask(WIDE)
+        seen.requests.clear()
+        seen.complaints.clear()
+        page.set_viewport_size(DESKTOP)
+        page.goto(base + name)
+        page.evaluate(LAZY)
+        page.wait_for_function(COMPLETE)
+        look = page.evaluate(LOOK)
+        page.set_viewport_size(PHONE)
+        wide = page.evaluate(WIDE)
         found.pages += 1
-        found.pictures += seen["pictures"]
-        found.equations += seen["equations"]
-        found.elsewhere |= {url for url in page.requests if not url.startswith((base, "data:", "blob:"))}
-        ids[name] = set(seen["ids"])
-        links += [(name, unquote(link.removeprefix(base))) for link in seen["links"] if link.startswith(base)]
+        found.pictures += look["pictures"]
+        found.equations += look["equations"]
+        found.elsewhere |= {url for url in seen.requests if not url.startswith((base, "data:", "blob:"))}
+        ids[name] = set(look["ids"])
+        links += [(name, unquote(link.removeprefix(base))) for link in look["links"] if link.startswith(base)]
         for what, which in (
-            ("picture does not load", seen["broken"]),
-            ("picture without words", seen["wordless"]),
-            ("equation is not drawn", seen["flat"]),
-            ("says", page.complaints),
+            ("picture does not load", look["broken"]),
+            ("picture without words", look["wordless"]),
+            ("equation is not drawn", look["flat"]),
+            ("says", seen.complaints),
         ):
             found.wrong += [f"{name}: {what}: {each}" for each in which]
         if wide:
             found.wrong.append(f"{name}: {wide[0]} px wider than a phone: {'; '.join(wide[1:])}")
-        if seen["empty"]:
+        if look["empty"]:
             found.wrong.append(f"{name}: is empty")
     found.links = {link for _, link in links}
     for name, link in dict.fromkeys(links):
@@ -137,20 +141,20 @@ def check_pages(page: Page, site: Path, base: str) -> Findings:
 def check_search(page: Page, home: str, found: Findings, shot: Path | None = None) -> None:
     """Search from a page as a person does, with the keyboard."""
     for words, wanted in SEARCHES.items():
-        page.width(DESKTOP_PX)
-        page.open(home)
-        page.press("k", 75, modifiers=2)
-        page.wait('document.activeElement && document.activeElement.name === "q"')
-        page.type(words)
-        page.press("Enter", 13)
-        page.wait('location.pathname.endsWith("search.html")')
-        page.wait('document.querySelector("#search-results h2")?.textContent.includes("Results")')
-        results = page.ask(RESULTS)
+        page.set_viewport_size(DESKTOP)
+        page.goto(home)
+        page.keyboard.press("Control+k")
+        page.wait_for_function('document.activeElement && document.activeElement.name === "q"')
+        page.keyboard.type(words)
+        page.keyboard.press("Enter")
+        page.wait_for_function('location.pathname.endsWith("search.html")')
+        page.wait_for_function('document.querySelector("#search-results h2")?.textContent.includes("Results")')
+        results = page.evaluate(RESULTS)
         found.searches += 1
         if not any(wanted.lower() in each.lower() for each in results):
             found.wrong.append(f"search for {words!r} from {home}: {wanted!r} is not among {results[:10]}")
         if shot and words == next(iter(SEARCHES)):
-            page.picture(shot)
+            page.screenshot(path=shot)
 
 
 def take_pictures(page: Page, site: Path, base: str, folder: Path) -> None:
@@ -159,11 +163,11 @@ def take_pictures(page: Page, site: Path, base: str, folder: Path) -> None:
     for name, path in SHOTS.items():
         if not (site / path).is_file():
             continue
-        for kind, width in (("desktop", DESKTOP_PX), ("phone", PHONE_PX)):
-            page.width(width)
-            page.open(base + path)
-            page.picture(folder / f"{name}-{kind}.png")
-            page.picture(folder / f"{name}-{kind}-whole.png", whole=True)
+        for kind, size in (("desktop", DESKTOP), ("phone", PHONE)):
+            page.set_viewport_size(size)
+            page.goto(base + path)
+            page.screenshot(path=folder / f"{name}-{kind}.png")
+            page.screenshot(path=folder / f"{name}-{kind}-whole.png", full_page=True)
 
 
 def main() -> None:
@@ -176,9 +180,9 @@ def main() -> None:
     if not (site / "docs" / "index.html").is_file():
         parser.error(f"{options.site}: no site; `make docs` builds it")
     begin = time.monotonic()
-    with serve(site) as base, browser() as page:
+    with serve(site) as base, browser() as (page, seen):
         take_pictures(page, site, base, options.out)
-        found = check_pages(page, site, base)
+        found = check_pages(page, seen, site, base)
         check_search(page, f"{base}docs/index.html", found, options.out / "search-desktop.png")
         check_search(page, (site / "docs" / "index.html").as_uri(), found)  # without any server
     size = sum(path.stat().st_size for path in site.rglob("*") if path.is_file())

@@ -107,18 +107,18 @@ def test_ctrl_c_ends_the_run():
 @pytest.mark.skipif(installed() is None, reason="no Chromium here")
 @pytest.mark.realtime  # a real browser
 def test_the_state_page_shows_what_is_measured():
-    with served() as (url, _), browser() as page:
+    with served() as (url, _), browser() as (page, seen):
         address = url.replace("ws:", "http:")
-        page.open(f"{address}/")
+        page.goto(f"{address}/")
         shown = "document.getElementById('measured').textContent"
         with BridgeClient(url) as client:
             begin = time.monotonic()
             until(
                 lambda text: re.match(r"(0\.9[5-9]|1\.0\d) N, \[0\.00, ", text),
-                lambda: client.frame(time.monotonic() - begin, HAND, FLOOR) and page.ask(shown),
+                lambda: client.frame(time.monotonic() - begin, HAND, FLOOR) and page.evaluate(shown),
             )
-        assert page.ask("document.querySelector('h1').textContent") == "bartels2026-validation"
-        assert page.ask("document.getElementById('modules').rows.length") == 4
-        assert "frames come: the force fades in" in page.ask("document.getElementById('events').textContent")
-        assert [each for each in page.requests if not each.startswith((address, "data:"))] == []
-        assert page.complaints == []
+        assert page.evaluate("document.querySelector('h1').textContent") == "bartels2026-validation"
+        assert page.evaluate("document.getElementById('modules').rows.length") == 4
+        assert "frames come: the force fades in" in page.evaluate("document.getElementById('events').textContent")
+        assert [each for each in seen.requests if not each.startswith((address, "data:"))] == []
+        assert seen.complaints == []

@@ -34,39 +34,39 @@ def examples():
 
 def drag(page, canvas, begin, end):
     """Press the pointer at a place of a canvas, in shares of its size, and release it at another."""
-    x, y, size = page.ask(
-        f"(({{x, y, width}}) => [x, y, width])(document.getElementById('{canvas}').getBoundingClientRect())"
-    )
-    for kind, (across, down) in (("mousePressed", begin), ("mouseMoved", end), ("mouseReleased", end)):
-        place = {"x": x + across * size, "y": y + down * size}
-        page.call("Input.dispatchMouseEvent", type=kind, button="left", buttons=1, clickCount=1, **place)
+    box = page.locator(f"#{canvas}").bounding_box()
+    for (across, down), act in ((begin, page.mouse.down), (end, page.mouse.up)):
+        page.mouse.move(box["x"] + across * box["width"], box["y"] + down * box["width"])
+        act()
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(installed() is None, reason="no Chromium here")
 @pytest.mark.realtime  # a real browser, and a bridge in another process
 def test_a_hand_in_a_web_page_feels_a_wall_and_the_page_finds_the_bridge_again():
-    with examples() as site, browser() as page:
-        page.width(1200, 800)
+    with examples() as site, browser() as (page, seen):
+        page.set_viewport_size({"width": 1200, "height": 800})
         with served() as (url, running):
-            page.open(f"{site}/web/index.html?bridge={url}")
-            page.wait(f"{STATUS}.startsWith('connected')")
+            page.goto(f"{site}/web/index.html?bridge={url}")
+            page.wait_for_function(f"{STATUS}.startsWith('connected')")
             # The wall is 5 cm below the hand, which goes 7 cm down: 2 cm into it, at 100 N/m.
             drag(page, "front", (0.5, 0.5), (0.5, 0.5 + 0.07 / 0.4))
-            up = page.wait(f"(([x, y, z]) => y > 1.8 && y < 2.2 && [x, y, z])({NEWTONS})")
+            up = page.wait_for_function(
+                f"(([x, y, z]) => y > 1.8 && y < 2.2 && [x, y, z])({NEWTONS})"
+            ).json_value()
             assert up[0] == pytest.approx(0.0, abs=0.1)
             assert up[2] == pytest.approx(0.0, abs=0.1)
             # Up again, and a soft spring to where it began pulls it back from the side.
             drag(page, "front", (0.5, 0.5 + 0.07 / 0.4), (0.5, 0.5))
-            page.ask("document.getElementById('kind').value = 'spring'")
-            page.ask("document.getElementById('strength').value = 30")
+            page.evaluate("document.getElementById('kind').value = 'spring'")
+            page.evaluate("document.getElementById('strength').value = 30")
             drag(page, "side", (0.5, 0.5), (0.5 + 0.03 / 0.4, 0.5))
-            page.wait(f"(([x, y, z]) => z < -0.8 && Math.hypot(x, y) < 0.1)({NEWTONS})")
+            page.wait_for_function(f"(([x, y, z]) => z < -0.8 && Math.hypot(x, y) < 0.1)({NEWTONS})")
             running.send_signal(signal.SIGINT)
-            page.wait(f"{STATUS}.endsWith('trying again')")
+            page.wait_for_function(f"{STATUS}.endsWith('trying again')")
         with served(port=url.rsplit(":", 1)[1]):
-            page.wait(f"{STATUS}.startsWith('connected')")
-            page.wait(f"(([x, y, z]) => z < -0.8)({NEWTONS})")
-            page.ask("document.getElementById('stop').click()")
-            page.wait("document.getElementById('events').textContent.includes('stop')")
-        assert [each for each in page.complaints if "WebSocket" not in each] == []
+            page.wait_for_function(f"{STATUS}.startsWith('connected')")
+            page.wait_for_function(f"(([x, y, z]) => z < -0.8)({NEWTONS})")
+            page.evaluate("document.getElementById('stop').click()")
+            page.wait_for_function("document.getElementById('events').textContent.includes('stop')")
+        assert [each for each in seen.complaints if "WebSocket" not in each] == []

@@ -24,15 +24,15 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def page():
-    with browser() as page:
-        yield page
+    with browser() as opened:
+        yield opened
 
 
-def checked(page, folder, **pages):
+def checked(opened, folder, **pages):
     for name, text in pages.items():
         (folder / f"{name}.html").write_text(text, encoding="utf-8")
     with serve(folder) as base:
-        return check_pages(page, folder, base)
+        return check_pages(*opened, folder, base)
 
 
 def test_a_site_that_is_right_is_counted(tmp_path, page):
@@ -51,7 +51,7 @@ def test_every_mistake_is_named(tmp_path, page):
         "bad.html: picture does not load",
         "bad.html: picture without words: data:",
         "px wider than a phone: <div",
-        "bad.html: says: Error: a fault",
+        "bad.html: says: a fault",
     ):
         assert words in text, text
     assert "good.html:" not in text
@@ -68,7 +68,7 @@ def test_a_search_is_typed_and_its_results_are_read(tmp_path, page):
     )
     with serve(tmp_path) as base:
         found = Findings()
-        check_search(page, f"{base}index.html", found)
+        check_search(page[0], f"{base}index.html", found)
     assert found.searches == 3
     assert len(found.wrong) == 2
     assert "'capacity_margin' is not among ['Glossary']" in found.wrong[0]
