@@ -89,9 +89,9 @@ def monitor(
     """Show the telemetry of modules in a live table, also of those in a run.
 
     Nothing is changed, nothing pulls. Modules in a run of another process are shown as that one receives them,
-    which does not slow it down; those that it uses otherwise, such as to calibrate them, are silent. Without links and file: all modules that your processes
-    use on this computer. In a file or a pipe only the last table is printed. Exit status 1 where a link broke or
-    could not be opened, or the other process has ended.
+    which does not slow it down; those that it uses otherwise, such as to calibrate them, are silent. Without links
+    and file: all modules that your processes use on this computer. In a file or a pipe only the last table is
+    printed. Exit status 1 where a link broke or could not be opened, or the other process has ended.
     """
     from rich.live import Live
 
