@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from tensionlab.path_allocation import PathAllocation, RateLimitedAllocator, allocate_path
     from tensionlab.plots import plot
     from tensionlab.solvers import SOLVERS, Solver, Status
+    from tensionlab.support.files.reading import get_include
     from tensionlab.trajectory import Trajectory, inverse_dynamics, read_trajectory
     from tensionlab.viewer.design_page import view
     from tensionlab.workspace.sweep import sweep
@@ -59,6 +60,7 @@ __all__ = [
     "compare",
     "datasets",
     "errors",
+    "get_include",
     "hardware",
     "inverse_dynamics",
     "load_requirement",
@@ -93,6 +95,7 @@ _NAMES = {
     "tensionlab.model.stiffness": ("natural_frequencies", "stiffness_eigenvalues", "stiffness_matrix"),
     "tensionlab.path_allocation": ("PathAllocation", "RateLimitedAllocator", "allocate_path"),
     "tensionlab.solvers": ("SOLVERS", "Solver", "Status"),
+    "tensionlab.support.files.reading": ("get_include",),
     "tensionlab.trajectory": ("Trajectory", "inverse_dynamics", "read_trajectory"),
     "tensionlab.workspace.sweep": ("sweep",),
     "tensionlab.plots": ("plot",),

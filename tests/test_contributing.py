@@ -104,7 +104,9 @@ def test_from_outside_it_is_held_against_the_contract(outside: dict[str, str]) -
 def test_a_release_has_one_version() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     (cited,) = re.findall(r"^version: (.*)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
-    assert tl.__version__ == project["version"] == cited
+    cmake = (ROOT / "CMakeLists.txt").read_text(encoding="utf-8")
+    (built,) = re.findall(r"^project\(tensionlab VERSION (\S+) ", cmake, re.MULTILINE)
+    assert tl.__version__ == project["version"] == cited == built
 
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="there is no make here")

@@ -57,6 +57,7 @@ def build(flags: str, folder: Path, kind: str = "Debug") -> Path:
         "nanobind_DIR": nanobind,
         "Python_EXECUTABLE": sys.executable,
         "TENSIONLAB_BUILDS": "native",
+        "TENSIONLAB_PYTHON": "ON",
     }
     words = [f"-D{name}={value}" for name, value in options.items()]
     subprocess.run(

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <type_traits>
 
 #include "tensionlab/simd/lanes.hpp"
@@ -23,6 +24,12 @@ constexpr bool has(Route route) { return (TENSIONLAB_WITHOUT >> static_cast<int>
 enum class Policy { force, tension, direction };
 constexpr int kPolicies = 3;
 
+// What is proved of an answer (verification/certificates.hpp). failed: a number was not finite or too large.
+enum class Status : std::int8_t { exact = 0, nearest = 1, unproven = 2, failed = 3 };
+
+// How verification judges the error of an infeasible wrench: not at all, or as the policy demands.
+enum class Rule { none, force, tension, direction };
+
 // Arrays of one problem, each contiguous: structure (n x m, row by row), wrench (n), limits and reference (m).
 template <class Real>
 struct Problem {
@@ -30,23 +37,41 @@ struct Problem {
 };
 
 // Rows of a (B, ...) array whose inner axes are contiguous; stride 0 repeats one row.
-struct Rows {
-  const double* data;
+template <class Real>
+struct RowsOf {
+  const Real* data;
   std::ptrdiff_t stride;
-  TENSIONLAB_INLINE const double* operator[](std::size_t row) const {
+  TENSIONLAB_INLINE const Real* operator[](std::size_t row) const {
     return data + static_cast<std::ptrdiff_t>(row) * stride;
   }
 };
 
-struct Batch {
+template <class Real>
+struct BatchOf {
   std::size_t size;
   int n, m;
-  Rows structure, wrench, lower, upper, reference;
-  const double* weights;
-  TENSIONLAB_INLINE Problem<double> operator[](std::size_t row) const {
+  RowsOf<Real> structure, wrench, lower, upper, reference;
+  const Real* weights;
+  TENSIONLAB_INLINE Problem<Real> operator[](std::size_t row) const {
     return {structure[row], wrench[row], lower[row], upper[row], reference[row]};
   }
 };
+
+// Answers of the exact solver to a batch.
+template <class Real>
+struct NewtonAnswerOf {
+  Real* tensions;
+  Real* separation;
+  std::int64_t* iterations;
+  // Written for answers that are proved nearest on the way: status 1, and what verification would find. If null,
+  // nothing is proved.
+  std::int8_t* status = nullptr;
+  Real *rendered = nullptr, *residual = nullptr, *scale = nullptr;
+};
+
+using Rows = RowsOf<double>;
+using Batch = BatchOf<double>;
+using NewtonAnswer = NewtonAnswerOf<double>;
 
 // Rows of a batch: `count` of them from `first` on, or those of a list.
 struct Selection {
@@ -60,6 +85,13 @@ struct Selection {
 void checkpoint();
 
 inline namespace TENSIONLAB_BUILD {
+
+// Whether batches can be interrupted: those of the kernels, but not those of a program of its own.
+#if defined(TENSIONLAB_LANES)
+constexpr bool kInterruptible = true;
+#else
+constexpr bool kInterruptible = false;
+#endif
 
 // Calls f with n, from 1 to kMost, as a constant that may be a template argument.
 template <int kMost = kMaxComponents, class F>
@@ -85,7 +117,9 @@ void refill(Block& block, std::size_t begin, std::size_t end, const Load& load, 
     ++busy;
   }
   for (unsigned steps = 1; busy > 0; ++steps) {
-    if (steps % 1024 == 0) checkpoint();
+    if constexpr (kInterruptible) {
+      if (steps % 1024 == 0) checkpoint();
+    }
     block.step();
     for (int l = 0; l < L; ++l) {
       if (row[l] == end || !block.finished(l)) continue;

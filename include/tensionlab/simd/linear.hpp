@@ -133,7 +133,7 @@ struct Whitening {
           if (!(std::abs(pq) > tiny * std::sqrt(pp * qq))) continue;
           rotated = true;
           const Real zeta = (qq - pp) / (2 * pq);
-          const Real tangent = (zeta < 0 ? Real(-1) : Real(1)) / (std::abs(zeta) + std::hypot(Real(1), zeta));
+          const Real tangent = (zeta < 0 ? Real(-1) : Real(1)) / (std::abs(zeta) + std::sqrt(1 + zeta * zeta));
           const Real cosine = 1 / std::sqrt(1 + tangent * tangent), sine = cosine * tangent;
           rotate(a[p], a[q], m, cosine, sine);
           rotate(u[p], u[q], n, cosine, sine);

@@ -90,7 +90,7 @@ class NearestFace {
     const V rendered = inner(proof.rendered, proof.rendered);
     proof.residual = square_root<Real, L>(error);
     proved = proved & (error > tolerance * tolerance * larger(one, desired)) &  // or it is exact
-             (along_wrench - support > (N + problem_.m + 3) * kUlp * size) &
+             (along_wrench - support > Real(N + problem_.m + 3) * kUlp * size) &
              (gap <= tolerance * square_root<Real, L>(larger(one, rendered)) * proof.residual);
     proof.proved = proved ? one : zero;
   }

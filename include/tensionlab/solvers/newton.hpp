@@ -77,16 +77,18 @@ struct Coordinates {
 template <class Real, int L, int N, int M>
 class Newton {
  public:
+  // Iterations of a problem at most, far beyond any known one. At the end it keeps its best answer.
+  static constexpr int kIterationLimit = 2000;
+
   // m cables; weight_roots: square roots of the n wrench weights. tolerance: the error of a wrench that counts as
-  // rendered, for the direction policy. separate_only: a lane is done when its wrench is proved infeasible,
-  // and the caller finds the nearest one.
+  // rendered, for the direction policy.
   Newton(int m, const Real* weight_roots, Policy policy, Real rank_tolerance, Real tolerance,
-         bool separate_only = false)
+         int iteration_limit = kIterationLimit)
       : m_(m),
         policy_(policy),
         rank_tolerance_(rank_tolerance),
         tolerance_(tolerance),
-        separate_only_(separate_only),
+        iteration_limit_(iteration_limit),
         steps_(m) {
     for (int k = 0; k < N; ++k) weight_roots_[k] = weight_roots[k];
     for (int l = 0; l < L; ++l) idle(l);
@@ -95,6 +97,13 @@ class Newton {
   // Not copied: lanes point into the object.
   Newton(const Newton&) = delete;
   Newton& operator=(const Newton&) = delete;
+
+  // What becomes of wrenches that are proved infeasible. separate_only: their lanes are done then, and the caller
+  // finds the nearest ones.
+  void treat_infeasible(Policy policy, bool separate_only) {
+    policy_ = policy;
+    separate_only_ = separate_only;
+  }
 
   // Gives lane l a problem of zeros.
   void idle(int l) { load(l, {zeros_, zeros_, zeros_, zeros_, zeros_}); }
@@ -140,8 +149,8 @@ class Newton {
   // the nearest feasible wrench to s w (s is 1 except for the direction policy). separated: w is infeasible; done.
   enum class Stage { render, whitened, nearest, separated };
 
-  // Iterations of a stage, and of all: far beyond any known problem. One that gets there keeps its best answer.
-  static constexpr int kRenderLimit = 50, kNearestLimit = 400, kIterationLimit = 2000;
+  // Iterations of a stage.
+  static constexpr int kRenderLimit = 50, kNearestLimit = 400;
 
   // Error of a wrench that is as good as rendered, as a share of the sum of its parts.
   static constexpr Real kNegligible = std::numeric_limits<Real>::epsilon() < Real(1e-10) ? Real(1e-9) : Real(1e-4);
@@ -170,7 +179,7 @@ class Newton {
       return true;
     }
     if (!control.failed) note_failure(l);
-    if (control.iterations >= kIterationLimit) return true;
+    if (control.iterations >= iteration_limit_) return true;
     Real d[N];
     for (int k = 0; k < N; ++k) d[k] = read<Real>(steps_.direction[k], l);
     if (control.stage == Stage::render && late) {
@@ -203,7 +212,7 @@ class Newton {
   // Bounds the iterations of the stage that begins.
   void allow(int l, int iterations) {
     const int end = control_[l].iterations + iterations;
-    control_[l].deadline = end < kIterationLimit ? end : kIterationLimit;
+    control_[l].deadline = end < iteration_limit_ ? end : iteration_limit_;
   }
 
   // Looks for tensions that render the wrench of lane l.
@@ -338,7 +347,8 @@ class Newton {
   int m_;
   Policy policy_;
   Real rank_tolerance_, tolerance_;
-  bool separate_only_;
+  int iteration_limit_;
+  bool separate_only_ = false;
   Real weight_roots_[N];
   DualStep<Real, L, N, M> steps_;
   Control control_[L];

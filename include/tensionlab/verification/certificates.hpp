@@ -21,12 +21,6 @@
 
 namespace tensionlab {
 
-// How the error of an infeasible wrench is judged: not at all, or as the policy demands.
-enum class Rule { none, force, tension, direction };
-
-// What is proved of an answer; unproven: nothing; failed: a tension was not finite.
-enum class Status : std::int8_t { exact = 0, nearest = 1, unproven = 2, failed = 3 };
-
 inline namespace TENSIONLAB_BUILD {
 
 // L numbers at a time.

@@ -1,4 +1,6 @@
 // The Python module tensionlab._native: arrays in, arrays out.
+#include <stdexcept>
+
 #include "bindings/bindings.hpp"
 #include "simd/instruction_set.hpp"
 #include "tensionlab/simd/batch.hpp"
@@ -9,6 +11,11 @@ NB_MODULE(_native, module) {
   find_main_thread();
   module.attr("MAX_COMPONENTS") = kMaxComponents;
   module.attr("MAX_CABLES") = kMaxCables;
+  if (instruction_set() == InstructionSet::none) {
+    throw std::runtime_error(
+        "tensionlab was compiled for instruction sets that this processor lacks; build it here, or with "
+        "TENSIONLAB_BUILDS=all");
+  }
   module.attr("INSTRUCTION_SET") = kInstructionSetNames[static_cast<int>(instruction_set())];
   nanobind::list compiled;
   for (int set = 0; set < kInstructionSets; ++set) {

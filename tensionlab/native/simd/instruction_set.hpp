@@ -6,9 +6,9 @@
 // builds that exist. TENSIONLAB_BUILDS=native runs this check in CMake, too.
 #pragma once
 
+#include <atomic>
 #include <cstdlib>
 #include <cstring>
-#include <stdexcept>
 
 #if (defined(__GNUC__) || defined(__clang__)) && (defined(__x86_64__) || defined(_M_X64))
 #include <cpuid.h>
@@ -52,7 +52,7 @@
 
 namespace tensionlab {
 
-enum class InstructionSet { baseline, avx2, avx512 };
+enum class InstructionSet { none = -1, baseline, avx2, avx512 };
 constexpr int kInstructionSets = 3;
 constexpr const char* kInstructionSetNames[kInstructionSets] = {"baseline", "avx2", "avx512"};
 
@@ -82,7 +82,7 @@ inline InstructionSet best_of_this_processor() {
 }
 
 // The best compiled set that the processor has, not above TENSIONLAB_ISA; if that is below all of them, the
-// lowest.
+// lowest. none: the processor has no compiled one.
 inline InstructionSet choose_instruction_set() {
   const char* requested = std::getenv("TENSIONLAB_ISA");
   int chosen = -1;
@@ -91,21 +91,16 @@ inline InstructionSet choose_instruction_set() {
     chosen = set;
     if (requested == nullptr || std::strcmp(requested, kInstructionSetNames[set]) == 0) break;
   }
-  if (chosen < 0) {
-#if defined(__wasm__)  // without exceptions; a page has the one build that it was made with
-    std::abort();
-#else
-    throw std::runtime_error(
-        "tensionlab was compiled for instruction sets that this processor lacks; build it "
-        "here, or with TENSIONLAB_BUILDS=all");
-#endif
-  }
   return static_cast<InstructionSet>(chosen);
 }
 
+// Chosen at the first call; threads that call at once choose the same.
 inline InstructionSet instruction_set() {
-  static const InstructionSet chosen = choose_instruction_set();
-  return chosen;
+  constexpr int kNotYet = -2;
+  static std::atomic<int> chosen{kNotYet};
+  int set = chosen.load(std::memory_order_relaxed);
+  if (set == kNotYet) chosen.store(set = static_cast<int>(choose_instruction_set()), std::memory_order_relaxed);
+  return static_cast<InstructionSet>(set);
 }
 
 }  // namespace tensionlab

@@ -35,19 +35,8 @@ struct SweepRemainder {
 TENSIONLAB_KERNEL(sweep, const Batch&, const SweepSettings&, std::size_t begin, std::size_t end,
                   const SweepAnswer&, SweepRemainder&)
 
-// The exact solver itself (solvers/newton_kernel.cpp).
-struct NewtonAnswer {
-  double* tensions;
-  double* separation;
-  std::int64_t* iterations;
-  // Written for answers that are proved nearest on the way: status 1, and what verification would find
-  // (verification/kernels.hpp). If null, nothing is proved.
-  std::int8_t* status = nullptr;
-  double *rendered = nullptr, *residual = nullptr, *scale = nullptr;
-};
-
-// For the first `separated` rows the answer's separation already holds a direction that separates the wrench; the
-// direction policy does not use it.
+// The exact solver itself (solvers/newton_kernel.cpp). For the first `separated` rows the answer's separation
+// already holds a direction that separates the wrench; the direction policy does not use it.
 TENSIONLAB_KERNEL(newton, const Batch&, Policy, double rank_tolerance, double tolerance, const Selection& rows,
                   std::size_t separated, const NewtonAnswer&)
 

@@ -6,7 +6,6 @@
 
 #include "simd/instruction_set.hpp"
 #include "tensionlab/simd/batch.hpp"
-#include "tensionlab/verification/certificates.hpp"
 
 namespace tensionlab {
 

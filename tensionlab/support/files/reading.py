@@ -12,7 +12,8 @@ from typing import Any
 
 from tensionlab.errors import DataError, InputError, TensionlabError
 
-DATASETS_FOLDERS = tuple(parent / "datasets" for parent in Path(__file__).parents[2:4])  # installed, source tree
+ROOTS = tuple(Path(__file__).parents[2:4])  # installed, source tree
+DATASETS_FOLDERS = tuple(parent / "datasets" for parent in ROOTS)
 CHECKSUMS = "SHA256SUMS"  # marks a folder of data sets as this package's
 MAX_TEXT_BYTES = 1_000_000  # a large rig has some ten thousand
 # Unpacked, a file has at most the first; a small one at most the second plus the third for each of its own bytes
@@ -48,6 +49,18 @@ def datasets_folder() -> Path:
     raise DataError(
         f"{DATASETS_FOLDERS[0]}: the data sets are not here; install tensionlab again, or give a folder"
     )
+
+
+def get_include() -> str:
+    """Return the folder of the C and C++ headers, for the include path of a compiler.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> command = ["c++", "-std=c++17", f"-I{tl.get_include()}", "program.cpp"]
+    """
+    folders = [parent / "include" for parent in ROOTS]
+    return str(next((folder for folder in folders if (folder / "tensionlab").is_dir()), folders[0]))
 
 
 def brief(value: object) -> str:

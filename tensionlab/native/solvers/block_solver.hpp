@@ -1,0 +1,86 @@
+// The exact solver with its verification, block by block, so that verification finds the numbers in the cache,
+// where the solver left them.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "solvers/kernels.hpp"
+#include "verification/kernels.hpp"
+
+namespace tensionlab {
+
+struct ExactSettings {
+  Policy policy;
+  double largest, tolerance, rank_tolerance;
+
+  VerificationSettings verification() const {
+    return {policy == Policy::force     ? Rule::force
+            : policy == Policy::tension ? Rule::tension
+                                        : Rule::direction,
+            tolerance, rank_tolerance};
+  }
+};
+
+// Solves and verifies blocks of rows: a sweep, and Newton steps for those that it leaves. One for each thread.
+template <std::size_t kBlock = 512>
+class BlockSolver {
+ public:
+  BlockSolver(const Batch& batch, const ExactSettings& settings, const SweepAnswer& answer,
+              std::atomic<bool>& flawed)
+      : batch_(batch), settings_(settings), answer_(answer), flawed_(flawed) {}
+
+  // Rows [begin, end), a block at most; returns false if an entry of a structure matrix or a wrench is NaN or too
+  // large.
+  bool solve(std::size_t begin, std::size_t end) {
+    SweepRemainder remainder{rows_, unsolved_};
+    if (has(Route::sweep)) {
+      sweep_for_this_processor()(batch_, {settings_.largest, settings_.tolerance}, begin, end, answer_, remainder);
+    } else {
+      remainder.invalid = true;
+      for (std::size_t row = begin; row < end; ++row) unsolved_[remainder.unsolved_count++] = row;
+    }
+    std::copy_n(unsolved_, remainder.unsolved_count, rows_ + remainder.separated_count);
+    const Selection rest{0, remainder.separated_count + remainder.unsolved_count, rows_};
+    if (rest.count == 0) return true;
+    if (remainder.invalid && !all_within(rest)) return false;
+    for (std::size_t j = 0; j < rest.count; ++j) answer_.status[rows_[j]] = kUnverified;
+    newton_for_this_processor()(batch_, settings_.policy, settings_.rank_tolerance, settings_.tolerance, rest,
+                                remainder.separated_count,
+                                {answer_.tensions, answer_.separation, answer_.iterations, answer_.status,
+                                 answer_.rendered, answer_.residual, answer_.scale});
+    std::size_t* const unverified_end = std::remove_if(
+        rows_, rows_ + rest.count, [&](std::size_t row) { return answer_.status[row] != kUnverified; });
+    verify_for_this_processor()(batch_, settings_.verification(),
+                                {0, static_cast<std::size_t>(unverified_end - rows_), rows_},
+                                {answer_.tensions, answer_.separation, answer_.rendered, answer_.residual,
+                                 answer_.scale, answer_.status, &flawed_});
+    return true;
+  }
+
+ private:
+  // Whether all entries of structure matrices and wrenches are below the limit in magnitude.
+  bool all_within(const Selection& rows) const {
+    const auto n = static_cast<std::size_t>(batch_.n), m = static_cast<std::size_t>(batch_.m);
+    const auto inside = [&](double number) { return std::abs(number) < settings_.largest; };
+    for (std::size_t j = 0; j < rows.count; ++j) {
+      const double *structure = batch_.structure[rows[j]], *wrench = batch_.wrench[rows[j]];
+      if (!std::all_of(structure, structure + n * m, inside) || !std::all_of(wrench, wrench + n, inside))
+        return false;
+    }
+    return true;
+  }
+
+  static constexpr std::int8_t kUnverified = -1;
+
+  const Batch& batch_;
+  const ExactSettings& settings_;
+  const SweepAnswer& answer_;
+  std::atomic<bool>& flawed_;
+  std::size_t rows_[kBlock], unsolved_[kBlock];
+};
+
+}  // namespace tensionlab
