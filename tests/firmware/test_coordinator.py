@@ -1,0 +1,36 @@
+"""A module that allocates for all: its links carry what it chose, and every processor chooses the same."""
+
+from __future__ import annotations
+
+import pytest
+
+from firmware import emulate
+from tests.helpers.compiled import ROOT, STRICT, compile_program, run_program
+
+RUNNING = 2  # State::running
+each_processor = pytest.mark.parametrize("processor", ["cortex-m4f", "xtensa"])
+
+
+def test_modules_pull_what_the_coordinator_chose(tmp_path):
+    core = sorted((ROOT / "firmware" / "core").glob("*.cpp"))
+    options = (*STRICT, f"-I{ROOT}", f"-I{ROOT / 'include'}")
+    rows = run_program(compile_program("coordinator", tmp_path, *core, options=options))
+    assert len(rows) == 24
+    for _, state, chosen, tension in rows:
+        assert int(state) == RUNNING
+        assert float(tension) == pytest.approx(float(chosen), rel=0.02)
+
+
+@pytest.mark.slow
+@each_processor
+def test_an_emulated_processor_answers_as_this_computer_does(processor):
+    if lacking := emulate.missing(processor):
+        pytest.skip(f"not installed: {', '.join(lacking)}; firmware/emulate.py says which packages have them")
+    for shape, policy, limit in (((3, 8), "force", 100), ((6, 8), "tension", 100), ((3, 4), "direction", 10)):
+        here = emulate.measure("host", shape, 150, limit, policy)
+        there = emulate.measure(processor, shape, 150, limit, policy)
+        assert there["hash"] == here["hash"]
+        assert there["outside"] == 0
+        assert there["iterations"] <= 2 * limit + 4 * shape[0] + 4
+        assert 0 < there["stack"] < 4096
+        assert there["median"] <= there["p999"] <= there["worst"]
