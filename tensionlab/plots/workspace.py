@@ -117,9 +117,8 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
         ends = {"vmin": -0.5, "vmax": len(field.classes) - 0.5}
         shades = axes.pcolormesh(x, y, picture, shading="nearest", cmap=colours, **ends)
     else:
-        picture = np.nan_to_num(
-            picture, nan=0.0, posinf=2.0 * levels[-1], neginf=0.0
-        )  # infinite: above all shades
+        above = 2.0 * levels[-1]  # of all shades: where the metric is infinite
+        picture = np.nan_to_num(picture, nan=0.0, posinf=above, neginf=0.0)
         shades = axes.contourf(x, y, picture, levels=levels, cmap="viridis", extend="max")
         if (picture > 0).any():
             axes.contour(x, y, picture, levels=levels[:1], colors="black", linewidths=0.8)

@@ -65,6 +65,8 @@ class Objective:
         Directions in which walls push the hand.
     target_weights : tuple of float or None
         Weight of each target in the score; None: the worst target counts.
+    losses : 0 or 1
+        1: all this is desired after the loss of any one cable as well, which then has tension zero.
 
     Examples
     --------
@@ -80,6 +82,7 @@ class Objective:
     stiffness: float | None = None
     walls: ArrayLike | None = None
     target_weights: tuple[float, ...] | None = None
+    losses: int = 0
     shares: Floats | None = field(default=None, repr=False, compare=False)  # (T, P) of each target in its points
     step: str = field(default="", repr=False, compare=False)  # how far apart the points are, in words
 
@@ -94,6 +97,8 @@ class Objective:
                 if not vectors.size or not lengths.all():
                     raise InputError(f"objective: {key} are {value}; give vectors that are not zero")
                 object.__setattr__(self, key, tuple(map(tuple, (vectors / lengths).tolist())))
+        if self.losses not in (0, 1):
+            raise InputError(f"objective: losses is {self.losses}; give 0, or 1 for the loss of any one cable")
         forces = self.force is not None or self.directions is not None
         if (self.walls is None and self.stiffness) or (self.walls is not None and forces and not self.stiffness):
             raise InputError("objective: give walls their stiffness, and a stiffness the walls that push the hand")
@@ -130,6 +135,10 @@ class Objective:
         desired one is at `level`; about the corners ``required`` (..., k, n) of what is required and a ball.
         Torques are divided by a length. Where what is required is infeasible it is the margin, below zero.
         """
+        if self.losses:
+            intact, cables = replace(self, losses=0), np.arange(structure.shape[-1])
+            left = [limits, *(limits.only(cables != lost) for lost in cables)]
+            return np.asarray(np.min([intact.values(structure, each, required, ball) for each in left], axis=0))
         margin = capacity_margin(structure, limits, required) - ball
         further: list[Floats] = []
         if self.directions is not None:
@@ -205,7 +214,7 @@ class Objective:
         """Return in words along which directions forces count, and about which wrenches of a rig."""
         about = f" about {rig.required.describe(rig)}" if rig.required else ""
         torques = f" (torques at {rig.characteristic_length:.3g} m)" if rig.n > rig.dimension else ""
-        return _towards(self.directions) + about + torques
+        return _towards(self.directions) + about + torques + " after the loss of any one cable" * self.losses
 
     def desired(self, rig: Rig) -> str:
         """Return in words what is desired of a rig."""

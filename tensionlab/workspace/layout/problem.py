@@ -124,7 +124,8 @@ class LayoutProblem(NamedTuple):
         space, shape = self.space, places.along.shape
         (k, e, d), images = shape, space.images
         cables, edges = space.cables(places), space.placed.edges[places.surfaces]
-        if self.objective.directions is None and self.objective.walls is None:
+        objective = self.objective
+        if objective.directions is None and objective.walls is None and not objective.losses:
             vectors, directions, arms = _route(cables[None], poses)
             divisors = space.divisors[:, None]
             structure = kinematics.structure_matrix(directions, arms) / divisors
@@ -182,7 +183,7 @@ class LayoutProblem(NamedTuple):
                 fewer = TensionLimits(limits.lower[others], limits.upper[others])
                 without = float(objective.score(self.values(cables[others], fewer).min(axis=-2)))
             lost.append(max(score, 0.0) - max(without, 0.0))  # no force is less than none
-        worst = self._replace(objective=Objective()).values(cables).min()
+        worst = self._replace(objective=Objective(losses=objective.losses)).values(cables).min()
         rig = space.rig(name, modules, self.poses.points.mean(axis=0).round(DECIMALS) + 0.0)
         rig = replace(rig, description=f"A layout found by search: it {objective.describe(rig, score)}.")
         return Layout(rig, score, float(worst), tuple(lost), nearest=self._nearest(cables[:, 0], modules))

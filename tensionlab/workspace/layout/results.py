@@ -38,7 +38,8 @@ class Layout:
     score : float
         Score by the objective: a share, a force in N or a stiffness in N/m.
     worst : float
-        Force in N that is feasible in every direction everywhere in the target; below zero where none is.
+        Force in N that is feasible in every direction everywhere in the target, after any loss that the objective
+        counts with; below zero where none is.
     contributions : tuple of float
         For each module, the score lost when it is removed and the others stay: all of it, and never more, where
         they render no force at all. Below zero where they do better without it.

@@ -211,9 +211,11 @@ def proved_force(rig: Rig, targets: tuple[Target, ...], objective: Objective, mo
             pushed = around + pad_last_axis(pushed, rig.n)
             wrenches = np.concatenate([around, pushed.reshape(-1, rig.n)])
             required = replace(rig.required, box=None, acceleration=None, wrenches=wrenches)
-        return all(_holds(rig, each, required) for each in targets)
+        intact = all(_holds(rig, each, required) for each in targets)
+        return intact and (not objective.losses or all(_holds(rig, each, required, losses=1) for each in targets))
 
-    if not most >= 0 or not proved(0.0):
+    survives = rig.m > rig.n or not objective.losses
+    if not most >= 0 or not survives or not proved(0.0):
         return float("nan")
     if proved(most):
         return most
@@ -224,7 +226,7 @@ def proved_force(rig: Rig, targets: tuple[Target, ...], objective: Objective, mo
     return low
 
 
-def _holds(rig: Rig, target: Target, required: Requirement) -> bool:
+def _holds(rig: Rig, target: Target, required: Requirement, losses: int = 0) -> bool:
     """Whether it is proved that all that is required is feasible throughout a target."""
     points, rotations = target.arrays()
     finest = float(np.ptp(points, axis=0).max()) / PROOF_CELLS
@@ -232,19 +234,20 @@ def _holds(rig: Rig, target: Target, required: Requirement) -> bool:
         return True
     if isinstance(target, Grid):
         region = np.stack([points.min(axis=0), points.max(axis=0)], axis=1)
-        return prove(rig, region, required, finest, rotations=target.rotations).proved
-    return _holds_along(rig, points, required, finest)
+        return prove(rig, region, required, finest, rotations=target.rotations, losses=losses).proved
+    return _holds_along(rig, points, required, finest, losses)
 
 
-def _holds_along(rig: Rig, path: Floats, required: Requirement, finest: float) -> bool:
+def _holds_along(rig: Rig, path: Floats, required: Requirement, finest: float, losses: int) -> bool:
     """Whether it is proved for the box around a path or, down to the finest, those around its halves."""
     region = np.stack([path.min(axis=0), path.max(axis=0)], axis=1)
     longest = float(np.ptp(path, axis=0).max())
-    if not longest or prove(rig, region, required, 2 * longest).proved:
+    if not longest or prove(rig, region, required, 2 * longest, losses=losses).proved:
         return True
     if len(path) == 2:
         if longest <= finest:
             return False
         path = np.stack([path[0], path.mean(axis=0), path[1]])
     middle = len(path) // 2
-    return all(_holds_along(rig, part, required, finest) for part in (path[: middle + 1], path[middle:]))
+    halves = (path[: middle + 1], path[middle:])
+    return all(_holds_along(rig, part, required, finest, losses) for part in halves)

@@ -103,6 +103,7 @@ class ObjectiveTable(SchemaTable):
     directions: list[Direction] | None = Field(None, description=f"where the force pulls, a list of {DIRECTIONS}")
     stiffness: float | None = Field(None, description="the desired stiffness of walls in N/m, a number")
     walls: list[Direction] | None = Field(None, description=f"where walls push the hand, a list of {DIRECTIONS}")
+    losses: Literal[0, 1] = Field(0, description="1 to count the loss of any one cable, a whole number")
 
 
 class SearchTable(SchemaTable):
@@ -196,7 +197,8 @@ def _objective(table: SpaceFile, tables: Sequence[TargetTable], space: Space) ->
     weights = tuple(each.weight for each in tables if each.weight is not None)
     if weights and len(weights) < len(tables):
         raise RigError('key "weight" is missing in a target; give all targets one, or none')
-    return Objective(wanted.force, vectors("directions"), wanted.stiffness, vectors("walls"), weights or None)
+    pushed = (wanted.force, vectors("directions"), wanted.stiffness, vectors("walls"))
+    return Objective(*pushed, weights or None, wanted.losses)
 
 
 def _space(table: SpaceFile) -> Space:

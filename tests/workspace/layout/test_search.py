@@ -78,6 +78,31 @@ def test_margins_are_about_what_is_required_and_the_rig_says_so():
     assert margin > capacity_margin(without.structure_matrix([0, 0]), without.limits, corners) - 0.2 + 0.5
 
 
+def test_a_layout_for_losses_keeps_its_force_without_any_one_cable():
+    """Eight modules around a square: more is left after the worst loss than of the layout that is best intact."""
+    space, hand = Space(WALLS, (8,), LIMITS), [[0.0, 0.0], [0.2, 0.1]]
+    intact, robust = (
+        search_layout(space, hand, Objective(losses=losses), generations=5, starts=3, certify=True).best
+        for losses in (0, 1)
+    )
+    left = [
+        tl.workspace.loss_margins(found.rig.structure_matrix(hand), found.rig.limits).min()
+        for found in (intact, robust)
+    ]
+    assert robust.score == robust.worst == pytest.approx(left[1], abs=1e-9)
+    assert left[1] > left[0] + 0.1
+    assert 0.9 * left[1] < robust.proved <= left[1]
+    assert "in every direction after the loss of any one cable throughout" in robust.rig.description
+    pushed = search_layout(space, hand, Objective(1.0, [[0, 1]], losses=1), generations=2, starts=1).best
+    assert pushed.score == 1.0
+    few = search_layout(
+        Space(WALLS, (2,), LIMITS), hand, Objective(losses=1), generations=1, starts=1, certify=True
+    )
+    assert np.isnan(few.best.proved)
+    with pytest.raises(InputError, match="losses is 2"):
+        Objective(losses=2)
+
+
 def test_the_same_seed_gives_the_same_layout_and_another_seed_another_way_there(monkeypatch):
     space = Space(room([2, 2, 2], centre=[0, 0, 0]), (4,), LIMITS)
     target = [[0, 0, 0], [0.3, 0.1, 0.2]]

@@ -163,7 +163,7 @@ counts = [5]
 bodies = "standing"
 limits = { lower = 0.5, upper = 6.0 }
 room = { size = [4.0, 2.5, 3.0] }
-objective = { force = 1.0, directions = ["up", [0, 0, 2]], stiffness = 300, walls = ["-x", "down"] }
+objective = { force = 1.0, directions = ["up", [0, 0, 2]], stiffness = 300, walls = ["-x", "down"], losses = 1 }
 search = { generations = 1, starts = 1 }
 targets = [
   { path = "hand.csv", weight = 1 },
@@ -177,7 +177,7 @@ def test_directions_are_words_or_vectors_and_targets_paths_or_boxes(write, tmp_p
     task = load_task(write(WALLS_AND_PATH))
     assert task.objective.directions == ((0, 1, 0), (0, 0, 1))
     assert task.objective.walls == ((-1, 0, 0), (0, -1, 0))
-    assert task.objective.target_weights == (1, 3)
+    assert (task.objective.target_weights, task.objective.losses) == ((1, 3), 1)
     assert [len(target.arrays()[0]) for target in task.target] == [2, 27]
     assert [body.name for body in task.space.bodies][:3] == ["head", "neck", "torso"]
 
