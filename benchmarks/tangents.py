@@ -63,8 +63,10 @@ def structure_matrix(
     u = np.where((radii > 0)[:, None], over, plain)
     if arms is None:
         return np.swapaxes(u, 1, 2)
-    torque = np.cross(np.broadcast_to(arms, u.shape), u)
-    torque = torque[..., None] if u.shape[-1] == 2 else torque
+    if u.shape[-1] == 2:
+        torque = (arms[:, 0] * u[..., 1] - arms[:, 1] * u[..., 0])[..., None]
+    else:
+        torque = np.cross(arms, u)
     return np.swapaxes(np.concatenate([u, torque], axis=-1), 1, 2)
 
 

@@ -6,7 +6,7 @@ import json as json_text
 import time
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -138,21 +138,20 @@ def _metrics_table(found: pandas.DataFrame, where: Grid | PoseList, rigs: list[R
         },
     }
     columns = {name: column for name, column in columns.items() if name in found}
-    rows, torques = [], {rig.name for rig in rigs if not rig.has_position}
+    rows = []
     for row in found.to_dict("records"):
         if not metrics[row["metric"]].above_zero:
             row |= {name: None for name in row if name.endswith("above_zero")}
-        unit = "N·m" if row["unit"] == "N" and row["rig"] in torques else row["unit"].removeprefix("1")
-        row |= {"unit": unit, "missing": row["missing"] or None}
+        row |= {"unit": _unit(row, rigs), "missing": row["missing"] or None}
         rows.append([row[name] for name in columns])
     axes = {name: values for name, (_, values, _) in where.labels().items() if name in "xyz"}
     region = ", ".join(f"{name} {values.min():g} to {values.max():g} m" for name, values in axes.items())
     poses = int(found["poses"].iloc[0])
-    title, step = f"{poses:,} poses", ""
+    title, step = f"{poses:,} poses", describe_step(axes.values()) if isinstance(where, Grid) else ""
     if isinstance(where, Grid):
-        places, step = int(np.prod(where.shape[: len(axes)])), describe_step(axes.values())
+        places = int(np.prod(where.shape[: len(axes)]))
         title += f", {places:,} positions in {poses // places} orientations" * (poses > places)
-        title += f", {step}" if step else ""
+    title += f", {step}" * bool(step)
     notes = [
         f"{name}: {shown.description}" + (f" Above 0: {shown.above_zero}." if shown.above_zero else "")
         for name, shown in metrics.items()
@@ -177,6 +176,12 @@ def _metrics_table(found: pandas.DataFrame, where: Grid | PoseList, rigs: list[R
             arm = f"{rig.characteristic_length:.3g} m in margins, {own}"
             notes.append(f"torques of {rig.name} count as forces at {arm}")
     return Table([*columns.values()], rows, f"{title}: {region}", notes)
+
+
+def _unit(row: dict[str, Any], rigs: list[Rig]) -> str:
+    """Return the unit of a row: of a spherical rig, forces and margins are torques."""
+    torque = any(rig.name == row["rig"] and not rig.has_position for rig in rigs)
+    return "N·m" if torque and row["unit"] == "N" else str(row["unit"]).removeprefix("1")
 
 
 @output.if_interrupted(output.NOTHING_KEPT)

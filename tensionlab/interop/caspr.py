@@ -138,8 +138,6 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
     joint = JOINTS.get(element.attribute("type"))
     if joint is None:
         element.fail(f'attribute "type" is {element.attribute("type")!r}; only {", ".join(JOINTS)} make a rig')
-    from scipy.spatial.transform import Rotation
-
     kind, axes = KINDS[joint.kind], ["xyz".index(axis) for axis in joint.axes]
     initial = element.numbers(kind.dof, "q_initial")  # coordinates, then angles if it turns
     moved, angles = np.split(initial, [kind.dof - kind.turns])
@@ -174,15 +172,20 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
             for name, part in zip(_names(parts), parts, strict=True)
         ),
         home=(parent + point)[axes] + (moved if kind.has_position else 0.0),
-        home_rotation=None
-        if kind.has_position or not angles.any()
-        else Rotation.from_euler("XYZ", angles).as_rotvec(),
+        home_rotation=None if kind.has_position else _turn(angles),
         platform=_platform(physical, com, joint),
         description=_describe(links[0], chosen, joint, kind.has_position and bool(angles.any())),
         up=up,
         required=Requirement(gravity=up is not None),
         source=f"CASPR (github.com/darwinlau/CASPR), {Path(bodies).name} and {Path(cables).name}",
     )
+
+
+def _turn(angles: Floats) -> Floats | None:
+    """Return axis times angle, (3,), of turns about the body's own x, y and z in a row; None without a turn."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_euler("XYZ", angles).as_rotvec()) if angles.any() else None
 
 
 def _choose(root: Element, wanted: str | None) -> Element:

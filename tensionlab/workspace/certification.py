@@ -318,6 +318,18 @@ def _whole(verdict: NDArray[np.int8]) -> Floats:
     return np.asarray(np.stack([verdict > 0, verdict < 0], axis=1), dtype=np.float64)
 
 
+def _orientations(rig: Rig, rotations: ArrayLike | None) -> tuple[Floats | None, Floats]:
+    """Return the orientations that count, as they were given but in a row, and as matrices (k, d, d)."""
+    if rotations is None:
+        return None, rig.home_matrix[None]
+    turns, d = np.asarray(rotations), rig.dimension
+    turns = turns[None] if turns.ndim == (0 if d == 2 else 2) else turns
+    matrices = pose.rotations(turns, d, "rotations")
+    if matrices.ndim != 3 or not len(matrices):
+        raise InputError(f"rotations has shape {matrices.shape}; give one, or several in a row")
+    return turns, matrices
+
+
 def cell_problem(
     rig: Rig,
     required: Required,
@@ -344,13 +356,7 @@ def cell_problem(
     anchors = pose.place_anchors(rig.modules, rig.anchors, frames)
     if anchors.ndim > 2:
         raise InputError("frames: give one pose for each body frame; it is the same all over the region")
-    turns, matrices = None, rig.home_matrix[None]
-    if rotations is not None:
-        turns = np.asarray(rotations)
-        turns = turns[None] if turns.ndim == (0 if d == 2 else 2) else turns
-        matrices = pose.rotations(turns, d, "rotations")
-        if matrices.ndim != 3 or not len(matrices):
-            raise InputError(f"rotations has shape {matrices.shape}; give one, or several in a row")
+    turns, matrices = _orientations(rig, rotations)
     arms = kinematics.rotate(matrices, rig.attachments) if n > d else np.zeros((1, m, d))
     lower, upper, radius, slack, length = rig.limits.lower, rig.limits.upper, 0.0, 0.0, 1.0
     closure = isinstance(required, str)
