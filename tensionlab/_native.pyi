@@ -5,7 +5,6 @@ from numpy.typing import NDArray
 
 MAX_COMPONENTS: int
 MAX_CABLES: int
-MAX_SEGMENTS: int
 GRAZING: float
 COMPILER: str
 INSTRUCTION_SETS: tuple[str, ...]
@@ -195,20 +194,12 @@ def certify_cells(
 def pulley_bends(
     vectors: NDArray[float64], radii: NDArray[float64], axes: NDArray[float64], moved: NDArray[float64]
 ) -> NDArray[float64]: ...
-def body_distances(
-    structure: NDArray[float64],
-    ends: NDArray[float64],
-    anchors: NDArray[float64],
+def segment_distances(
     segments: NDArray[float64],
-    axes: NDArray[float64],
-    halves: NDArray[float64],
-    radii: NDArray[float64],
-    margins: NDArray[float64],
-) -> tuple[NDArray[float64], NDArray[float64], float]: ...
-def box_distances(segments: NDArray[float64], halves: NDArray[float64]) -> NDArray[float64]: ...
-def closest_pair(
-    segments: NDArray[float64], pairs: NDArray[int64], radius: NDArray[float64]
-) -> tuple[NDArray[float64], NDArray[int64]]: ...
+    pairs: NDArray[int64],
+    axes: NDArray[float64] | None,
+    halves: NDArray[float64] | None,
+) -> NDArray[float64]: ...
 
 class Watchdog:
     def __init__(self, message: str) -> None: ...

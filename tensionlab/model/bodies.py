@@ -24,7 +24,7 @@ from tensionlab.model.module import (
     vector,
 )
 from tensionlab.model.pose import Frames, RestPose, frame_of
-from tensionlab.support.arrays import Floats
+from tensionlab.support.arrays import Floats, Integers, common_axes
 from tensionlab.support.files.reading import brief
 
 HAND = "hand"  # the frame of the held point or platform
@@ -138,6 +138,42 @@ def place_bodies(
             ends = origin[..., None, :] + kinematics.rotate(axes, ends)
         placed.append(PlacedBody(ends, axes if body.size is not None else None))
     return placed
+
+
+class Segments(NamedTuple):
+    """Cables, and bodies after them, as the native kernel of distances takes them, at B poses.
+
+    Ends (B, S, 2, 3) of all; pairs (k, 2) of a cable and a body, the cable first and its bodies in a row; axes
+    (B, S, 3, 3) and half edges (S, 3) of boxes, None if there is no box.
+    """
+
+    ends: Floats
+    pairs: Integers
+    axes: Floats | None
+    halves: Floats | None
+
+
+def as_segments(
+    cables: Floats, bodies: Sequence[Body], placed: Sequence[PlacedBody]
+) -> tuple[Segments, tuple[int, ...]]:
+    """Return cables (..., m, 2, d) and bodies in the world as segments, and the shape (..., m, bodies)."""
+    m, _, d = cables.shape[-3:]
+    shapes = {f'body "{body.name}"': where.ends.shape[:-2] for body, where in zip(bodies, placed, strict=True)}
+    shape = common_axes({"cables": cables.shape[:-3]} | shapes)
+    count = m + len(bodies)
+    ends = np.zeros((*shape, count, 2, 3))
+    axes, halves = np.zeros((*shape, count, 3, 3)), np.zeros((count, 3))
+    ends[..., :m, :, :d] = cables
+    for index, (body, where) in enumerate(zip(bodies, placed, strict=True), start=m):
+        ends[..., index, :, :d] = where.ends
+        if body.size is not None:
+            axes[..., index, :, :] = np.eye(3)
+            axes[..., index, :d, :d] = where.axes
+            halves[index, :d] = body.size / 2
+    pairs = np.stack([np.repeat(np.arange(m), len(bodies)), np.tile(np.arange(m, count), m)], axis=1)
+    turned = (axes.reshape(-1, count, 3, 3), halves) if halves.any() else (None, None)
+    flat = Segments(ends.reshape(-1, count, 2, 3), pairs, *turned)
+    return flat, (*shape, m, len(bodies))
 
 
 def surface_points(body: Body, placed: PlacedBody) -> Floats:

@@ -17,13 +17,15 @@ from tensionlab.model.requirement import Requirement, as_requirement
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats, Integers, check_size
 from tensionlab.workspace.certified import CertifiedWorkspace, Subdivision, intersection, subdivide
-from tensionlab.workspace.interference import cable_pairs, closest, distances_to_placed, with_bodies
+from tensionlab.workspace.interference import cable_pairs, closest_pair, distances_to_placed, with_bodies
 from tensionlab.workspace.sweep.executors import evaluate_on_cluster
 
 # Required in place of wrenches: that some tensions above zero balance each other, whatever the limits.
 WRENCH_CLOSURE = "wrench-closure"
 MAX_ANGLE_RAD = 0.5  # largest angle about a rotation; beyond it, the bounds are useless
-ROUNDING = 1e-7  # error of a distance relative to cables and bodies; the kernel has 1e-8 where segments cross
+# Error of a distance relative to cables and bodies. The kernel measures between points of both, so that it errs
+# upwards only, and squares within some roundings (1e-16) of the sum of squared lengths: 1e-8 where they touch.
+ROUNDING = 1e-7
 CHUNK_CELLS = 16_384  # cells of a task, which then takes a fraction of a second
 MAX_CELLS = 50_000_000  # cells of a level that fit in memory
 
@@ -222,7 +224,7 @@ class ClearanceProblem(NamedTuple):
             ends = centres[:, None] + own_arms
             cables = np.stack([np.broadcast_to(own_anchors, ends.shape), ends], axis=-2)
             rounding = ROUNDING * (np.linalg.norm(own_anchors - ends, axis=-1).max(axis=-1) + longest_body)
-            apart = closest(cables, self.pairs, np.zeros(len(own_arms))).distance[:, None]
+            apart = closest_pair(cables, self.pairs).distance[:, None]
             placed = place_bodies(self.bodies, centres, rotation, self.frames)
             distances = np.hstack([apart, distances_to_placed(cables, self.bodies, placed).min(axis=-2)])
             slack, doubt = distances - least, reach + turns + rounding[:, None]

@@ -8,15 +8,14 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensionlab import _native
-from tensionlab.errors import InputError
 from tensionlab.model import pose
-from tensionlab.model.bodies import Body, PlacedBody, place_bodies
+from tensionlab.model.bodies import Body, PlacedBody, as_segments, place_bodies
 from tensionlab.model.pose import Frames
 from tensionlab.model.rig import Rig
-from tensionlab.support.arrays import Floats, Integers, common_axes
+from tensionlab.support.arrays import Floats, Integers
 
 
 class Clearance(NamedTuple):
@@ -53,7 +52,7 @@ def cable_distance(
     >>> f"{distance:.3f} m"
     '0.120 m'
     """
-    return closest(_cables(rig, position, rotation, frames), cable_pairs(rig), np.zeros(rig.m))
+    return closest_pair(_cables(rig, position, rotation, frames), cable_pairs(rig))
 
 
 def cable_pairs(rig: Rig) -> Integers:
@@ -134,31 +133,9 @@ def with_bodies(rig: Rig, bodies: Sequence[Body]) -> Rig:
 
 def distances_to_placed(cables: Floats, bodies: Sequence[Body], placed: Sequence[PlacedBody]) -> Floats:
     """Return the distance (..., m, bodies) of cables (..., m, 2, d) to bodies in the world: `body_distance`."""
-    shapes = {f'body "{body.name}"': where.ends.shape[:-2] for body, where in zip(bodies, placed, strict=True)}
-    shape = common_axes({"cables": cables.shape[:-3]} | shapes)
-    distances = np.empty((*shape, cables.shape[-3], len(bodies)))
-    for index, (body, where) in enumerate(zip(bodies, placed, strict=True)):
-        if body.size is None:
-            ends = np.broadcast_to(where.ends[..., None, :, :], (*shape, *cables.shape[-3:]))
-            pairs = np.stack([np.broadcast_to(cables, ends.shape), ends], axis=-3)
-            found = closest(pairs, np.array([[0, 1]]), np.zeros(2)).distance
-        else:
-            assert where.axes is not None
-            ends = np.einsum("...cej,...jk->...cek", cables - where.ends[..., None, :1, :], where.axes)
-            found = segment_box_distance(ends, body.size / 2)
-        distances[..., index] = found - body.radius - body.sway
-    return distances
-
-
-def segment_box_distance(segments: Floats, half: Floats) -> Floats:
-    """Return the distance (...) of segments (..., 2, d) from a box about the origin with half edges (d,), in m.
-
-    Zero only where a segment touches or enters the box.
-    """
-    *shape, _, d = segments.shape
-    flat, edges = np.zeros((int(np.prod(shape)), 2, 3)), np.zeros(3)
-    flat[..., :d], edges[:d] = segments.reshape(-1, 2, d), half
-    return _native.box_distances(flat, edges).reshape(shape)
+    segments, shape = as_segments(cables, bodies, placed)
+    reaches = np.array([body.radius + body.sway for body in bodies])
+    return np.asarray(_native.segment_distances(*segments).reshape(shape) - reaches)
 
 
 def _cables(rig: Rig, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None) -> Floats:
@@ -170,13 +147,13 @@ def _cables(rig: Rig, position: ArrayLike, rotation: ArrayLike | None, frames: F
     return np.stack([ends + vectors, ends], axis=-2)
 
 
-def closest(segments: Floats, pairs: Integers, radii: NDArray[np.float64]) -> Clearance:
-    """Return the minimum distance over pairs of segments, (..., S, 2, d), less the radii of both."""
-    *shape, count, _, d = segments.shape
-    if count > _native.MAX_SEGMENTS:
-        raise InputError(f"{count} cables and bodies; at most {_native.MAX_SEGMENTS} can be measured at once")
-    flat = np.zeros((int(np.prod(shape)), count, 2, 3))
-    flat[..., :d] = segments.reshape(-1, count, 2, d)
-    distance, index = _native.closest_pair(flat, pairs, radii)
-    which = np.concatenate([pairs, [[-1, -1]]])[index]  # index -1, where there is no pair, is the last row
-    return Clearance(distance.reshape(shape), which.reshape(*shape, 2))
+def closest_pair(cables: Floats, pairs: Integers) -> Clearance:
+    """Return the minimum distance over pairs (k, 2) of cables (..., m, 2, d)."""
+    *shape, m, _, d = cables.shape
+    if not len(pairs):
+        return Clearance(np.full(shape, np.inf), np.full((*shape, 2), -1))
+    flat = np.zeros((int(np.prod(shape)), m, 2, 3))
+    flat[..., :d] = cables.reshape(-1, m, 2, d)
+    distances = _native.segment_distances(flat, pairs, None, None)
+    which = pairs[distances.argmin(axis=-1)]
+    return Clearance(distances.min(axis=-1).reshape(shape), which.reshape(*shape, 2))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from tensionlab.errors import RigError
-from tensionlab.model.bodies import Body
+from tensionlab.model.bodies import Body, place_bodies
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import KINDS, Module
 from tensionlab.model.pose import RestPose
@@ -20,8 +20,8 @@ from tensionlab.workspace.interference import (
     body_distances,
     cable_distance,
     cable_pairs,
-    closest,
-    segment_box_distance,
+    closest_pair,
+    distances_to_placed,
 )
 from tests.helpers.examples import many
 from tests.helpers.plain_clearance import matrices, search, within_ball
@@ -30,7 +30,15 @@ RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 
 
 def segment_distance(*ends):
-    return closest(np.reshape(ends, (2, 2, -1)), np.array([[0, 1]]), np.zeros(2)).distance
+    return closest_pair(np.reshape(ends, (2, 2, -1)), np.array([[0, 1]])).distance
+
+
+def box_distance(ends, half):
+    """Distance of a segment from a box about the origin with half edges."""
+    box = Body("box", np.zeros(len(half)), size=2 * half)
+    return distances_to_placed(
+        np.array([ends], float), [box], place_bodies([box], np.zeros(len(half)), None, {})
+    ).item()
 
 
 KNOWN = {
@@ -178,7 +186,7 @@ BOXES = {
 def test_known_distances_from_a_cube_of_two_metres(case):
     start, end, expected = case
     for ends in ([start, end], [end, start]):
-        assert segment_box_distance(np.array(ends, float), np.ones(3)) == pytest.approx(expected, abs=1e-12)
+        assert box_distance(ends, np.ones(3)) == pytest.approx(expected, abs=1e-12)
 
 
 @settings(max_examples=many(200))
@@ -188,7 +196,7 @@ def test_distances_from_boxes_agree_with_bounded_least_squares(seed, d, along):
     rng = np.random.default_rng(seed)
     a, half = rng.normal(size=d), rng.uniform(0.1, 1.0, d)
     u = rng.normal(size=d) * np.where(rng.random(d) < 0.5, along, 1.0)
-    found = segment_box_distance(np.stack([a, a + u]), half)
+    found = box_distance([a, a + u], half)
     bounds = (np.array([0.0, *-half]), np.array([1.0, *half]))
     best = lsq_linear(np.column_stack([u, -np.eye(d)]), -a, bounds=bounds, method="bvls")
     assert found == pytest.approx(np.sqrt(2 * best.cost), abs=1e-7)

@@ -39,3 +39,23 @@ def test_every_share_of_a_workspace_is_within_what_is_proved():
         float(Objective(force).over((grid,)).score(margins.ravel() + force)),
     ]
     assert shares == pytest.approx([np.mean(proved)] * 3, abs=0.002)
+
+
+@pytest.mark.parametrize("name", tl.datasets.names("rigs"))
+def test_the_share_of_every_rig_is_within_what_is_proved_and_the_error_of_its_grid(name):
+    """The error is half of what the border passes through: cells of the grid whose corners differ."""
+    rig = tl.datasets.load(name)
+    points = np.array([rig.home, *rig.anchors])
+    region = np.stack([points.min(axis=0), points.max(axis=0)], axis=1)
+    step = np.ptp(region, axis=1).max() / 24
+    metric, required = ("wrench-feasible", None) if rig.required else ("wrench-closure", "wrench-closure")
+    swept = tl.sweep(rig, tl.workspace.box(*region, step=step), metric, frames=rig.at_rest)
+    share = tl.workspace.summary(swept)["above_zero"].item()
+    low = high = swept[metric].to_numpy()[0] > 0
+    for axis in range(rig.dimension):
+        if (count := low.shape[axis]) > 1:
+            pairs = np.stack([np.arange(count - 1), np.arange(1, count)])
+            low, high = low.take(pairs, axis).all(axis=axis), high.take(pairs, axis).any(axis=axis)
+    proved = tl.workspace.certify(rig, region, required, step, bodies=(), frames=rig.at_rest).share
+    error = (high & ~low).mean() / 2
+    assert proved.lower - error <= share <= proved.upper + error

@@ -11,7 +11,7 @@ import numpy as np
 from tensionlab import _native
 from tensionlab.demand import Impedance, Pose
 from tensionlab.hardware.runner.guard import STEP_N
-from tensionlab.model.bodies import HAND, place_bodies
+from tensionlab.model.bodies import HAND, PlacedBody, as_segments, place_bodies
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.pose import place_anchors, rotations
 from tensionlab.model.rig import Rig
@@ -30,7 +30,7 @@ class BodyClearance:
     """
 
     def __init__(self, rig: Rig, note: Callable[[str, str, str], None]) -> None:
-        self._rig, self._note, count = rig, note, len(rig.bodies)
+        self._rig, self._note = rig, note
         self.distances, self.shares = np.full(rig.m, np.nan), np.ones(rig.m)
         self.closest: dict[str, str] = {}
         self._least: dict[str, float] = {}  # distances of those
@@ -39,11 +39,8 @@ class BodyClearance:
         self._limits: tuple[TensionLimits, TensionLimits] | None = None  # those given, and those returned for them
         self._margins = np.array([body.margin for body in rig.bodies])
         self._reaches = np.array([body.radius + body.sway for body in rig.bodies])
-        self._segments, self._axes = np.zeros((count, 2, 3)), np.tile(np.eye(3), (count, 1, 1))
-        self._halves, self._placed = np.zeros((count, 3)), False
         self._held = any(body.frame == HAND for body in rig.bodies)
-        for half, body in zip(self._halves, rig.bodies, strict=False):
-            half[: rig.dimension] = 0.0 if body.size is None else body.size / 2
+        self._placed: list[PlacedBody] = []  # the bodies, if they stay where they are
 
     def update(self, pose: Pose, structure: Floats) -> None:
         """Measure the distances at a pose, given the structure matrix (n, m) there, and lower the limits.
@@ -54,18 +51,18 @@ class BodyClearance:
         if not len(self._margins):
             return
         turn = rig.home_matrix if pose.rotation is None else rotations(pose.rotation, d, "rotation")
-        if pose.frames or self._held or not self._placed:
+        placed = self._placed
+        if pose.frames or self._held or not placed:
             placed = place_bodies(rig.bodies, pose.position, turn, rig.at_rest | dict(pose.frames or {}))
-            for index, each in enumerate(placed):
-                self._segments[index, :, :d] = each.ends
-                self._axes[index, :d, :d] = np.eye(d) if each.axes is None else each.axes
-            self._placed = not pose.frames
+            self._placed = [] if pose.frames else placed
         ends = pose.position + rig.attachments @ turn.T
         anchors = place_anchors(rig.modules, rig.anchors, pose.frames) if rig.frames else rig.anchors
-        distances, self.distances, least = _native.body_distances(
-            structure, ends, anchors, self._segments, self._axes, self._halves, self._reaches, self._margins
-        )
-        if least < 0.0 or self._near:
+        directions = structure[:d].T
+        lengths = np.einsum("md,md->m", anchors - ends, directions)[:, None]
+        segments, shape = as_segments(np.stack([ends, ends + lengths * directions], axis=1), rig.bodies, placed)
+        distances = _native.segment_distances(*segments).reshape(shape) - self._reaches
+        self.distances = distances.min(axis=1)
+        if self._near or (distances < self._margins).any():
             self._limit(distances)
 
     def _limit(self, distances: Floats) -> None:

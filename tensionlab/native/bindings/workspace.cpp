@@ -1,13 +1,12 @@
 // Structure matrices, workspace measures, clearances and proofs of cells for Python.
 #include <nanobind/stl/optional.h>
 
-#include <limits>
 #include <optional>
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
-#include "workspace/box_distance.hpp"
 #include "workspace/kernels.hpp"
+#include "workspace/segment_distance.hpp"
 
 namespace tensionlab {
 namespace {
@@ -125,75 +124,34 @@ nb::tuple all_half_spaces(const In<3>& structure, const In<2>& lower, const In<2
   return nb::make_tuple(normals, offsets, count);
 }
 
-nb::tuple closest_pair(const In<4>& segments, const Contiguous<std::int64_t, 2>& pairs, const In<1>& radius) {
-  const std::size_t size = segments.shape(0), count = segments.shape(1);
-  require(count <= kMaxSegments && has_shape(segments, size, count, 2, 3) && has_shape(radius, count),
-          "segments must be (B, at most 64, 2, 3), with one radius each");
-  require(has_shape(pairs, pairs.shape(0), 2), "pairs must be (any number, 2)");
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    require(pairs.data()[i] >= 0 && pairs.data()[i] < static_cast<std::int64_t>(count), "a pair of no segments");
+// Distances (B, k) of pairs (k, 2) of segments (B, S, 2, 3). The second of a pair is a box about its first end if
+// it has half edges (S, 3) above zero; the axes of boxes (B, S, 3, 3) are columns.
+Out<double, 2> segment_distances(const Contiguous<double, 4>& segments, const Contiguous<std::int64_t, 2>& pairs,
+                                 const std::optional<Contiguous<double, 4>>& axes,
+                                 const std::optional<Contiguous<double, 2>>& halves) {
+  const std::size_t size = segments.shape(0), count = segments.shape(1), k = pairs.shape(0);
+  require(has_shape(segments, size, count, 2, 3) && has_shape(pairs, k, 2) &&
+              axes.has_value() == halves.has_value() &&
+              (!axes || (has_shape(*axes, size, count, 3, 3) && has_shape(*halves, count, 3))),
+          "segments (B, S, 2, 3), pairs (k, 2), axes (B, S, 3, 3) and half edges (S, 3) do not fit each other");
+  const std::int64_t* const pair = aligned(pairs);
+  for (std::size_t i = 0; i < 2 * k; ++i) {
+    require(pair[i] >= 0 && pair[i] < static_cast<std::int64_t>(count), "a pair of no segments");
   }
-  const Segments all{rows_of(segments), static_cast<int>(count), static_cast<int>(pairs.shape(0)), aligned(pairs),
-                     contiguous(radius)};
-  const auto distance = make_array<double>(size);
-  const auto closest = make_array<std::int64_t>(size);
-  const auto kernel = clearance_for_this_processor();
-  share_out(size,
-            [&](std::size_t begin, std::size_t end) { kernel(all, begin, end, distance.data(), closest.data()); });
-  return nb::make_tuple(distance, closest);
-}
-
-// Distances (m, b) of straight cables from bodies, less radii, the least (m) of each cable, and the least of all
-// above the margins. Cables: their directions are the first rows of the structure matrix (n, m), their ends at the
-// platform (m, d), and their anchors (m, d), near which they end. Bodies: ends of segments (b, 2, 3), of a box
-// twice its centre; axes (b, 3, 3) and half edges (b, 3) of boxes, zero for others; radii and margins (b).
-nb::tuple body_distances(const Contiguous<double, 2>& structure, const Contiguous<double, 2>& ends,
-                         const Contiguous<double, 2>& anchors, const Contiguous<double, 3>& segments,
-                         const Contiguous<double, 3>& axes, const Contiguous<double, 2>& halves,
-                         const In<1>& radii, const In<1>& margins) {
-  const std::size_t m = ends.shape(0), d = ends.shape(1), bodies = halves.shape(0);
-  require(d <= 3 && structure.shape(0) >= d && structure.shape(1) == m && has_shape(anchors, m, d) &&
-              has_shape(segments, bodies, 2, 3) && has_shape(axes, bodies, 3, 3) && has_shape(halves, bodies, 3) &&
-              has_shape(radii, bodies) && has_shape(margins, bodies),
-          "arrays of cables (m) or bodies (b) do not belong together");
-  const double *const radius = contiguous(radii), *const margin = contiguous(margins);
-  const auto distance = make_array<double>(m, bodies);
-  const auto nearest = make_array<double>(m);
-  double least = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < m; ++i) {
-    double begin[3] = {}, end[3] = {}, length = 0.0;
-    for (std::size_t k = 0; k < d; ++k) {
-      begin[k] = aligned(ends)[d * i + k];
-      length += (aligned(anchors)[d * i + k] - begin[k]) * aligned(structure)[m * k + i];
-    }
-    for (std::size_t k = 0; k < d; ++k) end[k] = begin[k] + length * aligned(structure)[m * k + i];
-    nearest.data()[i] = std::numeric_limits<double>::infinity();
-    for (std::size_t j = 0; j < bodies; ++j) {
-      const double* const segment = aligned(segments) + 6 * j;
-      const double* const half = aligned(halves) + 3 * j;
-      const double found =
-          (half[0] > 0.0 ? segment_box_distance(begin, end, {segment, aligned(axes) + 9 * j, half})
-                         : segment_segment_distance(begin, end, segment, segment + 3)) -
-          radius[j];
-      distance.data()[bodies * i + j] = found;
-      nearest.data()[i] = std::min(nearest.data()[i], found);
-      least = std::min(least, found - margin[j]);
-    }
-  }
-  return nb::make_tuple(distance, nearest, least);
-}
-
-// Distances (B) of segments (B, 2, 3) from a box about the origin with half edges (3).
-Out<double, 1> box_distances(const Contiguous<double, 3>& segments, const In<1>& halves) {
-  const std::size_t size = segments.shape(0);
-  require(has_shape(segments, size, 2, 3) && has_shape(halves, 3), "segments must be (B, 2, 3), half edges (3)");
-  const double *const ends = aligned(segments), *const half = contiguous(halves);
-  const auto distance = make_array<double>(size);
+  const double *const ends = aligned(segments), *const turns = axes ? aligned(*axes) : nullptr;
+  const double* const half = halves ? aligned(*halves) : nullptr;
+  const auto distance = make_array<double>(size, k);
   double* const found = distance.data();
   share_out(size, [&](std::size_t begin, std::size_t end) {
-    const double centre[3] = {}, axes[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-    for (std::size_t i = begin; i < end; ++i) {
-      found[i] = segment_box_distance(ends + 6 * i, ends + 6 * i + 3, {centre, axes, half});
+    for (std::size_t row = begin; row < end; ++row) {
+      for (std::size_t p = 0; p < k; ++p) {
+        const auto a = static_cast<std::size_t>(pair[2 * p]), b = static_cast<std::size_t>(pair[2 * p + 1]);
+        const double *const one = ends + 6 * (count * row + a), *const other = ends + 6 * (count * row + b);
+        found[k * row + p] =
+            half && half[3 * b] > 0.0
+                ? segment_box_distance(one, one + 3, {other, turns + 9 * (count * row + b), half + 3 * b})
+                : segment_segment_distance(one, one + 3, other, other + 3);
+      }
     }
   });
   return distance;
@@ -257,7 +215,6 @@ Out<double, 2> bends(const In<2>& vectors, const In<1>& radii, const In<2>& axes
 }  // namespace
 
 void bind_workspace(nb::module_& module) {
-  module.attr("MAX_SEGMENTS") = kMaxSegments;
   module.def("structure_matrices", &matrices_at, nb::arg("anchors"), nb::arg("attachments").none(),
              nb::arg("position"), nb::arg("rotation").none(), nb::arg("radii").none(), nb::arg("axes").none(),
              nb::arg("least_share"));
@@ -267,9 +224,8 @@ void bind_workspace(nb::module_& module) {
   module.def("feasible_direction_fraction", &fractions);
   module.def("active_facet", &active_facets);
   module.def("half_spaces", &all_half_spaces);
-  module.def("closest_pair", &closest_pair);
-  module.def("body_distances", &body_distances);
-  module.def("box_distances", &box_distances);
+  module.def("segment_distances", &segment_distances, nb::arg("segments"), nb::arg("pairs"),
+             nb::arg("axes").none(), nb::arg("halves").none());
   module.def("certify_cells", &cells, nb::arg("anchors"), nb::arg("arms"), nb::arg("lower"), nb::arg("upper"),
              nb::arg("required"), nb::arg("radius"), nb::arg("slack"), nb::arg("angle"), nb::arg("length"),
              nb::arg("closure"), nb::arg("radii").none(), nb::arg("axes").none(), nb::arg("centres"),

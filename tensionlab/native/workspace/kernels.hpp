@@ -70,21 +70,6 @@ TENSIONLAB_KERNEL(active_facet, const Poses&, const Wrenches&, std::size_t begin
 TENSIONLAB_KERNEL(half_spaces, const Poses&, std::size_t capacity, std::size_t begin, std::size_t end,
                   const HalfSpaceAnswer&)
 
-constexpr int kMaxSegments = 64;
-
-// Segments: (size, segments, 2, 3), both ends of each. Pairs: (pairs, 2) indices of segments. One radius a
-// segment.
-struct Segments {
-  Rows ends;
-  int segments, pairs;
-  const std::int64_t* pair;
-  const double* radius;
-};
-
-// distance of the closest pair, less both radii; closest: its index. Without pairs infinity and -1.
-TENSIONLAB_KERNEL(clearance, const Segments&, std::size_t begin, std::size_t end, double* distance,
-                  std::int64_t* closest)
-
 // A rig, and what is required of it. Anchors and arms (rotations, m, d) in world axes, in m; limits (m); wrenches
 // (rotations, wrenches, n), torques divided by `length`, and all wrenches within `radius` of them. slack: how far
 // the torque of a weight may turn away from the wrenches. closure: wrench closure is required, whatever the

@@ -6,8 +6,7 @@
 
 namespace tensionlab {
 
-// Box with a centre, axes as the columns of a matrix, row by row, and half of its edges. Without one edge it is a
-// rectangle, with one alone a segment, without any a point.
+// Box with a centre, axes as the columns of a matrix, row by row, and half of its edges.
 struct Box {
   const double *centre, *axes, *half;
 };
@@ -46,23 +45,32 @@ inline double segment_box_distance(const double* begin, const double* end, const
   return std::hypot(excess(0, low), excess(1, low), excess(2, low));
 }
 
-// The other segment as a box with one edge.
+// Lumelsky, "On fast computation of distance between line segments", 1985. The least value of a convex quadratic
+// |r + s u - t v|^2 over the square 0 <= s, t <= 1. With t free, the best s is that of the two whole lines,
+// clipped. If its t lies within the square, this is the least value; if not, one of the sides t = 0 and t = 1 has
+// it, where an end of one segment meets the other segment. All three are points of the square, so rounding can
+// only overestimate, and nearly parallel segments need no special case.
 inline double segment_segment_distance(const double* begin, const double* end, const double* first,
                                        const double* last) {
-  double centre[3], along[3], axes[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  double r[3], u[3], v[3], uu = 0.0, vv = 0.0, uv = 0.0, ur = 0.0, vr = 0.0;
   for (int i = 0; i < 3; ++i) {
-    centre[i] = 0.5 * (first[i] + last[i]);
-    along[i] = last[i] - first[i];
+    r[i] = begin[i] - first[i], u[i] = end[i] - begin[i], v[i] = last[i] - first[i];
+    uu += u[i] * u[i], vv += v[i] * v[i], uv += u[i] * v[i], ur += u[i] * r[i], vr += v[i] * r[i];
   }
-  const double length = std::hypot(along[0], along[1], along[2]);
-  if (length > 0.0) {  // Duff et al., "Building an orthonormal basis, revisited", 2017
-    const double x = along[0] / length, y = along[1] / length, z = along[2] / length;
-    const double sign = std::copysign(1.0, z), a = -1.0 / (sign + z), b = x * y * a;
-    const double columns[9] = {x, 1.0 + sign * x * x * a, b, y, sign * b, sign + y * y * a, z, -sign * x, -y};
-    std::copy_n(columns, 9, axes);
-  }
-  const double half[3] = {0.5 * length, 0.0, 0.0};
-  return segment_box_distance(begin, end, {centre, axes, half});
+  const auto share = [](double numerator, double denominator) {
+    return denominator > 0.0 ? std::clamp(numerator / denominator, 0.0, 1.0) : 0.0;
+  };
+  const auto squared = [&](double s, double t) {
+    double sum = 0.0;
+    for (int i = 0; i < 3; ++i) {
+      const double gap = r[i] + s * u[i] - t * v[i];
+      sum += gap * gap;
+    }
+    return sum;
+  };
+  const double s = share(uv * vr - vv * ur, uu * vv - uv * uv);
+  return std::sqrt(std::min(
+      {squared(s, share(vr + s * uv, vv)), squared(share(-ur, uu), 0.0), squared(share(uv - ur, uu), 1.0)}));
 }
 
 }  // namespace tensionlab
