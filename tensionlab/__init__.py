@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from tensionlab.path_allocation import PathAllocation, RateLimitedAllocator, allocate_path
     from tensionlab.plots import plot
     from tensionlab.solvers import SOLVERS, Solver, Status
+    from tensionlab.stiffest import StiffestTensions, stiffest_tensions
     from tensionlab.support.files.reading import get_include
     from tensionlab.trajectory import Trajectory, inverse_dynamics, read_trajectory
     from tensionlab.viewer.design_page import view
@@ -49,6 +50,7 @@ __all__ = [
     "Rig",
     "Solver",
     "Status",
+    "StiffestTensions",
     "TensionLimits",
     "Trajectory",
     "allocate",
@@ -73,6 +75,7 @@ __all__ = [
     "ring_plus_top",
     "save_rig",
     "solvers",
+    "stiffest_tensions",
     "stiffness_eigenvalues",
     "stiffness_matrix",
     "sweep",
@@ -95,6 +98,7 @@ _NAMES = {
     "tensionlab.model.stiffness": ("natural_frequencies", "stiffness_eigenvalues", "stiffness_matrix"),
     "tensionlab.path_allocation": ("PathAllocation", "RateLimitedAllocator", "allocate_path"),
     "tensionlab.solvers": ("SOLVERS", "Solver", "Status"),
+    "tensionlab.stiffest": ("StiffestTensions", "stiffest_tensions"),
     "tensionlab.support.files.reading": ("get_include",),
     "tensionlab.trajectory": ("Trajectory", "inverse_dynamics", "read_trajectory"),
     "tensionlab.workspace.sweep": ("sweep",),

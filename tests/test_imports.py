@@ -20,6 +20,7 @@ PACKAGE = Path(__file__).parents[1] / "tensionlab"
 EVERYBODY = {"errors", "support", "__version__"}
 CORE = {"model", "allocation", "path_allocation", "demand", "_native"}
 ABOVE = CORE | {
+    "stiffest",
     "trajectory",
     "solvers",
     "verification",
@@ -38,6 +39,7 @@ ALLOWED = {
     "allocation": {"verification", "solvers"},
     "gradients": {"allocation", "solvers", "_native"},
     "path_allocation": {"allocation", "solvers", "_native"},
+    "stiffest": {"allocation", "model", "solvers", "_native"},
     "interop": CORE | {"gradients", "solvers", "hardware"},
     "jax": {"interop"},
     "torch": {"interop"},
@@ -99,6 +101,7 @@ NATIVE = {
     "support/arrays.py",
     "gradients.py",
     "path_allocation.py",
+    "stiffest.py",
     "verification.py",
     "benchmark/speed.py",
     "workspace/certification.py",

@@ -43,7 +43,6 @@ def stiffness_terms(
     rig: Rig, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
 ) -> StiffnessTerms:
     """Return the stiffness matrix as a function of the tensions; see `stiffness_matrix`."""
-    rig.require_position("stiffness matrices")
     cables, d = rig.cables(position, rotation, frames), rig.dimension
     elasticity = np.array([module.cable_stiffness or np.nan for module in rig.modules])
     if (unknown := np.isnan(elasticity)).any():
@@ -71,7 +70,8 @@ def stiffness_terms(
             turn = rig.home_matrix if rotation is None else pose.rotations(rotation, d, "rotation")
             weight = -platform.mass * GRAVITY_M_S2 * rig.upward
             constant[..., d:, d:] += _turning_arm(turn @ platform.com, weight)
-    return StiffnessTerms(constant, slopes)
+    fixed = 0 if rig.has_position else d
+    return StiffnessTerms(constant[..., fixed:, fixed:], slopes[..., fixed:, fixed:])
 
 
 def stiffness_matrix(
@@ -143,8 +143,7 @@ def stiffness_eigenvalues(rig: Rig, stiffness: ArrayLike) -> Floats:
     >>> tl.stiffness_eigenvalues(rig, [[900.0, 0.0, 0.0], [0.0, 400.0, 0.0], [0.0, 0.0, 2.0]]).round(0)
     array([ 89., 400., 900.])
     """
-    scale = np.ones(rig.n)
-    scale[rig.dimension :] = 1.0 / rig.characteristic_length
+    scale = 1.0 / _lengths(rig)
     return np.asarray(np.linalg.eigvalsh(_symmetric(rig, stiffness) * np.outer(scale, scale)), dtype=np.float64)
 
 
@@ -188,21 +187,27 @@ def displacement(rig: Rig, direction: str | ArrayLike) -> Floats:
 
     A vector has d numbers, or n with the rotation, which counts with `Rig.characteristic_length`.
     """
-    d = rig.dimension
-    axes = dict(zip("xyz", np.eye(d), strict=False))
+    moves = rig.dimension if rig.has_position else 0
+    axes = dict(zip("xyz", np.eye(moves), strict=False))
     if isinstance(direction, str):
-        if direction != "up" and direction not in axes:
-            known = ", ".join(("up", *axes))
-            raise InputError(f"direction is {brief(direction)}; give one of {known}, or {d} numbers")
+        if not moves or (direction != "up" and direction not in axes):
+            known = f"one of {', '.join(('up', *axes))}, or {moves} numbers" if moves else "the axis of a rotation"
+            raise InputError(f"direction is {brief(direction)}; give {known}")
         direction = rig.upward if direction == "up" else axes[direction]
     twist = require_finite("direction", direction, 1)
-    if twist.shape not in ((d,), (rig.n,)) or not twist.any():
-        count = f"{d} numbers" if rig.n == d else f"{d} numbers, or {rig.n} with the rotation"
+    if twist.shape not in ((moves,), (rig.n,)) or not twist.any():
+        count = (
+            f"{rig.n} numbers" if rig.n == moves or not moves else f"{moves} numbers, or {rig.n} with the rotation"
+        )
         raise InputError(f"direction is {brief(twist.tolist())}; give {count}, not all zero")
     twist = pad_last_axis(twist, rig.n)
-    scale = np.ones(rig.n)
-    scale[d:] = rig.characteristic_length
-    return np.asarray(twist / np.linalg.norm(scale * twist))
+    return np.asarray(twist / np.linalg.norm(_lengths(rig) * twist))
+
+
+def _lengths(rig: Rig) -> Floats:
+    """Return the displacements (n,) that count as much as a unit of each component of a twist, in m."""
+    rotation = np.arange(rig.n) >= (rig.dimension if rig.has_position else 0)
+    return np.where(rotation, rig.characteristic_length, 1.0)
 
 
 def _symmetric(rig: Rig, stiffness: ArrayLike) -> Floats:
@@ -218,7 +223,7 @@ def _mass_matrix(rig: Rig, rotation: ArrayLike | None) -> Floats:
     platform, d = rig.platform, rig.dimension
     if platform is None:
         raise RigError(f'rig "{rig.name}": [platform] is missing; give its mass')
-    if rig.n == d:
+    if rig.home_orientation is None:
         return platform.mass * np.eye(d)
     if platform.inertia is None:
         raise RigError(f'rig "{rig.name}": [platform]: key "inertia" is missing; give it in kg·m²')
@@ -229,7 +234,8 @@ def _mass_matrix(rig: Rig, rotation: ArrayLike | None) -> Floats:
     mass = platform.mass * lever @ np.swapaxes(lever, -1, -2)
     own = platform.inertia if d == 2 else turn @ platform.inertia @ np.swapaxes(turn, -1, -2)
     mass[..., d:, d:] += own
-    return mass
+    fixed = 0 if rig.has_position else d
+    return np.asarray(mass[..., fixed:, fixed:])
 
 
 def _turning_arm(arms: Floats, forces: Floats) -> Floats:

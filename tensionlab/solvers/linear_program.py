@@ -14,6 +14,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
+import numpy as np
+
 from tensionlab import _native
 from tensionlab.errors import InputError
 from tensionlab.solvers.base import Answer, Policy, Problem
@@ -107,6 +109,7 @@ class OptimallySafe:
 
 def _break_ties(problem: Problem, program: Program, alpha: float = 1.0) -> Answer:
     """Return, of the tensions that are best for the program, those closest to the reference."""
-    lower, upper, steps = _native.tighten(problem.arrays, PROGRAMS.index(program), alpha)
+    costs = np.broadcast_to(np.ones(problem.lower.shape[1]), problem.lower.shape)
+    lower, upper, steps, _ = _native.tighten(problem.arrays, PROGRAMS.index(program), alpha, costs)
     closest = Newton().solve(replace(problem, lower=lower, upper=upper))
     return Answer(tensions=closest.tensions, iterations=steps + closest.iterations)

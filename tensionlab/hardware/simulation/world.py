@@ -21,6 +21,8 @@ from tensionlab.model.pose import frame_of
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
+MAX_CABLE_STIFFNESS_N_M = 1e4  # stiffest simulated cable: a stiffer one is shaken by the steps of motions
+
 
 def plant_parameters(module: Module) -> dict[str, float]:
     """Return the hardware parameters of a rig's module that differ from `PLANT`."""
@@ -49,7 +51,8 @@ def simulated_module(
 ) -> SimulatedModule:
     """Return a simulated module of a rig, calibrated and with the rig's limits, as a maker would leave it.
 
-    Its cable has the length in m. What the rig does not say is as in `PLANT`; without ``brake`` it has none.
+    Its cable has the length in m, and with `Module.cable_stiffness` stretches as one of that length. What the rig
+    does not say is as in `PLANT`; without ``brake`` it has none.
     `plant` replaces parameters of the hardware without the firmware's knowledge. A `HardwareError` names the
     module and what none of its kind can do.
     """
@@ -68,6 +71,8 @@ def simulated_module(
     if problem:
         raise HardwareError(f'module "{module.name}": {problem}')
     built = plant_parameters(module)
+    if module.cable_stiffness is not None:
+        built["stiffness"] = min(module.cable_stiffness / length, MAX_CABLE_STIFFNESS_N_M)
     simulated = SimulatedModule(serial_number, plant=built | dict(plant or {}), distance=length, seed=seed)
     simulated.advance(STEP_S)  # before its first step, a module knows nothing
     client = ModuleClient(module.name, SimulatedLink(simulated), seed)

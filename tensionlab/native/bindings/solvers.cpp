@@ -94,23 +94,29 @@ nb::tuple puncture(const ProblemArrays& arrays, double rank_tolerance) {
   });
 }
 
-// Limits (B, m) that hold the best tensions of a linear program alone, and its steps.
-nb::tuple tighten(const ProblemArrays& arrays, int program, double alpha) {
+// Limits (B, m) that hold the best tensions of a linear program alone, its steps, and its multipliers (B, n);
+// costs (B, m) and multipliers are those of the least cost only.
+nb::tuple tighten(const ProblemArrays& arrays, int program, double alpha, const In<2>& costs) {
   const Batch batch = batch_of(arrays);
   const Program chosen = to_enum(program, Program::safe, "no such program");
+  require(has_shape(costs, batch.size, batch.m), "costs do not fit the structure matrices");
+  const Rows cost = rows_of(costs);
   const auto lower = make_array<double>(batch.size, batch.m), upper = make_array<double>(batch.size, batch.m);
+  const auto multipliers = make_array<double>(batch.size, batch.n);
   const auto steps = make_array<std::int64_t>(batch.size);
-  const int rows = batch.n + (chosen == Program::least_sum ? 1 : 0);
+  const int rows = batch.n + (chosen == Program::least_cost ? 1 : 0);
   share_out(batch.size, [&](std::size_t begin, std::size_t end) {
     with_size<kMaxComponents + 1>(rows, [&](auto n) {
       TensionProgram<double, n, kMaxCables> tension_program(batch.m, chosen, alpha);
       for (std::size_t row = begin; row < end; ++row) {
         const std::size_t first = row * static_cast<std::size_t>(batch.m);
-        steps.data()[row] = tension_program.tighten(batch[row], lower.data() + first, upper.data() + first);
+        steps.data()[row] =
+            tension_program.tighten(batch[row], cost[row], lower.data() + first, upper.data() + first,
+                                    multipliers.data() + row * static_cast<std::size_t>(batch.n));
       }
     });
   });
-  return nb::make_tuple(lower, upper, steps);
+  return nb::make_tuple(lower, upper, steps, multipliers);
 }
 
 nb::tuple dykstra_tensions(const ProblemArrays& arrays, double tolerance, std::int64_t iteration_limit,

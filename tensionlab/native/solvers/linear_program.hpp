@@ -1,6 +1,6 @@
 // The tension programs as linear programs whose limits close in.
 //
-//   least sum      minimise sum t                               [W; 1'] t + (0, 1) S = (w, 0),  a <= t <= b
+//   least cost     minimise c't                                 [W; c'] t + (0, 1) S = (w, 0),  a <= t <= b
 //   minimax        minimise max t, which is -S                  W t = w,  a <= t <= min(b, -S)
 //   optimally safe maximise S, a + S <= t <= b - alpha S        W t = w
 //
@@ -16,7 +16,7 @@
 
 namespace tensionlab {
 
-enum class Program { least_sum, minimax, safe };
+enum class Program { least_cost, minimax, safe };
 
 inline namespace TENSIONLAB_BUILD {
 
@@ -66,6 +66,7 @@ class LinearProgram {
   }
 
   int steps() const { return steps_; }
+  const Real* direction() const { return direction_; }
 
   // Finds limits that the best tensions keep, and no others with A t + g S = f.
   void face(Real* lower, Real* upper) const {
@@ -320,13 +321,18 @@ class LinearProgram {
 template <class Real, int N, int M>
 class TensionProgram {
  public:
-  // N: wrench components, and one more for the least sum. alpha: of the optimally safe tensions only.
+  // N: wrench components, and one more for the least cost. alpha: of the optimally safe tensions only.
   TensionProgram(int m, Program program, Real alpha) : m_(m), program_(program), alpha_(alpha), linear_(m) {}
 
   // Finds limits that the best tensions keep, and no others that render the wrench; those of the problem if it is
-  // infeasible. Returns the steps.
-  int tighten(const Problem<Real>& problem, Real* lower, Real* upper) {
-    const bool found = load(problem);
+  // infeasible. costs: c, and multipliers: y with c't >= y'w + min (c - W'y)'t for all t, where the least is
+  // equal; zeros if there is none. Both of the least cost only. Returns the steps.
+  int tighten(const Problem<Real>& problem, const Real* costs, Real* lower, Real* upper, Real* multipliers) {
+    const bool found = load(problem, costs);
+    if (program_ == Program::least_cost) {
+      const Real* y = linear_.direction();
+      for (int k = 0; k < N - 1; ++k) multipliers[k] = found && y[N - 1] < 0 ? -y[k] / y[N - 1] : Real(0);
+    }
     if (found) linear_.face(lower, upper);
     for (int i = 0; i < m_; ++i) {
       const Real a = problem.lower[i], b = problem.upper[i];
@@ -342,8 +348,8 @@ class TensionProgram {
 
  private:
   // Solves the program; returns whether the wrench is feasible.
-  bool load(const Problem<Real>& problem) {
-    const bool sum = program_ == Program::least_sum;
+  bool load(const Problem<Real>& problem, const Real* costs) {
+    const bool sum = program_ == Program::least_cost;
     const int n = sum ? N - 1 : N;
     Real start[N] = {};
     for (int k = 0; k < n; ++k) {
@@ -358,19 +364,20 @@ class TensionProgram {
       if (sum) limits = {a, b, 0, 0, 0, 0};
       if (program_ == Program::minimax) limits = {a, 0, 0, 1, -b, -a};
       if (program_ == Program::safe) limits = {a, b, 1, alpha_, 0, (b - a) / (1 + alpha_)};
-      if (sum) linear_.rows[n][i] = 1;
+      if (sum) linear_.rows[n][i] = costs[i];
       // S has its best value where the first cable has no more room, though the others have.
       if (!sum && a < b) linear_.most = smaller(linear_.most, limits.shut);
       const Real closed = limits.lower + limits.rise * limits.shut;
       for (int k = 0; k < n; ++k) start[k] -= closed * linear_.rows[k][i];
     }
     if (sum) {
-      // The start is the sum alone. Otherwise it is the error of the tensions when all limits are closed.
+      // The start is the cost alone. Otherwise it is the error of the tensions when all limits are closed.
       for (int k = 0; k < n; ++k) start[k] = 0;
       start[n] = -1;
       linear_.gain[n] = 1;
       linear_.least = 0;
-      for (int i = 0; i < m_; ++i) linear_.least -= problem.upper[i];
+      for (int i = 0; i < m_; ++i)
+        linear_.least -= larger(costs[i] * problem.lower[i], costs[i] * problem.upper[i]);
     }
     return linear_.solve(start);
   }

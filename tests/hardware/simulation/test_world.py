@@ -1,5 +1,7 @@
 """Modules of a rig, simulated: what each is made of, and what none can be."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,19 @@ def test_what_it_is_told_is_what_it_pulls(gain):
     trace = simulated.trace(0.5)
     assert trace.tension[-400:].mean() == pytest.approx(3.0, abs=0.1)
     assert trace.current[-400:].mean() == pytest.approx(3.0 / gain, rel=0.03)
+
+
+def test_an_elastic_cable_stretches_by_its_tension():
+    rig = load_rig("bartels2026-validation")
+    rig = replace(rig, modules=tuple(replace(module, cable_stiffness=800.0) for module in rig.modules))  # N
+    world = World(rig)
+    for simulated in world.modules:
+        tell(simulated, messages.Arm(1), messages.SetTension(1, 4.0, ttl_ms=2000))
+    world.advance(1.0)
+    lengths = rig.lengths(rig.home)
+    stretch = lengths - [simulated.sample.length for simulated in world.modules]
+    np.testing.assert_allclose(stretch, world.tensions * lengths / 800.0, rtol=1e-3)
+    assert (stretch > 3e-3).all()
 
 
 def test_a_module_without_a_brake_holds_nothing():
