@@ -10,7 +10,7 @@ sets, under ``problems/``, are generated. Where only one kind will do, the name 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -96,7 +96,8 @@ def load(name: str, folder: str | Path | None = None) -> Any:
         from tensionlab.benchmark.problem_sets import problem_set
 
         return problem_set(stem, PROBLEM_COUNT)
-    return _read(kind, _found(folder) / kind / f"{stem}{SUFFIXES[kind]}")
+    module, function = READERS[kind]
+    return getattr(import_module(module), function)(_found(folder) / kind / f"{stem}{SUFFIXES[kind]}")
 
 
 def _found(named: str | Path | None) -> Path:
@@ -116,24 +117,15 @@ def _read_frame(path: Path) -> Any:
     return data_frame(read_parquet(path, "a table (*.parquet)", DataError).columns.to_pydict())
 
 
-def _read(kind: str, path: Path) -> Any:
-    """Read a file of a kind."""
-    read: Callable[[Path], Any]
-    if kind == "rigs":
-        from tensionlab.model.files import load_rig as read
-    elif kind == "spaces":
-        from tensionlab.workspace.layout.task import load_task as read
-    elif kind == "vectors":
-        from tensionlab.validation.data_tables import read_vectors as read
-    elif kind == "published":
-        from tensionlab.validation.data_tables import read_published as read
-    elif kind == "recordings":
-        from tensionlab.validation.data_tables import read_recording as read
-    elif kind == "what-if":
-        read = _read_frame
-    else:
-        from tensionlab.benchmark.results import read
-    return read(path)
+READERS = {
+    "rigs": ("tensionlab.model.files", "load_rig"),
+    "spaces": ("tensionlab.workspace.layout.task", "load_task"),
+    "vectors": ("tensionlab.validation.data_tables", "read_vectors"),
+    "published": ("tensionlab.validation.data_tables", "read_published"),
+    "recordings": ("tensionlab.validation.data_tables", "read_recording"),
+    "what-if": (__name__, "_read_frame"),
+    "benchmarks": ("tensionlab.benchmark.results", "read"),
+}  # module and function that read a file of each kind
 
 
 def __dir__() -> list[str]:

@@ -35,20 +35,15 @@ IDEAL_PLANT = {"dry_friction": 0.0, "cogging": 0.0, "damping": 25.0}
 
 @dataclass(frozen=True)
 class ErrorModel:
-    """Sizes of the errors of a kind of rig; all are standard deviations, but gain and play.
+    """Sizes of the errors of a kind of rig; all are standard deviations, but gain and play."""
 
-    ``gain`` is true tension per commanded one, the same in all modules, and ``gain_spread`` the deviation of its
-    logarithm from module to module. ``bias``, ``play`` and ``noise`` (of each axis of the sensor) are in N,
-    ``position`` (of each coordinate of anchors and sensor) in m, ``tilt`` (about each level axis) in degrees.
-    """
-
-    gain: float = 1.0
-    gain_spread: float = 0.0
-    bias: float = 0.0
-    position: float = 0.0
-    tilt: float = 0.0
-    play: float = 0.0
-    noise: float = 0.0
+    gain: float = 1.0  # true tension per commanded one, the same in all modules
+    gain_spread: float = 0.0  # of its logarithm, from module to module
+    bias: float = 0.0  # in N
+    position: float = 0.0  # of each coordinate of anchors and sensor, in m
+    tilt: float = 0.0  # about each level axis, in degrees
+    play: float = 0.0  # in N
+    noise: float = 0.0  # of each axis of the sensor, in N
 
 
 PRESETS = {

@@ -36,7 +36,6 @@ UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 SAMPLE_RATE_HZ = 1000
 STEPS_PER_SAMPLE = round(1.0 / SAMPLE_RATE_HZ / STEP_S)  # steps of the firmware
 CORRELATION_TIME_S = 1.0  # of the simulated drift
-BLOCK_SAMPLES = 1000  # samples at a time, so that no power of the decay leaves the range of floats
 FORCE_COLUMNS = ("fx", "fy", "fz")
 UNITS_N = {"n": 1.0, "newton": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
 SCHEMES = ("socket://", "tcp://")
@@ -216,19 +215,17 @@ class DriftNoise:
         self._random = np.random.default_rng([seed, 1])
         self._decay = float(np.exp(-1.0 / (SAMPLE_RATE_HZ * CORRELATION_TIME_S)))
         self._kick = deviation * np.sqrt(1.0 - self._decay**2)
-        self._last: Floats = deviation * self._random.standard_normal(3)
+        self._state: Floats = self._decay * deviation * self._random.standard_normal((1, 3))
 
     def take(self, count: int) -> Floats:
         """Return the next samples, (count, 3) in N."""
-        sizes = [min(BLOCK_SAMPLES, count - start) for start in range(0, count, BLOCK_SAMPLES)]
-        return np.concatenate([np.empty((0, 3)), *map(self._block, sizes)])
+        from scipy.signal import lfilter
 
-    def _block(self, count: int) -> Floats:
-        decay = self._decay ** np.arange(1, count + 1)[:, None]
-        kicks = self._kick * self._random.standard_normal((count, 3))
-        values: Floats = decay * (self._last + np.cumsum(kicks / decay, axis=0))
-        self._last = values[-1]
-        return values
+        kicks: Floats = self._kick * self._random.standard_normal((count, 3))
+        if not count:
+            return kicks
+        values, self._state = lfilter([1.0], [1.0, -self._decay], kicks, axis=0, zi=self._state)
+        return np.asarray(values)
 
 
 class SimulatedSensor:

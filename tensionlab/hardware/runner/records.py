@@ -147,23 +147,19 @@ class Statistics:
         """Return counts and times as pairs of a name and a text."""
         words = "{} median, {} p99, {} max"
         jitter, compute = (words.format(*map(format_duration, values)) for values in self.percentiles().values())
-        slewed = [("cycles that were slew-rate limited", str(self.slew_limited))] * bool(self.slew_limited)
-        late = [(f"cycles with late telemetry of {name}", str(n)) for name, n in self.late_telemetry.items()]
-        warm = "down to {:.2f} N, so that it did not get too hot"
-        derated = [(f"derated: {name}", warm.format(upper)) for name, upper in self.derated.items()]
-        near = [(f"near a body: {name}", how) for name, how in self.near.items()]
-        lost = [(f"lost: {name}", why) for name, why in self.lost.items()]
         starts = [("start jitter", jitter), ("deadlines missed", str(self.missed))] * self.in_real_time
-        return [
-            ("answers", self.explained),
-            ("compute time of a cycle", compute),
-            *starts,
-            *slewed,
-            *late,
-            *derated,
-            *near,
-            *lost,
+        slewed = [("cycles that were slew-rate limited", str(self.slew_limited))] * bool(self.slew_limited)
+        by_module: dict[str, Mapping[str, Any]] = {
+            "cycles with late telemetry of {}": self.late_telemetry,
+            "derated: {}": {name: f"down to {upper:.2f} N, so that it did not get too hot"
+                            for name, upper in self.derated.items()},
+            "near a body: {}": self.near,
+            "lost: {}": self.lost,
+        }  # fmt: skip
+        modules = [
+            (title.format(name), str(text)) for title, found in by_module.items() for name, text in found.items()
         ]
+        return [("answers", self.explained), ("compute time of a cycle", compute), *starts, *slewed, *modules]
 
     @property
     def in_real_time(self) -> bool:

@@ -57,19 +57,16 @@ def simulated_module(
     module and what none of its kind can do.
     """
     longest, strongest = PARAMETERS["length_upper"].upper, PARAMETERS["tension_upper"].upper
-    problem = ""
     if length > longest:
-        problem = (
-            f"its cable would be {length:.4g} m long, and a module takes {longest:g} m at most; move the pose "
-            "or the anchor"
+        raise HardwareError(
+            f'module "{module.name}": its cable would be {length:.4g} m long, and a module takes {longest:g} m at '
+            "most; move the pose or the anchor"
         )
-    elif module.upper > strongest:
-        problem = (
-            f"its upper limit is {module.upper:g} N, and a module pulls with {strongest:g} N at most; give the "
-            "rig lower limits, or make a smaller one to simulate"
+    if module.upper > strongest:
+        raise HardwareError(
+            f'module "{module.name}": its upper limit is {module.upper:g} N, and a module pulls with '
+            f"{strongest:g} N at most; give the rig lower limits, or make a smaller one to simulate"
         )
-    if problem:
-        raise HardwareError(f'module "{module.name}": {problem}')
     built = plant_parameters(module)
     if module.cable_stiffness is not None:
         built["stiffness"] = min(module.cable_stiffness / length, MAX_CABLE_STIFFNESS_N_M)
