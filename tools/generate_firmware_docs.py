@@ -148,6 +148,27 @@ def figures() -> str:
     return table(("What", "Measured"), rows)
 
 
+def allocator() -> str:
+    """Return the table of what `firmware/emulate.py --write` measured."""
+    measured = json.loads((FOLDER / "allocator.json").read_text())
+    names = {"cortex-m4f": "Cortex-M4F", "xtensa": "Xtensa (ESP32)"}
+    kilobytes, thousands = "{:.0f} kB".format, "{:,.0f}k".format
+    rows = [
+        (
+            name,
+            shape.replace("x", "·"),
+            kilobytes(found["flash"] / 1000),
+            f"{found['object']:,} B",
+            f"{found['stack']:,} B",
+            *(thousands(found[share] / 1000) for share in ("median", "p999", "worst")),
+        )
+        for processor, name in names.items()
+        for shape, found in measured[processor].items()
+    ]
+    head = ("Processor", "n · m", "flash", "object", "stack", "instructions: median", "99.9 %", "worst")
+    return table(head, rows)
+
+
 def sections() -> dict[str, dict[str, str]]:
     """Return the tables of each document."""
     kinds = (
@@ -166,6 +187,7 @@ def sections() -> dict[str, dict[str, str]]:
             "parameters": parameters(),
             "plant": plant(),
             "figures": figures(),
+            "allocator": allocator(),
         },
         "PROTOCOL.md": {
             "example": example(),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from firmware import emulate
@@ -34,3 +36,14 @@ def test_an_emulated_processor_answers_as_this_computer_does(processor):
         assert there["iterations"] <= 2 * limit + 4 * shape[0] + 4
         assert 0 < there["stack"] < 4096
         assert there["median"] <= there["p999"] <= there["worst"]
+
+
+def test_the_committed_figures_are_of_equal_answers_inside_the_limits():
+    figures = json.loads(emulate.FIGURES.read_text(encoding="utf-8"))
+    assert figures["problems"] >= 100_000
+    for shape, here in figures["host"].items():
+        for processor in ("cortex-m4f", "xtensa"):
+            there = figures[processor][shape]
+            assert (there["hash"], there["outside"], there["iterations"]) == (
+                here["hash"], 0, here["iterations"]
+            )  # fmt: skip
