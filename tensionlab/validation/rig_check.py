@@ -31,7 +31,7 @@ from tensionlab.workspace.wrench_set import facet_distance, half_spaces, loss_ma
 MAX_TENSION_RATIO = 1e4  # tensions that balance only with a larger ratio between cables do not count
 LIKELY_LENGTHS_M = (0.01, 100.0)  # of the longest cable; only stadium cameras and telescopes have longer ones
 HEAD_FORCE_N = ImpactCap().force  # largest force of all cables together on a head
-LOSS_DIRECTIONS = 200  # directions of the force of 1 N that is tried after a loss
+LOSS_DIRECTIONS = 200  # directions of 1 N, or 1 N·m, that are tried after a loss
 
 
 def check_rig(rig: Rig) -> list[Finding]:
@@ -72,7 +72,7 @@ class ModuleLoss(NamedTuple):
     module: str
     margin: float  # capacity margin about the load, in N
     holds: bool  # whether the others render the load within their limits
-    directions: float  # share of directions in which 1 N is feasible in addition
+    directions: float  # share of directions in which 1 N (or 1 N·m) is feasible in addition
 
 
 def check_losses(rig: Rig) -> list[ModuleLoss]:
@@ -97,18 +97,19 @@ def check_losses(rig: Rig) -> list[ModuleLoss]:
 
 def losses_table(rig: Rig, losses: list[ModuleLoss]) -> Table:
     """Return the table of what is left after each loss, and what a run does then."""
-    columns = ["lost module", Column("margin left", "N", ".3g"), "holds",
-               Column("directions with 1 N", format=format_share), "run --on-loss continue"]  # fmt: skip
+    unit = "N" if rig.has_position else "N·m"
+    columns = ["lost module", Column("margin left", unit, ".3g"), "holds",
+               Column(f"directions with 1 {unit}", format=format_share), "run --on-loss continue"]  # fmt: skip
     rows = [
         [loss.module, loss.margin, loss.holds, loss.directions,
-         "holds with the others" if loss.holds else f"falls short by {-loss.margin:.3g} N or more"]
+         "holds with the others" if loss.holds else f"falls short by {-loss.margin:.3g} {unit} or more"]
         for loss in losses
     ]  # fmt: skip
     load = _load(rig, _is_balanced(rig, rig.structure_matrix(rig.home, frames=rig.at_rest)))
     held = f"render {load.describe(rig)}" if load else "hold each other"
     notes = [
         f"holds: the other cables {held} within their limits; the lost one has no tension",
-        f"directions with 1 N: share of {LOSS_DIRECTIONS} directions in which they render 1 N in addition",
+        f"directions with 1 {unit}: share of {LOSS_DIRECTIONS} directions in which they render that in addition",
         "run --on-loss stop, the default, stops all modules and releases their cables: support what hangs",
     ]
     if rig.n > rig.dimension:

@@ -214,12 +214,12 @@ class Objective:
         """Return in words along which directions forces count, and about which wrenches of a rig."""
         about = f" about {rig.required.describe(rig)}" if rig.required else ""
         torques = f" (torques at {rig.characteristic_length:.3g} m)" if rig.n > rig.dimension else ""
-        return _towards(self.directions) + about + torques + " after the loss of any one cable" * self.losses
+        return _towards(self.directions, self.losses) + about + torques
 
     def desired(self, rig: Rig) -> str:
         """Return in words what is desired of a rig."""
         force = f"{self.force:g} N {self.where(rig)}" if self.force else ""
-        walls = f"walls of {self.stiffness:g} N/m {_towards(self.walls)}" if self.stiffness else ""
+        walls = f"walls of {self.stiffness:g} N/m {_towards(self.walls, self.losses)}" if self.stiffness else ""
         return " and ".join(filter(None, (force, walls)))
 
     def describe(self, rig: Rig, score: float | None = None) -> str:
@@ -232,15 +232,16 @@ class Objective:
             return f"renders {self.desired(rig)} in {format_share(score)} of {target}"
         what, unit, where = "force", "N", self.where(rig)
         if self.walls is not None:
-            what, unit, where = "stiffness of walls", "N/m", _towards(self.walls)
+            what, unit, where = "stiffness of walls", "N/m", _towards(self.walls, self.losses)
         if score is None:
             return f"the maximum {what} in {unit} {where}, everywhere in {target}"
         walls = "walls of " if self.walls is not None else ""
         return f"renders {walls}{max(score, 0.0):.4g} {unit} {where} throughout {target}"
 
 
-def _towards(directions: ArrayLike | None) -> str:
-    """Return directions in words: "in every direction", "towards (0, 1, 0) and (1, 0, 0)"."""
+def _towards(directions: ArrayLike | None, losses: int) -> str:
+    """Return directions, as "in every direction" or "towards (0, 1, 0) and (1, 0, 0)", and after what loss."""
+    after = " after the loss of any one cable" * losses
     if directions is None:
-        return "in every direction"
-    return f"towards {' and '.join(map(format_vector, np.asarray(directions, float)))}"
+        return f"in every direction{after}"
+    return f"towards {' and '.join(map(format_vector, np.asarray(directions, float)))}{after}"
