@@ -288,7 +288,8 @@ class Field:
     @property
     def yes_or_no(self) -> bool:
         """Whether the metric is 0 or 1, such as whether something is feasible."""
-        return bool(np.isin(self.values[np.isfinite(self.values)], (0.0, 1.0)).all())
+        known = self.values[~np.isnan(self.values)]
+        return bool(known.size and np.isin(known, (0.0, 1.0)).all())
 
 
 def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:

@@ -122,6 +122,7 @@ def test_a_metric_with_one_value_everywhere_is_drawn(swept, value):
     for draw in (plot_slices, plot_shares, plot_volume):
         words = words_in(content_of(draw(found, "capacity-margin")))
         assert any("capacity margin (N)" in each for each in words)
+        assert ("yes" in words) == (value == 0.0 and draw is plot_slices)
 
 
 def test_what_cannot_be_drawn_is_refused(swept):
