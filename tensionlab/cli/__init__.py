@@ -84,7 +84,7 @@ PANELS = {
         "module": ("module", "Find, inspect, set up and stop modules."),
         "estop": ("estop", "Stop modules at once, also those of other processes."),
         "run": ("run", "Render forces on the modules of a rig."),
-        "scenario": ("scenario", "Play a haptic scenario and check its forces."),
+        "scenario": ("scenario", "Play a haptic scenario and judge its forces."),
         "serve": ("serve", "Let a game engine drive a rig over a WebSocket."),
         "validate": ("validate", "Repeat the published validation and compare with it."),
         "characterise": ("characterise", "Measure a rig as a haptic device, and compare it with published ones."),
