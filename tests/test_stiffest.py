@@ -70,6 +70,16 @@ def test_a_pair_of_cables_pulls_as_hard_as_it_may():
     assert found.bound == pytest.approx(found.stiffness)
 
 
+def test_on_the_border_of_what_can_be_rendered_the_bound_holds():
+    rig, rng = elastic(tl.load_rig("seven-modules")), np.random.default_rng(1)
+    W = rig.structure_matrix(rig.home)
+    corners = np.where(rng.normal(size=(50, 3)) @ W > 0.0, rig.limits.upper, rig.limits.lower)
+    found = tl.stiffest_tensions(rig, "up", corners @ W.T)  # in each a direction pulls all cables to their limits
+    assert found.allocation.exact.all()
+    np.testing.assert_allclose(found.allocation.tensions, corners, atol=1e-5)
+    assert (found.bound >= found.stiffness - 1e-6).all()
+
+
 def test_of_equally_stiff_tensions_it_takes_the_least():
     """Cables of one length have one gain, so that only their sum counts."""
     rig = elastic(tl.load_rig("tetra-4"))
