@@ -70,6 +70,19 @@ def test_another_project_finds_it_and_all_languages_agree(prefix, library, tmp_p
     assert run(sys.executable, EXAMPLES / "allocate_ctypes.py", library).splitlines() == [answers[0], answers[2]]
 
 
+def test_a_project_may_have_it_inside(tmp_path):
+    if shutil.which("cmake") is None:
+        pytest.skip("cmake is not installed")
+    (tmp_path / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.18)\nproject(whole LANGUAGES C CXX)\n"
+        f"add_subdirectory({ROOT} tensionlab EXCLUDE_FROM_ALL)\nadd_executable(allocate {EXAMPLES}/allocate.cpp)\n"
+        "target_link_libraries(allocate PRIVATE tensionlab::tensionlab)\n"
+    )
+    run("cmake", "-S", tmp_path, "-B", tmp_path / "build", "-DTENSIONLAB_BUILDS=native")
+    run("cmake", "--build", tmp_path / "build", "--target", "allocate")
+    assert run(tmp_path / "build" / "allocate").startswith("exact")
+
+
 def test_pkg_config_finds_it(prefix, tmp_path):
     if shutil.which("pkg-config") is None:
         pytest.skip("pkg-config is not installed")
