@@ -8,13 +8,14 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, nullcontext
 from typing import Annotated, Any, NamedTuple
 
+import numpy as np
 import typer
 
 from tensionlab.cli.common import output
 from tensionlab.cli.common.links import Links, ModulesFile, call_all, exit_if_failed, find_links
 from tensionlab.cli.common.verbs import Json, option
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
-from tensionlab.hardware.client.diagnostics import is_bluetooth, measure, safe_rates
+from tensionlab.hardware.client.diagnostics import is_bluetooth, measure, percentile, safe_rates
 from tensionlab.hardware.client.links import OPENERS
 from tensionlab.hardware.client.locks import Holder, holder, locked_links
 from tensionlab.hardware.client.module import ModuleClient
@@ -225,11 +226,19 @@ def ping(
                 return not interrupted()
 
             ttl = 1e-3 * client.hello().ttl_ms
-            trips = measure(client, count, report)
-            rates = safe_rates(trips, ttl, bluetooth=is_bluetooth(urls[client.name]))
-            seconds = {name: trips.percentile(share) for name, share in PERCENTILES.items()}
-            sent = len(trips.times) + trips.lost
-            return {"pings": sent, "lost": trips.lost, "seconds": seconds, "ttl": ttl, "safe_rate": rates}
+            times = measure(client, count, report)
+            rates = safe_rates(times, ttl, bluetooth=is_bluetooth(urls[client.name]))
+            seconds, lost = (
+                {name: percentile(times, share) for name, share in PERCENTILES.items()},
+                np.isnan(times),
+            )
+            return {
+                "pings": len(times),
+                "lost": int(lost.sum()),
+                "seconds": seconds,
+                "ttl": ttl,
+                "safe_rate": rates,
+            }
 
         with output.progress("pinging") as progress:
             found, failed = call_all(urls, job)

@@ -147,9 +147,9 @@ def characterise(
         modules, clock, sensor = bench(HandRequest(grip, rig.home + offset))
         simulated = sensor.simulated
         if not trips:
-            trips.extend(t for each in modules.clients for t in diagnostics.measure(each, PINGS, bool).times)
+            trips.extend(trip for each in modules.clients for trip in diagnostics.measure(each, PINGS, bool))
         zero = read_zero(modules, clock, sensor)
-        recorder = Recorder(sensor, zero, rotation, float(np.median(trips)) / 2.0)
+        recorder = Recorder(sensor, zero, rotation, float(np.nanmedian(trips)) / 2.0)
         found = run_measurement(plan, modules, clock, recorder, measuring(recorder))
         delays.extend(recorder.delays)
         done += 1

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from tensionlab.hardware.client.links import has_bluetooth, serial_ports
 from tensionlab.hardware.client.locks import holder
 from tensionlab.hardware.client.module import ModuleClient, require_ready
 from tensionlab.hardware.protocol.messages import Hello, Info, Ping, Pong, printable
+from tensionlab.support.arrays import Floats
 
 # Makers of the chips that connect an ESP32 to USB.
 USB_VENDORS = {0x10C4: "CP210x", 0x1A86: "CH340", 0x0403: "FTDI", 0x303A: "Espressif"}
@@ -114,48 +114,42 @@ def identify(client: ModuleClient, begun: Callable[[], None]) -> None:
         client.stop()
 
 
-class RoundTrips(NamedTuple):
-    """Round-trip times of the pings that came back, in s, and the number of those that were lost."""
+def measure(client: ModuleClient, count: int, progress: Callable[[int], bool]) -> Floats:
+    """Return the round-trip times in s of pings sent one after another; NaN of those that were lost.
 
-    times: tuple[float, ...]
-    lost: int
-
-    def percentile(self, percent: float) -> float:
-        """Return a percentile of the times, in s; NaN if no ping came back."""
-        return float(np.percentile(self.times, percent, method="higher")) if self.times else math.nan
-
-    @property
-    def loss(self) -> float:
-        """Share of the pings that were lost."""
-        return self.lost / max(len(self.times) + self.lost, 1)
-
-
-def measure(client: ModuleClient, count: int, progress: Callable[[int], bool]) -> RoundTrips:
-    """Send pings one after another; `progress` gets their number after each, and returns whether to continue."""
+    `progress` gets their number after each, and returns whether to continue.
+    """
     times: list[float] = []
     for done in range(1, count + 1):
-        began = client.link.clock()
+        began, trip = client.link.clock(), math.nan
         with suppress(LinkTimeout):
             client.request(Ping(done), Pong, (PING_TIMEOUT_S,))
-            times.append(client.link.clock() - began)
+            trip = client.link.clock() - began
+        times.append(trip)
         if not progress(done):
             break
-    return RoundTrips(tuple(times), done - len(times))
+    return np.array(times)
 
 
-def safe_rates(trips: RoundTrips, ttl: float, *, bluetooth: bool) -> tuple[float, float] | None:
+def percentile(times: Floats, percent: float) -> float:
+    """Return a percentile of the times of the pings that came back, in s; NaN if none did."""
+    came = times[np.isfinite(times)]
+    return float(np.percentile(came, percent, method="higher")) if came.size else math.nan
+
+
+def safe_rates(times: Floats, ttl: float, *, bluetooth: bool) -> tuple[float, float] | None:
     """Return the lowest and highest safe rate of set-points, in Hz; None if no rate is safe.
 
     At least three set-points are sent within the time to live `ttl`, in s, less the 99th percentile of the one-way
     time (half the trip); more where the probability that all of them are lost would exceed 1e-6. At most 100 are
     sent per second over Bluetooth, and 1000 over other links.
     """
-    left = ttl - trips.percentile(99.0) / 2
+    left = ttl - percentile(times, 99.0) / 2
     if not left > 0.0:  # or NaN: no ping came back
         return None
     needed = MIN_SET_POINTS
-    if trips.loss > 0.0:
-        needed = max(needed, math.ceil(math.log(MAX_LOSS) / math.log(trips.loss)))
+    if (loss := float(np.isnan(times).mean())) > 0.0:
+        needed = max(needed, math.ceil(math.log(MAX_LOSS) / math.log(loss)))
     least, most = needed / left, MAX_BLUETOOTH_RATE_HZ if bluetooth else MAX_RATE_HZ
     return (least, most) if least <= most else None
 
