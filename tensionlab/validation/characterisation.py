@@ -147,9 +147,10 @@ def characterise(
         modules, clock, sensor = bench(HandRequest(grip, rig.home + offset))
         simulated = sensor.simulated
         if not trips:
-            trips.extend(trip for each in modules.clients for trip in diagnostics.measure(each, PINGS, bool))
+            times = np.concatenate([diagnostics.measure(each, PINGS, bool) for each in modules.clients])
+            trips.extend(times[np.isfinite(times)])
         zero = read_zero(modules, clock, sensor)
-        recorder = Recorder(sensor, zero, rotation, float(np.nanmedian(trips)) / 2.0)
+        recorder = Recorder(sensor, zero, rotation, float(np.median(trips)) / 2.0)
         found = run_measurement(plan, modules, clock, recorder, measuring(recorder))
         delays.extend(recorder.delays)
         done += 1
