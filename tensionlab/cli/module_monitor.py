@@ -228,17 +228,9 @@ def ping(
             ttl = 1e-3 * client.hello().ttl_ms
             times = measure(client, count, report)
             rates = safe_rates(times, ttl, bluetooth=is_bluetooth(urls[client.name]))
-            seconds, lost = (
-                {name: percentile(times, share) for name, share in PERCENTILES.items()},
-                np.isnan(times),
-            )
-            return {
-                "pings": len(times),
-                "lost": int(lost.sum()),
-                "seconds": seconds,
-                "ttl": ttl,
-                "safe_rate": rates,
-            }
+            seconds = {name: percentile(times, share) for name, share in PERCENTILES.items()}
+            lost = int(np.isnan(times).sum())
+            return {"pings": len(times), "lost": lost, "seconds": seconds, "ttl": ttl, "safe_rate": rates}
 
         with output.progress("pinging") as progress:
             found, failed = call_all(urls, job)

@@ -182,8 +182,7 @@ def read_run(path: str | PathLike[str], progress: Callable[[float], None] | None
         raise LogError(f"{path}: the log was cut off before the run began; there is nothing in it")
     metadata = validate(LogMetadata, documents, LogError, path)
     if not len(metadata.setup.lower) == len(metadata.setup.upper) == rig.m:
-        count = len(metadata.setup.lower)
-        raise LogError(f"{path}: setup has {count} tension limits for {rig.m} modules; it is damaged")
+        raise LogError(f"{path}: setup has {len(metadata.setup.lower)} tension limits for {rig.m} modules")
     decode_rows()
     table: dict[str, Any] = {name: np.concatenate([block[name] for block in blocks]) for name in COLUMNS}
     try:
@@ -191,14 +190,8 @@ def read_run(path: str | PathLike[str], progress: Callable[[float], None] | None
     except BROKEN as error:
         raise LogError(f"{path}: an effect in it is none ({type(error).__name__}); it is damaged") from None
     began = np.nan if first_ns is None else 1e-9 * first_ns - float(table["time"][0])
-    known: dict[str, Any] = {
-        "rig": rig,
-        "events": tuple(events),
-        "effects": effects,
-        "began": began,
-        "complete": complete,
-    }
-    return Run(**table, **vars(metadata), **known)
+    about: dict[str, Any] = {**table, **vars(metadata)}
+    return Run(**about, rig=rig, events=tuple(events), effects=effects, began=began, complete=complete)
 
 
 def flat_columns(run: Run) -> dict[str, NDArray[Any]]:
