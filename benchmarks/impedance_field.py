@@ -35,7 +35,7 @@ from tensionlab.model.directions import fibonacci
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
-# Layout of docs/how-to/keep-cables-clear-of-a-person.md, the hand in the middle of its target; in m.
+# A layout for the room of docs/how-to/keep-cables-clear-of-a-person.md, the hand in the middle of its target; in m.
 FIVE = (
     (-1.75, 0.0, -0.5992),
     (1.75, 0.0, 1.073),
