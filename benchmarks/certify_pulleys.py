@@ -52,14 +52,15 @@ class Proof:
     def holds(self, positions: Floats) -> tuple[NDArray[np.bool_], int]:
         """Return whether linear programs find tensions at the positions (k, d), and how many HiGHS decided.
 
-        Positions with an attachment inside its pulley are left out.
+        There are none where an attachment is inside its pulley.
         """
         rig = self.rig
         pulleys = rig.pulleys_in_world(rig.at_rest)
         radii, axes = (np.zeros(rig.m), np.zeros((rig.m, rig.dimension))) if pulleys is None else pulleys
         arms = None if rig.n == rig.dimension else rig.attachments
         structure = structure_matrix(self.proved.anchors, arms, radii, axes, positions)
-        structure = structure[np.isfinite(structure).all(axis=(1, 2))]  # no attachment is inside its pulley
+        there = np.asarray(np.isfinite(structure).all(axis=(1, 2)))
+        structure = structure[there]
         wrenches, lower, upper = self.required.at(rig), rig.limits.lower, rig.limits.upper
         violation = least_violation(structure, wrenches, lower, upper)
         feasible, top = violation <= 0, float(upper.max())
@@ -73,7 +74,8 @@ class Proof:
             if which is drawn and (answer != feasible[which]).any():
                 raise AssertionError(f"{rig.name}: HiGHS and the vertices disagree")
             feasible[which] = answer
-        return np.asarray(feasible.all(axis=1)), int(unsure.sum() + drawn.sum())
+        there[there] = feasible.all(axis=1)
+        return there, int(unsure.sum() + drawn.sum())
 
     def contradictions(self, count: int, seed: int) -> tuple[int, int, int]:
         """Return how many poses were looked at, half of them inside, contradict, and HiGHS decided."""

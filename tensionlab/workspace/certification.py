@@ -59,7 +59,8 @@ def certify(
     of parallel cable-driven robots", 2011, for the proof of cells; Bouchard, Gosselin and Moore, "On the ability
     of a cable-driven robot to generate a prescribed set of wrenches", 2010, for the facets. That these may turn is
     shown in ``tensionlab/native/workspace/certify.cpp``, and bounds for pulleys in ``pulley_bend.hpp`` there. Over
-    pulleys the bounds are further apart, and clearance cannot be proved.
+    pulleys the bounds are further apart, and clearance cannot be proved; a position with an attachment inside its
+    pulley is outside.
 
     InputError, ShapeError or RigError if an argument does not suit the rig, or for more cells than fit in memory.
 

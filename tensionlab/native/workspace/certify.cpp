@@ -74,6 +74,7 @@ class CellProof {
 
   // A lower bound of the share of the cell that is outside: 1 only if all of it is.
   double outside() const {
+    if (columns_.inside_pulley) return 1;
     if (!spans_) return 0;
     Direction critical(columns_, critical_);
     critical.straighten(spanning_);
@@ -89,7 +90,7 @@ class CellProof {
 
   // The same for inside. Without `share` it is 1 or 0.
   double inside(bool share) const {
-    if (!spans_) return 0;
+    if (!spans_ || !columns_.clear_of_pulleys) return 0;
     bool middle = true, far = false;
     const auto all_rays = [&](bool may_move_far, CoveredShare<D>& missing) {
       for (const FacetRay<N>& ray : rays_.all()) {

@@ -42,7 +42,10 @@ struct CellColumns {
   double u[D][M], arm[D][M];
   double column[N][M];  // w in the middle of the cell
   double inverse[M];    // 1 / L; 0 where u counts as constant, and over pulleys
-  bool over_pulley[M];  // whether u is affine, with the gradient -turn
+  bool inside_pulley =
+      false;  // whether an attachment is inside its pulley in all of the cell: no pose is possible
+  bool clear_of_pulleys = true;  // whether none is in any
+  bool over_pulley[M];           // whether u is affine, with the gradient -turn
   double turn[D][D][M];
   double rest[M];     // largest distance of u from its quadratic part
   double bent[M];     // ... from its affine part in the position
@@ -119,6 +122,8 @@ struct CellColumns {
   // Replaces u of a cable and its bounds by those over its pulley; q is the vector to the anchor.
   void lead_over_pulley(const CertifiedRig& rig, int j, const double* q, double moved, double swung) {
     const PulleyBend<D> bend(q, rig.radii[j], rig.axes + j * D, moved);
+    inside_pulley = inside_pulley || bend.within;
+    clear_of_pulleys = clear_of_pulleys && bend.clear;
     inverse[j] = 0;
     change[j] = bend.smooth ? bend.steepest * moved : 1;
     const double second = bend.second * moved * moved / 2;

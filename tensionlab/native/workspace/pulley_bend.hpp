@@ -27,6 +27,9 @@ inline namespace TENSIONLAB_BUILD {
 // rim.
 template <int D>
 struct PulleyBend {
+  bool within =
+      false;           // whether the attachment is inside the pulley in all of the ball, so that there is no cable
+  bool clear = false;  // ... or nowhere in it
   bool smooth = false;  // whether all that follows holds in the ball
   double u[D];          // towards the pulley, at the centre
   double gradient[D][D];
@@ -62,6 +65,8 @@ struct PulleyBend {
     const double a = kRounding / std::sqrt(least), c = kRounding / closest;
     const double sine = std::min(1.0, std::abs(arc.sine) + a * moved), g = D == 3 ? sine * c : 0;
     const double cosine = std::min(1.0, std::abs(arc.cosine) + a * moved);
+    within = from_rim + moved < radius / kRounding;
+    clear = nearest > radius * kRounding;
     // Near the rim, and near the part of the axis that cables do not come along, roots and quotients lose digits.
     smooth = nearest > 0 && least > nearest * nearest / 64 && closest > 0 && sine * c * from_rim < kDigits &&
              from_rim < 1e100;

@@ -278,3 +278,15 @@ def test_too_few_cables_and_bodies_in_several_places_are_refused():
     frames = {name: (each.position + np.zeros((2, 3)), None) for name, each in rig.at_rest.items()}
     with pytest.raises(InputError, match="frames: give one pose for each body frame"):
         certify(rig, [(-0.1, 0.1)] * 3, tl.Requirement(ball=1.0), 0.1, frames=frames)
+
+
+def test_positions_inside_a_pulley_are_outside():
+    axis = [0.0, 1.0]
+    modules = tuple(replace(each, pulley_radius=0.2, pulley_axis=axis) for each in SQUARE.modules)
+    rig = replace(SQUARE, modules=modules)
+    proved = certify(rig, [(-0.5, 1.5), (-0.5, 1.5)], ([0.5, 0.0], 0.0), 0.02)
+    at = np.random.default_rng(7).uniform(-0.5, 1.5, (20_000, 2))
+    apart = np.abs(at[:, None] - rig.anchors)  # the rims touch the axes, which are upright, on both sides
+    from_rim = np.hypot(apart[..., 0] - 0.2, apart[..., 1]).min(axis=1) - 0.2
+    assert (proved.at(at)[from_rim < 0] <= 0).all()
+    assert (proved.at(at)[from_rim < -0.03] == -1).all()
