@@ -2,15 +2,14 @@
 // margins and the half-spaces of the wrench set. The page writes its input into the arrays of `Page`, calls a
 // function, and reads the answer from the same arrays.
 #define TENSIONLAB_BASELINE
-#include "solvers/kernels.hpp"
+#include "workspace/kernels.hpp"
 
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
 
-#include "verification/kernels.hpp"
-#include "workspace/kernels.hpp"
+#include "solvers/block_solver.hpp"
 
 #define EXPORT(name) extern "C" __attribute__((export_name(#name)))
 
@@ -22,7 +21,6 @@ namespace {
 
 constexpr double kTolerance = 1e-6, kRankTolerance = 1e-8, kLargest = 1e100, kLeastShare = 1e-12;
 constexpr std::size_t kPoses = 65'536, kBlock = 512, kHalfSpaces = 4096, kWrenches = 64;
-constexpr std::int8_t kUnverified = -1;
 
 struct Page {
   double anchors[3 * kMaxCables], attachments[3 * kMaxCables];
@@ -61,7 +59,8 @@ EXPORT(set_rig) void set_rig(int components, int dimension, int cables) {
   std::fill(page.reference, page.reference + m, 0.0);
 }
 
-// Solves and verifies the wrench at the first position; returns the status, or -2 where a cable has no length.
+// Solves and verifies the wrench at the first position; returns the status, or -2 where a cable has no length
+// or a number is too large.
 EXPORT(allocate) int allocate(int policy_index) {
   bool valid = false;
   find_structures(0, 1, page.structure, &valid);
@@ -75,28 +74,13 @@ EXPORT(allocate) int allocate(int policy_index) {
                     {page.upper, 0},
                     {page.reference, 0},
                     page.weights};
-  const auto policy = static_cast<Policy>(policy_index);
-  std::int8_t status = kUnverified;
+  const ExactSettings settings{static_cast<Policy>(policy_index), kLargest, kTolerance, kRankTolerance};
+  std::int8_t status = 0;
   std::int64_t iterations = 0;
-  std::size_t separated = 0, unsolved = 0;
-  SweepRemainder remainder{&separated, &unsolved};
-  baseline::sweep(
-      batch, {kLargest, kTolerance}, 0, 1,
-      {page.tensions, page.separation, page.rendered, &page.residual, &page.scale, &status, &iterations},
-      remainder);
-  if (remainder.separated_count + remainder.unsolved_count == 0) return status;
-  status = kUnverified;
-  baseline::newton(
-      batch, policy, kRankTolerance, kTolerance, {0, 1}, remainder.separated_count,
-      {page.tensions, page.separation, &iterations, &status, page.rendered, &page.residual, &page.scale});
-  if (status != kUnverified) return status;
-  const Rule rule = policy == Policy::force     ? Rule::force
-                    : policy == Policy::tension ? Rule::tension
-                                                : Rule::direction;
+  const SweepAnswer answer{page.tensions, page.separation, page.rendered, &page.residual,
+                           &page.scale,   &status,         &iterations};
   std::atomic<bool> flawed{false};
-  baseline::verify(batch, {rule, kTolerance, kRankTolerance}, {0, 1},
-                   {page.tensions, page.separation, page.rendered, &page.residual, &page.scale, &status, &flawed});
-  return status;
+  return BlockSolver<1>(batch, settings, answer, flawed).solve(0, 1) ? status : -2;
 }
 
 // Writes the half-spaces of the wrench set at the pose of the last allocation; returns their number.
