@@ -189,12 +189,14 @@ class WallTrial:
         rig = wall_rig(self.rig)
         normal = fibonacci(DIRECTIONS)[self.direction]
         hand, renderer = Hand(rig, normal), Renderer(rig)
-        world = World(rig, hand)
+        world, predicted = World(rig, hand), [self.stiffness]
         wall = {"wall": Wall(Plane(tuple(rig.home), tuple(normal)), self.stiffness)}
 
         def demand(state: RigState) -> Demand:
             motion = Motion(state.pose.position, state.twist, state.time, 1.0 / RATE_HZ)
-            return renderer(wall, motion, state)
+            demanded = renderer(wall, motion, state)
+            predicted[0] = demanded.effects["wall"].softened.get("stiffness", (0.0, self.stiffness))[1]
+            return demanded
 
         runner = Runner(rig, world.group(Conditions(LATENCY_S)), "newton", demand, clock=WorldClock(world))
         without = (
@@ -204,9 +206,7 @@ class WallTrial:
         )
         with without:
             runner.run(STILL_S)
-        cut = renderer.cut.get("wall", {}).get("stiffness")
-        predicted = self.stiffness if cut is None else cut.rendered
-        return vars(self) | {"predicted": predicted} | _felt(np.array(hand.records))
+        return vars(self) | {"predicted": predicted[0]} | _felt(np.array(hand.records))
 
 
 def _felt(records: Floats) -> dict[str, float]:

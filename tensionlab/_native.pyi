@@ -15,7 +15,7 @@ _Arrays = tuple[
     NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]
 ]
 # Structure, weighted directions, force, desired matrices (2, d, d), ranges (6, m) and the weight of a tie.
-_Field = tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], float]
+_Field = tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], float, float]
 # Tensions and iterations.
 _Answer = tuple[NDArray[float64], NDArray[int64]]
 # Tensions, scale and status.
@@ -158,6 +158,9 @@ def field_gap(
     tensions: NDArray[float64],
     multipliers: NDArray[float64],
 ) -> float: ...
+def predict_stiffness(
+    matrix: NDArray[float64], axis: NDArray[float64], desired: float, host: float
+) -> tuple[float, float, float, float, float]: ...
 def choose_locks(
     structure: NDArray[float64],
     normal: NDArray[float64],

@@ -90,8 +90,7 @@ class RigState:
     clearance: Floats
 
 
-@dataclass(frozen=True)
-class Impedance:
+class Impedance(NamedTuple):
     """Impedance that a module renders at its own rate, instead of a tension: `protocol.SetImpedance`. SI units.
 
     Examples

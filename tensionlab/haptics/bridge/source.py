@@ -76,7 +76,7 @@ class BridgedDemand:
 
 
 def _require_finite(demand: Demand) -> Demand:
-    numbers = [each for spring in demand.impedances.values() for each in vars(spring).values()]
+    numbers = list(demand.impedances.values())
     wrenches = [each for each in (demand.wrench, demand.desired) if each is not None]
     if not (np.isfinite(numbers).all() and np.isfinite(wrenches).all()):
         raise EffectError("the force of the effects is not finite")

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tensionlab.demand import EffectDemand, Impedance
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
 from tensionlab.haptics.effects.contact import Texture
-from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, is_split
+from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, Rendered, is_split
 from tensionlab.haptics.rendering.fidelity import WEAK_JND
 from tensionlab.haptics.rendering.field import (
     MAX_GAP,
@@ -29,13 +29,15 @@ from tensionlab.haptics.rendering.field import (
     predict,
     stable_share,
 )
-from tensionlab.haptics.rendering.stability import cap_stiffness
-from tensionlab.model.wall_stiffness import HAND_DAMPING, MARGIN, MIN_COSINE, MODULE_STIFFNESS
+from tensionlab.haptics.rendering.stability import cap_stiffness, max_damping
+from tensionlab.model.wall_stiffness import HAND_DAMPING, MARGIN, MIN_COSINE, MIN_HAND_MASS_KG, MODULE_STIFFNESS
 from tensionlab.support.arrays import Floats
 
 MAX_APPROACH_M = 0.5  # farther from a wall no module renders it: set-points come many times before contact
 # Share of the host's largest lag by which it looks ahead: looking further than it is late drives a hand.
 LEAD = 0.5
+# A hand that slides along a surface, as force across makes it, is damped less: by three times that force's share.
+YIELDING = 3.0
 MIN_FIELD_COSINE = 0.05  # of a cable of a field: one across the axis adds stiffness across it only
 
 
@@ -76,22 +78,13 @@ class EffectMemory(NamedTuple):
     by_field: bool = False
 
 
-class Cut(NamedTuple):
-    """Stiffness in N/m, or frequency of a vibration in Hz, that is not rendered as desired."""
-
-    desired: float
-    rendered: float
-
-
 class RenderPlan(NamedTuple):
     """Impedances of the modules, and the remainder for the host.
 
     ``force`` (d,) in N is host-side, for the other cables; ``impedances`` are module-side, by the number of
     the cable, and ``expected`` (d,) is their force on the hand, with what the host takes back of it and adds
     (`predict` of `tensionlab.haptics.rendering.field`). ``desired`` (d,) is the force of the effects at their
-    own stiffness, without the vibrations that modules render. ``memories`` and ``cut`` are by effect; ``cut``
-    has the stiffnesses and amplitudes that are not rendered as desired, and the ``frequency`` of a vibration
-    that is left out; ``demands`` has what each effect desires.
+    own stiffness, without the vibrations that modules render. ``memories`` and ``demands`` are by effect.
     """
 
     force: Floats
@@ -100,8 +93,7 @@ class RenderPlan(NamedTuple):
     desired: Floats
     memories: tuple[EffectMemory, ...]
     bypass_slew: bool
-    cut: tuple[dict[str, Cut], ...]
-    demands: tuple[EffectDemand, ...] = ()
+    demands: tuple[EffectDemand, ...]
 
 
 class EffectFailed(EffectError):  # noqa: N818 - what happened
@@ -134,77 +126,95 @@ def assign(
     force, expected, desired = (np.zeros_like(motion.position) for _ in range(3))
     impedances: dict[int, Impedance] = {}
     kept: list[EffectMemory] = []
-    cut: list[dict[str, Cut]] = []
     demands: list[EffectDemand] = []
     bypass = False
     host_step = max(host_step, motion.step)
     known = memories or (EffectMemory(),) * len(effects)
-    for index, (effect, (memory, desired_memory, by_field)) in enumerate(zip(effects, known, strict=True)):
+    for index, (effect, memory) in enumerate(zip(effects, known, strict=True)):
         try:
-            part = _module_side(effect, motion, memory)
-            springs = _module_springs(part, motion.velocity, cables, free, limits, host_stiffness, by_field)
-            aliased = part is not None and part.amplitude and part.frequency * host_step > MAX_CYCLES_PER_STEP
-            if part is not None and springs is None and aliased:
-                assert is_split(effect)
-                rest = effect.host_side(motion, memory)
-                rendered = wanted = rest._replace(force=rest.force + part.push(motion.velocity))
-                cut.append({"frequency": Cut(part.frequency, 0.0)})
-            elif part is None or springs is None:
-                soft, softer = cap_stiffness(effect, host_stiffness)
-                rendered = wanted = soft.render(motion, memory)
-                if softer:
-                    wanted = effect.render(motion, desired_memory)
-                idle = is_split(effect) and part is None  # its stiff part is not where the hand is
-                cut.append({} if idle else _cut(softer, host_stiffness) | _too_fast(effect, part, motion, limits))
-            else:
+            part = _module_side(effect, motion, memory.rendered)
+            springs = None
+            if part is not None:
+                springs = _module_springs(
+                    part, motion.velocity, cables, free, limits, host_stiffness, memory.by_field
+                )
+            rendered, wanted, softened = _host_side(
+                effect, motion, memory, part, springs, host_stiffness, host_step
+            )
+            if "frequency" not in softened:
+                softened |= _too_fast(effect, part, motion, limits)
+            demands.append(
+                _demand(effect, part, motion, memory.rendered, wanted.force, springs is not None, softened)
+            )
+            if part is not None and springs is not None:
                 free[list(springs.impedances)] = False
                 impedances |= springs.impedances
                 expected = expected + springs.force
-                soft, softer = cap_stiffness(effect, host_stiffness, host_side=True)
-                assert is_split(effect)
-                assert is_split(soft)
-                rendered = wanted = soft.host_side(motion, memory)
-                if softer:
-                    wanted = effect.host_side(motion, desired_memory)
                 desired = desired + part.push(motion.velocity)
-                by_module = _cut_by_module(effect, part, springs.predicted)
-                cut.append(_cut(softer, host_stiffness) | by_module | _too_fast(effect, part, motion, limits))
-            demands.append(_demand(effect, part, motion, memory, wanted.force, springs is not None, cut[-1]))
             force, desired = force + rendered.force, desired + wanted.force
         except Exception as error:
             reason = str(error) if isinstance(error, EffectError) else f"{type(error).__name__}: {error}"
             raise EffectFailed(index, reason) from error
-        if not all(np.isfinite(each).all() for each in (force, expected, desired)):
+        if not np.isfinite(force + expected + desired).all():
             raise EffectFailed(index, "its force is not finite")
         kept.append(EffectMemory(rendered.memory, wanted.memory, springs is not None and springs.by_field))
         bypass = bypass or bool(np.any(rendered.bypass_slew))
-    return RenderPlan(force, impedances, expected, desired, tuple(kept), bypass, tuple(cut), tuple(demands))
+    return RenderPlan(force, impedances, expected, desired, tuple(kept), bypass, tuple(demands))
 
 
-def _cut(stiffnesses: Mapping[str, float], rendered: float) -> dict[str, Cut]:
-    return {name: Cut(stiffness, rendered) for name, stiffness in stiffnesses.items()}
+Softened = dict[str, tuple[float, float]]  # desired and rendered values by parameter, as in `EffectDemand`
 
 
-def _cut_by_module(effect: Effect, part: AxisImpedance, predicted: Prediction) -> dict[str, Cut]:
-    """Return the stiffness that is not rendered as desired, and that across the axis if it is a JND of it."""
-    rendered, cut = predicted.along, {}
-    if part.stiffness > rendered * (1.0 + 1e-9):  # rounding is no cut
-        on_host = cap_stiffness(effect, rendered, host_side=True)[1]
-        softer = cap_stiffness(effect, rendered)[1]
-        cut = _cut({name: each for name, each in softer.items() if name not in on_host}, rendered)
-    if predicted.across > WEAK_JND * rendered:
-        cut["stiffness across"] = Cut(0.0, predicted.across)
-    return cut
+def _host_side(
+    effect: Effect,
+    motion: Motion,
+    memory: EffectMemory,
+    part: AxisImpedance | None,
+    springs: ModuleSprings | None,
+    host_stiffness: float,
+    host_step: float,
+) -> tuple[Rendered, Rendered, Softened]:
+    """Return what the host renders of an effect, the same at the effect's own stiffness, and what is softened."""
+    if part is not None and springs is None and part.amplitude:
+        assert is_split(effect)
+        if part.frequency * host_step > MAX_CYCLES_PER_STEP:
+            rest = effect.host_side(motion, memory.rendered)
+            rest = rest._replace(force=rest.force + part.push(motion.velocity))
+            return rest, rest, {"frequency": (part.frequency, 0.0)}
+    soft, softer = cap_stiffness(effect, host_stiffness, host_side=springs is not None)
+    if springs is None:
+        rendered = wanted = soft.render(motion, memory.rendered)
+        if softer:
+            wanted = effect.render(motion, memory.desired)
+        if is_split(effect) and part is None:
+            softer = {}  # its stiff part is not where the hand is
+        return rendered, wanted, {name: (each, host_stiffness) for name, each in softer.items()}
+    assert is_split(effect)
+    assert is_split(soft)
+    rendered = wanted = soft.host_side(motion, memory.rendered)
+    if softer:
+        wanted = effect.host_side(motion, memory.desired)
+    softened = {name: (each, host_stiffness) for name, each in softer.items()}
+    along, across = springs.predicted.along, springs.predicted.across
+    if part is not None and part.stiffness > along * (1.0 + 1e-9):  # rounding softens nothing
+        own = cap_stiffness(effect, along)[1]
+        on_host = cap_stiffness(effect, along, host_side=True)[1]
+        softened |= {name: (each, along) for name, each in own.items() if name not in on_host}
+    if across > WEAK_JND * along:
+        softened["stiffness across"] = (0.0, across)
+    return rendered, wanted, softened
 
 
-def _too_fast(effect: Effect, part: AxisImpedance | None, motion: Motion, limits: ModuleLimits) -> dict[str, Cut]:
+def _too_fast(effect: Effect, part: AxisImpedance | None, motion: Motion, limits: ModuleLimits) -> Softened:
     """Return the amplitude of a vibration, or height of ripples, that tensions or the loop are too slow for."""
-    if isinstance(effect, Texture) and part is not None and part.compression > 0.0:
+    if part is None:
+        return {}
+    if isinstance(effect, Texture) and part.compression > 0.0:
         ripples = effect.ripples
         fade = float(ripples.fade(np.asarray(effect.frequency_at(motion) * ripples.period), motion.step))
-        return {"ripples.height": Cut(ripples.height, fade * ripples.height)} if fade < 1.0 else {}
-    most = limits.slew / (2.0 * math.pi * part.frequency) if part is not None and part.amplitude else math.inf
-    return {"amplitude": Cut(part.amplitude, most)} if part is not None and part.amplitude > most else {}
+        return {"ripples.height": (ripples.height, fade * ripples.height)} if fade < 1.0 else {}
+    most = limits.slew / (2.0 * math.pi * part.frequency) if part.amplitude else math.inf
+    return {"amplitude": (part.amplitude, most)} if part.amplitude > most else {}
 
 
 def _demand(
@@ -214,18 +224,18 @@ def _demand(
     memory: Memory,
     force: Floats,
     on_module: bool,
-    cut: dict[str, Cut],
+    softened: Softened,
 ) -> EffectDemand:
     """Return what an effect desires, given its host-side force and whether its part is on a module."""
     damping = getattr(effect, "damping", getattr(effect, "linear", 0.0))
     if part is None:
-        return EffectDemand(force, damping=damping, softened=cut)
+        return EffectDemand(force, damping=damping, softened=softened)
     if part.amplitude and is_split(effect):
         force = effect.host_side(motion, memory).force + part.push(motion.velocity)
-        return EffectDemand(force, 0.0, 0.0, part.frequency, part.amplitude, cut)
+        return EffectDemand(force, 0.0, 0.0, part.frequency, part.amplitude, softened)
     frequency = effect.frequency_at(motion) if isinstance(effect, Texture) else 0.0
     whole = force + part.push(motion.velocity) if on_module else force
-    return EffectDemand(whole, part.stiffness, max(damping, part.damping), frequency, softened=cut)
+    return EffectDemand(whole, part.stiffness, max(damping, part.damping), frequency, softened=softened)
 
 
 def _module_side(effect: Effect, motion: Motion, memory: Memory) -> AxisImpedance | None:
@@ -280,7 +290,7 @@ class ModuleSprings(NamedTuple):
 
 
 def _module_springs(
-    part: AxisImpedance | None,
+    part: AxisImpedance,
     velocity: Floats,
     cables: CableState,
     free: NDArray[np.bool_],
@@ -292,8 +302,6 @@ def _module_springs(
 
     A change from or to a field, which is felt, has to be noticeably better.
     """
-    if part is None:
-        return None
     late = LEAD * MARGIN * HAND_DAMPING / host_stiffness if host_stiffness else 0.0
     way = late * (velocity - float(part.axis @ velocity) * part.axis)  # along the surface, until set-points act
     later = cables._replace(lengths=cables.lengths - cables.directions @ way)
@@ -351,7 +359,12 @@ def _expected(
     dampers = (damping * (max(rate, 0.0) * cosines)) @ used
     coupling = (stiffness * (then * cosines) + pulls) @ used + dampers
     across = dampers - predicted.share * coupling
-    added = predicted.added * then + part.damping * rate * touching
+    added = predicted.added * then
+    if touching:
+        yielding = 1.0 + YIELDING * predicted.across / predicted.along if predicted.along else 1.0
+        most = max_damping(MIN_HAND_MASS_KG, late / LEAD, 0.0) if late else math.inf
+        damped = min(part.damping * yielding, most) * rate
+        added += damped if rate < 0.0 else max(damped, float(dampers @ part.axis))
     added = max(added, -float(force @ part.axis)) - float(across @ part.axis)
     total: Floats = force + across + added * part.axis
     return total

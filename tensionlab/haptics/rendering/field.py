@@ -113,20 +113,17 @@ def allocate_field(
     >>> wall.stiffness.round()
     array([  0., 133.,   0., 133.,   0., 133.,   0., 133.])
     """
-    problem = _normalised(structure, force, stiffness, damping, ranges)
+    problem = _problem(structure, force, stiffness, damping, ranges)
     found = _native.allocate_field(problem)
     if math.isinf(found[-1]):
         tensions = allocate(structure, force, (ranges.lower, ranges.upper)).tensions
         tensions += INSIDE * ((ranges.lower + ranges.upper) / 2 - tensions)
-        problem = _normalised(structure, structure @ tensions, stiffness, damping, ranges)
-        found = _native.allocate_field(problem)
+        found = _native.allocate_field((problem[0], structure @ tensions, *problem[2:]))
         if math.isinf(found[-1]):
             none = np.zeros_like(tensions)
             return ImpedanceField(tensions, none, none, structure @ tensions, np.zeros_like(force), math.inf)
-    k, d, t, multipliers, gap = found
-    springs, dampers, tension = _scales(ranges)
-    tensions = t * tension
-    return ImpedanceField(tensions, k * springs, d * dampers, structure @ tensions, multipliers, gap)
+    springs, dampers, tensions, multipliers, gap = found
+    return ImpedanceField(tensions, springs, dampers, structure @ tensions, multipliers, gap)
 
 
 def optimality_gap(
@@ -143,33 +140,22 @@ def optimality_gap(
     bound over each cable's ranges is at a corner of them; the multipliers price the force. Arguments as those of
     `allocate_field`, with a feasible force. Unit: of the objective, as shares of the largest limits.
     """
-    problem = _normalised(structure, force, stiffness, damping, ranges)
-    springs, dampers, tension = _scales(ranges)
-    k, d, t = field.stiffness / springs, field.damping / dampers, field.tensions / tension
-    return _native.field_gap(problem, k, d, t, field.multipliers)
+    problem = _problem(structure, force, stiffness, damping, ranges)
+    return _native.field_gap(problem, field.stiffness, field.damping, field.tensions, field.multipliers)
 
 
-def _scales(ranges: CableRanges) -> tuple[float, float, float]:
-    """Return the largest limits of stiffness, damping and tension; 1 instead of 0."""
-    largest = ranges.stiffness.max(), ranges.damping.max(), ranges.upper.max()
-    springs, dampers, tension = (float(each) or 1.0 for each in largest)
-    return springs, dampers, tension
-
-
-def _normalised(
+def _problem(
     structure: Floats, force: Floats, stiffness: Floats, damping: Floats, ranges: CableRanges
-) -> tuple[Floats, Floats, Floats, Floats, Floats, float]:
-    """Return the problem as the kernel takes it, in shares of the largest limits."""
-    springs, dampers, tension = _scales(ranges)
-    size = math.sqrt(float(np.vdot(stiffness, stiffness))) or 1.0
-    weight = stiffness * ((1.0 - FREE_WEIGHT) / size)
-    np.einsum("ii->i", weight)[:] += FREE_WEIGHT
-    desired = np.array([stiffness, damping]) / np.array([[[springs]], [[dampers]]])
-    lower, upper, top, most, fall, rise = ranges
-    rows = np.array([top, most, lower, upper, fall, rise], dtype=np.float64)
-    rows /= np.array([springs, dampers, tension, tension, tension / springs, tension / springs])[:, None]
-    structure = np.ascontiguousarray(structure)
-    return structure, weight @ structure, force / tension, weight @ desired @ weight, rows, TIE_BREAK
+) -> tuple[Floats, Floats, Floats, Floats, float, float]:
+    """Return the problem as the kernel takes it."""
+    return (
+        np.ascontiguousarray(structure),
+        force,
+        np.array([stiffness, damping]),
+        np.array(ranges),
+        FREE_WEIGHT,
+        TIE_BREAK,
+    )
 
 
 class Prediction(NamedTuple):
@@ -196,24 +182,7 @@ def predict(matrix: Floats, axis: Floats, stiffness: float, host_stiffness: floa
     c. So the host takes back what is passive, and then adds what is missing along the axis. For one cable at the
     angle a, ``s = H (1 + sqrt(1 + 4/tan² a))/2K``. This project's own.
     """
-    column = matrix @ axis
-    along = float(axis @ column)
-    across = column - along * axis
-    coupling = float(across @ across)
-    share, room = 1.0, host_stiffness
-    if coupling > 1e-18 * stiffness**2:
-        image = matrix @ across
-        own = float(across @ image) / coupling
-        # The third axis, if there is one, is free to move: its stiffness, and its coupling squared.
-        third = float(np.trace(matrix)) - along - own
-        aside = float(image @ image) / coupling - own**2 - float(axis @ image) ** 2 / coupling
-        m = own - aside / (host_stiffness + third + 1e-300)
-        share = min(host_stiffness * (m + math.sqrt(m * m + 4.0 * coupling)) / (2.0 * coupling), 1.0)
-        room = max(host_stiffness - share * share * coupling / (host_stiffness + share * m), 0.0)
-    added = min(max(stiffness - along, 0.0), room)
-    remaining = (1.0 - share) * math.sqrt(coupling)
-    missing = math.hypot(stiffness - along - added, remaining)
-    return Prediction(along + added, remaining, added, share, missing / stiffness if stiffness else 0.0)
+    return Prediction(*_native.predict_stiffness(matrix, axis, stiffness, host_stiffness))
 
 
 def stable_share(matrix: Floats, axis: Floats, host_stiffness: float) -> float:

@@ -25,7 +25,6 @@ from tensionlab.haptics.effects.effect import Effect, Motion, norm
 from tensionlab.haptics.effects.parameters import Number, PositiveForce, checked_dataclass
 from tensionlab.haptics.rendering.assignment import (
     CableState,
-    Cut,
     EffectFailed,
     EffectMemory,
     ModuleLimits,
@@ -149,8 +148,7 @@ class Renderer:
 
     Effects act on the rig's point or reference point. ``limits`` are those of all modules, by default the
     firmware's and the rig's tensions. ``delay`` is the loop latency, the largest of the last 100 cycles, in s;
-    ``ceiling`` the host stiffness limit in N/m, with that delay and the longest of those cycles; ``cut`` has, by
-    the names of effects, the stiffnesses that were not rendered as desired in the latest cycle.
+    ``ceiling`` the host stiffness limit in N/m, with that delay and the longest of those cycles.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -170,7 +168,6 @@ class Renderer:
         self._memories = {True: GroupMemory({}, None), False: GroupMemory({}, None)}  # by whether passive
         self.delay = INITIAL_DELAY_S
         self.ceiling = 0.0
-        self.cut: dict[str, dict[str, Cut]] = {}
 
     def __call__(
         self, effects: Mapping[str, Effect], motion: Motion, state: RigState, share: float = 1.0
@@ -186,14 +183,12 @@ class Renderer:
         force, desired = np.zeros(self._rig.dimension), np.zeros(self._rig.dimension)
         impedances: dict[int, Impedance] = {}
         demands: dict[str, EffectDemand] = {}
-        self.cut = {}
         for passive in (True, False):
             group = {name: each for name, each in effects.items() if isinstance(each, PASSIVE_EFFECTS) is passive}
             host, plan = self._render(group, passive, motion, state, available)
             force, desired = force + host + plan.expected, desired + plan.desired
             impedances |= plan.impedances
             demands |= zip(group, plan.demands, strict=True)
-            self.cut |= {name: each for name, each in zip(group, plan.cut, strict=True) if each}
             available = available & [index not in plan.impedances for index in range(self._rig.m)]
         force = limit_force(force, self._max_force)
         balance = self._balance(force, impedances, state) if impedances else np.zeros(self._rig.m)

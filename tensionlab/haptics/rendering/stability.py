@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass, replace
-from typing import Annotated, NamedTuple, TypeVar
+from functools import cache
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -54,16 +55,22 @@ def cap_stiffness(effect: T, cap: float, *, host_side: bool = False) -> tuple[T,
     """
     changes: dict[str, object] = {}
     cut: dict[str, float] = {}
-    for each in fields(effect) if is_dataclass(effect) else ():
-        value = getattr(effect, each.name)
-        if each.name == "stiffness" and value > cap and not (host_side and is_split(effect)):
-            changes[each.name], cut[each.name] = cap, value
+    kind: Any = type(effect)
+    for name in _field_names(kind):
+        value = getattr(effect, name)
+        if name == "stiffness" and value > cap and not (host_side and is_split(effect)):
+            changes[name], cut[name] = cap, value
         elif is_dataclass(value):
             part, cut_in_part = cap_stiffness(value, cap, host_side=host_side)
             if cut_in_part:
-                changes[each.name] = part
-                cut |= {f"{each.name}.{name}": stiffness for name, stiffness in cut_in_part.items()}
+                changes[name] = part
+                cut |= {f"{name}.{inner}": stiffness for inner, stiffness in cut_in_part.items()}
     return (replace(effect, **changes) if changes else effect), cut  # type: ignore[type-var]
+
+
+@cache
+def _field_names(kind: type) -> tuple[str, ...]:
+    return tuple(each.name for each in fields(kind)) if is_dataclass(kind) else ()
 
 
 def max_damping(mass: float, delay: float, step: float) -> float:

@@ -230,7 +230,7 @@ class ArmedModules:
             client, brake = self._clients[index], bool(brakes[index])
             try:
                 if index in springs:
-                    spring = vars(self._clearance.soften(demand.impedances[client.name], index))
+                    spring = self._clearance.soften(demand.impedances[client.name], index)._asdict()
                     sequences[index] = client.set_impedance(SetImpedance(0, **spring, brake=brake, ttl_ms=ttl_ms))
                 else:
                     sequences[index] = client.set_tension(float(tensions[index]), brake=brake, ttl_ms=ttl_ms)

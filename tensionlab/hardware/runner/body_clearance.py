@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -98,4 +97,4 @@ class BodyClearance:
         if (share := float(self.shares[index])) == 1.0:
             return spring
         tensions = ("stiffness", "damping", "feed_forward", "amplitude")
-        return replace(spring, **{name: share * getattr(spring, name) for name in tensions})
+        return spring._replace(**{name: share * getattr(spring, name) for name in tensions})

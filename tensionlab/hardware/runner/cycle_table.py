@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from enum import IntEnum, IntFlag
 from operator import attrgetter
 from typing import Any, NamedTuple, get_args, get_type_hints
@@ -23,7 +23,7 @@ from tensionlab.model.pose import frame_matrix, place_anchors
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import MAX_MAGNITUDE, Floats, Integers
 
-IMPEDANCE = tuple(number.name for number in fields(Impedance))  # the numbers of an impedance, in their order
+IMPEDANCE = Impedance._fields  # the numbers of an impedance, in their order
 Flags = NDArray[np.bool_]
 Statuses = NDArray[np.int8]
 WRENCH = "N or N m"  # unit
@@ -52,7 +52,7 @@ def demanded_wrench(cycle: Cycle, rig: Rig) -> Floats:
 def impedance_rows(cycle: Cycle, rig: Rig) -> list[tuple[float, ...]]:
     """Return the impedance of each module in the demand; NaN where it has none."""
     springs = [cycle.demand.impedances.get(module.name) for module in rig.modules]
-    return [(math.nan,) * len(IMPEDANCE) if spring is None else astuple(spring) for spring in springs]
+    return [(math.nan,) * len(IMPEDANCE) if spring is None else spring for spring in springs]
 
 
 def brakes_on(cycle: Cycle, rig: Rig) -> list[bool]:

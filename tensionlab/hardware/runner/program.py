@@ -162,6 +162,6 @@ def require_demand(demand: object, rig: Rig, here: str) -> Demand:
             if name in demand.brakes and modules[name].brake is None:
                 raise HardwareError(f'{here}: module "{name}" has no brake')
         for name, spring in demand.impedances.items():
-            if not all(map(math.isfinite, vars(spring).values())):
+            if not all(map(math.isfinite, spring)):
                 raise HardwareError(f'{here}: module "{name}": {spring}; all of it must be finite')
     return demand

@@ -163,46 +163,40 @@ nb::tuple choose_locks(const Contiguous<double, 3>& structure, const Table& norm
   return nb::make_tuple(locked, tensions, unresisted, available);
 }
 
-// Structure, directions, force, desired stiffness and damping; largest stiffness and damping, lower and upper
-// tension, fall and rise of each cable; weight of a tie.
-using FieldArrays = std::tuple<Table, Table, Numbers, Contiguous<double, 3>, Table, double>;
+// Structure (d, m), force (d), desired stiffness and damping (2, d, d), ranges (6, m), and the weights of what is
+// free and of a tie: see `ScaledField`.
+using FieldArrays = std::tuple<Table, Numbers, Contiguous<double, 3>, Table, double, double>;
 
-// The problem of the springs with tensions, or of the dampers without.
-FieldProblem field_of(const FieldArrays& arrays, bool springs) {
-  const auto& [structure, directions, force, desired, ranges, tie_break] = arrays;
+ScaledField scaled(const FieldArrays& arrays) {
+  const auto& [structure, force, desired, ranges, free_weight, tie_break] = arrays;
   const std::size_t d = structure.shape(0), m = structure.shape(1);
   require_size(d, m);
-  require(
-      has_shape(directions, d, m) && has_shape(force, d) && has_shape(desired, 2, d, d) && has_shape(ranges, 6, m),
-      "directions, force, desired matrices and ranges do not fit the structure matrix");
-  const double* const range = ranges.data();
-  return {static_cast<int>(d),
-          static_cast<int>(m),
-          directions.data(),
-          desired.data() + (springs ? 0 : d * d),
-          springs ? structure.data() : nullptr,
-          force.data(),
-          range + (springs ? 0 : m),
-          range + 2 * m,
-          range + 3 * m,
-          range + 4 * m,
-          range + 5 * m,
-          tie_break};
+  require(has_shape(force, d) && has_shape(desired, 2, d, d) && has_shape(ranges, 6, m),
+          "force, desired matrices and ranges do not fit the structure matrix");
+  return {static_cast<int>(d), static_cast<int>(m), structure.data(), force.data(),
+          desired.data(),      ranges.data(),       free_weight,      tie_break};
 }
 
 double gap_of(const FieldArrays& arrays, const Numbers& stiffness, const Numbers& damping, const Numbers& tensions,
               const Numbers& multipliers) {
-  const FieldProblem springs = field_of(arrays, true), dampers = field_of(arrays, false);
+  const ScaledField field = scaled(arrays);
+  const FieldProblem springs = field.springs(), dampers = field.dampers();
   require_entries(static_cast<std::size_t>(springs.m), stiffness, damping, tensions);
   require_entries(static_cast<std::size_t>(springs.d), multipliers);
-  return field_gap(springs, stiffness.data(), tensions.data(), multipliers.data()) +
-         field_gap(dampers, damping.data(), nullptr, nullptr);
+  double k[kMaxCables], c[kMaxCables], t[kMaxCables];
+  for (int i = 0; i < springs.m; ++i) {
+    k[i] = stiffness.data()[i] / field.stiffness;
+    c[i] = damping.data()[i] / field.damping;
+    t[i] = tensions.data()[i] / field.tension;
+  }
+  return field_gap(springs, k, t, multipliers.data()) + field_gap(dampers, c, nullptr, nullptr);
 }
 
 // Stiffness, damping and tensions of each cable, multipliers of the force, and the gap; infinite if there are
 // none.
 nb::tuple allocate_field(const FieldArrays& arrays) {
-  const FieldProblem springs = field_of(arrays, true), dampers = field_of(arrays, false);
+  const ScaledField field = scaled(arrays);
+  const FieldProblem springs = field.springs(), dampers = field.dampers();
   const auto d = static_cast<std::size_t>(springs.d), m = static_cast<std::size_t>(springs.m);
   const auto k = make_array<double>(m), c = make_array<double>(m), t = make_array<double>(m);
   const auto multipliers = make_array<double>(d);
@@ -217,7 +211,20 @@ nb::tuple allocate_field(const FieldArrays& arrays) {
   const double gap = !solved ? std::numeric_limits<double>::infinity()
                              : field_gap(springs, k.data(), t.data(), multipliers.data()) +
                                    field_gap(dampers, c.data(), nullptr, nullptr);
+  const double* const top = std::get<3>(arrays).data() + 2 * m;  // rounding must not exceed it
+  for (std::size_t i = 0; i < m; ++i) {
+    k(i) = std::fmin(k(i) * field.stiffness, top[i]);
+    c(i) = std::fmin(c(i) * field.damping, top[m + i]);
+    t(i) *= field.tension;
+  }
   return nb::make_tuple(k, c, t, multipliers, gap);
+}
+
+nb::tuple predict_of(const Table& matrix, const Numbers& axis, double desired, double host) {
+  const std::size_t d = axis.size();
+  require(d >= 1 && d <= kMaxComponents && has_shape(matrix, d, d), "the axis does not fit the matrix");
+  const FeltStiffness felt = predict_stiffness(static_cast<int>(d), matrix.data(), axis.data(), desired, host);
+  return nb::make_tuple(felt.along, felt.across, felt.added, felt.share, felt.error);
 }
 
 }  // namespace
@@ -250,6 +257,7 @@ void bind_control_loop(nb::module_& module) {
   module.def("choose_locks", &choose_locks);
   module.def("allocate_field", &allocate_field);
   module.def("field_gap", &gap_of);
+  module.def("predict_stiffness", &predict_of);
 }
 
 }  // namespace tensionlab

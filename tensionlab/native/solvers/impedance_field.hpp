@@ -273,4 +273,109 @@ inline double field_gap(const FieldProblem& p, const double* k, const double* t,
   return gap;
 }
 
+// The programme in N, N/m, N s/m and m, as shares of the largest limits. structure (d x m); force (d); desired (2
+// x d x d): stiffness and damping; ranges (6 x m): of tensions, lower and upper; the largest stiffness and
+// damping; fall and rise. Without stiffness, directions that the desired one leaves free have the weight
+// free_weight.
+class ScaledField {
+ public:
+  double stiffness = 0, damping = 0, tension = 0;  // the largest limits; 1 instead of 0
+
+  ScaledField(int d, int m, const double* structure, const double* force, const double* desired,
+              const double* ranges, double free_weight, double tie_break)
+      : d_(d), m_(m), structure_(structure), tie_break_(tie_break) {
+    double* const scales[] = {&tension, &tension, &stiffness, &damping};
+    for (int row = 1; row < 4; ++row) {
+      const double largest = *std::max_element(ranges + row * m, ranges + (row + 1) * m);
+      *scales[row] = largest > 0 || largest != largest ? largest : 1.0;
+    }
+    for (int row = 0; row < 6; ++row) {
+      const double by = row < 4 ? 1.0 / *scales[row] : stiffness / tension;
+      for (int i = 0; i < m; ++i) ranges_[row][i] = by * ranges[row * m + i];
+    }
+    double weight[kMaxComponents * kMaxComponents], squares = 0;
+    for (int e = 0; e < d * d; ++e) squares += desired[e] * desired[e];
+    for (int e = 0; e < d * d; ++e) {
+      weight[e] = squares != 0 ? (1.0 - free_weight) / std::sqrt(squares) * desired[e] : 0.0;
+      if (e % (d + 1) == 0) weight[e] += free_weight;
+    }
+    multiply(weight, structure, m, directions_);
+    for (int part = 0; part < 2; ++part) {
+      double half[kMaxComponents * kMaxComponents];
+      multiply(desired + part * d * d, weight, d, half);
+      multiply(weight, half, d, desired_[part]);
+      for (int e = 0; e < d * d; ++e) desired_[part][e] /= part == 0 ? stiffness : damping;
+    }
+    for (int a = 0; a < d; ++a) force_[a] = force[a] / tension;
+  }
+
+  FieldProblem springs() const { return problem(0, structure_); }
+  FieldProblem dampers() const { return problem(1, nullptr); }
+
+ private:
+  // (d x d) times (d x columns).
+  void multiply(const double* left, const double* right, int columns, double* product) const {
+    for (int a = 0; a < d_; ++a) {
+      for (int i = 0; i < columns; ++i) {
+        double sum = 0;
+        for (int b = 0; b < d_; ++b) sum += left[a * d_ + b] * right[b * columns + i];
+        product[a * columns + i] = sum;
+      }
+    }
+  }
+
+  FieldProblem problem(int part, const double* structure) const {
+    return {d_,         m_,         directions_, desired_[part], structure, force_, ranges_[2 + part],
+            ranges_[0], ranges_[1], ranges_[4],  ranges_[5],     tie_break_};
+  }
+
+  int d_, m_;
+  const double* structure_;
+  double tie_break_, directions_[kMaxComponents * kMaxCables], force_[kMaxComponents];
+  double desired_[2][kMaxComponents * kMaxComponents], ranges_[6][kMaxCables];
+};
+
+// What a hand feels of a stiffness matrix (d x d) along a unit axis (d), with the host's corrections: `predict` of
+// tensionlab/haptics/rendering/field.py.
+struct FeltStiffness {
+  double along = 0, across = 0, added = 0, share = 1, error = 0;
+};
+
+inline FeltStiffness predict_stiffness(int d, const double* matrix, const double* axis, double desired,
+                                       double host) {
+  FeltStiffness felt;
+  double column[kMaxComponents], trace = 0, coupling = 0, own = 0, squares = 0, onto_axis = 0;
+  for (int a = 0; a < d; ++a) {
+    column[a] = 0;
+    for (int b = 0; b < d; ++b) column[a] += matrix[a * d + b] * axis[b];
+    felt.along += axis[a] * column[a];
+    trace += matrix[a * d + a];
+  }
+  for (int a = 0; a < d; ++a) {
+    column[a] -= felt.along * axis[a];
+    coupling += column[a] * column[a];
+  }
+  double room = host;
+  if (coupling > 1e-18 * desired * desired) {
+    for (int a = 0; a < d; ++a) {
+      double image = 0;
+      for (int b = 0; b < d; ++b) image += matrix[a * d + b] * column[b];
+      own += column[a] * image / coupling;
+      squares += image * image / coupling;
+      onto_axis += axis[a] * image;
+    }
+    // The third axis, if there is one, is free to move: its stiffness, and its coupling squared.
+    const double third = trace - felt.along - own;
+    const double aside = squares - own * own - onto_axis * onto_axis / coupling;
+    const double m = own - aside / (host + third + 1e-300);
+    felt.share = std::fmin(host * (m + std::sqrt(m * m + 4.0 * coupling)) / (2.0 * coupling), 1.0);
+    room = std::fmax(host - felt.share * felt.share * coupling / (host + felt.share * m), 0.0);
+  }
+  felt.added = std::fmin(std::fmax(desired - felt.along, 0.0), room);
+  felt.across = (1.0 - felt.share) * std::sqrt(coupling);
+  felt.error = desired > 0 ? std::hypot(desired - felt.along - felt.added, felt.across) / desired : 0.0;
+  felt.along += felt.added;
+  return felt;
+}
+
 }  // namespace tensionlab
