@@ -11,7 +11,7 @@ import tensionlab as tl
 from benchmarks import pulley_error
 from paper_figures.brake_maps import map_normals
 from tensionlab.haptics.effects import Motion, Plane, Wall
-from tensionlab.haptics.rendering.assignment import CableState, assign
+from tensionlab.haptics.rendering.assignment import LEAD, CableState, assign
 from tensionlab.haptics.rendering.brakes import brake_map, brake_strengths
 from tensionlab.haptics.rendering.field import predict
 from tensionlab.hardware.protocol.codes import EVENTS, State
@@ -214,10 +214,12 @@ def wall_stiffness(count: int = 200) -> dict[str, Any]:
             direction = cables.directions[np.argmax(cables.directions @ normal)]
             cosine = float(direction @ normal)
             stiffness = min(WALL / cosine**2, MODULE_STIFFNESS) if cosine >= MIN_COSINE else 0.0
-            one = predict(stiffness * np.outer(direction, direction), normal, WALL, host_stiffness())
+            host = host_stiffness() / (1.0 - LEAD) if stiffness else host_stiffness()
+            one = predict(stiffness * np.outer(direction, direction), normal, WALL, host)
             wall, motion = Wall(Plane(home, tuple(normal)), WALL), Motion(rig.home - 0.01 * normal, np.zeros(3))
-            cut = assign((wall,), motion, state, host_stiffness=host_stiffness()).cut[0]
-            field = [cut[part].rendered if part in cut else usual for part, usual in usually.items()]
+            plan = assign((wall,), motion, state, host_stiffness=host_stiffness())
+            softened = plan.demands[0].softened
+            field = [softened[part][1] if part in softened else usual for part, usual in usually.items()]
             rendered[:, :, index] = (one.along, one.across), field
         found[name] = np.sort(rendered, axis=-1)
     return found
