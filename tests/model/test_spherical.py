@@ -117,7 +117,6 @@ def test_pulleys_lead_the_cables_of_a_spherical_rig():
             "proofs of a workspace need another",
         ),
         (lambda: RIG.forward_kinematics(np.ones(6)), RigError, "forward kinematics need another kind"),
-        (lambda: tl.stiffness_matrix(RIG, np.ones(6), CENTRE), RigError, "stiffness matrices"),
         (lambda: tl.workspace.rig_margin_gradient(RIG, CENTRE), RigError, "gradients of margins"),
         (lambda: rig_to_mjcf(RIG), RigError, "MuJoCo models"),
         (lambda: tl.Requirement(acceleration=1.0).at(RIG), RigError, "give its torques as a box"),
