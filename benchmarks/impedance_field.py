@@ -36,7 +36,7 @@ from tensionlab.model.directions import fibonacci
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import Floats
 
-# A layout for the room of docs/how-to/keep-cables-clear-of-a-person.md, the hand in the middle of its target; in m.
+# Layout for the room of docs/how-to/keep-cables-clear-of-a-person.md, the hand in the middle of its target; in m.
 FIVE = (
     (-1.75, 0.0, -0.5992),
     (1.75, 0.0, 1.073),
