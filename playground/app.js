@@ -33,8 +33,7 @@ class App {
     const { state, show } = fromHash(location.hash, rigs, (name) => this.fresh(name));
     this.show = show;
     document.body.classList.toggle("embed", show.embed);
-    const dark = new URLSearchParams(location.hash.slice(1)).get("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
-    this.setTheme(dark === "dark" ? "dark" : "light");
+    this.setTheme(matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
     this.panel = new Panel(this, rigs);
     this.enter(state);
     this.listen();
