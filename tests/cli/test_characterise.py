@@ -55,7 +55,8 @@ def test_over_tcp_the_known_limits_of_modules_come_back(run, tmp_path, monkeypat
     report = json.loads((out / "report.json").read_text())
     assert report["simulated"] is True
     found = {row["name"]: row["values"] for row in report["figures"]}
-    assert found["friction of a cable"]["rig"] == pytest.approx(0.05, rel=0.05)
+    # Within 5 % in lockstep (tests/validation); here of a third of the motions, by the wall clock.
+    assert found["friction of a cable"]["rig"] == pytest.approx(0.05, rel=0.1)
     assert 20.0 < found["round trip of a ping"]["rig"] < 30.0
     for axis, step in here.steps.items():
         assert found["latency to 10 % of a step"][axis] == pytest.approx(1e3 * step.latency, abs=20.0)  # a cycle
