@@ -13,7 +13,7 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
-from playground.build import PAGE, ROOT
+from playground.build import PAGE, ROOT, report
 from tools.site.browser import installed
 
 PICTURE = ROOT / "docs" / "images" / "playground.webp"
@@ -57,10 +57,7 @@ def main() -> None:
         first, *others = frames(page)
         browser.close()
     first.save(PICTURE, save_all=True, append_images=others, duration=FRAME_MS, loop=0, quality=QUALITY, method=6)
-    size = PICTURE.stat().st_size
-    if size > MAX_BYTES:
-        raise RuntimeError(f"{PICTURE} has {size:,} bytes; {MAX_BYTES:,} is the most")
-    print(f"{PICTURE.relative_to(ROOT)}: {size:,} bytes")
+    report(PICTURE, MAX_BYTES)
 
 
 if __name__ == "__main__":

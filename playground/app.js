@@ -1,7 +1,7 @@
 // The page: keeps the state, asks the kernels whenever it changes, and answers pointer and keys.
 import { add, dot, norm, polytopeFaces, polytopePolygon, scale, subtract, surfaceNet, areaCells, unit } from "./geometry.js";
 import { Panel, explain } from "./panel.js";
-import { Kernels, components, forceHalfSpaces, marginGrid, margins, requiredMiddle, solve, support } from "./rig.js";
+import { Kernels, components, forceHalfSpaces, marginGrid, margins, solve, support } from "./rig.js";
 import { Camera, Painter, extent, planeSquare, space } from "./scene.js";
 import { fromHash, toHash, toPython, toRigFile } from "./share.js";
 
@@ -356,4 +356,4 @@ const kernels = await Kernels.load(await unpack(document.getElementById("kernels
 const rigs = JSON.parse(document.getElementById("rigs").textContent);
 const app = new App(kernels, rigs);
 // What a test or a scene in the documentation asks of the page.
-globalThis.tensionlab = { app, kernels, rigs, solve, margins, requiredMiddle, toRigFile, toPython };
+globalThis.tensionlab = { app, kernels, solve, margins, toRigFile, toPython };

@@ -118,6 +118,14 @@ def bundle() -> str:
     return re.sub(r"^import .*\n|^export ", "", text, flags=re.M)
 
 
+def report(made: Path, most: int) -> None:
+    """Print the size of a file that was made; RuntimeError if it is too large."""
+    size = made.stat().st_size
+    if size > most:
+        raise RuntimeError(f"{made} has {size:,} bytes; {most:,} is the most")
+    print(f"{made.relative_to(ROOT)}: {size:,} bytes")
+
+
 def main() -> None:
     """Write the page, and print its size."""
     packed = base64.b64encode(gzip.compress(build_kernels(), 9, mtime=0)).decode()
@@ -127,10 +135,7 @@ def main() -> None:
         page = page.replace(mark, text)
     PAGE.parent.mkdir(exist_ok=True)
     PAGE.write_text(page)
-    size = PAGE.stat().st_size
-    if size > MAX_BYTES:
-        raise RuntimeError(f"{PAGE} has {size:,} bytes; {MAX_BYTES:,} is the most")
-    print(f"{PAGE.relative_to(ROOT)}: {size:,} bytes")
+    report(PAGE, MAX_BYTES)
 
 
 if __name__ == "__main__":
