@@ -29,7 +29,7 @@ from tensionlab.haptics.rendering.field import (
     predict,
     stable_share,
 )
-from tensionlab.haptics.rendering.stability import cap_stiffness, max_damping
+from tensionlab.haptics.rendering.stability import cap_stiffness, max_damping, stiffnesses
 from tensionlab.model.wall_stiffness import HAND_DAMPING, MARGIN, MIN_COSINE, MIN_HAND_MASS_KG, MODULE_STIFFNESS
 from tensionlab.support.arrays import Floats
 
@@ -123,7 +123,7 @@ def assign(
     or a force that is not finite, raises `EffectFailed`.
     """
     free = np.array(cables.available, dtype=bool)
-    force, expected, desired = (np.zeros_like(motion.position) for _ in range(3))
+    force = expected = desired = np.zeros(motion.position.shape)
     impedances: dict[int, Impedance] = {}
     kept: list[EffectMemory] = []
     demands: list[EffectDemand] = []
@@ -158,7 +158,7 @@ def assign(
         if not np.isfinite(force + expected + desired).all():
             raise EffectFailed(index, "its force is not finite")
         kept.append(EffectMemory(rendered.memory, wanted.memory, springs is not None and springs.by_field))
-        bypass = bypass or bool(np.any(rendered.bypass_slew))
+        bypass = bypass or bool(np.asarray(rendered.bypass_slew).any())
     return RenderPlan(force, impedances, expected, desired, tuple(kept), bypass, tuple(demands))
 
 
@@ -197,9 +197,9 @@ def _host_side(
     softened = {name: (each, host_stiffness) for name, each in softer.items()}
     along, across = springs.predicted.along, springs.predicted.across
     if part is not None and part.stiffness > along * (1.0 + 1e-9):  # rounding softens nothing
-        own = cap_stiffness(effect, along)[1]
-        on_host = cap_stiffness(effect, along, host_side=True)[1]
-        softened |= {name: (each, along) for name, each in own.items() if name not in on_host}
+        on_host = stiffnesses(effect, host_side=True)
+        own = stiffnesses(effect).items()
+        softened |= {name: (each, along) for name, each in own if each > along and name not in on_host}
     if across > WEAK_JND * along:
         softened["stiffness across"] = (0.0, across)
     return rendered, wanted, softened

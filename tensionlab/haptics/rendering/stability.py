@@ -47,25 +47,38 @@ def stiffness_cap(
     return margin * float(stiffness_bound(late, step, hand_damping, damping))
 
 
-def cap_stiffness(effect: T, cap: float, *, host_side: bool = False) -> tuple[T, dict[str, float]]:
-    """Return an effect whose stiffness does not exceed a cap in N/m, and the stiffnesses that were above it.
+def stiffnesses(effect: object, *, host_side: bool = False) -> dict[str, float]:
+    """Return the parameters of an effect called stiffness, in N/m, by name, such as ``friction.stiffness``.
 
-    Every parameter called stiffness counts, also of parts, which have names such as ``friction.stiffness``. On the
-    ``host_side`` of a split effect its own stiffness, which a module renders, stays, but not that of its parts.
+    On the ``host_side`` of a split effect its own stiffness, which a module renders, is left out.
     """
-    changes: dict[str, object] = {}
-    cut: dict[str, float] = {}
+    found: dict[str, float] = {}
     kind: Any = type(effect)
     for name in _field_names(kind):
         value = getattr(effect, name)
-        if name == "stiffness" and value > cap and not (host_side and is_split(effect)):
-            changes[name], cut[name] = cap, value
-        elif is_dataclass(value):
-            part, cut_in_part = cap_stiffness(value, cap, host_side=host_side)
-            if cut_in_part:
-                changes[name] = part
-                cut |= {f"{name}.{inner}": stiffness for inner, stiffness in cut_in_part.items()}
-    return (replace(effect, **changes) if changes else effect), cut  # type: ignore[type-var]
+        part: Any = type(value)
+        if name == "stiffness":
+            if not (host_side and is_split(effect)):
+                found[name] = value
+        elif _field_names(part):
+            for inner, stiffness in stiffnesses(value, host_side=host_side).items():
+                found[f"{name}.{inner}"] = stiffness
+    return found
+
+
+def cap_stiffness(effect: T, cap: float, *, host_side: bool = False) -> tuple[T, dict[str, float]]:
+    """Return an effect whose `stiffnesses` do not exceed a cap in N/m, and those that were above it."""
+    cut = {name: each for name, each in stiffnesses(effect, host_side=host_side).items() if each > cap}
+    capped: Any = effect
+    for name in cut:
+        capped = _with_parameter(capped, name, cap)
+    return capped, cut
+
+
+def _with_parameter(effect: Any, name: str, value: float) -> Any:
+    """Return an effect with another value of a parameter, also of one of a part."""
+    part, _, inner = name.partition(".")
+    return replace(effect, **{part: _with_parameter(getattr(effect, part), inner, value) if inner else value})
 
 
 @cache
