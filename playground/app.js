@@ -1,15 +1,15 @@
 // The page: keeps the state, asks the kernels whenever it changes, and answers pointer and keys.
-import { add, dot, norm, polytopeFaces, polytopePolygon, scale, subtract, surfaceNet, areaCells, unit } from "./geometry.js";
+import { add, areaCells, dot, norm, polytopeFaces, polytopePolygon, scale, space, square, subtract, surfaceNet, unit } from "./geometry.js";
 import { Panel, explain } from "./panel.js";
-import { Kernels, components, forceHalfSpaces, marginGrid, margins, solve, support } from "./rig.js";
-import { Camera, Painter, extent, planeSquare, space } from "./scene.js";
+import { Kernels, components, forceHalfSpaces, marginGrid, margins, profile, solve, support } from "./rig.js";
+import { Camera, Painter, extent } from "./scene.js";
 import { fromHash, toHash, toPython, toRigFile } from "./share.js";
 
 const REACH = { mouse: 18, touch: 30 }; // pixels about a handle that take hold of it
 const MOVING_MS = 25, RESTING_MS = 400; // time for the workspace while something moves, and after
 const POINTS = [1000, 20000]; // least and most of the workspace
 const SETTLES_MS = 180;
-const SOLVES = 50; // solves whose time is measured
+const SOLVES = 161; // on the line through the hand
 
 const THEMES = {
   light: {
@@ -42,7 +42,7 @@ class App {
   /** State of a committed rig: at home, with half of the largest force in a direction that points up and aside. */
   fresh(name = "seven-modules") {
     const rig = structuredClone(this.rigs[name]);
-    const state = { rig, position: [...rig.home], rotation: [...rig.homeRotation], policy: "force" };
+    const state = { rig, position: [...rig.home], rotation: [...rig.homeRotation], policy: "force", solver: "newton" };
     state.wrench = new Array(components(rig)).fill(0);
     solve(this.kernels, state);
     const direction = unit(add([0.6, 0.3, 0.4], rig.up).slice(0, rig.dimension));
@@ -54,14 +54,11 @@ class App {
     return state;
   }
 
-  /** Show another rig from the start. */
-  start(name) {
-    this.enter(this.fresh(name));
-  }
-
+  /** Show another state. */
   enter(state) {
     const { rig } = (this.state = state);
     this.selected = null;
+    this.along = [1, 0, 0].slice(0, rig.dimension);
     this.size = extent(rig);
     this.camera = new Camera(this.size.centre, 2.8 * this.size.radius, space(rig.up), rig.dimension === 2);
     this.painter = new Painter(this.canvas, this.camera, this.theme);
@@ -74,14 +71,12 @@ class App {
     this.resize();
   }
 
+  /** Use the light theme, or the dark one. */
   setTheme(name) {
     document.documentElement.dataset.theme = name;
     this.theme = THEMES[name];
-    if (this.painter) this.painter.theme = this.theme;
-  }
-
-  switchTheme() {
-    this.setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+    if (!this.painter) return;
+    this.painter.theme = this.theme;
     this.refresh();
   }
 
@@ -153,15 +148,17 @@ class App {
   update(budget) {
     this.frame = null;
     const { state, kernels } = this;
-    const begin = performance.now();
-    for (let i = 1; i < SOLVES; i++) solve(kernels, state);
+    if (this.show.profile || budget === RESTING_MS) {
+      const begin = performance.now(), reach = 0.4 * this.size.radius;
+      this.profile = { reach, answers: profile(kernels, state, this.along, reach, SOLVES) };
+      const microseconds = (1000 * (performance.now() - begin)) / SOLVES;
+      this.speed = `${microseconds.toFixed(1)} µs an answer, proof included, computed in this page.`;
+    }
     this.answer = solve(kernels, state);
-    const microseconds = (1000 * (performance.now() - begin)) / SOLVES;
     const view = { ...this.view(budget), state, answer: this.answer, selected: this.selected };
     this.painter.draw({ ...view, floor: this.size.floor });
-    const speed = `${microseconds.toFixed(1)} µs an answer, proof included, computed in this page.`;
     const [margin] = margins(kernels, state, [state.position]);
-    this.panel.update({ margin, reason: explain(this), speed });
+    this.panel.update({ margin, reason: explain(this), speed: this.speed ?? "" });
     const hash = toHash(state, this.show);
     if (budget === RESTING_MS && !this.show.embed && hash !== location.hash) history.replaceState(null, "", hash);
   }
@@ -174,12 +171,12 @@ class App {
     const place = (force) => add(pose, scale(space(force), this.metresPerNewton));
     const view = { arrows: { desired: place(state.wrench.slice(0, d)), rendered: place(answer.rendered.slice(0, d)) } };
     if (answer.status === null) return view;
+    if (show.profile) view.profile = this.profile;
     if (show.polytope) {
       const halfSpaces = forceHalfSpaces(kernels, state);
-      const faces = halfSpaces.length && d === 3 ? polytopeFaces(halfSpaces) : [];
-      view.polytope = d === 3
-        ? { faces: faces.map(({ normal, polygon }) => ({ normal, polygon: polygon.map(place) })) }
-        : { polygon: polytopePolygon(halfSpaces).map(place) }; // prettier-ignore
+      const placed = ({ normal, polygon }) => ({ normal, polygon: polygon.map(place) });
+      if (d === 3) view.polytope = { faces: polytopeFaces(halfSpaces).map(placed) };
+      else view.polytope = { polygon: polytopePolygon(halfSpaces).map(place) };
     }
     if (answer.separation) view.plane = this.plane(place);
     if (show.workspace) view.workspace = this.workspace(budget);
@@ -197,7 +194,7 @@ class App {
     const offset = (support(state, answer.structure, answer.separation) - torque) / length;
     const desired = state.wrench.slice(0, d);
     const through = place(add(desired, scale(normal, offset - dot(normal, desired))));
-    if (d === 3) return planeSquare(normal, through, 0.4 * this.size.radius);
+    if (d === 3) return square(normal, through, 0.4 * this.size.radius);
     const along = scale([-normal[1], normal[0], 0], 0.4 * this.size.radius);
     return [add(through, along), subtract(through, along)];
   }
@@ -258,6 +255,7 @@ class App {
       const fine = Math.max(0, 4 + Math.floor(Math.log10(this.metresPerNewton / this.size.radius)));
       this.change({ wrench: shift(wrench, newtons, Math.min(6, fine)) });
     } else if (handle === "hand") {
+      if (norm(movement) > 0) this.along = unit(movement.slice(0, d));
       this.change({ position: shift(position, movement, digits) });
     } else {
       rig.modules[handle] = { ...rig.modules[handle], anchor: shift(rig.modules[handle].anchor, movement, digits) };

@@ -12,13 +12,16 @@ export const cross = (a, b) => [
   a[0] * b[1] - a[1] * b[0],
 ];
 
+/** A point of a plane or of space, in space. */
+export const space = (point) => [point[0], point[1], point[2] ?? 0];
+
 export function unit(a) {
   const length = norm(a);
   return length > 0 ? scale(a, 1 / length) : a;
 }
 
 /** Two unit vectors that span the plane perpendicular to a unit vector. */
-export function perpendicular(normal) {
+function perpendicular(normal) {
   const axis = Math.abs(normal[0]) < 0.7 ? [1, 0, 0] : [0, 1, 0];
   const first = unit(cross(normal, axis));
   return [first, cross(normal, first)];
@@ -35,6 +38,14 @@ export function rotationMatrix(vector) {
     t * x * y + s * z, t * y * y + c, t * y * z - s * x,
     t * x * z - s * y, t * y * z + s * x, t * z * z + c,
   ]; // prettier-ignore
+}
+
+/** Square in the plane through a point, perpendicular to a unit vector, about that point. */
+export function square(normal, middle, half) {
+  const [a, b] = perpendicular(normal);
+  return [[1, 1], [-1, 1], [-1, -1], [1, -1]].map(([p, q]) =>
+    add(middle, add(scale(a, p * half), scale(b, q * half))),
+  );
 }
 
 export const rotate = (matrix, v) => [0, 3, 6].map((row) => dot(matrix.slice(row, row + 3), v));
@@ -55,11 +66,7 @@ function clip(polygon, normal, offset) {
 export function polytopeFaces(halfSpaces) {
   const size = 4 * Math.max(...halfSpaces.map(({ offset }) => Math.abs(offset)), 1e-9);
   return halfSpaces.flatMap((face, index) => {
-    const [a, b] = perpendicular(face.normal);
-    const middle = scale(face.normal, face.offset);
-    let polygon = [[1, 1], [-1, 1], [-1, -1], [1, -1]].map(([p, q]) =>
-      add(middle, add(scale(a, p * size), scale(b, q * size))),
-    );
+    let polygon = square(face.normal, scale(face.normal, face.offset), size);
     for (let i = 0; i < halfSpaces.length && polygon.length > 2; i++) {
       const other = halfSpaces[i];
       const same = dot(other.normal, face.normal) > 1 - 1e-9 && Math.abs(other.offset - face.offset) < 1e-9 * size;

@@ -10,6 +10,10 @@
 #include <cstdint>
 
 #include "solvers/block_solver.hpp"
+#include "solvers/closed_form.hpp"
+#include "solvers/kernels.hpp"
+#include "solvers/linear_program.hpp"
+#include "verification/kernels.hpp"
 
 #define EXPORT(name) extern "C" __attribute__((export_name(#name)))
 
@@ -45,6 +49,36 @@ void find_structures(std::size_t first, std::size_t count, double* structures, b
                                count, {structures, valid});
 }
 
+// Solvers in the order in which the page lists them.
+enum class Solver { newton, closed_form, least_sum, minimax, safe };
+
+// Writes the tensions of a solver other than newton.
+void choose(Solver solver, Batch batch) {
+  if (solver == Solver::closed_form) {
+    static double middle[kMaxCables];
+    for (int i = 0; i < m; ++i) middle[i] = (page.lower[i] + page.upper[i]) / 2;
+    batch.reference = {middle, 0};
+    with_size(n, [&](auto size) {
+      improved_closed_form<double, size, kMaxCables>(batch[0], m, kRankTolerance, page.tensions);
+    });
+    return;
+  }
+  // Of the tensions that are best for a linear program, those closest to the reference.
+  static double lower[kMaxCables], upper[kMaxCables], costs[kMaxCables], multipliers[kMaxComponents];
+  std::fill(costs, costs + m, 1.0);
+  const Program program = solver == Solver::least_sum ? Program::least_cost
+                          : solver == Solver::minimax ? Program::minimax
+                                                      : Program::safe;
+  with_size<kMaxComponents + 1>(n + (program == Program::least_cost ? 1 : 0), [&](auto size) {
+    TensionProgram<double, size, kMaxCables>(m, program, 1.0).tighten(batch[0], costs, lower, upper, multipliers);
+  });
+  std::int64_t iterations = 0;
+  batch.lower = {lower, 0};
+  batch.upper = {upper, 0};
+  baseline::newton(batch, Policy::force, kRankTolerance, kTolerance, {0, 1}, 0,
+                   {page.tensions, page.separation, &iterations});
+}
+
 }  // namespace
 
 // Address of the first of the arrays; the page knows their order and sizes.
@@ -60,8 +94,8 @@ EXPORT(set_rig) void set_rig(int components, int dimension, int cables) {
 }
 
 // Solves and verifies the wrench at the first position; returns the status, or -2 where a cable has no length
-// or a number is too large.
-EXPORT(allocate) int allocate(int policy_index) {
+// or a number is too large. The policy is newton's: the others promise nothing where the wrench is infeasible.
+EXPORT(allocate) int allocate(int solver_index, int policy_index) {
   bool valid = false;
   find_structures(0, 1, page.structure, &valid);
   if (!valid) return -2;
@@ -74,12 +108,22 @@ EXPORT(allocate) int allocate(int policy_index) {
                     {page.upper, 0},
                     {page.reference, 0},
                     page.weights};
-  const ExactSettings settings{static_cast<Policy>(policy_index), kLargest, kTolerance, kRankTolerance};
   std::int8_t status = 0;
+  std::atomic<bool> flawed{false};
+  const auto solver = static_cast<Solver>(solver_index);
+  if (solver != Solver::newton) {
+    choose(solver, batch);
+    std::fill(page.separation, page.separation + n, 0.0);
+    const VerificationSettings settings{Rule::none, kTolerance, kRankTolerance};
+    const Findings findings{page.tensions, page.separation, page.rendered, &page.residual,
+                            &page.scale,   &status,         &flawed};
+    baseline::verify(batch, settings, {0, 1}, findings);
+    return status;
+  }
+  const ExactSettings settings{static_cast<Policy>(policy_index), kLargest, kTolerance, kRankTolerance};
   std::int64_t iterations = 0;
   const SweepAnswer answer{page.tensions, page.separation, page.rendered, &page.residual,
                            &page.scale,   &status,         &iterations};
-  std::atomic<bool> flawed{false};
   return BlockSolver<1>(batch, settings, answer, flawed).solve(0, 1) ? status : -2;
 }
 

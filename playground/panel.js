@@ -1,8 +1,8 @@
 // The panel beside the picture: shows a state and its answer, and changes the state.
 import { norm } from "./geometry.js";
-import { POLICIES } from "./rig.js";
+import { POLICIES, SOLVERS } from "./rig.js";
 import { format, tensionColour } from "./scene.js";
-import { fileName, toHash, toPython, toRigFile } from "./share.js";
+import { SHAPES, fileName, toHash, toPython, toRigFile } from "./share.js";
 
 const element = (id) => document.getElementById(id);
 const AXES = ["x", "y", "z"];
@@ -32,19 +32,22 @@ export class Panel {
   /** `app` has `state`, `answer`, `show`, `selected` and the methods that change them. */
   constructor(app, rigs) {
     this.app = app;
-    for (const name of Object.keys(rigs)) element("rig").append(make("option", { value: name, textContent: name }));
-    element("rig").addEventListener("change", () => app.start(element("rig").value));
+    for (const [id, names] of [["rig", Object.keys(rigs)], ["solver", SOLVERS]]) {
+      element(id).append(...names.map((name) => make("option", { value: name, textContent: name })));
+    }
+    element("rig").addEventListener("change", () => app.enter(app.fresh(element("rig").value)));
+    element("solver").addEventListener("change", () => app.change({ solver: element("solver").value }));
     for (const policy of POLICIES) {
       const button = make("button", { textContent: policy, onclick: () => app.change({ policy }) });
       element("policies").append(button);
     }
     element("add").addEventListener("click", () => app.addModule());
-    element("reset").addEventListener("click", () => app.start(app.state.rig.name));
-    for (const name of ["polytope", "workspace"]) {
+    element("reset").addEventListener("click", () => app.enter(app.fresh(app.state.rig.name)));
+    for (const name of SHAPES) {
       element(name).addEventListener("change", () => app.toggle(name, element(name).checked));
     }
     element("level").addEventListener("input", () => app.toggle("level", element("level").valueAsNumber));
-    element("theme").addEventListener("click", () => app.switchTheme());
+    element("theme").addEventListener("click", () => app.setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
     element("about").addEventListener("click", () => {
       element("help").hidden = !element("help").hidden;
       element("about").setAttribute("aria-expanded", String(!element("help").hidden));
@@ -112,6 +115,8 @@ export class Panel {
     element("verdict").textContent = status ?? "No answer";
     element("verdict").dataset.status = status ?? "";
     element("reason").textContent = reason;
+    element("solver").value = state.solver;
+    element("policies").hidden = state.solver !== SOLVERS[0];
     [...element("policies").children].forEach((button) =>
       button.setAttribute("aria-pressed", String(button.textContent === state.policy)),
     );
@@ -127,7 +132,7 @@ export class Panel {
       show(upper.input, module.upper);
     });
     for (const { input, key, i, factor } of this.fields) show(input, state[key][i] * factor);
-    for (const name of ["polytope", "workspace"]) element(name).checked = this.app.show[name];
+    for (const name of SHAPES) element(name).checked = this.app.show[name];
     element("level-row").hidden = !this.app.show.workspace;
     element("level").max = String(Math.max(this.app.largestMargin, 1e-9));
     show(element("level"), this.app.show.level);
@@ -148,7 +153,7 @@ export function explain({ state, answer }) {
       return `No tensions within the limits render this ${unit}: the plane proves it. This is the nearest answer by the policy, ${format(missing)} N away.`;
     }
     case "UNPROVEN":
-      return "Tensions within the limits, but not proved to be the nearest.";
+      return `Tensions within the limits that do not render this ${unit}, and no proof that none do.`;
     default:
       return "A cable has no length or the limits cross: there is nothing to pull with.";
   }

@@ -1,8 +1,9 @@
 // The state of the page (a rig, a pose, a wrench, a policy), and what the kernels say of it.
-import { add, dot, norm, rotationMatrix, rotate, scale } from "./geometry.js";
+import { add, cross, dot, norm, rotationMatrix, rotate, scale, space } from "./geometry.js";
 
 const MAX_COMPONENTS = 6, MAX_CABLES = 32, MAX_POSES = 65536, MAX_HALF_SPACES = 4096, MAX_WRENCHES = 64;
 const GRAVITY = 9.81; // m/s²
+export const SOLVERS = ["newton", "closed-form", "least-sum", "minimax", "safe"];
 export const POLICIES = ["force", "tension", "direction"];
 export const STATUSES = ["EXACT", "NEAREST", "UNPROVEN", "FAILED"];
 
@@ -45,7 +46,7 @@ export class Kernels {
       this.lower[i] = module.lower;
       this.upper[i] = module.upper;
     });
-    this.rotation.set(orientation(state));
+    this.rotation.set(orientation(state).filter((_, i) => d === 3 || (i % 3 < 2 && i < 5)));
     this.run.set_rig(components(rig), d, rig.modules.length);
   }
 }
@@ -53,12 +54,8 @@ export class Kernels {
 /** Number of components of a wrench. */
 export const components = (rig) => (rig.turns ? 3 * (rig.dimension - 1) : rig.dimension);
 
-/** Rotation matrix of the platform, d x d, row by row. */
-export function orientation({ rig, rotation }) {
-  if (rig.dimension === 3) return rotationMatrix(rotation);
-  const c = Math.cos(rotation[0]), s = Math.sin(rotation[0]);
-  return [c, -s, s, c];
-}
+/** Rotation matrix of the platform in space, row by row. */
+export const orientation = ({ rig, rotation }) => rotationMatrix(rig.dimension === 3 ? rotation : [0, 0, rotation[0]]);
 
 /** Wrench in the middle of what the rig requires, with the weight of the platform as it is turned now. */
 export function requiredMiddle(state) {
@@ -68,16 +65,8 @@ export function requiredMiddle(state) {
   const lift = scale(rig.up, rig.mass * GRAVITY);
   lift.slice(0, rig.dimension).forEach((x, i) => (middle[i] += x));
   if (!rig.turns || !rig.com) return middle;
-  if (rig.dimension === 2) {
-    const R = orientation(state);
-    const arm = [R[0] * rig.com[0] + R[1] * rig.com[1], R[2] * rig.com[0] + R[3] * rig.com[1]];
-    middle[2] += arm[0] * lift[1] - arm[1] * lift[0];
-  } else {
-    const [x, y, z] = rotate(orientation(state), rig.com);
-    const torque = [y * lift[2] - z * lift[1], z * lift[0] - x * lift[2], x * lift[1] - y * lift[0]];
-    torque.forEach((t, i) => (middle[3 + i] += t));
-  }
-  return middle;
+  const torque = cross(rotate(orientation(state), space(rig.com)), lift);
+  return add(middle, rig.dimension === 3 ? [0, 0, 0, ...torque] : [0, 0, torque[2]]);
 }
 
 /** Tensions, status and proof at a state. Status null: a cable has no length. */
@@ -88,7 +77,7 @@ export function solve(kernels, state) {
   kernels.set(state);
   kernels.positions.set(state.position.slice(0, rig.dimension));
   kernels.wrench.set(add(state.wrench, middle));
-  const index = kernels.run.allocate(POLICIES.indexOf(state.policy));
+  const index = kernels.run.allocate(SOLVERS.indexOf(state.solver), POLICIES.indexOf(state.policy));
   return {
     status: STATUSES[index] ?? null,
     tensions: [...kernels.tensions.subarray(0, m)],
@@ -105,6 +94,12 @@ export function support(state, structure, direction) {
   const pull = state.rig.modules.map((_, i) => direction.reduce((sum, x, k) => sum + x * structure[k * m + i], 0));
   const most = state.rig.modules.reduce((sum, { lower, upper }, i) => sum + pull[i] * (pull[i] > 0 ? upper : lower), 0);
   return most - dot(direction, requiredMiddle(state));
+}
+
+/** Answers at positions on a line through the hand, which reaches as far on both sides. */
+export function profile(kernels, state, direction, reach, count) {
+  const along = Array.from({ length: count }, (_, i) => reach * ((2 * i) / (count - 1) - 1));
+  return along.map((s) => solve(kernels, { ...state, position: add(state.position, scale(direction, s)) }));
 }
 
 /**

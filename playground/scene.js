@@ -1,6 +1,6 @@
 // What the page draws: the rig, its tensions, the force polytope, the separating plane and the workspace, in
 // perspective on a plain canvas.
-import { add, cross, dot, norm, perpendicular, rotate, scale, subtract, unit } from "./geometry.js";
+import { add, cross, dot, norm, rotate, scale, space, subtract, unit } from "./geometry.js";
 import { orientation } from "./rig.js";
 
 const FIELD_OF_VIEW = 0.7; // rad, of the shorter side
@@ -49,9 +49,6 @@ export class Camera {
   }
 }
 
-/** A point of a plane or of space, in space. */
-export const space = (point) => [point[0], point[1], point[2] ?? 0];
-
 /** Two horizontal unit vectors, in a right-handed system with the upward one. */
 function horizontal(up) {
   const east = Math.abs(up[0]) < 0.5 ? [1, 0, 0] : [0, 1, 0];
@@ -67,16 +64,10 @@ export function tensionColour(theme, share) {
 
 /** Attachments of the cables in space. */
 export function attachments(state) {
-  const { rig, position } = state;
-  return rig.modules.map(({ attachment }) => {
-    if (!rig.turns || !attachment) return space(position);
-    if (rig.dimension === 3) return add(position, rotate(orientation(state), attachment));
-    const R = orientation(state);
-    return space([
-      position[0] + R[0] * attachment[0] + R[1] * attachment[1],
-      position[1] + R[2] * attachment[0] + R[3] * attachment[1],
-    ]);
-  });
+  const pose = space(state.position), turned = orientation(state);
+  return state.rig.modules.map(({ attachment }) =>
+    state.rig.turns && attachment ? add(pose, rotate(turned, space(attachment))) : pose,
+  );
 }
 
 /** Draws one picture after the other. */
@@ -85,77 +76,61 @@ export class Painter {
     Object.assign(this, { canvas, camera, theme, context: canvas.getContext("2d") });
   }
 
-  path(points, closed) {
+  /** Draw a path on the canvas that `trace` makes. */
+  shape(trace, fill, stroke, width) {
     const { context } = this;
+    Object.assign(context, { fillStyle: fill, strokeStyle: stroke, lineWidth: width });
     context.beginPath();
-    points.forEach((point, i) => {
-      const { x, y } = this.camera.project(point);
-      if (i) context.lineTo(x, y);
-      else context.moveTo(x, y);
-    });
-    if (closed) context.closePath();
+    trace(context);
+    if (fill) context.fill();
+    if (stroke) context.stroke();
   }
 
   line(points, colour, width) {
-    this.path(points, false);
-    Object.assign(this.context, { strokeStyle: colour, lineWidth: width });
-    this.context.stroke();
+    const places = points.map((point) => this.camera.project(point));
+    this.shape((path) => places.forEach(({ x, y }) => path.lineTo(x, y)), null, colour, width);
   }
 
   polygon(points, fill, stroke) {
-    this.path(points, true);
-    if (fill) {
-      this.context.fillStyle = fill;
-      this.context.fill();
-    }
-    if (stroke) {
-      Object.assign(this.context, { strokeStyle: stroke, lineWidth: 1 });
-      this.context.stroke();
-    }
+    const places = points.map((point) => this.camera.project(point));
+    const ring = (path) => {
+      places.forEach(({ x, y }) => path.lineTo(x, y));
+      path.closePath();
+    };
+    this.shape(ring, fill, stroke, 1);
   }
 
   disc(point, radius, fill, stroke) {
     const { x, y } = this.camera.project(point);
-    this.context.beginPath();
-    this.context.arc(x, y, radius, 0, 2 * Math.PI);
-    this.context.fillStyle = fill;
-    this.context.fill();
-    if (stroke) {
-      Object.assign(this.context, { strokeStyle: stroke, lineWidth: 2 });
-      this.context.stroke();
-    }
+    this.shape((path) => path.arc(x, y, radius, 0, 2 * Math.PI), fill, stroke, 2);
   }
 
   /** Write beside a point, unless something is written there already. */
   label(point, text, dx, dy) {
-    const { context, theme } = this;
     const { x, y } = this.camera.project(point);
     if (this.labels.some((other) => Math.abs(other.x - x) < 6.5 * text.length && Math.abs(other.y - y) < 14)) return;
     this.labels.push({ x, y });
+    this.text(text, x + dx, y + dy);
+  }
+
+  text(text, x, y) {
+    const { context, theme } = this;
     Object.assign(context, { font: "12px system-ui, sans-serif", lineWidth: 3, strokeStyle: theme.background });
-    context.lineJoin = "round";
-    context.strokeText(text, x + dx, y + dy);
-    context.fillStyle = theme.text;
-    context.fillText(text, x + dx, y + dy);
+    Object.assign(context, { lineJoin: "round", fillStyle: theme.text });
+    context.strokeText(text, x, y);
+    context.fillText(text, x, y);
   }
 
   arrow(from, to, colour, width) {
     const a = this.camera.project(from), b = this.camera.project(to);
     const length = Math.hypot(b.x - a.x, b.y - a.y);
     if (length < 1) return;
-    const { context } = this;
     const [ux, uy] = [(b.x - a.x) / length, (b.y - a.y) / length];
     const head = Math.min(4 * width, length);
-    Object.assign(context, { strokeStyle: colour, fillStyle: colour, lineWidth: width });
-    context.beginPath();
-    context.moveTo(a.x, a.y);
-    context.lineTo(b.x - ux * head * 0.8, b.y - uy * head * 0.8);
-    context.stroke();
-    context.beginPath();
-    context.moveTo(b.x, b.y);
-    context.lineTo(b.x - ux * head - uy * head * 0.5, b.y - uy * head + ux * head * 0.5);
-    context.lineTo(b.x - ux * head + uy * head * 0.5, b.y - uy * head - ux * head * 0.5);
-    context.fill();
+    const back = (along, aside) => [b.x - head * (along * ux + aside * uy), b.y - head * (along * uy - aside * ux)];
+    const through = (...places) => (path) => places.forEach(([x, y]) => path.lineTo(x, y));
+    this.shape(through([a.x, a.y], back(0.8, 0)), null, colour, width);
+    this.shape(through([b.x, b.y], back(1, 0.5), back(1, -0.5)), colour);
   }
 
   /** Draw a state with its answer, and what was computed beside it. */
@@ -172,11 +147,11 @@ export class Painter {
     if (view.plane) this.polygon(view.plane, theme.planeFill, theme.plane);
     this.rig(view);
     this.forces(view);
+    if (view.profile) this.profile(view);
   }
 
-  floor({ floor }) {
+  floor({ floor: { centre, half, step } }) {
     const [east, north] = horizontal(this.camera.up);
-    const { centre, half, step } = floor;
     for (let x = -half; x <= half + 1e-9; x += step) {
       for (const [a, b] of [[east, north], [north, east]]) {
         const middle = add(centre, scale(a, x));
@@ -225,6 +200,29 @@ export class Painter {
     });
   }
 
+  /** Chart of the tensions on a line through the hand; shaded where the solver proves nothing. */
+  profile({ profile, state, selected }) {
+    const { theme, camera } = this;
+    const { answers, reach } = profile;
+    const width = Math.min(320, 2 * camera.x - 40), height = 110, left = 20, bottom = 2 * camera.y - 20;
+    const most = Math.max(...state.rig.modules.map(({ upper }) => upper));
+    const across = (i) => left + (width * i) / (answers.length - 1);
+    const up = (tension) => bottom - (height * tension) / most;
+    this.shape((path) => path.rect(left, up(most), width, height), theme.background);
+    const unproved = answers.flatMap(({ status }, i) => (["EXACT", "NEAREST"].includes(status) ? [] : [i]));
+    for (const i of unproved) {
+      this.shape((path) => path.rect(across(i - 0.5), up(most), across(1) - left, height), theme.planeFill);
+    }
+    for (const half of [1, 2]) {
+      this.shape((path) => path.rect(left, up(most), (width * half) / 2, height), null, theme.line, 1);
+    }
+    state.rig.modules.forEach((_, k) => {
+      const curve = (path) => answers.forEach(({ tensions }, i) => path.lineTo(across(i), up(tensions[k])));
+      this.shape(curve, null, selected === k ? theme.desired : theme.rendered, selected === k ? 3 : 1.3);
+    });
+    this.text(`Tensions to ${format(most)} N, along ${format(2 * reach)} m through the hand`, left, up(most) - 5);
+  }
+
   forces({ state, answer, arrows, selected }) {
     const { theme } = this;
     const pose = space(state.position);
@@ -252,12 +250,4 @@ export function extent(rig) {
   const step = 10 ** Math.floor(Math.log10(radius)) * (radius / 10 ** Math.floor(Math.log10(radius)) > 4 ? 1 : 0.5);
   const below = add(centre, scale(space(rig.up), lowest - dot(space(rig.up), centre)));
   return { centre, radius, floor: { centre: below, half: step * Math.ceil((1.2 * radius) / step), step } };
-}
-
-/** Square in the plane through a point, perpendicular to a normal, about that point. */
-export function planeSquare(normal, through, half) {
-  const [a, b] = perpendicular(normal);
-  return [[1, 1], [-1, 1], [-1, -1], [1, -1]].map(([p, q]) =>
-    add(through, add(scale(a, p * half), scale(b, q * half))),
-  );
 }

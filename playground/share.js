@@ -1,15 +1,18 @@
 // A state as a link, as a rig file and as Python that gives the same answer.
 import { norm } from "./geometry.js";
+import { POLICIES, SOLVERS } from "./rig.js";
 
+export const SHAPES = ["polytope", "workspace", "profile"]; // what can be shown beside the rig
 const numbers = (text) => text.split(",").map(Number);
 const list = (values) => values.map((x) => String(+x.toPrecision(10))).join(",");
 
 /** The part of a link behind its #: what differs from the rig as it is committed. */
 export function toHash(state, show) {
   const parts = { rig: state.rig.name, at: list(state.position), force: list(state.wrench), policy: state.policy };
+  if (state.solver !== SOLVERS[0]) parts.solver = state.solver;
   if (state.rig.turns && norm(state.rotation) > 0) parts.turn = list(state.rotation);
   if (show.level) parts.level = String(show.level);
-  parts.show = ["polytope", "workspace"].filter((name) => show[name]).join(",");
+  parts.show = SHAPES.filter((name) => show[name]).join(",");
   if (state.rig.edited) {
     parts.modules = state.rig.modules
       .map(({ name, anchor, attachment, lower, upper }) =>
@@ -46,10 +49,11 @@ export function fromHash(hash, rigs, start) {
   state.position = read("at", state.position.length) ?? state.position;
   state.rotation = read("turn", state.rotation.length) ?? state.rotation;
   state.wrench = read("force", state.wrench.length) ?? state.wrench;
-  if (["force", "tension", "direction"].includes(parts.get("policy"))) state.policy = parts.get("policy");
+  if (POLICIES.includes(parts.get("policy"))) state.policy = parts.get("policy");
+  if (SOLVERS.includes(parts.get("solver"))) state.solver = parts.get("solver");
   const shown = parts.has("show") ? parts.get("show").split(",") : ["polytope"];
   const show = { level: Math.max(0, Number(parts.get("level")) || 0), embed: parts.has("embed") };
-  for (const name of ["polytope", "workspace"]) show[name] = shown.includes(name);
+  for (const name of SHAPES) show[name] = shown.includes(name);
   return { state, show };
 }
 
@@ -84,7 +88,7 @@ export function toRigFile({ rig }) {
 
 /** Lines of Python that give the answer of a state. */
 export function toPython(state) {
-  const { rig, position, rotation, wrench, policy } = state;
+  const { rig, position, rotation, wrench, policy, solver } = state;
   const python = (values) => `[${values.map((x) => String(+x.toPrecision(10))).join(", ")}]`;
   const options = [`position=${python(position)}`];
   const imports = ["import tensionlab as tl"];
@@ -94,7 +98,8 @@ export function toPython(state) {
   } else if (rig.turns) {
     options.push(`rotation=${rotation[0]}`);
   }
-  if (policy !== "force") options.push(`policy="${policy}"`);
+  if (solver !== SOLVERS[0]) options.push(`solver="${solver}"`);
+  else if (policy !== "force") options.push(`policy="${policy}"`);
   const name = rig.edited ? fileName(state) : rig.name;
   return [
     ...imports,

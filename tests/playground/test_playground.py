@@ -17,8 +17,8 @@ pytestmark = [
     pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="no compiler for WebAssembly here"),
 ]
 RIGS = [datasets.load(name) for name in datasets.names("rigs")]
-ASK = """([name, asked]) => asked.map(([position, rotation, wrench, policy]) => {
-  const state = { ...tensionlab.app.fresh(name), position, rotation, wrench, policy };
+ASK = """([name, solver, asked]) => asked.map(([position, rotation, wrench, policy]) => {
+  const state = { ...tensionlab.app.fresh(name), solver, position, rotation, wrench, policy };
   const answer = tensionlab.solve(tensionlab.kernels, state);
   const [margin] = tensionlab.margins(tensionlab.kernels, state, [position]);
   return [answer.status, answer.tensions, answer.rendered, margin];
@@ -113,7 +113,7 @@ def test_the_page_answers_as_python_does(page, rig):
     position, rotation, wrench, policy = problems(rig, count, np.random.default_rng(0))
     asked = list(zip(position.tolist(), rotation.tolist(), wrench.tolist(), policy.tolist(), strict=True))
     statuses, tensions, rendered, margins = (
-        np.array(column) for column in zip(*page.evaluate(ASK, [rig.name, asked]), strict=True)
+        np.array(column) for column in zip(*page.evaluate(ASK, [rig.name, "newton", asked]), strict=True)
     )
     turned = as_rotation(rig, rotation)
     unit = rig.limits.upper.max()
@@ -127,6 +127,29 @@ def test_the_page_answers_as_python_does(page, rig):
         np.testing.assert_allclose(tensions[rows], expected.tensions, atol=1e-9 * unit)
         found = expected.wrench - rig.required.middle(rig, turns)
         np.testing.assert_allclose(rendered[rows], found, atol=1e-8 * unit)
+
+
+@pytest.mark.parametrize("solver", ["closed-form", "least-sum", "minimax", "safe"])
+def test_other_solvers_choose_the_tensions_of_python(page, solver):
+    for rig in RIGS:
+        asked = problems(rig, int(200 * SHARE), np.random.default_rng(1))
+        position, rotation, wrench, _ = asked
+        rows = list(zip(*(column.tolist() for column in asked), strict=True))
+        statuses, tensions, _, _ = zip(*page.evaluate(ASK, [rig.name, solver, rows]), strict=True)
+        expected = rig.allocate(wrench, position, as_rotation(rig, rotation), rig.at_rest, solver=solver)
+        assert [tl.Status(status).name for status in expected.status] == list(statuses)
+        np.testing.assert_allclose(tensions, expected.tensions, atol=1e-7 * rig.limits.upper.max())
+
+
+def test_the_chart_shows_that_a_linear_program_jumps_where_newton_does_not(page):
+    opened(page, "#rig=seven-modules&show=profile")
+    steps = {}
+    for solver in ("newton", "least-sum"):
+        page.select_option("#solver", solver)
+        page.wait_for_function("tensionlab.app.frame === null")
+        answers = page.evaluate("tensionlab.app.profile.answers")
+        steps[solver] = np.abs(np.diff([answer["tensions"] for answer in answers], axis=0)).max()
+    assert steps["least-sum"] > 3 * steps["newton"]
 
 
 def test_the_answer_follows_what_is_dragged(page):
@@ -200,13 +223,15 @@ def test_a_changed_rig_gives_the_same_answer_in_python(page, name, tmp_path, mon
 
 
 def test_a_link_brings_the_state_back(page):
-    opened(page, "#rig=spidar-g6x4&force=1,2,3,0.1,0,0&turn=0.1,0,0.2&policy=tension&show=polytope&level=2")
+    opened(
+        page, "#rig=spidar-g6x4&force=1,2,3,0.1,0,0&turn=0.1,0,0&policy=tension&solver=safe&show=polytope&level=2"
+    )
     page.evaluate("tensionlab.app.addModule()")
     state = state_of(page)
     page.wait_for_function("location.hash.includes('modules')")
     opened(page, page.evaluate("location.hash"))
     assert state_of(page) == state
-    assert state["policy"] == "tension"
+    assert (state["policy"], state["solver"]) == ("tension", "safe")
     assert len(state["rig"]["modules"]) == 9
 
 
