@@ -10,7 +10,7 @@ BUILD_TOOLS := scikit-build-core nanobind hatch-fancy-pypi-readme $(foreach tool
 export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
 NATIVE := $(wildcard include/*.h include/*/*.hpp include/*/*/*.hpp tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo install test test-fast test-lowest coverage check firmware-check emulate sanitize format bench bench-quick bench-readme bench-workspace bench-runner stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check playground generated checksums clean
+.PHONY: demo install test test-fast test-lowest coverage check firmware-check emulate sanitize format bench bench-quick bench-readme bench-workspace bench-runner stress file-fuzz soak drift faults impacts what-if hostile figures docs docs-check playground notebooks generated checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -108,7 +108,7 @@ figures: .venv/dev.stamp playground
 	@$(BIN)/python paper_figures/make.py
 	@PYTHONPATH=. $(BIN)/python playground/animate.py
 
-# The site: out/site/index.html. Notebooks are run again where they have changed; a warning is an error.
+# The site: out/site/index.html. A warning is an error.
 docs: .venv/docs.stamp playground
 	@rm -rf docs/reference/generated out/site
 	@$(BIN)/sphinx-build --jobs 2 --keep-going --fail-on-warning --quiet -c docs -d build/site/doctrees . out/site
@@ -118,6 +118,10 @@ docs: .venv/docs.stamp playground
 # The same in a browser: every page, link and anchor, the search, equations and pictures; screenshots in out/site-check.
 docs-check: docs
 	@$(BIN)/python -m tools.site.check out/site
+
+# Runs the notebooks, and stores what they show; a second time changes nothing.
+notebooks: .venv/dev.stamp
+	@$(BIN)/python -m tools.notebooks
 
 # What stands between marks in Markdown files: the output of commands, and tables from committed results and code.
 generated: .venv/dev.stamp

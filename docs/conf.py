@@ -48,12 +48,13 @@ exclude_patterns = [".*", "build", "out", "tensionlab", "tests", "docs/figures/*
 nitpicky = True
 smartquotes_action = "qe"  # quotes and ellipses, but no dashes: `--at` in the help of a command stays as it is
 
-# Markdown, and notebooks that are run where they have changed since the last time.
+# Markdown: pages with cells of code are run where they changed. Notebooks are as `make notebooks` stored them.
 myst_enable_extensions = ["attrs_block", "attrs_inline", "colon_fence", "deflist", "dollarmath", "fieldlist"]
 myst_heading_anchors = 4
 myst_fence_as_directive = ["mermaid"]
 nb_execution_mode = "cache"
 nb_execution_cache_path = str(ROOT / "build" / "site" / "notebooks")
+nb_execution_excludepatterns = ["notebooks/*.ipynb"]
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
 nb_output_stderr = "warn"

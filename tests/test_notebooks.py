@@ -1,5 +1,5 @@
-"""The notebooks run from top to bottom without an error or a warning, their exercises can be solved, and they are
-committed without outputs. `tests/test_wheel.py` runs some of them where only the wheel and its extras are."""
+"""The notebooks run from top to bottom without an error or a warning and show what is stored in them, and their
+exercises can be solved. `tests/test_wheel.py` runs some of them where only the wheel and its extras are."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +26,10 @@ from nbclient import NotebookClient
 from traitlets.config import Config
 
 import tensionlab
+from tools.notebooks import NOTEBOOKS, TIME, differ, lasting_outputs, shown
 
-ROOT = Path(__file__).parents[1]
-NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+LARGEST = 300_000  # bytes of a notebook
+MACHINE = re.compile(rf"{TIME.pattern}|/tmp/|\b0x[0-9a-f]{{6}}")  # times, files, addresses
 each = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 # The backend with which kernels show figures below their cells.
 INLINE = "module://matplotlib_inline.backend_inline"
@@ -154,13 +156,17 @@ def test_there_are_notebooks() -> None:
 
 
 @each
-def test_committed_without_outputs(path: Path) -> None:
+def test_stores_little_and_nothing_of_a_machine(path: Path) -> None:
     notebook = load(path)
     nbformat.validate(notebook)
+    assert path.stat().st_size < LARGEST
     for cell in notebook.cells:
         if cell.cell_type == "code":
-            assert not cell.outputs, f"cell {cell.id} has outputs; clear them all before committing"
-            assert cell.execution_count is None, f"cell {cell.id} has an execution count; clear all outputs"
+            assert cell.execution_count is None, f"cell {cell.id} has an execution count; `make notebooks`"
+            words = "".join(
+                text for each in shown(cell.outputs) for kind, text in each.items() if kind != "image/png"
+            )
+            assert not MACHINE.findall(words), f"cell {cell.id} shows what is a machine's; `make notebooks`"
 
 
 @each
@@ -174,23 +180,55 @@ def test_reads_as_the_others_do(path: Path) -> None:
     assert [idiom for idiom in NO_IDIOMS if idiom in source] == []
 
 
+def show(shell: InteractiveShell, result: object, quiet: bool) -> None:
+    """Publish the result of a cell, as a kernel does."""
+    if result is not None and not quiet:
+        data, _ = shell.display_formatter.format(result)
+        if data:
+            shell.display_pub.publish(data)
+
+
 @each
-def test_runs(path: Path, shell: InteractiveShell) -> None:
+def test_runs_and_shows_what_is_stored(path: Path, shell: InteractiveShell) -> None:
     """Warnings are errors here. Pictures have words, for those who do not see them."""
     if library := NEEDS.get(path.stem):
         pytest.importorskip(library)
     for cell in load(path).cells:
         if cell.cell_type == "code":
             with capture_output() as captured:
+                shell.display_trap.hook = partial(show, shell, quiet=cell.source.endswith(";"))
                 ran = shell.run_cell(cell.source)
             ran.raise_error()
             assert not captured.stderr, f"cell {cell.id} complains: {captured.stderr}"
             pictures = sum("image/png" in output.data for output in captured.outputs)
             words = cell.metadata.get("mystnb", {}).get("image", {}).get("alt", "")
             assert pictures == bool(words), f"cell {cell.id} draws {pictures} figures; it is described: {words!r}"
+            printed = [{"stream": captured.stdout}] if captured.stdout else []
+            now = lasting_outputs([*printed, *(output.data for output in captured.outputs)])
+            assert not (how := differ(cell, now)), f"cell {cell.id}, `make notebooks` stores it: {how}"
     with capture_output():
         solved = shell.run_cell(SOLUTIONS[path.stem])
     solved.raise_error()
+
+
+def test_what_is_shown_otherwise_is_seen_and_times_are_left_out() -> None:
+    stored = load(NOTEBOOKS[0]).cells[1]
+    (picture,) = shown(stored.outputs)
+    (other,) = shown(load(NOTEBOOKS[-1]).cells[3].outputs)
+    assert not differ(stored, [picture])
+    assert "pictures" in differ(stored, [other])
+    assert differ(stored, [{"stream": "3 N"}])
+    stored.outputs = [nbformat.v4.new_output("stream", text="1.00 N at 3 poses")]  # type: ignore[no-untyped-call]
+    for text, alike in (("1.01 N at 3 poses", True), ("1.1 N at 3 poses", False), ("1.00 N at 4 poses", False)):
+        assert (not differ(stored, [{"stream": text}])) == alike
+    head, row = (
+        "<tr><th>solver</th><th>call</th><th>gap</th></tr>",
+        "<tr><td>newton</td><td>3 µs</td><td>0</td></tr>",
+    )
+    (lasts,) = lasting_outputs([{"text/html": f"<table>{head}{row}</table>", "text/plain": "<Table>"}])
+    assert lasts == {
+        "text/html": "<table><tr><th>solver</th><th>gap</th></tr><tr><td>newton</td><td>0</td></tr></table>"
+    }
 
 
 def execute(notebook: Any, folder: Path, tmp_path: Path) -> None:
