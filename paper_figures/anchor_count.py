@@ -12,7 +12,16 @@ from tensionlab.model.layouts import LIMITS, box_corners
 from tensionlab.model.module import Module
 from tensionlab.model.rig import Rig
 from tensionlab.plots.style import add_legend, new_figure
-from tensionlab.plots.workspace import SLICE_LEGEND, cut_title, draw_shares, draw_slice, read_field, shade_levels
+from tensionlab.plots.workspace import (
+    SLICE_LEGEND,
+    Field,
+    cut_title,
+    draw_shares,
+    draw_slice,
+    read_field,
+    shade_levels,
+    share_above,
+)
 from tensionlab.support.arrays import Floats
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep import sweep
@@ -23,6 +32,7 @@ if TYPE_CHECKING:
 # Along X, Y and Z, in m; Y is up, the floor is y = 0, and the Y axis runs through its middle.
 ROOM = (4.0, 2.5, 4.0)
 METRIC = "capacity-margin"  # without a force to hold, the force that a point rig renders in every direction
+LARGEST_SHOWN_N = 6.0  # beyond, no share is above 3 %
 POINTS = 61  # of a grid, along the longest edge of its box
 
 
@@ -83,25 +93,37 @@ def plot_anchor_count(published: list[xarray.Dataset], room: xarray.Dataset) -> 
     """
     singles, many = [read_field(swept) for swept in published], read_field(room)
     levels = shade_levels([*singles, many])
-    with new_figure((15.0, 9.4), dpi=105) as figure:
-        parts: Any = figure.subfigures(3, 1, height_ratios=(1.15, 0.65, 0.9))
-        top, middle, bottom = parts
-        panels: Any = top.subplots(1, len(singles))
-        top.suptitle(f"Published rigs, {cut_title(singles[0])}", fontsize="medium", fontweight="bold")
-        for axes, field in zip(panels, singles, strict=True):
-            shades = draw_slice(axes, field, 0, levels)
-        top.colorbar(shades, ax=panels, label=many.label)
-        rooms: Any = middle.subplots(1, len(many.names), sharey=True)
-        middle.suptitle(f"One room, {cut_title(many)}", fontsize="medium", fontweight="bold")
-        for number, axes in enumerate(rooms):
-            draw_slice(axes, many, number, levels)
+    with new_figure((12.0, 7.8), dpi=110) as figure:
+        figure.suptitle(_finding(many), fontweight="bold")
+        above, below = figure.subfigures(2, 1, height_ratios=(1.0, 1.05))  # type: ignore[misc]
+        left, right = above.subfigures(1, 2, width_ratios=(2.2, 1.0))
+        rooms: Any = left.subplots(2, 3, sharex=True, sharey=True)
+        for number, axes in enumerate(rooms.flat):
+            shades = draw_slice(axes, many, number, levels)
             axes.label_outer()
-        middle.colorbar(shades, ax=rooms, label=many.label)
-        curves: Any = bottom.subplots()
+        curves: Any = right.subplots()
         draw_shares(curves, many)
-        curves.legend(title="modules in the room")
+        curves.set_xlim(0.0, LARGEST_SHOWN_N)
+        handles, _ = curves.get_legend_handles_labels()
+        curves.legend(handles=handles[::-1], title="modules", labels=[name[0] for name in many.names][::-1])
+        curves.set_title("One room, by its modules")
+        panels: Any = below.subplots(1, len(singles))
+        for axes, field in zip(panels, singles, strict=True):
+            draw_slice(axes, field, 0, levels)
+        below.colorbar(shades, ax=panels, label=many.label, orientation="horizontal", shrink=0.5, aspect=50)
         add_legend(figure, 3, SLICE_LEGEND)
     return figure
+
+
+def _finding(room: Field) -> str:
+    """Return the title: how much of the room the fewest useful and the most modules serve."""
+    shares = [100.0 * float(share_above(room, number, 1.0)[0]) for number in range(len(room.names))]
+    fewest = next(number for number, share in enumerate(shares) if share > 0.0)
+    few, many = (room.names[number][0] for number in (fewest, -1))
+    return (
+        f"{many} modules render 1 N in every direction in {shares[-1]:.0f} % of a room, "
+        f"{few} in {shares[fewest]:.0f} %, fewer nowhere (slices: {cut_title(room)})"
+    )
 
 
 def _grid(low: Floats, high: Floats, points: int) -> Grid:

@@ -119,54 +119,62 @@ def draw_policies(found: dict[str, Any]) -> Any:
 def brake_maps() -> tuple[dict[str, Any], Any]:
     """Return which walls the rig of the materials holds against 50 N, with motors alone and with brakes."""
     rig = load_scenario("materials").rig
-    W, normals = rig.structure_matrix(rig.home), map_normals()
+    W, normals = rig.structure_matrix(rig.home), np.roll(map_normals(), 1, axis=1)  # z is up
     maps = {
-        "Motors alone": brake_map(W, normals, 50.0, rig.limits, np.zeros(rig.m)),
+        "Motors": brake_map(W, normals, 50.0, rig.limits, np.zeros(rig.m)),
         "Motors and brakes": brake_map(W, normals, 50.0, rig.limits, brake_strengths(rig)),
     }
-    return maps, W
+    return maps, np.roll(W, -1, axis=0)
 
 
 def draw_brake_cones(_: Any) -> Any:
     """Draw two locked cables in a plane: where the point can go, which pushes they hold, and a wall that traps."""
-    directions = np.radians([35.0, 110.0])
-    U = np.array([np.cos(directions), np.sin(directions)])
-    with new_figure((7.4, 3.0)) as figure:
+    cables = np.array([35.0, 110.0])  # directions, in degrees
+    with new_figure((9.4, 4.0)) as figure:
         held, trapped = figure.subplots(1, 2)
         for axes in (held, trapped):
-            axes.set(aspect="equal", xlim=(-1.3, 1.5), ylim=(-1.05, 1.25), xticks=[], yticks=[])
+            axes.set(aspect="equal", xlim=(-1.5, 1.6), ylim=(-1.05, 1.3), xticks=[], yticks=[])
             axes.spines[:].set_visible(False)
-        motion = np.radians(np.linspace(20.0, 125.0, 60))  # u_1·v >= 0 and u_2·v >= 0
-        push = np.radians(np.linspace(215.0, 290.0, 40))  # against the cone of u_1 and u_2
-        for angles, colour, word, where in (
-            (motion, SHADE, "free to move", (0.0, 0.78)),
-            (push, "#F3C98B", "held pushes", (-0.15, -0.8)),
-        ):
-            held.fill(
-                *np.vstack([np.zeros(2), 0.95 * np.array([np.cos(angles), np.sin(angles)]).T]).T, color=colour
-            )
-            held.annotate(word, where, ha="center", fontsize=8)
-        for column in range(2):
-            arrow(held, np.zeros(2), 1.15 * U[:, column], BLUE)
-            held.annotate(f"locked cable {column + 1}", 1.2 * U[:, column], fontsize=8, ha="center")
-        held.plot(0.0, 0.0, "o", color="#222222")
-        held.set_title("Two locked one-way brakes")
-        wall = np.array([np.cos(np.radians(70.0)), np.sin(np.radians(70.0))])
-        across = np.array([-wall[1], wall[0]])
-        corners = [side * 1.2 * across - depth * wall for side, depth in ((1, 0), (-1, 0), (-1, 0.25), (1, 0.25))]
-        trapped.fill(*np.array(corners).T, color="#DDDDDD")
-        for angle, colour, word, where in (
-            (35.0, BLUE, "may be locked: u·n > 0", (0.95, 0.64)),
-            (200.0, RED, "never: u·n < 0,\nit would trap the hand", (-0.55, -0.75)),
-        ):
-            u = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
-            arrow(trapped, np.zeros(2), u, colour)
-            trapped.annotate(word, where, fontsize=8, color=colour, ha="center")
-        arrow(trapped, np.zeros(2), 0.75 * wall, "#222222")
-        trapped.annotate("n", 0.85 * wall, ha="center")
+        # The point moves where u_1·v >= 0 and u_2·v >= 0, and is held against the cone of u_1 and u_2.
+        wedge(held, cables.max() - 90.0, cables.min() + 90.0, SHADE, "free to move")
+        wedge(held, cables.min() + 180.0, cables.max() + 180.0, "#F3C98B", "held pushes")
+        for number, direction in enumerate(cables, 1):
+            cable(held, direction, BLUE)
+            held.annotate(f"locked cable {number}", 1.22 * unit(direction), fontsize=9, ha="center", color=BLUE)
+        held.set_title("Two locked brakes hold one cone of pushes")
+        normal = 70.0
+        side = 1.35 * unit(normal + 90.0)
+        depth = 0.22 * unit(normal)
+        trapped.fill(*np.array([side, -side, -side - depth, side - depth]).T, color="#DDDDDD")
+        trapped.annotate("wall", 0.8 * side - 0.5 * depth, ha="center", va="center", rotation=normal - 90.0)
+        cable(trapped, 35.0, BLUE)
+        trapped.annotate("may be locked: u·n > 0", 1.18 * unit(35.0), fontsize=9, color=BLUE, ha="center")
+        cable(trapped, 205.0, RED)
+        word = "never: u·n < 0,\nit would trap the hand"
+        trapped.annotate(word, (-0.75, -0.82), fontsize=9, color=RED, ha="center")
+        arrow(trapped, np.zeros(2), 0.85 * unit(normal), "#222222")
+        trapped.annotate("normal n", 0.95 * unit(normal), ha="center")
         trapped.plot(0.0, 0.0, "o", color="#222222")
-        trapped.set_title("A wall with normal n")
+        held.plot(0.0, 0.0, "o", color="#222222")
+        trapped.set_title("Lock only cables that pull off the wall")
     return figure
+
+
+def unit(degrees: float) -> Any:
+    """Return the unit vector of an angle."""
+    return np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+
+
+def wedge(axes: Any, begin: float, end: float, colour: str, word: str) -> None:
+    """Draw the directions between two angles in degrees, with their name."""
+    arc = np.array([0.95 * unit(angle) for angle in np.linspace(begin, end, 60)])
+    axes.fill(*np.vstack([np.zeros(2), arc]).T, color=colour)
+    axes.annotate(word, 0.68 * unit((begin + end) / 2.0), ha="center", va="center", fontsize=9)
+
+
+def cable(axes: Any, degrees: float, colour: str) -> None:
+    """Draw the unit vector of a cable, from the hand."""
+    arrow(axes, np.zeros(2), 1.1 * unit(degrees), colour)
 
 
 def stiffness_bounds() -> dict[str, Any]:

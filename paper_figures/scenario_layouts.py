@@ -12,7 +12,8 @@ from tensionlab.plots.scene import TILE_M, Moment
 from tensionlab.scenarios import Scenario
 from tensionlab.support.arrays import Floats
 
-COLUMNS = 3
+COLUMNS, ROW_HEIGHT = 3, 2.9  # panels in a row, and its height in inches
+NARROWEST_M = 2.6  # smallest width of a panel, for its title
 PRESSING_M = 0.002  # distance beyond a brake's wall at which a script presses against it
 SCRIPT_SAMPLES = 201
 
@@ -20,33 +21,39 @@ SCRIPT_SAMPLES = 201
 def plot_scenario_layouts(scenarios: Sequence[Scenario], note: str) -> Any:
     """Draw where modules stand in the room and on the body, with the hand or the head where its script leads it.
 
-    All layouts have one scale; the note stands beside the legend.
+    All layouts have one scale; the note is above them.
 
     Parameters
     ----------
     scenarios : sequence of Scenario
         One a panel.
     note : str
-        Beside the legend.
+        Above the layouts.
     """
-    rows = -(-(len(scenarios) + 1) // COLUMNS)  # one more place, for the legend
-    with style.new_figure((15.0, 3.7 * rows)) as figure:
-        panels: Any = figure.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False)
-        drawn = []
-        for axes, scenario in zip(panels.flat, scenarios, strict=False):
-            path, moment = script_path(scenario)
-            drawn.append((axes, scene.draw_scene(axes, scenario, moment, path)))
-            axes.set_title(scenario.title)
-        for axes in panels.flat[len(scenarios) :]:
-            axes.axis("off")
-        key = panels[-1, -1]
-        key.legend(
-            handles=style.lines_of(scene.scene_legend(scenarios)), loc="upper left", fontsize=9, labelspacing=0.8
-        )
-        key.text(0.02, 0.45, f"{note}\nTiles: {TILE_M:g} m.", va="top", wrap=True, transform=key.transAxes)
-        for axes, names in drawn:
+    rows = [scenarios[start : start + COLUMNS] for start in range(0, len(scenarios), COLUMNS)]
+    with style.new_figure((11.0, 0.9 + ROW_HEIGHT * len(rows))) as figure:
+        figure.suptitle(f"{note} Tiles: {TILE_M:g} m.", fontsize="small")
+        parts: Any = figure.subfigures(len(rows), 1, squeeze=False)[:, 0]
+        drawn = [_draw_row(part, row) for part, row in zip(parts, rows, strict=True)]
+        style.add_legend(figure, 7, scene.scene_legend(scenarios))
+        ends = [axes.get_ylim() for row in drawn for axes, _ in row]
+        for axes, names in (panel for row in drawn for panel in row):
+            axes.set_ylim(min(ends)[0], max(high for _, high in ends))
             style.label_points(figure, axes, names)
     return figure
+
+
+def _draw_row(part: Any, scenarios: Sequence[Scenario]) -> list[tuple[Any, dict[str, list[tuple[float, float]]]]]:
+    """Draw scenarios side by side, each as wide as it needs; return the panels with the names of their points."""
+    panels: Any = part.subplots(1, len(scenarios), squeeze=False)[0]
+    drawn = []
+    for axes, scenario in zip(panels, scenarios, strict=True):
+        path, moment = script_path(scenario)
+        drawn.append((axes, scene.draw_scene(axes, scenario, moment, path)))
+        worn = sum(module.frame in scenario.rig.frames for module in scenario.rig.modules)
+        axes.set_title(f"{scenario.title}\n{scenario.rig.m - worn} in the room, {worn} on the body")
+    panels[0].get_gridspec().set_width_ratios([max(NARROWEST_M, np.ptp(axes.get_xlim())) for axes in panels])
+    return drawn
 
 
 def script_path(scenario: Scenario) -> tuple[Floats, Moment]:

@@ -103,7 +103,6 @@ IDEAL = "solver alone"
 PANELS = (
     ("angle", "angle_mean", "mean angle error (°)", (0.0, 40.0), 0.01),
     ("vector", "magnitude_error_mean", "mean length of the error vector (N)", (0.0, 1.6), 0.001),
-    ("magnitude", "magnitude_mean", "mean size of the measured force (N)", (1.2, 2.3), 0.001),
 )
 TAILS = (0.1, 0.9)  # quantiles over the rigs, between which a line is drawn
 MAX_NAMED = 3  # of more choices that come out the same, only the first is named
@@ -132,7 +131,7 @@ def plot_what_if(trials: DataFrame, published: DataFrame) -> Any:
         heads[question] = height
         places |= {(question, names): height + 1.0 + line for line, names in enumerate(lines)}
         height += len(lines) + 1.6
-    with new_figure((11.0, 1.3 + 0.2 * height)) as figure:
+    with new_figure((9.0, 1.3 + 0.19 * height)) as figure:
         panels: Any = figure.subplots(1, len(PANELS), sharey=True)
         for axes, (column, name, label, span, _) in zip(panels, PANELS, strict=True):
             axes.axvline(published["value"][name], color=GREY, linewidth=1.2, linestyle=":", zorder=1)
@@ -149,18 +148,29 @@ def plot_what_if(trials: DataFrame, published: DataFrame) -> Any:
         for question, place in heads.items():
             title, colour = QUESTIONS[question]
             where: Any = ("axes fraction", "data")
-            panels[0].annotate(title, (0, place), xycoords=where, va="center", color=colour, fontweight="bold")
+            panels[0].annotate(
+                title, (0, place), xycoords=where, va="center", color=colour, fontweight="bold", bbox=HALO
+            )
         rigs = max(len(rows) for lines in groups.values() for rows in lines.values())
-        figure.suptitle(f"Simulated validations of {rigs} rigs", fontsize="medium", fontweight="bold")
+        figure.suptitle(finding(choices), fontsize="medium", fontweight="bold")
         dot: dict[str, Any] = {"color": "#000000", "marker": "o", "markersize": 5}
         looks: list[tuple[str, dict[str, Any]]] = [
-            ("median of the rigs, 10 to 90 %", dot | {"markevery": [0]}),
+            (f"median of {rigs} rigs, 10 to 90 %", dot | {"markevery": [0]}),
             ("published, one rig", {"color": GREY, "linestyle": ":"}),
         ]
         if ideal:
             looks.insert(1, ("on a rig without errors", dot | {"linestyle": "", "fillstyle": "none"}))
         add_legend(figure, len(looks), looks)
     return figure
+
+
+def finding(choices: dict[str, dict[str, DataFrame]]) -> str:
+    """Return the title: the angle error without errors of the rig, with them, and after the best calibration."""
+    presets, calibrations = choices["preset"], choices["calibration"]
+    parts = {"without errors of the rig": presets.get("ideal"), "with them": presets.get("paper-like")}
+    parts["after calibration"] = min(calibrations.values(), key=lambda rows: rows["angle"].median(), default=None)
+    medians = [f"{rows['angle'].median():.1f}° {word}" for word, rows in parts.items() if rows is not None]
+    return f"Mean angle error: {', '.join(medians)}"
 
 
 def choices_of(trials: DataFrame, question: str) -> dict[str, DataFrame]:

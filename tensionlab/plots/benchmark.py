@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 EXACT_N = 1e-6  # an answer with an error up to this is exact, as the interface verifies
 MIN_ERROR_N = 1e-16  # errors below are drawn here: rounding
 NO_ANSWER_N = 1e3  # where an entry is drawn whose errors are larger, or that gave too few answers
-SIZE = (8.0, 6.2)  # size of a figure of time against accuracy, in inches
+SIZE = (8.0, 5.2)  # size of a figure of time against accuracy, in inches
 LOOKS = {
     "own": ("your own", PURPLE, "*"),
     "newton": ("newton", BLUE, "o"),
@@ -31,6 +31,9 @@ LOOKS = {
     "default": ("baseline, default settings", ORANGE, "o"),
     "tight": ("baseline, tight settings", RED, "D"),
 }  # name, colour and marker of each kind of entry
+UNNAMED = ("#C4C4C4", "o")  # colour and marker of entries without a name
+RIVALS = ("analytic-centre", "closed-form", "quadprog", "daqp", "osqp")
+MAX_NAMED = 8  # of more entries only newton, those of one's own and `RIVALS` have names
 FRONT_LINE: dict[str, Any] = {"color": "#444444", "linewidth": 1.0, "linestyle": "--"}
 MAX_RATIO = 1e4  # ratios above are not drawn
 COLUMNS = 4  # panels in a row
@@ -56,7 +59,8 @@ def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Fig
     problems: across, the median call in the feasible sets, as the geometric mean over the sets; up, the largest
     error of all, of the wrench or the limits. Those that did not answer all problems are at the top. Of a
     comparison, each solver with its own policy: across, the median call; up, how much larger than the smallest of
-    all solvers its error is for the same force, at most.
+    all solvers its error is for the same force, at most. Of many solvers only newton, five well-known rivals and
+    your own have names and colours. The title says who answers exactly in the shortest time.
 
     Parameters
     ----------
@@ -102,29 +106,50 @@ def _compared(comparison: Comparison) -> list[Dot]:
 
 def _plot_dots(dots: Sequence[Dot], across: str, up: str, ax: Axes | None) -> Figure | None:
     """Draw entries as dots with names; a line leads from a baseline's default settings to its tight ones."""
+    named = [dot for dot in dots if dot.kind in ("own", "newton") or dot.name in RIVALS]
+    named = named if len({dot.name for dot in dots}) > MAX_NAMED else list(dots)
+    others = [dot for dot in dots if dot not in named]
     with one_panel(ax, SIZE) as (figure, axes):
-        points = _draw_dots(axes, dots)
-        axes.set(xlabel=across, ylabel=up)
-        add_kind_legend(figure, [dot.kind for dot in dots], ax=ax, also=[("Pareto front", FRONT_LINE)])
+        points = _draw_dots(axes, named, others)
+        axes.set(xlabel=across, ylabel=up, title=_fastest_exact(dots))
+        also: list[Entry] = [("Pareto front", FRONT_LINE)]
+        if others:
+            also.insert(0, ("other solvers", {"color": UNNAMED[0], "marker": UNNAMED[1], "ls": ""}))
+        add_kind_legend(figure, [dot.kind for dot in named], ax=ax, also=also)
         label_points(figure, axes, points)
     return figure if ax is None else None
 
 
-def _draw_dots(axes: Axes, dots: Sequence[Dot]) -> dict[str, list[tuple[float, float]]]:
-    """Draw entries as dots, with the scales; return where those of each entry are."""
+def _fastest_exact(dots: Sequence[Dot]) -> str:
+    """Return the title: who answers exactly in the shortest time, and who is next."""
+    times = {dot.name: dot.time for dot in sorted(dots, key=lambda dot: -dot.time) if dot.error <= EXACT_N}
+    first, *following = sorted(times, key=lambda name: times[name]) or [""]
+    if not first:
+        return "No solver answers exactly"
+    title = f"{first} answers exactly in {1e6 * times[first]:.2g} µs"
+    return title + (f", {following[0]}, the next, in {1e6 * times[following[0]]:.2g} µs" if following else "")
+
+
+def _draw_dots(axes: Axes, named: Sequence[Dot], others: Sequence[Dot]) -> dict[str, list[tuple[float, float]]]:
+    """Draw entries as dots, with the scales; return where those of each named entry are."""
+    places = {
+        dot: (1e6 * dot.time, NO_ANSWER_N if not dot.error <= NO_ANSWER_N else max(dot.error, MIN_ERROR_N))
+        for dot in (*named, *others)
+    }
+    for dot in others:
+        axes.plot(*places[dot], UNNAMED[1], color=UNNAMED[0], markersize=5.0, zorder=2)
     points: dict[str, list[tuple[float, float]]] = {}
-    for name, look, time, error in dots:
-        place = (1e6 * time, NO_ANSWER_N if not error <= NO_ANSWER_N else max(error, MIN_ERROR_N))
-        _, colour, marker = LOOKS[look]
-        size, front = (13.0, 4) if look == "own" else (6.5, 3)
-        axes.plot(*place, marker=marker, color=colour, linestyle="", markersize=size, zorder=front)
-        points.setdefault(name, []).append(place)
+    for dot in named:
+        _, colour, marker = LOOKS[dot.kind]
+        size, front = (13.0, 4) if dot.kind == "own" else (6.5, 3)
+        axes.plot(*places[dot], marker=marker, color=colour, linestyle="", markersize=size, zorder=front)
+        points.setdefault(dot.name, []).append(places[dot])
     for ends in points.values():
         axes.plot(*zip(*ends, strict=True), color="#BBBBBB", linewidth=1.0, zorder=2)
-    x, y = zip(*pareto_front([place for ends in points.values() for place in ends]), strict=True)
+    x, y = zip(*pareto_front(list(places.values())), strict=True)
     axes.step([x[0], *x, 1e12], [NO_ANSWER_N, *y, y[-1]], where="post", zorder=1, **FRONT_LINE)
     axes.axhline(EXACT_N, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
-    axes.annotate("exact from here on down", (0, EXACT_N), xycoords=("axes fraction", "data"), xytext=(3, -3),
+    axes.annotate("exact below this line", (0, EXACT_N), xycoords=("axes fraction", "data"), xytext=(3, -3),
                   textcoords="offset points", va="top", fontsize=8, color=GREY)  # fmt: skip
     axes.set(xscale="log", yscale="log", ylim=(MIN_ERROR_N, 10 * NO_ANSWER_N))
     ticks = 10.0 ** np.arange(-15, 1, 3)
@@ -132,7 +157,8 @@ def _draw_dots(axes: Axes, dots: Sequence[Dot]) -> dict[str, list[tuple[float, f
     axes.set_yticks([*ticks, NO_ANSWER_N], [*powers, "over $10^3$,\nor none"], parse_math=True)
     axes.minorticks_off()
     axes.grid()
-    times = [time for ends in points.values() for time, _ in ends]
+    times, errors = np.array(list(places.values())).T
+    axes.set_ylim(max(MIN_ERROR_N, 0.01 * min(errors)))
     axes.set_xlim(min(times) / 1.6, 1.6 * max(times))
     wide = max(times) > 1e4 * min(times)
     ticks = np.outer(10.0 ** np.arange(-1, 10), [1] if wide else [1, 2, 5]).ravel()
@@ -150,7 +176,8 @@ def add_kind_legend(
 ) -> None:
     """Put a legend of the kinds of entries below the panels, or into a panel of another figure."""
     shown = [LOOKS[kind] for kind in LOOKS if kind in kinds]
-    add_legend(figure, len(shown) + len(also), [
+    count = len(shown) + len(also)
+    add_legend(figure, count if count <= COLUMNS + 1 else -(-count // 2), [
         (name, {"color": colour, "marker": marker, "ls": ""} if marked else {"color": colour, "linewidth": 1.8})
         for name, colour, marker in shown
     ] + list(also), ax)  # fmt: skip

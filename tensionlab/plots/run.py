@@ -13,7 +13,7 @@ from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit
 from tensionlab.plots.style import HALO, legend_beside, new_figure
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
-from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
+from tensionlab.support.colours import AXIS_COLOURS, BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.support.table import STATUS_MARKS
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from tensionlab.hardware.log.reader import Run
 
 BINS = 1500  # number of bins of a longer run, each with the worst of its cycles
-COLOURS = (BLUE, ORANGE, GREEN)  # colours of the axes x, y and z
 LIMITER_LOOKS = [
     ("free", "#EDEDED", {Limit.NONE}),
     ("minimum tension", "#B5D9F0", {Limit.LOWER}),
@@ -90,7 +89,7 @@ def plot_run(run: Run) -> Figure:
         _draw_events(panels, run)
         dashed = {"color": GREY, "linestyle": "--", "linewidth": 0.9}
         legend_beside(panels[0], [
-            *((axis, {"color": colour}) for axis, colour in zip("xyz"[:d], COLOURS, strict=False)),
+            *((axis, {"color": colour}) for axis, colour in list(AXIS_COLOURS.items())[:d]),
             *((name, {"color": GREY, **look}) for name, look in WRENCH_LOOKS.items()),
         ])  # fmt: skip
         shown = [
@@ -120,7 +119,8 @@ def _draw_wrench(axes: Axes, run: Run, measured: Floats, part: slice) -> None:
     lines = {"desired": run.desired, "commanded": run.rendered + local, "measured": measured}
     count = run.desired[:, part].shape[1]
     # Where there is one torque only, it is that about z.
-    for index, colour in enumerate(COLOURS[:count] if count > 1 else COLOURS[2:]):
+    colours = list(AXIS_COLOURS.values())
+    for index, colour in enumerate(colours[:count] if count > 1 else colours[2:]):
         for name, wrench in lines.items():
             axes.plot(run.time, wrench[:, part][:, index], color=colour, **WRENCH_LOOKS[name])
     low, high = axes.get_ylim()

@@ -9,13 +9,12 @@ import numpy as np
 
 from tensionlab.errors import InputError
 from tensionlab.plots import scene, style
-from tensionlab.plots.run import COLOURS
 from tensionlab.plots.scene import TILE_M, Moment
 from tensionlab.plots.style import COARSE_SHADE, Entry
 from tensionlab.scenarios.fidelity import ForceRecord, desired_force, rendered_force
 from tensionlab.scenarios.scenery import scenery
 from tensionlab.support.arrays import Floats
-from tensionlab.support.colours import BLUE, GREY, ORANGE, RED
+from tensionlab.support.colours import AXIS_COLOURS, BLUE, GREY, ORANGE, RED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -136,8 +135,8 @@ def draw_force(axes: Axes, played: ScenarioResult) -> None:
     sizes = np.abs(rendered.force).max(axis=0)
     shown = [axis for axis in range(run.rig.dimension) if sizes[axis] >= max(MIN_FORCE_SHARE * sizes.max(), 1e-9)]
     for axis in shown:
-        axes.plot(run.time, desired_force(run)[:, axis], color=COLOURS[axis], **WIDE)
-        axes.plot(rendered.time, rendered.force[:, axis], color=COLOURS[axis], **THIN)
+        axes.plot(run.time, desired_force(run)[:, axis], color=AXIS_COLOURS["xyz"[axis]], **WIDE)
+        axes.plot(rendered.time, rendered.force[:, axis], color=AXIS_COLOURS["xyz"[axis]], **THIN)
     axes.axhline(0.0, color=GREY, linewidth=0.7, zorder=1)
     axes.set_ylabel("N")
     axes.set_title(f"Force on the {scenery(played.scenario).held_name(run.rig)}" if shown else "Force")
@@ -146,7 +145,10 @@ def draw_force(axes: Axes, played: ScenarioResult) -> None:
     up = run.rig.vertical
     source = "rendered (simulated)" if played.person is not None else "measured by the modules"
     entries: list[Entry] = [
-        *((f"along {'xyz'[axis]}" + ", up" * ("xyz"[axis] == up), {"color": COLOURS[axis]}) for axis in shown),
+        *(
+            (f"along {'xyz'[axis]}" + ", up" * ("xyz"[axis] == up), {"color": AXIS_COLOURS["xyz"[axis]]})
+            for axis in shown
+        ),
         ("desired", {"color": GREY, **WIDE}),
         (source, {"color": GREY, **THIN}),
     ]

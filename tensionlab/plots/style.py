@@ -235,7 +235,7 @@ def label_points(figure: Figure, axes: Axes, points: Mapping[str, Sequence[tuple
         far = np.hypot(*(middle - place)) > max(width, height) / 2 + 12.0
         axes.annotate(
             name, points[name][0], xytext=middle - place, textcoords="offset points", ha="center", va="center",
-            fontsize=FONT_SIZE, color="#222222", zorder=5,
+            fontsize=FONT_SIZE, color="#222222", zorder=5, bbox=HALO,
             arrowprops={"arrowstyle": "-", "color": "#999999", "linewidth": 0.6, "shrinkB": 3} if far else None,
         )  # fmt: skip
 

@@ -10,7 +10,7 @@ from tensionlab.model.files import rig_from_toml
 from tensionlab.model.wall_stiffness import HAND_DAMPING, stiffness_bound
 from tensionlab.plots.style import Entry, add_legend, legend_beside, new_figure
 from tensionlab.support.arrays import Floats
-from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
+from tensionlab.support.colours import AXIS_COLOURS, BLUE, GREY, RED
 from tensionlab.validation import characterisation_report as reports
 from tensionlab.validation.characterisation import Characterisation
 from tensionlab.validation.measurements import HALF_POWER
@@ -78,9 +78,6 @@ def plot_validation(result: ValidationResult) -> Figure:
     return plot_forces(make_recording(result, rig, "", {}))
 
 
-COLOURS = dict(zip("xyz", (BLUE, ORANGE, GREEN), strict=True))
-
-
 def plot_characterisation(result: Characterisation) -> Figure:
     """Draw a characterisation: steps, gains over frequency, and the region of stable walls.
 
@@ -96,11 +93,11 @@ def plot_characterisation(result: Characterisation) -> Figure:
     with new_figure((13.0, 4.0)) as figure:
         steps, gains, walls = figure.subplots(1, 3)
         for axis, step in result.steps.items():
-            steps.plot(1e3 * step.times, step.force, color=COLOURS[axis], label=axis)
+            steps.plot(1e3 * step.times, step.force, color=AXIS_COLOURS[axis], label=axis)
         steps.set(title=f"step of {plan.step:g} N", xlabel="time (ms)", ylabel="force (N)", xlim=(0.0, 200.0))
         steps.legend(loc="lower right")
         for axis, response in result.responses.items():
-            gains.plot(response.frequencies, response.gains, ".-", color=COLOURS[axis], label=f"host, {axis}")
+            gains.plot(response.frequencies, response.gains, ".-", color=AXIS_COLOURS[axis], label=f"host, {axis}")
         for module, response in result.vibrations.items():
             gains.plot(response.frequencies, response.gains, ".:", label=f"module {module}")
         gains.axhline(HALF_POWER, color=GREY, linewidth=0.8, label="−3 dB")

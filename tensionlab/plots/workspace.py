@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
 NONE_COLOUR = "#E4E4E4"  # where a value is zero or less
 NO_YES = (NONE_COLOUR, GREEN)  # colours of a metric that is 0 or 1
-PANEL_WIDTH = 3.3  # width of a panel, in inches
+PANEL_WIDTH, HIGHEST_PANEL = 3.3, 3.4  # mean width and largest height of the panels, in inches
+NARROWEST = 0.5  # smallest width of a panel, as a share of the widest
 COLUMNS = 4  # panels in a row, at most
 CURVES = (BLUE, ORANGE, GREEN, RED, "#CC79A7", "#56B4E9", "#000000", "#B8860B")
 DASHES = ("-", "--", ":")
@@ -76,16 +77,22 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
     field, several, count = fields[0], len(fields) > 1, len(fields[0].names)
     columns = count if several else min(COLUMNS, count)
     rows = len(fields) if several else -(-count // columns)
-    across, along = (float(np.ptp(field.axes[name])) for name in _plane(field)[:2])
-    height = min(max(PANEL_WIDTH * along / across if across > 0 else PANEL_WIDTH, 1.8), 5.5) + 0.7
-    with new_figure((1.6 + PANEL_WIDTH * columns, 1.0 + (height - 0.3 * several) * rows)) as figure:
-        grid: Any = figure.subplots(rows, columns, squeeze=False, sharex=several, sharey=several)
+    windows = slice_windows(fields, several)
+    widths, tall = np.ptp(windows[:, 0], axis=1), float(np.ptp(windows[0, 1]))
+    scale = min(PANEL_WIDTH / widths.mean(), HIGHEST_PANEL / tall)
+    size = 1.8 + scale * widths[:columns].sum() + 0.4 * columns, 0.9 + (scale * tall + 0.9 - 0.3 * several) * rows
+    with new_figure(size) as figure:
+        grid: Any = figure.subplots(
+            rows, columns, squeeze=False, sharex="col" if several else False, sharey=several,
+            width_ratios=widths[:columns],
+        )  # fmt: skip
         for axes in grid.flat[len(fields) * count :]:
             axes.set_axis_off()
         for each, panels in zip(fields, grid if several else [grid], strict=True):
             levels = shade_levels([each])
             for number, axes in zip(range(count), panels.flat, strict=False):
                 shades = draw_slice(axes, each, number, levels)
+                axes.set(xlim=windows[number, 0], ylim=windows[number, 1])
                 if several:
                     axes.label_outer()
             bar = figure.colorbar(shades, ax=panels, shrink=0.85, label=each.label)
@@ -98,16 +105,46 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
     return figure
 
 
+def slice_windows(fields: Sequence[Field], several: bool) -> Floats:
+    """Return the ends of what is drawn of each rig's slice, (rigs, 2, 2): first across, then along.
+
+    Inside are the rig and all that is above zero. All rigs have the same ends along, and with one metric across.
+    """
+    first, names = fields[0], list(fields[0].axes)
+    shown = [names.index(axis) for axis in _plane(first)[:2]]
+    windows = np.empty((len(first.names), 2, 2))
+    for number, window in enumerate(windows):
+        above = np.any([(_slice(each, number) > 0) | bool(each.modules) for each in fields], axis=0)
+        rig = np.concatenate([first.anchors[number], first.ends[number]])[:, shown]
+        for part, places in enumerate(first.axes[names[axis]] for axis in shown):
+            drawn = places[above.any(axis=part)] if above.any() else places
+            drawn = np.append(drawn, rig[:, part])
+            window[part] = drawn.min(), drawn.max()
+            window[part] += 0.03 * np.ptp(drawn) * np.array([-1.0, 1.0])
+    for part in (1,) if several else (0, 1):
+        windows[:, part] = windows[:, part, 0].min(), windows[:, part, 1].max()
+    width = np.ptp(windows[:, 0], axis=1)
+    room = np.maximum(NARROWEST * width.max() - width, 0.0) / 2.0  # for the titles
+    windows[:, 0] += room[:, None] * [-1.0, 1.0]
+    return windows
+
+
+def _slice(field: Field, number: int) -> Floats:
+    """Return the values of one rig in the plane of the slices, (along, across)."""
+    names, (across, along, cut) = list(field.axes), _plane(field)
+    picture = field.values[number]
+    if cut is not None:
+        picture = picture.take(_cut_index(field, cut), axis=names.index(cut))
+    return np.asarray(picture if names.index(along) < names.index(across) else picture.T)
+
+
 def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
     """Draw a metric over the slice of one rig, and the rig; return the shades, for the colour bar."""
     from matplotlib.colors import ListedColormap
 
     names = list(field.axes)
-    across, along, cut = _plane(field)
-    picture = field.values[number]
-    if cut is not None:
-        picture = picture.take(_cut_index(field, cut), axis=names.index(cut))
-    picture = picture if names.index(along) < names.index(across) else picture.T
+    across, along, _ = _plane(field)
+    picture = _slice(field, number)
     x, y = field.axes[across], field.axes[along]
     if min(len(x), len(y)) < 2:
         raise InputError(f"a slice needs two positions or more along {across} and {along}; give a smaller step")
@@ -129,7 +166,13 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
         axes.plot(*zip(anchor, end, strict=True), color=GREY, linewidth=0.8)
     axes.plot(*anchors.T, linestyle="", marker="s", markersize=5, color=BLUE, clip_on=False)
     axes.set(xlabel=f"{across} (m)", ylabel=f"{along} (m)", aspect="equal")
-    axes.set_title(field.names[number], fontsize="medium")
+    title = field.names[number]
+    if not field.modules:
+        area = (
+            np.ptp(x) * np.ptp(y) * weighted_share(_slice(field, number) > 0, [node_weights(y), node_weights(x)])
+        )
+        title += f"\nabove zero in {area:.2g} m²"
+    axes.set_title(title, fontsize="medium")
     return shades
 
 
@@ -358,13 +401,17 @@ def plot_certified(proved: CertifiedWorkspace) -> Figure:
     wide = [axis for axis in range(rig.dimension) if extent[axis] > 0]
     if len(wide) < 2:
         raise InputError(f"the region is a line along {'xyz'[wide[0]]}; figures need an extent along two axes")
-    planes = list(combinations(wide, 2))[::-1]
-    with new_figure((max(5.0, 1.0 + PANEL_WIDTH * len(planes)), 1.4 + PANEL_WIDTH)) as figure:
-        panels: Any = figure.subplots(1, len(planes), squeeze=False)[0]
+    planes = [sorted(plane, key=lambda axis: "xyz"[axis] == rig.vertical) for plane in combinations(wide, 2)][::-1]
+    widths, heights = extent[planes].T
+    scale = min(PANEL_WIDTH * len(planes) / widths.sum(), 1.25 * HIGHEST_PANEL / heights.max())  # of all panels
+    size = max(5.6, 0.5 + 0.9 * len(planes) + scale * widths.sum()), 2.5 + scale * heights.max()
+    with new_figure(size) as figure:
+        panels: Any = figure.subplots(1, len(planes), squeeze=False, width_ratios=widths)[0]
         for panel, plane in zip(panels, planes, strict=True):
-            _draw_proved_slice(panel, proved, *sorted(plane, key=lambda axis: "xyz"[axis] == rig.vertical))
+            _draw_proved_slice(panel, proved, *plane)
         bounds = f"{proved.volume.describe()} {proved.unit}"
-        figure.suptitle(f"{rig.name}: {bounds} inside\nrequired: {proved.required}", fontsize="medium")
+        title = f"{rig.name}: {proved.required}, proved in {bounds}"
+        figure.suptitle(title, fontsize="medium", fontweight="bold")
         add_legend(figure, 3 if len(planes) == 1 else len(PROOF_LEGEND), PROOF_LEGEND)
     return figure
 

@@ -10,7 +10,8 @@ from tensionlab.support.arrays import Floats
 # Colours of figures and marks: Okabe and Ito 2008, "Color universal design".
 BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#777777"
 BODY = "#D9C7B4"  # of a body that cables must stay clear of
-RAMP = (BLUE, PURPLE, RED)  # colours of tensions from the lower limit to the upper one
+RAMP = (BLUE, "#A8A8A8", RED)  # colours of tensions from the lower limit to the upper one, neutral in the middle
+AXIS_COLOURS = {"x": BLUE, "y": ORANGE, "z": GREEN}
 # Colour of the arrow of each force of a run.
 FORCE_COLOURS = {"desired": ORANGE, "commanded": BLUE, "measured": GREEN}
 Colours = NDArray[np.uint8]

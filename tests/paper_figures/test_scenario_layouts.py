@@ -8,9 +8,12 @@ from tests.helpers.figures import content_of, words_in
 
 def test_all_are_drawn_with_their_modules():
     scenarios = [load_scenario(name) for name in ("materials", "weight", "bow")]
-    words = words_in(content_of(plot_scenario_layouts(scenarios, "A note.")))
+    figure = plot_scenario_layouts(scenarios, "A note.")
+    words = words_in(content_of(figure))
+    scales = [np.diff(axes.transData.transform([[0.0, 0.0], [1.0, 1.0]]), axis=0) for axes in figure.axes]
+    np.testing.assert_allclose(scales, scales[0] * np.ones_like(scales), rtol=1e-3)
     for scenario in scenarios:
-        assert scenario.title in words
+        assert any(word.startswith(f"{scenario.title}\n") for word in words) or scenario.title in words
         for module in scenario.rig.modules:
             assert module.name in words, module.name
     for word in ("module in the room", "module on the body", "where brakes hold", "virtual surface", "water"):

@@ -39,7 +39,10 @@ def test_every_choice_is_named_and_grouped_by_what_differs(published):
     assert {"the whole rig", "one error alone", "after calibration, held out", "published, one rig"} <= set(words)
     assert "another side of the triangle" not in words
     assert "on a rig without errors" not in words
-    assert "Simulated validations of 20 rigs" in words
+    assert "median of 20 rigs, 10 to 90 %" in words
+    calibrated = made_up_trials().query("choice == 'gain and bias'")["angle"].median()
+    assert any(word.startswith("Mean angle error: 0.0° without") for word in words)
+    assert any(word.endswith(f"{calibrated:.1f}° after calibration") for word in words)
     assert content_of(plot_what_if(made_up_trials(19), published)) != content
 
 

@@ -19,6 +19,8 @@ def test_slices_through_the_home_say_what_is_proved():
     words = "\n".join(words_in(content_of(figure)))
     for word in ("proved inside", "proved outside", "undecided", "y = 0.3 m", "x = 0 m", "ball of 1 N", "m³"):
         assert word in words, word
+    scales = [np.diff(axes.transData.transform([[0.0, 0.0], [1.0, 1.0]]), axis=0) for axes in figure.axes]
+    np.testing.assert_allclose(scales, scales[0] * np.ones_like(scales), rtol=1e-3)
     for axes, cut in zip(figure.axes, range(3), strict=True):
         (image,) = axes.images
         shown = np.asarray(image.get_array())
