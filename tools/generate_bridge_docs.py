@@ -49,66 +49,82 @@ from tensionlab.haptics.rendering.renderer import FADE_DELAY_S, FADE_S
 
 HEAD = f"""# The bridge
 
-The bridge lets game engines drive a rig: `tensionlab serve RIG` opens a WebSocket. Version {PROTOCOL} of the
-messages. This page is generated from the code, by `make generated`.
+The bridge lets game engines and other programs drive a rig: `tensionlab serve RIG` opens a WebSocket. This
+page specifies its messages, version {PROTOCOL}. It is generated from the code, by `make generated`. [Drive a
+rig from a game engine](../how-to/drive-it-from-a-game-engine.md) is a tutorial.
 
-- `ws://127.0.0.1:8765{COMMAND_PATH}` takes frames, 50 to 120 a second, and answers each with exactly one message:
-  the state, or why the frame was refused. Between the answers come events: read on until `type` is not `event`.
-  One client commands, by WebSocket or OSC; a second one is refused.
-  A client in command that sends nothing valid for {SILENCE_S:g} s loses its place.
-- `ws://127.0.0.1:8765{EVENTS_PATH}` sends events, and takes nothing; `{STATE_PATH}` sends the state as well,
-  every {STATE_PERIOD_S:g} s. A limiter of a module, or a softer effect, is an event when it
-  begins, and again only after it has been absent for 1 s. There are at most {MAX_CLIENTS} clients.
-- `http://127.0.0.1:8765{PAGE_PATH}` is a page that shows the state live, and `{SCHEMA_PATH}` beside it is the JSON
-  Schema of all messages for this rig, with its bodies, its dimension and its defaults. The one for all rigs is
-  `examples/bridge/schema.json`.
-- Every message is one JSON object, {MAX_MESSAGE_BYTES // 1024} KiB at most. The first one to every client is a
-  `welcome`. Units are SI; axes are those of the rig (the welcome says which one is up; Unity's are left-handed:
-  turn one round).
-- Times are in s. That of a frame is by the client's own clock, with any origin; it never goes back, unless no
-  frame has come for 1 s. All others are on the clock of the run, which is `time` of the state.
-- The rig renders at its own rate, and moves the hand evenly from one frame to the next, a frame behind.
-  A hand that would be faster than {MAX_HAND_SPEED_M_S:g} m/s was moved by its tracker, and is at rest there.
-- Effects that are stiff or vibrate run on modules whose cables lie within 45 degrees of them. The host renders
-  the others, no stiffer than `ceiling` in the state; `softened` there has the rendered stiffness where it is less
-  than desired, and a `stiff` event names it when it begins.
-- `--scenario NAME` plays a scenario over and over: hand and bodies are where the client says, and its effects
-  replace the scenario's effects of the same names. Others are rendered all the time.
-- {FADE_DELAY_S:g} s after the latest frame the force begins to fade, and {FADE_DELAY_S + FADE_S:g} s after it
-  it is 0, until frames come again. Then it comes back in {FADE_S:g} s.
-- A refusal has a reason, and changes nothing. Refused are wrong types and dimensions, values outside
-  the ranges below, unknown names, and floods: more than {MESSAGES_PER_S:g} messages a second
-  (beyond {MESSAGES_AT_ONCE:g} at once), {1e-3 * BYTES_PER_S:g} kB a second (beyond {1e-3 * BYTES_AT_ONCE:g} kB),
-  or {100 * READ_SHARE:g} % of a processor's time for reading. {MAX_REFUSED} refusals in a row end the
-  connection, and so do as many of a flood without a calm pause in between.
-- The force demanded of modules is at most twice what all cables together pull. Effects that fail while
-  they are rendered are removed, their force fades, and their client is dismissed with the reason; the loop
+## Connections
+
+- `ws://127.0.0.1:8765{COMMAND_PATH}` takes frames, 50 to 120 per second, and answers each with exactly one
+  message: the state, or the reason of a refusal. Events come between the answers: read on until `type` is not
+  `event`. One client commands, by WebSocket or OSC; a second one is refused. A commanding client that sends
+  nothing valid for {SILENCE_S:g} s loses its place.
+- `ws://127.0.0.1:8765{EVENTS_PATH}` only sends events; `{STATE_PATH}` also sends the state, every
+  {STATE_PERIOD_S:g} s. There are at most {MAX_CLIENTS} clients. A limiter of a module, or a softened effect,
+  is an event when it begins, and again only after an absence of 1 s.
+- `http://127.0.0.1:8765{PAGE_PATH}` is a page that shows the state live, and `{SCHEMA_PATH}` is the JSON
+  Schema of all messages for this rig, with its bodies, dimension and defaults. `examples/bridge/schema.json`
+  is valid for all rigs.
+- Connections, disconnections and refusals are printed on stderr and sent as `client` events.
+
+Every message is one JSON object of at most {MAX_MESSAGE_BYTES // 1024} KiB. The first one to every client is
+a `welcome`. Units are SI; axes are those of the rig. The welcome says which axis is up; Unity's axes are
+left-handed.
+
+Times are in s. The time of a frame is on the client's own clock, with any origin; it never decreases, unless
+no frame has come for 1 s. All other times are on the clock of the run, `time` of the state.
+
+## Rendering
+
+- The rig renders at its own rate, and interpolates the hand between frames, one frame behind. Motions of the
+  hand faster than {MAX_HAND_SPEED_M_S:g} m/s are taken for jumps of the tracker, and the hand for resting.
+- Modules render stiff and vibrating effects, if their cables lie within 45 degrees of them. The host renders
+  the others, no stiffer than `ceiling` in the state. If that is less than desired, `softened` in the state
+  has the rendered stiffness, and a `stiff` event reports the begin.
+- `--scenario NAME` repeats a scenario. Hand and bodies are where the client says, and the client's effects
+  replace those of the scenario with the same names; the others are rendered all the time.
+- The force fades from {FADE_DELAY_S:g} s after the latest frame on, and is 0 after {FADE_DELAY_S + FADE_S:g}
+  s. When frames come again, it returns in {FADE_S:g} s.
+- The force demanded of the modules is at most twice what all cables together pull. Effects that fail during
+  rendering are removed, their force fades, and their client is disconnected with the reason; the loop
   continues.
-- Pages of this machine may connect, and programs; other pages only with `--page`. A URL has to call this machine
-  `127.0.0.1`, `localhost` or `[::1]`, so that no foreign page can have its own name lead here. Beyond this machine
-  (`--host 0.0.0.0`) a token is needed instead: `?token=...` or `Authorization: Bearer ...`. The server has it from
-  `--token-file FILE` or the environment, `TENSIONLAB_BRIDGE_TOKEN`.
-- On Linux, programs of another user of this machine are refused without a token. OSC and other systems do not tell
-  users apart.
-- When a client connects, goes or is refused, there is a line on stderr and a `client` event.
-- The same comes in over OSC (`--osc PORT`): `/body/hand x y z`, `/effect/NAME KIND parameter value ...`,
-  `/effect/NAME` alone to take it away, `/stop`. Parameters have the names of the tables below, such as
-  `/effect/floor wall plane.point 0 0.32 0 plane.normal 0 1 0 stiffness 100`, and `field.kind` a word.
-  Nothing is answered; what is refused is a line on stderr and a
-  `refused` event, with the reason. All that one machine sends is one client's. A datagram has {MAX_MESSAGES}
-  messages at most, in one bundle. OSC has no token, so only this machine is listened to, unless
-  `--osc-host` says otherwise.
 
-`examples/bridge/` has clients in Python and JavaScript, and one in Python over OSC; `examples/unity/` is a package
-for Unity, `examples/web/` a page.
+## Refusals
+
+A refusal has a reason, and changes nothing. Refused are wrong types and dimensions, values outside the ranges
+below, unknown names, and floods: more than {MESSAGES_PER_S:g} messages per second (beyond
+{MESSAGES_AT_ONCE:g} at once), {1e-3 * BYTES_PER_S:g} kB per second (beyond {1e-3 * BYTES_AT_ONCE:g} kB), or
+{100 * READ_SHARE:g} % of a processor's time for reading. {MAX_REFUSED} refusals in a row end the connection;
+in a flood, so do as many without a pause.
+
+## Who may connect
+
+- Programs and pages of this machine may connect; other pages only with `--page`. A URL must name this machine
+  as `127.0.0.1`, `localhost` or `[::1]`, so that no foreign page can point its own name here.
+- Beyond this machine (`--host 0.0.0.0`) clients need a token: `?token=...` or `Authorization: Bearer ...`.
+  The server reads it from `--token-file FILE` or the environment variable `TENSIONLAB_BRIDGE_TOKEN`.
+- On Linux, programs of another user of this machine are refused without a token. OSC and other systems cannot
+  tell users apart.
+
+## OSC
+
+With `--osc PORT` the bridge takes the same over OSC: `/body/hand x y z`, `/effect/NAME KIND parameter value
+...`, `/effect/NAME` alone to end it, `/stop`. Parameters have the names of the tables below, such as
+`/effect/floor wall plane.point 0 0.32 0 plane.normal 0 1 0 stiffness 100`, and `field.kind` a word. There are
+no answers: a refusal is a line on stderr and a `refused` event, with the reason. All messages of one machine
+are one client's. A datagram has at most {MAX_MESSAGES} messages, in one bundle. OSC has no token, so only
+this machine is listened to, unless `--osc-host` says otherwise.
+
+`examples/bridge/` has clients in Python, JavaScript and Python over OSC, `examples/unity/` a package for
+Unity, and `examples/web/` a page.
 """
 
 
-EFFECTS_ABOUT = """An effect is an object with its `kind` and parameters, as in each example, which has all at
-their defaults. Directions (`normal`, `axis`, `direction`, `gravity`) have theirs for Z up, and are turned with
-the rig's `up`: with Y up, a wall whose normal is left out has `[0, 1, 0]`.
-Vectors have as many components as the rig has axes: on a rig in the plane, give two, also in place of defaults.
-Times (`shots`, `grasped`, `loosed`) are on the clock of the run, which is the `time` of the state.
+EFFECTS_ABOUT = """An effect is an object with its `kind` and parameters; each example has all of them at
+their defaults. Default directions (`normal`, `axis`, `direction`, `gravity`) are for Z up, and are turned
+with the rig's `up`: with Y up, the default normal of a wall is `[0, 1, 0]`. Vectors have as many components
+as the rig has axes: on a planar rig, give two, even for defaults. Times (`shots`, `grasped`, `loosed`) are on
+the clock of the run, `time` of the state.
 """
 CLIENTS: tuple[type[BridgeMessage], ...] = (*IN, BodyPose)
 SCHEMA_FILE = "examples/bridge/schema.json"
@@ -124,7 +140,7 @@ def document() -> str:
     parts += [*(f"| `{kind}` | {meaning} |" for kind, meaning in KINDS.items()), ""]
     parts += ["## Effects\n", EFFECTS_ABOUT]
     parts += [_effect(name, definitions) for name in EFFECTS]
-    parts += ["## Solids\n", "Of the `field` of a shaped effect: `kind`, sphere if left out, and parameters.\n"]
+    parts += ["## Solids\n", "Values of `field` of a shaped effect: `kind`, sphere if left out, and parameters.\n"]
     parts += [_effect(name, definitions) for name in SOLIDS]
     return "\n".join(parts)
 

@@ -11,23 +11,23 @@ from tensionlab.support.table import Column, Table
 
 
 class Choice(NamedTuple):
-    """What a user wants of the tensions, and the solver for it."""
+    """Need of a user, and the solver for it."""
 
     need: str
     solver: str
 
 
 CHOICES = (
-    Choice("the least tension, proofs, no slow cases", "newton"),
+    Choice("the least tension, with proofs, and never slow", "newton"),
     Choice("the algorithm of the publication", "dykstra"),
-    Choice("clear of all limits, and smooth", "analytic-centre"),
+    Choice("tensions away from all limits, smooth", "analytic-centre"),
     Choice("the largest margin to all limits", "safe"),
     Choice("the centroid, for redundancy up to two", "polygon:centroid"),
-    Choice("the least largest tension", "minimax"),
+    Choice("the smallest maximum tension", "minimax"),
     Choice("the least sum of tensions", "least-sum"),
     Choice("a fixed number of steps, no search", "closed-form"),
-    Choice("rounded kinks, a soft edge", "slack"),
-    Choice("a little error for less tension", "spidar"),
+    Choice("rounded kinks, a gradual edge", "slack"),
+    Choice("a small error for less tension", "spidar"),
 )
 COLUMNS = {
     "solved_1e6": Column("renders", format=format_share),
@@ -47,9 +47,9 @@ def choice(found: Results) -> str:
     columns = ["you want", "solver", "infeasible wrenches", *COLUMNS.values()]
     processor = found.manifest["processor"]
     about = (
-        "*Renders*: the share of feasible problems rendered to 1e-6 N; what a solver refuses (for "
-        "`polygon` more than two redundant cables) counts as missed. *Best if infeasible*: the share of "
-        "problems, in sets with infeasible wrenches, whose error is the least possible one to 1e-6 N. "
-        f"Times are of one call, verification included, on one thread of {processor}."
+        "*Renders*: the share of feasible problems rendered to 1e-6 N; problems that a solver refuses (for "
+        "`polygon` those with more than two redundant cables) count as missed. *Best if infeasible*: the share of "
+        "problems, in sets with infeasible wrenches, whose error is the least possible to 1e-6 N. "
+        f"Times are of one call with verification, on one thread of {processor}."
     )
     return f"{Table(columns, rows).to_markdown()}\n\n{about}"

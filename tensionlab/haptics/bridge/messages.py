@@ -37,7 +37,9 @@ class BodyPose(BridgeMessage):
     """Pose of a tracked body."""
 
     position: tuple[Coordinate, ...] = Field(
-        min_length=2, max_length=3, description="position in m, in the axes of the rig; two numbers in the plane"
+        min_length=2,
+        max_length=3,
+        description="position in m, in the axes of the rig; two numbers on a planar rig",
     )
     rotation: tuple[Share, Share, Share, Share] | None = Field(
         None, description="unit quaternion x, y, z, w, its length within 0.001; no rotation if left out"
@@ -61,13 +63,13 @@ class Frame(BridgeMessage):
     time: Number = Field(
         ge=-MAX_CLOCK_S,
         le=MAX_CLOCK_S,
-        description="time of the poses, in s, by the client's own clock with any origin; it never goes back, "
+        description="time of the poses, in s, on the client's own clock with any origin; it never decreases, "
         "unless no frame has come for 1 s",
     )
     bodies: dict[Name, BodyPose] = Field(
         default_factory=dict,
         max_length=MAX_ENTRIES,
-        description="by name: hand is what the cables pull on; others are the frames that modules are attached to",
+        description="by name: `hand` is what the cables pull; others are frames that modules are attached to",
     )
     effects: dict[Name, dict[str, Any]] | None = Field(
         None,
@@ -113,8 +115,7 @@ class BridgeState(BridgeMessage):
         "difference from measured is the rendered error. Vibrations that modules render are in neither"
     )
     demanded: list[float] = Field(
-        description="the part demanded of the modules, as stiff and as fast as the loop renders stably, in N and "
-        "N m"
+        description="the part demanded of the modules, after the limits of stability and rate, in N and N m"
     )
     measured: list[float | None] = Field(
         description="wrench of the tensions that the modules report, in N and N m; null while one is not known"
@@ -128,7 +129,7 @@ class BridgeState(BridgeMessage):
         description="fidelity of each active effect over the latest 400 cycles, once a second: the known numbers "
         "of `tensionlab.haptics.rendering.fidelity.Fidelity`, such as stiffness, error_jnd and oscillation"
     )
-    noticed: dict[str, list[str]] = Field(description="what a person would notice of it as wrong, in words")
+    noticed: dict[str, list[str]] = Field(description="deviations that a person would notice, in words")
     tensions: list[float | None] = Field(
         description="as the modules report them, in N; null where the report is old"
     )
@@ -158,7 +159,7 @@ KINDS = {
     "derated": "a module's upper tension limit has changed, to protect its winding from heat",
     "brake": "a module's brake changes its state, or a scenario decides about brakes",
     "removed": "a client's effects failed: they are removed, and the client loses the command; with the reason",
-    "client": "a client commands, watches, has gone or was refused",
+    "client": "a client commands, watches, has disconnected or was refused",
     "refused": "a message over OSC was refused; with the reason",
     "silent": "no frames come: the force is 0",
     "fresh": "frames come again: the force fades in",
