@@ -126,6 +126,8 @@ class EffectDemand:
         Desired, in N/m and N s/m; 0 of an effect without.
     frequency, amplitude : float
         Frequency of ripples that pass or of a vibration, in Hz, and the vibration's amplitude in N.
+    gain : float
+        Amplitude of that vibration on the hand per amplitude of the reported tensions.
     softened : mapping of str to (float, float)
         Parameters that are not rendered as desired: their desired and their rendered values.
     """
@@ -135,6 +137,7 @@ class EffectDemand:
     damping: float = 0.0
     frequency: float = 0.0
     amplitude: float = 0.0
+    gain: float = 1.0
     softened: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
@@ -146,8 +149,8 @@ class EffectDemand:
 class EffectTable(NamedTuple):
     """Effect over K cycles; NaN while it was not active.
 
-    ``force`` (K, d), and (K,) ``stiffness``, ``damping``, ``frequency``, ``amplitude`` and ``share`` are those of
-    `EffectDemand`.
+    ``force`` (K, d), and (K,) ``stiffness``, ``damping``, ``frequency``, ``amplitude``, ``gain`` and ``share`` are
+    those of `EffectDemand`.
     """
 
     force: Floats
@@ -155,6 +158,7 @@ class EffectTable(NamedTuple):
     damping: Floats
     frequency: Floats
     amplitude: Floats
+    gain: Floats
     share: Floats
 
 

@@ -26,13 +26,14 @@ from tensionlab.haptics.bridge.server import Bridge
 from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects, Inner, tracked_pose
 from tensionlab.haptics.rendering.renderer import FADE_DELAY_S, FADE_S
 from tensionlab.hardware import Runner, RunSettings
+from tensionlab.hardware.client.group import temporary_slew
 from tensionlab.hardware.protocol.codes import BrakeState, Limit
 from tensionlab.hardware.sharing import SharedRun
 from tensionlab.hardware.simulation.world import GuidedHand
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios import SCENARIOS, Scenario, ScenarioDemand, load_scenario
-from tensionlab.scenarios.play import module_limits, needs_tracker, temporary_slew
+from tensionlab.scenarios.play import module_limits, needs_tracker
 from tensionlab.scenarios.scenery import as_mapping
 from tensionlab.support.files.reading import read_text
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 # Keys of a module that the table `[limits]` can give for all.
 SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius", "pulley_radius", "pulley_axis",
-          "friction_coulomb", "friction_viscous", "cable_stiffness")  # fmt: skip
+          "friction_coulomb", "friction_viscous", "cable_stiffness", "vibration_gain")  # fmt: skip
 BODY_KEYS = ("name", "centre", "start", "end", "radius", "size", "frame", "margin", "sway")
 PERSON_KEYS = ("at", "facing", "height", "margin", "sway")
 

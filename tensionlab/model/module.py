@@ -101,6 +101,9 @@ class Module(ArrayRecord):
         Friction of winch and pulley against the cable's motion, in N, and per speed in N s/m; None if not known.
     cable_stiffness : float or None
         Stiffness of the cable per strain, EA, in N: tension over relative stretch; None if not known.
+    vibration_gain : (K, 2) read-only array or None
+        Amplitude of a vibration at the end of the cable per commanded amplitude: rows of frequency in Hz, rising,
+        and gain, as `tensionlab characterise` measures them; None if not known.
 
     Examples
     --------
@@ -128,6 +131,7 @@ class Module(ArrayRecord):
     friction_coulomb: float | None = None
     friction_viscous: float | None = None
     cable_stiffness: float | None = None
+    vibration_gain: Floats | None = None
 
     def __post_init__(self) -> None:
         require_name(self.name, "module", "name", "give every module a name")
@@ -154,6 +158,8 @@ class Module(ArrayRecord):
         for key, highest, unit in OPTIONAL_NUMBERS:
             if getattr(self, key) is not None:
                 require_number(getattr(self, key), here, key, highest, unit, above_zero=True)
+        if self.vibration_gain is not None:
+            object.__setattr__(self, "vibration_gain", vibration_gain(self.vibration_gain, here))
         if self.pulley_axis is None:
             if self.pulley_radius is not None:
                 give = "give the direction in which the cable comes to the pulley"
@@ -172,6 +178,18 @@ class Module(ArrayRecord):
     def __repr__(self) -> str:
         anchor = f"{format_vector(self.anchor)} m" + (f" on {self.frame}" if self.frame != WORLD else "")
         return f"<Module {self.name}: {anchor}, {format_range(self.lower, self.upper)} N>"
+
+    def gain_at(self, frequency: float) -> float:
+        """Return the gain of a vibration in Hz by ``vibration_gain``, interpolated; 1 if that is not known.
+
+        Examples
+        --------
+        >>> import tensionlab as tl
+        >>> rows = [[20.0, 1.2], [50.0, 2.4], [80.0, 0.6]]  # spool and cable resonate at about 50 Hz
+        >>> tl.Module("top", [0.0, 0.0, 1.0], 0.5, 6.0, vibration_gain=rows).gain_at(50.0)
+        2.4
+        """
+        return 1.0 if self.vibration_gain is None else float(np.interp(frequency, *self.vibration_gain.T))
 
     def check_kind(self, kind: str) -> None:
         """Refuse coordinates that do not suit a kind of rig."""
@@ -291,6 +309,19 @@ def vector(values: ArrayLike, where: str, key: str) -> Floats:
     if point.size and np.abs(point).max() > MAX_LENGTH:
         raise RigError(f'{where}: key "{key}" is {brief(values)}; coordinates are in m, within {MAX_LENGTH:g}')
     return point
+
+
+def vibration_gain(values: ArrayLike, where: str) -> Floats:
+    """Turn rows of frequency and gain into a read-only array (K, 2), or say what is wrong with them."""
+    try:
+        rows = readonly_copy(as_floats("vibration_gain", values))
+    except (TypeError, ValueError):
+        rows = np.empty(0)
+    table = rows.ndim == 2 and rows.shape[1] == 2 and len(rows) > 0 and np.isfinite(rows).all()
+    if table and (rows > 0.0).all() and (np.diff(rows[:, 0]) > 0.0).all():
+        return rows
+    give = "give rows of frequency in Hz and gain, all above zero, by rising frequency"
+    raise RigError(f'{where}: key "vibration_gain" is {brief(values)}; {give}')
 
 
 @dataclass(frozen=True, eq=False)

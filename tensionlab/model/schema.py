@@ -38,6 +38,9 @@ class DefaultsTable(LimitsTable):
     friction_coulomb: float | None = Field(None, description="the dry friction of winch and pulley in N, a number")
     friction_viscous: float | None = Field(None, description="their friction per speed in N s/m, a number")
     cable_stiffness: float | None = Field(None, description="the cable's stiffness per strain in N, a number")
+    vibration_gain: list[list[float]] | None = Field(
+        None, description="rows of frequency in Hz and gain, a list of lists of two numbers"
+    )
 
 
 class ModuleTable(DefaultsTable):

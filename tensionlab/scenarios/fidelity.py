@@ -78,7 +78,7 @@ def run_fidelity(run: Run) -> dict[str, Fidelity]:
     effects = run.effects
     if not effects and np.isfinite(desired).any():
         nothing = np.where(np.isfinite(desired[:, 0]), 0.0, np.nan)
-        effects = {"force": EffectTable(desired, nothing, nothing, nothing, nothing, nothing + 1.0)}
+        effects = {"force": EffectTable(desired, *4 * [nothing], *2 * [nothing + 1.0])}
     measured, free = measured_force(run)[:, :d], ~_braked(run, run.time)
     missing = infeasible_force(run)[:, :d]
     return effects_fidelity(run.time, run.position, measured, effects, missing, free)
@@ -100,7 +100,8 @@ def scenario_fidelity(result: ScenarioResult) -> dict[str, Fidelity]:
         lines = np.stack([np.interp(person.time, run.time, column) for column in columns], axis=1)
         return np.where(np.isnan(values[last]), np.nan, lines.reshape(-1, *values.shape[1:]))
 
-    effects = {name: EffectTable(*map(fill, effect)) for name, effect in run.effects.items()}
+    known = {name: EffectTable(*map(fill, effect)) for name, effect in run.effects.items()}
+    effects = {name: effect._replace(gain=np.ones(len(person.time))) for name, effect in known.items()}
     missing, free = fill(infeasible_force(run)), ~_braked(run, person.time)
     found = effects_fidelity(person.time, record.position, person.force, effects, missing, free)
     for phase in result.scenario.phases:

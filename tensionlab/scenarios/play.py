@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from tensionlab.demand import Demand, DemandSource, RigState
-from tensionlab.errors import HardwareError
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.source import BridgedDemand
 from tensionlab.haptics.rendering.assignment import ModuleLimits
-from tensionlab.hardware.client.group import ModuleGroup
+from tensionlab.hardware.client.group import ModuleGroup, temporary_slew
 from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.runner.records import RunSink, Statistics
@@ -103,7 +101,6 @@ def play(
         runner.note(kind, text)
 
     inner = ScenarioDemand(scenario, note)
-    inner.renderer.limits = module_limits(rig, group)
     source: DemandSource = inner if modules.client is None else BridgedDemand(modules.client, inner)
 
     def demand(state: RigState) -> Demand:
@@ -114,6 +111,7 @@ def play(
         return source(state)
 
     with tempfile.TemporaryDirectory() as folder, temporary_slew(group, scenario.slew):
+        inner.renderer.limits = module_limits(rig, group)
         path = Path(folder) / "scenario.mcap" if log is None else Path(log)
         record = RunLog(path, rig, manifest(call), solver, settings, modules.links, scenery)
         sinks = [SharedRun(rig, solver, settings, group.clients, scenery), record, *sinks]
@@ -129,20 +127,3 @@ def module_limits(rig: Rig, group: ModuleGroup) -> ModuleLimits:
     names = ("stiffness_limit", "damping_limit", "length_upper", "slew")
     limits = (min(client.parameter(name) for client in group.clients) for name in names)
     return ModuleLimits(float(rig.limits.lower.max()), float(rig.limits.upper.min()), *limits)
-
-
-@contextmanager
-def temporary_slew(group: ModuleGroup, slew: float | None) -> Iterator[None]:
-    """Set the modules' slew-rate limit in N/s, and restore it afterwards; None: leave them alone."""
-    if slew is None:
-        yield
-        return
-    before = [client.parameter("slew") for client in group.clients]
-    for client in group.clients:
-        client.set_parameter("slew", slew)
-    try:
-        yield
-    finally:
-        for client, own in zip(group.clients, before, strict=True):
-            with suppress(HardwareError):  # the module is lost, and the run has said so
-                client.set_parameter("slew", own)

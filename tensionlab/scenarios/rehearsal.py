@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensionlab.allocation import Status, allocate
+from tensionlab.haptics.effects import Vibration
 from tensionlab.haptics.effects.effect import Memory, Motion
 from tensionlab.haptics.rendering.brakes import brake_strengths, choose_locks
 from tensionlab.model.wall_stiffness import MIN_COSINE
@@ -86,6 +87,13 @@ def check_needs(scenario: Scenario) -> list[Finding]:
         during = np.flatnonzero((played.time >= phase.begin) & (played.time < phase.end))
         if phase.effects:
             findings.append(_force(scenario, phase, played, during))
+        unknown = [module.name for module in scenario.rig.modules if module.vibration_gain is None]
+        for name, effect in phase.effects.items():
+            if isinstance(effect, Vibration) and unknown:
+                text = (
+                    f"{', '.join(unknown)}: vibration_gain is not known, so its amplitude may differ; measure it: "
+                )
+                findings.append(Finding(f"{phase.name}: {name}", None, f"{text}tensionlab characterise"))
         if phase.hold is not None:
             findings.append(_brakes(scenario, phase, phase.hold, played, during))
     return findings

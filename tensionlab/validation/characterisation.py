@@ -17,7 +17,8 @@ from tensionlab.allocation import allocate
 from tensionlab.demand import Demand, RigState
 from tensionlab.errors import RigError
 from tensionlab.hardware.client import diagnostics
-from tensionlab.hardware.client.group import ModuleGroup
+from tensionlab.hardware.client.group import ModuleGroup, temporary_slew
+from tensionlab.hardware.protocol.codes import PARAMETERS
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import Clock, RunSettings
 from tensionlab.hardware.simulation.links import Conditions
@@ -45,7 +46,9 @@ PINGS = 20  # to each module
 DIRECTIONS = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if np.count_nonzero(way) in (1, 3)])
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1)[:, None]  # the axes and the diagonals, both ways
 WALL_DAMPINGS_NS_M = (0.0, 1.0, 2.0)
-VIBRATIONS_HZ = np.array([10.0, 20.0, 40.0, 60.0, 80.0, 100.0, 150.0, 200.0, 300.0])
+# Closer where a spool resonates on its cable; the slew-rate limit does not bound them.
+VIBRATIONS_HZ = np.array([10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 100.0, 150.0, 200.0, 300.0])
+VIBRATION_SLEW_N_S = PARAMETERS["slew"].upper
 RATE_SHARES = np.array([0.02, 0.05, 0.1, 0.2, 0.3, 0.36, 0.4, 0.44, 0.48])  # frequencies per rate of a host
 
 
@@ -142,7 +145,12 @@ def characterise(
     trips: list[float] = []
     rotation, done = np.eye(3), 0
 
-    def run(grip: str, measuring: Callable[[Recorder], Measuring[T]], offset: Floats = offsets[0]) -> T:
+    def run(
+        grip: str,
+        measuring: Callable[[Recorder], Measuring[T]],
+        offset: Floats = offsets[0],
+        slew: float | None = None,
+    ) -> T:
         nonlocal done, simulated
         modules, clock, sensor = bench(HandRequest(grip, rig.home + offset))
         simulated = sensor.simulated
@@ -151,13 +159,15 @@ def characterise(
             trips.extend(times[np.isfinite(times)])
         zero = read_zero(modules, clock, sensor)
         recorder = Recorder(sensor, zero, rotation, float(np.median(trips)) / 2.0)
-        found = run_measurement(plan, modules, clock, recorder, measuring(recorder))
+        with temporary_slew(modules, slew):
+            found = run_measurement(plan, modules, clock, recorder, measuring(recorder))
         delays.extend(recorder.delays)
         done += 1
-        progress(done / (len(offsets) + 2))
+        progress(done / (len(offsets) + 3))
         return found
 
-    rotation, held, steps, responses, vibrations = run("hold", partial(_at_home, plan, axes))
+    rotation, held, steps, responses = run("hold", partial(_at_home, plan, axes))
+    vibrations = run("hold", partial(_vibrations, plan, axes), slew=VIBRATION_SLEW_N_S)
     for offset in offsets[1:]:
         held += run("hold", partial(_static, plan, offset=offset), offset)
     felt = run("move", lambda recorder: measurements.free_motion(recorder, rig, 3.0 * MOTION_S))
@@ -179,27 +189,34 @@ def _static(plan: CharacterisationPlan, recorder: Recorder, offset: Floats) -> M
 
 def _at_home(
     plan: CharacterisationPlan, axes: dict[str, Floats], recorder: Recorder
-) -> Measuring[tuple[Floats, list[StaticForce], Steps, Responses, Responses]]:
+) -> Measuring[tuple[Floats, list[StaticForce], Steps, Responses]]:
     """Measure how the sensor is turned, and all that is measured at home alone."""
-    rig, held = plan.rig, (yield from _static(plan, recorder, np.zeros(3)))
+    held = yield from _static(plan, recorder, np.zeros(3))
     turn = fit_yaw(np.array([each.desired for each in held]), np.array([each.measured for each in held]))
     recorder.align(turn)
     held = [each._replace(measured=turn @ each.measured) for each in held]
-    structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
     steps: Steps = {}
     responses: Responses = {}
-    vibrations: Responses = {}
     for name, axis in axes.items():
         steps[name] = yield from measurements.step_response(recorder, axis, plan.step)
         responses[name] = yield from measurements.force_response(
             recorder, axis, plan.amplitude, plan.rate * RATE_SHARES, plan.rate
         )
+    return turn, held, steps, responses
+
+
+def _vibrations(plan: CharacterisationPlan, axes: dict[str, Floats], recorder: Recorder) -> Measuring[Responses]:
+    """Measure the gain of vibrations by frequency for the module that is best along each axis."""
+    rig = plan.rig
+    vibrations: Responses = {}
+    structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
+    for axis in axes.values():
         best = rig.modules[int(np.argmax(np.abs(axis @ structure)))].name
         if best not in vibrations:
             vibrations[best] = yield from measurements.vibration_response(
                 recorder, rig, best, plan.amplitude, VIBRATIONS_HZ
             )
-    return turn, held, steps, responses, vibrations
+    return vibrations
 
 
 def _at_walls(

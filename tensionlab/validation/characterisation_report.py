@@ -89,6 +89,13 @@ def table(result: Characterisation) -> Table:
         "Bandwidth is where the amplitude is 3 dB below the desired one; inf is beyond what was tried. A wall is "
         "stable if a pushed hand comes to rest, and passive if it gives the hand no more energy than it took."
     ]
+    measured: dict[str, list[str]] = {}
+    for module, each in result.vibrations.items():
+        pairs = zip(each.frequencies, each.gains, strict=True)
+        rows_of_file = ", ".join(f"[{frequency:.1f}, {gain:.3g}]" for frequency, gain in pairs)
+        measured.setdefault(rows_of_file, []).append(module)
+    for gains, names in measured.items():
+        notes.append(f"For the rig file, {', '.join(names)} and modules like that: vibration_gain = [{gains}]")
     if result.simulated:
         hand = f"the hand at walls has {HAND_MASS_KG:g} kg and {HAND_DAMPING:g} N s/m"
         late = f"links are {500.0 * np.median(result.round_trips):.2g} ms late, one way"

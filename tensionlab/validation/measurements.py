@@ -196,7 +196,7 @@ def vibration_response(
 ) -> Measuring[FrequencyResponse]:
     """Have a module render a vibration at its own rate, while the others hold the balance."""
     index = [each.name for each in rig.modules].index(module)
-    length, pull = float(recorder.state.lengths[index]), rig.modules[index].lower + 2.0 * amplitude
+    length, pull = float(recorder.state.lengths[index]), rig.modules[index].lower + 4.0 * amplitude
 
     def vibrate(frequency: float) -> Callable[[float], Demand]:
         impedance = Impedance(length, feed_forward=pull, amplitude=amplitude, frequency=frequency)

@@ -66,6 +66,7 @@ def rigs(draw):
                 "cable_stiffness",
             )
         }
+        optional["vibration_gain"] = draw(st.sampled_from([None, [[20.0, 1.2]], [[20.0, 1.25], [50.0, 2.4]]]))
         attachment = point() if turns else None
         frame = draw(st.sampled_from(["world", "hip", "a b"]))
         modules.append(Module(name, point(), lower, upper, attachment=attachment, frame=frame, **optional))

@@ -67,6 +67,10 @@ def make(**change):
         ({"spool_radius": float("nan")}, "spool_radius"),
         ({"spool_radius": 1.001 * MAX_LENGTH}, "spool_radius"),
         ({"friction_coulomb": -0.1}, "friction_coulomb"),
+        ({"vibration_gain": []}, "vibration_gain"),
+        ({"vibration_gain": [[20.0, 1.2], [40.0]]}, "vibration_gain"),
+        ({"vibration_gain": [[40.0, 1.2], [20.0, 1.0]]}, "vibration_gain"),
+        ({"vibration_gain": [[20.0, 0.0]]}, "vibration_gain"),
     ],
 )
 def test_a_bad_module_is_refused_by_name_and_key(change, key):

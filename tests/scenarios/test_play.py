@@ -3,8 +3,8 @@
 from contextlib import suppress
 
 import tensionlab as tl
+from tensionlab.hardware.client.group import temporary_slew
 from tensionlab.hardware.simulation.world import World
-from tensionlab.scenarios.play import temporary_slew
 
 
 def test_modules_are_as_fast_as_they_must_be_and_then_as_before_whatever_happens():

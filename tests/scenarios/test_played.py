@@ -136,7 +136,7 @@ def a_surface_rubs_and_a_vibration_hums(played):
     assert mean == pytest.approx(rough.friction.dynamic, rel=0.25)
     hum, rendered = effect_of(played, Vibration)
     shaking = rendered.force @ (np.array(hum.axis) / np.linalg.norm(hum.axis))
-    assert 0.8 < np.sqrt(2.0) * np.std(shaking) < 1.25  # at 40 Hz the reel nearly doubles it
+    assert abs(20.0 * np.log10(np.sqrt(2.0) * np.std(shaking) / hum.amplitude)) < 2.0  # dB
     spectrum = abs(np.fft.rfft((shaking - shaking.mean()) * np.hanning(shaking.size)))
     assert spectrum.argmax() / np.ptp(rendered.time) == pytest.approx(hum.frequency, abs=1.0)
     assert played.person.tensions[np.isin(played.person.time, rendered.time)].min() > 0.01

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +30,7 @@ from tensionlab.haptics.rendering.field import (
     stable_share,
 )
 from tensionlab.haptics.rendering.stability import cap_stiffness, max_damping, stiffnesses
+from tensionlab.model.module import Module
 from tensionlab.model.wall_stiffness import HAND_DAMPING, MARGIN, MIN_COSINE, MIN_HAND_MASS_KG, MODULE_STIFFNESS
 from tensionlab.support.arrays import Floats
 
@@ -68,6 +69,14 @@ class CableState(NamedTuple):
     lengths: Floats
     directions: Floats
     available: NDArray[np.bool_]
+    modules: tuple[Module, ...] = ()
+
+    def gain(self, part: AxisImpedance | None, cable: int | None = None) -> float:
+        """Return the gain of a part's vibration at the end of a cable, or the mean of all; 1 if not known."""
+        modules = self.modules if cable is None else self.modules[cable : cable + 1]
+        if part is None or not part.amplitude or not modules:
+            return 1.0
+        return sum(module.gain_at(part.frequency) for module in modules) / len(modules)
 
 
 class EffectMemory(NamedTuple):
@@ -141,11 +150,13 @@ def assign(
             rendered, wanted, softened = _host_side(
                 effect, motion, memory, part, springs, host_stiffness, host_step
             )
+            gain = cables.gain(part, None if springs is None else next(iter(springs.impedances)))
+            if springs is None and part is not None and not part.feed_forward:
+                rendered = rendered._replace(force=rendered.force / gain)
             if "frequency" not in softened:
-                softened |= _too_fast(effect, part, motion, limits)
-            demands.append(
-                _demand(effect, part, motion, memory.rendered, wanted.force, springs is not None, softened)
-            )
+                softened |= _too_fast(effect, part, motion, limits, cables, springs)
+            demand = _demand(effect, part, motion, memory.rendered, wanted.force, springs is not None, softened)
+            demands.append(replace(demand, gain=gain))
             if part is not None and springs is not None:
                 free[list(springs.impedances)] = False
                 impedances |= springs.impedances
@@ -205,7 +216,14 @@ def _host_side(
     return rendered, wanted, softened
 
 
-def _too_fast(effect: Effect, part: AxisImpedance | None, motion: Motion, limits: ModuleLimits) -> Softened:
+def _too_fast(
+    effect: Effect,
+    part: AxisImpedance | None,
+    motion: Motion,
+    limits: ModuleLimits,
+    cables: CableState,
+    springs: ModuleSprings | None,
+) -> Softened:
     """Return the amplitude of a vibration, or height of ripples, that tensions or the loop are too slow for."""
     if part is None:
         return {}
@@ -213,8 +231,12 @@ def _too_fast(effect: Effect, part: AxisImpedance | None, motion: Motion, limits
         ripples = effect.ripples
         fade = float(ripples.fade(np.asarray(effect.frequency_at(motion) * ripples.period), motion.step))
         return {"ripples.height": (ripples.height, fade * ripples.height)} if fade < 1.0 else {}
-    most = limits.slew / (2.0 * math.pi * part.frequency) if part.amplitude else math.inf
-    return {"amplitude": (part.amplitude, most)} if part.amplitude > most else {}
+    if not part.amplitude:
+        return {}
+    most = limits.slew / (2.0 * math.pi * part.frequency) * cables.gain(part)
+    for cable, each in {} if springs is None else springs.impedances.items():
+        most = each.amplitude * cables.gain(part, cable) * float(part.axis @ cables.directions[cable])
+    return {"amplitude": (part.amplitude, most)} if part.amplitude > most * (1.0 + 1e-9) else {}
 
 
 def _demand(
@@ -232,7 +254,7 @@ def _demand(
         return EffectDemand(force, damping=damping, softened=softened)
     if part.amplitude and is_split(effect):
         force = effect.host_side(motion, memory).force + part.push(motion.velocity)
-        return EffectDemand(force, 0.0, 0.0, part.frequency, part.amplitude, softened)
+        return EffectDemand(force, 0.0, 0.0, part.frequency, part.amplitude, softened=softened)
     frequency = effect.frequency_at(motion) if isinstance(effect, Texture) else 0.0
     whole = force + part.push(motion.velocity) if on_module else force
     return EffectDemand(whole, part.stiffness, max(damping, part.damping), frequency, softened=softened)
@@ -256,17 +278,24 @@ def _best_cable(part: AxisImpedance, directions: Floats, free: NDArray[np.bool_]
 
 
 def along_cable(
-    part: AxisImpedance, length: float, direction: Floats, limits: ModuleLimits = STANDARD_LIMITS
+    part: AxisImpedance,
+    length: float,
+    direction: Floats,
+    limits: ModuleLimits = STANDARD_LIMITS,
+    gain: float = 1.0,
 ) -> Impedance:
     """Return the impedance of a cable (length in m, unit vector from the hand) that renders a part along its axis.
 
     If the hand goes in by dx, a cable at cosine c to the axis pays out c dx, and the share c of its tension is
     along the axis; so stiffness and damping grow with ``1/c²``, forces with ``1/c``. The module damps whenever its
-    cable pays out, so it gets the damping only in contact. Values are cut to the module's limits.
+    cable pays out, so it gets the damping only in contact. Values are cut to the module's limits. The amplitude is
+    corrected by the ``gain`` of a vibration from the motor to the end of the cable, which is taut at both.
     """
     c = float(part.axis @ direction)
-    amplitude = min(part.amplitude / c, (limits.upper - limits.lower) / 2)
-    lowest = limits.lower + amplitude if amplitude else 0.0
+    amplitude = min(part.amplitude / (c * gain), (limits.upper - limits.lower) / (2.0 * max(gain, 1.0)))
+    if part.frequency:
+        amplitude = min(amplitude, limits.slew / (2.0 * math.pi * part.frequency))
+    lowest = limits.lower + amplitude * max(gain, 1.0) if amplitude else 0.0
     return Impedance(
         rest=min(max(length - c * part.compression, 0.0), limits.length),
         stiffness=min(part.stiffness / c**2, limits.stiffness),
@@ -307,7 +336,8 @@ def _module_springs(
     later = cables._replace(lengths=cables.lengths - cables.directions @ way)
     best, by_field = None, False
     if (cable := _best_cable(part, cables.directions, free)) is not None:
-        one = {cable: along_cable(part, float(later.lengths[cable]), cables.directions[cable], limits)}
+        way_out, gain = cables.directions[cable], cables.gain(part, cable)
+        one = {cable: along_cable(part, float(later.lengths[cable]), way_out, limits, gain)}
         best = one, _predict(part, one, cables, host_stiffness)
     # Not for a spring that ends before a late host can end it.
     if part.stiffness > 0.0 and part.amplitude == part.feed_forward == 0.0 and math.isinf(part.reach):

@@ -43,9 +43,8 @@ def effects_fidelity(
             force, others = effect.force[now], whole[now] - effect.force[now]
             spring = bool((effect.stiffness[now] > 0.0).any() or (effect.damping[now] > 0.0).any())
             judge = partial(
-                force_fidelity, time[now], position[now], force,
-                frequency=effect.frequency[now], amplitude=effect.amplitude[now], share=effect.share[now],
-                spring=spring,
+                force_fidelity, time[now], position[now], force, frequency=effect.frequency[now],
+                amplitude=effect.amplitude[now], gain=effect.gain[now], share=effect.share[now], spring=spring,
             )  # fmt: skip
             found[name] = judge(measured[now] - others)
             if found[name].failures() and infeasible[now].any():

@@ -35,6 +35,7 @@ MIN_FIT = 0.8  # smallest share of the variance that a spring and a damper expla
 MIN_SHARES = (0.3, 0.05)  # of stiffness and damping in the changes of a force, else it has none
 HELD_S = 0.05  # forces where none is desired count if they last this long
 VIBRATION_S = 0.25  # window in which a vibration has one phase
+STEADY = 0.5  # least share of a vibration's mean amplitude in it: one that fades cannot be told from a release
 MAX_LATENCY_S = 0.25
 NAN = math.nan
 Parts = list[NDArray[np.intp]]  # samples between gaps
@@ -60,7 +61,7 @@ class Fidelity:
     """Desired and rendered damping, in N s/m; late stiffness is negative damping."""
     amplitude_desired: float
     amplitude: float
-    """Desired and rendered amplitude of a vibration, in N; NaN if it is too fast for the record."""
+    """Desired and rendered amplitude of a vibration, in N; NaN if it fades, or is too fast for the record."""
     bandwidth: float
     """Frequency up to which amplitudes stay within 3 dB, in Hz."""
     excited: float
@@ -108,7 +109,7 @@ class Fidelity:
              f"stiffness {self.stiffness:.0f} of {stiffness:.0f} N/m"),
             (self.share_low * stiffness < (1.0 - STIFFNESS_JND) * self.share_high * stiffness,
              f"stiffness between {self.share_low * stiffness:.0f} and {self.share_high * stiffness:.0f} N/m"),
-            (self.amplitude < MIN_AMPLITUDE * amplitude,
+            (self.amplitude < MIN_AMPLITUDE * amplitude or self.amplitude > amplitude / MIN_AMPLITUDE,
              f"vibrates with {self.amplitude:.2f} of {amplitude:.2f} N"),
             (max(self.error_jnd, missing / just_noticeable(self.force)) > MAX_ERROR_JND,
              f"{force} ({self.error_jnd:.0f} JND)"),
@@ -126,6 +127,7 @@ def force_fidelity(
     measured: Floats,
     frequency: Floats | float = 0.0,
     amplitude: Floats | float = 0.0,
+    gain: Floats | float = 1.0,
     share: Floats | float = 1.0,
     *,
     spring: bool = True,
@@ -142,6 +144,8 @@ def force_fidelity(
         Frequency that the effect has by itself (ripples that pass, a vibration), in Hz; 0: none.
     amplitude : (K,) array or float
         Of a vibration that ``desired`` does not contain, in N.
+    gain : (K,) array or float
+        That vibration's amplitude on the hand per amplitude in ``measured``.
     share : (K,) array or float
         Share of a softened parameter that the loop renders; 1: nothing is softened.
     spring : bool
@@ -182,7 +186,7 @@ def force_fidelity(
         damping_desired=stiff[0][1],
         damping=stiff[1][1] + 0.0 * stiff[0][1],
         amplitude_desired=float(amplitude.max(initial=0.0)) or NAN,
-        amplitude=shaking,
+        amplitude=shaking * float(np.mean(gain)),
         bandwidth=bandwidth,
         excited=excited,
         error=rms(norm(error)),
@@ -228,7 +232,7 @@ def _windows(parts: Parts, length: int) -> Iterator[NDArray[np.intp]]:
 def _without_vibration(
     time: Floats, measured: Floats, frequency: Floats, amplitude: Floats, parts: Parts, step: float
 ) -> tuple[Floats, float]:
-    """Return the measured force without the vibration, and its amplitude; NaN if the record is too slow for it."""
+    """Return the measured force without the vibration, and its amplitude; NaN if it fades or is too fast."""
     shares, rest = [], measured.copy()
     length = max(round(VIBRATION_S / step), 8)
     for part in parts:
@@ -241,7 +245,8 @@ def _without_vibration(
             columns = np.concatenate([waves, np.stack([np.ones_like(late), late], axis=1)], axis=1)
             fitted = np.linalg.lstsq(columns, measured[window], rcond=None)[0][:2]
             rest[window] -= waves @ fitted
-            shares.append(float(np.linalg.norm(fitted)) if 2.0 * hertz * step < 1.0 else NAN)
+            if amplitude[window].min() > STEADY * size:
+                shares.append(float(np.linalg.norm(fitted)) if 2.0 * hertz * step < 1.0 else NAN)
     return rest, float(amplitude.max() * np.mean(shares)) if shares else NAN
 
 

@@ -216,7 +216,8 @@ class Renderer:
         stages = Stages(self._controller if passive else None, max_force=self._max_force)
         before = self._memories[passive]
         smooth = stages.smooth(motion, before.stages)
-        cables = CableState(state.lengths, state.structure[: self._rig.dimension].T, available)
+        directions = state.structure[: self._rig.dimension].T
+        cables = CableState(state.lengths, directions, available, self._rig.modules)
         memories: list[EffectMemory] = []
         for name, effect in effects.items():
             kind, memory = before.effects.get(name, (None, EffectMemory()))
@@ -281,8 +282,8 @@ class Renderer:
 
     def _scaled(self, cable: Impedance, share: float, balance: float) -> Impedance:
         """Return a share of an impedance plus a balance in N; a vibrating cable stays taut."""
-        amplitude = share * cable.amplitude
-        lowest = self.limits.lower + amplitude if amplitude else 0.0
+        amplitude, lower = share * cable.amplitude, self.limits.lower
+        lowest = lower + share * (cable.feed_forward - lower) if amplitude else 0.0
         feed_forward = min(max(share * cable.feed_forward + balance, lowest), self.limits.upper)
         stiffness, damping = share * cable.stiffness, share * cable.damping
         return Impedance(cable.rest, stiffness, damping, feed_forward, amplitude, cable.frequency)

@@ -256,3 +256,20 @@ def connect(rig: Rig, links: Mapping[str, str | Link]) -> ModuleGroup:
             group.close()
             raise each
     return group
+
+
+@contextmanager
+def temporary_slew(group: ModuleGroup, slew: float | None) -> Iterator[None]:
+    """Set the modules' slew-rate limit in N/s, and restore it afterwards; None: leave them alone."""
+    if slew is None:
+        yield
+        return
+    before = [client.parameter("slew") for client in group.clients]
+    for client in group.clients:
+        client.set_parameter("slew", slew)
+    try:
+        yield
+    finally:
+        for client, own in zip(group.clients, before, strict=True):
+            with suppress(HardwareError):  # the module is lost, and the run has said so
+                client.set_parameter("slew", own)

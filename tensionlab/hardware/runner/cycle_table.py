@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum, IntFlag
 from operator import attrgetter
 from typing import Any, NamedTuple, get_args, get_type_hints
@@ -218,6 +218,7 @@ EFFECTS_SCHEMA: dict[str, Any] = {
                 "damping": "desired (N s/m; 0: none)",
                 "frequency": "of ripples that pass or a vibration (Hz; 0: none)",
                 "amplitude": "of a vibration (N)",
+                "gain": "that vibration on the hand per amplitude of the reported tensions (1)",
                 "share": "smallest share of a parameter that is rendered (1)",
             }.items()
         },
@@ -241,10 +242,8 @@ def decode_effects(rows: list[bytes], cycles: Integers, dimension: int) -> dict[
         forces = np.reshape(np.array(row["force"], dtype=np.float64), (len(row["names"]), dimension))
         numbers = zip(*(map(float, row[name]) for name in EFFECT_NUMBERS), strict=True)
         found[int(row["cycle"])] = {
-            str(name): EffectDemand(force, stiffness, damping, frequency, amplitude, {"": (1.0, share)})
-            for name, force, (stiffness, damping, frequency, amplitude, share) in zip(
-                row["names"], forces, numbers, strict=True
-            )
+            str(name): replace(EffectDemand(force, *known), softened={"": (1.0, share)})
+            for name, force, (*known, share) in zip(row["names"], forces, numbers, strict=True)
         }
     return tabulate_effects([found.get(cycle, {}) for cycle in cycles.tolist()], dimension)
 

@@ -348,7 +348,7 @@ def test_a_client_drives_the_materials(serve):
         assert client.welcome.scenario == "materials"
         for number in range(round(PLAYED_S * FRAMES_HZ)):
             hand = MATERIALS.person.script.position((number + 1) / FRAMES_HZ) + LIFT
-            effects = None if number else {"hum": {"kind": "vibrating", "amplitude": 0.4}}
+            effects = None if number else {"hum": {"kind": "vibrating", "amplitude": 0.8}}
             state = client.frame(bridge.now, tuple(hand), effects, number)
             assert state.sequence == number
             for phase in MATERIALS.active_phases(state.time):

@@ -27,6 +27,7 @@ from tensionlab.haptics.rendering.assignment import (
     along_cable,
     assign,
 )
+from tensionlab.model.module import Module
 from tests.helpers.motions import at
 
 
@@ -56,12 +57,16 @@ def test_a_slanting_cable_pulls_as_hard_along_the_normal():
     assert deeper == pytest.approx(300.0 * 0.012)
 
 
-def test_a_vibrating_cable_never_goes_slack():
-    for lower in (0.5, 0.8):
-        limits = ModuleLimits(lower=lower)
-        cable = along_cable(Vibration().module_side(at(0.0, 0.0, 0.0)), 1.0, np.array([0.0, 0.0, 1.0]), limits)
-        assert cable.feed_forward - cable.amplitude == pytest.approx(lower)
-        assert (cable.amplitude, cable.frequency) == (1.0, 40.0)
+@pytest.mark.parametrize("gain", [0.5, 1.0, 1.9])
+@pytest.mark.parametrize("lower", [0.5, 0.8])
+def test_a_vibrating_cable_never_goes_slack_at_the_motor_or_the_hand(lower, gain):
+    part, up = Vibration(amplitude=1.2).module_side(at(0.0, 0.0, 0.0)), np.array([0.0, 0.0, 1.0])
+    cable = along_cable(part, 1.0, up, ModuleLimits(lower=lower, slew=700.0), gain)
+    assert cable.frequency == 40.0
+    assert gain * cable.amplitude == pytest.approx(1.2)  # as the hand feels it
+    assert cable.feed_forward - max(1.2, cable.amplitude) == pytest.approx(lower)
+    wild = along_cable(Vibration(amplitude=9.0).module_side(at(0.0, 0.0, 0.0)), 1.0, up, gain=gain)
+    assert 2.0 * np.pi * 40.0 * wild.amplitude <= STANDARD_LIMITS.slew * (1.0 + 1e-9)
 
 
 def test_nothing_is_asked_that_a_module_refuses():
@@ -150,6 +155,39 @@ def test_an_amplitude_that_tensions_are_too_slow_for_is_named():
     assert plan.demands[0].softened == {"amplitude": (1.0, pytest.approx(0.24, abs=0.002))}
     fast = assign((Vibration(),), at(0.0, 0.0, 0.0), CABLES, replace(STANDARD_LIMITS, slew=300.0))
     assert not fast.demands[0].softened
+    strong = assign((Vibration(amplitude=9.0, frequency=2.0),), at(0.0, 0.0, 0.0), CABLES)
+    assert strong.demands[0].softened == {"amplitude": (9.0, 2.75)}  # half of what is between the limits
+
+
+@pytest.mark.parametrize(("frequency", "rendered"), [(20.0, 0.48), (40.0, 0.48), (100.0, 0.3 * 300 / 628.3)])
+def test_an_amplitude_is_corrected_by_the_gain_of_its_module_and_the_rest_is_named(frequency, rendered):
+    rows = [[20.0, 1.2], [40.0, 1.9], [100.0, 0.3]]
+    modules = tuple(Module(str(i), -each, 0.5, 6.0, vibration_gain=rows) for i, each in enumerate(DIRECTIONS))
+    gain, limits = modules[0].gain_at(frequency), replace(STANDARD_LIMITS, slew=300.0)
+    for direction, cosine in ((DIRECTIONS[2], 1.0), (DIRECTIONS[0] + DIRECTIONS[2], np.sqrt(0.9))):
+        plan = assign(
+            (Vibration(direction, 0.48, frequency),), at(0.0, 0.0, 0.0), CABLES._replace(modules=modules), limits
+        )
+        ((cable, each),) = plan.impedances.items()
+        assert cosine == pytest.approx(max(DIRECTIONS @ direction) / np.linalg.norm(direction))
+        assert plan.demands[0].gain == gain
+        if frequency < 100.0:
+            assert each.amplitude * gain * cosine == pytest.approx(rendered)
+            assert not plan.demands[0].softened
+        else:
+            assert plan.demands[0].softened["amplitude"][1] == pytest.approx(cosine * rendered, rel=1e-3)
+        assert cable in (0, 2)
+
+
+def test_the_hosts_own_vibration_is_corrected_too():
+    modules = tuple(
+        Module(str(i), -each, 0.5, 6.0, vibration_gain=[[8.0, 1.25]]) for i, each in enumerate(DIRECTIONS)
+    )
+    none = CABLES._replace(available=np.zeros(4, dtype=bool), modules=modules)
+    motion = Motion(np.zeros(3), np.zeros(3), 1.0 / 32.0, 0.01)  # a quarter of a period
+    plan = assign((Vibration(amplitude=0.5, frequency=8.0),), motion, none)
+    assert plan.force == pytest.approx([0.0, 0.0, 0.4])
+    assert plan.desired == pytest.approx([0.0, 0.0, 0.5])
 
 
 def test_ripples_that_pass_too_fast_are_named():

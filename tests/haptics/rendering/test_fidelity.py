@@ -111,11 +111,21 @@ def test_what_is_desired_or_happens_once_is_no_oscillation():
     assert judged(load, load + hit).oscillation == 0.0
 
 
-def test_the_amplitude_of_a_vibration_is_measured_if_the_record_is_fast_enough():
-    shaking = along(0.24 * np.sin(2 * np.pi * 40.0 * TIME + 1.0))
+@pytest.mark.parametrize("amplitude", [0.24, 0.70, 0.72, 1.0, 1.40, 1.42, 1.9])
+def test_the_amplitude_of_a_vibration_stays_within_3_db_on_both_sides(amplitude):
+    shaking = along(amplitude * np.sin(2 * np.pi * 40.0 * TIME + 1.0))
     found = judged(NOTHING, shaking, frequency=40.0, amplitude=1.0, spring=False)
-    assert found.amplitude == pytest.approx(0.24, rel=0.02)
-    assert found.failures() == ("vibrates with 0.24 of 1.00 N",)
+    assert found.amplitude == pytest.approx(amplitude, rel=0.005)
+    wrong = abs(20.0 * np.log10(amplitude)) > 3.0
+    assert found.failures() == ((f"vibrates with {amplitude:.2f} of 1.00 N",) if wrong else ())
+    reported = judged(NOTHING, shaking / 1.9, frequency=40.0, amplitude=1.0, gain=1.9, spring=False)
+    assert reported.amplitude == pytest.approx(found.amplitude)
+
+
+def test_the_amplitude_of_a_vibration_is_known_if_it_lasts_and_the_record_is_fast_enough():
+    fading = 1.0 * np.exp(-TIME / 0.05)
+    hum = along(2.0 * fading * np.sin(2 * np.pi * 40.0 * TIME))
+    assert np.isnan(judged(NOTHING, hum, frequency=40.0, amplitude=fading, spring=False).amplitude)
     slow = slice(None, None, 4)  # 50 Hz, in which 60 Hz look like 10 Hz
     fast = along(np.sin(2 * np.pi * 60.0 * TIME))[slow]
     aliased = force_fidelity(TIME[slow], fast, 0 * fast, fast, frequency=60.0, amplitude=1.0, spring=False)
