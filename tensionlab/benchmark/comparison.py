@@ -18,6 +18,7 @@ from tensionlab.benchmark.entries import guarded
 from tensionlab.benchmark.speed import seconds, take_turns
 from tensionlab.errors import InputError, ShapeError
 from tensionlab.model import directions as direction_sets
+from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import Selected, Solver, select_solvers
 from tensionlab.solvers.base import POLICIES, Policy, Status
@@ -37,6 +38,23 @@ MAX_TIMED_S = 2.0  # time after which a slow solver is not timed any further, be
 TIMED_BATCHES = 5  # number of timed batches, one a turn; a batch longer than `QUICK_BATCH_S` is timed once
 QUICK_BATCH_S = 0.05
 NO_PATH = Continuity(np.nan, np.nan, np.nan)
+LEGEND = {
+    "any": "all wrenches are feasible, so the policy makes no difference",
+    "exact": "limits kept, wrench rendered",
+    "near": "certified infeasible, the policy's best substitute found",
+    "unproven": "the solver stopped early, or promises no substitute",
+    "fail": "the solver broke",
+    "error": "desired minus rendered",
+    "angle": "between the desired and the rendered force",
+    "t": "tension",
+    "t²": "squared tension of a cable",
+    "jump": "of a tension on the way, found by halving",
+    "beyond": "infeasible wrenches as well",
+    "step": "largest change of a tension from one sample to the next without a jump, of feasible wrenches",
+    "gap": "largest difference of a tension to the exact optimum (newton's); without a policy, where feasible",
+    "call": "one wrench, verification included",
+    "batch": "all wrenches in one call, time for each",
+}  # what the headings of a comparison mean
 PUBLISHED_FORCE_N = 1.5  # magnitude of the forces of the published validation
 
 
@@ -112,7 +130,8 @@ class Comparison:
             forces = f"{count} required wrenches"
         else:
             added = f" added to {rig.required.describe(rig)}" if rig.required else ""
-            forces = f"{format_count(count, 'force')} of {self.magnitude:g} N{added}"
+            word = "force" if rig.has_position else "torque"
+            forces = f"{format_count(count, word)} of {self.magnitude:g} {KINDS[rig.kind].force_unit}{added}"
         return f"{name}: {forces} at {format_vector(self.position)} m"
 
     def __repr__(self) -> str:
@@ -126,10 +145,12 @@ class Comparison:
         omitted = TRAJECTORY_OMITS if self.along_trajectory else POSITION_OMITS
         hints = get_type_hints(Score, include_extras=True)
         columns = {name: hint.__metadata__[0] for name, hint in hints.items() if name not in omitted}
+        for name in ("residual_mean", "residual_max"):
+            columns[name] = replace(columns[name], unit=KINDS[self.rig.kind].force_unit)
         cells = ([getattr(row, name) for name in columns] for row in merge_policies(self.rows))
         notes = [f"left out: {name}, {reason}" for name, reason in self.missing.items()]
         notes += [f"failed: {name}, {one_line(reason)}" for name, reason in self.failures.items()]
-        return Table([*columns.values()], cells, self.title, notes)
+        return Table([*columns.values()], cells, self.title, notes, LEGEND)
 
     @property
     def failures(self) -> dict[str, str]:

@@ -108,7 +108,7 @@ class Results:
             *(f"{line.label}: {one_line(line.note)}" for line in summary[summary["note"] != ""].itertuples()),
         ]
         table = summary_table(summary, SHOWN)
-        title = f"{len(table.rows)} entries, {len(self.sets)} problem sets"
+        title = f"{len(table.rows)} entries, {format_count(len(self.sets), 'problem set')}"
         return Table(table.columns, table.rows, title, notes)
 
     def to_pandas(self) -> pandas.DataFrame:

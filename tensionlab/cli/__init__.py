@@ -20,11 +20,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
 from tensionlab import __version__
 from tensionlab.cli.common.output import NOTHING_KEPT, print_error
-from tensionlab.cli.common.verbs import Verbs
+from tensionlab.cli.common.verbs import VerbGroup, Verbs
 from tensionlab.errors import TensionlabError
 from tensionlab.support.operating_system import ONE_THREAD, reader_has_gone
 
@@ -97,7 +96,7 @@ PANELS = {
 VERBS = {name: verb for verbs in PANELS.values() for name, verb in verbs.items()}
 
 
-class AllVerbs(TyperGroup):
+class AllVerbs(VerbGroup):
     """Group of all verbs, each imported when it is used."""
 
     def __init__(self, **settings: Any) -> None:

@@ -10,6 +10,7 @@ import typer
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json, option
+from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
@@ -71,8 +72,8 @@ def allocate(
                 if math.isnan(scale)
                 else f", {100 * scale:.4g} % of it"
             )
-        unit = "(N and N·m together)" if loaded.n > loaded.dimension else "N" if loaded.has_position else "N·m"
-        notes = [f"error {format_number(float(result.residual))} {unit}, {text}", *([reason] if reason else [])]
+        error = f"error {format_number(float(result.residual))} {KINDS[loaded.kind].wrench_unit}"
+        notes = [f"{error}, {text}", *([reason] if reason else [])]
         output.print_table(_tensions(loaded, position, rotation, result))
         output.print_line()
         output.print_table(_wrenches(loaded, desired, result.wrench, notes))

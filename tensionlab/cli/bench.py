@@ -22,7 +22,6 @@ from tensionlab.support.files.writing import make_folder, write_text
 
 
 def bench(
-    out: Annotated[Path, options.writes_folder("Folder for the results; made if it is not there.", parents=True)],
     sets: Annotated[
         list[str] | None, option("A,B,...", "Problem sets, or files; all if left out.", "--set")
     ] = None,
@@ -32,22 +31,33 @@ def bench(
     ] = None,
     count: Annotated[int | None, option("N", "Problems in each set; 1000, or 60 with --quick.", min=1)] = None,
     seed: options.Seed = 0,
+    out: Annotated[
+        Path | None,
+        options.writes_folder(
+            "Folder for the results, made if it is not there; left out: a table alone.", parents=True
+        ),
+    ] = None,
     quick: Annotated[bool, flag("--quick", "Two minutes instead of twenty.")] = False,
     json: Json = False,
 ) -> None:
     """Benchmark all solvers and baselines.
 
-    Measures accuracy, speed and the worst case on seeded problem sets, on one thread. Writes results.parquet,
-    manifest.json, report.md and figures/ into the folder. Built-in solvers run through tensionlab's interface. The
-    baselines solve the plain quadratic program, at their default and at tight tolerances: daqp, qpsolvers:BACKEND,
-    cvxpy:plain.
+    Measures accuracy, speed and the worst case on seeded problem sets, on one thread. With --out, it writes
+    results.parquet, manifest.json, report.md and figures/ into that folder. Built-in solvers run through
+    tensionlab's interface. The baselines solve the plain quadratic program, at their default and at tight
+    tolerances: daqp, qpsolvers:BACKEND, cvxpy:plain.
     """
     what = experiment.plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
         results = experiment.measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
-    rest = f"the results are in {out}, but not all figures and the report; the same command measures again"
+    rest = (
+        "nothing is kept"
+        if out is None
+        else f"the results are in {out}, but not all figures and the report; the same command measures again"
+    )
     with output.if_interrupted(rest), output.ResultWriter(quiet=json) as writer:
-        _write(results, out, writer)
+        if out is not None:
+            _write(results, out, writer)
         if json:
             output.print_json(
                 folder=out,

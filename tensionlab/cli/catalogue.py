@@ -47,25 +47,24 @@ def solvers(json: Json = False) -> None:
     if json:
         output.print_json(solvers=entries, broken=broken)
         return
-    headings = [
-        "solver",
-        "installed",
-        "if infeasible, nearest in",
-        "minimises, among tensions that render the wrench",
-    ]
+    legend = {
+        "policies": "in what the substitute of an infeasible wrench may be nearest",
+        "minimises": "among the tensions that render the wrench",
+    }
     rows = [
         [each["solver"], each["installed"], ", ".join(each["policy"]) or None, each["objective"]]
         for each in entries
     ]
     notes = ['To install all of them: pip install "tensionlab[solvers,reference]"']
     notes += [f"Left out: {problem}" for problem in broken.values()]
-    output.print_table(Table(headings, rows, notes=notes))
+    output.print_table(Table(["solver", "installed", "policies", "minimises"], rows, notes=notes, legend=legend))
 
 
 def datasets(
     kind: Annotated[
         str | None,
         typer.Argument(
+            metavar="KIND",
             help=f"Only this kind: {', '.join(stored.KINDS)}.",
             autocompletion=options.complete(lambda: stored.KINDS),
         ),

@@ -9,17 +9,6 @@ from tensionlab.benchmark import comparison
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json, option
 from tensionlab.support import provenance
-from tensionlab.support.table import WIDE, Table
-
-STATUS_LEGEND = """\
-any: all wrenches are feasible, so the policy makes no difference
-exact: limits kept, wrench rendered   near: certified infeasible, the policy's best substitute found
-unproven: the solver stopped early, or promises no substitute   fail: the solver broke"""
-LEGEND = f"""\
-{STATUS_LEGEND}
-error: desired minus rendered   angle: between the two forces
-gap: largest difference of a tension to the exact optimum (newton's); without a policy, where feasible only
-call: one force, verification included   batch: all forces in one call, time for each"""
 
 
 def compare(
@@ -93,12 +82,4 @@ def compare(
                 manifest=manifest,
             )
         else:
-            print_scores(result.table(), LEGEND)
-
-
-def print_scores(table: Table, legend: str) -> None:
-    """Print a table of solvers, what its words mean, and which solvers are left out or failed, and why."""
-    table.notes.insert(0, legend)
-    if output.console().width < WIDE:
-        table.notes.append(f"Wider terminals ({WIDE} columns) show more columns; --json has all.")
-    output.print_table(table)
+            output.print_table(result.table())

@@ -93,7 +93,7 @@ def _open(url: str) -> ModuleClient:
         return ModuleClient(url, url)
     constant = SIMULATED_CONSTANT * PLANT["torque_constant"].default
     gain = constant / PLANT["radius"].default
-    typer.echo(f"Simulated: a module with {gain:.4g} N/A and a mass on its cable.", err=True)
+    output.print_message(f"Simulated: a module with {gain:.4g} N/A and a mass on its cable.")
     return ModuleClient("sim", SimulatedLink(HangingMass(0.1, plant={"torque_constant": constant})))
 
 
@@ -131,8 +131,8 @@ def lengths(path: options.RigArgument, modules: ModulesOfRig, json: Json = False
     save.
     """
     rig = load_rig(path)
-    typer.echo(
-        f"Hold the platform at {format_vector(rig.home)} m, not turned: its cables are tightened.", err=True
+    output.print_message(
+        f"Hold the platform at {format_vector(rig.home)} m, not turned: its cables are tightened."
     )
     with _group(rig, modules) as group:
         before = length_calibration.zero_lengths(group, rig, RealClock(group.clients))
@@ -174,7 +174,7 @@ def record(
             RealClock(group.clients),
             poses,
             seconds,
-            lambda count: typer.echo(f"pose {count}", err=True),
+            lambda count: output.print_message(f"pose {count}"),
         )
     with output.ResultWriter() as writer:
         writer.write_text(f"{len(measured)} poses", out, table_text(length_calibration.columns(rig, measured)))

@@ -21,6 +21,7 @@ from tensionlab.hardware.runner.records import Cycle
 from tensionlab.hardware.runner.runner import Runner, Tracker
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.model.files import load_rig
+from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
 from tensionlab.support.arrays import pad_last_axis
 from tensionlab.support.formatting import format_duration
@@ -190,7 +191,7 @@ def _wrenches(cycle: Cycle, rig: Rig) -> dict[str, str]:
         local = demand.wrench - cycle.solver_wrench  # by impedances and lost modules
         desired = demand.wrench if demand.desired is None else demand.desired
         found = {"desired": desired, "commanded": cycle.allocation.wrench + local, **found}
-    unit = "N" if rig.n == rig.dimension else "N and N·m"
+    unit = KINDS[rig.kind].wrench_unit
     return {
         name: "unknown: a module's report is old"
         if np.isnan(wrench).any()

@@ -183,7 +183,7 @@ def _reach(
     if osc is not None:
         client = ClientState(scenario.rig)
         opened.enter_context(
-            OscServer(client, "127.0.0.1", osc, lambda why: typer.echo(f"refused: {why}", err=True))
+            OscServer(client, "127.0.0.1", osc, lambda why: output.print_message(f"refused: {why}"))
         )
         tracker = tracked_pose(client)
     group = opened.enter_context(closing(connect(scenario.rig, links)))

@@ -100,7 +100,7 @@ def serve(
     events = RunEvents(loaded, limits, brakes, lambda: client.count)
 
     def report(kind: str, line: str) -> None:
-        typer.echo(f"{kind}: {line}", err=True)
+        output.print_message(f"{kind}: {line}")
         events.note(kind, line)
 
     def note(kind: str, text: str) -> None:
@@ -151,7 +151,7 @@ def _load(name: str | None, scenario: str | None, rate: float | None) -> tuple[R
         return load_rig(str(name)), None, RunSettings(rate or RunSettings().rate)
     played = load_scenario(scenario, name)
     if played.placement:
-        typer.echo(played.placement, err=True)
+        output.print_message(played.placement)
     return played.rig, played, RunSettings(rate or played.rate, policy=played.policy)
 
 

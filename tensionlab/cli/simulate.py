@@ -66,7 +66,7 @@ def simulate(
             require_point(loaded)
             held = ServedSensor(loaded, opened.enter_context(closing(serving.TcpPort(listen, sensor))), seed)
             served.append(held)
-            typer.echo(f"force sensor at {held.port.url}", err=True)
+            output.print_message(f"force sensor at {held.port.url}")
             simulated = _named(loaded, held.world)
         elif loaded is not None:
             simulated = _named(loaded, World(loaded, seed=seed))

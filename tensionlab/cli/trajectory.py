@@ -10,17 +10,9 @@ import typer
 from tensionlab.benchmark.comparison import compare
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.verbs import Json, option
-from tensionlab.cli.compare import STATUS_LEGEND, print_scores
 from tensionlab.support.table import Table, findings_table
 from tensionlab.trajectory import inverse_dynamics, read_trajectory
 from tensionlab.validation.trajectory_check import WINCH_COLUMNS, check_trajectory
-
-LEGEND = f"""\
-{STATUS_LEGEND}
-error: desired minus rendered   angle: between the two forces   t: tensions
-jump: of a tension on the way, found by halving   beyond: infeasible wrenches as well
-step: largest change of a tension from one sample to the next without a jump, of feasible wrenches
-call: one wrench, verification included   batch: all wrenches in one call, time for each"""
 
 
 def trajectory(
@@ -67,5 +59,5 @@ def trajectory(
             output.print_line()
             output.print_table(Table([*WINCH_COLUMNS.values()], winches, "Each winch with the tensions of newton"))
             output.print_line()
-            print_scores(compared.table(), LEGEND)
+            output.print_table(compared.table())
     raise typer.Exit(0 if passed else 1)

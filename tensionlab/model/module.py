@@ -48,6 +48,16 @@ class Kind(NamedTuple):
         """Whether the cables hold a body that can turn, rather than a point."""
         return self.turns > 0
 
+    @property
+    def force_unit(self) -> str:
+        """Unit of forces and margins, which are torques where the platform turns alone."""
+        return "N" if self.has_position else "N·m"
+
+    @property
+    def wrench_unit(self) -> str:
+        """Units of all components of a wrench."""
+        return "N and N·m" if self.dof > self.dimension else self.force_unit
+
 
 KINDS = {
     "planar-point": Kind(dimension=2, dof=2),

@@ -234,7 +234,7 @@ class Requirement(ArrayRecord):
 
     def describe(self, rig: RequiringRig) -> str:
         """Return in a few words what is required of a rig."""
-        unit = "N and N·m" if rig.n > rig.dimension else "N" if KINDS[rig.kind].has_position else "N·m"
+        unit = KINDS[rig.kind].wrench_unit
         parts = []
         if self.gravity and rig.platform is not None:
             parts.append(f"its weight of {rig.platform.mass:g} kg")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tensionlab.model.module import KINDS
 from tensionlab.plots.style import HALO, Entry, add_legend, new_figure
 from tensionlab.plots.validation import DESIRED, VIEWS, draw_forces
 from tensionlab.plots.workspace import CURVES, curve_look
@@ -81,8 +82,10 @@ def _plot_forces(comparison: Comparison) -> Figure:
             ("cable direction", {"color": CABLE, "linewidth": 1.6}),
         ])  # fmt: skip
         count, size = len(comparison.wrenches), np.linalg.norm(comparison.wrenches[0])
+        unit = KINDS[comparison.rig.kind].force_unit
         right.suptitle(
-            f"{comparison.rig.name}: {count} forces of {size:.3g} N, by solver and policy", fontweight="bold"
+            f"{comparison.rig.name}: {count} forces of {size:.3g} {unit}, by solver and policy",
+            fontweight="bold",
         )
         _draw_solvers(right, comparison, names)
         add_legend(right, 5, _solver_legend(rows))
@@ -114,7 +117,11 @@ def _draw_solvers(part: Any, comparison: Comparison, names: Sequence[str]) -> No
     errors = [max(row.residual_max, MIN_ERROR_N) for row in rows]
     panels[1].axvspan(MIN_ERROR_N / 10, TOLERANCE, color="#F2F2F2", zorder=0)
     panels[1].text(TOLERANCE / 2, -0.52, "exact", ha="right", va="top", color=GREY)
-    panels[1].set(xscale="log", xlabel="max error (N)", xlim=(MIN_ERROR_N / 10, 10 * np.nanmax([1, *errors])))
+    panels[1].set(
+        xscale="log",
+        xlabel=f"max error ({KINDS[comparison.rig.kind].force_unit})",
+        xlim=(MIN_ERROR_N / 10, 10 * np.nanmax([1, *errors])),
+    )
     # Linear below 1 degree: 0 and 180 degrees on one axis.
     panels[2].set_xscale("symlog", linthresh=1.0)
     panels[2].set(xlabel="max angle error (°)", xlim=(-0.15, 260))

@@ -1,8 +1,10 @@
-"""Numbers as text: short numbers, durations, shares, vectors, counts and ranges."""
+"""Numbers as text: short numbers, durations, shares, vectors, counts and ranges; and lines of a width."""
 
 from __future__ import annotations
 
 import math
+import re
+import textwrap
 from typing import Any
 
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS
@@ -65,6 +67,26 @@ def format_range(*arrays: Any) -> str:
     known = known[np.isfinite(known)]
     ends = dict.fromkeys(f"{end:.4g}" for end in (known.min(), known.max())) if known.size else ["–"]
     return " to ".join(ends)
+
+
+def keep_together(text: str) -> str:
+    """Return a text with no-break spaces between numbers and units, and in vectors."""
+    text = re.sub(r"(?<=\d) (?=\S)|(?<=\bN) (?=s/m\b)", "\N{NO-BREAK SPACE}", text)
+    return re.sub(
+        r"\([-\d][^a-z()]*\)( (?=\S))?", lambda vector: vector[0].replace(" ", "\N{NO-BREAK SPACE}"), text
+    )
+
+
+def words_of(text: str) -> list[str]:
+    """Return what lines may break between: words, numbers with their units, and vectors."""
+    return keep_together(text).replace("\n", " ").split(" ")
+
+
+def wrap(text: str, width: int) -> list[str]:
+    """Return a text in lines of a width, broken between words; each number is on one line with its unit."""
+    paragraphs = keep_together(text).split("\n")
+    lines = [line for each in paragraphs for line in textwrap.wrap(each, width, break_on_hyphens=False)]
+    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines] or [""]
 
 
 def one_line(text: str, length: int = MAX_MESSAGE_CHARACTERS) -> str:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import html
 import math
-import re
-import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tensionlab.support.colours import GREEN, RED
-from tensionlab.support.formatting import format_vector
+from tensionlab.support.formatting import format_vector, words_of, wrap
 
 if TYPE_CHECKING:
     import pandas
@@ -99,6 +97,8 @@ class Table:
         Numbers, texts, vectors, truth values, members of `Status`, marks; None where there is no value.
     title : str or Mark
     notes : sequence of str
+    legend : mapping of str to str
+        What words mean; text has a note for those that are in a heading or a cell it shows.
 
     Examples
     --------
@@ -116,13 +116,14 @@ class Table:
         rows: Iterable[Sequence[Any]],
         title: str | Mark = "",
         notes: Sequence[str] = (),
+        legend: Mapping[str, str] | None = None,
     ) -> None:
         listed = [[_marked(value) for value in row] for row in rows]
         known = [Column(column) if isinstance(column, str) else column for column in columns]
         shown = [i for i in range(len(known)) if not listed or any(_has_value(row[i]) for row in listed)]
         self.columns = [known[i] for i in shown]
         self.rows = [[row[i] for i in shown] for row in listed]
-        self.title, self.notes = title, list(notes)
+        self.title, self.notes, self.legend = title, list(notes), legend or {}
 
     def __repr__(self) -> str:
         return self.to_text()
@@ -144,21 +145,24 @@ class Table:
         widths = [max(size, *map(len, lines)) for size, lines in zip(widths, headings, strict=True)]
         narrowest = [min(size, COMFORTABLE_WIDTH) if text[j] else size for j, size in enumerate(widths)]
         gap = 2 if sum(narrowest) + 2 * len(narrowest) - 2 <= width else 1
-        available = width - gap * (len(widths) - 1)
-        while sum(widths) > available:
-            widest = max((j for j in range(len(widths)) if text[j]), key=lambda j: widths[j], default=None)
-            if widest is None or widths[widest] <= MIN_TEXT_WIDTH:
-                break
-            widths[widest] -= 1
-        lines = [str(self.title)] if self.title else []
+        widths = _narrowed(cells, headings, widths, text, width - gap * (len(widths) - 1))
+        headings = [
+            lines if max(map(len, lines)) <= size else wrap(" ".join(lines), size)
+            for lines, size in zip(headings, widths, strict=True)
+        ]
+        lines = wrap(str(self.title), width) if self.title else []
         if any(self.columns[i].name for i in shown):
             lines += _lines(headings, widths, text, gap, last=True)
             lines.append("─" * (sum(widths) + gap * (len(widths) - 1)))
         for row in cells:
-            lines += _lines([_wrap(*cell) for cell in zip(row, widths, strict=True)], widths, text, gap)
-        lines += [""] * bool(self.notes)
-        for note in self.notes:
-            lines += _wrap(note, width)
+            lines += _lines([wrap(*cell) for cell in zip(row, widths, strict=True)], widths, text, gap)
+        words = {word for i in shown for word in self.columns[i].name.split()}
+        words.update(word for row in cells for cell in row for word in cell.split())
+        notes = [f"{term}: {said}" for term, said in self.legend.items() if words.issuperset(term.split())]
+        notes += self.notes
+        lines += [""] * bool(notes)
+        for note in notes:
+            lines += wrap(note, width)
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
@@ -222,21 +226,40 @@ def _marked(value: Any) -> Any:
     return met_mark(bool(value)) if isinstance(value, (bool, np.bool_)) else value
 
 
-def _wrap(text: str, width: int) -> list[str]:
-    """Return a text in lines of a width, each number on one line with its unit."""
-    held = re.sub(r"(?<=\d) (?=\S)", "\N{NO-BREAK SPACE}", text)
-    lines = [
-        line for paragraph in held.split("\n") for line in textwrap.wrap(paragraph, width, break_on_hyphens=False)
-    ]
-    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines] or [""]
+def _narrowed(
+    cells: Sequence[Sequence[str]],
+    headings: Sequence[Sequence[str]],
+    widths: Sequence[int],
+    text: Sequence[bool],
+    available: int,
+) -> list[int]:
+    """Return the widths of columns with those of text narrowed to fit the available width.
+
+    Names, which are in the first column of text under a heading, keep their width; words are split only where
+    they do not fit otherwise.
+    """
+    found, columns = list(widths), range(len(widths))
+    for words in (True, False):
+        floor = [MIN_TEXT_WIDTH] * len(found)
+        if words and sum(found) > available:
+            parts = [[*headings[j], *(row[j] for row in cells)] for j in columns]
+            floor = [max(len(word) for part in each for word in words_of(part)) for each in parts]
+            for j in [j for j in columns if text[j] and any(headings[j])][:1]:
+                floor[j] = max(floor[j], min(found[j], COMFORTABLE_WIDTH))
+        while sum(found) > available:
+            able = [j for j in columns if text[j] and found[j] > max(floor[j], MIN_TEXT_WIDTH)]
+            if not able:
+                break
+            found[max(able, key=found.__getitem__)] -= 1
+    return found
 
 
 def _wrap_heading(text: str, width: int) -> list[str]:
     """Return a heading in few lines, as narrow as its words and at least as wide as the cells below."""
-    width = max([width, 1, *map(len, text.split())])
-    while len(lines := textwrap.wrap(text, width, break_on_hyphens=False)) > MAX_HEADING_LINES:
+    width = max([width, 1, *map(len, words_of(text))])
+    while len(lines := wrap(text, width)) > MAX_HEADING_LINES:
         width += 1
-    return lines or [""]
+    return lines
 
 
 def _lines(

@@ -97,7 +97,7 @@ def check_losses(rig: Rig) -> list[ModuleLoss]:
 
 def losses_table(rig: Rig, losses: list[ModuleLoss]) -> Table:
     """Return the table of what is left after each loss, and what a run does then."""
-    unit = "N" if rig.has_position else "N·m"
+    unit = KINDS[rig.kind].force_unit
     columns = ["lost module", Column("margin left", unit, ".3g"), "holds",
                Column(f"directions with 1 {unit}", format=format_share), "run --on-loss continue"]  # fmt: skip
     rows = [
@@ -180,7 +180,7 @@ def _required(rig: Rig, structure: Floats) -> Finding:
     """Check that the cables can exert all that is required of the rig at home."""
     margin = float(required_margin(rig, structure, rig.required))
     arm = f" (torques at {rig.characteristic_length:.3g} m)" if rig.n > rig.dimension else ""
-    what, unit = rig.required.describe(rig), "N" if rig.has_position else "N·m"
+    what, unit = rig.required.describe(rig), KINDS[rig.kind].force_unit
     if margin >= -feasibility_tolerance(rig.required.at(rig)):
         return Finding("required", True, f"{what}: feasible, {max(margin, 0.0):.3g} {unit} from the edge{arm}")
     text = f"{what}: infeasible by {-margin:.3g} {unit}{arm}: move modules, widen the limits or require less"
@@ -208,7 +208,7 @@ def _strength(rig: Rig, structure: Floats, offset: Requirement) -> Finding:
     strength = facet_distance(room, normals[:, : rig.dimension], forces).clip(min=0.0)
     weakest = int(np.argmax(strength <= strength.min() * (1 + 1e-9)))  # the first of those equal but for rounding
     where = ", ".join(f"{part:.2f}" for part in forces[weakest].round(2) + 0.0)
-    unit = "N" if rig.has_position else "N·m"
+    unit = KINDS[rig.kind].force_unit
     text = f"{strength[weakest]:.3g} {unit} in its weakest of {len(forces)} directions, ({where})"
     text += f"; {strength.max():.3g} {unit} in its strongest"
     if rig.n > rig.dimension:

@@ -6,8 +6,10 @@ import contextlib
 import dataclasses
 import json
 import math
+import shutil
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from enum import Enum, Flag
 from pathlib import Path
@@ -18,7 +20,7 @@ import typer
 from tensionlab.errors import InputError, WriteError
 from tensionlab.support import provenance
 from tensionlab.support.files import writing
-from tensionlab.support.formatting import one_line
+from tensionlab.support.formatting import one_line, wrap
 from tensionlab.support.operating_system import INTERRUPT_SIGNALS
 
 if TYPE_CHECKING:
@@ -30,12 +32,20 @@ if TYPE_CHECKING:
 
 
 NOTHING_KEPT = "nothing is kept"  # message after Ctrl-C, unless a verb has its own
+BAR_AFTER_S = 2.0  # work that takes longer shows a bar
+
+
+def print_message(text: str) -> None:
+    """Print a line on stderr, above a bar of progress; a terminal shows it in lines of its width."""
+    with contextlib.suppress(OSError, ValueError):
+        if sys.stderr.isatty():
+            text = "\n".join(wrap(text, shutil.get_terminal_size().columns))
+        print(text, file=sys.stderr, flush=True)
 
 
 def print_error(text: str) -> None:
-    """Print one line about what went wrong on stderr: of limited length, with nothing that moves a cursor."""
-    with contextlib.suppress(OSError, ValueError):
-        print(one_line(f"tensionlab: {text}"), file=sys.stderr, flush=True)
+    """Print what went wrong as one line on stderr: of limited length, with nothing that moves a cursor."""
+    print_message(one_line(f"tensionlab: {text}"))
 
 
 @contextlib.contextmanager
@@ -159,8 +169,8 @@ def styled(table: Table) -> Text:
 
     text = Text(table.to_text(console().width), no_wrap=True, overflow="ignore")
     text.stylize("bold", 0, len(str(table.title)))
-    if table.notes:
-        text.stylize("dim", text.plain.rfind("\n\n"))
+    if (end := text.plain.rfind("\n\n")) >= 0:
+        text.stylize("dim", end)
     for mark in (*STATUS_MARKS, met_mark(True), met_mark(False)):
         text.highlight_words([mark.shape], {"#000000": "bold red"}.get(mark.colour, mark.colour))
     return text
@@ -168,6 +178,10 @@ def styled(table: Table) -> Text:
 
 def print_table(table: Table) -> None:
     """Print a table as wide as the terminal, or 120 columns in a pipe or file."""
+    from tensionlab.support.table import WIDE
+
+    if console().width < WIDE and any(column.wide for column in table.columns):
+        table.notes.append(f"Wider terminals ({WIDE} columns) show more columns; --json has all.")
     console().print(styled(table), soft_wrap=True)
 
 
@@ -214,7 +228,7 @@ def fields(thing: object, *names: str) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def progress(what: str) -> Iterator[Callable[[float], None]]:
-    """Show a bar on stderr while the work lasts, if that is a terminal; yield what takes the share done."""
+    """Show a bar on stderr while long work lasts, if that is a terminal; yield what takes the share done."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
     columns = (
@@ -223,6 +237,16 @@ def progress(what: str) -> Iterator[Callable[[float], None]]:
         TaskProgressColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
-        task = bar.add_task(what, total=1.0)
-        yield lambda done: bar.update(task, completed=done)
+    bar = Progress(*columns, console=console(stderr=True), transient=True, disable=not sys.stderr.isatty())
+    task, began = bar.add_task(what, total=1.0), time.monotonic()
+
+    def report(done: float) -> None:
+        if time.monotonic() - began > BAR_AFTER_S:
+            bar.start()
+        bar.update(task, completed=done)
+
+    try:
+        yield report
+    finally:
+        if bar.live.is_started:
+            bar.stop()

@@ -51,19 +51,19 @@ def print_required(rig: Rig) -> None:
     """Print what the cables hold in addition to the desired wrench, if the rig requires something."""
     if rig.required.middle(rig).any():
         constant = replace(rig.required, box=None, wrenches=None, ball=0.0)
-        typer.echo(f"the cables also hold what {rig.name} requires: {constant.describe(rig)}", err=True)
+        output.print_message(f"the cables also hold what {rig.name} requires: {constant.describe(rig)}")
 
 
 def print_simulated() -> None:
     """Print that no real module pulls."""
-    typer.echo("No --modules given: simulating them in this process.", err=True)
+    output.print_message("No --modules given: simulating them in this process.")
 
 
 def show_run() -> None:
     """Open a page in the browser that shows the run which this process is about to begin."""
     from tensionlab.viewer.live import open_page
 
-    typer.echo(f"{open_page()} shows the run", err=True)
+    output.print_message(f"{open_page()} shows the run")
 
 
 def lsl_streams(rig: Rig, solver: str, rate: float, *, wanted: bool) -> list[RunSink]:

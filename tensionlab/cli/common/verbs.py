@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable
 from typing import Annotated, Any, TypeVar
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
+
+from tensionlab.support.formatting import keep_together
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -30,8 +33,51 @@ def port_option(help_text: str, *names: str, least: int = 0) -> Any:
 Json = Annotated[bool, flag("--json", "Print JSON instead of a table.")]
 
 
+class HelpFormatter(typer.Context.formatter_class):  # type: ignore[misc]  # of typer's own click
+    """Writer of help whose lines end between words, without the types of arguments."""
+
+    def write_text(self, text: str) -> None:
+        """Write a paragraph."""
+        write = super().write_text
+        write(_keep_words(text))
+
+    def write_dl(self, rows: Any, *widths: Any, **more: Any) -> None:
+        """Write names with what they mean."""
+        shown = [(re.sub(r" <(str|path|list\[\w+\])>$", "", name), _keep_words(text)) for name, text in rows]
+        super().write_dl(shown, *widths, **more)
+
+    def getvalue(self) -> str:
+        """Return the help."""
+        text: str = super().getvalue()
+        return text.replace("\N{NO-BREAK SPACE}", " ").replace("\N{NON-BREAKING HYPHEN}", "-")
+
+
+def _keep_words(text: str) -> str:
+    return re.sub(r"(?<=\S)-(?=\S)", "\N{NON-BREAKING HYPHEN}", keep_together(text))
+
+
+class HelpContext(typer.Context):
+    """Context of a verb, which writes its help."""
+
+    formatter_class = HelpFormatter
+
+
+class VerbGroup(TyperGroup):
+    """Group of verbs, listed with all of their first lines."""
+
+    context_class = HelpContext
+
+    def format_commands(self, context: Any, formatter: Any) -> None:
+        """Write the verbs."""
+        verbs = ((name, self.get_command(context, name)) for name in self.list_commands(context))
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, (verb.help or "").partition("\n")[0]) for name, verb in verbs if verb])
+
+
 class Verb(TyperCommand):
     """Verb that refuses an option which is there twice, but for those that may be repeated."""
+
+    context_class = HelpContext
 
     def parse_args(self, context: Any, words: list[str]) -> list[str]:
         """Read the words; of an option with one value, the parser would keep the last without a word."""
@@ -48,7 +94,7 @@ class Verbs(typer.Typer):
     """Verbs, each a `Verb`."""
 
     def __init__(self, help_text: str | None = None) -> None:
-        super().__init__(help=help_text, no_args_is_help=bool(help_text), rich_markup_mode=None)
+        super().__init__(cls=VerbGroup, help=help_text, no_args_is_help=bool(help_text), rich_markup_mode=None)
 
     def command(self, name: str | None = None, **settings: Any) -> Callable[[Function], Function]:
         """Return what makes a function a verb."""

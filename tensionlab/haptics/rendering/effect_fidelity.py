@@ -104,7 +104,7 @@ def fidelity_table(found: Mapping[str, Fidelity], title: str = "Fidelity: render
     columns = ["", "effect", Column("force", "N"), Column("stiffness", "N/m"),
                Column("damping", "N s/m", wide=True), Column("error", "N", format_number),
                Column("peak", "N", format_number),
-               Column("error", "JND", ".1f"), Column("bandwidth", "Hz"), Column("off", "deg", ".0f"),
+               Column("error", "JND", ".1f"), Column("bandwidth", "Hz"), Column("off", "°", ".0f"),
                Column("vibration", "N"), Column("late", "ms", ".0f", wide=True)]  # fmt: skip
     notes = [
         f"{name}: {'; '.join(each.failures())}{', which is infeasible' * (each.passed is None)}"
