@@ -52,7 +52,7 @@ def without_times(printed: str) -> str:
     title, head, *rows = table.splitlines()
     width = head.index(LAST_LASTING) + len(LAST_LASTING)
     cut = [line[:width].rstrip() for line in (head, *rows)]
-    words = [line for line in legend.splitlines() if not line.startswith("call:")]
+    words = [line for line in legend.splitlines() if not line.startswith(("call:", "batch:"))]
     return "\n".join(["```", title.rstrip(), *cut, "", *words, "```"])
 
 

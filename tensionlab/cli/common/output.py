@@ -238,10 +238,10 @@ def progress(what: str) -> Iterator[Callable[[float], None]]:
         TimeRemainingColumn(),
     )
     bar = Progress(*columns, console=console(stderr=True), transient=True, disable=not sys.stderr.isatty())
-    task, began = bar.add_task(what, total=1.0), time.monotonic()
+    task, began = bar.add_task(what, total=1.0), time.perf_counter()
 
     def report(done: float) -> None:
-        if time.monotonic() - began > BAR_AFTER_S:
+        if time.perf_counter() - began > BAR_AFTER_S:
             bar.start()
         bar.update(task, completed=done)
 

@@ -12,6 +12,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from tensionlab.support.formatting import keep_together
 
+FORMATTER: Any = typer.Context.formatter_class
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -33,7 +34,7 @@ def port_option(help_text: str, *names: str, least: int = 0) -> Any:
 Json = Annotated[bool, flag("--json", "Print JSON instead of a table.")]
 
 
-class HelpFormatter(typer.Context.formatter_class):  # type: ignore[misc]  # of typer's own click
+class HelpFormatter(FORMATTER):  # type: ignore[misc]  # its class is not public
     """Writer of help whose lines end between words, without the types of arguments."""
 
     def write_text(self, text: str) -> None:
