@@ -42,6 +42,7 @@ include_patterns = [
     "datasets/README.md",
     "datasets/*/README.md",
     "firmware/*.md",
+    "kit/*.md",
     "paper_figures/README.md",
 ]
 exclude_patterns = [".*", "build", "out", "tensionlab", "tests", "docs/figures/*.md", "docs/templates"]

@@ -16,6 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from kit.parts import bill
 from tensionlab import datasets
 from tensionlab.errors import TensionlabError
 from tensionlab.haptics.bridge.schema import schema_text
@@ -27,7 +28,7 @@ from tools.generate_solver_choice import choice
 
 ROOT = Path(__file__).parents[1]
 # Where Markdown files may hold blocks; those of the first one without its folders.
-FOLDERS = (".", "datasets", "docs", "examples", "firmware", "paper_figures")
+FOLDERS = (".", "datasets", "docs", "examples", "firmware", "kit", "paper_figures")
 MARK = re.compile(
     r"^<!-- (?P<name>[\w-]+): start -->\n(?P<text>.*?)^<!-- (?P<end>[\w-]+): end -->$", re.DOTALL | re.MULTILINE
 )
@@ -128,6 +129,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "what-if": what_if,
     "bench": _benchmark,
     "log-columns": log_columns,
+    "bill": bill,
     "choice": lambda: choice(datasets.load("benchmarks/results")),
     **{name: _table(name) for name in _firmware()},
 }  # what makes each block, by its name

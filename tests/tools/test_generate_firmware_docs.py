@@ -32,15 +32,6 @@ def test_the_drawing_has_every_way_out_and_none_that_the_table_refuses():
     assert {begin for begin, end in drawn if end == "armed"} == {"idle"}
 
 
-def test_the_wiring_is_that_of_the_board():
-    board = (FIRMWARE / "esp32" / "board.hpp").read_text(encoding="utf-8")
-    text = re.sub(r"//.*", "", board)
-    pins = dict(re.findall(r"(k\w+) = (\d+)[,;]", "\n".join(re.findall(r"constexpr Pin .*?;", text, re.DOTALL))))
-    wired = {name: pin for pin, name in re.findall(r"\| GPIO (\d+) \|.*`(k\w+)` \|", README)}
-    assert wired == pins
-    assert len(set(pins.values())) == len(pins) == 13
-
-
 def test_what_the_readme_talks_is_understood(capsys):
     (code,) = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
     with simulated() as (links, _):
