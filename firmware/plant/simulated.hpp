@@ -68,15 +68,15 @@ class SimulatedModule {
   Sample sample() const {
     return {seconds_,
             distance_,
-            plant_.length(),
-            plant_.tension(),
+            plant_.spool().out(),
+            plant_.spool().tension(),
             static_cast<double>(module_.tension()),
             plant_.current(),
-            plant_.brake_force(),
+            plant_.spool().brake_force(),
             static_cast<int>(module_.state()),
             static_cast<int>(module_.limit()),
             actuators_.driver_on,
-            plant_.pawl_down()};
+            plant_.spool().pawl_down()};
   }
 
   const firmware::Module& module() const { return module_; }

@@ -1,5 +1,5 @@
 // Not a library: declares just what firmware/esp32 uses of one, so that its syntax and types can be checked
-// without the vendor's toolchain. tests/data/esp32_fakes.cpp has something to run behind it.
+// without the vendor's toolchain. firmware/fakes has something to run behind it.
 #pragma once
 
 #include <stddef.h>

@@ -5,12 +5,12 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "as5048a_chip.hpp"
+#include "plant/encoder_chip.hpp"
 
 // Arguments are done in turn: an angle 0 to 16383, or flip (a bit of the angle's answer), garble (a command),
 // stuck-low, stuck-high, weak, strong, found. After each: ok, count, magnitude, gain, errors.
 int main(int count, char** words) {
-  Chip chip;
+  tensionlab::plant::EncoderChip chip;
   tensionlab::firmware::As5048a encoder;
   for (int word = 1; word < count; ++word) {
     const char* const what = words[word];

@@ -41,10 +41,10 @@ ZERO = 2.0  # rad, electrical, of the fakes' rotor
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory):
-    sources = [*FIRMWARE.glob("core/*.cpp"), *FIRMWARE.glob("esp32/*.cpp")]
+    sources = [source for folder in ("core", "esp32", "fakes") for source in FIRMWARE.glob(f"{folder}/*.cpp")]
     # The window for pairing is a minute; here it is 10 s.
     options = ("-std=c++17", "-O1", "-pthread", "-Wall", "-Wextra", "-Werror", "-DTENSIONLAB_PAIRING_S=10")
-    return compile_program("esp32_fakes", tmp_path_factory.mktemp("esp32"), *sources, options=options)
+    return compile_program("esp32_pipes", tmp_path_factory.mktemp("esp32"), *sources, options=options)
 
 
 class Wire:
@@ -81,14 +81,14 @@ def available(file):
 class Board:
     """The running program: `usb` and `bluetooth` to talk to it, its time `now` in s, `events`."""
 
-    def __init__(self, program, blocking_ms):
+    def __init__(self, program, blocking_ms=0, way=1):
         (usb_in, usb_to), (usb_from, usb_out), (noted, notes) = os.pipe(), os.pipe(), os.pipe()
         (air_in, self.air_to), (air_from, air_out) = os.pipe(), os.pipe()
         (time_in, self._time_to), (self._time_from, time_out) = os.pipe(), os.pipe()
         happen_in, self._happen_to = os.pipe()
         theirs = (air_in, air_out, time_in, time_out, happen_in)
         self.process = subprocess.Popen(
-            [str(word) for word in (program, blocking_ms, *theirs)],
+            [str(word) for word in (program, blocking_ms, *theirs, way)],
             stdin=usb_in,
             stdout=usb_out,
             stderr=notes,
@@ -148,7 +148,7 @@ class Board:
 
 @pytest.fixture
 def module(program, request):
-    made = Board(program, getattr(request, "param", 0))
+    made = Board(program, **getattr(request, "param", {}))
     yield made
     ended = made.process.poll()
     made.process.kill()
@@ -186,7 +186,12 @@ def test_it_boots_with_the_driver_off_and_each_task_on_its_processor(module):
     assert {what: module.numbers(what) for what in noted} == noted
 
 
-@pytest.mark.parametrize("direction", [1.0, -1.0])
+either_way = pytest.mark.parametrize(
+    ("module", "direction"), [({"way": 1}, 1.0), ({"way": -1}, -1.0)], indirect=["module"]
+)
+
+
+@either_way
 def test_it_reels_in_whichever_way_round_the_encoder_is(module, direction):
     usb = module.usb
     module.advance(0.6)  # the offsets of the currents, which the radio moved, are found again
@@ -199,12 +204,12 @@ def test_it_reels_in_whichever_way_round_the_encoder_is(module, direction):
     assert last.tension == pytest.approx(2.0)
     assert last.current == pytest.approx(2.0 / 3.0, rel=0.01)
     assert before.length - last.length == pytest.approx(2.0 / 4000.0, abs=2e-4), "as far as the cable gives"
-    assert last.supply == pytest.approx(12.0, abs=0.01)
+    assert last.supply == pytest.approx(12.0, abs=0.3), "the radio moves what the converter reads"
     usb.ask(Stop())
     module.until("driver", 0)
 
 
-@pytest.mark.parametrize("direction", [1.0, -1.0])
+@either_way
 def test_a_cable_that_is_cut_takes_the_driver_off_within_60_ms(module, direction):
     module.advance(0.6)
     assert module.usb.ask(SetParameter(PARAMETERS["motor_direction"].index, direction)).code is Code.OK
@@ -221,7 +226,6 @@ def test_a_cable_that_is_cut_takes_the_driver_off_within_60_ms(module, direction
 def test_a_wrong_electrical_zero_takes_the_driver_off_within_60_ms(module, error):
     module.advance(0.6)
     pull(module, module.usb, zero=(ZERO + error) % (2.0 * np.pi))
-    module.happen("P")  # a cable does not push back
     assert module.usb.wait(Event, state=State.FAULT).faults == Fault.MOTOR
     on, off = module.times("driver")
     assert off - on < 0.06
@@ -271,7 +275,7 @@ def test_bluetooth_takes_the_link_and_its_end_is_a_link_that_closed(pulling):
     assert pulling.usb.ask(Hello(), Info).state is State.TIMEOUT
 
 
-@pytest.mark.parametrize("module", [1000], indirect=True)  # ms: its writing blocks so long
+@pytest.mark.parametrize("module", [{"blocking_ms": 1000}], indirect=True)
 def test_an_emergency_stop_is_heard_while_bluetooth_cannot_send(module):
     module.advance(0.01)  # before its first step, the firmware does not arm
     air = module.connect_bluetooth()

@@ -3,7 +3,10 @@
 
 #include <cstdint>
 
-struct Chip {
+namespace tensionlab {
+namespace plant {
+
+struct EncoderChip {
   std::uint16_t angle = 0, diagnostics = 0x0180, magnitude = 3000;
   bool error = false;
   std::uint16_t next = 0;
@@ -27,3 +30,6 @@ struct Chip {
     return answer;
   }
 };
+
+}  // namespace plant
+}  // namespace tensionlab
