@@ -132,12 +132,12 @@ class Allocation:
 
     @property
     def exact(self) -> NDArray[np.bool_]:
-        """Where the desired wrench is rendered (...): the status is EXACT."""
+        """Whether the desired wrench is rendered (...): the status is EXACT."""
         return np.equal(self.status, Status.EXACT)
 
     @property
     def infeasible(self) -> NDArray[np.bool_]:
-        """Where no tensions inside the limits render the desired wrench (...): `separation` certifies it."""
+        """Whether no tensions inside the limits render the desired wrench (...): `separation` certifies it."""
         return np.equal(self.status, Status.NEAREST)
 
     def counts(self) -> dict[Status, int]:
@@ -383,7 +383,8 @@ class Allocator:
         check_size(n, m)
         if reason := refusal(self.solver, n, m):
             able = ", ".join(name for name in SOLVERS if not refusal(make(name), n, m))
-            raise InputError(f"{type(self.solver).__name__} serves no such problem: {reason}; these do: {able}")
+            name = type(self.solver).__name__
+            raise InputError(f"{name} does not support this problem: {reason}; these do: {able}")
 
         lower = broadcast_last_axis("lower", self.lower, m, "cables")
         upper = broadcast_last_axis("upper", self.upper, m, "cables")
@@ -406,7 +407,7 @@ def allocate(
     policy: Policy | None = None,
     wrench_weights: ArrayLike | None = None,
 ) -> Allocation:
-    """Return cable tensions inside their limits that render the wrench, and what is proved about them.
+    """Return cable tensions inside their limits that render the wrench, with a verified status.
 
     Parameters
     ----------
@@ -438,7 +439,7 @@ def allocate(
     UnknownSolver
         If no solver has that name.
     InputError
-        If ``solver`` is not a solver, cannot honour the policy, or does not serve problems of this size.
+        If ``solver`` is not a solver, does not support the policy, or does not support problems of this size.
 
     Examples
     --------

@@ -12,7 +12,7 @@ MAX_MESSAGE_CHARACTERS = 300  # length of a message about one problem, on a term
 
 
 class TensionlabError(Exception):
-    """Root of all errors that tensionlab raises on purpose.
+    """Base class of all errors that tensionlab raises on purpose.
 
     The message is the first argument; all are kept, so that an error can be sent between processes.
 
@@ -35,19 +35,19 @@ class ShapeError(TensionlabError, ValueError):
 
 
 class InputError(TensionlabError, ValueError):
-    """Argument or option that makes no sense; the message names it and what is possible."""
+    """Invalid argument or option; the message names it and what is possible."""
 
 
 class DataError(TensionlabError, ValueError):
-    """File of data that cannot be used; the message names the file, and the row or column."""
+    """Data file that cannot be used; the message names the file, and the row or column."""
 
 
 class RigError(TensionlabError, ValueError):
-    """Rig, or rig file, that does not describe something one could build; names file, module and key."""
+    """Invalid rig or rig file; the message names file, module and key."""
 
 
 class UnknownSolver(TensionlabError, LookupError):  # noqa: N818 - pinned name
-    """Solver name that the table of solvers does not hold."""
+    """Solver name that is not in the table of solvers."""
 
 
 class PluginError(TensionlabError, ImportError):
@@ -55,7 +55,7 @@ class PluginError(TensionlabError, ImportError):
 
 
 class SweepError(TensionlabError, ValueError):
-    """Sweep that cannot be made; the message names the argument, or what is in the way of the store."""
+    """Sweep that cannot be computed; the message names the argument, or the problem of its store."""
 
 
 class EffectError(TensionlabError, ValueError):
@@ -71,7 +71,7 @@ class WriteError(TensionlabError, OSError):
 
 
 class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned name
-    """Optional library that is not installed; the message names the extra that brings it.
+    """Optional library that is not installed; the message names the extra to install.
 
     Examples
     --------
@@ -120,11 +120,11 @@ class Unreachable(TensionlabError):  # noqa: N818 - pinned name
 
 
 class HardwareError(TensionlabError):
-    """Root of all that goes wrong with modules and the links to them."""
+    """Base class of the errors of modules and their links."""
 
 
 class ProtocolError(HardwareError):
-    """Frame or a message that cannot be sent, or that was not understood."""
+    """Frame or message that cannot be sent or decoded."""
 
 
 class LinkError(HardwareError, OSError):

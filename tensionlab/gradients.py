@@ -27,7 +27,7 @@ class AllocationGradients(NamedTuple):
     structure : (..., n, m) array
     wrench : (..., n) array
     lower, upper : (..., m) arrays
-        Gradients by the tension limits; zero where the cable is not at the limit.
+        Gradients with respect to the tension limits; zero where the cable is not at the limit.
     reference : (..., m) array
         Zero where the wrench is infeasible, since the reference then has no influence.
 
@@ -109,7 +109,7 @@ class AllocationJacobian:
         return self._without_structure[2].reshape(self._shape)[()]
 
     def pull_back(self, cotangent: ArrayLike) -> AllocationGradients:
-        """Return the gradients of a number, of which ``cotangent``, (..., m), is the gradient by the tensions.
+        """Return the gradients of a scalar whose gradient with respect to the tensions is ``cotangent``, (..., m).
 
         These are the vector-Jacobian products of reverse-mode differentiation. ShapeError if the cotangent is not
         finite, or does not broadcast to the tensions.
@@ -158,8 +158,8 @@ def allocation_jacobian(
 ) -> AllocationJacobian:
     """Choose tensions, as `allocate` does, and return them with their derivatives.
 
-    Parameters are the same as those of `allocate`. All its policies are covered, with weights and reference; of
-    the solvers only ``"newton"`` is, whose answers tell exactly which cables are held.
+    Parameters are the same as those of `allocate`. All its policies are supported, with weights and reference; of
+    the solvers only ``"newton"`` is, whose answers show exactly which cables are at a limit.
 
     Returns
     -------

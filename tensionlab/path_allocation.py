@@ -147,10 +147,11 @@ def _broadcast(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Floats:
 
 
 class RateLimitedAllocator:
-    """Allocator for a control loop: each answer is in reach of the one before, and keeps the next in reach.
+    """Allocator for a control loop whose tensions change at limited rates.
 
-    The next wrench is taken to change as the last did. If no tensions keep it in reach, those in reach that are
-    nearest to the reference are chosen; if none in reach render the wrench, those that render it best.
+    Each answer is reachable from the one before, and keeps the next wrench reachable, which is extrapolated
+    linearly. If no tensions keep it reachable, the reachable ones nearest to the reference are chosen; if no
+    reachable ones render the wrench, those that render it best.
 
     Parameters
     ----------

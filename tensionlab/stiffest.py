@@ -34,8 +34,8 @@ class StiffestTensions:
         Stiffness along the direction with these tensions, in N/m.
     bound : (...) array
         Upper bound of the stiffness of all tensions in the limits that render the wrench, in N/m, by the
-        multipliers of the linear programme; NaN where none do. It is the stiffness itself, to rounding, but may
-        be far above where the wrench is on the border of what can be rendered.
+        multipliers of the linear program; NaN where none do. It is the stiffness itself, to rounding, but may be
+        far above where the wrench is on the border of what can be rendered.
 
     Examples
     --------

@@ -29,7 +29,7 @@ MAX_SAMPLES = 1_000_000  # more are taken for a mistaken step
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Motion of a platform as samples of K times; ShapeError names an array that does not fit.
+    """Motion of a platform, sampled at K times. ShapeError names an array that does not fit.
 
     Attributes
     ----------
@@ -44,7 +44,8 @@ class Trajectory:
     acceleration : (K, d) or (K, n) array
         The derivative of the velocity, in m/s² and rad/s².
     wrench : (K, d) or (K, n) array or None
-        What the cables exert besides moving the platform, such as the force of a process, in N and N·m.
+        Wrench that the cables exert in addition to moving the platform, such as the force of a process, in N and
+        N·m.
 
     Examples
     --------
@@ -99,14 +100,14 @@ class Trajectory:
         position : (P, d) array
             The points, in m.
         times : (P,) array
-            When the platform is there, in s, ascending.
+            Times at the points, in s, ascending.
         rotation : (P, 3, 3) or (P,) array, optional
             Its orientations there, as in `Rig.structure_matrix`; between them it turns about a fixed axis.
         timing : {"quintic", "trapezoidal"}
-            Quintic: without jumps of the acceleration. Trapezoidal: speeding up, going on and slowing down for a
-            third of the time each.
+            Quintic: without jumps of the acceleration. Trapezoidal: acceleration, constant speed and deceleration,
+            a third of the time each.
         step : float
-            Time between samples, in s; made a little shorter to divide each part of the way.
+            Time between samples, in s; shortened to divide each segment evenly.
 
         Raises
         ------
@@ -170,11 +171,11 @@ def read_trajectory(path: str | PathLike[str]) -> Trajectory:
     r"""Return the trajectory in a file.
 
     A table (.csv, .parquet) has the columns t in s and x, y and z in m, in the plane x and y, of each sample. It
-    may have the orientation, as rx, ry, rz, the axis times the angle in rad, in the plane as angle in rad; and
-    what the cables exert besides moving the platform, as Fx, Fy, Fz in N and Mx, My, Mz in N·m, in the plane Fx,
-    Fy and Mz.
-    A program (.toml) has the arguments of `Trajectory.through`: a list of ``[[points]]``, each with ``time_s``,
-    ``position`` and perhaps ``rotation``, axis times angle, in the plane an angle; and ``timing`` and ``step_s``.
+    may have the orientation, as rx, ry, rz, the axis times the angle in rad, in the plane as angle in rad; and a
+    wrench that the cables exert in addition to moving the platform, as Fx, Fy, Fz in N and Mx, My, Mz in N·m, in
+    the plane Fx, Fy and Mz. A program (.toml) has the arguments of `Trajectory.through`: a list of ``[[points]]``,
+    each with ``time_s``, ``position`` and perhaps ``rotation``, axis times angle, in the plane an angle; and
+    ``timing`` and ``step_s``.
 
     Raises
     ------
@@ -248,9 +249,9 @@ def inverse_dynamics(rig: Rig, trajectory: Trajectory, payload: float = 0.0) -> 
     Raises
     ------
     RigError
-        If the rig has no ``[platform]`` and nothing else says what to exert, or no inertia though it turns.
+        If the rig has no ``[platform]`` and no other wrenches are given, or no inertia though it turns.
     ShapeError, InputError
-        If the trajectory does not suit the rig, or the payload is no mass.
+        If the trajectory does not suit the rig, or the payload is negative.
 
     Examples
     --------

@@ -211,8 +211,8 @@ def compare(
     magnitude in many directions are compared at one position. Both are added to what the rig requires, such as
     the weight of its platform; a set of required wrenches is compared at its corners unless directions are given.
 
-    Where a solver of yours raises an exception, the wrench counts as failed, and `Comparison.failures` has the
-    reason. Solvers are timed in turns of a few calls, so that a slow moment of the machine affects all of them.
+    If your own solver raises an exception, the wrench counts as failed, and `Comparison.failures` has the reason.
+    Solvers are timed in turns of a few calls, so that a slow moment of the machine affects all of them.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def compare(
     solvers : sequence of str or Solver, optional
         Names, as ``tensionlab solvers`` lists them or ``"module:Class"``, and instances; left out: all by name.
     policy : {"force", "tension", "direction"}, optional
-        Only this policy for infeasible wrenches; left out: each that a solver honours.
+        Only this policy for infeasible wrenches; left out: each that a solver supports.
     progress : callable, optional
         Called with the share that is done.
 
@@ -247,7 +247,7 @@ def compare(
     Raises
     ------
     InputError, ShapeError, UnknownSolver, MissingDependency, PluginError
-        Before any work: a solver that cannot be used or does not serve the rig; wrenches, poses or a magnitude
+        Before any work: a solver that cannot be used or does not support the rig; wrenches, poses or a magnitude
         that do not fit.
 
     Examples

@@ -92,9 +92,9 @@ def run(
     seed : int
         Seed of the problems and their order.
     quick : bool
-        Spend 0.1 s on each solver and set, and not 3 s.
+        Spend 0.1 s on each solver and set, instead of 3 s.
     out : path, optional
-        Folder for the results; made if it is not there.
+        Folder for the results; created if missing.
     progress : callable, optional
         Called with the share that is done.
 
@@ -103,7 +103,7 @@ def run(
     InputError, UnknownSolver, PluginError, DataError
         Before any work: solvers, sets or numbers that cannot be used.
     MissingDependency
-        If pyarrow (extra ``data``) is not installed, which results are kept with.
+        If pyarrow (extra ``data``), which stores the results, is not installed.
 
     Examples
     --------

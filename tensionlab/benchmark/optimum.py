@@ -81,11 +81,11 @@ def excess_error(problem: Problem, best: Optimum, tensions: Floats) -> Floats:
     rendered = times(problem.structure, tensions)
     if problem.policy == "direction":
         return np.asarray(np.linalg.norm(rendered - best.wrench, axis=1))
-    missing, least = problem.wrench - rendered, problem.wrench - best.wrench
+    missing, smallest = problem.wrench - rendered, problem.wrench - best.wrench
     if problem.policy == "tension":
         root = np.where(best.reachable[:, None, None], np.eye(missing.shape[1]), whitener(problem.structure))
-        missing, least = times(root, missing), times(root, least)
-    excess = np.linalg.norm(missing, axis=1) - np.where(best.reachable, 0.0, np.linalg.norm(least, axis=1))
+        missing, smallest = times(root, missing), times(root, smallest)
+    excess = np.linalg.norm(missing, axis=1) - np.where(best.reachable, 0.0, np.linalg.norm(smallest, axis=1))
     return np.asarray(excess)
 
 

@@ -42,11 +42,11 @@ def find_problem_set(name: str, count: int, seed: int = 0) -> ProblemSet:
 
 
 def read_problem_set(path: str | PathLike[str], count: int | None = None) -> ProblemSet:
-    """Read problems of tension allocation from quadratic programs.
+    """Read tension allocation problems from quadratic programs.
 
-    Read are a Parquet file as of qpbenchmark's ``ParquetTestSet``, with a row for each program, and a folder of
-    NPZ files as of qpsolvers' ``Problem.save``, in it or in its folder ``data``, as qpbenchmark's repositories
-    have them. What is no problem of tension allocation is left out, and counted in the title.
+    They are in a Parquet file as of qpbenchmark's ``ParquetTestSet``, with a row for each program, or in a folder
+    of NPZ files as of qpsolvers' ``Problem.save``, in it or in its folder ``data``, as in qpbenchmark's
+    repositories. Programs that are no tension allocation problems are left out, and counted in the title.
 
     Parameters
     ----------

@@ -40,19 +40,19 @@ class StreamChannel(NamedTuple):
 
 
 class LslStreams:
-    """Streams of a run, and its log if there is one: give it to a `Runner` as its ``log``.
+    """Streams of a run for Lab Streaming Layer, a sink of a `Runner`.
 
-    Four streams, each called as the rig and what is in it, as in "floor-3 forces":
+    There are four streams, each named after the rig and its content, as in "floor-3 forces":
 
     - *forces* (type Force): ``desired``, ``commanded`` and ``measured``, each with the components of a wrench, in
       N and N·m. Desired is NaN where the run only holds the cables taut, measured where a tension is unknown.
     - *tensions* (type Tension): ``commanded`` and ``measured`` of each module, in N; NaN where its report is old.
-    - *pose* (type MoCap): position in m and, of what turns, the orientation: a quaternion, or an angle in rad.
+    - *pose* (type MoCap): position in m and, of a platform, the orientation: a quaternion, or an angle in rad.
     - *markers* (type Markers): texts, such as "armed: 4 modules", "phase: touch" or "ended: duration reached".
 
     There is a sample of the first three for each cycle. All are stamped with ``pylsl.local_clock``, a cycle's with
     the time at which it began; they come at irregular times, as LSL calls it, so that no recorder moves them. An
-    error of LSL does not reach the run: the streams end, and ``error`` says why.
+    error of LSL does not affect the run: the streams end, and ``error`` says why.
 
     Parameters
     ----------

@@ -28,10 +28,10 @@ AXIS_TOLERANCE = 1e-9  # smaller parts of a joint's motion along an axis of the 
 def structure_matrix(model: Any, data: Any, tendons: Sequence[str], body: str) -> Floats:
     """Return the structure matrix of tendons that pull at a body, where it is now.
 
-    It comes from MuJoCo's Jacobian of the tendons, with all that MuJoCo knows of their paths: pulleys, sites on
-    bodies that move. The joints of the body itself decide which components a wrench has; bodies attached to it
-    move with it, and the bodies that carry it are at rest. Source: virtual work, as in Verhoeven 2004; Todorov,
-    Erez and Tassa, "MuJoCo: A physics engine for model-based control", 2012.
+    It comes from MuJoCo's Jacobian of the tendons, which includes pulleys and sites on moving bodies. The joints
+    of the body itself decide which components a wrench has; bodies attached to it move with it, and the bodies
+    that carry it are at rest. Source: virtual work, as in Verhoeven 2004; Todorov, Erez and Tassa, "MuJoCo: A
+    physics engine for model-based control", 2012.
 
     Parameters
     ----------

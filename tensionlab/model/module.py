@@ -290,8 +290,8 @@ def require_number(
 ) -> None:
     """Refuse what is not from zero, or above it, to a highest value."""
     if not (np.isfinite(value) and 0 <= value <= highest and (value or not above_zero)):
-        least = "above zero" if above_zero else "0 or more"
-        raise RigError(f'{where}: key "{key}" is {brief(value)}; give {least}, at most {highest:g} {unit}')
+        lowest = "above zero" if above_zero else "0 or more"
+        raise RigError(f'{where}: key "{key}" is {brief(value)}; give {lowest}, at most {highest:g} {unit}')
 
 
 def require_up(up: object, dimension: int) -> None:
@@ -338,7 +338,7 @@ def vibration_gain(values: ArrayLike, where: str) -> Floats:
 class TensionLimits:
     """Minimum and maximum tension of each cable, (m,), in N. Read-only.
 
-    ``lower == upper`` is legal: such a cable has no choice.
+    ``lower == upper`` is allowed: the tension of such a cable is fixed.
 
     Examples
     --------

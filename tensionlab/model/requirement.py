@@ -128,7 +128,7 @@ class Requirement(ArrayRecord):
         return {key: array for key, array in given.items() if array is not None}
 
     def check_rig(self, rig: RequiringRig) -> None:
-        """Refuse wrenches of another size than the rig's, and the weight of a rig that does not know it."""
+        """Refuse wrenches of another size than the rig's, and the weight of a rig without mass or ``up``."""
         for key, array in self._arrays().items():
             if array.shape[-1] != rig.n:
                 raise RigError(
@@ -175,7 +175,7 @@ class Requirement(ArrayRecord):
     def at(self, rig: RequiringRig, rotation: ArrayLike | None = None) -> Floats:
         """Return the corners of the set, (k, n), or (..., k, n) for rotations as in `middle`.
 
-        RigError if they do not suit the rig, or it should hold a weight that it does not know.
+        RigError if they do not suit the rig, or it requires an unknown weight.
         """
         around = np.zeros((1, rig.n)) if self.wrenches is None else self.wrenches
         if self.box is not None:

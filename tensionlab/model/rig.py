@@ -57,7 +57,7 @@ class Cables(NamedTuple):
 class Rig(ArrayRecord):
     """Set of modules around a point or a platform.
 
-    RigError names the module and the wrong key. Parallel cables (same anchor, same attachment) are legal.
+    RigError names the module and the wrong key. Parallel cables (same anchor, same attachment) are allowed.
 
     Attributes
     ----------

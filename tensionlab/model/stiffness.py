@@ -83,17 +83,17 @@ def stiffness_matrix(
 ) -> Floats:
     """Return the stiffness matrix of a rig whose winches hold their cables.
 
-    Minus the derivative of the wrench on the platform with respect to its twist. The wrench is that of the cables
-    and, with ``gravity = true`` in `Rig.required`, of the weight, which turns about the reference point where the
-    centre of mass is elsewhere. The matrix is symmetric where these balance each other, or a further force at the
-    reference point; with an unbalanced torque its antisymmetric part is half the torque's cross-product matrix.
+    It is minus the derivative of the wrench on the platform with respect to its twist. The wrench is that of the
+    cables and, with ``gravity = true`` in `Rig.required`, of the weight at its centre of mass. The matrix is
+    symmetric where these balance each other, or a further force at the reference point; with an unbalanced torque
+    its antisymmetric part is half the torque's cross-product matrix.
 
     Parameters
     ----------
     rig : Rig
-        Each module needs `Module.cable_stiffness`. Only the cable from the anchor on stretches.
+        Each module needs `Module.cable_stiffness`. Only the cable between anchor and platform stretches.
     tensions : (..., m) array
-        Tensions of the cables in N, 0 or more. A cable counts even at 0, though it only pulls.
+        Tensions of the cables in N, 0 or more. A cable counts even at tension 0.
     position, rotation, frames
         Pose, as in `Rig.structure_matrix`. All leading axes broadcast.
 
@@ -133,8 +133,8 @@ def stiffness_eigenvalues(rig: Rig, stiffness: ArrayLike) -> Floats:
     """Return the stiffnesses along the principal axes, (..., n), ascending, in N/m.
 
     The eigenvalues of the symmetric part of stiffness matrices (..., n, n), with rotations times
-    `Rig.characteristic_length` as displacements. At a value below zero the platform leaves its pose.
-    ShapeError if the matrices do not suit the rig.
+    `Rig.characteristic_length` as displacements. A negative value means that the pose is unstable. ShapeError if
+    the matrices do not suit the rig.
 
     Examples
     --------
@@ -150,8 +150,8 @@ def stiffness_eigenvalues(rig: Rig, stiffness: ArrayLike) -> Floats:
 def natural_frequencies(rig: Rig, stiffness: ArrayLike, rotation: ArrayLike | None = None) -> Floats:
     """Return the natural frequencies of the platform on its cables, (..., n), ascending, in Hz.
 
-    Of small motions without damping, of a platform with its mass, centre of mass and inertia, on cables without
-    mass; by the symmetric part of the stiffness. 0 where the platform leaves its pose.
+    They are those of small undamped motions of a platform with its mass, centre of mass and inertia on massless
+    cables, by the symmetric part of the stiffness. 0 where the pose is unstable.
 
     Parameters
     ----------

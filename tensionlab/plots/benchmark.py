@@ -53,7 +53,7 @@ def plot_pareto(results: Results | Comparison, *, ax: None = None) -> Figure: ..
 @overload
 def plot_pareto(results: Results | Comparison, *, ax: Axes) -> None: ...
 def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Figure | None:
-    """Draw the time and the worst error of each solver, and which of them no other one surpasses in both.
+    """Draw the time and the worst error of each solver, and the Pareto front of both.
 
     Solvers that do not come with tensionlab are stars. Of a benchmark, which needs no measurements of single
     problems: across, the median call in the feasible sets, as the geometric mean over the sets; up, the largest

@@ -191,8 +191,8 @@ def two_scales(axes: Axes, values: Floats, knee: float) -> bool:
 
     low: float = np.nanmin(values, initial=0.0)
     high: float = np.nanmax(values, initial=0.0)
-    most = max(high, -low)
-    if most <= ONE_SCALE_UP_TO * knee:
+    largest = max(high, -low)
+    if largest <= ONE_SCALE_UP_TO * knee:
         spare = 0.06 * max(high - low, 0.1)
         axes.set_ylim(low - spare if low < 0.0 else 0.0, high + spare)
         return False

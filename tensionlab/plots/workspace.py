@@ -55,7 +55,7 @@ def curve_look(index: int) -> dict[str, Any]:
 def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
     """Draw metrics over a slice of space for each rig, with the rig in it; a row for each of several metrics.
 
-    In space the slice is the one that the grid is, where one axis has one point only; else the upright one that is
+    In space, a grid with a single point along one axis is drawn as it is; of another, the upright slice that is
     nearest to the home of the first rig. InputError if there is no such variable or no grid.
 
     Parameters
@@ -124,8 +124,8 @@ def slice_windows(fields: Sequence[Field], several: bool) -> Floats:
     for part in (1,) if several else (0, 1):
         windows[:, part] = windows[:, part, 0].min(), windows[:, part, 1].max()
     width = np.ptp(windows[:, 0], axis=1)
-    room = np.maximum(NARROWEST * width.max() - width, 0.0) / 2.0  # for the titles
-    windows[:, 0] += room[:, None] * [-1.0, 1.0]
+    margin = np.maximum(NARROWEST * width.max() - width, 0.0) / 2.0  # for the titles
+    windows[:, 0] += margin[:, None] * [-1.0, 1.0]
     return windows
 
 
@@ -209,7 +209,7 @@ def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
     """Draw, for each rig, the share of the volume in which a metric has at least each value.
 
     Parameters and errors as in `plot_slices`, but the metric left out is the first; ``ax`` is a panel of another
-    figure. A pose without a value counts as one where nothing can be done.
+    figure. A pose without a value counts as infeasible.
 
     Examples
     --------

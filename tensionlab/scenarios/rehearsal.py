@@ -78,8 +78,8 @@ def _stop(target: BrakeTarget, motion: Motion) -> Floats:
 def check_needs(scenario: Scenario) -> list[Finding]:
     """Check whether a scenario's rig has the reach, the forces of each phase, and the brakes.
 
-    A finding fails if the rig has nothing of what is needed, and is a note if it has a part. `RigError` if the
-    hand of the ``scenario`` comes to an anchor.
+    A finding fails if the rig renders nothing of what is needed, and is a note if it renders a part. RigError if
+    the hand of the ``scenario`` reaches an anchor.
     """
     played = rehearse(scenario)
     findings = [_reach(scenario, played)]

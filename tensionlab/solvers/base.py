@@ -64,7 +64,7 @@ class Problem:
     weights : (n,) array
         Positive weights of the wrench components; the error of an answer is ``sqrt(sum(weights * r**2))``.
     policy : {"force", "tension", "direction"} or None
-        What to do where w is infeasible. None only for solvers that honour no policy.
+        What to do where w is infeasible. None only for solvers without policies.
 
     Examples
     --------
@@ -113,15 +113,14 @@ class Answer:
     Attributes
     ----------
     tensions : (B, m) array
-        Tensions in N; a row of NaN where the backend broke.
+        Tensions in N; a row of NaN where the backend failed.
     iterations : (B,) array
         Iterations spent, as the solver counts them; 0 for closed forms.
     separation : (B, n) array or None
-        A direction d for each problem that may certify it infeasible: ``d·w`` exceeds the largest ``d·W t``
-        inside the limits. Zeros where there is none. It is checked, never believed; leave it out and one is
-        derived from the answer.
+        A direction d for each problem that may certify it infeasible: ``d·w`` exceeds the largest ``d·W t`` inside
+        the limits. Zeros where there is none. It is always checked; if left out, one is derived from the answer.
     failures : dict
-        Reason by row, for rows where the backend broke.
+        Reason by row, for rows where the backend failed.
     """
 
     tensions: Floats
@@ -144,10 +143,10 @@ class Verified(NamedTuple):
 
 
 class Solver(Protocol):
-    """Way to choose tensions.
+    """Interface of a solver: it chooses tensions for a batch of problems.
 
-    A solver that does not serve every size has a method ``refuses(n, m)`` too, as `refusal` calls it. A built-in
-    one whose kernel verifies in the same pass what it chooses is a `FusedSolver`.
+    A solver that does not support every size also has a method ``refuses(n, m)``, which `refusal` calls. A
+    built-in one whose kernel also verifies its answers in the same pass is a `FusedSolver`.
 
     Examples
     --------

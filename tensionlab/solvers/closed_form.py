@@ -18,9 +18,9 @@ Start = Literal["reference", "middle"]
 class Pseudoinverse:
     """Least change from a starting point that renders the wrench, limits aside, then clipped to them.
 
-    Minimises ``|t - t_s|²`` subject to ``W t = w`` only, by ``t = t_s + W⁺ (w - W t_s)``, and then clips t to
-    the limits. Where the clipping changes nothing the answer is exact; elsewhere it renders another wrench,
-    and that proves nothing about the desired wrench.
+    Minimises ``|t - t_s|²`` subject to ``W t = w`` only, by ``t = t_s + W⁺ (w - W t_s)``, and then clips t to the
+    limits. Where the clipping changes nothing the answer is exact; elsewhere it renders another wrench, which
+    proves nothing about the desired one.
 
     Source: Pott, Bruckmann and Mikelsons, "Closed-form force distribution for parallel wire robots", 2009, for
     the start in the middle.
@@ -28,9 +28,9 @@ class Pseudoinverse:
     Parameters
     ----------
     start : {"reference", "middle"}
-        The starting point t_s. "reference" is the reference of the problem: with the usual reference 0 that
-        is the plain least-norm solution, which wants negative tensions on most rigs. "middle" is
-        (lower + upper) / 2, Pott's closed form: it keeps away from both limits, whatever the reference.
+        The starting point t_s. "reference" is the reference of the problem: with the usual reference 0 that is the
+        plain least-norm solution, which has negative tensions on most rigs. "middle" is (lower + upper) / 2,
+        Pott's closed form: it keeps away from both limits, whatever the reference.
 
     Examples
     --------
@@ -50,7 +50,7 @@ class Pseudoinverse:
 
     @property
     def objective(self) -> str:
-        """What it minimises, before the limits are looked at."""
+        """What it minimises, limits aside."""
         start = "reference" if self.start == "reference" else "middle of the limits"
         return f"least squared change from the {start}, then clipped"
 
@@ -64,11 +64,11 @@ class Pseudoinverse:
 class ImprovedClosedForm:
     """Pott's improved closed form: close to the middle of the limits, in a bounded number of steps.
 
-    Starts from the middle, ``t = t_m + W⁺ (w - W t_m)``. While a cable misses its limits, the one that misses them
-    by most is fixed at the limit, the wrench that it takes over is subtracted, its column is dropped, and the rest
-    is solved again; at most (free cables - rank of W) times. The answer is exact far more often than that of one
-    pseudo-inverse, but it is no minimum of anything once a cable has been fixed, and a failure does not certify
-    the wrench infeasible. The reference plays no part. Iterations are the cables fixed.
+    Starts from the middle, ``t = t_m + W⁺ (w - W t_m)``. While cables violate their limits, the one that does by
+    most is fixed at the limit, its wrench is subtracted, its column is dropped, and the others are solved again;
+    at most (free cables - rank of W) times. The answer is exact far more often than that of one pseudo-inverse,
+    but it minimises nothing once a cable has been fixed, and a failure does not certify the wrench infeasible. The
+    reference plays no part. Iterations are the cables fixed.
 
     Source: Pott, "An improved force distribution algorithm for over-constrained cable-driven parallel robots",
     2014.
@@ -86,12 +86,12 @@ class ImprovedClosedForm:
 class Puncture:
     """Puncture method: low tensions between the least-norm solution and the closed form.
 
-    Two solutions of ``W t = w`` are known without a search: ``t_p = W⁺ w``, the least norm, which wants negative
+    Two solutions of ``W t = w`` are known without a search: ``t_p = W⁺ w``, the least norm, which has negative
     tensions on most rigs, and ``t_cf = t_m + W⁺ (w - W t_m)``, the one closest to the middle of the limits. All
     tensions between the two render the wrench: ``t = t_p + s (t_cf - t_p)``. The answer is where this line
     punctures the limits first, the least s in [0, 1] with ``lower <= t <= upper``. (The source looks at the lower
     limits alone; where an upper one is kept at their s, the answers are the same.) Where no s keeps the limits,
-    the answer is t_cf, clipped to them, and that proves nothing about the wrench. The answer changes continuously
+    the answer is t_cf, clipped to them, which proves nothing about the wrench. The answer changes continuously
     with the wrench as long as t_cf keeps the limits.
 
     A cable whose limits are equal pulls what it must, and the others share the rest. The reference plays no part.
@@ -125,7 +125,7 @@ MAX_REDUNDANCY = 2  # dimensions of a polygon
 
 @dataclass(frozen=True)
 class Polygon:
-    """Point of the polygon of all possible tensions: its centroid, its least sum, or its least squares.
+    """Point of the polygon of all feasible tensions: its centroid, its least sum, or its least squares.
 
     With two cables more than the wrench has components, the tensions that render it are the plane
     ``t = t_p + N l`` with two numbers l, N a basis of the null space of W. On that plane each cable leaves a

@@ -105,7 +105,7 @@ class Dykstra:
 
     For an infeasible wrench, z tends to the point inside the limits that is closest to the equilibrium space, the
     argmin of ``(W t - w)' (W W')⁺ (W t - w)``, while p grows without bound. A part of w outside the range of W is
-    beyond every tension and is left out of account.
+    ignored.
 
     Sources: Boyle and Dykstra, "A method for finding projections onto the intersection of convex sets in Hilbert
     spaces", 1986; for cables Hassan and Khajepour, "Analysis of bounded cable tensions in cable-actuated parallel
@@ -116,9 +116,10 @@ class Dykstra:
     ----------
     tolerance : float
         A problem is done when ``|W z - w|`` is at most this times ``max(1, |w|)`` or, if the wrench is infeasible,
-        when the duality gap proves z to be within it of the least distance. Never when x stops moving: it stalls.
+        when the duality gap proves z to be within it of the least distance. That x stops moving is no
+        criterion: it stalls before.
     iteration_limit : int
-        Iterations after which the last z is returned, whatever it is worth.
+        Iterations after which the last z is returned.
     """
 
     tolerance: float = 1e-9

@@ -32,7 +32,7 @@ class LeastSum:
     Minimises ``sum(t)`` subject to ``W t = w`` and the limits. Of equally good tensions it takes those closest to
     the reference. They change continuously with the wrench, but jump when the rig moves through a pose in which
     two sets of cables are equally good. For an infeasible wrench they are those of the closest wrench, and no
-    verdict is promised. Iterations are simplex and Newton steps.
+    status is promised. Iterations are simplex and Newton steps.
 
     Source: Shiang, Cannon and Gorman, "Optimal force distribution applied to a robotic crane with flexible
     cables", 2000.
@@ -51,9 +51,9 @@ class Minimax:
     """Tensions whose maximum is least.
 
     Minimises ``max(t)`` subject to ``W t = w`` and the limits, as the linear program of the least τ with
-    ``t <= τ``. A cable without play, which can do nothing about it, does not count. Of equally good tensions it
-    takes those closest to the reference; they change continuously with the wrench. For an infeasible wrench they
-    are those of the closest wrench, and no status is promised. Iterations are simplex and Newton steps.
+    ``t <= τ``. Cables with equal limits do not count. Of equally good tensions it takes those closest to the
+    reference; they change continuously with the wrench. For an infeasible wrench they are those of the closest
+    wrench, and no status is promised. Iterations are simplex and Newton steps.
 
     Source: Gosselin and Grenier, "On the determination of the force distribution in overconstrained cable-driven
     parallel mechanisms", 2011, where it is the limit of the p-norms.
@@ -71,10 +71,10 @@ class Minimax:
 class OptimallySafe:
     """Tensions with the largest margin to the limits (max-margin).
 
-    Maximises S subject to ``W t = w`` and ``lower + S <= t <= upper - alpha S``. A cable without play, which has
-    no margin to gain, does not count. Of equally good tensions it takes those closest to the reference; they
-    change continuously with the wrench. Where S is negative the wrench is infeasible; the tensions are then
-    those of the closest wrench, and no status is promised. Iterations are simplex and Newton steps.
+    Maximises S subject to ``W t = w`` and ``lower + S <= t <= upper - alpha S``. Cables with equal limits do not
+    count. Of equally good tensions it takes those closest to the reference; they change continuously with the
+    wrench. Where S is negative the wrench is infeasible; the tensions are then those of the closest wrench, and no
+    status is promised. Iterations are simplex and Newton steps.
 
     Source: Borgstrom, Jordan, Borgstrom, Stealey, Sukhatme, Batalin and Kaiser, "Rapid computation of optimally
     safe tension distributions for parallel cable-driven robots", 2009.
@@ -82,8 +82,8 @@ class OptimallySafe:
     Parameters
     ----------
     alpha : float
-        How much margin to the upper limits is worth, against margin to the lower ones. 1 keeps equally far from
-        both; 0 asks only that no cable comes near to its lower limit.
+        Margin to the upper limits for each unit of margin to the lower ones: 1 keeps equally far from both, 0
+        counts only the lower limits.
 
     Examples
     --------

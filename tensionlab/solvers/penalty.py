@@ -17,20 +17,20 @@ class AnalyticCentre:
     """Analytic centre: tensions clear of all limits, with the largest product of distances to them.
 
     Maximises ``sum ln(t - lower) + sum ln(upper - t)`` subject to ``W t = w``. There is one answer for every
-    wrench inside the workspace, it is a smooth function of wrench and pose, and no tension touches a limit.
-    Cables without play keep their tension and take no part; the reference takes none either.
+    wrench inside the workspace, it is a smooth function of wrench and pose, and no tension touches a limit. Cables
+    with equal limits, and the reference, play no part.
 
     A multiplier y of the wrench components fixes each tension: with c the middle of its limits, h half their
     range and q = h W_i'y it is ``c + h q / (1 + sqrt(1 + q²))``. Newton steps with a line search raise the dual,
     which is self-concordant, in those n variables; no feasible start is needed
     (``native/solvers/dual_ascent.hpp``).
 
-    The wrench error s is not forbidden but has a price, ``s = P (1 + P |y|²) y`` with P = 1e-14, in units of the
-    largest (weighted) change of the wrench that half the range of one cable makes. At a distance d from the edge
-    of the workspace, where k cables would be at their limits, it is k P / d: a hundredth of a unit away 1e-11
-    units at most, 1e-6 units away 1e-7, and at the very edge 5e-7, which is still EXACT on rigs of a few newton.
-    Beyond, the tensions tend to their limits and the wrench to the one of least error: near the best that can be
-    rendered, and not proved to be.
+    The wrench error s is penalised, ``s = P (1 + P |y|²) y`` with P = 1e-14, in units of the largest (weighted)
+    change of the wrench that half the range of one cable makes. At a distance d from the edge of the workspace,
+    where k cables would be at their limits, it is k P / d: a hundredth of a unit away 1e-11 units at most, 1e-6
+    units away 1e-7, and at the very edge 5e-7, which is still EXACT on rigs of a few newton. Beyond, the tensions
+    tend to their limits and the wrench to the one of least error: near the best that can be rendered, and not
+    proved to be.
 
     Sources: Sonnevend, "An analytical centre for polyhedrons and new classes of global algorithms for linear
     (smooth, convex) programming", 1985; Nesterov and Nemirovskii, "Interior-Point Polynomial Algorithms in Convex
@@ -55,21 +55,21 @@ class AnalyticCentre:
 
 @dataclass(frozen=True)
 class SlackNorm:
-    """P-norm with slack: tensions close to the reference and clear of their limits, with priced wrench error.
+    """P-norm with slack: tensions close to the reference and clear of their limits, with penalised wrench error.
 
     Minimises ``sum |(t - t0)/h|^p - c1 sum ln((t - lower)/h) - c2 sum ln((upper - t)/h) + kappa sum(
     sqrt(s² + epsilon) + gamma s²)`` over the tensions t and the slack s, where ``W t + unit s / sqrt(weights) =
     w``. t0 is the reference, h is half the range of each cable, and the unit is the largest (weighted) change of
     the wrench that half the range of one cable makes: all parameters are pure numbers, and a stronger rig gives
-    stronger answers. Cables without play keep their tension and take no part.
+    stronger answers. Cables with equal limits play no part.
 
-    The tensions are strictly inside their limits for every wrench, reachable or not, and a continuously
-    differentiable function of wrench and pose. That is bought with bias: towards the middle by c1 and c2, and in
-    the wrench. With y the slope of the other prices, the slack is ``sqrt(epsilon) y / kappa`` as long as y is well
+    The tensions are strictly inside their limits for every wrench, feasible or not, and a continuously
+    differentiable function of wrench and pose. The cost is a bias: towards the middle by c1 and c2, and in the
+    wrench. With y the slope of the other prices, the slack is ``sqrt(epsilon) y / kappa`` as long as y is well
     below kappa: about 1e-8 units and never 1e-6, which is EXACT, until the wrench is within 1e-3 units of the edge
-    of the workspace. Nearer than about ``m c / kappa`` units, for m cables, wrench is given away instead: some
-    1e-4 units at the edge. Beyond, the answer is no best substitute; as kappa grows it tends to the tensions
-    whose error has the least 1-norm.
+    of the workspace. Nearer than about ``m c / kappa`` units, for m cables, a wrench error is accepted: some 1e-4
+    units at the edge. Beyond, the answer is no best substitute; as kappa grows it tends to the tensions whose
+    error has the least 1-norm.
 
     Solved through its dual of n variables by line-searched Newton steps, which converge from anywhere
     (``native/solvers/dual_ascent.hpp``); the source solves the same conditions by Newton steps on all variables
@@ -83,14 +83,14 @@ class SlackNorm:
     p : float
         Exponent of the distance to the reference, 2 or more. Larger ones weigh the largest distance.
     c1, c2 : float
-        Prices of coming close to the lower and to the upper limits, positive; 0.1 as in the authors' examples.
+        Penalties of coming close to the lower and to the upper limits, positive; 0.1 as in the authors' examples.
     kappa : float
-        Price of slack, positive. 3500 is what the authors' 200 / N makes with their half range of 17.5 N.
+        Penalty of slack, positive. 3500 is what the authors' 200 / N makes with their half range of 17.5 N.
     epsilon : float
-        Square of the slack below which its price is round, positive. Ours: the authors' 1e-3 N², 3e-6 here,
-        leaves an error of about 1e-5 N everywhere, which is never EXACT.
+        Square of the slack below which its penalty is smooth, positive. This project's: the authors' 1e-3 N², 3e-6
+        here, leaves an error of about 1e-5 N everywhere, which is never EXACT.
     gamma : float
-        How much faster than the slack its price grows, positive; 0.0875 is the authors' 0.005 / N.
+        Quadratic part of the penalty of slack, positive; 0.0875 is the authors' 0.005 / N.
 
     Examples
     --------
@@ -107,14 +107,16 @@ class SlackNorm:
     epsilon: float = 1e-14
     gamma: float = 0.0875
 
-    objective: ClassVar[str] = "least p-norm of the change from the reference, with log barriers and priced slack"
+    objective: ClassVar[str] = (
+        "least p-norm of the change from the reference, with log barriers and penalised slack"
+    )
     policies: ClassVar[tuple[Policy, ...]] = ()
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            least = 2.0 if field.name == "p" else np.finfo(float).tiny
+            lowest = 2.0 if field.name == "p" else np.finfo(float).tiny
             value = getattr(self, field.name)
-            if not least <= value < np.inf:
+            if not lowest <= value < np.inf:
                 wanted = "2 or more" if field.name == "p" else "positive"
                 raise InputError(f"SlackNorm({field.name}={value}): must be finite and {wanted}")
 
@@ -149,9 +151,9 @@ class Spidar:
     Parameters
     ----------
     mu : float
-        Price of a squared tension, 1/N², positive.
+        Penalty of a squared tension, 1/N², positive.
     force, torque : float
-        Prices of a squared error, in 1/N² and 1/(N·m)², positive.
+        Penalties of a squared error, in 1/N² and 1/(N·m)², positive.
 
     Examples
     --------

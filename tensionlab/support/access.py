@@ -19,7 +19,7 @@ LOCAL_HOST, LOCAL_PAGES = re.compile(LOCAL), re.compile(f"https?://{LOCAL}")
 
 
 def names_this_machine(header: Header) -> bool:
-    """Tell whether the host that was asked for is this machine by its own name.
+    """Return whether the requested host is this machine by its own name.
 
     Another page can have a name of its own lead here (DNS rebinding), but not this one.
     """

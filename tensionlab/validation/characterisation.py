@@ -1,7 +1,7 @@
 """Characterisation of a rig as a haptic device: what papers on devices report, measured one after another.
 
 The sensor is held at the rig's home and at positions around it, then moved to and fro, then held loosely. On a
-simulated rig this is a matter of motions; on a real one, a person is asked for it before each part.
+simulated rig this is a matter of motions; on a real one, a person is instructed before each part.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from tensionlab.support.arrays import Floats
 from tensionlab.validation import measurements
 from tensionlab.validation.error_model import PRESETS, draw_errors, require_point
 from tensionlab.validation.measurements import (
-    FeltImpedance,
+    BackdriveImpedance,
     FrequencyResponse,
     Measuring,
     Recorder,
@@ -82,7 +82,7 @@ class Characterisation:
     """What was measured; by axis, "x", "y" and "z", where it is not of the whole rig.
 
     ``round_trips`` are those of pings and ``delays`` from a set-point to its report, in s. ``vibrations`` are by
-    module; ``felt_along`` has friction, damping and inertia; ``walls`` are by damping, along ``wall_axis``.
+    module; ``backdrive_along`` has friction, damping and inertia; ``walls`` are by damping, along ``wall_axis``.
     """
 
     plan: CharacterisationPlan
@@ -93,8 +93,8 @@ class Characterisation:
     steps: Steps
     responses: Responses
     vibrations: Responses
-    felt: FeltImpedance
-    felt_along: dict[str, tuple[float, float, float]]
+    backdrive: BackdriveImpedance
+    backdrive_along: dict[str, tuple[float, float, float]]
     walls: dict[float, list[WallTrial]]
     wall_axis: str
 
@@ -170,12 +170,12 @@ def characterise(
     vibrations = run("hold", partial(_vibrations, plan, axes), slew=VIBRATION_SLEW_N_S)
     for offset in offsets[1:]:
         held += run("hold", partial(_static, plan, offset=offset), offset)
-    felt = run("move", lambda recorder: measurements.free_motion(recorder, rig, 3.0 * MOTION_S))
+    backdrive = run("move", lambda recorder: measurements.free_motion(recorder, rig, 3.0 * MOTION_S))
     walls = run("loose", partial(_at_walls, plan, along))
-    felt_along = {name: felt.along(home, axis) for name, axis in axes.items()}
+    backdrive_along = {name: backdrive.along(home, axis) for name, axis in axes.items()}
     return Characterisation(
-        plan, simulated, np.array(trips), np.array(delays), held, steps, responses, vibrations, felt, felt_along,
-        walls, wall_axis,
+        plan, simulated, np.array(trips), np.array(delays), held, steps, responses, vibrations, backdrive,
+        backdrive_along, walls, wall_axis,
     )  # fmt: skip
 
 

@@ -45,7 +45,7 @@ class Quantity(NamedTuple):
 
 def quantities(result: Characterisation) -> list[Quantity]:
     """Return the numbers of the report, in its order."""
-    plan, cable, steps = result.plan, result.felt, result.steps.items()
+    plan, cable, steps = result.plan, result.backdrive, result.steps.items()
     desired, measured = (
         np.array([getattr(each, name) for each in result.static]) for name in StaticForce._fields[:2]
     )
@@ -64,7 +64,7 @@ def quantities(result: Characterisation) -> list[Quantity]:
                f"by the host, {plan.amplitude:g} N at {plan.rate:g} cycles/s"),
         *(Quantity(f"vibration bandwidth, {module}", "Hz", {WHOLE: each.bandwidth}, "by the module")
           for module, each in result.vibrations.items()),
-        *(Quantity(f"felt {name}", unit, {axis: parts[index] for axis, parts in result.felt_along.items()})
+        *(Quantity(f"backdrive {name}", unit, {axis: part[index] for axis, part in result.backdrive_along.items()})
           for index, (name, unit) in enumerate((("friction", "N"), ("damping", "N s/m"), ("inertia", "kg")))),
         Quantity("friction of a cable", "N", {WHOLE: cable.friction}, f"minimum tension {cable.tension:.2g} N"),
         Quantity("damping of a cable", "N s/m", {WHOLE: cable.damping}),
@@ -105,7 +105,7 @@ def table(result: Characterisation) -> Table:
 
 def devices_table(result: Characterisation, devices: pandas.DataFrame) -> Table:
     """Return the figures of this rig, and those of published devices below."""
-    friction, _, inertia = np.max([*result.felt_along.values()], axis=0).tolist()
+    friction, _, inertia = np.max([*result.backdrive_along.values()], axis=0).tolist()
     stiffest = max(wall_limits(trials)[0] for trials in result.walls.values())
     rows = [[f"{result.plan.rig.name} (here)", result.plan.force, friction, inertia, stiffest, ""]]
     rows += devices.reindex(columns=[*FIGURES, "source"]).reset_index().to_numpy().tolist()

@@ -263,7 +263,7 @@ def step_response(recorder: Recorder, axis: Floats, size: float) -> Measuring[St
 
 
 @dataclass(frozen=True)
-class FeltImpedance:
+class BackdriveImpedance:
     """What each cable adds to a motion: friction in N, damping in N s/m, mass in kg; the same for all cables.
 
     ``tension`` is the lowest tension, in N.
@@ -281,7 +281,7 @@ class FeltImpedance:
         return self.friction * float(parts.sum()), self.damping * square, self.mass * square
 
 
-def free_motion(recorder: Recorder, rig: Rig, seconds: float) -> Measuring[FeltImpedance]:
+def free_motion(recorder: Recorder, rig: Rig, seconds: float) -> Measuring[BackdriveImpedance]:
     """Render no force while a hand moves the sensor to and fro, along one axis after another."""
     samples = yield from recorder.render(constant(Demand(np.zeros(3))), seconds)
     found = recorder.reports(rig, samples)
@@ -294,7 +294,7 @@ def free_motion(recorder: Recorder, rig: Rig, seconds: float) -> Measuring[FeltI
     rows = np.column_stack([*(np.sum(shares * part, axis=1) for part in parts), ways])
     values = np.sum(ways * found.forces, axis=1) - np.sum(shares * found.tensions, axis=1)
     friction, damping, mass = fit(rows[used], values[used]).coefficients[:3].tolist()
-    return FeltImpedance(friction, damping, mass, float(found.tensions.min()))
+    return BackdriveImpedance(friction, damping, mass, float(found.tensions.min()))
 
 
 @dataclass(frozen=True)

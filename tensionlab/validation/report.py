@@ -177,8 +177,8 @@ def remarks(result: ValidationResult) -> list[str]:
     count = len(result.desired)
     window = f"from {setup['settle']:g} to {setup['hold']:g} s of each force"
     found = [READING, GRID, f"Averages are {window}: tensions still move before."]
-    rig, theirs = rig_from_toml(setup["rig"], "rig of the setup"), ring_plus_top(1.0)
-    if rig.m != theirs.m or np.abs(rig.anchors - theirs.anchors).max() > SAME_PLACE_M:
+    rig, published = rig_from_toml(setup["rig"], "rig of the setup"), ring_plus_top(1.0)
+    if rig.m != published.m or np.abs(rig.anchors - published.anchors).max() > SAME_PLACE_M:
         advice = "take the published column as an order of magnitude, not as a target"
         found.insert(0, f"{rig.name} is not the published rig: {advice}.")
     if setup["simulated"]:

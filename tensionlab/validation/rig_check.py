@@ -203,9 +203,9 @@ def _balance(structure: Floats, balanced: bool, held: bool) -> Finding:
 def _strength(rig: Rig, structure: Floats, offset: Requirement) -> Finding:
     """Check the force and the torque that the rig renders in its weakest direction, in addition to the offset."""
     normals, offsets = half_spaces(structure, rig.limits)
-    room = offsets - normals @ offset.middle(rig)
+    distances = offsets - normals @ offset.middle(rig)
     forces = directions.grid18() if rig.dimension == 3 else directions.circle()
-    strength = facet_distance(room, normals[:, : rig.dimension], forces).clip(min=0.0)
+    strength = facet_distance(distances, normals[:, : rig.dimension], forces).clip(min=0.0)
     weakest = int(np.argmax(strength <= strength.min() * (1 + 1e-9)))  # the first of those equal but for rounding
     where = ", ".join(f"{part:.2f}" for part in forces[weakest].round(2) + 0.0)
     unit = KINDS[rig.kind].force_unit
@@ -213,7 +213,7 @@ def _strength(rig: Rig, structure: Floats, offset: Requirement) -> Finding:
     text += f"; {strength.max():.3g} {unit} in its strongest"
     if rig.n > rig.dimension:
         torques = directions.grid18() if rig.dimension == 3 else np.array([[1.0], [-1.0]])
-        twist = facet_distance(room, normals[:, rig.dimension :], torques).clip(min=0.0)
+        twist = facet_distance(distances, normals[:, rig.dimension :], torques).clip(min=0.0)
         text += f"; torque {twist.min():.3g} to {twist.max():.3g} N·m"
     if offset:
         text += f"; in addition to {offset.describe(rig)}"

@@ -49,11 +49,11 @@ def certify(
 ) -> CertifiedWorkspace:
     """Prove where in a region every pose of a rig renders all that is required, and where none does.
 
-    Cells of positions are proved as a whole, or cut in two along all axes, down to the resolution. A cell is
-    inside if the tensions pull further than is required in all directions normal to the facets of the available
-    wrench set, as they turn with the pose; it is outside if they do not in one. Of the undecided cells a share is
-    proved as well, so that the bounds of the volume converge as the square of the resolution. Rounding is part of
-    every bound.
+    Cells of positions are proved as a whole, or split in two along all axes, down to the resolution. A cell is
+    inside if the available wrench set exceeds the required one in all directions normal to its facets, as they
+    turn with the pose; it is outside if it does not in one direction. Of the undecided cells a share is proved as
+    well, so that the bounds of the volume converge as the square of the resolution. Rounding is part of every
+    bound.
 
     Source: Gouttefarde, Daney and Merlet, "Interval-analysis-based determination of the wrench-feasible workspace
     of parallel cable-driven robots", 2011, for the proof of cells; Bouchard, Gosselin and Moore, "On the ability
@@ -74,8 +74,8 @@ def certify(
     resolution : float, or one for each axis
         Longest edge of the finest cells, in m.
     rotations : array, optional
-        Orientations, one or several in a row, as in `Rig.structure_matrix`, all of which count: a position is
-        outside if it is so in one of them. Left out: the identity.
+        Orientations, one or several, as in `Rig.structure_matrix`. A position is inside if it is so in all of
+        them, and outside if it is so in one. Left out: the identity.
     angle : float
         All orientations within this angle, in rad, of each of the rotations count as well.
     clearance : float, optional
@@ -84,10 +84,10 @@ def certify(
         In place of `Rig.bodies`: cables keep the margin of each, however it sways; () for none. This part of the
         border, and that of the clearance, are bounded to first order only.
     losses : 0 or 1
-        1: what is proved holds after the loss of any one cable, which then has tension zero, and not its minimum.
+        1: the proof holds after the loss of any one cable, which then has tension zero, not its minimum.
         `CertifiedWorkspace.losses` has the proof for each.
     frames, scheduler, progress
-        As in `tensionlab.sweep`; progress is the share of the region that is settled.
+        As in `tensionlab.sweep`; progress is the decided share of the region.
 
     Examples
     --------
@@ -200,7 +200,7 @@ class ClearanceProblem(NamedTuple):
     Rotations (k, d, d) of the platform, and poses of the frames of bodies.
     """
 
-    least: float
+    clearance: float
     pairs: Integers
     bodies: tuple[Body, ...]
     rotations: Floats
@@ -217,7 +217,7 @@ class ClearanceProblem(NamedTuple):
         """
         reach, longest_arm = float(np.linalg.norm(half_edges)), float(np.linalg.norm(arms, axis=-1).max())
         turns = angle * (longest_arm + np.array([longest_arm, *map(_arm, self.bodies)]))
-        least = np.array([self.least, *(body.margin for body in self.bodies)])
+        margins = np.array([self.clearance, *(body.margin for body in self.bodies)])
         segments = [body.end - body.start for body in self.bodies if body.end is not None]
         longest_body = max((float(np.linalg.norm(segment)) for segment in segments), default=0.0)
         clear = np.ones(len(centres), np.int8)
@@ -228,7 +228,7 @@ class ClearanceProblem(NamedTuple):
             apart = closest_pair(cables, self.pairs).distance[:, None]
             placed = place_bodies(self.bodies, centres, rotation, self.frames)
             distances = np.hstack([apart, distances_to_placed(cables, self.bodies, placed).min(axis=-2)])
-            slack, doubt = distances - least, reach + turns + rounding[:, None]
+            slack, doubt = distances - margins, reach + turns + rounding[:, None]
             verdict = np.where(slack >= doubt, 1, np.where(slack < -doubt, -1, 0)).min(axis=-1)
             clear = np.minimum(clear, verdict.astype(np.int8))
         return clear
@@ -243,18 +243,18 @@ def _arm(body: Body) -> float:
 
 
 def clearance_problem(
-    rig: Rig, least: float | None, rotations: Floats, frames: Frames | None
+    rig: Rig, clearance: float | None, rotations: Floats, frames: Frames | None
 ) -> ClearanceProblem | None:
     """Return the distances to prove, or None if none is required."""
-    if least is None and not rig.bodies:
+    if clearance is None and not rig.bodies:
         return None
-    if least is not None and not (np.isfinite(least) and least >= 0):
-        raise InputError(f"clearance is {least}; give a distance in m, 0 or more")
-    pairs = cable_pairs(rig)
+    if clearance is not None and not (np.isfinite(clearance) and clearance >= 0):
+        raise InputError(f"clearance is {clearance}; give a distance in m, 0 or more")
+    pairs = cable_pairs(rig)[: 0 if clearance is None else None]
     places = {name: frame_of(where) for name, where in (rig.at_rest | dict(frames or {})).items()}
     if any(np.ndim(where.position) > 1 for where in places.values()):
         raise InputError("frames: give one pose for each body frame; it is the same all over the region")
-    return ClearanceProblem(least or 0.0, pairs[: 0 if least is None else None], rig.bodies, rotations, places)
+    return ClearanceProblem(clearance or 0.0, pairs, rig.bodies, rotations, places)
 
 
 class CellProblem(NamedTuple):

@@ -139,7 +139,7 @@ class CertifiedWorkspace:
     subdivision : Subdivision
         The region, and how it is cut into cells.
     level, place : (k,) and (k, d) arrays
-        How often the region's first cells were cut in two for each cell, and its place along each axis.
+        How often the region's first cells were split for each cell, and its index along each axis.
     verdict : (k,) array
         1 inside, -1 outside, 0 undecided.
     shares : (k, 2) array
@@ -147,7 +147,7 @@ class CertifiedWorkspace:
     evaluations : int
         Number of cells that were examined, each once for all rotations.
     losses : dict
-        Where what is proved survives the loss of any one cable: the proof without each module, by its name.
+        If losses were proved: the proof without each module, by its name.
 
     Examples
     --------
@@ -227,11 +227,11 @@ class CertifiedWorkspace:
 
     @property
     def worst_loss(self) -> str:
-        """Name of the module whose loss leaves the least, by the upper bounds of the volumes."""
+        """Name of the module whose loss leaves the smallest volume, by the upper bounds."""
         return min(self.losses, key=lambda name: round(self.losses[name].volume.upper, 9), default="")
 
     def losses_table(self) -> Table:
-        """Return the bounds of what is left after the loss of each module."""
+        """Return the bounds of the volume after the loss of each module."""
         columns = ["lost module", Column("volume inside", self.unit), Column("share of the region", "%")]
         rows = [
             [name, proof.volume.describe(), Bounds(*(100 * each for each in proof.share)).describe()]

@@ -47,7 +47,7 @@ def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> O
 
     The first is the identity; then come rings, one every ``step``, with neighbours about as far apart, none of
     them turned about the axis. Each has the weight of the solid angle in which the axis is nearest to its own.
-    Angles are in rad. InputError for angles of no use, or an axis without a direction.
+    Angles are in rad. InputError for invalid angles, or an axis of length zero.
 
     Examples
     --------
@@ -80,7 +80,7 @@ def roll_pitch_yaw(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Orienta
     """Return the orientations (k, 3, 3) of every combination of angles, in rad; the yaw changes fastest.
 
     Angles are numbers, or arrays of one axis, about the fixed axes x, y and z: ``Rz(yaw) Ry(pitch) Rx(roll)``.
-    Weights are those of the invariant (Haar) measure of rotations, which goes as the cosine of the pitch.
+    Weights are those of the invariant (Haar) measure of rotations, proportional to the cosine of the pitch.
     ShapeError or InputError for angles that are not finite, or too many combinations.
 
     Examples

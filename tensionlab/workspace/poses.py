@@ -138,7 +138,7 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class PoseList:
-    """Poses one after another; ShapeError if they do not fit together, are not finite, or a matrix is no rotation.
+    """List of poses. ShapeError if they do not fit together, are not finite, or a matrix is no rotation.
 
     Attributes
     ----------
@@ -241,14 +241,15 @@ def _orientation(dim: str, rotations: Floats) -> dict[str, Label]:
 def box(
     x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None, *, step: ArrayLike, rotations: ArrayLike | None = None
 ) -> Grid:
-    """Return poses that fill a box, one every step; InputError or ShapeError for a wrong interval or step.
+    """Return a grid of poses that fills a box. InputError or ShapeError for a wrong interval or step.
 
     Parameters
     ----------
     x, y, z : (from, to), or a number
         The box, in m; a number is a plane of it. No z in the plane.
     step : number, or one for each axis
-        Distance of neighbours, in m. The first is at ``from``; the last is at ``to`` if the step divides the edge.
+        Distance between neighbours, in m. The first is at ``from``; the last is at ``to`` if the step divides the
+        edge.
     rotations
         As in `Grid`.
 
@@ -342,7 +343,7 @@ def poses_from_columns(columns: dict[str, Floats]) -> PoseList:
     return PoseList(position, rotation, wrench)
 
 
-def _require_below(most: float, rows: Floats, what: str, expected: str) -> None:
+def _require_below(largest: float, rows: Floats, what: str, expected: str) -> None:
     """Refuse numbers that are too large to be meant, as of a file in other units."""
-    if len(far := np.flatnonzero(np.abs(rows).max(axis=1) > most)):
+    if len(far := np.flatnonzero(np.abs(rows).max(axis=1) > largest)):
         raise DataError(f"pose {far[0] + 1} {what} {brief(rows[far[0]].tolist())}; give {expected}")

@@ -41,7 +41,7 @@ def tension_factor(structure: ArrayLike) -> Floats:
 
 
 def wrench_closure(structure: ArrayLike) -> NDArray[np.bool_]:
-    """Return whether the cables can render every wrench (...), if they only pull hard enough.
+    """Return whether cables of unlimited strength can render every wrench (...).
 
     True where W has rank n and ``W t = 0`` for some t > 0. Parameter and errors as in `tension_factor`.
     Source: Verhoeven, "Analysis of the workspace of tendon-based Stewart platforms", 2004.
@@ -148,7 +148,7 @@ def squared_tension(
     magnitude: float,
     offset_wrench: ArrayLike | None = None,
 ) -> SquaredTension:
-    """Return the minimum sums of squared tensions, as the heat of the motors goes, over a set of directions.
+    """Return the mean and the maximum over directions of the least sum of squared tensions, the motors' heat.
 
     NaN where a wrench is infeasible. Parameters and errors as in `feasible_direction_fraction`.
 

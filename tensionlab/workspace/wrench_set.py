@@ -102,21 +102,21 @@ def half_spaces(structure: ArrayLike, limits: TensionRange) -> HalfSpaces:
     return HalfSpaces(normals[..., :needed, :], offsets[..., :needed])
 
 
-def facet_distance(room: Floats, normals: Floats, directions: Floats) -> Floats:
+def facet_distance(distances: Floats, normals: Floats, directions: Floats) -> Floats:
     """Return the distance (..., K) to the first facet along directions (K, n), from a wrench inside all of them.
 
-    ``room`` (..., k) is the distance of the wrench from each half-space, along its normal (..., k, n).
+    ``distances`` (..., k) are those of the wrench from each half-space, along its normal (..., k, n).
     """
     along = normals @ directions.T
     ahead = along > ALONG_FACET
-    return np.asarray(np.min(np.where(ahead, room[..., None], np.inf) / np.where(ahead, along, 1.0), axis=-2))
+    return np.asarray(np.min(np.where(ahead, distances[..., None], np.inf) / np.where(ahead, along, 1.0), axis=-2))
 
 
 def vertices(structure: ArrayLike, limits: TensionRange) -> Floats:
     """Return the vertices (k, n) of the available wrench set at one pose.
 
-    In order around the set where it is a polygon, n = 2; in no order elsewhere. They are the hull of one cable
-    after the other, by Qhull: each copies what is there, at its lower and its upper limit.
+    For n = 2 they are in order around the polygon; otherwise in no order. They are computed cable by cable with
+    Qhull: each cable copies the current hull, at its lower and its upper limit.
 
     Source: Barber, Dobkin and Huhdanpaa, "The Quickhull algorithm for convex hulls", 1996. Parameters and
     errors as in `capacity_margin`, without leading axes.
@@ -212,11 +212,11 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Requir
 
 
 def loss_margins(structure: ArrayLike, limits: TensionRange, required: RequiredWrenches = None) -> Floats:
-    """Return the capacity margin (..., m) that is left after the loss of each cable.
+    """Return the capacity margin (..., m) after the loss of each cable.
 
     A lost cable has tension zero, not its minimum; the others keep their limits, and what is required stays. The
     smallest of the margins survives the loss of any one cable. It may exceed the margin of all cables where the
-    minimum tension of a cable is in the way, as at the border of the workspace of a suspended robot.
+    minimum tension of a cable hinders, as at the border of the workspace of a suspended robot.
 
     Parameters and errors as in `capacity_margin`; ShapeError also for one cable alone.
 

@@ -19,7 +19,13 @@ def test_one_command_measures_a_rig_as_a_device(run, tmp_path, monkeypatch):
     out = tmp_path / "tetra"
     code, text, _ = run("characterise", "tetra-4", "--out", out)
     assert code == 0
-    for line in ("tetra-4, simulated", "force bandwidth (Hz)", "felt friction (N)", "STRIVE", "Novint Falcon"):
+    for line in (
+        "tetra-4, simulated",
+        "force bandwidth (Hz)",
+        "backdrive friction (N)",
+        "STRIVE",
+        "Novint Falcon",
+    ):
         assert line in text
     report = json.loads((out / "report.json").read_text())
     figures = {row["name"]: row["values"] for row in report["figures"]}

@@ -64,5 +64,5 @@ def test_why_there_is_no_answer_is_told():
     assert 'module "top"' in found.problem
     found = evaluate(edits.set_fields(solver="polygon")(begin(tl.load_rig("seven-modules"))))
     assert found.allocation is None
-    assert "serves no such problem" in found.problem
+    assert "does not support this problem" in found.problem
     assert found.margin > 0.0  # it depends on no solver

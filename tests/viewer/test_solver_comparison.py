@@ -50,7 +50,7 @@ def test_a_solver_with_other_policies_keeps_its_own_and_one_for_other_rigs_says_
     state = edits.set_fields(policy="direction")(point)
     assert answer(state, "dykstra", problems(state)).problem == ""
     state = begin(tl.load_rig("seven-modules"))
-    assert "serves no such problem" in answer(state, "polygon", problems(state)).problem
+    assert "does not support this problem" in answer(state, "polygon", problems(state)).problem
 
 
 @pytest.mark.parametrize("study", STUDIES)

@@ -233,10 +233,10 @@ def _too_fast(
         return {"ripples.height": (ripples.height, fade * ripples.height)} if fade < 1.0 else {}
     if not part.amplitude:
         return {}
-    most = limits.slew / (2.0 * math.pi * part.frequency) * cables.gain(part)
+    largest = limits.slew / (2.0 * math.pi * part.frequency) * cables.gain(part)
     for cable, each in {} if springs is None else springs.impedances.items():
-        most = each.amplitude * cables.gain(part, cable) * float(part.axis @ cables.directions[cable])
-    return {"amplitude": (part.amplitude, most)} if part.amplitude > most * (1.0 + 1e-9) else {}
+        largest = each.amplitude * cables.gain(part, cable) * float(part.axis @ cables.directions[cable])
+    return {"amplitude": (part.amplitude, largest)} if part.amplitude > largest * (1.0 + 1e-9) else {}
 
 
 def _demand(
@@ -329,7 +329,7 @@ def _module_springs(
 ) -> ModuleSprings | None:
     """Return what modules render of a part, by one cable or a field; None if the host alone is better.
 
-    A change from or to a field, which is felt, has to be noticeably better.
+    A change from or to a field, which a person feels, has to be noticeably better.
     """
     late = LEAD * MARGIN * HAND_DAMPING / host_stiffness if host_stiffness else 0.0
     way = late * (velocity - float(part.axis @ velocity) * part.axis)  # along the surface, until set-points act
@@ -343,7 +343,7 @@ def _module_springs(
     if part.stiffness > 0.0 and part.amplitude == part.feed_forward == 0.0 and math.isinf(part.reach):
         error = 1.0 - min(host_stiffness / part.stiffness, 1.0) if best is None else best[1].error
         error *= 1.0 + WEAK_JND if was_field else 1.0 - WEAK_JND
-        if error > WEAK_JND:  # nobody feels a smaller one
+        if error > WEAK_JND:  # a smaller one cannot be felt
             field = along_field(part, velocity, later, free, limits, host_stiffness)
             predicted = _predict(part, field, cables, host_stiffness)
             if by_field := bool(field) and predicted.error < error:
@@ -392,8 +392,8 @@ def _expected(
     added = predicted.added * then
     if touching:
         yielding = 1.0 + YIELDING * predicted.across / predicted.along if predicted.along else 1.0
-        most = max_damping(MIN_HAND_MASS_KG, late / LEAD, 0.0) if late else math.inf
-        damped = min(part.damping * yielding, most) * rate
+        largest_damping = max_damping(MIN_HAND_MASS_KG, late / LEAD, 0.0) if late else math.inf
+        damped = min(part.damping * yielding, largest_damping) * rate
         added += damped if rate < 0.0 else max(damped, float(dampers @ part.axis))
     added = max(added, -float(force @ part.axis)) - float(across @ part.axis)
     total: Floats = force + across + added * part.axis

@@ -88,7 +88,7 @@ class Fidelity:
 
     @property
     def passed(self) -> bool | None:
-        """Whether nothing is wrong; None if only what is infeasible is."""
+        """Whether a person would notice nothing; None if only infeasible force is missing."""
         return not self.failures() or (None if self.infeasible else False)
 
     def numbers(self) -> dict[str, float]:
@@ -100,7 +100,7 @@ class Fidelity:
         return self.numbers() | {"passed": self.passed, "failures": self.failures()}
 
     def failures(self) -> tuple[str, ...]:
-        """Return what a person would notice as wrong, in words with numbers."""
+        """Return the deviations that a person would notice, in words with numbers."""
         stiffness, amplitude, hertz = self.stiffness_desired, self.amplitude_desired, self.oscillation_frequency
         missing = abs(self.force_rendered - self.force)  # a short force hardly counts in the error over all time
         force = f"{self.force_rendered:.2f} of {self.force:.2f} N, error {self.error:.2f} N"

@@ -136,7 +136,7 @@ def optimality_gap(
 ) -> float:
     """Return a bound on how far a field is from the optimum of `allocate_field`, infinite outside the ranges.
 
-    Whatever chose the field: the objective is convex, so its gradient bounds it from below, and the least of that
+    It holds for any field: the objective is convex, so its gradient bounds it from below, and the least of that
     bound over each cable's ranges is at a corner of them; the multipliers price the force. Arguments as those of
     `allocate_field`, with a feasible force. Unit: of the objective, as shares of the largest limits.
     """
@@ -190,7 +190,7 @@ def stable_share(matrix: Floats, axis: Floats, host_stiffness: float) -> float:
 
     A spring M whose rest length follows the hand tau late is one of ``M (1 - cos(w tau))`` with a damper
     ``M sin(w tau)/w``, which drives the hand above half a cycle of tau. The lightest hand m stays below if
-    ``2 M <= m (pi/tau)²``. ``host_stiffness`` tells tau.
+    ``2 M <= m (pi/tau)²``. ``host_stiffness`` determines tau.
     """
     column = matrix @ axis
     along = float(axis @ column)

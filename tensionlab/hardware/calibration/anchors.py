@@ -4,7 +4,7 @@ At known poses each anchor is where the lengths of its cable meet (multilaterati
 more cables than degrees of freedom calibrates itself: each pose brings m lengths and n unknowns, and the remaining
 equations determine the anchors. See Borgstrom et al. 2009, "NIMS-PL: A Cable-Driven Robot With Self-Calibration
 Capabilities", IEEE Transactions on Robotics 25(5); Jin et al. 2018, Sensors 18(7); and Hangprinter's
-auto-calibration. Lengths show neither where the rig stands, how it is turned nor which of its mirror images it is:
+auto-calibration. Lengths show neither where the rig stands, its orientation nor which of its mirror images it is:
 that is taken from the nominal rig. Nor do they show an error of all lengths in the same proportion.
 
 Poses are eliminated (variable projection, Golub and Pereyra 1973, in Kaufman's approximation): for given anchors

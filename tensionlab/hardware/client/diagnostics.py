@@ -59,8 +59,8 @@ def ports(*, everything: bool = False) -> dict[str, str]:
     found = {}
     for port in serial_ports():
         about = "" if port.description == "n/a" else printable(port.description)
-        ours = port.vid in USB_VENDORS or has_bluetooth(port) or NAME_PREFIX in f"{port.device} {about}"
-        if everything or ours:
+        is_module = port.vid in USB_VENDORS or has_bluetooth(port) or NAME_PREFIX in f"{port.device} {about}"
+        if everything or is_module:
             found[port.device] = about
     return found | paired()
 

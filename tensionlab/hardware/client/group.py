@@ -230,10 +230,10 @@ def _collecting(failed: dict[ModuleClient, HardwareError], client: ModuleClient)
 
 
 def connect(rig: Rig, links: Mapping[str, str | Link]) -> ModuleGroup:
-    """Connect to all modules of a rig by their links, or the URLs of those: ``links``, by the module's name.
+    """Connect to all modules of a rig; ``links`` are links or URLs, by the module's name.
 
-    A `HardwareError` if the names are not those of the rig's modules, or a link cannot be opened; the others are
-    closed again then.
+    HardwareError if the names are not those of the rig's modules, or a link cannot be opened; the others are then
+    closed.
     """
     names = [module.name for module in rig.modules]
     for name in links:

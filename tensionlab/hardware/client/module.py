@@ -148,7 +148,7 @@ class ModuleClient:
         LinkTimeout, LinkError
             It does not answer; the link broke.
         ProtocolError
-            The module speaks another protocol, or its answer makes no sense.
+            The module speaks another protocol, or its answer is invalid.
         """
         self.request(command, Acknowledge, tries)
 

@@ -86,7 +86,7 @@ class Run(CycleTable, LogMetadata):
 
     @property
     def allocation(self) -> Allocation:
-        """Allocations of all cycles. Why a backend failed is not kept."""
+        """Allocations of all cycles, without the reasons of failed backends."""
         names = ("residual", "status", "scale", "iterations", "separation")
         return Allocation(self.chosen, self.rendered, **{name: getattr(self, name) for name in names})
 
@@ -137,7 +137,7 @@ class Run(CycleTable, LogMetadata):
 
 
 def read_run(path: str | PathLike[str], progress: Callable[[float], None] | None = None) -> Run:
-    """Return the run in the log at ``path``; of one that was cut off, what it holds.
+    """Return the run in the log at ``path``; a log that was cut off is read as far as it goes.
 
     `progress` is called with the share of the work that is done, from 0 to 1. A `LogError` if the file can't be
     read, is no log of a run, or was cut off before the run began.

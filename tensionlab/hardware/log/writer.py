@@ -61,9 +61,8 @@ class RunSetup:
 class RunLog:
     """Log of a run, written by a thread, so that no cycle waits for a disk.
 
-    Every cycle is in the file within `FLUSH_S` seconds, even if the process is killed then. Close the log: only
-    then has it an index, and counts as complete. A `LogError` if there is something in the file already, or it
-    can't be written.
+    Every cycle is in the file within `FLUSH_S` seconds, even if the process is killed then. Closing the log writes
+    its index and marks it complete. LogError if the file is not empty, or cannot be written.
 
     Parameters
     ----------
@@ -133,7 +132,7 @@ class RunLog:
         return file
 
     def begin(self, infos: Mapping[str, Info], statistics: Statistics) -> None:
-        """Keep the description of each module, by its name.
+        """Write the description of each module, by its name.
 
         A `LogError`, here and in `write` and `note`, if something before could not be written: the disk is full,
         or does not keep up.
@@ -141,14 +140,14 @@ class RunLog:
         self._put("modules", {name: asdict(info) for name, info in infos.items()})
 
     def write(self, cycle: Cycle) -> None:
-        """Keep a cycle, whose arrays must not change any more."""
+        """Write a cycle, whose arrays must not change any more."""
         if self._begin_ns is None:
             self._begin_ns = time.time_ns() - int(1e9 * cycle.state.time)
         self._time = cycle.state.time
         self._put("cycle", cycle)
 
     def note(self, event: RunEvent) -> None:
-        """Keep an event, such as a module that was lost; from any thread."""
+        """Write an event, such as the loss of a module; from any thread."""
         self._put("event", asdict(event))
 
     def close(self, statistics: Statistics | None = None) -> None:

@@ -107,9 +107,9 @@ class Program(SchemaTable):
 
 
 def load_program(path: str | PathLike[str], rig: Rig, rate: float = math.inf) -> Program:
-    r"""Return the program in the TOML file at a path; a `HardwareError` if it does not fit the rig.
+    r"""Return the program in the TOML file at a path.
 
-    So it is if a frequency is not below half the ``rate``, that of the run in Hz.
+    HardwareError if it does not suit the rig, or a frequency is not below half the ``rate`` of the run, in Hz.
 
     Examples
     --------

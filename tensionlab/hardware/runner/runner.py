@@ -57,8 +57,8 @@ class Runner:
 
     Each cycle reads the modules, finds the pose, calls the demand, allocates, checks, sends and logs. What the rig
     requires, such as the weight of its platform, is rendered in addition. Whatever ends a run (its time, the
-    demand, an error, a signal), all modules are stopped. A `HardwareError` refuses modules that do not belong to
-    the rig, and a rig whose pose cannot be known.
+    demand, an error, a signal), all modules are stopped. HardwareError if the modules do not belong to the rig, or
+    its pose cannot be determined.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Runner:
     modules : ModuleGroup
         Its modules: `connect` reaches real ones, `World.group` those of a simulated world.
     solver : str or Solver
-        As in `tensionlab.allocate`. An unproven answer is never sent; that of newton is, in its place.
+        As in `tensionlab.allocate`. An unproven answer is never sent: that of newton is sent instead.
     demand : callable
         ``demand(state)`` returns the `Demand` of each cycle, given the `RigState`.
     settings : RunSettings, optional

@@ -81,7 +81,7 @@ class Clock(Protocol):
 
 
 class RealClock:
-    """Monotonic clock of the system; clients that are simulated here advance while it is waited for."""
+    """Monotonic clock of the system; simulated modules of this process advance while a run waits for it."""
 
     real_time = True
 
@@ -105,8 +105,8 @@ class RealClock:
 class WorldClock:
     """Clock of simulated modules, whose time passes while the run waits.
 
-    If ``paced``, it is never ahead of real time, so that a run can be watched. Where the computer falls behind,
-    time passes more slowly: the run equals, cycle by cycle, one that is not paced.
+    If ``paced``, it is never ahead of real time, so that a run can be watched. On a slow computer time passes more
+    slowly: the run equals, cycle by cycle, one that is not paced.
     """
 
     def __init__(self, world: World, *, paced: bool = False) -> None:
@@ -118,7 +118,7 @@ class WorldClock:
         return self._world.time
 
     def wait_until(self, when: float) -> None:
-        """Let time pass in the modules until then, and in the room if the clock is paced."""
+        """Let simulated time pass until then, and real time as well if the clock is paced."""
         if self.real_time:
             remaining = when - (time.perf_counter() - self._start)
             if remaining > 0.0:

@@ -61,7 +61,7 @@ class TcpPort:
         return content
 
     def send(self, content: bytes) -> None:
-        """Send what the client has room for; as over Bluetooth, the rest is lost."""
+        """Send as much as the client accepts; as over Bluetooth, further bytes are lost."""
         if self._client is not None:
             with suppress(OSError):  # full, or closed, as `receive` will find
                 self._client.send(content)

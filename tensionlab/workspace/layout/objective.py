@@ -50,10 +50,10 @@ def as_targets(target: Targets, dimension: int, *, turns: bool = False) -> tuple
 class Objective:
     """Criterion by which layouts are compared.
 
-    The share of the target that has the desired force and stiffness. Without these, the largest force that is
-    feasible everywhere in the target or, if there are walls, their largest stiffness. Forces are in addition to
-    what the space requires, such as a weight. Walls are as stiff as one module renders them, or the host: see
-    `tensionlab.model.wall_stiffness`.
+    The score is the share of the target that has the desired force and stiffness. Without these, it is the largest
+    force that is feasible everywhere in the target or, if there are walls, their largest stiffness. Forces are in
+    addition to what the space requires, such as a weight. Walls are as stiff as one module renders them, or the
+    host: see `tensionlab.model.wall_stiffness`.
 
     Attributes
     ----------
@@ -143,9 +143,9 @@ class Objective:
         further: list[Floats] = []
         if self.directions is not None:
             normals, offsets = half_spaces(structure, limits)
-            room = offsets - (normals @ required.swapaxes(-1, -2)).max(axis=-1) - ball
+            distances = offsets - (normals @ required.swapaxes(-1, -2)).max(axis=-1) - ball
             directions = pad_last_axis(np.array(self.directions), structure.shape[-2])
-            further += [*np.moveaxis(facet_distance(room, normals, directions), -1, 0)]
+            further += [*np.moveaxis(facet_distance(distances, normals, directions), -1, 0)]
         if self.walls is not None:
             stiffness = module_stiffness(structure.swapaxes(-1, -2), np.array(self.walls))
             if self.stiffness is not None and self.level is not None:

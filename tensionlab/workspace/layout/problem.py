@@ -163,9 +163,9 @@ class LayoutProblem(NamedTuple):
 
     def rank(self, places: Placement, values: Floats) -> tuple[float, float, float]:
         """Return the rank of a layout with values (C, P): its clearance of bodies, score and merit, in turn."""
-        least = values.min(axis=-2)
+        lowest = values.min(axis=-2)
         spare = float(self.spare(places).clip(max=0.0).sum())
-        return spare, float(self.objective.score(least)), float(self.objective.merit(least))
+        return spare, float(self.objective.score(lowest)), float(self.objective.merit(lowest))
 
     def evaluate(self, places: Placement, name: str) -> Layout:
         """Return the rig of a layout, its score, its clearance, and the contribution of each module."""

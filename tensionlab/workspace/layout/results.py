@@ -41,8 +41,8 @@ class Layout:
         Force in N that is feasible in every direction everywhere in the target, after any loss that the objective
         counts with; below zero where none is.
     contributions : tuple of float
-        For each module, the score lost when it is removed and the others stay: all of it, and never more, where
-        they render no force at all. Below zero where they do better without it.
+        For each module, the score lost when it is removed and the others stay: all of it where they render no
+        force at all; below zero where they do better without it.
     proved : float or None
         Force in N that is proved feasible in the objective's directions everywhere in the box of a target, or
         along a path, up to that of the objective; NaN where none is, None where no proof was wanted.
@@ -140,7 +140,7 @@ class LayoutSearch:
 
     @property
     def front(self) -> tuple[Layout, ...]:
-        """Layouts that no other beats with as many modules or fewer: what each further module buys."""
+        """Layouts that no other with as many modules or fewer surpasses."""
         best: list[Layout] = []
         for layout in self.layouts:
             if not best or (layout.clear, layout.score) > (best[-1].clear, best[-1].score):

@@ -47,7 +47,7 @@ def search_layout(
     For each number of modules in turn, in three stages. Differential evolution spreads over all surfaces. The best
     layouts of its last generation, no two of which use the same surfaces equally often, are polished by gradients.
     Then the best of them hops: one or two of its modules are moved anywhere, the layout is polished, and kept if
-    it is better. More starts are more likely to find the best there is. The same seed gives the same result. A
+    it is better. More starts are more likely to find the best layout. The same seed gives the same result. A
     layout whose cables come closer to a body than its margin, anywhere in a target, is never better than one that
     is clear.
 
@@ -65,7 +65,7 @@ def search_layout(
     generations, starts : int
         Generations of the evolution, and number of its layouts that are polished; as many hops follow.
     certify : bool
-        Whether to prove what the layouts render between the points of the target, too: `Layout.proved`.
+        Whether to prove what the layouts render between the points of the target as well: `Layout.proved`.
     progress : callable, optional
         Called with the share of the work that is done, from 0 to 1. An exception that it raises ends the search.
 
@@ -101,10 +101,12 @@ def search_layout(
         )
         layout = problem.evaluate(places, f"{name}-{count + len(space.fixed)}")
         if certify:
-            most = layout.worst if objective.directions is None else layout.score
+            desired_force = layout.worst if objective.directions is None else layout.score
             if objective.force is not None:
-                most = objective.force if objective.directions is not None else min(objective.force, layout.worst)
-            layout = replace(layout, proved=proved_force(layout.rig, targets, objective, most))
+                desired_force = (
+                    objective.force if objective.directions is not None else min(objective.force, layout.worst)
+                )
+            layout = replace(layout, proved=proved_force(layout.rig, targets, objective, desired_force))
         return layout
 
     layouts = tuple(search(number) for number in range(len(counts)))
@@ -194,8 +196,8 @@ def _hop(problem: LayoutProblem, places: Placement, random: np.random.Generator)
     return Placement(surfaces, along)
 
 
-def proved_force(rig: Rig, targets: tuple[Target, ...], objective: Objective, most: float) -> float:
-    """Return the force in N, up to ``most``, that is proved in the objective's directions throughout targets.
+def proved_force(rig: Rig, targets: tuple[Target, ...], objective: Objective, highest: float) -> float:
+    """Return the force in N, up to ``highest``, that is proved in the objective's directions throughout targets.
 
     Of a grid it is proved in its box, of a path along the straight lines between its positions. It is counted from
     the required wrenches of the rig; NaN if not even those are proved.
@@ -215,11 +217,11 @@ def proved_force(rig: Rig, targets: tuple[Target, ...], objective: Objective, mo
         return intact and (not objective.losses or all(_holds(rig, each, required, losses=1) for each in targets))
 
     survives = rig.m > rig.n or not objective.losses
-    if not most >= 0 or not survives or not proved(0.0):
+    if not highest >= 0 or not survives or not proved(0.0):
         return float("nan")
-    if proved(most):
-        return most
-    low, high = 0.0, most
+    if proved(highest):
+        return highest
+    low, high = 0.0, highest
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
         low, high = (middle, high) if proved(middle) else (low, middle)

@@ -40,7 +40,7 @@ class Surface:
     Attributes
     ----------
     name : str
-        Name that its modules have, too, with a number.
+        Name; its modules have it with a number.
     corner : (d,) read-only array
         Where all edges start, in the axes of ``frame``, in m.
     edges : (k, d) read-only array
@@ -131,7 +131,7 @@ class Placement(NamedTuple):
 @raises(RigError)
 @pydantic_dataclass(frozen=True, eq=False)
 class Space:
-    """Surfaces for modules, how many to place, and what they are; RigError names what is wrong of them.
+    """Surfaces for modules, their number and limits. RigError names what is wrong.
 
     With ``attachments`` the cables hold a platform, and a layout also says where each cable ends on it.
 
@@ -144,7 +144,7 @@ class Space:
     hardware : mapping of str to float
         Other keys of these modules, as in `Module`: ``brake``, ``newton_per_ampere``, ``spool_radius``.
     fixed : tuple of Module
-        Modules that stay where they are.
+        Modules with fixed anchors.
     up, platform, required
         As in `Rig`, of the rigs that are found; margins are about the required wrenches.
     rest : tuple of RestPose

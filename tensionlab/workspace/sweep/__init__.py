@@ -51,7 +51,7 @@ def sweep(
     metrics : str, Metric, or sequence of them
         Metrics, or their names, as in `tensionlab.workspace.metric`.
     frames : mapping of name to Frame or (position, rotation), optional
-        Where the body frames of the rigs are: one pose for each, the same all over the sweep.
+        Poses of the rigs' body frames: one for each, the same throughout the sweep.
     required : Requirement, (n,) array, (k, n) array or None
         What the cables must exert at every pose: a wrench, the vertices of a set, or a `tensionlab.Requirement`.
         None is `Rig.required` of each rig.
@@ -76,8 +76,8 @@ def sweep(
     Raises
     ------
     SweepError, RigError, ShapeError, InputError
-        Before any work: rigs, poses and metrics that do not fit, a place to write to that holds something else,
-        a sweep too large for memory, a scheduler that does not answer.
+        Before any work: rigs, poses and metrics that do not fit, a folder that holds something else, a sweep too
+        large for memory, a scheduler that does not answer.
 
     Examples
     --------

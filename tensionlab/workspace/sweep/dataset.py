@@ -90,7 +90,7 @@ def attributes(metric: Metric) -> dict[str, str]:
 def _rig_labels(plan: Plan, rigs: Sequence[Rig]) -> dict[str, Label]:
     """Return the labels of the rig of every configuration; NaN or "" for modules that a rig lacks."""
     shape, dims = plan.configurations.shape, plan.configurations.dims
-    most, axes = max(rig.m for rig in rigs), list("xyz"[: plan.poses.dimension])
+    cable_count, axes = max(rig.m for rig in rigs), list("xyz"[: plan.poses.dimension])
 
     def anchors(rig: Rig) -> Floats:
         placed = pose.place_anchors(rig.modules, rig.anchors, own_frames(rig, plan.frames))
@@ -104,7 +104,7 @@ def _rig_labels(plan: Plan, rigs: Sequence[Rig]) -> dict[str, Label]:
     def of_modules(value: Callable[[Rig], Any], units: str, meaning: str, *more: str) -> Label:
         rows = [np.asarray(value(rig)) for rig in rigs]
         dtype = np.result_type(*rows)
-        table = np.full((len(rigs), most, *rows[0].shape[1:]), "" if dtype.kind == "U" else np.nan, dtype)
+        table = np.full((len(rigs), cable_count, *rows[0].shape[1:]), "" if dtype.kind == "U" else np.nan, dtype)
         for padded, row in zip(table, rows, strict=True):
             padded[: len(row)] = row
         return label((*dims, "module", *more), table.reshape(*shape, *table.shape[1:]), units, meaning)
@@ -117,7 +117,7 @@ def _rig_labels(plan: Plan, rigs: Sequence[Rig]) -> dict[str, Label]:
         "rig": of_rig(attrgetter("name"), "1", "name of the rig"),
         "kind": of_rig(attrgetter("kind"), "1", "kind of the rig"),
         "up": of_rig(lambda rig: rig.up or "", "1", "axis of the world that points up"),
-        "module": label(("module",), np.arange(most), "1", "number of the module"),
+        "module": label(("module",), np.arange(cable_count), "1", "number of the module"),
         "axis": label(("axis",), np.array(axes), "1", "axis of the world or of the platform"),
         "home": label((*dims, "axis"), homes, "m", "home position of the rig"),
         "module_name": of_modules(lambda rig: [each.name for each in rig.modules], "1", "name of the module"),

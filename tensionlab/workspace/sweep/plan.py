@@ -78,8 +78,8 @@ def vary(
 ) -> Configurations:
     """Return the rigs of every combination of these values.
 
-    The axes are "rig" or one for each listed parameter, and "limits". SweepError names the argument: no values,
-    values of no use, names that are not the layout's.
+    The axes are "rig" or one for each listed parameter, and "limits". SweepError names an argument without values,
+    with invalid values, or that the layout does not have.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def vary(
     limits : sequence of (lower, upper), optional
         Tension limits to try, the same for all modules, in N.
     **parameters
-        Of the layout: a list of the values to try, or one value that stays.
+        Parameters of the layout: a list of values to try, or one fixed value.
 
     Examples
     --------
