@@ -30,8 +30,7 @@ def view(
 ) -> None:
     """Design a rig in the browser, or watch a run there.
 
-    Modules, hand and force can be dragged; tensions, what is feasible and the workspace follow. A run whose
-    modules are simulated in its own process is shown by its --view. Ctrl-C ends it.
+    Modules, hand and force can be dragged; tensions, what is feasible and the workspace follow. Ctrl-C ends it.
     """
     if live:
         watcher, name = _watcher(rig)
@@ -59,8 +58,8 @@ def _watcher(rig: str | None) -> tuple[RunWatcher, str]:
             each.close()
     if not found:
         rigs = ", ".join(sorted({info.rig.name for info in runs.values()}))
-        what = f'of "{name}"; there are runs of {rigs}' if rigs else "on modules that are not simulated in it"
-        output.print_error(f"none of your processes has a run in progress {what}; `run --view` shows one")
+        what = f' of "{name}"; there are runs of {rigs}' if rigs else "; `run` and `serve` begin one"
+        output.print_error(f"none of your processes has a run in progress{what}")
         raise typer.Exit(1)
     if len(found) > 1:
         programs = "; ".join(f"{runs[each].rig.name}: {runs[each].program}" for each in found)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from tensionlab.allocation import Solver
 from tensionlab.errors import TensionlabError
 from tensionlab.hardware.client import shared_telemetry
-from tensionlab.hardware.client.locks import locked_links, program
+from tensionlab.hardware.client.locks import holders, program
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.shared_telemetry import Watcher
 from tensionlab.hardware.protocol.messages import Decoder, Info, Telemetry
@@ -234,9 +234,9 @@ class RunWatcher:
 
 
 def find_runs() -> list[RunWatcher]:
-    """Return a watcher of each run whose process has modules of this user."""
-    holders = {(owner.port, owner.token) for owner in locked_links().values() if owner.port is not None}
-    watchers = [RunWatcher(port, token) for port, token in holders]
+    """Return a watcher of each run whose process has or simulates modules of this user."""
+    ports = {(owner.port, owner.token) for owner in holders().values() if owner.port is not None}
+    watchers = [RunWatcher(port, token) for port, token in ports]
     end = time.perf_counter() + FIND_TIMEOUT_S
     while any(each.info is None for each in watchers) and time.perf_counter() < end:
         for each in watchers:

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 from tensionlab.errors import HardwareError, LogError, TensionlabError
 from tensionlab.hardware.client.emergency_stop import RELEASE_TIMEOUT_S, emergency_stop
+from tensionlab.hardware.client.locks import SIMULATED
 from tensionlab.hardware.client.shared_telemetry import publisher
 from tensionlab.hardware.runner.records import DEMAND_STOPPED, DURATION_REACHED
 from tensionlab.hardware.sharing import RunInfo, RunSnapshot, RunWatcher
@@ -34,7 +35,6 @@ SILENT_S = 3.0  # silence of the page's server after which browsers say so thems
 LINGER_S = 10.0
 POLL_PERIOD_S = 0.02
 SHOWN_EVENTS = 20  # number of latest events that are shown
-IN_PROCESS = "sim:"  # URL of a module that is simulated in the process of the run
 OVER = ("ended", "gone")  # conditions of a run whose simulated modules pull no more
 _started: list[subprocess.Popen[str]] = []  # which outlive the run
 
@@ -55,7 +55,7 @@ def stop_modules(watcher: RunWatcher) -> StopOutcome:
     info = watcher.info
     if info is None:
         return StopOutcome(False, ("which modules there are is not known yet",))
-    links = {name: url for name, url in info.links.items() if url != IN_PROCESS}
+    links = {name: url for name, url in info.links.items() if url != SIMULATED}
     try:
         outcomes = emergency_stop(links) if links else {}
     except HardwareError as error:

@@ -80,7 +80,7 @@ MISTAKES = {
     "module info COM5 COM5": "a module is there twice; give each once",
     "module info com5 COM5": "two of these links reach the same module; give each once",
     "module info m.toml": "m.toml is a modules file, not a link; give it as --modules m.toml",
-    "view --live": "none of your processes has a run in progress on modules that are not simulated in it",
+    "view --live": "none of your processes has a run in progress; `run` and `serve` begin one",
     "simulate --listen 192.0.2.1": "cannot listen at 192.0.2.1",
     "module info": "no modules; give --modules FILE, or links: bt://AA:BB:CC:DD:EE:FF/1",
     "module info --modules modules.toml floor": "modules.toml has no module 'floor'; it has top",

@@ -10,7 +10,7 @@ import tensionlab as tl
 from tensionlab.demand import Demand
 from tensionlab.hardware import sharing
 from tensionlab.hardware.client import shared_telemetry
-from tensionlab.hardware.client.locks import LinkLock
+from tensionlab.hardware.client.locks import MAX_SIMULATED, LinkLock, lock_simulated, locked_links
 from tensionlab.hardware.client.shared_telemetry import Publisher
 from tensionlab.hardware.protocol.codes import BrakeState, State
 from tensionlab.hardware.runner.cycle_table import COLUMNS
@@ -185,4 +185,11 @@ def test_runs_are_found_by_the_locks_of_their_processes(published, locks_folder,
     assert found.info.rig.name == "floor-3"
     found.close()
     for lock in locks:
+        lock.release()
+    simulated = [lock_simulated() for _ in range(MAX_SIMULATED + 1)]
+    assert simulated.pop() is None
+    assert locked_links() == {}  # nothing for `estop` to command
+    [found] = find_runs()
+    found.close()
+    for lock in simulated:
         lock.release()

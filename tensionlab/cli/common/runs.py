@@ -15,12 +15,15 @@ from tensionlab.errors import TensionlabError
 from tensionlab.haptics.rendering.effect_fidelity import FidelityRecord, fidelity_table
 from tensionlab.haptics.rendering.fidelity import Fidelity
 from tensionlab.hardware.client.group import ModuleGroup, connect
+from tensionlab.hardware.client.locks import SIMULATED, LinkLock, lock_simulated
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.protocol.messages import Info
 from tensionlab.hardware.runner.records import CTRL_C, MAX_TIMES, Cycle, RunEvent, RunSink, Statistics
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings, WorldClock
 from tensionlab.hardware.simulation.world import Motion, World
 from tensionlab.model.rig import Rig
+
+_found_by: list[LinkLock | None] = []  # held until this process ends
 
 
 class ReachedModules(NamedTuple):
@@ -40,7 +43,9 @@ def reach_modules(rig: Rig, modules: str | None, motion: Motion | None) -> Reach
     if modules is None:
         print_simulated()
         world = World(rig, motion)
-        links = dict.fromkeys((module.name for module in rig.modules), "sim:")
+        links = dict.fromkeys((module.name for module in rig.modules), SIMULATED)
+        if not _found_by:
+            _found_by.append(lock_simulated())
         return ReachedModules(world.group(), WorldClock(world, paced=True), links)
     links = links_of_rig(rig, modules)
     group = connect(rig, links)

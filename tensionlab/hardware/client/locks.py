@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from filelock import BaseFileLock
 
 LOCK_TIMEOUT_S = 0.3
+SIMULATED, MAX_SIMULATED = "sim:", 8  # URL of a module that is simulated in its process; those that others find
 MAX_PROGRAM_CHARACTERS = 100  # length of a command line in messages
 
 
@@ -112,9 +113,22 @@ def holder(url: str, *, look_up: bool = True) -> Holder | None:
 
 def locked_links() -> dict[str, Holder]:
     """Return the process of each link that processes of this user have, without looking up host names."""
+    return {url: owner for url, owner in holders().items() if not url.startswith(SIMULATED)}
+
+
+def holders() -> dict[str, Holder]:
+    """Return the same with processes that simulate their modules themselves, under numbered URLs."""
     notes = [note for folder in _private_folders() for note in sorted(folder.glob("*.json"))]
     owners = [owner for note in notes if (owner := _holder(note.with_suffix(".lock"))) is not None]
     return {owner.url: owner for owner in owners}
+
+
+def lock_simulated() -> LinkLock | None:
+    """Return a lock by which others find a process without links; None if too many have one."""
+    for number in range(MAX_SIMULATED):
+        with suppress(LinkError):
+            return LinkLock(f"{SIMULATED}{number}")
+    return None
 
 
 def _holder(path: Path) -> Holder | None:
