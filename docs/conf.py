@@ -4,7 +4,9 @@ The sources are the Markdown files and notebooks of the whole repository, where 
 work on GitHub as they do on the site.
 """
 
+import re
 import sys
+from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -31,6 +33,7 @@ extensions = [
     "tools.site.mathml",
     "tools.site.references",
     "tools.site.pictures",
+    "tools.site.cards",
     "tools.site.command_line",
 ]
 root_doc = "docs/index"
@@ -66,6 +69,10 @@ html_math_renderer = "mathml"
 # The reference: types stand in the docstrings, so signatures are short.
 default_role = "py:obj"
 autosummary_generate = True
+# Names that are listed of several modules: the titles of their pages have the module in front.
+LISTED = "\n".join(path.read_text(encoding="utf-8") for path in Path(__file__).parent.glob("reference/*.md"))
+NAMES = Counter(re.findall(r"^   ~?tensionlab\.[\w.]*?(\w+)$", LISTED, re.MULTILINE))
+autosummary_context = {"shared": [name for name, times in NAMES.items() if times > 1]}
 autodoc_typehints = "none"
 autodoc_default_options = {"members": True, "show-inheritance": False}
 autodoc_member_order = "bysource"
@@ -98,7 +105,7 @@ html_theme_options = {
     "logo": {
         "text": "tensionlab",
         "image_light": "static/icon.svg",
-        "image_dark": "static/icon.svg",
+        "image_dark": "static/icon-dark.svg",
         "alt_text": "Four cables that pull on one point",
     },
     "navbar_align": "left",
