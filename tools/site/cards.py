@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 FOLDER = Path("docs/cards")
 SIZE = (640, 320)  # pixels
 PAGES = ("docs/how-to/index", "docs/tutorials/index")
-# Of each page that a card leads to: a picture, or a notebook and its cell that draws one; and the part of it to show,
+# Of each page that a card leads to: a picture, or a notebook and its cell that draws one; and the part of it to see,
 # from left, top, right and bottom, in percent.
 PICTURES: dict[str, tuple[str, tuple[int, int, int, int]]] = {
     "01_allocation": ("notebooks/01_allocation.ipynb#cell-7", (0, 0, 100, 100)),
