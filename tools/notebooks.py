@@ -10,6 +10,7 @@ import base64
 import copy
 import io
 import re
+import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -147,8 +148,8 @@ def _output(data: Shown) -> Any:
 
 
 def main() -> None:
-    """Run all notebooks, and say which have changed."""
-    for path in NOTEBOOKS:
+    """Run all notebooks, or those named by the beginnings of their names, and say which have changed."""
+    for path in [each for each in NOTEBOOKS if each.name.startswith(tuple(sys.argv[1:]) or "")]:
         before = path.read_text(encoding="utf-8")
         notebook = nbformat.reads(before, as_version=4)  # type: ignore[no-untyped-call]
         run(notebook)

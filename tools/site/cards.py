@@ -19,8 +19,8 @@ ROOT = Path(__file__).parents[2]
 FOLDER = Path("docs/cards")
 SIZE = (640, 320)  # pixels
 PAGES = ("docs/how-to/index", "docs/tutorials/index")
-# Of each page that a card leads to: a picture, or a notebook and its cell that draws one; and the part of it to see,
-# from left, top, right and bottom, in percent.
+# Picture for the card of each page: a file, or a notebook and its cell that draws one; and the part of it that is
+# shown, from left, top, right and bottom, in percent.
 PICTURES: dict[str, tuple[str, tuple[int, int, int, int]]] = {
     "01_allocation": ("notebooks/01_allocation.ipynb#cell-7", (0, 0, 100, 100)),
     "02_solver_benchmark": ("docs/figures/time-accuracy.png", (0, 0, 100, 92)),
@@ -33,9 +33,9 @@ PICTURES: dict[str, tuple[str, tuple[int, int, int, int]]] = {
     "09_gradients": ("notebooks/09_gradients.ipynb#cell-7", (0, 0, 100, 100)),
     "allocate-tensions": ("docs/figures/wrench-set.png", (0, 0, 100, 100)),
     "design-a-rig": ("notebooks/04_design_a_rig.ipynb#cell-7", (0, 0, 100, 100)),
-    "keep-cables-clear-of-a-person": ("docs/figures/scenario-layouts.png", (18, 0, 55, 48)),
+    "keep-cables-clear-of-a-person": ("docs/figures/scenario-layouts.png", (48, 3, 70, 46)),
     "design-in-the-browser": ("docs/images/view.png", (2, 5, 70, 98)),
-    "analyse-a-workspace": ("docs/figures/anchor-count.png", (0, 0, 100, 62)),
+    "analyse-a-workspace": ("docs/figures/anchor-count.png", (49, 50, 100, 88)),
     "check-a-suspended-robot": ("docs/images/proved-workspace.png", (0, 8, 100, 92)),
     "make-a-rig-stiff": ("docs/figures/workspace.png", (50, 0, 100, 50)),
     "check-a-trajectory": ("notebooks/02_solver_benchmark.ipynb#cell-5", (0, 5, 100, 52)),
@@ -55,7 +55,7 @@ PICTURES: dict[str, tuple[str, tuple[int, int, int, int]]] = {
     "characterise-a-rig": ("docs/figures/wall-stiffness.png", (0, 0, 100, 92)),
     "render-haptics": ("docs/images/scenario-bow.png", (45, 4, 100, 62)),
     "drive-it-from-a-game-engine": ("docs/images/playground.webp", (0, 0, 100, 100)),
-    "write-a-scenario": ("docs/figures/scenario-layouts.png", (0, 0, 80, 100)),
+    "write-a-scenario": ("docs/figures/scenario-layouts.png", (0, 3, 100, 97)),
     "add-an-effect": ("notebooks/07_scenarios.ipynb#cell-5", (0, 0, 100, 100)),
 }
 
