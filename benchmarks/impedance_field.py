@@ -46,6 +46,7 @@ FIVE = (
 )
 FIVE_HOME = (0.0, 1.25, 0.05)
 RIGS = ("bartels2026-validation", "tetra-4", "my-room-5", "cube-8", "seven-modules")
+WITHOUT_FIELDS = assignment.RULE._replace(max_gap=-1.0)
 STIFFNESSES = (50.0, 100.0, 200.0, 300.0, 400.0)  # N/m
 DIRECTIONS = 20
 RATE_HZ, LATENCY_S = 50.0, 0.01  # of the host; of the radio link, in each direction
@@ -200,11 +201,7 @@ class WallTrial:
             return demanded
 
         runner = Runner(rig, world.group(Conditions(LATENCY_S)), "newton", demand, clock=WorldClock(world))
-        without = (
-            contextlib.nullcontext()
-            if self.field
-            else mock.patch.object(assignment, "along_field", return_value={})
-        )
+        without = contextlib.nullcontext() if self.field else mock.patch.object(assignment, "RULE", WITHOUT_FIELDS)
         with without:
             runner.run(STILL_S)
         return vars(self) | {"predicted": predicted[0]} | _felt(np.array(hand.records))
@@ -271,7 +268,7 @@ def time_cycle(name: str) -> dict[str, float]:
     steps: dict[str, Callable[[], object]] = {
         "cycle": lambda: renderer({"wall": wall}, motion, state),
         "assign": lambda: assignment.assign((wall,), motion, cables, limits, 33.0),
-        "field": lambda: assignment.along_field(part, motion.velocity, cables, cables.available, limits, 33.0),
+        "springs": lambda: assignment.module_springs(part, motion, cables, cables.available, limits, 33.0),
     }
     timer = time.thread_time  # of the processor: others may use it meanwhile
     return {

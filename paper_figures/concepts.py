@@ -11,7 +11,7 @@ import tensionlab as tl
 from benchmarks import pulley_error
 from paper_figures.brake_maps import map_normals
 from tensionlab.haptics.effects import Motion, Plane, Wall
-from tensionlab.haptics.rendering.assignment import LEAD, CableState, assign
+from tensionlab.haptics.rendering.assignment import RULE, CableState, assign
 from tensionlab.haptics.rendering.brakes import brake_map, brake_strengths
 from tensionlab.haptics.rendering.field import predict
 from tensionlab.hardware.protocol.codes import EVENTS, State
@@ -222,7 +222,7 @@ def wall_stiffness(count: int = 200) -> dict[str, Any]:
             direction = cables.directions[np.argmax(cables.directions @ normal)]
             cosine = float(direction @ normal)
             stiffness = min(WALL / cosine**2, MODULE_STIFFNESS) if cosine >= MIN_COSINE else 0.0
-            host = host_stiffness() / (1.0 - LEAD) if stiffness else host_stiffness()
+            host = host_stiffness() / (1.0 - RULE.lead) if stiffness else host_stiffness()
             one = predict(stiffness * np.outer(direction, direction), normal, WALL, host)
             wall, motion = Wall(Plane(home, tuple(normal)), WALL), Motion(rig.home - 0.01 * normal, np.zeros(3))
             plan = assign((wall,), motion, state, host_stiffness=host_stiffness())

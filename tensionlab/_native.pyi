@@ -150,7 +150,7 @@ def allocate_once(
 def all_within(numbers: NDArray[float64], limit: float) -> bool: ...
 def allocate_field(
     problem: _Field,
-) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], float]: ...
+) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], float]: ...
 def field_gap(
     problem: _Field,
     stiffness: NDArray[float64],
@@ -161,6 +161,24 @@ def field_gap(
 def predict_stiffness(
     matrix: NDArray[float64], axis: NDArray[float64], desired: float, host: float
 ) -> tuple[float, float, float, float, float]: ...
+def stable_share(matrix: NDArray[float64], axis: NDArray[float64], mass: float, lag: float) -> float: ...
+def module_springs(
+    axis: NDArray[float64],
+    part: tuple[float, float, float, float, float, float, float],
+    velocity: NDArray[float64],
+    lengths: NDArray[float64],
+    directions: NDArray[float64],
+    available: NDArray[bool_],
+    free: NDArray[bool_],
+    gains: NDArray[float64],
+    limits: tuple[float, float, float, float, float, float],
+    rule: tuple[float, ...],
+    host_stiffness: float,
+    previous_share: float,
+    step: float,
+) -> (
+    tuple[list[tuple[int, float, float, float, float, float, float]], NDArray[float64], float, float, float] | None
+): ...
 def choose_locks(
     structure: NDArray[float64],
     normal: NDArray[float64],

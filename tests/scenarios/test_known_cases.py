@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from benchmarks.impedance_field import WITHOUT_FIELDS
 from tensionlab.haptics.effects import Plane, Ripples, Spring, Texture, Vibration, Wall, Weight
 from tensionlab.haptics.rendering import assignment
 from tensionlab.hardware.simulation.links import Conditions
@@ -52,7 +53,7 @@ def played(effect, path, rig=SEVEN, rate=200.0, link=None):
 @pytest.fixture
 def one_cable(monkeypatch):
     """Walls on one cable or the host, as when these faults were found: a field of cables has none of them."""
-    return lambda: monkeypatch.setattr(assignment, "along_field", lambda *_: {})
+    return lambda: monkeypatch.setattr(assignment, "RULE", WITHOUT_FIELDS)
 
 
 def passed(result):

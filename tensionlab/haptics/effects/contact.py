@@ -75,7 +75,7 @@ class Wall:
 
     def host_side(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return no force."""
-        return Rendered(np.zeros_like(motion.position))
+        return Rendered(np.zeros(motion.position.shape))
 
 
 @parameters.checked_dataclass(EffectError)

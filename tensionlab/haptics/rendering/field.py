@@ -19,14 +19,12 @@ from typing import NamedTuple
 import numpy as np
 
 from tensionlab import _native
-from tensionlab.allocation import allocate
 from tensionlab.model.wall_stiffness import HAND_DAMPING, MARGIN, MIN_HAND_MASS_KG
 from tensionlab.support.arrays import Floats
 
 # Weight of an error where the effect leaves the hand free, such as along a wall: the host corrects part of it.
 FREE_WEIGHT = 0.5
 TIE_BREAK = 1e-6  # weight of the squared impedances and tensions, as shares of the largest limits
-INSIDE = 1e-6  # share of the way to mid tensions by which a force is kept off the edge of the feasible ones
 MAX_GAP = 1e-5  # largest `optimality_gap` of an answer that counts as proved: 0.3 % of the largest stiffness
 
 
@@ -113,17 +111,7 @@ def allocate_field(
     >>> wall.stiffness.round()
     array([  0., 133.,   0., 133.,   0., 133.,   0., 133.])
     """
-    problem = _problem(structure, force, stiffness, damping, ranges)
-    found = _native.allocate_field(problem)
-    if math.isinf(found[-1]):
-        tensions = allocate(structure, force, (ranges.lower, ranges.upper)).tensions
-        tensions += INSIDE * ((ranges.lower + ranges.upper) / 2 - tensions)
-        found = _native.allocate_field((problem[0], structure @ tensions, *problem[2:]))
-        if math.isinf(found[-1]):
-            none = np.zeros_like(tensions)
-            return ImpedanceField(tensions, none, none, structure @ tensions, np.zeros_like(force), math.inf)
-    springs, dampers, tensions, multipliers, gap = found
-    return ImpedanceField(tensions, springs, dampers, structure @ tensions, multipliers, gap)
+    return ImpedanceField(*_native.allocate_field(_problem(structure, force, stiffness, damping, ranges)))
 
 
 def optimality_gap(
@@ -192,10 +180,5 @@ def stable_share(matrix: Floats, axis: Floats, host_stiffness: float) -> float:
     ``M sin(w tau)/w``, which drives the hand above half a cycle of tau. The lightest hand m stays below if
     ``2 M <= m (pi/tau)²``. ``host_stiffness`` determines tau.
     """
-    column = matrix @ axis
-    along = float(axis @ column)
-    total = float(np.trace(matrix)) - along  # of the eigenvalues across, and of their squares
-    squares = float(np.vdot(matrix, matrix)) - 2.0 * float(column @ column) + along**2
-    largest = (total + math.sqrt(max(2.0 * squares - total**2, 0.0))) / 2.0
-    limit = MIN_HAND_MASS_KG / 2.0 * (math.pi * host_stiffness / (MARGIN * HAND_DAMPING)) ** 2
-    return min(limit / largest, 1.0) if largest > 0.0 else 1.0
+    late = MARGIN * HAND_DAMPING / host_stiffness
+    return _native.stable_share(matrix, axis, MIN_HAND_MASS_KG, late)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
-from typing import Annotated, Any, NamedTuple, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +18,7 @@ from tensionlab.model.wall_stiffness import MARGIN, stiffness_bound
 from tensionlab.support.arrays import Floats
 
 T = TypeVar("T")
+Side = Literal["both", "host", "module"]
 
 # Allowed share of the damping `m/(T/2 + t_d)`; a late damper oscillates at about pi/2 of it (our default).
 DAMPING_SHARE = 0.8
@@ -47,10 +48,10 @@ def stiffness_cap(
     return margin * float(stiffness_bound(late, step, hand_damping, damping))
 
 
-def stiffnesses(effect: object, *, host_side: bool = False) -> dict[str, float]:
+def stiffnesses(effect: object, side: Side = "both") -> dict[str, float]:
     """Return the parameters of an effect called stiffness, in N/m, by name, such as ``friction.stiffness``.
 
-    On the ``host_side`` of a split effect its own stiffness, which a module renders, is left out.
+    A module renders the own stiffness of a split effect; the host renders the others.
     """
     found: dict[str, float] = {}
     kind: Any = type(effect)
@@ -58,17 +59,17 @@ def stiffnesses(effect: object, *, host_side: bool = False) -> dict[str, float]:
         value = getattr(effect, name)
         part: Any = type(value)
         if name == "stiffness":
-            if not (host_side and is_split(effect)):
+            if side == "both" or is_split(effect) is (side == "module"):
                 found[name] = value
         elif _field_names(part):
-            for inner, stiffness in stiffnesses(value, host_side=host_side).items():
+            for inner, stiffness in stiffnesses(value, side).items():
                 found[f"{name}.{inner}"] = stiffness
     return found
 
 
-def cap_stiffness(effect: T, cap: float, *, host_side: bool = False) -> tuple[T, dict[str, float]]:
+def cap_stiffness(effect: T, cap: float, side: Side = "both") -> tuple[T, dict[str, float]]:
     """Return an effect whose `stiffnesses` do not exceed a cap in N/m, and those that were above it."""
-    cut = {name: each for name, each in stiffnesses(effect, host_side=host_side).items() if each > cap}
+    cut = {name: each for name, each in stiffnesses(effect, side).items() if each > cap}
     capped: Any = effect
     for name in cut:
         capped = _with_parameter(capped, name, cap)

@@ -1,5 +1,6 @@
-// What a run needs in every cycle, for Python: pose, length check, set-points, brakes to lock, stiffness field,
+// What a run needs in every cycle, for Python: pose, length check, set-points, brakes to lock, modules' springs,
 // watchdog.
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/string.h>
 
 #include "bindings/arrays.hpp"
@@ -9,7 +10,7 @@
 #include "hardware/pose_tracker.hpp"
 #include "hardware/set_points.hpp"
 #include "hardware/watchdog.hpp"
-#include "solvers/impedance_field.hpp"
+#include "solvers/module_springs.hpp"
 
 namespace tensionlab {
 namespace {
@@ -167,7 +168,7 @@ nb::tuple choose_locks(const Contiguous<double, 3>& structure, const Table& norm
 // free and of a tie: see `ScaledField`.
 using FieldArrays = std::tuple<Table, Numbers, Contiguous<double, 3>, Table, double, double>;
 
-ScaledField scaled(const FieldArrays& arrays) {
+FieldInput field_input(const FieldArrays& arrays) {
   const auto& [structure, force, desired, ranges, free_weight, tie_break] = arrays;
   const std::size_t d = structure.shape(0), m = structure.shape(1);
   require_size(d, m);
@@ -179,7 +180,7 @@ ScaledField scaled(const FieldArrays& arrays) {
 
 double gap_of(const FieldArrays& arrays, const Numbers& stiffness, const Numbers& damping, const Numbers& tensions,
               const Numbers& multipliers) {
-  const ScaledField field = scaled(arrays);
+  const ScaledField field(field_input(arrays));
   const FieldProblem springs = field.springs(), dampers = field.dampers();
   require_entries(static_cast<std::size_t>(springs.m), stiffness, damping, tensions);
   require_entries(static_cast<std::size_t>(springs.d), multipliers);
@@ -192,32 +193,13 @@ double gap_of(const FieldArrays& arrays, const Numbers& stiffness, const Numbers
   return field_gap(springs, k, t, multipliers.data()) + field_gap(dampers, c, nullptr, nullptr);
 }
 
-// Stiffness, damping and tensions of each cable, multipliers of the force, and the gap; infinite if there are
-// none.
+// Tensions, stiffness and damping of each cable, the force, its multipliers, and the gap.
 nb::tuple allocate_field(const FieldArrays& arrays) {
-  const ScaledField field = scaled(arrays);
-  const FieldProblem springs = field.springs(), dampers = field.dampers();
-  const auto d = static_cast<std::size_t>(springs.d), m = static_cast<std::size_t>(springs.m);
-  const auto k = make_array<double>(m), c = make_array<double>(m), t = make_array<double>(m);
-  const auto multipliers = make_array<double>(d);
-  ImpedanceField with_tensions(springs), without(dampers);
-  const bool solved = with_tensions.solve(multipliers.data()) && without.solve(nullptr);
-  for (std::size_t i = 0; i < m; ++i) {
-    k(i) = std::clamp(with_tensions.stiffness()[i], 0.0, springs.top[i]);
-    c(i) = std::clamp(without.stiffness()[i], 0.0, dampers.top[i]);
-    t(i) = std::fmin(std::fmax(with_tensions.tensions()[i], springs.lower[i] + springs.fall[i] * k(i)),
-                     springs.upper[i] - springs.rise[i] * k(i));
-  }
-  const double gap = !solved ? std::numeric_limits<double>::infinity()
-                             : field_gap(springs, k.data(), t.data(), multipliers.data()) +
-                                   field_gap(dampers, c.data(), nullptr, nullptr);
-  const double* const top = std::get<3>(arrays).data() + 2 * m;  // rounding must not exceed it
-  for (std::size_t i = 0; i < m; ++i) {
-    k(i) = std::fmin(k(i) * field.stiffness, top[i]);
-    c(i) = std::fmin(c(i) * field.damping, top[m + i]);
-    t(i) *= field.tension;
-  }
-  return nb::make_tuple(k, c, t, multipliers, gap);
+  const FieldInput input = field_input(arrays);
+  const auto d = static_cast<std::size_t>(input.d), m = static_cast<std::size_t>(input.m);
+  const FieldAnswer found(input);
+  return nb::make_tuple(to_array(found.tensions, m), to_array(found.stiffness, m), to_array(found.damping, m),
+                        to_array(found.force, d), to_array(found.multipliers, d), found.gap);
 }
 
 nb::tuple predict_of(const Table& matrix, const Numbers& axis, double desired, double host) {
@@ -225,6 +207,49 @@ nb::tuple predict_of(const Table& matrix, const Numbers& axis, double desired, d
   require(d >= 1 && d <= kMaxComponents && has_shape(matrix, d, d), "the axis does not fit the matrix");
   const FeltStiffness felt = predict_stiffness(static_cast<int>(d), matrix.data(), axis.data(), desired, host);
   return nb::make_tuple(felt.along, felt.across, felt.added, felt.share, felt.error);
+}
+
+double stable_share_of(const Table& matrix, const Numbers& axis, double mass, double lag) {
+  const std::size_t d = axis.size();
+  require(d >= 1 && d <= kMaxComponents && has_shape(matrix, d, d), "the axis does not fit the matrix");
+  return stable_share(static_cast<int>(d), matrix.data(), axis.data(), mass, lag);
+}
+
+// Of an `AxisPart` without its axis, of `SpringLimits` and of `SpringRule`.
+using PartNumbers = std::tuple<double, double, double, double, double, double, double>;
+using LimitNumbers = std::tuple<double, double, double, double, double, double>;
+using RuleNumbers = std::array<double, 13>;
+
+// Springs as (cable, rest, stiffness, damping, feed-forward, amplitude, frequency), their force on the hand, the
+// stiffness along and across that the hand feels, and the share of a field; None if the host alone is better.
+nb::object module_springs(const Numbers& axis, const PartNumbers& numbers, const Numbers& velocity,
+                          const Numbers& lengths, const In<2>& directions, const Flags& available,
+                          const Flags& free, const Numbers& gains, const LimitNumbers& limits,
+                          const RuleNumbers& rule, double host_stiffness, double previous_share, double step) {
+  const std::size_t m = directions.shape(0), d = directions.shape(1);
+  require_size(d, m);
+  require_entries(m, lengths, available, free);
+  require_entries(d, axis, velocity);
+  if (std::get<4>(numbers) != 0) require_entries(m, gains);
+  double unit[kMaxCables * kMaxComponents];
+  for (std::size_t i = 0; i < m; ++i) {
+    for (std::size_t a = 0; a < d; ++a) unit[i * d + a] = directions(i, a);
+  }
+  const auto make = [](auto... each) { return SpringLimits{each...}; };
+  const auto part = [&](auto... each) { return AxisPart{axis.data(), each...}; };
+  const SpringRule springs_rule{rule[0], rule[1], rule[2], rule[3],  rule[4],  rule[5], rule[6],
+                                rule[7], rule[8], rule[9], rule[10], rule[11], rule[12]};
+  ModuleSprings found({static_cast<int>(d), static_cast<int>(m), unit, lengths.data(), available.data(),
+                       free.data(), gains.data(), velocity.data()},
+                      std::apply(part, numbers), std::apply(make, limits), springs_rule, host_stiffness);
+  if (!found.choose(previous_share, step)) return nb::none();
+  nb::list springs;
+  for (int s = 0; s < found.count; ++s) {
+    const ModuleSprings::Spring& each = found.springs[s];
+    springs.append(nb::make_tuple(each.cable, each.rest, each.stiffness, each.damping, each.feed_forward,
+                                  each.amplitude, each.frequency));
+  }
+  return nb::make_tuple(springs, to_array(found.force, d), found.felt.along, found.felt.across, found.share);
 }
 
 }  // namespace
@@ -258,6 +283,8 @@ void bind_control_loop(nb::module_& module) {
   module.def("allocate_field", &allocate_field);
   module.def("field_gap", &gap_of);
   module.def("predict_stiffness", &predict_of);
+  module.def("stable_share", &stable_share_of);
+  module.def("module_springs", &module_springs);
 }
 
 }  // namespace tensionlab

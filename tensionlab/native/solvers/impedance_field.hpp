@@ -6,9 +6,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
-#include "tensionlab/simd/batch.hpp"
+#include "solvers/kernels.hpp"
 
 namespace tensionlab {
 
@@ -273,17 +274,25 @@ inline double field_gap(const FieldProblem& p, const double* k, const double* t,
   return gap;
 }
 
-// The programme in N, N/m, N s/m and m, as shares of the largest limits. structure (d x m); force (d); desired (2
-// x d x d): stiffness and damping; ranges (6 x m): of tensions, lower and upper; the largest stiffness and
-// damping; fall and rise. Without stiffness, directions that the desired one leaves free have the weight
-// free_weight.
+// The programme in N, N/m, N s/m and m. structure (d x m); force (d); desired (2 x d x d): stiffness and damping;
+// ranges (6 x m): of tensions, lower and upper; the largest stiffness and damping; fall and rise. Directions that
+// the desired stiffness leaves free have the weight free_weight.
+struct FieldInput {
+  int d, m;
+  const double *structure, *force, *desired, *ranges;
+  double free_weight, tie_break;
+};
+
+// The programme as shares of the largest limits.
 class ScaledField {
  public:
   double stiffness = 0, damping = 0, tension = 0;  // the largest limits; 1 instead of 0
 
-  ScaledField(int d, int m, const double* structure, const double* force, const double* desired,
-              const double* ranges, double free_weight, double tie_break)
-      : d_(d), m_(m), structure_(structure), tie_break_(tie_break) {
+  explicit ScaledField(const FieldInput& input)
+      : d_(input.d), m_(input.m), structure_(input.structure), tie_break_(input.tie_break) {
+    const int d = d_, m = m_;
+    const double *const structure = input.structure, *const desired = input.desired, *const ranges = input.ranges;
+    const double free_weight = input.free_weight;
     double* const scales[] = {&tension, &tension, &stiffness, &damping};
     for (int row = 1; row < 4; ++row) {
       const double largest = *std::max_element(ranges + row * m, ranges + (row + 1) * m);
@@ -306,7 +315,7 @@ class ScaledField {
       multiply(weight, half, d, desired_[part]);
       for (int e = 0; e < d * d; ++e) desired_[part][e] /= part == 0 ? stiffness : damping;
     }
-    for (int a = 0; a < d; ++a) force_[a] = force[a] / tension;
+    for (int a = 0; a < d; ++a) force_[a] = input.force[a] / tension;
   }
 
   FieldProblem springs() const { return problem(0, structure_); }
@@ -335,10 +344,81 @@ class ScaledField {
   double desired_[2][kMaxComponents * kMaxComponents], ranges_[6][kMaxCables];
 };
 
+// Stiffness, damping and tensions of each cable, with their force and its multipliers. gap: the certificate,
+// infinite, without stiffness, where nothing was found. A force that no tensions render is replaced by one just
+// inside the feasible ones, by `nearest`.
+struct FieldAnswer {
+  double stiffness[kMaxCables], damping[kMaxCables], tensions[kMaxCables], force[kMaxComponents];
+  double multipliers[kMaxComponents], gap;
+
+  explicit FieldAnswer(const FieldInput& input) {
+    std::copy_n(input.force, input.d, force);
+    std::copy_n(input.ranges, input.m, tensions);
+    if (solve(input)) return;
+    FieldInput feasible = input;
+    feasible.force = force;
+    if (nearest(input) && solve(feasible)) return;
+    std::fill_n(stiffness, input.m, 0.0);
+    std::fill_n(damping, input.m, 0.0);
+    std::fill_n(multipliers, input.d, 0.0);
+    gap = std::numeric_limits<double>::infinity();
+  }
+
+ private:
+  bool solve(const FieldInput& input) {
+    const ScaledField field(input);
+    const FieldProblem springs = field.springs(), dampers = field.dampers();
+    ImpedanceField with_tensions(springs), without(dampers);
+    if (!with_tensions.solve(multipliers) || !without.solve(nullptr)) return false;
+    for (int i = 0; i < input.m; ++i) {
+      stiffness[i] = std::clamp(with_tensions.stiffness()[i], 0.0, springs.top[i]);
+      damping[i] = std::clamp(without.stiffness()[i], 0.0, dampers.top[i]);
+      tensions[i] =
+          std::fmin(std::fmax(with_tensions.tensions()[i], springs.lower[i] + springs.fall[i] * stiffness[i]),
+                    springs.upper[i] - springs.rise[i] * stiffness[i]);
+    }
+    gap = field_gap(springs, stiffness, tensions, multipliers) + field_gap(dampers, damping, nullptr, nullptr);
+    const double* const top = input.ranges + 2 * input.m;  // rounding must not exceed it
+    for (int i = 0; i < input.m; ++i) {
+      stiffness[i] = std::fmin(stiffness[i] * field.stiffness, top[i]);
+      damping[i] = std::fmin(damping[i] * field.damping, top[input.m + i]);
+      tensions[i] *= field.tension;
+    }
+    sum_force(input);
+    return std::isfinite(gap);
+  }
+
+  // Tensions whose force is the nearest to the desired one, kept off the edge of the feasible ones.
+  bool nearest(const FieldInput& input) {
+    constexpr double kInside = 1e-6, kLargest = 1e100, kRankTolerance = 1e-8, kTolerance = 1e-6;
+    for (int a = 0; a < input.d; ++a) {
+      if (!(std::abs(input.force[a]) < kLargest)) return false;
+    }
+    const double zeros[kMaxCables] = {}, ones[kMaxComponents] = {1, 1, 1, 1, 1, 1};
+    const double *const lower = input.ranges, *const upper = input.ranges + input.m;
+    const Batch batch{1,          input.d,    input.m, {input.structure, 0}, {input.force, 0}, {lower, 0},
+                      {upper, 0}, {zeros, 0}, ones};
+    double separation[kMaxComponents];
+    std::int64_t iterations = 0;
+    newton_for_this_processor()(batch, Policy::force, kRankTolerance, kTolerance, {0, 1}, 0,
+                                {tensions, separation, &iterations});
+    for (int i = 0; i < input.m; ++i) tensions[i] += kInside * ((lower[i] + upper[i]) / 2 - tensions[i]);
+    sum_force(input);
+    return true;
+  }
+
+  void sum_force(const FieldInput& input) {
+    for (int a = 0; a < input.d; ++a) {
+      force[a] = 0;
+      for (int i = 0; i < input.m; ++i) force[a] += input.structure[a * input.m + i] * tensions[i];
+    }
+  }
+};
+
 // What a hand feels of a stiffness matrix (d x d) along a unit axis (d), with the host's corrections: `predict` of
 // tensionlab/haptics/rendering/field.py.
 struct FeltStiffness {
-  double along = 0, across = 0, added = 0, share = 1, error = 0;
+  double along = 0, across = 0, added = 0, share = 1, error = 0, coupling = 0;
 };
 
 inline FeltStiffness predict_stiffness(int d, const double* matrix, const double* axis, double desired,
@@ -372,10 +452,34 @@ inline FeltStiffness predict_stiffness(int d, const double* matrix, const double
     room = std::fmax(host - felt.share * felt.share * coupling / (host + felt.share * m), 0.0);
   }
   felt.added = std::fmin(std::fmax(desired - felt.along, 0.0), room);
-  felt.across = (1.0 - felt.share) * std::sqrt(coupling);
+  felt.coupling = std::sqrt(coupling);
+  felt.across = (1.0 - felt.share) * felt.coupling;
   felt.error = desired > 0 ? std::hypot(desired - felt.along - felt.added, felt.across) / desired : 0.0;
   felt.along += felt.added;
   return felt;
+}
+
+constexpr double kFullTurn = 6.28318530717958647692;
+
+// Share of a stiffness matrix (d x d) that the lightest hand can bear across a unit axis (d), where rest lengths
+// follow it `lag` s late: `stable_share` of tensionlab/haptics/rendering/field.py.
+inline double stable_share(int d, const double* matrix, const double* axis, double mass, double lag) {
+  double along = 0, trace = 0, all = 0, columns = 0;
+  for (int a = 0; a < d; ++a) {
+    double column = 0;
+    for (int b = 0; b < d; ++b) {
+      column += matrix[a * d + b] * axis[b];
+      all += matrix[a * d + b] * matrix[a * d + b];
+    }
+    along += axis[a] * column;
+    columns += column * column;
+    trace += matrix[a * d + a];
+  }
+  const double total = trace - along;  // of the eigenvalues across, and of their squares
+  const double squares = all - 2.0 * columns + along * along;
+  const double largest = (total + std::sqrt(std::fmax(2.0 * squares - total * total, 0.0))) / 2.0;
+  const double limit = mass / 8.0 * (kFullTurn / lag) * (kFullTurn / lag);
+  return largest > 0 ? std::fmin(limit / largest, 1.0) : 1.0;
 }
 
 }  // namespace tensionlab

@@ -24,8 +24,8 @@ from tensionlab.haptics.rendering.assignment import (
     CableState,
     EffectFailed,
     ModuleLimits,
-    along_cable,
     assign,
+    module_springs,
 )
 from tensionlab.model.module import Module
 from tests.helpers.motions import at
@@ -34,6 +34,13 @@ from tests.helpers.motions import at
 def pulled(impedance, length):
     """What a module at rest pulls with, as in firmware/PROTOCOL.md."""
     return impedance.feed_forward + impedance.stiffness * max(length - impedance.rest, 0.0)
+
+
+def along_cable(part, length, direction, limits=STANDARD_LIMITS, gain=1.0):
+    """The impedance of a single cable."""
+    module = Module("top", [0.0, 0.0, 1.0], 0.5, 6.0, vibration_gain=[[1.0, gain], [100.0, gain]])
+    cables = CableState(np.array([length]), direction[None], np.ones(1, dtype=bool), (module,))
+    return module_springs(part, at(0.0, 0.0, 0.0), cables, cables.available, limits).impedances[0]
 
 
 STIFF = [Wall(), Magnet(), Texture(ripples=Ripples(height=0.0)), Shape(), Spring(), Bow()]

@@ -91,7 +91,7 @@ def test_every_stiffness_of_an_effect_is_capped():
         50.0, 1.0
     )
     # A module renders the wall with its own stiffness; the host renders friction and ripples.
-    rough, cut = cap_stiffness(Texture(), 50.0, host_side=True)
+    rough, cut = cap_stiffness(Texture(), 50.0, "host")
     assert [rough.wall.stiffness, rough.friction.stiffness, rough.ripples.stiffness] == [300.0, 50.0, 50.0]
     assert cut == {"friction.stiffness": 400.0, "ripples.stiffness": 10_000.0}
 
