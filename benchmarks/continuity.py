@@ -52,7 +52,7 @@ def measure(name: str, segments: int = SEGMENTS) -> list[list[object]]:
         try:
             allocator = Allocator(rig.limits, solver, policy=policy)  # type: ignore[arg-type]  # it checks them
             found = np.array([measure_continuity(allocator, path, allocator(*path(samples))) for path in paths])
-        except InputError:  # it does not serve the rig
+        except InputError:  # it does not support the rig
             continue
         rows.append([name, solver, policy, int((found[:, 0] > 0.0).sum()), *found.max(axis=0)])
     return rows

@@ -275,7 +275,7 @@ class _Prepared:
 
 
 def resolve_solver(solver: str | Solver, policy: Policy | None) -> tuple[Solver, Policy | None]:
-    """Return the solver given by name or as an instance, and the policy that it will honour.
+    """Return the solver given by name or as an instance, and its policy.
 
     Parameters and errors as those of `allocate`.
     """

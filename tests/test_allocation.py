@@ -230,7 +230,7 @@ def test_unknown_names_are_refused_with_a_suggestion() -> None:
         tl.allocate(PLANAR, REACHABLE, LIMITS, reference="top")
 
 
-def test_a_policy_that_is_not_honoured_names_those_that_are() -> None:
+def test_a_policy_that_is_not_supported_names_those_that_are() -> None:
     with pytest.raises(ValueError, match=r"Dykstra.*'force'.*'tension'"):
         tl.allocate(PLANAR, REACHABLE, LIMITS, "dykstra", policy="force")
     with pytest.raises(ValueError, match=r"Pseudoinverse.*'force'"):

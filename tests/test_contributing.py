@@ -53,7 +53,7 @@ def test_it_agrees_with_the_exact_solver(rig: str, nearest_count: int) -> None:
 
 
 def test_it_refuses_what_it_cannot_do(dual_ascent: type[Any]) -> None:
-    with pytest.raises(ValueError, match="honours 'force'"):
+    with pytest.raises(ValueError, match="supports 'force'"):
         tl.allocate([[1.0, -1.0]], [2.0], (1.0, 5.0), "dual-ascent", policy="direction")
     with pytest.raises(ValueError, match="iteration_limit=0"):
         dual_ascent(iteration_limit=0)

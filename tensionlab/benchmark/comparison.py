@@ -43,7 +43,7 @@ LEGEND = {
     "exact": "limits kept, wrench rendered",
     "near": "certified infeasible, the policy's best substitute found",
     "unproven": "the solver stopped early, or promises no substitute",
-    "fail": "the solver broke",
+    "fail": "the solver raised an error",
     "error": "desired minus rendered",
     "angle": "between the desired and the rendered force",
     "t": "tension",

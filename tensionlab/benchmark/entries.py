@@ -59,7 +59,7 @@ def entries(reachable: Reachable, solvers: Sequence[str | Solver] | None = None)
     """Return the entries of a problem set: of the solvers and baselines given, by name or as instances, or of all.
 
     Where every wrench is feasible a solver runs once, with the policy that is its own; elsewhere it runs with each
-    policy that it honours. Baselines run at their defaults and, if they have such options, tight. A built-in
+    policy that it supports. Baselines run at their defaults and, if they have such options, tight. A built-in
     family by its bare name is its default variant.
     """
     installed = every_solver()
@@ -181,7 +181,7 @@ class GuardedSolver:
     policies: tuple[Policy, ...]
 
     def refuses(self, n: int, m: int) -> str | None:
-        """Return why the solver does not serve this size."""
+        """Return why the solver does not support this size."""
         return refusal(self.solver, n, m)
 
     def solve(self, problem: Problem) -> Answer:

@@ -21,7 +21,7 @@ STATUS_TEXTS = {
     Status.EXACT: "exact: all limits kept, the wrench rendered",
     Status.NEAREST: "nearest in {policy}: the wrench is certified infeasible, this is the best substitute",
     Status.UNPROVEN: "unproven: neither exact nor certified infeasible; try --solver newton",
-    Status.FAILED: "failed: the solver broke",
+    Status.FAILED: "failed: the solver raised an error",
 }
 LIMIT_TOLERANCE_N = 1e-9  # within which a tension counts as at its limit
 

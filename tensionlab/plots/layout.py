@@ -33,7 +33,7 @@ def plot_front(found: LayoutSearch, *, ax: Axes) -> None: ...
 def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure | None:
     """Draw the score of the layouts that a search found against their number of modules.
 
-    The line joins those that no other beats with as many modules or fewer; ``ax`` is as in `plot_rig`.
+    The line joins those that none with as many modules or fewer surpasses; ``ax`` is as in `plot_rig`.
 
     Examples
     --------
@@ -109,7 +109,7 @@ def plot_search(space: Space, target: Targets, found: LayoutSearch) -> Figure:
         if panels == 3:
             front = figure.add_subplot(1, panels, 3)
             plot_front(found, ax=front)
-            front.set_title("what each further module buys")
+            front.set_title("what each further module adds")
         figure.suptitle(f"score: {found.describe()}", fontsize="medium")
         add_legend(figure, 4, [
             ("module", {"color": BLUE, "marker": "s", "ls": ""}),

@@ -26,8 +26,8 @@ POLICIES: tuple[Policy, ...] = get_args(Policy)
 # distance that remains, times max(1, norm of what is rendered).
 TOLERANCE = 1e-6
 
-# Cosine between a wrench w and the normal of a face of the available wrench set, below which w grazes the face:
-# there the direction policy counts `s w` as rendered where tensions come within `TOLERANCE` of it.
+# Cosine between a wrench w and the normal of a face of the available wrench set, below which w counts as parallel
+# to the face: there the direction policy counts `s w` as rendered where tensions come within `TOLERANCE` of it.
 GRAZING = 1e-5
 
 RANK_TOLERANCE = 1e-8  # singular values of a structure matrix below this share of its largest one count as zero
@@ -43,7 +43,7 @@ class Status(enum.IntEnum):
     UNPROVEN = 2
     """Unproven: the solver stopped early, or it promises no best substitute."""
     FAILED = 3
-    """The backend broke; `Allocation.failures` keeps the reason."""
+    """The backend failed; `Allocation.failures` has the reason."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class Solver(Protocol):
         """What it minimises among the tensions that render the wrench, in a few words."""
 
     policies: ClassVar[tuple[Policy, ...]]
-    """The ``policy`` policies it can honour, its own first; empty if it promises no best substitute."""
+    """Policies that it supports, its default first; empty if it promises no best substitute."""
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
@@ -186,24 +186,24 @@ class FusedSolver(Solver, Protocol):
 
 
 def resolve_policy(solver: Solver, policy: str | None, name: str) -> Policy | None:
-    """Return a policy that the solver honours: the one given, or its own; None if it honours none.
+    """Return a policy that the solver supports: the given one or its default; None if it supports none.
 
-    InputError, calling the solver by ``name``, if it cannot honour the policy given.
+    InputError, calling the solver by ``name``, if it does not support the policy.
     """
     if policy is None:
         return solver.policies[0] if solver.policies else None
-    for honoured in solver.policies:
-        if honoured == policy:
-            return honoured
+    for supported in solver.policies:
+        if supported == policy:
+            return supported
     own = ", ".join(map(repr, solver.policies))
     raise InputError(
-        f"{name} cannot honour policy={policy!r}; "
-        + (f"it honours {own}" if own else "it promises no best substitute, so leave policy out")
+        f"{name} does not support policy={policy!r}; "
+        + (f"it supports {own}" if own else "it promises no best substitute, so leave policy out")
     )
 
 
 def refusal(solver: Solver, n: int, m: int) -> str | None:
-    """Return why a solver does not serve problems with n wrench components and m cables; None if it does.
+    """Return why a solver does not support problems with n wrench components and m cables; None if it does.
 
     `allocate` then raises, and a comparison leaves the solver out with that reason.
     """

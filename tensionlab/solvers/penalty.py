@@ -1,4 +1,4 @@
-"""Solvers that price what they avoid: `AnalyticCentre`, `SlackNorm` and `Spidar`."""
+"""Solvers with penalties: `AnalyticCentre`, `SlackNorm` and `Spidar`."""
 
 from __future__ import annotations
 

@@ -238,7 +238,7 @@ def _closest(programs: Programs, wrench: Floats) -> Floats | None:
 
 
 def _solve_direction_policy(programs: Programs) -> Floats | None:
-    """Return tensions for the most of the wrench, within tolerance where it grazes what can be rendered."""
+    """Return tensions for the largest scale of the wrench, within tolerance of the edge of what is feasible."""
     scaled = programs.scaled
     best, scale = programs.longest()
     # Cables with equal limits are one cable with a tension of 1 here, and all is in newton again.

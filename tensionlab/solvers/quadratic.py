@@ -87,8 +87,8 @@ class QuadraticProgram:
 
     - "force" minimises ``(W t - w)' Q (W t - w)`` inside the limits, Q the weights of the problem;
     - "tension" does the same with ``(W W')⁺`` for Q;
-    - "direction" maximises s in [0, 1] subject to ``W t = s w``; without any such s it is "force"; a wrench that
-      grazes what can be rendered is kept as far as the tolerance allows (`tensionlab.solvers.programs`);
+    - "direction" maximises s in [0, 1] subject to ``W t = s w``; without any such s it is "force"; a wrench
+      nearly parallel to a facet is kept as far as the tolerance allows (`tensionlab.solvers.programs`);
 
     and ``|t - reference|²`` is minimised again among the tensions that render the same wrench. The costs in
     the list are not strictly convex, which some backends refuse, so both are minimised by proximal steps:

@@ -130,7 +130,7 @@ def _built_in() -> dict[str, bool]:
 
 
 class Selected(NamedTuple):
-    """A solver with its name and a policy, which is None if it honours none."""
+    """A solver with its name and a policy, which is None if it supports none."""
 
     name: str
     policy: Policy | None
@@ -162,14 +162,12 @@ def select_solvers(
 ) -> tuple[list[Selected], dict[str, str]]:
     """Choose which solvers run with which policies.
 
-    All policies of all solvers, unless some solvers are given, by name or as instances, or one policy, which then
-    only those run that honour it. ``size`` is n wrench components and m cables, for solvers that do not serve
-    every size.
+    Left out, solvers are all by name, and policies all that a solver supports. ``size`` is n wrench components and
+    m cables, for solvers that do not support every size.
 
     Returns every run, in the order given; and the solvers left out, with the reason: a library is not installed, a
-    plug-in is broken, or the solver does not serve this size. Of solvers that are given only those are left out
-    that lack the policy, unless all do; what else is in the way of one is an `InputError`, `UnknownSolver`,
-    `MissingDependency` or `PluginError`.
+    plug-in is broken, or the solver does not support this size. Given solvers are left out only if they lack the
+    policy, unless all do; other problems raise InputError, `UnknownSolver`, `MissingDependency` or `PluginError`.
     """
     if policy is not None and policy not in POLICIES:
         raise InputError(f"policy={policy!r} is unknown; choose one of {', '.join(POLICIES)}")
@@ -187,7 +185,7 @@ def select_solvers(
             raise MissingDependency(f'{name} is not installed: pip install "tensionlab[{extra}]"')
         if size is not None and (reason := refusal(solver, *size)):
             if solvers is not None:
-                raise InputError(f"solver {name} does not serve this rig: {reason}")
+                raise InputError(f"solver {name} does not support this rig: {reason}")
             missing[name] = reason
         elif policy is None:
             runs += [Selected(name, policy, solver) for policy in solver.policies or (None,)]

@@ -41,7 +41,7 @@ class StateEvaluation:
     """Answers for one state."""
 
     allocation: Allocation | None  # for the desired and the required wrench; None where `problem` says why
-    policy: Policy | None  # that the solver honours where the wrench is infeasible
+    policy: Policy | None  # that the solver supports where the wrench is infeasible
     margin: float  # capacity margin at the hand about what the rig requires, in N; NaN if a cable has no length
     available: ForceSet | None = None  # at the desired torque; None if there are none
     rendered: Floats | None = None  # wrench in addition to what the rig requires, (n,), in N and N·m

@@ -45,7 +45,7 @@ class StructureBatch(NamedTuple):
 
 
 def structure_matrices(structure: ArrayLike) -> Floats:
-    """Return structure matrices (..., n, m) as floats; refuse NaN, infinity and sizes the kernels do not serve."""
+    """Return structure matrices (..., n, m) as floats; refuse NaN, infinity and unsupported sizes."""
     matrices = require_finite("structure", structure, 2)
     check_size(*matrices.shape[-2:])
     return matrices

@@ -81,7 +81,7 @@ def test_solvers_named_in_several_options_all_count_and_one_without_the_policy_i
     report = json.loads(out)
     assert (code, [row["solver"] for row in report["rows"]]) == (0, ["newton"])
     assert report["left_out"].keys() == {"dykstra", "spidar"}
-    assert "it honours 'tension'" in report["left_out"]["dykstra"]
+    assert "it supports 'tension'" in report["left_out"]["dykstra"]
 
 
 def test_what_does_not_serve_the_rig_is_left_out_with_a_reason_and_refused_by_name(run, monkeypatch):

@@ -30,7 +30,7 @@ MISTAKES = {
     "scenario bw": "no scenario is called 'bw'; did you mean 'bow'?",
     "compare cube-8 --solvers newtn": "no solver is called 'newtn'; did you mean 'newton'?",
     "compare cube-8 --policy forces": "policy='forces' is unknown; choose one of force, tension, direction",
-    "compare cube-8 --solvers dykstra --policy force": "cannot honour policy='force'; it honours 'tension'",
+    "compare cube-8 --solvers dykstra --policy force": "does not support policy='force'; it supports 'tension'",
     "compare cube-8 --directions grid19": "'grid19': write grid18, fibonacci:N, circle:N or the path of a .csv",
     "workspace cube-8 --metric capacity-margins": "did you mean 'capacity-margin'?",
     "simulate rig.toml --only nobody": "--only nobody: no such module; there are floor-1, floor-2, floor-3, top",

@@ -13,16 +13,16 @@ def test_every_name_makes_a_solver_and_every_family_is_there():
     assert {name.partition(":")[0] for name in names} == set(SOLVERS)
 
 
-def test_every_solver_runs_with_every_policy_it_honours():
+def test_every_solver_runs_with_every_policy_it_supports():
     runs, missing = select_solvers()
     assert {run.name for run in runs} | set(missing) == set(every_solver())
     for name, policy, _ in runs:
-        honoured = make(name).policies
-        assert policy in honoured if honoured else policy is None
+        supported = make(name).policies
+        assert policy in supported if supported else policy is None
     assert {policy for name, policy, _ in runs if name == "newton"} == {"force", "tension", "direction"}
 
 
-def test_one_policy_leaves_out_those_that_do_not_honour_it():
+def test_one_policy_leaves_out_those_that_do_not_support_it():
     runs, _ = select_solvers(policy="force")
     assert {policy for _, policy, _ in runs} == {"force"}
     names = {run.name for run in runs}
@@ -40,14 +40,14 @@ def test_order_is_kept_and_repeats_are_not():
     ("solvers", "policy", "message"),
     [
         (None, "closest", "force, tension, direction"),
-        (["dykstra"], "force", "dykstra.*honours 'tension'"),
-        (["dykstra", "spidar"], "force", "no solver is left: dykstra .*honours 'tension'.*spidar"),
+        (["dykstra"], "force", "dykstra.*supports 'tension'"),
+        (["dykstra", "spidar"], "force", "no solver is left: dykstra .*supports 'tension'.*spidar"),
         (["closed-form"], "force", "promises no best substitute"),
         ([], None, "no solver is named"),
         ("newton", None, r"solvers is 'newton'; give a list of names"),
     ],
 )
-def test_what_cannot_be_honoured_is_a_value_error(solvers, policy, message):
+def test_what_cannot_be_supported_is_a_value_error(solvers, policy, message):
     with pytest.raises(ValueError, match=message):
         select_solvers(solvers, policy)
 
@@ -58,7 +58,7 @@ def test_a_solver_that_does_not_serve_the_size_is_left_out_by_default_and_refuse
     assert missing["polygon:1-norm"] == reason
     assert "polygon:1-norm" not in {run.name for run in runs}
     assert "polygon:1-norm" in {run.name for run in select_solvers(size=(6, 8))[0]}
-    with pytest.raises(ValueError, match=r"polygon does not serve this rig: .*redundancy 3"):
+    with pytest.raises(ValueError, match=r"polygon does not support this rig: .*redundancy 3"):
         select_solvers(["newton", "polygon"], size=(3, 6))
 
 

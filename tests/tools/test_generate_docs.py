@@ -39,7 +39,7 @@ def rows(text):
 def test_the_comparison_has_a_row_for_each_solver(text):
     names = [name for name in every_solver() if name in SOLVERS or name.partition(":")[0] in SOLVERS]
     policies = [(name, make(name).policies or ("–",)) for name in names]
-    expected = [(name, "any" if len(honoured) > 1 else honoured[0]) for name, honoured in policies]
+    expected = [(name, "any" if len(supported) > 1 else supported[0]) for name, supported in policies]
     assert rows(text) == expected, "run `make generated`"
 
 

@@ -173,7 +173,7 @@ def parse_orientations(rig: Rig, rotations: str | None) -> Orientations | Floats
 
 
 def check_solvers(rig: Rig, names: list[str] | None, policy: str | None) -> None:
-    """Refuse solvers that do not serve the rig with that policy, before the work."""
+    """Refuse solvers that do not support the rig with that policy, before the work."""
     select_solvers(names, policy, (rig.n, rig.m))
 
 

@@ -32,8 +32,8 @@ def emergency_stop(links: Mapping[str, str]) -> dict[str, Outcome]:
     """Have modules, URLs by name, release their cables at once, whichever process uses them.
 
     Processes that use some of them get `ESTOP_SIGNAL` before any host name is looked up. Modules are commanded as
-    soon as their links are free, each in a thread. Links are opened without a lock, so neither a full disk nor a
-    folder of another user is in the way.
+    soon as their links are free, each in a thread. Links are opened without a lock, so neither a full disk nor
+    another user's folder prevents it.
     """
     signals = _Signals()
     found = locked_links()

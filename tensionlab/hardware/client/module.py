@@ -195,7 +195,7 @@ class ModuleClient:
         with self._arrived:
             found = self._answers.pop(sequence, None)
         if isinstance(found, ProtocolError):
-            nonsense = "" if isinstance(found, messages.OtherProtocolError) else "answered what makes no sense: "
+            nonsense = "" if isinstance(found, messages.OtherProtocolError) else "sent an invalid answer: "
             raise ProtocolError(f'module "{self.name}" {nonsense}{found}')
         if isinstance(found, Acknowledge):
             other_session = isinstance(command, messages.Arm) and found.session != command.session

@@ -57,7 +57,7 @@ def client(answer):
 )
 def test_an_answer_that_makes_no_sense_is_told_at_once(kind, payload, message):
     liar = client(lambda frame: WireFrame(kind, frame.sequence, payload).pack())
-    with pytest.raises(ProtocolError, match=f'module "liar" answered what makes no sense: .*{message}') as raised:
+    with pytest.raises(ProtocolError, match=f'module "liar" sent an invalid answer: .*{message}') as raised:
         liar.hello()
     assert liar.link.time <= 0.2, "after the first try"
     assert len(str(raised.value)) <= 300
