@@ -109,6 +109,7 @@ NATIVE = {
     "workspace/structure_metrics.py",
     "workspace/sweep/plan.py",
     "workspace/wrench_set.py",
+    "haptics/rendering/assignment.py",
     "haptics/rendering/brakes.py",
     "haptics/rendering/field.py",
     "hardware/client/group.py",
