@@ -113,7 +113,7 @@ class Module(ArrayRecord):
         Stiffness of the cable per strain, EA, in N: tension over relative stretch; None if not known.
     vibration_gain : (K, 2) read-only array or None
         Amplitude of a vibration at the end of the cable per commanded amplitude: rows of frequency in Hz, rising,
-        and gain, as `tensionlab characterise` measures them; None if not known.
+        and gain, as ``tensionlab characterise`` measures them; None if not known.
 
     Examples
     --------
