@@ -192,12 +192,11 @@ def read_trajectory(path: str | PathLike[str]) -> Trajectory:
     <Trajectory of 101 samples: 1 s, at most 0.45 m/s and 1.35 m/s²>
     """
     toml = as_path(path).suffix.lower() == ".toml"
-    what = "a trajectory (*.toml, *.csv, *.parquet)"
     if toml:
-        document = read_toml(path, what, DataError)
+        document = read_toml(path, "a trajectory (*.toml)", DataError)
     else:
         names = ["z", *ROTATION_COLUMNS, "angle", *wrench_columns(3, 6)]
-        document = read_columns(path, ["t", "x", "y"], names, DataError, what)
+        document = read_columns(path, ["t", "x", "y"], names, DataError, "a trajectory")
     try:
         if toml:
             return _through_points(document)

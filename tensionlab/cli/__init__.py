@@ -23,7 +23,7 @@ import typer
 
 from tensionlab import __version__
 from tensionlab.cli.common.output import NOTHING_KEPT, print_error
-from tensionlab.cli.common.verbs import VerbGroup, Verbs
+from tensionlab.cli.common.verbs import ClickException, VerbGroup, Verbs
 from tensionlab.errors import TensionlabError
 from tensionlab.support.operating_system import ONE_THREAD, reader_has_gone
 
@@ -53,13 +53,10 @@ PARSER_WORDS = {
     r"^No such": "no such",
     r"^Option '([^']+)'": r"\1",
     r"^Got unexpected extra arguments? ?\(?s?\)? \((.*)\)": r"too many words: \1",
-    r"Value error, ": "",
-    r"Input should be a valid integer.*": "give a whole number",
-    r"Input should be a valid number.*": "give a number",
-    r"Input should be ": "it must be ",
+    r" requires an argument$": " needs a value",
+    r" requires (\d) arguments$": r" needs \1 values",
 }  # messages of the parser, and ours
 PRINTERS = {"click", "typer", "rich"}  # packages that write to stdout; errors of all other writers name a file
-ClickException: type[Any] = typer.BadParameter.__mro__[2]  # later versions of typer bring a click of their own
 
 PANELS = {
     "Try": {
@@ -245,6 +242,10 @@ def _report_usage(error: Any) -> int:
     text: str = error.format_message().rstrip(".")
     for theirs, ours in PARSER_WORDS.items():
         text = re.sub(theirs, ours, text)
+    if type(error.__cause__).__name__ == "ValidationError":
+        from tensionlab.support.validation import explain
+
+        text = f"{text.partition(':')[0]}: {explain(error.__cause__)}"
     complete = error.ctx is None or (isinstance(error, typer.BadParameter) and not text.endswith("is missing"))
     end = "" if text.endswith("?") else ";"
     print_error(text if complete else f"{text}{end} see `{error.ctx.command_path} -h`")

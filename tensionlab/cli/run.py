@@ -19,7 +19,7 @@ from tensionlab.hardware.protocol.codes import Fault, Limit, State
 from tensionlab.hardware.runner.program import load_program
 from tensionlab.hardware.runner.records import Cycle
 from tensionlab.hardware.runner.runner import Runner, Tracker
-from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.runner.settings import OnLoss, RunSettings
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
@@ -61,7 +61,7 @@ def run(
     ] = False,
     seconds: options.Duration = None,
     on_loss: Annotated[
-        str, option("stop|continue", "When a module is lost: stop, or continue without it.")
+        OnLoss, option("stop|continue", "When a module is lost: stop, or continue without it.")
     ] = "stop",
     log: options.Log = None,
     lsl: options.Lsl = False,

@@ -68,8 +68,9 @@ class Element(ElementTree.Element):
 def read_xml(path: str | PathLike[str], root: str) -> Element:
     """Read an XML file as a tree of elements; RigError if it is not well-formed. No other file is read."""
     parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(Element))
+    content = read_bytes(path, "an XML file", RigError)
     try:
-        parser.feed(read_bytes(path, "an XML file", RigError))
+        parser.feed(content)
         top = cast("Element", parser.close())
     except (ElementTree.ParseError, LookupError, ValueError) as error:  # the last two for encodings
         raise RigError(f"{path}: not well-formed XML: {error}; correct that line") from None

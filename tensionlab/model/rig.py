@@ -148,7 +148,7 @@ class Rig(ArrayRecord):
         for pose_at_rest in self.rest:
             if pose_at_rest.name not in known or names.count(pose_at_rest.name) > 1:
                 why = "is there twice" if pose_at_rest.name in known else "carries no module and no body"
-                others = f"the frames are {', '.join(known)}" if known else "no module has a frame"
+                others = f"the frames are {', '.join(known)}" if known else "no module has a frame, leave it out"
                 raise RigError(f'frame "{pose_at_rest.name}" {why}; {others}')
             if pose_at_rest.position.size != self.dimension:
                 raise RigError(

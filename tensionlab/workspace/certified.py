@@ -97,10 +97,12 @@ def subdivide(region: ArrayLike, resolution: ArrayLike, dimension: int) -> Subdi
         )
     steps = require_finite("resolution", resolution, 0)
     if steps.shape not in ((), (dimension,)) or not (steps > 0).all():
-        raise InputError(f"resolution is {resolution!r}; give one length in m, or one for each axis, above zero")
+        raise InputError(f"resolution is {steps.tolist()}; give one length in m, or one for each axis, above zero")
     counts = np.maximum(1, np.ceil(extent / steps * (1 - 1e-12)))
     if not (counts <= MAX_AXIS_CELLS).all():
-        raise InputError(f"resolution is {resolution!r}; the region has {counts.max():.2g} of that along an axis")
+        raise InputError(
+            f"resolution is {steps.tolist()}; the region has {counts.max():.2g} of that along an axis"
+        )
     levels = max(0, int(np.log2(counts[extent > 0].min() / MIN_ROOTS)))
     roots = np.where(extent > 0, np.ceil(counts / 2**levels), 1).astype(np.int64)
     return Subdivision(low, extent, roots, levels)

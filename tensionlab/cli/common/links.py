@@ -15,6 +15,7 @@ from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.links import URL_KINDS, load_modules, require_known
 from tensionlab.hardware.client.locks import normalised
 from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.support.formatting import format_count
 
 if TYPE_CHECKING:
     from tensionlab.model.rig import Rig
@@ -63,8 +64,8 @@ def links_of_rig(rig: Rig, modules: str) -> dict[str, str]:
     if len(urls) != rig.m:
         names = ", ".join(module.name for module in rig.modules)
         raise typer.BadParameter(
-            f"--modules has {len(urls)} links, {rig.name} has {rig.m} modules ({names}); give a link for each, "
-            "or a file that ends in .toml"
+            f"--modules has {format_count(len(urls), 'link')}, {rig.name} has {rig.m} modules ({names}); "
+            "give a link for each, or a file that ends in .toml"
         )
     return {module.name: url for module, url in zip(rig.modules, urls, strict=True)}
 

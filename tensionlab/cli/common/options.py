@@ -163,6 +163,10 @@ def parse_region(rigs: list[Rig], box: str | None, step: str | None) -> tuple[Fl
     if step is None:
         return ends, np.array(float(np.ptp(ends, axis=1).max()) / STEPS or 1.0)
     steps = np.array(parse_numbers("--step", step))
+    if not (steps > 0).all() or len(steps) not in (1, dimension):
+        raise typer.BadParameter(
+            f"--step is {step.replace(',', ' ')}; give one length in m, or {dimension}, above zero"
+        )
     return ends, steps[0] if len(steps) == 1 else steps
 
 

@@ -12,6 +12,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from tensionlab.support.formatting import keep_together
 
+ClickException: type[Any] = typer.BadParameter.__mro__[2]  # later versions of typer bring a click of their own
 FORMATTER: Any = typer.Context.formatter_class
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -82,7 +83,11 @@ class Verb(TyperCommand):
 
     def parse_args(self, context: Any, words: list[str]) -> list[str]:
         """Read the words; of an option with one value, the parser would keep the last without a word."""
-        _, _, found = self.make_parser(context).parse_args(list(words))
+        try:
+            _, _, found = self.make_parser(context).parse_args(list(words))
+        except ClickException as error:
+            error.ctx = error.ctx or context
+            raise
         for each, times in Counter[Any](found).items():
             if times == 1 or each.multiple or context.resilient_parsing:
                 continue

@@ -44,9 +44,10 @@ def evaluate_on_cluster(address: str, tasks: Iterable[AnyTask]) -> Iterator[tupl
     """
     with optional_import("cluster", "a cluster"):
         from distributed import Client, KilledWorker
-        from distributed.comm import CommClosedError
+        from distributed.comm import CommClosedError, parse_address, parse_host_port
         from distributed.protocol import pickle
     try:
+        parse_host_port(parse_address(address)[1])  # a client that is refused this late waits at its end
         client = Client(address, timeout=CLUSTER_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError, RuntimeError) as error:
         why = " ".join(str(error).split())
