@@ -1,4 +1,4 @@
-"""Describe a rig of your own, save it, and load it again."""
+"""Describe your own rig, save it, and load it again."""
 
 import tempfile
 from pathlib import Path

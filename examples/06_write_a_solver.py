@@ -1,4 +1,4 @@
-"""Write a solver: one method, arrays in, tensions out. Its answers are verified like everybody's."""
+"""Write a solver: one method, arrays in, tensions out. Its answers are verified like all others."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""Prove a workspace, between the positions of a grid, too."""
+"""Prove a workspace, including all positions between the points of a grid."""
 
 import tensionlab as tl
 

@@ -108,7 +108,7 @@ def _span(values: Sequence[float], digits: int) -> str:
 def log_columns() -> str:
     """Return the table of what a log has of each cycle."""
     rows = [(f"`{name}`", each.unit, " x ".join(each.dims), each.meaning) for name, each in COLUMNS.items()]
-    return table(("Column", "Unit", "Further axes", "What it is"), rows)
+    return table(("Column", "Unit", "Further axes", "Meaning"), rows)
 
 
 def _benchmark() -> str:

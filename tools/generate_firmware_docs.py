@@ -38,7 +38,7 @@ def messages(from_module: bool) -> str:
         for number, message in sorted(MESSAGES.items())
         if (number >= 0x80) is from_module
     ]
-    return table(("Type", "Message", "Payload", "What it says"), rows)
+    return table(("Type", "Message", "Payload", "Meaning"), rows)
 
 
 def payload(message: type[Message]) -> str:
@@ -98,13 +98,13 @@ def parameters() -> str:
         (row.index, f"`{name}`", row.unit, f"{row.lower:g}", f"{row.upper:g}", f"{row.default:g}", row.meaning)
         for name, row in PARAMETERS.items()
     ]
-    return table(("", "Parameter", "Unit", "Least", "Most", "Standard", "What it is"), rows)
+    return table(("", "Parameter", "Unit", "Minimum", "Maximum", "Default", "Meaning"), rows)
 
 
 def plant() -> str:
     """Return the table of the simulated hardware."""
     rows = [(f"`{name}`", row.unit, f"{row.default:g}", row.about) for name, row in PLANT.items()]
-    return table(("Parameter", "Unit", "Value", "What it is, and where the value comes from"), rows)
+    return table(("Parameter", "Unit", "Value", "Meaning and source"), rows)
 
 
 def transitions() -> str:
@@ -136,7 +136,7 @@ def figures() -> str:
             "Core: data and bss, one module",
             f"{arm['data_bytes'] + arm['bss_bytes']} bytes; below 2048 is required",
         ),
-        ("Core: asks of libraries", f"{', '.join(arm['asks_for'])}: no heap, nothing in double precision"),
+        ("Core: library functions", f"{', '.join(arm['asks_for'])}: no heap, nothing in double precision"),
         ("Core: deepest stack frame", f"{arm['deepest_frame_bytes']} bytes"),
         ("Core, ESP32", f"{esp32['core_instructions']} instructions; calls {', '.join(esp32['core_calls'])}"),
         (

@@ -10,7 +10,7 @@ namespace firmware {
 // What keeps the tension from being what the host wants, the one that bites most.
 enum class Limit : uint8_t {
   none = 0,
-  lower = 1,  // the taut minimum
+  lower = 1,  // the minimum tension
   upper = 2,
   slew = 3,
   thermal = 4,
@@ -58,7 +58,7 @@ class TensionLimiter {
       allowed = lower;
       limit_ = reason == Limit::none ? Limit::lower : reason;
     }
-    // Even below the taut minimum: a slack cable would go on gaining speed.
+    // Even below the minimum tension: a slack cable would go on gaining speed.
     keep_below(speed_ceiling(cable.speed, p), Limit::speed);
     const float change = p[Parameter::slew] * seconds;
     if (magnitude(allowed - tension_) > change) {
@@ -68,7 +68,7 @@ class TensionLimiter {
     tension_ = allowed;
   }
 
-  // Move towards nothing, which is below the taut minimum, no faster than the slew. Returns whether it is there.
+  // Move towards zero, which is below the minimum tension, no faster than the slew. Returns whether it is there.
   bool fade(float seconds, const Parameters& p) {
     tension_ = larger(tension_ - p[Parameter::slew] * seconds, 0.0f);
     limit_ = Limit::idle;

@@ -52,7 +52,7 @@ struct ParameterInfo {
 inline constexpr size_t kParameterCount = static_cast<size_t>(Parameter::count);
 
 inline constexpr ParameterInfo kParameters[kParameterCount] = {
-    {"tension_lower", "N", 0.1f, 2.0f, 0.5f},  // the taut minimum
+    {"tension_lower", "N", 0.1f, 2.0f, 0.5f},  // the minimum tension
     {"tension_upper", "N", 0.5f, 12.0f, 6.0f},
     {"slew", "N/s", 10.0f, 300.0f, 60.0f},  // so that every ramp ends before a timeout's second stage
     {"newton_per_ampere", "N/A", 0.5f, 12.0f, 3.0f},
@@ -146,7 +146,7 @@ class Parameters {
 
   bool consistent() const {
     const Parameters& p = *this;
-    // The taut minimum can be held for ever.
+    // The minimum tension can be held continuously.
     const float forever = p[Parameter::current_continuous] * p[Parameter::newton_per_ampere];
     return p[Parameter::tension_lower] <= p[Parameter::tension_upper] && p[Parameter::tension_lower] <= forever &&
            p[Parameter::current_continuous] <= p[Parameter::current_peak] &&

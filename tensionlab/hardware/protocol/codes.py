@@ -71,14 +71,14 @@ class Code(DescribedCode):
     OK = 0, "done"
     UNKNOWN_TYPE = 1, "no such command in this firmware"
     BAD_LENGTH = 2, "the payload has another length than the command's"
-    BAD_VALUE = 3, "a number is not finite, out of its bounds, or at odds with another parameter"
-    BAD_STATE = 4, "not in this state, or not while the module is busy with something else"
+    BAD_VALUE = 3, "a number is not finite, out of its bounds, or inconsistent with another parameter"
+    BAD_STATE = 4, "not in this state, or while the module is busy"
     BAD_SESSION = 5, "the session is not the one that armed the module, or has armed it before"
-    STALE = 6, "the sequence number is not after that of the last set-point (never sent: such a one is dropped)"
+    STALE = 6, "the sequence number is not after that of the last set-point (never sent: the set-point is dropped)"
     NOT_CALIBRATED = 7, "N/A is not calibrated; or the cable's length is not known, for an impedance"
-    FAULT_PRESENT = 8, "something is wrong with the hardware now; see the faults"
+    FAULT_PRESENT = 8, "the hardware has a fault now"
     UNKNOWN_PARAMETER = 9, "no parameter has this index"
-    FAILED = 10, "it was tried, and did not work"
+    FAILED = 10, "the command failed"
 
 
 class Limit(DescribedCode):
@@ -90,7 +90,7 @@ class Limit(DescribedCode):
     SLEW = 3, "`slew`: on its way to the commanded tension"
     THERMAL = 4, "the winding's budget: `current_continuous`, `current_peak`, `thermal_time`"
     SPEED = 5, "the cable reels in faster than `speed_limit`"
-    LENGTH = 6, "the cable is as short or as long as it may be: `length_lower`, `length_upper`"
+    LENGTH = 6, "the cable is at its shortest or longest: `length_lower`, `length_upper`"
     RELEASING = 7, "the brake is being released: at least `brake_release_tension`"
     TIMEOUT = 8, "the module timed out"
     IDLE = 9, "the driver is off, or going off"
@@ -107,9 +107,9 @@ class Fault(IntFlag):
         return member
 
     ENCODER = 1, "parity, error flag, magnet out of range, or a sensor's number is not finite"
-    SUPPLY = 2, "outside `supply_lower` to `supply_upper`; the cut of the motor supply looks like this"
+    SUPPLY = 2, "outside `supply_lower` to `supply_upper`; also after a cut of the motor supply"
     SPEED = 4, "reels in at 1.4 times `speed_limit`, or pays out at 2.25 times for 0.1 s"
-    CURRENT = 8, "measured above `current_peak` by half as much again, or none flows although commanded"
+    CURRENT = 8, "measured 1.5 times `current_peak`, or none although commanded"
     LOOP = 16, "a step came more than 5 ms after the one before"
     MOTOR = 32, "voltage, current and speed are not those of one motor: a wrong electrical zero, N/A or phase"
     CABLE = (
@@ -126,7 +126,7 @@ class Calibration(DescribedCode):
     NEWTON_PER_AMPERE = 1, "measured: `value` N/A; from then on the module counts as calibrated"
     ENCODER = (
         2,
-        "find the motor's electrical zero; takes some 3 s and turns the spool by a pole pair; `value` is ignored",
+        "find the motor's electrical zero; takes about 3 s and turns the spool by a pole pair; `value` is ignored",
     )
 
 
@@ -146,7 +146,7 @@ class ResetReason(DescribedCode):
     POWER = 0, "it was switched on"
     SOFTWARE = 1, "a restart was commanded"
     WATCHDOG = 2, "its loop hung"
-    BROWNOUT = 3, "its supply sank"
+    BROWNOUT = 3, "its supply voltage dropped"
     OTHER = 4, "the reset button, a crash, or unknown"
 
 
@@ -168,31 +168,31 @@ class Parameter:
 
 _MEANINGS = {
     "tension_lower": "minimum tension of an armed module",
-    "tension_upper": "the largest tension",
-    "slew": "how fast the tension changes at most",
+    "tension_upper": "largest tension",
+    "slew": "largest rate of change of the tension",
     "newton_per_ampere": "tension for each ampere; calibrated, not computed",
     "friction_coulomb": "dry friction at the cable, compensated",
     "friction_viscous": "friction that grows with speed, compensated",
     "current_continuous": "continuous rating of the winding",
     "current_peak": "peak rating of the winding, held for a while",
     "thermal_time": "time constant of the winding",
-    "speed_limit": "reeling in faster, the module pulls less; at 1.4 times it faults",
-    "length_lower": "cable that must stay out; shorter, it pulls only with the minimum tension",
-    "length_upper": "cable there is; longer, it pulls only with the minimum tension",
-    "spool_radius": "from encoder angle to cable length",
-    "ttl": "time to live of a set-point that says none",
-    "stiffness_limit": "of SET_IMPEDANCE",
-    "damping_limit": "of SET_IMPEDANCE",
-    "supply_lower": "below it the module faults",
-    "supply_upper": "above it the module faults",
-    "brake_open_pulse": "of the servo with the pawl lifted; measure it",
-    "brake_closed_pulse": "of the servo with the pawl laid on; measure it",
-    "brake_travel": "that the servo needs from one to the other; measure it",
-    "brake_dwell": "least time between two changes",
+    "speed_limit": "speed of reeling in above which the module pulls less; at 1.4 times it faults",
+    "length_lower": "shortest cable length; below, the module pulls only with the minimum tension",
+    "length_upper": "length of the cable; above, the module pulls only with the minimum tension",
+    "spool_radius": "cable length per encoder angle",
+    "ttl": "time to live of a set-point without its own",
+    "stiffness_limit": "largest stiffness of SET_IMPEDANCE",
+    "damping_limit": "largest damping of SET_IMPEDANCE",
+    "supply_lower": "lowest supply voltage; below it the module faults",
+    "supply_upper": "highest supply voltage; above it the module faults",
+    "brake_open_pulse": "servo pulse with the pawl lifted; measure it",
+    "brake_closed_pulse": "servo pulse with the pawl laid on; measure it",
+    "brake_travel": "time of the servo from one to the other; measure it",
+    "brake_dwell": "shortest time between two changes of the brake",
     "brake_tooth": "cable from tooth to tooth of the brake's wheel",
-    "brake_release_tension": "to reel the load off the pawl before it is lifted",
-    "timeout_brake": "what the brake does when the module times out",
-    "brake_on_fault": "after a fault, an emergency stop or a start: open for people, closed for loads",
+    "brake_release_tension": "tension that takes the load off the pawl before it is lifted",
+    "timeout_brake": "brake after a timeout",
+    "brake_on_fault": "brake after a fault, an emergency stop or a start: open for people, closed for loads",
     "motor_direction": "sign of the encoder while the cable pays out",
     "motor_zero": "electrical angle at the encoder's zero; CALIBRATE finds it",
     "calibrated": "whether the module may be armed; CALIBRATE sets it",
