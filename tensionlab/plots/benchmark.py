@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, overload
 
 import numpy as np
 
 from tensionlab.benchmark.comparison import Comparison
 from tensionlab.errors import InputError
-from tensionlab.plots.style import Entry, add_legend, label_points, new_figure, one_panel
+from tensionlab.plots.style import Entry, add_legend, curve_look, label_points, new_figure, one_panel
 from tensionlab.solvers import is_built_in
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 
@@ -36,7 +36,8 @@ RIVALS = ("analytic-centre", "closed-form", "quadprog", "daqp", "osqp")
 MAX_NAMED = 8  # of more entries only newton, those of one's own and `RIVALS` have names
 FRONT_LINE: dict[str, Any] = {"color": "#444444", "linewidth": 1.0, "linestyle": "--"}
 MAX_RATIO = 1e4  # ratios above are not drawn
-COLUMNS = 4  # panels in a row
+COLUMNS = 5  # entries in a row of the legend, at most
+T = TypeVar("T")
 
 
 class Dot(NamedTuple):
@@ -106,8 +107,7 @@ def _compared(comparison: Comparison) -> list[Dot]:
 
 def _plot_dots(dots: Sequence[Dot], across: str, up: str, ax: Axes | None) -> Figure | None:
     """Draw entries as dots with names; a line leads from a baseline's default settings to its tight ones."""
-    named = [dot for dot in dots if dot.kind in ("own", "newton") or dot.name in RIVALS]
-    named = named if len({dot.name for dot in dots}) > MAX_NAMED else list(dots)
+    named = _named(dots, lambda dot: dot.name, lambda dot: dot.kind)
     others = [dot for dot in dots if dot not in named]
     with one_panel(ax, SIZE) as (figure, axes):
         points = _draw_dots(axes, named, others)
@@ -115,7 +115,7 @@ def _plot_dots(dots: Sequence[Dot], across: str, up: str, ax: Axes | None) -> Fi
         also: list[Entry] = [("Pareto front", FRONT_LINE)]
         if others:
             also.insert(0, ("other solvers", {"color": UNNAMED[0], "marker": UNNAMED[1], "ls": ""}))
-        add_kind_legend(figure, [dot.kind for dot in named], ax=ax, also=also)
+        _add_kind_legend(figure, [dot.kind for dot in named], ax, also)
         label_points(figure, axes, points)
     return figure if ax is None else None
 
@@ -167,20 +167,15 @@ def _draw_dots(axes: Axes, named: Sequence[Dot], others: Sequence[Dot]) -> dict[
     return points
 
 
-def add_kind_legend(
-    figure: Any,
-    kinds: Sequence[str],
-    marked: bool = True,
-    ax: Axes | None = None,
-    also: Sequence[Entry] = (),
-) -> None:
-    """Put a legend of the kinds of entries below the panels, or into a panel of another figure."""
-    shown = [LOOKS[kind] for kind in LOOKS if kind in kinds]
-    count = len(shown) + len(also)
-    add_legend(figure, count if count <= COLUMNS + 1 else -(-count // 2), [
-        (name, {"color": colour, "marker": marker, "ls": ""} if marked else {"color": colour, "linewidth": 1.8})
-        for name, colour, marker in shown
-    ] + list(also), ax)  # fmt: skip
+def _add_kind_legend(figure: Any, kinds: Sequence[str], ax: Axes | None, also: Sequence[Entry]) -> None:
+    """Put a legend of the kinds of entries below the panel, or into a panel of another figure."""
+    entries: list[Entry] = [
+        (name, {"color": colour, "marker": marker, "ls": ""})
+        for look, (name, colour, marker) in LOOKS.items()
+        if look in kinds
+    ]
+    count = len(entries) + len(also)
+    add_legend(figure, count if count <= COLUMNS else -(-count // 2), [*entries, *also], ax)
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -211,8 +206,8 @@ def short_name(label: str) -> str:
 def plot_profile(results: Results) -> Figure:
     """Draw the share of the problems that each entry solves within a multiple of the fastest time.
 
-    Dolan and Moré's performance profile, over all feasible sets, of answers to 1e-6 N. One panel for
-    each solver, with newton and, in grey, all the others.
+    Dolan and Moré's performance profile, over all feasible sets, of answers to 1e-6 N. Names and colours are as in
+    `plot_pareto`.
 
     Parameters
     ----------
@@ -244,38 +239,39 @@ def plot_profile(results: Results) -> Figure:
         index=["problem_set", "problem"], columns="label", values=["call_s", "solved"]
     )
     ratios = performance_ratios(wide["call_s"].astype(float), wide["solved"].astype(bool))
-    panels = list(dict.fromkeys(label.partition(",")[0] for label in kinds))
-
-    def draw(axes: Axes, name: str) -> None:
-        for label, look in kinds.items():
+    names = {label: short_name(label) for label in kinds}
+    fastest = {label: 100.0 * float(np.mean(ratios[label] == 1.0)) for label in kinds}
+    first = max(fastest, key=lambda label: fastest[label])
+    with new_figure((8.0, 4.6)) as figure:
+        axes = figure.subplots()
+        named = _named(kinds, lambda label: names[label].partition(",")[0], kinds.__getitem__)
+        for label in (*(label for label in kinds if label not in named), *named):
             own = np.sort(ratios[label].dropna())
             if not own.size:
                 continue
-            mine, newton = label.partition(",")[0] == name, look == "newton"
-            colour = LOOKS[look][1] if mine or newton else "#D8D8D8"
-            width, front = (1.8, 3) if mine else (1.1, 2 if newton else 1)
             reached = own[np.isfinite(own)]
             x = np.concatenate([[1.0], reached, [MAX_RATIO]])
             y = np.append(np.arange(len(reached) + 1), len(reached)) / len(own)
-            axes.step(x, y, where="post", color=colour, linewidth=width, zorder=front)
-        axes.set(xscale="log", xlim=(1, MAX_RATIO), ylim=(0, 1.03), title=short_name(name))
-
-    rows = -(-len(panels) // COLUMNS)
-    with new_figure((9.0, 0.9 + 1.75 * rows)) as figure:
-        grid = figure.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False)
-        for place, axes in enumerate(grid.flat):
-            if place >= len(panels):
-                axes.set_visible(False)
-                continue
-            draw(axes, panels[place])
-            axes.grid()
-            if place + COLUMNS >= len(panels):
-                axes.tick_params(labelbottom=True)
-                axes.set_xlabel("time / fastest time")
-            if place % COLUMNS == 0:
-                axes.set_ylabel("share of problems")
-        add_kind_legend(figure, list(kinds.values()), marked=False)
+            look = curve_look(named.index(label)) if label in named else {"color": UNNAMED[0]}
+            axes.step(x, y, where="post", label=names[label] if label in named else None, **look)
+        if len(named) < len(kinds):
+            axes.plot([], [], color=UNNAMED[0], label="other solvers")
+        axes.set(xscale="log", xlim=(1, MAX_RATIO), ylim=(0, 1.03), xlabel="time / fastest time")
+        axes.set(
+            ylabel="share of problems",
+            title=f"{names[first]} is fastest on {fastest[first]:.0f} % of the problems",
+        )
+        axes.grid()
+        figure.legend(loc="outside right upper")
     return figure
+
+
+def _named(entries: Iterable[T], name: Callable[[T], str], look: Callable[[T], str]) -> list[T]:
+    """Return the entries that have names and colours: all of few, else newton, those of one's own and `RIVALS`."""
+    every = list(entries)
+    if len({name(entry) for entry in every}) <= MAX_NAMED:
+        return every
+    return [entry for entry in every if look(entry) in ("own", "newton") or name(entry) in RIVALS]
 
 
 def performance_ratios(seconds: pandas.DataFrame, solved: pandas.DataFrame) -> pandas.DataFrame:

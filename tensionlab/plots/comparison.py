@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.model.module import KINDS
-from tensionlab.plots.style import HALO, Entry, add_legend, new_figure
+from tensionlab.plots.style import CURVES, Entry, add_legend, curve_look, label_points, new_figure
 from tensionlab.plots.validation import DESIRED, VIEWS, draw_forces
-from tensionlab.plots.workspace import CURVES, curve_look
 from tensionlab.solvers import is_built_in
 from tensionlab.solvers.base import TOLERANCE, Status
 from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
@@ -41,9 +40,9 @@ MIN_ERROR_N = 1e-12  # errors below are drawn here: rounding, not a difference b
 def plot_comparison(comparison: Comparison) -> Figure:
     """Draw how accurate, how fast and, along a trajectory, how smooth each solver is.
 
-    Of forces at one position, left: desired forces (blue circles) and the error of what the first row's solver
-    rendered (red lines), between the directions of the cables. Right, a line per solver: statuses, largest error,
-    largest angle error, time of a call. The names of those that do not come with tensionlab are purple.
+    Of forces at one position, above: desired forces (blue circles) and the error of what the first row's solver
+    rendered (red lines), between the directions of the cables. Below, a line per solver: statuses, largest error,
+    time of a call. The names of those that do not come with tensionlab are purple.
 
     Along a trajectory, above: the tension of each module, a panel for each of the first `MAX_DRAWN_SOLVERS`
     solvers with its own policy; grey where the wrench is infeasible. Below: the error of each solver, and the
@@ -68,28 +67,33 @@ def plot_comparison(comparison: Comparison) -> Figure:
 def _plot_forces(comparison: Comparison) -> Figure:
     rows, spatial = comparison.rows, comparison.rig.dimension == 3
     names = [*dict.fromkeys(row.solver for row in rows), *comparison.missing]
-    with new_figure((14.5, max(8.0 if spatial else 5.0, 2.0 + 0.42 * len(names)))) as figure:
-        parts: Any = figure.subfigures(1, 2, width_ratios=[1.0, 2.5])
-        left, right = parts
-        policy = f", nearest in {rows[0].policy}" if rows[0].policy else ""
-        left.suptitle(f"Rendered by {rows[0].solver}{policy}", fontweight="bold")
+    heights = [4.2, 1.3 + 0.4 * max(len(names), 2)]
+    with new_figure((9.6, 0.3 + sum(heights))) as figure:
+        figure.suptitle(_forces_finding(comparison), fontweight="bold")
+        above, below = figure.subfigures(2, 1, height_ratios=heights)  # type: ignore[misc]
         views = list(VIEWS)[: 1 + spatial]
-        for axes, view in zip(np.atleast_1d(left.subplots(len(views), 1)), views, strict=True):
-            _draw_forces(axes, comparison, view)
-        add_legend(left, 3, [
+        panels = np.atleast_1d(above.subplots(1, len(views)))
+        tips = [_draw_forces(axes, comparison, view) for axes, view in zip(panels, views, strict=True)]
+        policy = f", nearest in {rows[0].policy}" if rows[0].policy else ""
+        add_legend(above, 3, [
             DESIRED,
-            ("error", {"color": RED}),
+            (f"error of {rows[0].solver}{policy}", {"color": RED}),
             ("cable direction", {"color": CABLE, "linewidth": 1.6}),
         ])  # fmt: skip
-        count, size = len(comparison.wrenches), np.linalg.norm(comparison.wrenches[0])
-        unit = KINDS[comparison.rig.kind].force_unit
-        right.suptitle(
-            f"{comparison.rig.name}: {count} forces of {size:.3g} {unit}, by solver and policy",
-            fontweight="bold",
-        )
-        _draw_solvers(right, comparison, names)
-        add_legend(right, 5, _solver_legend(rows))
+        _draw_solvers(below, comparison, names)
+        add_legend(below, 5, _solver_legend(rows))
+        for axes, names_at in zip(panels, tips, strict=True):
+            label_points(figure, axes, names_at)
     return figure
+
+
+def _forces_finding(comparison: Comparison) -> str:
+    """Return the title: how many forces some solver renders exactly, and how many are proved impossible."""
+    count, unit = len(comparison.wrenches), KINDS[comparison.rig.kind].force_unit
+    size = f"{np.linalg.norm(comparison.wrenches[0]):.3g} {unit}"
+    exact, impossible = (max(getattr(row, key) for row in comparison.rows) for key in COUNTS[:2])
+    finding = f"{exact} exact" + (f", {impossible} proved impossible" if impossible else "")
+    return f"{comparison.rig.name}, {count} forces of {size}: {finding}"
 
 
 def _draw_solvers(part: Any, comparison: Comparison, names: Sequence[str]) -> None:
@@ -100,41 +104,33 @@ def _draw_solvers(part: Any, comparison: Comparison, names: Sequence[str]) -> No
         names.index(row.solver) + (0.0 if single else POLICY_LOOK[row.policy][2])
         for row, single in zip(rows, alone, strict=True)
     ]
-    panels = part.subplots(1, 4, sharey=True)
-    panels[0].set_yticks(range(len(names)), names)
-    for name, label in zip(names, panels[0].get_yticklabels(), strict=True):
+    panels = part.subplots(1, 3, sharey=True)
+    statuses, errors, times = panels
+    statuses.set_yticks(range(len(names)), names)
+    for name, label in zip(names, statuses.get_yticklabels(), strict=True):
         if not is_built_in(name):
             label.set(color=PURPLE, fontweight="bold")
-    panels[0].set_ylim(max(len(names), 4) - 0.4, -0.6)
-    for row, line in zip(rows, lines, strict=True):
+    statuses.set_ylim(len(names) - 0.4, -0.6)
+    for name in comparison.missing:
+        statuses.text(0.02 * count, names.index(name), "left out", va="center", color=GREY, style="italic")
+    largest = [max(row.residual_max, MIN_ERROR_N) for row in rows]
+    for row, line, error in zip(rows, lines, largest, strict=True):
         start = 0
         for key, mark in zip(COUNTS, STATUS_MARKS, strict=True):
-            panels[0].barh(line, getattr(row, key), left=start, height=0.2, color=mark.colour)
+            statuses.barh(line, getattr(row, key), left=start, height=0.2, color=mark.colour)
             start += getattr(row, key)
-    panels[0].set(xlabel="forces", xlim=(0, count))
-    for name in comparison.missing:
-        panels[0].text(0.02 * count, names.index(name), "left out", va="center", color=GREY, style="italic")
-    errors = [max(row.residual_max, MIN_ERROR_N) for row in rows]
-    panels[1].axvspan(MIN_ERROR_N / 10, TOLERANCE, color="#F2F2F2", zorder=0)
-    panels[1].text(TOLERANCE / 2, -0.52, "exact", ha="right", va="top", color=GREY)
-    panels[1].set(
-        xscale="log",
-        xlabel=f"max error ({KINDS[comparison.rig.kind].force_unit})",
-        xlim=(MIN_ERROR_N / 10, 10 * np.nanmax([1, *errors])),
-    )
-    # Linear below 1 degree: 0 and 180 degrees on one axis.
-    panels[2].set_xscale("symlog", linthresh=1.0)
-    panels[2].set(xlabel="max angle error (°)", xlim=(-0.15, 260))
-    panels[2].set_xticks([0, 1, 10, 90], ["0", "1", "10", "90"])
-    microseconds = [1e6 * row.call_median_s for row in rows]
-    angles = [row.angle_max_deg for row in rows]
-    for row, line, *values in zip(rows, lines, errors, angles, microseconds, strict=True):
         colour, marker, _ = POLICY_LOOK[row.policy]
-        for axes, value in zip(panels[1:], values, strict=True):
-            axes.plot(value, line, marker=marker, color=colour, markersize=5, linestyle="", zorder=3)
-        panels[3].plot([values[-1], 1e6 * row.call_p99_s], [line, line], color=colour, linewidth=1.2)
-        panels[3].plot(1e6 * row.batch_s, line, marker="|", color=colour, markersize=7, markeredgewidth=1.6)
-    panels[3].set(xscale="log", xlabel="time of a call (µs)")
+        dot = {"marker": marker, "color": colour, "markersize": 5, "linestyle": "", "zorder": 3}
+        errors.plot(error, line, **dot)
+        times.plot(1e6 * row.call_median_s, line, **dot)
+        times.plot(1e6 * np.array([row.call_median_s, row.call_p99_s]), [line, line], color=colour, linewidth=1.2)
+        times.plot(1e6 * row.batch_s, line, marker="|", color=colour, markersize=7, markeredgewidth=1.6)
+    errors.axvspan(MIN_ERROR_N / 10, TOLERANCE, color="#F2F2F2", zorder=0)
+    errors.text(TOLERANCE / 2, -0.52, "exact", ha="right", va="top", color=GREY)
+    statuses.set(xlabel="forces", xlim=(0, count))
+    label = f"max error ({KINDS[comparison.rig.kind].force_unit})"
+    errors.set(xscale="log", xlabel=label, xlim=(MIN_ERROR_N / 10, 10 * np.nanmax([1, *largest])))
+    times.set(xscale="log", xlabel="time of a call (µs)")
     for axes in panels:
         axes.tick_params(axis="y", length=0)
         axes.spines["left"].set_visible(False)
@@ -163,34 +159,29 @@ def _solver_legend(rows: Sequence[Score]) -> list[Entry]:
     ]
 
 
-def _draw_forces(axes: Axes, comparison: Comparison, view: tuple[int, int]) -> None:
-    """Draw desired forces, errors and cable directions, seen along the third axis."""
+def _draw_forces(
+    axes: Axes, comparison: Comparison, view: tuple[int, int]
+) -> dict[str, list[tuple[float, float]]]:
+    """Draw desired forces, errors and cable directions, seen along the third axis; return where cables end."""
     rig = comparison.rig
     count = len(comparison.wrenches)
     shown = np.unique(np.linspace(0, count - 1, min(count, MAX_DRAWN_FORCES)).astype(int))
     wrenches = comparison.wrenches[shown]
     reach = float(np.linalg.norm(wrenches, axis=1).max())
-    labels: dict[tuple[int, int], list[str]] = {}
+    tips = {"": [tuple(place) for place in wrenches[:, view]]}
     for module, direction in zip(rig.modules, comparison.structure[list(view)].T, strict=True):
         length = float(np.linalg.norm(direction))
         # A cable that runs along the line of sight is a point; any other runs out of the cloud of forces.
         tip = direction * (1.25 * reach / length if length > 0.1 else 0.0)
         axes.plot([0, tip[0]], [0, tip[1]], color=CABLE, linewidth=1.6, zorder=1)
-        x, y = (round(part) for part in 20 * tip / reach)
-        labels.setdefault((x, y), []).append(module.name)
-    for (x, y), together in labels.items():
-        axes.annotate(
-            ", ".join(together), (x * reach / 20, y * reach / 20), xytext=(0.2 * x, 0.2 * y or 9),
-            textcoords="offset points", va="center" if abs(y) < 20 else "bottom" if y > 0 else "top",
-            ha="center" if abs(x) < 8 else "left" if x > 0 else "right",
-            color="#444444", fontsize=8.5, zorder=5, bbox=HALO,
-        )  # fmt: skip
+        tips[module.name] = [(float(tip[0]), float(tip[1]))]
     missed = comparison.allocations[0].residual[shown] > TOLERANCE
     rendered = np.where(missed[:, None], comparison.allocations[0].wrench[shown], np.nan)
     draw_forces(axes, wrenches, rendered, view)
     axes.set(xlim=(-1.75 * reach, 1.75 * reach), ylim=(-1.5 * reach, 1.5 * reach))
     if view == (0, 2):
         axes.invert_yaxis()
+    return tips
 
 
 def _plot_trajectory(comparison: Comparison) -> Figure:

@@ -11,7 +11,7 @@ from tensionlab.errors import ShapeError
 from tensionlab.model.bodies import place_bodies, surface_points
 from tensionlab.model.pose import place_anchors
 from tensionlab.model.pulleys import ways
-from tensionlab.plots.style import HALO, add_legend, one_panel
+from tensionlab.plots.style import add_legend, label_points, one_panel
 from tensionlab.support.colours import BLUE, BODY, GREY, ORANGE, RED
 from tensionlab.support.table import STATUS_MARKS
 
@@ -79,7 +79,6 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
             (anchors[~on_body], "s", BLUE), (anchors[on_body], "s", ORANGE), (rig.home[None], "o", RED),
         ):  # fmt: skip
             axes.plot(*points.T, linestyle="", marker=marker, markersize=6, color=colour)
-        _label_anchors(axes, rig, anchors)
         if ax is None:
             figure.suptitle(rig.name, fontweight="bold")
         else:
@@ -91,6 +90,7 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
             *([("body", {"color": BODY, "marker": "o", "ls": "", "markersize": 9})] if outlines else []),
             ("platform, home" if rig.attachments.any() else "home", {"color": RED, "marker": "o", "ls": ""}),
         ], ax)  # fmt: skip
+        _label_anchors(figure, axes, rig, anchors)
     if spatial and ax is None:
         _crop(figure, axes)
     return figure if ax is None else None
@@ -156,28 +156,18 @@ def _crop(figure: Figure, axes: Any) -> None:
         axes.set_position(np.round(place, 6))
 
 
-def _label_anchors(axes: Any, rig: Rig, anchors: Floats) -> None:
-    """Write the modules' names next to their anchors, one label where they nearly coincide."""
+def _label_anchors(figure: Figure, axes: Any, rig: Rig, anchors: Floats) -> None:
+    """Write the modules' names next to their anchors."""
     from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
     points = np.vstack([anchors, rig.home])
     if rig.dimension == 3:
-        x, y, _ = proj3d.proj_transform(*points.T, axes.get_proj())
-        points = np.column_stack([x, y])
-    points, home = points[:-1], points[-1]
-    near = 0.05 * float(np.ptp(points, axis=0).max())
-    remaining = list(range(rig.m))
-    while remaining:
-        together = [index for index in remaining if np.linalg.norm(points[index] - points[remaining[0]]) <= near]
-        remaining = [index for index in remaining if index not in together]
-        place = points[together].mean(axis=0)
-        outward = (place - home) / (np.linalg.norm(place - home) + 1e-12)
-        axes.annotate(
-            ", ".join(rig.modules[index].name for index in together), place, xytext=10 * outward,
-            textcoords="offset points", color="#222222", zorder=10, bbox=HALO,
-            ha="center" if abs(outward[0]) < 0.5 else "left" if outward[0] > 0 else "right",
-            va="center" if abs(outward[1]) < 0.5 else "bottom" if outward[1] > 0 else "top",
-        )  # fmt: skip
+        figure.draw_without_rendering()  # the projection follows the size
+        points = np.column_stack(proj3d.proj_transform(*points.T, axes.get_proj())[:2])
+    *places, home = points
+    names = {module.name: [tuple(place)] for module, place in zip(rig.modules, places, strict=True)}
+    cables = [tuple(home + share * (place - home)) for place in places for share in (0.0, 0.3, 0.6, 0.8, 0.9)]
+    label_points(figure, axes, names | {"": cables})
 
 
 @overload

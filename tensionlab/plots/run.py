@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tensionlab.demand import measured_wrench
 from tensionlab.haptics.rendering.fidelity import just_noticeable
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit
-from tensionlab.plots.style import HALO, legend_beside, new_figure
+from tensionlab.plots.style import curve_look, legend_beside, new_figure
 from tensionlab.solvers.base import Status
 from tensionlab.support.arrays import Floats
 from tensionlab.support.colours import AXIS_COLOURS, BLUE, GREEN, GREY, ORANGE, RED
@@ -35,9 +35,10 @@ LIMITER_LOOKS = [
 LOST = ("fault, or lost", "#000000")  # worse than all those
 NAMED_EVENTS = 8  # largest number of events with a name; further ones are lines alone
 NAME_SIZE, LETTER_WIDTH = 8.0, 0.55  # size of their letters in points, and mean width of one as a share of it
-AXES_WIDTH = 720.0  # width of the axes, about, in points
+AXES_WIDTH = 560.0  # width of the axes, about, in points
 MIN_TIME_MS = 1e-2  # times below are drawn here, in ms
 MIN_AMPLITUDE_N, MIN_SPECTRUM = 1e-3, 16  # smaller amplitudes are drawn here; cycles that a spectrum needs
+DASHED = {"color": GREY, "linestyle": "--", "linewidth": 0.9}
 MIN_RANGE = 0.05  # forces and torques are drawn at least so far up and down, in N and N·m
 TIMES = {"start delay": BLUE, "compute time": GREEN, "oldest telemetry": ORANGE}
 WRENCH_LOOKS: dict[str, dict[str, Any]] = {
@@ -48,7 +49,7 @@ WRENCH_LOOKS: dict[str, dict[str, Any]] = {
 
 
 def plot_run(run: Run) -> Figure:
-    """Draw a run, from above: wrench and error, tension of each module, status and limiters, times, spectrum.
+    """Draw a run, from above: force, its error, tensions, status and limiters, times; last, vibrations of effects.
 
     Examples
     --------
@@ -60,23 +61,23 @@ def plot_run(run: Run) -> Figure:
     """
     d, m, n = run.rig.dimension, run.rig.m, run.rig.n
     wrenches = {"force (N)": slice(0, d)} | ({"torque (N·m)": slice(d, n)} if n > d else {})
-    heights = [1.7] * len(wrenches) + [1.2] + [0.8] * m + [0.35 + 0.17 * (m + 2), 1.5, 1.7]
-    with new_figure((13.0, 0.7 + 1.08 * sum(heights))) as figure:
-        figure.suptitle(_title(run), fontweight="bold")
-        *panels, spectrum = figure.subplots(len(heights), 1, height_ratios=heights)
+    vibrations = _vibrations(run)
+    heights = [1.7] * len(wrenches) + [1.0, 1.7, 0.3 + 0.2 * (m + 1), 1.0] + [1.6] * bool(vibrations)
+    with new_figure((10.0, 0.8 + 1.1 * sum(heights))) as figure:
+        figure.suptitle(_finding(run), fontweight="bold")
+        panels = list(figure.subplots(len(heights), 1, height_ratios=heights))
+        measured = measured_wrench(run.structure, run.measured, run.active)
+        if vibrations:
+            _draw_spectrum(panels.pop(), run, run.desired[:, :d], measured[:, :d], vibrations)
         for axes in panels[:-1]:
             axes.sharex(panels[-1])
             axes.tick_params(labelbottom=False)
-        error, *tensions, timeline, times = panels[len(wrenches) :]
-        measured = measured_wrench(run.structure, run.measured, run.active)
+        error, tensions, timeline, times = panels[len(wrenches) :]
         for axes, (label, part) in zip(panels, wrenches.items(), strict=False):
             _draw_wrench(axes, run, measured, part)
             axes.set_ylabel(label)
         _draw_error(error, run, run.desired[:, :d], measured[:, :d])
-        _draw_spectrum(spectrum, run, run.desired[:, :d], measured[:, :d])
-        top = _top(run)
-        for index, axes in enumerate(tensions):
-            _draw_tension(axes, run, index, top)
+        _draw_tensions(tensions, run)
         used = _draw_timeline(timeline, run)
         _draw_times(times, run)
         for axes in panels:
@@ -87,26 +88,24 @@ def plot_run(run: Run) -> Figure:
         if not len(run):
             panels[0].text(0.5, 0.5, "no cycle in the log", transform=panels[0].transAxes, ha="center", color=GREY)
         _draw_events(panels, run)
-        dashed = {"color": GREY, "linestyle": "--", "linewidth": 0.9}
+        figure.align_ylabels(panels)
         legend_beside(panels[0], [
             *((axis, {"color": colour}) for axis, colour in list(AXIS_COLOURS.items())[:d]),
             *((name, {"color": GREY, **look}) for name, look in WRENCH_LOOKS.items()),
         ])  # fmt: skip
-        shown = [
-            ("commanded", {"color": BLUE, "linewidth": 1.2}),
-            ("measured", {"color": ORANGE, "linewidth": 1.2}),
-        ]
-        legend_beside(tensions[0], [*shown, ("limits", dashed)])
         legend_beside(timeline, [(word, {"color": colour, "linewidth": 6}) for word, colour in used])
-        legend_beside(times, [*((word, {"color": colour}) for word, colour in TIMES.items()), ("period", dashed)])
+        legend_beside(times, [*((word, {"color": colour}) for word, colour in TIMES.items()), ("period", DASHED)])
     return figure
 
 
-def _title(run: Run) -> str:
+def _finding(run: Run) -> str:
+    """Return the title: how many cycles were exact, and how many were not."""
     policy = f", nearest in {run.setup.policy}" if run.setup.policy else ""
-    length = f"{len(run)} cycles, {run.setup.rate:g} a second"
+    counts = [int(np.sum(run.status == status)) for status in range(len(STATUS_MARKS))]
+    words = [f"{count} {mark.word}" for count, mark in zip(counts, STATUS_MARKS, strict=True) if count]
     cut = "" if run.complete else "; the log was cut off"
-    return f"{run.rig.name}, {run.setup.solver}{policy}: {length}{cut}"
+    of = f"{len(run)} cycles at {run.setup.rate:g} Hz"
+    return f"{run.rig.name}, {run.setup.solver}{policy}: {of}{', ' * bool(words)}{', '.join(words)}{cut}"
 
 
 def bins_of(count: int) -> NDArray[np.int64]:
@@ -132,29 +131,36 @@ def _draw_error(axes: Axes, run: Run, desired: Floats, measured: Floats) -> None
     noticed = [just_noticeable(size) for size in np.linalg.norm(np.nan_to_num(desired), axis=1)]
     axes.fill_between(run.time, 0.0, noticed, color="#EDEDED", linewidth=0.0)
     axes.plot(run.time, np.linalg.norm(measured - desired, axis=1), color=RED, linewidth=1.0)
-    axes.set(ylabel="error (N)", ylim=(0.0, None))
+    axes.set(ylabel="force error (N)", ylim=(0.0, None))
     shade = {"color": "#EDEDED", "linewidth": 6}
     legend_beside(axes, [("|measured - desired|", {"color": RED}), ("not noticeable", shade)])
 
 
-def _draw_spectrum(axes: Axes, run: Run, desired: Floats, measured: Floats) -> None:
+def _vibrations(run: Run) -> list[tuple[str, float]]:
+    """Return the vibrations of effects: name and frequency in Hz."""
+    return [
+        (name, float(frequency))
+        for name, effect in run.effects.items()
+        for frequency in np.unique(effect.frequency[(effect.amplitude > 0.0) & (effect.share > 0.0)])
+    ]
+
+
+def _draw_spectrum(
+    axes: Axes, run: Run, desired: Floats, measured: Floats, vibrations: list[tuple[str, float]]
+) -> None:
     """Draw the amplitudes of the forces over frequency, and lines where telemetry shows vibrations."""
-    forces = {"desired": desired, "measured": measured}
-    for (name, force), colour in zip(forces.items(), (GREY, BLUE), strict=True):
+    for force, colour, width in ((desired, GREY, 4.0), (measured, BLUE, 1.0)):
         hertz, amplitude = force_spectrum(run.time, force)
-        axes.plot(
-            hertz, np.maximum(amplitude, MIN_AMPLITUDE_N), color=colour, **WRENCH_LOOKS[name] | {"linestyle": "-"}
-        )
+        axes.plot(hertz, np.maximum(amplitude, MIN_AMPLITUDE_N), color=colour, linewidth=width)
     rate = 1.0 / float(np.median(np.diff(run.time))) if len(run) > 1 else run.setup.rate
-    for name, effect in run.effects.items():
-        for frequency in np.unique(effect.frequency[(effect.amplitude > 0.0) & (effect.share > 0.0)]):
-            shown = abs(frequency - rate * round(frequency / rate))
-            label = f"{name}: {frequency:.3g} Hz" + ", aliased by the telemetry" * bool(shown != frequency)
-            axes.axvline(shown, color=RED, linewidth=0.8, linestyle="--")
-            axes.annotate(label, (shown, 1.0), xycoords=("data", "axes fraction"), color=RED, fontsize=8, va="top")
+    for name, frequency in vibrations:
+        shown = abs(frequency - rate * round(frequency / rate))
+        label = f"{name}: {frequency:.3g} Hz" + ", aliased by the telemetry" * bool(shown != frequency)
+        axes.axvline(shown, color=RED, linewidth=0.8, linestyle="--")
+        axes.annotate(label, (shown, 1.0), xycoords=("data", "axes fraction"), color=RED, fontsize=8, va="top")
     axes.set(xlabel="frequency (Hz)", ylabel="amplitude (N)", yscale="log", xlim=(0.0, rate / 2.0))
     axes.grid()
-    legend_beside(axes, [("desired", {"color": GREY, **WRENCH_LOOKS["desired"]}), ("measured", {"color": BLUE})])
+    legend_beside(axes, [("desired", {"color": GREY, "linewidth": 4.0}), ("measured", {"color": BLUE})])
 
 
 def force_spectrum(time: Floats, force: Floats) -> tuple[Floats, Floats]:
@@ -169,23 +175,18 @@ def force_spectrum(time: Floats, force: Floats) -> tuple[Floats, Floats]:
     return np.fft.rfftfreq(len(even), even[1] - even[0]), np.linalg.norm(lines, axis=0)
 
 
-def _top(run: Run) -> float:
-    """Return the upper end of the axes of tensions: above the limit, unless the run stayed far below it."""
-    upper = max(run.setup.upper)
-    pulled = np.fmax.reduce(np.concatenate([run.commanded.ravel(), run.measured.ravel(), [0.0]]))
-    return float(1.12 * upper if pulled > 0.3 * upper or pulled == 0.0 else 1.3 * pulled)
-
-
-def _draw_tension(axes: Axes, run: Run, index: int, top: float) -> None:
-    lower, upper = run.setup.lower[index], run.setup.upper[index]
-    for limit in (lower, upper):
+def _draw_tensions(axes: Axes, run: Run) -> None:
+    """Draw the tension of each module, commanded wide and pale, measured thin, between the limits."""
+    for limit in np.unique([run.setup.lower, run.setup.upper]):
         axes.axhline(limit, color=GREY, linestyle="--", linewidth=0.9)
-    axes.plot(run.time, run.measured[:, index], color=ORANGE, linewidth=1.2)
-    axes.plot(run.time, run.commanded[:, index], color=BLUE, linewidth=1.2)
-    axes.set_ylim(0.0, top)
-    axes.set_ylabel("N")
-    name = f"{run.rig.modules[index].name}, {lower:g} to {upper:g} N"
-    axes.text(0.004, 0.93, name, transform=axes.transAxes, va="top", fontsize=8.5, bbox=HALO, zorder=5)
+    names = [module.name for module in run.rig.modules]
+    looks = [curve_look(index) for index in range(len(names))]
+    for look, commanded, measured in zip(looks, run.commanded.T, run.measured.T, strict=True):
+        axes.plot(run.time, commanded, color=look["color"], **WRENCH_LOOKS["desired"])
+        axes.plot(run.time, measured, linewidth=1.2, **look)
+    axes.set(ylabel="tension (N)", ylim=(0.0, None))
+    wide = ("commanded", {"color": GREY, **WRENCH_LOOKS["desired"]})
+    legend_beside(axes, [*zip(names, looks, strict=True), wide, ("limits", DASHED)])
 
 
 def severity(run: Run) -> NDArray[np.int64]:
@@ -231,7 +232,7 @@ def _draw_times(axes: Axes, run: Run) -> None:
         worst = np.fmax.reduceat(seconds, begins) if len(run) else seconds
         axes.plot(run.time[begins], np.fmax(1e3 * worst, MIN_TIME_MS), color=colour, linewidth=0.9)
     axes.axhline(1e3 / run.setup.rate, color=GREY, linestyle="--", linewidth=0.9)
-    axes.set(yscale="log", ylabel="ms")
+    axes.set(yscale="log", ylabel="time (ms)")
 
 
 def _draw_events(panels: list[Axes], run: Run) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tensionlab.errors import InputError
 from tensionlab.support.arrays import Floats
+from tensionlab.support.colours import BLUE, GREEN, ORANGE, PURPLE, RED
 from tensionlab.support.files import writing
 
 if TYPE_CHECKING:
@@ -36,6 +37,8 @@ METADATA: dict[str, dict[str, Any]] = {
 # Behind a name, so that lines do not cross it.
 HALO = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
 
+CURVES = (BLUE, ORANGE, GREEN, RED, PURPLE, "#56B4E9", "#000000", "#B8860B")
+DASHES = ("-", "--", ":")
 COARSE_SHADE = "#F4F1E6"
 ONE_SCALE_UP_TO = 1.6  # multiple of the knee below which one scale is enough
 FONT_SIZE = 8.0  # size of the letters, in points
@@ -162,6 +165,11 @@ def _write(figure: Figure, file: IO[bytes], suffix: str) -> None:
         figure.savefig(file, format=suffix[1:], metadata=METADATA[suffix], dpi=dpi)
 
 
+def curve_look(index: int) -> dict[str, Any]:
+    """Return colour and dashes of one of several curves."""
+    return {"color": CURVES[index % len(CURVES)], "linestyle": DASHES[index // len(CURVES) % len(DASHES)]}
+
+
 def lines_of(entries: Sequence[Entry]) -> list[Line2D]:
     """Return the lines of a legend, from words and looks."""
     from matplotlib.lines import Line2D
@@ -215,7 +223,8 @@ def two_scales(axes: Axes, values: Floats, knee: float) -> bool:
 def label_points(figure: Figure, axes: Axes, points: Mapping[str, Sequence[tuple[float, float]]]) -> None:
     """Write each name next to the first of its points (x, y), where it covers least and none of the points.
 
-    Figure and axes are complete but for the names: where things are is known only then.
+    Points without a name ("") are kept clear as well. Figure and axes are complete but for the names: where things
+    are is known only then.
     """
     figure.draw_without_rendering()
     scale = 72.0 / figure.dpi  # from pixels to points
@@ -225,7 +234,7 @@ def label_points(figure: Figure, axes: Axes, points: Mapping[str, Sequence[tuple
     taken = np.hstack([all_places - POINT_RADIUS, all_places + POINT_RADIUS])
     # Names in a crowd first: they have the least choice.
     crowd = {name: -(np.hypot(*(all_places - ends[0]).T) < 40.0).sum() for name, ends in places.items()}
-    for name in sorted(points, key=lambda name: (crowd[name], name)):
+    for name in sorted(filter(None, points), key=lambda name: (crowd[name], name)):
         place = places[name][0]
         others = np.concatenate([np.zeros((0, 2)), *(ends for other, ends in places.items() if other != name)])
         width, height = 0.6 * FONT_SIZE * len(name), 1.2 * FONT_SIZE

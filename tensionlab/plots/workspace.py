@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 
 from tensionlab.errors import InputError
 from tensionlab.plots.rig import frame_panel
-from tensionlab.plots.style import Entry, add_legend, new_figure, one_panel
+from tensionlab.plots.style import CURVES, Entry, add_legend, curve_look, new_figure, one_panel
 from tensionlab.support.arrays import Floats
-from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE, RED
+from tensionlab.support.colours import BLUE, GREEN, GREY, ORANGE
 from tensionlab.support.surfaces import level_surface
 from tensionlab.workspace.shares import node_weights, weighted_share
 from tensionlab.workspace.sweep.dataset import configuration_names
@@ -32,8 +32,6 @@ NO_YES = (NONE_COLOUR, GREEN)  # colours of a metric that is 0 or 1
 PANEL_WIDTH, HIGHEST_PANEL = 3.3, 3.4  # mean width and largest height of the panels, in inches
 NARROWEST = 0.5  # smallest width of a panel, as a share of the widest
 COLUMNS = 4  # panels in a row, at most
-CURVES = (BLUE, ORANGE, GREEN, RED, "#CC79A7", "#56B4E9", "#000000", "#B8860B")
-DASHES = ("-", "--", ":")
 SLICE_LEGEND: list[Entry] = [
     ("module", {"color": BLUE, "marker": "s", "ls": ""}),
     ("cable at home", {"color": GREY, "linewidth": 0.8}),
@@ -45,11 +43,6 @@ PROOF_LEGEND: list[Entry] = [
     (word, {"color": colour, "marker": "s", "markersize": 9, "ls": ""})
     for word, colour in zip(("proved outside", "undecided", "proved inside"), PROOF_COLOURS, strict=True)
 ] + [("module", {"color": BLUE, "marker": "s", "ls": ""}), ("home", {"color": GREY, "marker": "+", "ls": ""})]
-
-
-def curve_look(index: int) -> dict[str, Any]:
-    """Return colour and dashes of one of several curves."""
-    return {"color": CURVES[index % len(CURVES)], "linestyle": DASHES[index // len(CURVES) % len(DASHES)]}
 
 
 def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:

@@ -32,7 +32,7 @@ def test_the_same_results_make_the_same_figure_and_who_answered_nothing_is_left_
         return pd.concat([table, absent])
 
     assert len(contents(draw)) > 10_000
-    assert {"newton", "daqp"} <= set(words_in(contents(draw)))
+    assert {"newton", "daqp"} <= {word.partition(",")[0] for word in words_in(contents(draw))}
     rows, measurements = with_absent(bench_results.rows), with_absent(bench_results.measurements)
     assert content_of(draw(replace(bench_results, rows=rows, measurements=measurements))) == contents(draw)
 

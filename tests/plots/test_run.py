@@ -11,6 +11,7 @@ from tensionlab.hardware.runner.cycle_table import COLUMNS
 from tensionlab.hardware.runner.records import RunEvent
 from tensionlab.plots import plot_run
 from tensionlab.plots.run import LIMITER_LOOKS, severity
+from tensionlab.solvers.base import Status
 from tests.helpers import runs
 from tests.helpers.figures import content_of, words_in
 
@@ -28,13 +29,15 @@ def test_the_same_run_makes_the_same_figure_which_names_what_is_in_it(lossy):
     words = words_in(content)
     names = [module.name for module in lossy.rig.modules]
     looks = ("status", "exact", "certified infeasible", "fault, or lost")
-    for word in ("force (N)", "time (s)", "ms", *looks, *names):
+    for word in ("force (N)", "force error (N)", "tension (N)", "time (ms)", "time (s)", *looks, *names):
         assert word in words, word
     assert "torque (N·m)" not in words
     assert not any("the log was cut off" in word for word in words)
     assert f"lost {names[2]}" in words
-    assert f"{names[0]}, 0.5 to 6 N" in words
-    assert "seven-modules, newton, nearest in force: 100 cycles, 50 a second" in words
+    counts = [np.sum(lossy.status == status) for status in (Status.EXACT, Status.NEAREST)]
+    title = "seven-modules, newton, nearest in force: 100 cycles at 50 Hz, {} exact, {} certified infeasible"
+    assert title.format(*counts) in words
+    assert "amplitude (N)" not in words  # no effect vibrates
 
 
 def test_a_run_without_a_cycle_is_an_empty_picture(tmp_path):
