@@ -1,11 +1,10 @@
 """Fixtures of all tests, and the profiles of hypothesis."""
 
-import os
-
 import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.helpers.examples import PROFILE, many
+from tests.helpers.shared import make_once
 
 # "ci" draws few examples, the same every time; HYPOTHESIS_PROFILE=nightly draws many new ones.
 settings.register_profile(
@@ -50,14 +49,8 @@ def locks_folder(tmp_path, monkeypatch):
 @pytest.fixture(scope="session")
 def bench_folder(tmp_path_factory):
     """The folder of a tiny benchmark, measured once for all tests that read or draw one, whichever worker's."""
-    from filelock import FileLock
-
     from tensionlab.benchmark.experiment import BenchmarkPlan, measure
 
-    root = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        root = root.parent
-    folder = root / "bench" / "new"
     plan = BenchmarkPlan(
         sets=("point", "unreachable", "trajectory"),
         solvers=("newton", "closed-form", "qp:daqp", "daqp", "qpsolvers:osqp", "cvxpy:plain"),
@@ -66,13 +59,14 @@ def bench_folder(tmp_path_factory):
         seconds=0.05,
         repeats=2,
     )
-    shares = []
-    with FileLock(root / "bench.lock"):
-        if not (folder / "manifest.json").exists():
-            measure(plan, folder, ["tensionlab", "bench", "--out", "a folder"], shares.append)
-            assert shares == sorted(shares)
-            assert shares[-1] == 1.0
-    return folder
+
+    def bench(folder):
+        shares = []
+        measure(plan, folder / "new", ["tensionlab", "bench", "--out", "a folder"], shares.append)
+        assert shares == sorted(shares)
+        assert shares[-1] == 1.0
+
+    return make_once(tmp_path_factory, "bench", bench) / "new"
 
 
 @pytest.fixture(scope="session")

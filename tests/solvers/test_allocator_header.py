@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import shutil
 import subprocess
 from fractions import Fraction
@@ -16,6 +17,7 @@ import tensionlab as tl
 from tensionlab import _native
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_of, problem_set
 from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE
+from tests.helpers.shared import make_once
 
 ROOT = Path(__file__).parents[2]
 STRICT = ["-std=c++17", "-O2", "-fno-exceptions", "-fno-rtti", "-Wall", "-Wextra", "-Wconversion",
@@ -47,6 +49,7 @@ class Problems(NamedTuple):
     reference: np.ndarray
 
 
+@functools.cache
 def problems(n: int, m: int, count: int) -> Problems:
     """All groups of this shape of the benchmark's sets, near-singular and infeasible ones among them."""
     groups = [group for name in PROBLEM_SETS for group in problem_set(name, count, seed=5).groups]
@@ -58,10 +61,13 @@ def problems(n: int, m: int, count: int) -> Problems:
 def program(tmp_path_factory) -> Path:
     compiler = shutil.which("c++")
     assert compiler is not None, "no C++ compiler 'c++' was found; the package itself needs one to build"
-    program = tmp_path_factory.mktemp("allocator") / "program"
     source = ROOT / "tests" / "data" / "allocator.cpp"
-    subprocess.run([compiler, *STRICT, f"-I{tl.get_include()}", str(source), "-o", str(program)], check=True)
-    return program
+
+    def compile_to(folder: Path) -> None:
+        words = [*STRICT, f"-I{tl.get_include()}", str(source), "-o", str(folder / "program")]
+        subprocess.run([compiler, *words], check=True)
+
+    return make_once(tmp_path_factory, "allocator", compile_to) / "program"
 
 
 def solve(program: Path, given: Problems, precision: str, policy: str, limit: int = 0) -> Answers:

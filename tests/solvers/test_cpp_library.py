@@ -16,6 +16,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_of, problem_set
 from tensionlab.solvers.base import POLICIES
+from tests.helpers.shared import make_once
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "cpp"
@@ -35,12 +36,14 @@ def prefix(tmp_path_factory) -> Path:
     for tool in ("cmake", "c++"):
         if shutil.which(tool) is None:
             pytest.skip(f"{tool} is not installed")
-    build, prefix = tmp_path_factory.mktemp("build"), tmp_path_factory.mktemp("prefix")
-    run("cmake", "-S", ROOT, "-B", build, "-DTENSIONLAB_BUILDS=native", f"-DCMAKE_INSTALL_PREFIX={prefix}",
-        "-DCMAKE_INSTALL_LIBDIR=lib")  # fmt: skip
-    run("cmake", "--build", build, "--parallel", os.cpu_count())
-    run("cmake", "--install", build)
-    return prefix
+
+    def install(folder: Path) -> None:
+        options = ("-DTENSIONLAB_BUILDS=native", "-DCMAKE_INSTALL_LIBDIR=lib")
+        run("cmake", "-S", ROOT, "-B", folder / "build", f"-DCMAKE_INSTALL_PREFIX={folder / 'prefix'}", *options)
+        run("cmake", "--build", folder / "build", "--parallel", os.cpu_count())
+        run("cmake", "--install", folder / "build")
+
+    return make_once(tmp_path_factory, "library", install) / "prefix"
 
 
 @pytest.fixture(scope="module")
