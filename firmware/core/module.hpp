@@ -32,7 +32,7 @@ enum class Chore : uint8_t { none, store_parameters, align_encoder };
 class Module {
  public:
   Module(uint32_t serial_number, ResetReason reason) : serial_number_(serial_number), reset_reason_(reason) {
-    if (reset_reason_ != ResetReason::power) budget_.assume_spent(parameters_);
+    if (reset_reason_ != ResetReason::power) assume_hot();
   }
 
   // From the link, and at its end.
@@ -55,10 +55,12 @@ class Module {
   void log(const char* text);
 
   const Parameters& parameters() const { return parameters_; }
+  // Nobody knows how warm the winding is.
+  void assume_hot() { budget_.assume_spent(parameters_); }
   // At start: takes over a stored image if it is whole. A brake for loads then holds what may hang on the cable.
   bool load(const uint8_t* image, size_t size) {
     if (!parameters_.read_image(image, size)) return false;
-    if (reset_reason_ != ResetReason::power) budget_.assume_spent(parameters_);
+    if (reset_reason_ != ResetReason::power) assume_hot();
     brake_ = Brake(parameters_[Parameter::brake_on_fault] == 1.0f);
     return true;
   }

@@ -18,7 +18,7 @@ class Alignment {
 
   struct Motor {
     int pole_pairs;
-    float resistance;  // of a phase, ohm
+    float resistance;  // of a phase and its half-bridge, ohm
     float voltage;     // to align with, V
   };
 
@@ -62,8 +62,10 @@ class Alignment {
   // In s: the voltage has risen, is forward, rests there, is back, has rested.
   static constexpr float kRamp = 0.5f, kTurn = 0.7f, kForward = 1.7f, kBack = 2.0f, kHome = 3.0f, kEnd = 3.3f;
 
-  // How far the voltage has turned, in turns.
+  // How far the voltage has turned, in turns. While it rises it comes from a quarter of a turn before: a rotor
+  // that lies just opposite to a voltage that rests would stay there.
   static float way(float seconds) {
+    if (seconds < kRamp) return 0.25f * (seconds / kRamp - 1.0f);
     if (seconds < kForward) return clamp((seconds - kTurn) / (kForward - kTurn), 0.0f, 1.0f);
     return clamp((kHome - seconds) / (kHome - kBack), 0.0f, 1.0f);
   }
@@ -86,7 +88,7 @@ class Alignment {
     if (magnitude(forth) < 0.2f * turn) return Result::not_moved;
     if (forth < 0.0f) return Result::wrong_way;
     if (magnitude(forth - turn) > 0.15f * turn) return Result::wrong_poles;
-    if (share_ < 0.7f || share_ > 1.4f) return Result::wrong_current;
+    if (share_ < 0.75f || share_ > 1.35f) return Result::wrong_current;
     const float rest = 0.5f * (far_ - turn + angle);
     const float turns = rest / turn;
     const float within = part(turns);

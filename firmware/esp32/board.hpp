@@ -43,6 +43,7 @@ constexpr uint8_t kServoBits = 16;
 // Motor (GM3506) and its control. The current limit holds whatever the parameters say.
 constexpr int kPolePairs = 11;
 constexpr float kPhaseResistance = 2.8f;      // ohm
+constexpr float kBridgeResistance = 0.4f;     // ohm: of a switch of the driver, and of the wires
 constexpr float kPhaseInductance = 0.00125f;  // H: 0.5 to 2 mH, by type and angle
 constexpr float kNominalSupply = 12.0f;       // V
 constexpr float kVoltageLimit = 6.9f;         // V across a phase: the supply over the square root of 3
@@ -60,7 +61,7 @@ constexpr uint32_t kFocPriority = 20, kLinkPriority = 5;
 constexpr uint32_t kStack = 8192;  // bytes, each task
 // Longest time without a turn of the FOC loop, in ms: the watchdog then takes the driver off, and the module
 // starts afresh. With the driver off, flash may be written meanwhile, which halts both processors.
-constexpr uint32_t kDrivenWatchdog = 50, kIdleWatchdog = 1000;
+constexpr uint32_t kDrivenWatchdog = 20, kIdleWatchdog = 1000;
 constexpr unsigned long kBaud = 921600;  // of USB
 
 }  // namespace board

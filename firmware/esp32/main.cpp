@@ -50,6 +50,7 @@ class Firmware {
 
   void begin() {
     if (!load_settings(module_)) module_.log("no settings in flash: standard ones");
+    module_.assume_hot();  // after power off and on, too: the winding may have had no time to cool
     if (!servo_.begin()) module_.log("servo: no channel");
     if (!winch_.begin()) module_.log("motor: driver or current sensing did not start");
     if (!link_.begin(serial_number())) module_.log("link: Bluetooth or a task did not start");
@@ -113,7 +114,8 @@ class Firmware {
     alignment_.reset();
   }
 
-  static constexpr Alignment::Motor kMotor = {board::kPolePairs, board::kPhaseResistance, board::kAlignVoltage};
+  static constexpr Alignment::Motor kMotor = {
+      board::kPolePairs, board::kPhaseResistance + board::kBridgeResistance, board::kAlignVoltage};
   // By Alignment::Result; 56 characters at most.
   static constexpr const char* kFindings[] = {"",
                                               "align: done",

@@ -64,10 +64,11 @@ Sensors Winch::turn(const Parameters& parameters) {
   if (rested_ == kRest) sense_.follow_offsets();
   const float sign = pull_sign(parameters), share = supply_ / board::kNominalSupply;
   const float q = motor_.current.q, d = motor_.current.d;
+  const float resistance = board::kPhaseResistance + board::kBridgeResistance;
   const float reactance = board::kPhaseInductance * board::kPolePairs * motor_.shaft_velocity;
   // What resistance and inductance leave of the voltages.
-  const float induced = share * motor_.voltage.q - board::kPhaseResistance * q - reactance * d;
-  const float across = share * motor_.voltage.d - board::kPhaseResistance * d + reactance * q;
+  const float induced = share * motor_.voltage.q - resistance * q - reactance * d;
+  const float across = share * motor_.voltage.d - resistance * d + reactance * q;
   return {static_cast<uint32_t>(micros()),
           encoder_.getAngle(),
           motor_.shaft_velocity,

@@ -23,15 +23,16 @@ struct Board {
   Port usb, air;
   std::vector<std::uint8_t> flash;  // settings that were stored; none at first
   esp_reset_reason_t reset_reason = ESP_RST_POWERON;
+  std::uint32_t tick_us = 1000;   // of the tasks of the link, which wait a tick
+  std::uint32_t clock_us = 0;     // at the start, which wraps around at 2^32
   std::uint32_t turn_us = 250;    // of the FOC loop
   std::uint64_t blocking_us = 0;  // for which Bluetooth's write() blocks
   std::uint64_t stall_us = 0;     // for which both processors stop once, as they do while flash is written
   double radio_shift = 0.0;       // that the converter reads too much once the radio has started, V
   double hand_speed = 0.0;        // of the cable's far end, m/s
   bool pressed = false;           // the button
-  bool hanging = false;           // the FOC task
+  bool hanging = false;           // the FOC task, for ever
   bool pairable = false;          // whoever asks is paired, and its key stored
-  bool panicked = false;          // the watchdog has run out
   void (*on_event)(const char* what, double number) = [](const char*, double) {};
   void (*on_turn)() = [] {};  // after each turn of the FOC loop
 };

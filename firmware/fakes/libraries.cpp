@@ -46,7 +46,7 @@ void catch_up() {
 void watch() {
   if (watchdog_us == 0 || now_us() - fed_us <= watchdog_us) return;
   watchdog_us = 0;
-  board.panicked = true;
+  board.hanging = true;  // until the chip starts afresh, which here it does not
   esp_task_wdt_isr_user_handler();
   board.on_event("panic", 1);
 }
@@ -67,7 +67,7 @@ void digitalWrite(uint8_t pin, uint8_t value) {
 }
 int digitalRead(uint8_t) { return board.pressed ? LOW : HIGH; }
 int8_t digitalPinToAnalogChannel(uint8_t pin) { return pin == pins::kSupply ? 4 : (pin == pins::kSenseA ? 6 : 7); }
-unsigned long micros() { return static_cast<uint32_t>(now_us()); }
+unsigned long micros() { return static_cast<uint32_t>(now_us() + board.clock_us); }
 void delayMicroseconds(uint32_t) {}
 bool ledcAttach(uint8_t, uint32_t, uint8_t) { return true; }
 bool ledcWrite(uint8_t, uint32_t duty) {
@@ -176,8 +176,9 @@ esp_err_t esp_task_wdt_add(TaskHandle_t) { return 0; }
 // Once in each turn of the FOC loop.
 esp_err_t esp_task_wdt_reset() {
   tensionlab::fakes::fed_us = now_us();
-  sleep_us(board.turn_us + board.stall_us);
+  const std::uint64_t stall_us = board.stall_us;
   board.stall_us = 0;
+  sleep_us(board.turn_us + stall_us);
   tensionlab::fakes::catch_up();
   board.on_turn();
   return 0;
@@ -188,7 +189,7 @@ BaseType_t xTaskCreatePinnedToCore(TaskFunction_t task, const char* name, uint32
   tensionlab::fakes::start_task([=] { task(argument); });
   return pdPASS;
 }
-void vTaskDelay(TickType_t ticks) { sleep_us(1000u * static_cast<uint64_t>(ticks)); }
+void vTaskDelay(TickType_t ticks) { sleep_us(static_cast<uint64_t>(board.tick_us) * ticks); }
 // The task that is deleted is that of main(), which goes on as the host.
 void vTaskDelete(TaskHandle_t) {}
 

@@ -18,9 +18,10 @@ struct HardwareParameters {
   PlantParameters plant = standard_plant();
   SupplyParameters supply;
   SensingParameters sensing;
-  double way = 1.0;                // 1 where the encoder's angle grows while the cable pays out
-  double zero = 2.0;               // electrical angle of the rotor at the encoder's zero, rad
-  double start = 1.0;              // angle of the rotor at the start, rad
+  double way = 1.0;    // 1 where the encoder's angle grows while the cable pays out
+  double zero = 2.0;   // electrical angle of the rotor at the encoder's zero, rad
+  double start = 1.0;  // angle of the rotor at the start, rad
+  int pole_pairs = firmware::board::kPolePairs;
   bool swapped = false;            // two of the motor's wires
   double bridge_resistance = 0.0;  // ohm
   double dead_share = 0.0;         // of a period, in which both switches of a half-bridge are open
@@ -35,6 +36,7 @@ struct HardwareFaults {
   bool converter = false;      // does not answer
   bool frozen = false;         // the encoder sends the same angle for ever
   int stuck = -1;              // 0 or 1: the encoder's data line stays there
+  double garbled = 0.0;        // share of the encoder's frames of which a bit is wrong
   double slip = 0.0;           // of the magnet on its shaft, rad
   double encoder_noise = 0.0;  // added, standard deviation, counts
 };
@@ -58,6 +60,9 @@ class Hardware {
   std::uint16_t exchange(std::uint16_t frame) {
     if (!faults.frozen) chip_.angle = static_cast<std::uint16_t>(encoder_counts()) & 0x3FFF;
     const std::uint16_t answer = chip_.exchange(frame);
+    if (faults.garbled > 0.0 && noise_.uniform() < faults.garbled) {
+      return static_cast<std::uint16_t>(answer ^ (1 << static_cast<int>(16.0 * noise_.uniform())));
+    }
     if (faults.stuck < 0) return answer;
     return faults.stuck == 0 ? 0x0000 : 0xFFFF;
   }
@@ -90,10 +95,10 @@ class Hardware {
  private:
   void advance_part(double seconds, double speed) {
     const PlantParameters& plant = p_.plant;
-    const double poles = firmware::board::kPolePairs * (p_.swapped ? -1.0 : 1.0);
+    const double poles = p_.pole_pairs * (p_.swapped ? -1.0 : 1.0);
     const double electrical = poles * rotor() - (p_.swapped ? -p_.zero : p_.zero);
     const double electrical_speed = poles * p_.way * spool_.speed() / plant.radius;
-    const double flux = plant.torque_constant / (1.5 * firmware::board::kPolePairs);
+    const double flux = plant.torque_constant / (1.5 * p_.pole_pairs);
     const bool on = enabled && !faults.driver;
     const Vector voltage =
         bridge_voltage(duties, motor_.current(), supply_.voltage(), p_.bridge_resistance, p_.dead_share);

@@ -1,15 +1,11 @@
 """The ESP32's layer: its syntax against stubs, and what of it needs no ESP32, run."""
 
-import math
 import subprocess
 from functools import cache, partial
 
 import pytest
 
 from tests.helpers.compiled import FIRMWARE, compile_program, run_program
-
-POLE_PAIRS = 11
-DONE, NOT_MOVED, WRONG_WAY, WRONG_POLES, WRONG_CURRENT = range(1, 6)
 
 
 @pytest.fixture(scope="module")
@@ -70,43 +66,3 @@ def test_a_magnet_that_is_too_near_or_too_far_is_no_angle(build, field):
     assert ok[3]
     assert not any(ok[7:9])
     assert ok[-1]
-
-
-def aligned(build, poles=POLE_PAIRS, zero=1.0, friction=0.1, way=1, shunt=1.0, sign=1, resistance=2.8):
-    [(result, found, share, most, seconds)] = build(
-        "alignment", poles, zero, friction, way, shunt, sign, resistance
-    )
-    assert most <= 2.0 + 1e-6
-    assert seconds < 4.0
-    return result, found, share
-
-
-@pytest.mark.parametrize("zero", [0.0, 1.0, 3.1, 6.2])
-@pytest.mark.parametrize("friction", [0.0, 0.1, 0.3])
-def test_the_electrical_zero_is_found_though_friction_holds_the_rotor_back(build, zero, friction):
-    result, found, share = aligned(build, zero=zero, friction=friction)
-    assert result == DONE
-    assert abs(math.remainder(found - zero, math.tau)) < 0.01
-    assert 0.0 <= found < math.tau + 1e-5
-    assert share == pytest.approx(1.0, abs=0.01)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "result"),
-    [
-        ({"friction": 1.0}, NOT_MOVED),
-        ({"way": -1}, WRONG_WAY),
-        ({"poles": 7}, WRONG_POLES),
-        ({"poles": 14}, WRONG_POLES),
-        ({"shunt": 0.6}, WRONG_CURRENT),  # R006 in place of R010
-        ({"shunt": 1 / 0.6}, WRONG_CURRENT),  # and the other way round
-        ({"sign": -1}, WRONG_CURRENT),
-        ({"resistance": 28.0}, WRONG_CURRENT),
-    ],
-)
-def test_what_is_wired_wrongly_is_named(build, wrong, result):
-    assert aligned(build, **wrong)[0] == result
-
-
-def test_the_winding_may_be_warm(build):
-    assert aligned(build, resistance=3.5)[0] == DONE

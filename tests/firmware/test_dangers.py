@@ -1,0 +1,46 @@
+"""Dangers, played with the ESP32's own code on simulated hardware: what the module does, and how soon."""
+
+import sys
+
+import pytest
+
+from firmware import dangers
+from tests.stress import cases
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the fakes are for POSIX")
+SEEDS = max(cases(5), 2)
+
+
+@pytest.fixture(scope="module")
+def objects(tmp_path_factory):
+    return dangers.compile_firmware(tmp_path_factory.mktemp("dangers"))
+
+
+@pytest.fixture(scope="module")
+def played(objects):
+    return dangers.play(dangers.link(objects, objects[0].parent / "dangers"), SEEDS)
+
+
+def test_the_module_does_what_it_must_in_every_danger(played):
+    assert {danger.danger: danger.wrong for danger in played if danger.right < SEEDS} == {}
+
+
+@pytest.mark.parametrize(
+    ("line", "mutated", "danger"),
+    [
+        ("renewed_us_) > ttl_us_", "renewed_us_) > 100 * ttl_us_", "The radio is lost"),
+        ("if (faults != 0) {", "if ((faults & ~kFaultSpeed) != 0) {", "The cable is cut at 3 N"),
+    ],
+)  # fmt: skip
+def test_a_firmware_that_overlooks_a_danger_fails_its_row(objects, played, tmp_path, line, mutated, danger):
+    core = dangers.FIRMWARE / "core" / "module.cpp"
+    source = tmp_path / core.name
+    text = core.read_text(encoding="utf-8")
+    assert text.count(line) == 1
+    source.write_text(text.replace(line, mutated), encoding="utf-8")
+    (changed,) = dangers.compile_sources(tmp_path, source)
+    program = dangers.link([changed, *(one for one in objects if one.name != changed.name)], tmp_path / "dangers")
+    row = [found.danger for found in played].index(danger)
+    (found,) = dangers.play(program, 2, row=row)
+    assert found.right == 0
+    assert found.wrong
