@@ -1,8 +1,8 @@
 """Check of the site in a real browser: ``python -m tools.site.check out/site``, or `make docs-check`.
 
 Opens every page as wide as a desktop and a phone; follows every link and anchor within the site; checks that
-pictures and equations are drawn and have words, that nothing is wider than a phone and nothing comes from
-elsewhere; and searches. Screenshots are in ``out/site-check``.
+pictures and equations are drawn and have words, that no code is cut off, that long pages list their sections, that
+nothing is wider than a phone and nothing comes from elsewhere; and searches. Screenshots are in out/site-check.
 """
 
 from __future__ import annotations
@@ -23,9 +23,11 @@ from playwright.sync_api import Page, ViewportSize
 
 from tools.site.browser import Seen, browser
 
-DESKTOP, PHONE = (ViewportSize(width=width, height=900) for width in (1280, 390))
+DESKTOP, PHONE = (ViewportSize(width=width, height=900) for width in (1400, 390))
+LONG = 2400  # pixels of a page from which on it lists its sections
+HOME = "docs/index.html"
 SHOTS = {
-    "landing": "docs/index.html",
+    "landing": HOME,
     "get-started": "docs/get-started/index.html",
     "tutorial": "notebooks/01_allocation.html",
     "concept": "docs/concepts/infeasible-wrenches.html",
@@ -49,6 +51,9 @@ LOOK = """(() => {
     equations: all("math").length,
     flat: all("math").filter((each) => each.getClientRects().length && each.getBoundingClientRect().height < 4)
       .map((each) => each.getAttribute("alttext")),
+    cut: all("article pre").filter((each) => each.scrollWidth > each.clientWidth)
+      .map((each) => each.textContent.split("\\n").reduce((one, two) => one.length > two.length ? one : two)),
+    long: document.documentElement.scrollHeight, sections: all("#pst-page-toc-nav a, .genindex-jumpbox a").length,
     empty: !document.querySelector("article, main, body > a") || !document.title,
   };
 })()"""
@@ -120,11 +125,14 @@ def check_pages(page: Page, seen: Seen, site: Path, base: str) -> Findings:
             ("picture does not load", look["broken"]),
             ("picture without words", look["wordless"]),
             ("equation is not drawn", look["flat"]),
+            ("code is cut off", look["cut"]),
             ("says", seen.complaints),
         ):
             found.wrong += [f"{name}: {what}: {each}" for each in which]
         if wide:
             found.wrong.append(f"{name}: {wide[0]} px wider than a phone: {'; '.join(wide[1:])}")
+        if look["long"] > LONG and not look["sections"] and name != HOME:
+            found.wrong.append(f"{name}: {look['long']} px long without a list of its sections")
         if look["empty"]:
             found.wrong.append(f"{name}: is empty")
     found.links = {link for _, link in links}

@@ -13,7 +13,8 @@ DOT = "data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' width='1' heig
 GOOD = f'{HEAD}<a href="bad.html#there">b</a><img src="{DOT}" alt="a dot"><math alttext="x"><mi>x</mi></math>'
 BAD = f"""{HEAD}<p id="there">text</p><a href="none.html">a</a><a href="good.html#none">b</a><img src="{DOT}">
 <img src="none.png" alt="nothing"><div style="width: 700px">wide</div><script>throw new Error("a fault")</script>
-<script src="http://127.0.0.1:9/elsewhere.js"></script>"""
+<script src="http://127.0.0.1:9/elsewhere.js"></script><div style="height: 3000px"></div>
+<article><pre style="width: 40px; overflow: auto">a long line of code</pre></article>"""
 
 pytestmark = [
     pytest.mark.slow,
@@ -52,6 +53,8 @@ def test_every_mistake_is_named(tmp_path, page):
         "bad.html: picture without words: data:",
         "px wider than a phone: <div",
         "bad.html: says: a fault",
+        "bad.html: code is cut off: a long line of code",
+        "px long without a list of its sections",
     ):
         assert words in text, text
     assert "good.html:" not in text

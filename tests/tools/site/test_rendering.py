@@ -1,9 +1,13 @@
-"""Equations become MathML, and names in docstrings are known or not; where the site's libraries are installed."""
+"""Equations become MathML, names in docstrings are known or not, and cards have pictures."""
+
+import re
+from pathlib import Path
 
 import pytest
 
 pytest.importorskip("sphinx", reason="the extra docs is not installed")
 
+from tools.site.cards import PAGES, PICTURES, ROOT, SIZE, draw
 from tools.site.mathml import mathml
 from tools.site.references import known
 
@@ -34,3 +38,16 @@ def test_names_of_the_package_are_known(name):
 @pytest.mark.parametrize("name", ["alocate", "Rig.structure_matrx", "no_such_kernel.cpp"])
 def test_names_that_are_wrong_are_not(name):
     assert not known(name)
+
+
+def test_every_tutorial_and_how_to_has_a_card_with_a_part_of_a_picture():
+    lists = [(ROOT / f"{page}.md").read_text(encoding="utf-8") for page in PAGES]
+    linked = {
+        Path(target).stem for text in lists for target in re.findall(r"^- \[.+?\]\((.+?)\): ", text, re.MULTILINE)
+    }
+    pages = [*(ROOT / "notebooks").glob("*.ipynb"), *(ROOT / "docs" / "how-to").glob("*.md")]
+    assert set(PICTURES) == linked == {path.stem for path in pages} - {"index"}
+    for source, part in PICTURES.values():
+        low, high = min(draw(source, part).getextrema())
+        assert draw(source, part).size == SIZE
+        assert low < high, source
