@@ -8,9 +8,10 @@ import pytest
 
 import tensionlab as tl
 from benchmarks.impedance_field import conic_optimum, objective, random_problem
-from tensionlab.haptics.effects import Motion, Plane, Wall
-from tensionlab.haptics.rendering.assignment import CableState, ModuleLimits, assign
+from tensionlab.haptics.effects import AxisImpedance, Motion, Plane, Wall
+from tensionlab.haptics.rendering.assignment import RULE, CableState, ModuleLimits, assign, module_springs
 from tensionlab.haptics.rendering.field import CableRanges, allocate_field, optimality_gap, predict, stable_share
+from tensionlab.model.directions import fibonacci
 from tensionlab.model.wall_stiffness import HAND_DAMPING, MARGIN, MIN_HAND_MASS_KG
 
 
@@ -117,6 +118,31 @@ def test_the_lightest_hand_does_not_shake_across_a_stable_share_and_shakes_far_a
         swings.append(np.ptp(tail - np.linspace(tail[0], tail[-1], len(tail))))
     assert swings[0] < 1e-4
     assert swings[1] > 1e-3
+
+
+def test_a_field_that_would_damp_a_hand_less_than_the_host_is_softened_slowly():
+    """Force across costs ``tau c A/Y`` of the damping, a late host ``tau H``; no cable is near these normals."""
+    rig, host, damping = tl.load_rig("bartels2026-validation"), 14.0, 2.0
+    cables, lag = rig.cables(rig.home), MARGIN * HAND_DAMPING / host
+    state = CableState(cables.lengths, cables.directions, np.ones(rig.m, dtype=bool))
+    motion, shares = Motion(rig.home, np.zeros(3), step=0.02), []
+    for normal in fibonacci(100):
+        if (cables.directions @ normal).max() > math.cos(math.radians(45.0)):
+            continue
+        part = AxisImpedance(normal, 0.01, 200.0, damping)
+        best = module_springs(part, motion, state, state.available, host_stiffness=host)
+        unit = cables.directions[list(best.impedances)].T
+        field = (unit * [each.stiffness for each in best.impedances.values()]) @ unit.T
+        coupling = field @ normal - (normal @ field @ normal) * normal
+        felt = predict(field, normal, 200.0, host / (1.0 - RULE.lead))
+        more = min(damping * (1.0 + RULE.yielding * felt.across / felt.along), 0.8 * MIN_HAND_MASS_KG / lag)
+        lost = lag * np.linalg.norm(coupling) * felt.across / RULE.yielding_stiffness
+        assert more - lost >= damping - lag * host - 1e-9
+        assert best.share == 1.0 or more - lost < damping - lag * host + 0.1, "and no softer than that"
+        later = module_springs(part, motion, state, state.available, host_stiffness=host, previous_share=1.0)
+        assert later.share == pytest.approx(1.0 - (1.0 - best.share) * (1.0 - math.exp(-0.02 / RULE.settling)))
+        shares.append(best.share)
+    assert 0.0 < np.mean(np.less(shares, 1.0)) < 0.5
 
 
 @pytest.mark.parametrize("rig_name", ["bartels2026-validation", "tetra-4", "cube-8", "seven-modules"])
